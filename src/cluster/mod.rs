@@ -1,0 +1,48 @@
+//! Clusters: which of the points that are neither ground nor noise belong to one object.
+//!
+//! A method is one file here and one line in [`REGISTRY`]. It sees the points of a tile and its own parameters; no
+//! files, no paths, no threads, no clock.
+
+mod euclidean;
+
+use crate::config::ConfigError;
+use crate::error::AlgorithmError;
+use crate::model::{Lattice, Reach, TileCloud};
+
+pub use euclidean::{Euclidean, EuclideanConfig};
+
+/// A method that joins points to objects, tile by tile.
+pub trait Clusterer: std::fmt::Debug + Send + Sync {
+    /// Name in the registry and of the section of its settings.
+    fn name(&self) -> &'static str;
+
+    /// How far from a point other points matter for what it is joined with.
+    fn reach(&self, lattice: Lattice) -> Reach;
+
+    /// Smallest and largest number of points of an object, applied to whole objects after stitching.
+    fn object_size(&self) -> std::ops::RangeInclusive<u64>;
+
+    /// Labels the points of `cloud` (objects only, no ground or noise): `labels[i]` in `1..=n`, or 0 for a point
+    /// that is in no object whatever its other neighbours are. Returns n. Two points have the same label when they
+    /// are connected through points of the cloud; the engine unites labels across tiles.
+    ///
+    /// # Errors
+    /// When the points cannot be indexed, see [`AlgorithmError`].
+    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError>;
+}
+
+/// One line of the registry.
+#[derive(Debug, Clone, Copy)]
+pub struct ClusterEntry {
+    /// Name of the method and of its section in the configuration.
+    pub name: &'static str,
+    /// What it does, in one line.
+    pub summary: &'static str,
+    /// Where it is published.
+    pub reference: &'static str,
+    /// Builds the method from its section; missing keys have their defaults.
+    pub build: fn(&toml::Table) -> Result<Box<dyn Clusterer>, ConfigError>,
+}
+
+/// Every clustering method, in the order in which help lists them.
+pub static REGISTRY: &[ClusterEntry] = &[euclidean::ENTRY];

@@ -1,0 +1,82 @@
+//! What can be wrong with settings.
+
+use std::borrow::Cow;
+use std::path::PathBuf;
+
+/// A setting that cannot be used; names the key, the value and what would do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The configuration file cannot be read.
+    #[error("cannot read the configuration {path}", path = path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The text is not TOML.
+    #[error("{origin} is not valid TOML")]
+    Syntax {
+        /// File or option the text came from.
+        origin: String,
+        /// Where and why.
+        source: toml::de::Error,
+    },
+    /// A key that no setting has.
+    #[error("there is no setting {key}{}", known_list(known))]
+    UnknownKey {
+        /// The key as written, dotted.
+        key: String,
+        /// The keys that exist there.
+        known: Vec<String>,
+    },
+    /// A value of the wrong type or out of range.
+    #[error("{key} = {value}: must be {expected}")]
+    Value {
+        /// The key, dotted.
+        key: String,
+        /// The value as given.
+        value: String,
+        /// What would do, with unit.
+        expected: String,
+    },
+    /// A ground filter or clustering method that is not registered.
+    #[error("there is no {kind} named {name}{}", known_list(known))]
+    UnknownMethod {
+        /// `ground filter` or `clustering method`.
+        kind: &'static str,
+        /// The name as given.
+        name: String,
+        /// The registered names.
+        known: Vec<String>,
+    },
+    /// An assignment that is not `section.key=value`.
+    #[error("cannot read the assignment {text}, expected section.key=value")]
+    Assignment {
+        /// The text as given.
+        text: String,
+    },
+}
+
+fn known_list(known: &[String]) -> String {
+    if known.is_empty() { String::new() } else { format!(", there is: {}", known.join(", ")) }
+}
+
+impl ConfigError {
+    /// A [`ConfigError::Value`].
+    pub fn value(key: impl Into<String>, value: impl ToString, expected: impl Into<String>) -> Self {
+        Self::Value { key: key.into(), value: value.to_string(), expected: expected.into() }
+    }
+
+    /// What to type next.
+    #[must_use]
+    pub fn hint(&self) -> Option<Cow<'static, str>> {
+        match self {
+            Self::UnknownKey { .. } | Self::UnknownMethod { .. } | Self::Assignment { .. } => {
+                Some("chainage config prints every setting with its unit and default".into())
+            }
+            Self::Read { .. } | Self::Syntax { .. } | Self::Value { .. } => None,
+        }
+    }
+}

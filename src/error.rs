@@ -1,0 +1,133 @@
+//! The one error type of the library.
+//!
+//! Rules: a text is a lower-case fragment without a final stop that names the object (path, tile, key) and both
+//! numbers; the cause is [`std::error::Error::source`] and is never repeated in the text; [`Error::hint`] is the
+//! next command to type, or nothing. Every variant has an [`ErrorKind`], and the program maps every kind to an
+//! exit code; neither step has a wildcard.
+
+use std::borrow::Cow;
+
+use crate::config::ConfigError;
+use crate::input::InputError;
+use crate::output::OutputError;
+use crate::store::StoreError;
+
+/// What went wrong, with the object it went wrong with.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The settings cannot be used.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// An input file is missing, damaged or not acceptable.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A result could not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// The run directory is locked, does not match, or is damaged.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The run was asked to stop; finished tiles are kept.
+    #[error("interrupted with {done} of {total} units of pass {pass} done")]
+    Interrupted {
+        /// Name of the pass that was under way.
+        pass: String,
+        /// Units of it that are kept.
+        done: usize,
+        /// Units of it in all.
+        total: usize,
+    },
+    /// Some tiles failed; the others were finished.
+    #[error("{failed} of {total} units of pass {pass} failed, the first: {first}")]
+    UnitsFailed {
+        /// Name of the pass.
+        pass: String,
+        /// Units that failed.
+        failed: usize,
+        /// Units of the pass in all.
+        total: usize,
+        /// What the first failure said.
+        first: String,
+    },
+    /// A method cannot process the points of a tile.
+    #[error(transparent)]
+    Algorithm(#[from] AlgorithmError),
+    /// A promise of our own did not hold.
+    #[error("internal error: {0}")]
+    Bug(String),
+}
+
+/// Result with the library's [`enum@Error`].
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// The kinds of failure that a caller can tell apart; the program gives each an exit code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// A defect of chainage itself.
+    Bug,
+    /// The configuration is invalid.
+    Config,
+    /// An input is missing, unreadable or not acceptable.
+    Input,
+    /// Writing failed.
+    Output,
+    /// The run directory does not match this configuration, input or version.
+    State,
+    /// The run directory is in use by another process.
+    Locked,
+    /// Some units failed, the rest was finished.
+    UnitsFailed,
+    /// Stopped on request.
+    Interrupted,
+}
+
+impl Error {
+    /// The kind of failure, for exit codes.
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Config(_) => ErrorKind::Config,
+            Self::Input(_) => ErrorKind::Input,
+            Self::Output(_) => ErrorKind::Output,
+            Self::Store(error) => error.kind(),
+            Self::Algorithm(_) => ErrorKind::Input,
+            Self::Interrupted { .. } => ErrorKind::Interrupted,
+            Self::UnitsFailed { .. } => ErrorKind::UnitsFailed,
+            Self::Bug(_) => ErrorKind::Bug,
+        }
+    }
+
+    /// The next thing to type or do, where there is one.
+    #[must_use]
+    pub fn hint(&self) -> Option<Cow<'static, str>> {
+        match self {
+            Self::Config(error) => error.hint(),
+            Self::Input(error) => error.hint(),
+            Self::Output(error) => error.hint(),
+            Self::Store(error) => error.hint(),
+            Self::Algorithm(_) => None,
+            Self::Interrupted { .. } => Some("the same command resumes".into()),
+            Self::UnitsFailed { .. } => Some("the same command tries the failed units again".into()),
+            Self::Bug(_) => Some("please report this with the command line and report.json".into()),
+        }
+    }
+}
+
+/// A kernel (ground filter or clustering method) cannot process the points it was given.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AlgorithmError {
+    /// The points extend over more cells than the method's index can hold.
+    #[error("{method}: the points span {cells} cells of {edge_units} lattice units along one axis, at most {limit} fit")]
+    TooManyCells {
+        /// Name of the method.
+        method: &'static str,
+        /// Cells along the axis.
+        cells: u64,
+        /// Edge of a cell in lattice units.
+        edge_units: u32,
+        /// Cells that the index can hold.
+        limit: u64,
+    },
+}

@@ -1,0 +1,46 @@
+//! Ground: which points are ground and which are isolated noise.
+//!
+//! A filter is one file here and one line in [`REGISTRY`]. It sees the points of a tile and its own parameters; no
+//! files, no paths, no threads, no clock.
+
+mod noise;
+mod voxel_column;
+
+use crate::config::ConfigError;
+use crate::error::AlgorithmError;
+use crate::model::{Lattice, PointClass, Reach, TileCloud};
+
+pub use noise::{IsolatedNoise, NoiseConfig};
+pub use voxel_column::{VoxelColumn, VoxelColumnConfig};
+
+/// A method that tells ground from everything else.
+pub trait GroundFilter: std::fmt::Debug + Send + Sync {
+    /// Name in the registry and of the section of its settings.
+    fn name(&self) -> &'static str;
+
+    /// How far from a point other points matter for its class.
+    fn reach(&self, lattice: Lattice) -> Reach;
+
+    /// Sets [`PointClass::Ground`] where a point is ground. `classes` holds [`PointClass::Object`], or noise, for
+    /// every point of `cloud`; noise points are invisible to the filter and keep their class.
+    ///
+    /// # Errors
+    /// When the points cannot be indexed, see [`AlgorithmError`].
+    fn classify(&self, cloud: &TileCloud, classes: &mut [PointClass]) -> Result<(), AlgorithmError>;
+}
+
+/// One line of the registry.
+#[derive(Debug, Clone, Copy)]
+pub struct GroundEntry {
+    /// Name of the filter and of its section in the configuration.
+    pub name: &'static str,
+    /// What it does, in one line.
+    pub summary: &'static str,
+    /// Where it is published.
+    pub reference: &'static str,
+    /// Builds the filter from its section; missing keys have their defaults.
+    pub build: fn(&toml::Table) -> Result<Box<dyn GroundFilter>, ConfigError>,
+}
+
+/// Every ground filter, in the order in which help lists them.
+pub static REGISTRY: &[GroundEntry] = &[voxel_column::ENTRY];

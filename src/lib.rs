@@ -1,0 +1,18 @@
+//! `chainage` turns the files of one mobile laser scanning drive into the same files with two more facts per point
+//! (is it ground, which object is it part of) and a table of the objects, out of core, resumable, and with a result
+//! in which nobody can tell where the tiles were.
+//!
+//! The modules stand in the order in which data flows through them.
+
+pub mod error;
+pub mod model;
+
+pub mod config;
+
+pub mod input;
+
+pub mod output;
+
+pub mod store;
+
+pub use error::{AlgorithmError, Error, ErrorKind, Result};

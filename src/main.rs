@@ -1,0 +1,3 @@
+//! The `chainage` program.
+
+fn main() {}

@@ -1,0 +1,42 @@
+//! What a point is before it is part of an object: one byte per point of the drive.
+
+/// Class of a point after the ground pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+#[repr(u8)]
+pub enum PointClass {
+    /// Neither ground nor noise: what objects are made of.
+    #[default]
+    Object = 0,
+    /// Ground (LAS class 2).
+    Ground = 1,
+    /// Isolated noise, below or near the ground (LAS class 7).
+    LowNoise = 2,
+    /// Isolated noise high above what stands there (LAS class 18, or 7 where the format has no 18).
+    HighNoise = 3,
+}
+
+impl PointClass {
+    /// The class stored as `code`; `None` for a code that no class has.
+    #[must_use]
+    pub fn from_code(code: u8) -> Option<Self> {
+        Some(match code {
+            0 => Self::Object,
+            1 => Self::Ground,
+            2 => Self::LowNoise,
+            3 => Self::HighNoise,
+            _ => return None,
+        })
+    }
+
+    /// The byte this class is stored as.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// Whether the point is isolated noise, high or low.
+    #[must_use]
+    pub fn is_noise(self) -> bool {
+        matches!(self, Self::LowNoise | Self::HighNoise)
+    }
+}
