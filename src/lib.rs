@@ -11,6 +11,10 @@ pub mod config;
 
 pub mod input;
 
+pub mod survey;
+
+pub mod tiling;
+
 pub mod output;
 
 pub mod store;

@@ -1,30 +1,93 @@
 //! What can go wrong with the run directory.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use crate::error::ErrorKind;
 
-/// The run directory is locked, does not match, or is damaged.
+/// The run directory is locked, does not match, or cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
     /// Another process works in the directory.
     #[error("{path} is in use by {holder}", path = path.display())]
     Locked {
-        /// The run directory.
+        /// The output directory.
         path: PathBuf,
         /// Who holds it, as far as known.
         holder: String,
     },
+    /// The file system refused to read or write a file of the state.
+    #[error("cannot {action} {path}", path = path.display())]
+    Io {
+        /// `read`, `write`, ...
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// There is no run in the directory.
+    #[error("{path} holds no run of chainage", path = path.display())]
+    NoRun {
+        /// The output directory.
+        path: PathBuf,
+    },
+    /// The state was written by another version, which computes or stores differently.
+    #[error("{path} was begun by chainage {old} (state version {old_version}), this is {new} (state version {new_version})", path = path.display())]
+    Version {
+        /// The output directory.
+        path: PathBuf,
+        /// Program version that began the run.
+        old: String,
+        /// Its state version.
+        old_version: u32,
+        /// This program's version.
+        new: String,
+        /// Its state version.
+        new_version: u32,
+    },
+    /// The input is not the one the run was begun with.
+    #[error("{path} was begun with another input: {what}", path = path.display())]
+    OtherInput {
+        /// The output directory.
+        path: PathBuf,
+        /// The first difference, with both values.
+        what: String,
+    },
+    /// A file of the state was damaged after it had been written.
+    #[error("{path} is damaged: {what}", path = path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The output directory holds an input file, or a foreign file under the name of an output.
+    #[error("{path} would be overwritten", path = path.display())]
+    InTheWay {
+        /// The file.
+        path: PathBuf,
+    },
 }
 
 impl StoreError {
+    /// A [`StoreError::Io`] for use in `map_err`.
+    pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { action, path, source }
+    }
+
     /// The kind of failure, for exit codes.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Locked { .. } => ErrorKind::Locked,
+            Self::Io { .. } | Self::InTheWay { .. } => ErrorKind::Output,
+            Self::NoRun { .. } | Self::Version { .. } | Self::OtherInput { .. } | Self::Damaged { .. } => {
+                ErrorKind::State
+            }
         }
     }
 
@@ -33,6 +96,16 @@ impl StoreError {
     pub fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Locked { .. } => Some("wait for the other run, or choose another output directory".into()),
+            Self::Io { source, .. } if source.kind() == io::ErrorKind::StorageFull => {
+                Some("free some space and type the same command again: it resumes".into())
+            }
+            Self::NoRun { .. } => Some("chainage run FILES... -o OUT begins one".into()),
+            Self::Version { .. } | Self::OtherInput { .. } => {
+                Some("choose another output directory, or start over here with chainage run --fresh".into())
+            }
+            Self::Damaged { .. } => Some("the same command computes it again".into()),
+            Self::InTheWay { .. } => Some("choose another output directory".into()),
+            Self::Io { .. } => None,
         }
     }
 }

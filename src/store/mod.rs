@@ -1,5 +1,15 @@
-//! The run directory: lock, fingerprints, tile files, atomic writes, resume.
+//! The run directory: lock, fingerprints, unit files, columns, atomic writes. Knows bytes and names; nothing of points.
 
+mod atomic;
+mod column;
 mod error;
+mod fingerprint;
+mod run_dir;
+mod unit_file;
 
+pub(crate) use atomic::{publish, sync_folder, write as write_atomic};
+pub(crate) use column::Column;
 pub use error::StoreError;
+pub use fingerprint::{Fingerprint, Inputs, StaleReason};
+pub use run_dir::{PassDir, RunDir, STATE_FOLDER, UnitState};
+pub use unit_file::{FORMAT_VERSION, Refusal};

@@ -1,0 +1,42 @@
+//! Nearest place in the plane; the only user of the kd-tree crate for positions in metres.
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+
+/// An index over places in the plane, in metres.
+#[derive(Debug)]
+pub struct NearestIndex {
+    tree: Option<ImmutableKdTree<f64, 2>>,
+}
+
+impl NearestIndex {
+    /// Indexes `places`; items are their positions in the slice.
+    #[must_use]
+    pub fn new(places: &[[f64; 2]]) -> Self {
+        // Construction fails only for more items than a u32 counts; an index that finds nothing then is noticed.
+        let tree = if places.is_empty() { None } else { ImmutableKdTree::new_from_slice(places).ok() };
+        Self { tree }
+    }
+
+    /// The place nearest to `query` and its distance in metres; of several equally near the first of the slice.
+    #[must_use]
+    pub fn nearest(&self, query: [f64; 2]) -> Option<(usize, f64)> {
+        let tree = self.tree.as_ref()?;
+        let best = tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
+        let ties = tree.query(&query).within::<SquaredEuclidean<f64>>(best.distance).unsorted().execute();
+        let item = ties.iter().map(|tie| tie.item).min().unwrap_or(best.item);
+        Some((item as usize, best.distance.sqrt()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_of_equally_near_places_wins() {
+        let index = NearestIndex::new(&[[4.0, 0.0], [0.0, 2.0], [2.0, 0.0], [0.0, 2.0]]);
+        assert_eq!(index.nearest([0.0, 0.0]), Some((1, 2.0)));
+        assert_eq!(index.nearest([3.5, 0.0]), Some((0, 0.5)));
+        assert_eq!(NearestIndex::new(&[]).nearest([0.0, 0.0]), None);
+    }
+}

@@ -1,0 +1,27 @@
+//! A block of uncompressed point records, as bytes and how to read them.
+
+/// Uncompressed records of one block and how to read them.
+#[derive(Debug, Clone, Copy)]
+pub struct RecordView<'a> {
+    /// The records, one after the other.
+    pub bytes: &'a [u8],
+    /// Bytes per record; x, y and z are its first twelve.
+    pub stride: usize,
+    /// Where in a record the GPS time is, if the format has one.
+    pub gps_time: Option<usize>,
+}
+
+impl<'a> RecordView<'a> {
+    /// The record coordinates of every record.
+    pub fn xyz(&self) -> impl Iterator<Item = [i32; 3]> + 'a {
+        self.bytes.chunks_exact(self.stride).map(record_xyz)
+    }
+}
+
+/// The coordinates of a record: its first twelve bytes in every point format.
+#[inline]
+#[must_use]
+pub fn record_xyz(record: &[u8]) -> [i32; 3] {
+    let at = |k: usize| i32::from_le_bytes([record[k], record[k + 1], record[k + 2], record[k + 3]]);
+    [at(0), at(4), at(8)]
+}

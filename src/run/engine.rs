@@ -1,0 +1,242 @@
+//! The engine: runs the units of one pass on worker threads, stores what they return, and resumes where it stopped.
+//!
+//! A pass is a pure function over its units (tiles, runs of blocks): files and small values in, a payload and column
+//! values out. A bounded channel hands units to workers in order; a worker reads, computes and stores its unit, so
+//! that finished work survives whatever comes next. Order is restored where it matters, in the reductions, which read
+//! the payloads in unit order.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use crossbeam_channel::bounded;
+use serde_json::json;
+
+use crate::error::{Error, Result};
+use crate::run::observe::{Event, Observer};
+use crate::store::{PassDir, RunDir, UnitState};
+
+/// One pass over units.
+pub(crate) trait Pass: Sync {
+    /// Name, as the user sees it.
+    fn name(&self) -> &'static str;
+    /// Number of units.
+    fn units(&self) -> usize;
+    /// Points of a unit, for progress.
+    fn points(&self, unit: usize) -> u64;
+    /// Estimated bytes that a unit in flight needs.
+    fn bytes(&self, unit: usize) -> u64;
+    /// Asks the system to read ahead what `unit` will need.
+    fn prefetch(&self, _unit: usize) {}
+    /// Computes a unit; everything it wrote beside the payload is durable when it returns.
+    fn run(&self, unit: usize) -> Result<Vec<u8>>;
+}
+
+/// Stops a run: finishes units in flight, keeps everything.
+#[derive(Debug, Default)]
+pub struct CancelToken(AtomicBool);
+
+impl CancelToken {
+    /// Asks the run to stop.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the run was asked to stop.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// What the engine works with.
+pub(crate) struct Engine<'a> {
+    pub(crate) run_dir: &'a RunDir,
+    pub(crate) threads: usize,
+    /// Bytes for all units in flight together.
+    pub(crate) memory: u64,
+    pub(crate) fail_fast: bool,
+    pub(crate) observer: &'a dyn Observer,
+    pub(crate) cancel: &'a CancelToken,
+}
+
+/// What a pass cost.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct PassFigures {
+    /// Name of the pass.
+    pub pass: &'static str,
+    /// Units in all.
+    pub units: usize,
+    /// Units that were already there.
+    pub resumed: usize,
+    /// Points processed now.
+    pub points: u64,
+    /// Wall time in seconds.
+    pub seconds: f64,
+}
+
+impl Engine<'_> {
+    /// Runs every unit of `pass` whose result is not there yet.
+    pub(crate) fn execute(&self, pass: &dyn Pass, dir: &PassDir) -> Result<PassFigures> {
+        let started = Instant::now();
+        dir.prepare()?;
+        let mut todo = Vec::new();
+        let (mut points, mut points_done) = (0, 0);
+        for unit in 0..pass.units() {
+            points += pass.points(unit);
+            match dir.state(unit)? {
+                UnitState::Done => points_done += pass.points(unit),
+                UnitState::Missing => todo.push(unit),
+                UnitState::Refused(refusal) => {
+                    let text = format!("pass {}, unit {unit}: stored result not used ({refusal:?})", pass.name());
+                    self.run_dir.log_event(&json!({ "event": "refused", "text": text }).to_string());
+                    todo.push(unit);
+                }
+            }
+        }
+        let done = pass.units() - todo.len();
+        let (name, units) = (pass.name(), pass.units());
+        self.tell(&Event::PassStarted { pass: name, units, done, points, points_done });
+        let failures = if todo.is_empty() { Vec::new() } else { self.work(pass, dir, &todo) };
+        let seconds = started.elapsed().as_secs_f64();
+        if let Some(error) = conclude(pass, dir, failures, self.cancel, todo.len())? {
+            return Err(error);
+        }
+        self.tell(&Event::PassFinished { pass: name, seconds });
+        Ok(PassFigures { pass: name, units, resumed: done, points: points - points_done, seconds })
+    }
+
+    /// Hands units to workers until all are done, one fails fatally, or the run is cancelled.
+    fn work(&self, pass: &dyn Pass, dir: &PassDir, todo: &[usize]) -> Vec<(usize, Error)> {
+        let largest = todo.iter().map(|&unit| pass.bytes(unit)).max().unwrap_or(0).max(1);
+        let fitting = usize::try_from(self.memory / largest).unwrap_or(usize::MAX);
+        let workers = self.threads.min(fitting).min(todo.len()).max(1);
+        let stop = AtomicBool::new(false);
+        let (jobs, inbox) = bounded::<usize>(1);
+        let (report, results) = bounded(workers);
+        let mut failures = Vec::new();
+        std::thread::scope(|scope| {
+            for _ in 0..workers {
+                let (inbox, report) = (inbox.clone(), report.clone());
+                scope.spawn(move || {
+                    for unit in inbox {
+                        let began = Instant::now();
+                        let result = run_unit(pass, dir, unit);
+                        if report.send((unit, began.elapsed().as_secs_f64(), result)).is_err() {
+                            break;
+                        }
+                    }
+                });
+            }
+            drop((inbox, report));
+            let stop = &stop;
+            scope.spawn(move || {
+                for &unit in todo {
+                    if stop.load(Ordering::Relaxed) || self.cancel.is_cancelled() {
+                        break;
+                    }
+                    pass.prefetch(unit);
+                    if jobs.send(unit).is_err() {
+                        break;
+                    }
+                }
+            });
+            for (unit, seconds, result) in results {
+                match result {
+                    Ok(()) => {
+                        let points = pass.points(unit);
+                        self.tell(&Event::UnitFinished { pass: pass.name(), unit, points, seconds });
+                    }
+                    Err(error) => {
+                        let reason = error.to_string();
+                        self.tell(&Event::UnitFailed { pass: pass.name(), unit, reason: &reason });
+                        if self.fail_fast || is_fatal(&error) {
+                            stop.store(true, Ordering::Relaxed);
+                        }
+                        failures.push((unit, error));
+                    }
+                }
+            }
+        });
+        failures
+    }
+
+    /// Tells the observer and the log.
+    pub(crate) fn tell(&self, event: &Event<'_>) {
+        self.observer.event(event);
+        let line = match event {
+            Event::PassStarted { pass, units, done, points, .. } => {
+                json!({ "event": "pass-started", "pass": pass, "units": units, "done": done, "points": points })
+            }
+            Event::UnitFinished { pass, unit, points, seconds } => {
+                json!({ "event": "unit-finished", "pass": pass, "unit": unit, "points": points, "seconds": seconds })
+            }
+            Event::UnitFailed { pass, unit, reason } => {
+                json!({ "event": "unit-failed", "pass": pass, "unit": unit, "reason": reason })
+            }
+            Event::PassFinished { pass, seconds } => {
+                json!({ "event": "pass-finished", "pass": pass, "seconds": seconds })
+            }
+            Event::Warning { text } => json!({ "event": "warning", "text": text }),
+        };
+        self.run_dir.log_event(&line.to_string());
+    }
+}
+
+/// Computes and stores one unit; a panic is caught here and counts as a bug of this unit.
+fn run_unit(pass: &dyn Pass, dir: &PassDir, unit: usize) -> Result<()> {
+    // Values in columns are about to be overwritten: the old record of this unit must not vouch for them.
+    dir.invalidate(unit)?;
+    let payload = catch_unwind(AssertUnwindSafe(|| pass.run(unit))).unwrap_or_else(|panic| {
+        let text = panic
+            .downcast_ref::<&str>()
+            .map(ToString::to_string)
+            .or_else(|| panic.downcast_ref::<String>().cloned())
+            .unwrap_or_else(|| "panic without a text".to_owned());
+        Err(Error::Bug(format!("pass {}, unit {unit}: {text}", pass.name())))
+    })?;
+    dir.commit(unit, &payload)?;
+    dir.clear_failure(unit);
+    Ok(())
+}
+
+/// Whether the other units would fail for the same reason: nothing can be written any more, or the input changed.
+fn is_fatal(error: &Error) -> bool {
+    matches!(error, Error::Store(_) | Error::Output(_)) || matches!(error, Error::Input(input) if input.is_change())
+}
+
+/// What the pass as a whole came to: the error to return, if any.
+fn conclude(
+    pass: &dyn Pass,
+    dir: &PassDir,
+    mut failures: Vec<(usize, Error)>,
+    cancel: &CancelToken,
+    todo: usize,
+) -> Result<Option<Error>> {
+    failures.sort_by_key(|failure| failure.0);
+    if let Some(fatal) = failures.iter().position(|failure| is_fatal(&failure.1)) {
+        return Ok(Some(failures.swap_remove(fatal).1));
+    }
+    if let Some((unit, first)) = failures.first() {
+        for (unit, error) in &failures {
+            let kind = format!("{:?}", error.kind());
+            dir.record_failure(*unit, &json!({ "pass": pass.name(), "unit": unit, "kind": kind, "error": error.to_string() }))?;
+        }
+        return Ok(Some(Error::UnitsFailed {
+            pass: pass.name().to_owned(),
+            failed: failures.len(),
+            total: pass.units(),
+            first: format!("unit {unit}: {first}"),
+        }));
+    }
+    if cancel.is_cancelled() && todo > 0 {
+        let mut done = 0;
+        for unit in 0..pass.units() {
+            done += usize::from(dir.state(unit)? == UnitState::Done);
+        }
+        if done < pass.units() {
+            return Ok(Some(Error::Interrupted { pass: pass.name().to_owned(), done, total: pass.units() }));
+        }
+    }
+    Ok(None)
+}

@@ -1,0 +1,353 @@
+//! The run directory `OUT/.chainage`: lock, identity of the run, one folder per pass, per-point columns.
+
+use std::fs::{File, TryLockError};
+use std::io::{Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use bytemuck::Pod;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::store::column::Column;
+use crate::store::unit_file::{self, FORMAT_VERSION, Refusal};
+use crate::store::{Fingerprint, Inputs, StaleReason, StoreError, atomic};
+
+/// Name of the folder with the state inside the output directory.
+pub const STATE_FOLDER: &str = ".chainage";
+
+/// Which program began the run.
+#[derive(Debug, Serialize, Deserialize)]
+struct Identity {
+    program: String,
+    state_version: u32,
+}
+
+/// An output directory with its state, locked for this process while the value lives (unless opened to look only).
+#[derive(Debug)]
+pub struct RunDir {
+    out: PathBuf,
+    state: PathBuf,
+    _lock: Option<File>,
+}
+
+impl RunDir {
+    /// Creates or reopens the state in `out` and locks it. `fresh` discards what is there.
+    ///
+    /// # Errors
+    /// When another process holds the lock, the state is of another version, or the file system refuses.
+    pub fn open(out: &Path, fresh: bool) -> Result<Self, StoreError> {
+        let state = out.join(STATE_FOLDER);
+        fs_err::create_dir_all(&state).map_err(StoreError::io("create", &state))?;
+        let lock = lock(out, &state.join("lock"))?;
+        let run = Self { out: out.to_owned(), state, _lock: Some(lock) };
+        if fresh {
+            run.discard()?;
+        }
+        match run.read_json::<Identity>("version.json")? {
+            None => run.write_json("version.json", &identity())?,
+            Some(old) => run.check_version(old)?,
+        }
+        Ok(run)
+    }
+
+    /// Opens the state in `out` to look at it, without the lock and without changing anything.
+    ///
+    /// # Errors
+    /// When there is none, or it is of another version.
+    pub fn inspect(out: &Path) -> Result<Self, StoreError> {
+        let run = Self { out: out.to_owned(), state: out.join(STATE_FOLDER), _lock: None };
+        match run.read_json::<Identity>("version.json")? {
+            None => Err(StoreError::NoRun { path: out.to_owned() }),
+            Some(old) => run.check_version(old).map(|()| run),
+        }
+    }
+
+    fn check_version(&self, old: Identity) -> Result<(), StoreError> {
+        if old.state_version == FORMAT_VERSION {
+            return Ok(());
+        }
+        let new = identity();
+        Err(StoreError::Version {
+            path: self.out.clone(),
+            old: old.program,
+            old_version: old.state_version,
+            new: new.program,
+            new_version: new.state_version,
+        })
+    }
+
+    /// Removes everything of the state but the lock.
+    fn discard(&self) -> Result<(), StoreError> {
+        for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
+            let path = entry.map_err(StoreError::io("read", &self.state))?.path();
+            if path.file_name().is_some_and(|name| name == "lock") {
+                continue;
+            }
+            let removed = if path.is_dir() { fs_err::remove_dir_all(&path) } else { fs_err::remove_file(&path) };
+            removed.map_err(StoreError::io("remove", &path))?;
+        }
+        Ok(())
+    }
+
+    /// The output directory.
+    #[must_use]
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+
+    /// A path inside the state.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.state.join(name)
+    }
+
+    /// Reads a small JSON file of the state; `None` when there is none.
+    ///
+    /// # Errors
+    /// When it cannot be read or is not what it should be.
+    pub fn read_json<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, StoreError> {
+        let path = self.path(name);
+        match fs_err::read(&path) {
+            Ok(bytes) => serde_json::from_slice(&bytes)
+                .map(Some)
+                .map_err(|error| StoreError::Damaged { path, what: error.to_string() }),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(StoreError::Io { action: "read", path, source: error }),
+        }
+    }
+
+    /// Writes a small JSON file of the state.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write_json<T: Serialize>(&self, name: &str, value: &T) -> Result<(), StoreError> {
+        let path = self.path(name);
+        let mut bytes = serde_json::to_vec_pretty(value)
+            .map_err(|error| StoreError::Damaged { path: path.clone(), what: error.to_string() })?;
+        bytes.push(b'\n');
+        atomic::write(&path, &bytes).map_err(StoreError::io("write", &path))
+    }
+
+    /// Writes a text file of the state.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write_text(&self, name: &str, text: &str) -> Result<(), StoreError> {
+        let path = self.path(name);
+        atomic::write(&path, text.as_bytes()).map_err(StoreError::io("write", &path))
+    }
+
+    /// Appends a line to the log of events; a log that cannot be written does not stop a run.
+    pub fn log_event(&self, line: &str) {
+        let path = self.path("events.jsonl");
+        let appended = File::options().create(true).append(true).open(path);
+        if let Ok(mut file) = appended {
+            // One write call per line, so that lines of several threads do not mix.
+            let _ = file.write_all(format!("{line}\n").as_bytes());
+        }
+    }
+
+    /// The folder of a pass that depends on `inputs`.
+    #[must_use]
+    pub fn pass(&self, folder: &str, inputs: Inputs) -> PassDir {
+        PassDir { folder: self.state.join(folder), fingerprint: inputs.fingerprint(), inputs }
+    }
+
+    /// A column with one value per record of file number `file`, which has `records`.
+    ///
+    /// # Errors
+    /// When it cannot be opened or created.
+    pub(crate) fn column<T: Pod + Default>(
+        &self,
+        name: &str,
+        file: usize,
+        records: u64,
+    ) -> Result<Column<T>, StoreError> {
+        let folder = self.state.join(name);
+        fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
+        let path = folder.join(format!("{file:05}"));
+        Column::open(&path, records).map_err(StoreError::io("open", &path))
+    }
+}
+
+fn identity() -> Identity {
+    Identity { program: env!("CARGO_PKG_VERSION").to_owned(), state_version: FORMAT_VERSION }
+}
+
+/// Takes the lock; the system releases it when the process ends, however it ends.
+fn lock(out: &Path, path: &Path) -> Result<File, StoreError> {
+    let io = |action| StoreError::io(action, path);
+    let mut file = File::options()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(path)
+        .map_err(io("open"))?;
+    match file.try_lock() {
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => {
+            let mut holder = String::new();
+            let known = file.read_to_string(&mut holder).is_ok() && !holder.trim().is_empty();
+            let holder = if known { holder.trim().to_owned() } else { "another process".to_owned() };
+            return Err(StoreError::Locked { path: out.to_owned(), holder });
+        }
+        Err(TryLockError::Error(source)) => return Err(io("lock")(source)),
+    }
+    let text = format!("process {}\n", std::process::id());
+    file.set_len(0)
+        .and_then(|()| file.rewind())
+        .and_then(|()| file.write_all(text.as_bytes()))
+        .map_err(io("write"))?;
+    Ok(file)
+}
+
+/// Whether a unit's result is there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum UnitState {
+    /// Nothing has been stored.
+    Missing,
+    /// The result is there and fits.
+    Done,
+    /// Something is there that cannot be used.
+    Refused(Refusal),
+}
+
+/// The folder of one pass: a file per unit, and what the pass depends on.
+#[derive(Debug, Clone)]
+pub struct PassDir {
+    folder: PathBuf,
+    inputs: Inputs,
+    fingerprint: Fingerprint,
+}
+
+impl PassDir {
+    /// One number for everything the pass depends on.
+    #[must_use]
+    pub fn fingerprint(&self) -> Fingerprint {
+        self.fingerprint
+    }
+
+    fn unit_path(&self, unit: usize) -> PathBuf {
+        self.folder.join(format!("unit-{unit:06}.bin"))
+    }
+
+    fn number(unit: usize) -> u32 {
+        u32::try_from(unit).unwrap_or(u32::MAX)
+    }
+
+    /// Creates the folder and records what the pass depends on.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn prepare(&self) -> Result<(), StoreError> {
+        fs_err::create_dir_all(&self.folder).map_err(StoreError::io("create", &self.folder))?;
+        if self.stored_inputs()?.as_ref() != Some(&self.inputs) {
+            let path = self.folder.join("inputs.json");
+            let text = serde_json::to_string_pretty(&self.inputs)
+                .map_err(|error| StoreError::Damaged { path: path.clone(), what: error.to_string() })?;
+            atomic::write(&path, text.as_bytes()).map_err(StoreError::io("write", &path))?;
+        }
+        Ok(())
+    }
+
+    fn stored_inputs(&self) -> Result<Option<Inputs>, StoreError> {
+        let path = self.folder.join("inputs.json");
+        match fs_err::read(&path) {
+            // A damaged record of reasons is no reason to stop: the unit files decide, each for itself.
+            Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(source) => Err(StoreError::Io { action: "read", path, source }),
+        }
+    }
+
+    /// Why stored results of this pass would not be used now; empty when they fit or nothing is stored.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn stale_reasons(&self) -> Result<Vec<StaleReason>, StoreError> {
+        Ok(self.stored_inputs()?.map_or_else(Vec::new, |stored| self.inputs.differences(&stored)))
+    }
+
+    /// The payload of a unit, if it is there and fits.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn load(&self, unit: usize) -> Result<Result<Vec<u8>, UnitState>, StoreError> {
+        let path = self.unit_path(unit);
+        let mut bytes = match fs_err::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Err(UnitState::Missing)),
+            Err(source) => return Err(StoreError::Io { action: "read", path, source }),
+        };
+        let range = match unit_file::decode(&bytes, Self::number(unit), self.fingerprint) {
+            Ok(payload) => payload.len(),
+            Err(refusal) => return Ok(Err(UnitState::Refused(refusal))),
+        };
+        // The payload ends before the footer; cut both ends in place instead of copying.
+        let end = bytes.len() - unit_file::FOOTER_LEN;
+        bytes.truncate(end);
+        bytes.drain(..end - range);
+        Ok(Ok(bytes))
+    }
+
+    /// Whether a unit's result is there.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn state(&self, unit: usize) -> Result<UnitState, StoreError> {
+        Ok(match self.load(unit)? {
+            Ok(_) => UnitState::Done,
+            Err(state) => state,
+        })
+    }
+
+    /// The payload of a unit that the pass has just finished.
+    ///
+    /// # Errors
+    /// When it is missing or damaged.
+    pub fn payload(&self, unit: usize) -> Result<Vec<u8>, StoreError> {
+        self.load(unit)?.map_err(|state| StoreError::Damaged {
+            path: self.unit_path(unit),
+            what: format!("{state:?} although it had been written"),
+        })
+    }
+
+    /// Takes back a unit's result before anything it stands for is overwritten.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn invalidate(&self, unit: usize) -> Result<(), StoreError> {
+        let path = self.unit_path(unit);
+        match fs_err::remove_file(&path) {
+            Ok(()) => atomic::sync_folder(&path).map_err(StoreError::io("sync", &self.folder)),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+            Err(source) => Err(StoreError::Io { action: "remove", path, source }),
+        }
+    }
+
+    /// Stores the result of a unit: from here on it is done.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn commit(&self, unit: usize, payload: &[u8]) -> Result<(), StoreError> {
+        let path = self.unit_path(unit);
+        let bytes = unit_file::encode(Self::number(unit), self.fingerprint, payload);
+        atomic::write(&path, &bytes).map_err(StoreError::io("write", &path))
+    }
+
+    /// Records why a unit failed, for people.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn record_failure(&self, unit: usize, failure: &serde_json::Value) -> Result<(), StoreError> {
+        let path = self.folder.join(format!("unit-{unit:06}.err.json"));
+        let text = format!("{failure:#}\n");
+        atomic::write(&path, text.as_bytes()).map_err(StoreError::io("write", &path))
+    }
+
+    /// Removes the record of an earlier failure.
+    pub fn clear_failure(&self, unit: usize) {
+        let _ = fs_err::remove_file(self.folder.join(format!("unit-{unit:06}.err.json")));
+    }
+}

@@ -1,0 +1,292 @@
+//! The axis of the drive: a polyline in the plane, along which chainage is counted. Decides nothing about the result
+//! but the chainage and offset columns of the object table; tiles follow it only so that they are compact.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix2, SymmetricEigen, Vector2};
+use serde::Serialize;
+
+use crate::model::{Cell, CellGrid, Lattice, NearestIndex};
+use crate::survey::TimeBin;
+
+/// Distance between vertices of the axis in metres: chainage is resolved to this along tiles.
+const VERTEX_SPACING_M: f64 = 1.0;
+/// A stretch that runs within this distance of an earlier one is the same street, in metres.
+const CORRIDOR_M: f64 = 12.0;
+/// How much of the axis behind a vertex is its own stretch and not an earlier one, in metres.
+const OWN_STRETCH_M: f64 = 40.0;
+/// Time bins averaged to each side: two seconds, over which the mean of the points scanned wobbles most.
+const SMOOTHING_BINS: usize = 4;
+/// A track shorter than this is a scanner that stands, in metres.
+const SHORTEST_TRACK_M: f64 = 10.0;
+/// Longest axis in metres; more comes from absurd positions.
+const LONGEST_AXIS_M: f64 = 5e6;
+
+/// Where the axis came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AxisSource {
+    /// A trajectory file.
+    Trajectory,
+    /// The mean position of the points of each half second of GPS time, smoothed.
+    GpsTime,
+    /// The principal axis of the occupied cells.
+    Principal,
+}
+
+/// The axis: vertices about 1 m apart, in metres of the run's world frame, with their chainage.
+#[derive(Debug)]
+pub struct Axis {
+    /// Where it came from.
+    pub source: AxisSource,
+    vertices: Vec<[f64; 2]>,
+    chainage: Vec<f64>,
+    /// Whether a vertex is joined to the next one; a stretch that was left out makes a gap.
+    joined: Vec<bool>,
+    index: NearestIndex,
+}
+
+impl Axis {
+    /// The axis along a trajectory's positions in metres; `None` when they do not get anywhere.
+    #[must_use]
+    pub fn from_positions(source: AxisSource, positions: &[[f64; 2]]) -> Option<Self> {
+        let resampled = resample(positions)?;
+        let mut axis = first_passes(&resampled);
+        // Chainage starts where the drive does; a drive that is one stretch has it in metres along the road.
+        axis.source = source;
+        Some(axis)
+    }
+
+    /// The axis along the smoothed mean positions of the time bins; `None` when the scanner stood or had no clock.
+    #[must_use]
+    pub fn from_time_bins(bins: &BTreeMap<i64, TimeBin>, lattice: Lattice) -> Option<Self> {
+        #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
+        let mean = |sum: i128, count: u64| lattice.metres((sum / i128::from(count.max(1))) as i64);
+        let track: Vec<[f64; 2]> =
+            bins.values().map(|bin| [mean(bin.sum_x, bin.count), mean(bin.sum_y, bin.count)]).collect();
+        let smooth: Vec<[f64; 2]> = (0..track.len())
+            .map(|k| {
+                let reach = SMOOTHING_BINS.min(k).min(track.len() - 1 - k);
+                let window = &track[k - reach..=k + reach];
+                let share = 1.0 / window.len() as f64;
+                [0, 1].map(|axis| window.iter().map(|place| place[axis]).sum::<f64>() * share)
+            })
+            .collect();
+        let length: f64 = smooth.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
+        if length < SHORTEST_TRACK_M { None } else { Self::from_positions(AxisSource::GpsTime, &smooth) }
+    }
+
+    /// The principal axis of the occupied cells, every cell weighing the same so that dense spots do not turn it.
+    #[must_use]
+    pub fn principal(cells: &[(Cell, u32)], grid: CellGrid, lattice: Lattice) -> Self {
+        let edge_m = lattice.metres(grid.edge());
+        let centre = |cell: Cell| Vector2::new(f64::from(cell[0]) + 0.5, f64::from(cell[1]) + 0.5) * edge_m;
+        let share = 1.0 / cells.len().max(1) as f64;
+        let mean: Vector2<f64> = cells.iter().map(|entry| centre(entry.0)).sum::<Vector2<f64>>() * share;
+        let mut covariance = Matrix2::zeros();
+        for (cell, _) in cells {
+            let arm = centre(*cell) - mean;
+            covariance += arm * arm.transpose();
+        }
+        let eigen = SymmetricEigen::new(covariance);
+        let mut direction = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+        // Chainage grows to the east, or to the north where the axis runs north-south.
+        if direction.x < -1e-9 || (direction.x.abs() <= 1e-9 && direction.y < 0.0) {
+            direction = -direction;
+        }
+        let along = |cell: Cell| (centre(cell) - mean).dot(&direction);
+        let first = cells.iter().map(|entry| along(entry.0)).fold(0.0, f64::min);
+        let last = cells.iter().map(|entry| along(entry.0)).fold(0.0, f64::max);
+        let place = |at: f64| [mean.x + direction.x * at, mean.y + direction.y * at];
+        let limit = LONGEST_AXIS_M / 2.0;
+        let ends = [place(first.max(-limit)), place(last.min(limit) + VERTEX_SPACING_M)];
+        let vertices = resample(&ends).unwrap_or_else(|| ends.to_vec());
+        let chainage = (0..vertices.len()).map(|k| distance(vertices[0], vertices[k])).collect();
+        let joined = vec![true; vertices.len()];
+        Self::assemble(AxisSource::Principal, vertices, chainage, joined)
+    }
+
+    fn assemble(source: AxisSource, vertices: Vec<[f64; 2]>, chainage: Vec<f64>, joined: Vec<bool>) -> Self {
+        let index = NearestIndex::new(&vertices);
+        Self { source, vertices, chainage, joined, index }
+    }
+
+    /// Vertices in metres.
+    #[must_use]
+    pub fn vertices(&self) -> &[[f64; 2]] {
+        &self.vertices
+    }
+
+    /// Stretches of joined vertices.
+    pub fn stretches(&self) -> impl Iterator<Item = &[[f64; 2]]> {
+        let mut start = 0;
+        (0..self.vertices.len()).filter_map(move |k| {
+            let ends = k + 1 == self.vertices.len() || !self.joined[k];
+            ends.then(|| &self.vertices[std::mem::replace(&mut start, k + 1)..=k])
+        })
+    }
+
+    /// Length in metres: chainage of the last vertex.
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        self.chainage.last().copied().unwrap_or(0.0)
+    }
+
+    /// Chainage in metres of the vertex nearest to a place in metres.
+    #[must_use]
+    pub fn chainage_m(&self, place: [f64; 2]) -> f64 {
+        self.index.nearest(place).map_or(0.0, |(vertex, _)| self.chainage[vertex])
+    }
+
+    /// Chainage of a place's foot on the axis, and its signed offset (left of the axis positive), in metres.
+    #[must_use]
+    pub fn locate(&self, place: [f64; 2]) -> (f64, f64) {
+        let Some((vertex, _)) = self.index.nearest(place) else { return (0.0, 0.0) };
+        let mut best = (f64::INFINITY, self.chainage[vertex], 0.0);
+        for start in [vertex.checked_sub(1), Some(vertex)].into_iter().flatten() {
+            if start + 1 >= self.vertices.len() || !self.joined[start] {
+                continue;
+            }
+            let (from, to) = (self.vertices[start], self.vertices[start + 1]);
+            let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+            let length = dx.hypot(dy);
+            if length <= 0.0 {
+                continue;
+            }
+            let (px, py) = (place[0] - from[0], place[1] - from[1]);
+            let share = ((px * dx + py * dy) / (length * length)).clamp(0.0, 1.0);
+            let away = (px - share * dx).hypot(py - share * dy);
+            if away < best.0 {
+                let side = if dx * py - dy * px < 0.0 { -away } else { away };
+                best = (away, self.chainage[start] + share * (self.chainage[start + 1] - self.chainage[start]), side);
+            }
+        }
+        if best.0.is_infinite() {
+            best.2 = distance(place, self.vertices[vertex]);
+        }
+        (best.1, best.2)
+    }
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// Vertices about [`VERTEX_SPACING_M`] apart along `positions`; `None` for a line without length or of absurd length.
+fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
+    let total: f64 = positions.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
+    if !(total > 0.0 && total <= LONGEST_AXIS_M) {
+        return None;
+    }
+    let mut vertices = vec![positions[0]];
+    let mut due = VERTEX_SPACING_M;
+    let mut walked = 0.0;
+    for pair in positions.windows(2) {
+        let step = distance(pair[0], pair[1]);
+        while due <= walked + step && step > 0.0 {
+            let share = (due - walked) / step;
+            vertices.push([0, 1].map(|k| pair[0][k] + share * (pair[1][k] - pair[0][k])));
+            due += VERTEX_SPACING_M;
+        }
+        walked += step;
+    }
+    let last = positions[positions.len() - 1];
+    if vertices[vertices.len() - 1] != last {
+        vertices.push(last);
+    }
+    Some(vertices)
+}
+
+/// The axis without the stretches that run along an earlier one: a street that is driven twice has one chainage, so
+/// that its tiles are whole strips and not a checkerboard of two passes.
+fn first_passes(places: &[[f64; 2]]) -> Axis {
+    #[expect(clippy::cast_possible_truncation, reason = "grid of corridor width over at most 5,000 km of axis")]
+    let bucket = |place: [f64; 2]| place.map(|value| (value / CORRIDOR_M).floor() as i64);
+    let mut kept: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
+    let (mut vertices, mut chainage, mut joined) = (Vec::new(), Vec::new(), Vec::new());
+    let mut driven = 0.0;
+    let mut driven_at: Vec<f64> = Vec::new();
+    let mut counted = 0.0;
+    let mut on_axis = false;
+    for (k, &place) in places.iter().enumerate() {
+        let step = if k > 0 { distance(places[k - 1], place) } else { 0.0 };
+        driven += step;
+        let [i, j] = bucket(place);
+        let earlier = (i - 1..=i + 1).flat_map(|a| (j - 1..=j + 1).map(move |b| [a, b])).any(|near| {
+            kept.get(&near).is_some_and(|list| {
+                list.iter().any(|&other: &usize| {
+                    driven - driven_at[other] > OWN_STRETCH_M && distance(vertices[other], place) < CORRIDOR_M
+                })
+            })
+        });
+        if earlier {
+            on_axis = false;
+            continue;
+        }
+        if on_axis {
+            counted += step;
+            if let Some(last) = joined.last_mut() {
+                *last = true;
+            }
+        } else if !vertices.is_empty() {
+            // A gap counts as one step, so that chainage stays strictly ascending over stretches.
+            counted += VERTEX_SPACING_M;
+        }
+        on_axis = true;
+        kept.entry([i, j]).or_default().push(vertices.len());
+        vertices.push(place);
+        driven_at.push(driven);
+        chainage.push(counted);
+        joined.push(false);
+    }
+    Axis::assemble(AxisSource::Trajectory, vertices, chainage, joined)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn straight(from: f64, to: f64, y: f64) -> Vec<[f64; 2]> {
+        let count = 50;
+        (0..=count).map(|k| [from + (to - from) * f64::from(k) / f64::from(count), y]).collect()
+    }
+
+    #[test]
+    fn chainage_and_offset_of_places_beside_a_straight_axis() {
+        let axis = Axis::from_positions(AxisSource::Trajectory, &straight(100.0, 300.0, 7.0)).unwrap();
+        let (chainage, offset) = axis.locate([150.4, 10.0]);
+        assert!((chainage - 50.4).abs() < 1e-9 && (offset - 3.0).abs() < 1e-9);
+        assert!((axis.locate([150.4, 2.0]).1 + 5.0).abs() < 1e-9);
+        assert!((axis.length_m() - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_street_driven_twice_has_one_chainage() {
+        let mut there_and_back = straight(0.0, 200.0, 0.0);
+        there_and_back.extend(straight(200.0, 0.0, 4.0));
+        let axis = Axis::from_positions(AxisSource::Trajectory, &there_and_back).unwrap();
+        // The turn itself is driven once more for OWN_STRETCH_M.
+        assert!(axis.length_m() < 200.0 + 2.0 * OWN_STRETCH_M, "{}", axis.length_m());
+        assert!((axis.chainage_m([20.0, 4.0]) - 20.0).abs() <= 1.0);
+    }
+
+    #[test]
+    fn two_streets_are_two_stretches() {
+        let mut drive = straight(0.0, 100.0, 0.0);
+        drive.extend(straight(100.0, 0.0, 1.0));
+        drive.extend(straight(0.0, -100.0, 0.0));
+        let axis = Axis::from_positions(AxisSource::Trajectory, &drive).unwrap();
+        assert!(axis.stretches().count() >= 2);
+        assert!(axis.chainage.windows(2).all(|pair| pair[0] < pair[1]));
+    }
+
+    #[test]
+    fn the_principal_axis_runs_along_the_cells() {
+        let cells: Vec<(Cell, u32)> = (0..100).flat_map(|i| [([i, 2 * i], 1), ([i, 2 * i + 1], 9)]).collect();
+        let axis = Axis::principal(&cells, CellGrid::new(1_000), Lattice::MILLIMETRE);
+        assert!((axis.length_m() - 224.0).abs() < 3.0, "{}", axis.length_m());
+        assert!(axis.chainage_m([1.0, 1.0]) < axis.chainage_m([90.0, 180.0]));
+        let one = Axis::principal(&[([5, 5], 1)], CellGrid::new(1_000), Lattice::MILLIMETRE);
+        assert!(one.length_m() <= 2.0);
+    }
+}

@@ -1,0 +1,305 @@
+//! What one run of blocks contributes to the survey; parts merge exactly, in any order.
+
+use std::collections::BTreeMap;
+
+use rustc_hash::FxHashSet;
+use serde::{Deserialize, Serialize};
+
+use crate::model::{BlockZone, Cell, CellCounter, CellGrid, CellMap, LatticeTransform, RecordView, record_xyz};
+
+/// Seconds of GPS time per bin: at 30 km/h about 4 m of driving, short against every bend of a road.
+pub const TIME_BIN_S: f64 = 0.5;
+
+/// Zone-map cells kept for a block; a block with more (shuffled, or from the air) is described by its box alone.
+const ZONE_CELLS_MAX: usize = 192;
+
+/// Sum of the positions of the points of one time bin, in lattice units.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct TimeBin {
+    /// Points in the bin.
+    pub count: u64,
+    /// Sum of x relative to the lattice.
+    pub sum_x: i128,
+    /// Sum of y relative to the lattice.
+    pub sum_y: i128,
+}
+
+/// A record whose position is absurd.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OutOfRange {
+    /// Index of the record in its block.
+    pub record: usize,
+    /// Its coordinates as stored.
+    pub xyz: [i32; 3],
+}
+
+/// What one run of blocks contributes.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct SurveyPart {
+    /// One entry per block, in file order.
+    pub zones: Vec<BlockZone>,
+    /// Points per occupied cell, in ascending cell.
+    pub occupancy: Vec<(Cell, u32)>,
+    /// Positions by bin of GPS time.
+    pub time_bins: BTreeMap<i64, TimeBin>,
+    /// Smallest and largest lattice coordinates.
+    pub extent: Option<([i64; 3], [i64; 3])>,
+    /// Smallest and largest finite GPS time in seconds.
+    pub time: Option<(f64, f64)>,
+    /// Records whose GPS time is not a finite number.
+    pub bad_times: u64,
+    /// XXH3 of the blocks' content, folded in file order.
+    pub content: u64,
+}
+
+impl SurveyPart {
+    /// Surveys `blocks` of one file.
+    ///
+    /// # Errors
+    /// The index of the block and the record whose position no occupancy cell can hold.
+    pub fn survey<'a>(
+        blocks: impl Iterator<Item = RecordView<'a>>,
+        transform: &LatticeTransform,
+        grid: CellGrid,
+    ) -> Result<Self, (usize, OutOfRange)> {
+        let mut collector = Collector::new(grid);
+        for (index, view) in blocks.enumerate() {
+            collector.block(&view, transform).map_err(|error| (index, error))?;
+        }
+        Ok(collector.finish())
+    }
+
+    /// Number of points.
+    #[must_use]
+    pub fn points(&self) -> u64 {
+        self.zones.iter().map(|zone| u64::from(zone.count)).sum()
+    }
+}
+
+/// Running state over the blocks of a part. Parts can be fed block by block, see [`SurveyPart::survey`].
+#[derive(Debug)]
+pub struct Collector {
+    grid: CellGrid,
+    counter: CellCounter,
+    part: SurveyPart,
+    coarse: FxHashSet<Cell>,
+    bin: i64,
+    bin_sum: TimeBin,
+}
+
+impl Collector {
+    /// A collector that counts in cells of `grid`.
+    #[must_use]
+    pub fn new(grid: CellGrid) -> Self {
+        Self {
+            grid,
+            counter: CellCounter::default(),
+            part: SurveyPart::default(),
+            coarse: FxHashSet::default(),
+            bin: i64::MIN,
+            bin_sum: TimeBin::default(),
+        }
+    }
+
+    /// Adds one block.
+    ///
+    /// # Errors
+    /// The record whose position no occupancy cell can hold.
+    pub fn block(&mut self, view: &RecordView<'_>, transform: &LatticeTransform) -> Result<(), OutOfRange> {
+        let (mut lo, mut hi) = ([i64::MAX; 3], [i64::MIN; 3]);
+        let mut last_coarse = [i32::MIN; 2];
+        self.coarse.clear();
+        let mut count = 0_u32;
+        for (record, xyz) in view.xyz().enumerate() {
+            let point = transform.apply(xyz);
+            let cell = self.grid.cell(point[0], point[1]).ok_or(OutOfRange { record, xyz })?;
+            for axis in 0..3 {
+                lo[axis] = lo[axis].min(point[axis]);
+                hi[axis] = hi[axis].max(point[axis]);
+            }
+            self.counter.add(cell);
+            let coarse = BlockZone::coarse_of(cell);
+            if coarse != last_coarse {
+                last_coarse = coarse;
+                if self.coarse.len() <= ZONE_CELLS_MAX {
+                    self.coarse.insert(coarse);
+                }
+            }
+            count += 1;
+        }
+        let time = self.times(view, transform);
+        self.zone(count, lo, hi, time);
+        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+        hasher.update(&self.part.content.to_le_bytes());
+        hasher.update(view.bytes);
+        self.part.content = hasher.digest();
+        Ok(())
+    }
+
+    /// Adds the block's points to their time bins; returns the first and last finite time.
+    fn times(&mut self, view: &RecordView<'_>, transform: &LatticeTransform) -> Option<(f64, f64)> {
+        let offset = view.gps_time?;
+        let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
+        for record in view.bytes.chunks_exact(view.stride) {
+            let mut bytes = [0_u8; 8];
+            bytes.copy_from_slice(&record[offset..offset + 8]);
+            let time = f64::from_le_bytes(bytes);
+            // Beyond 10^15 s a double does not resolve half a second any more.
+            if !(time.abs() < 1e15) {
+                self.part.bad_times += 1;
+                continue;
+            }
+            first = first.min(time);
+            last = last.max(time);
+            #[expect(clippy::cast_possible_truncation, reason = "below 2 * 10^15")]
+            let bin = (time / TIME_BIN_S).floor() as i64;
+            if bin != self.bin {
+                self.flush_bin();
+                self.bin = bin;
+            }
+            let [x, y, _] = transform.apply(record_xyz(record));
+            self.bin_sum.count += 1;
+            self.bin_sum.sum_x += i128::from(x);
+            self.bin_sum.sum_y += i128::from(y);
+        }
+        (first <= last).then_some((first, last))
+    }
+
+    fn flush_bin(&mut self) {
+        if self.bin_sum.count > 0 {
+            add_bin(&mut self.part.time_bins, self.bin, &self.bin_sum);
+            self.bin_sum = TimeBin::default();
+        }
+    }
+
+    fn zone(&mut self, count: u32, lo: [i64; 3], hi: [i64; 3], time: Option<(f64, f64)>) {
+        if count == 0 {
+            self.part.zones.push(BlockZone { count, lo: [0; 2], hi: [0; 2], time: None, coarse: Vec::new() });
+            return;
+        }
+        let corner = |point: [i64; 3]| self.grid.cell(point[0], point[1]).unwrap_or_default();
+        let mut coarse = Vec::new();
+        if self.coarse.len() <= ZONE_CELLS_MAX {
+            coarse.extend(self.coarse.drain());
+            coarse.sort_unstable();
+        }
+        self.part.zones.push(BlockZone { count, lo: corner(lo), hi: corner(hi), time, coarse });
+        self.part.extent = merge_extent(self.part.extent, Some((lo, hi)));
+        self.part.time = merge_time(self.part.time, time);
+    }
+
+    /// The part.
+    #[must_use]
+    pub fn finish(mut self) -> SurveyPart {
+        self.flush_bin();
+        self.part.occupancy = self.counter.into_map().entries();
+        self.part
+    }
+}
+
+fn add_bin(bins: &mut BTreeMap<i64, TimeBin>, bin: i64, sum: &TimeBin) {
+    let total = bins.entry(bin).or_default();
+    total.count += sum.count;
+    total.sum_x += sum.sum_x;
+    total.sum_y += sum.sum_y;
+}
+
+type Extent = Option<([i64; 3], [i64; 3])>;
+
+fn merge_extent(one: Extent, two: Extent) -> Extent {
+    match (one, two) {
+        (Some((lo, hi)), Some((lo2, hi2))) => {
+            let pick = |a: [i64; 3], b: [i64; 3], f: fn(i64, i64) -> i64| {
+                [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])]
+            };
+            Some((pick(lo, lo2, i64::min), pick(hi, hi2, i64::max)))
+        }
+        (some, None) | (None, some) => some,
+    }
+}
+
+fn merge_time(one: Option<(f64, f64)>, two: Option<(f64, f64)>) -> Option<(f64, f64)> {
+    match (one, two) {
+        (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
+        (some, None) | (None, some) => some,
+    }
+}
+
+/// The survey of a whole drive: all parts together.
+#[derive(Debug, Default)]
+pub struct Survey {
+    /// Points per cell. Counts saturate at 2^32 - 1.
+    pub occupancy: CellMap<u32>,
+    /// Zone map: blocks of each file in file order.
+    pub zones: Vec<Vec<BlockZone>>,
+    /// Positions by bin of GPS time.
+    pub time_bins: BTreeMap<i64, TimeBin>,
+    /// Smallest and largest lattice coordinates.
+    pub extent: Extent,
+    /// Smallest and largest finite GPS time in seconds.
+    pub time: Option<(f64, f64)>,
+    /// Records whose GPS time is not a finite number.
+    pub bad_times: u64,
+    /// Content hashes of the parts of each file, in file order.
+    pub content: Vec<Vec<u64>>,
+}
+
+impl Survey {
+    /// Adds the next part of file number `file`; parts of a file come in file order.
+    pub fn add(&mut self, file: usize, part: SurveyPart) {
+        while self.zones.len() <= file {
+            self.zones.push(Vec::new());
+            self.content.push(Vec::new());
+        }
+        for (cell, count) in part.occupancy {
+            let total = self.occupancy.entry(cell);
+            *total = total.saturating_add(count);
+        }
+        for (bin, sum) in &part.time_bins {
+            add_bin(&mut self.time_bins, *bin, sum);
+        }
+        self.zones[file].extend(part.zones);
+        self.content[file].push(part.content);
+        self.extent = merge_extent(self.extent, part.extent);
+        self.time = merge_time(self.time, part.time);
+        self.bad_times += part.bad_times;
+    }
+
+    /// Number of points.
+    #[must_use]
+    pub fn points(&self) -> u64 {
+        self.zones.iter().flatten().map(|zone| u64::from(zone.count)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{AxisTransform, Lattice};
+
+    fn records(points: &[([i32; 3], f64)]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for (xyz, time) in points {
+            xyz.iter().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes()));
+            bytes.extend_from_slice(&time.to_le_bytes());
+        }
+        bytes
+    }
+
+    fn survey(points: &[([i32; 3], f64)]) -> SurveyPart {
+        let bytes = records(points);
+        let axis = AxisTransform::new(0.001, 0.0, 1.0, Lattice::MILLIMETRE);
+        let view = RecordView { bytes: &bytes, stride: 20, gps_time: Some(12) };
+        SurveyPart::survey([view].into_iter(), &LatticeTransform { axes: [axis; 3] }, CellGrid::new(1_000)).unwrap()
+    }
+
+    #[test]
+    fn counts_cells_times_and_extent() {
+        let part = survey(&[([-1, 0, 5], 10.1), ([0, 999, 7], 10.4), ([1_000, 0, -3], f64::NAN)]);
+        assert_eq!(part.occupancy, [([-1, 0], 1), ([0, 0], 1), ([1, 0], 1)]);
+        assert_eq!(part.time_bins[&20], TimeBin { count: 2, sum_x: -1, sum_y: 999 });
+        assert_eq!(part.extent, Some(([-1, 0, -3], [1_000, 999, 7])));
+        assert_eq!((part.time, part.bad_times), (Some((10.1, 10.4)), 1));
+        assert_eq!(part.zones[0].coarse, [[-1, 0], [0, 0]]);
+    }
+}

@@ -1,0 +1,116 @@
+//! Gathering: the points of one tile out of blocks of records, in file order.
+
+use crate::model::{Cell, Lattice, LatticeTransform, PointClass, RecordView, TileCloud, record_xyz};
+use crate::tiling::Region;
+
+/// The points of a tile, and which of them it owns.
+#[derive(Debug)]
+pub struct Gathered {
+    /// Core and halo points in ascending id.
+    pub cloud: TileCloud,
+    /// Whether the tile owns the point.
+    pub core: Vec<bool>,
+}
+
+/// Collects the points of one region block by block.
+#[derive(Debug)]
+pub struct Gatherer<'a> {
+    region: &'a Region,
+    gathered: Gathered,
+    edge: u32,
+    /// Extent of the region in lattice units from its lower corner, which is the cloud's origin.
+    width: [u64; 2],
+    /// Largest local z that fits.
+    depth: u64,
+}
+
+/// A point whose height does not fit the drive's range of heights; the survey has ruled it out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HeightOutOfRange {
+    /// Index of the record in its block.
+    pub record: usize,
+}
+
+impl<'a> Gatherer<'a> {
+    /// A gatherer for `region`; `lowest` is the smallest lattice z of the drive.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "extents of a region are positive and checked by the plan, edges are at most 10^5 units"
+    )]
+    pub fn new(region: &'a Region, lattice: Lattice, lowest: i64) -> Self {
+        let edge = region.grid.edge();
+        let mut cloud = TileCloud::empty(lattice);
+        let corner = |k: usize| i64::from(region.area.lo[k]) * edge;
+        cloud.origin = [corner(0), corner(1), lowest];
+        let points = usize::try_from(region.points).unwrap_or(0);
+        for column in [&mut cloud.x, &mut cloud.y, &mut cloud.z] {
+            column.reserve_exact(points);
+        }
+        cloud.id.reserve_exact(points);
+        let cells = |k: usize| (i64::from(region.area.hi[k]) - i64::from(region.area.lo[k]) + 1).max(0);
+        Self {
+            region,
+            gathered: Gathered { cloud, core: Vec::with_capacity(points) },
+            edge: edge as u32,
+            width: [0, 1].map(|k| (cells(k) * edge) as u64),
+            depth: i32::MAX as u64,
+        }
+    }
+
+    /// Adds the points of one block that lie in the region. `first_id` is the id of its first record; with `classes`
+    /// (one code per record) only [`PointClass::Object`] points are taken.
+    ///
+    /// # Errors
+    /// When a height does not fit.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_possible_wrap,
+        clippy::cast_sign_loss,
+        reason = "differences to the origin are compared with the extent first; negative ones wrap beyond it"
+    )]
+    pub fn block(
+        &mut self,
+        view: &RecordView<'_>,
+        transform: &LatticeTransform,
+        first_id: u64,
+        classes: Option<&[u8]>,
+    ) -> Result<(), HeightOutOfRange> {
+        let mut roles = self.region.roles.cursor();
+        let origin = self.gathered.cloud.origin;
+        let lo: Cell = self.region.area.lo;
+        let cloud = &mut self.gathered.cloud;
+        for (record, bytes) in view.bytes.chunks_exact(view.stride).enumerate() {
+            if classes.is_some_and(|codes| codes[record] != PointClass::Object.code()) {
+                continue;
+            }
+            let [x, y, z] = transform.apply(record_xyz(bytes));
+            let (dx, dy) = ((x - origin[0]) as u64, (y - origin[1]) as u64);
+            if dx >= self.width[0] || dy >= self.width[1] {
+                continue;
+            }
+            let cell = [lo[0] + (dx as u32 / self.edge) as i32, lo[1] + (dy as u32 / self.edge) as i32];
+            let role = roles.get(cell);
+            if role == 0 {
+                continue;
+            }
+            let dz = (z - origin[2]) as u64;
+            if dz > self.depth {
+                return Err(HeightOutOfRange { record });
+            }
+            cloud.x.push(dx as i32);
+            cloud.y.push(dy as i32);
+            cloud.z.push(dz as i32);
+            cloud.id.push(first_id + record as u64);
+            self.gathered.core.push(role == Region::CORE);
+        }
+        Ok(())
+    }
+
+    /// The points.
+    #[must_use]
+    pub fn finish(self) -> Gathered {
+        self.gathered
+    }
+}

@@ -1,0 +1,8 @@
+//! Tiling: which cells a tile owns, what it must see around them, and the points it gets. Pure functions of the
+//! survey; knows no files and no methods.
+
+mod gather;
+mod plan;
+
+pub use gather::{Gathered, Gatherer, HeightOutOfRange};
+pub use plan::{Plan, PlanRequest, Region, Tile, TileSize};
