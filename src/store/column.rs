@@ -46,6 +46,11 @@ impl<T: Pod + Default> Column<T> {
         self.file.read_exact_at(bytemuck::cast_slice_mut(values), first * Self::WIDTH)
     }
 
+    /// Writes the values of consecutive records.
+    pub(crate) fn write_run(&self, first: u64, values: &[T]) -> io::Result<()> {
+        self.file.write_all_at(bytemuck::cast_slice(values), first * Self::WIDTH)
+    }
+
     /// Writes `values[i]` at `records[i]`; records ascend.
     pub(crate) fn write(&self, records: &[u64], values: &[T]) -> io::Result<()> {
         let mut start = 0;
@@ -65,14 +70,14 @@ impl<T: Pod + Default> Column<T> {
         let span = (last - first + 1) as usize;
         let _patching = self.patching.lock().map_err(|_| io::Error::other("another thread failed here"))?;
         if span == records.len() {
-            return self.file.write_all_at(bytemuck::cast_slice(values), first * Self::WIDTH);
+            return self.write_run(first, values);
         }
         let mut page = vec![T::default(); span];
         self.read(first, &mut page)?;
         for (record, value) in records.iter().zip(values) {
             page[(record - first) as usize] = *value;
         }
-        self.file.write_all_at(bytemuck::cast_slice(&page), first * Self::WIDTH)
+        self.write_run(first, &page)
     }
 
     /// Makes everything written so far survive a power cut.

@@ -1,0 +1,16 @@
+//! Payloads of units as bytes. Damage has been ruled out by the unit file's checksum; what does not decode is a bug.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::error::{Error, Result};
+
+/// The bytes of a payload.
+pub(crate) fn encode<T: Serialize>(value: &T) -> Result<Vec<u8>> {
+    postcard::to_stdvec(value).map_err(|error| Error::Bug(format!("a payload does not encode: {error}")))
+}
+
+/// The payload in `bytes`.
+pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
+    postcard::from_bytes(bytes).map_err(|error| Error::Bug(format!("a payload does not decode: {error}")))
+}

@@ -1,0 +1,191 @@
+//! The opened drive as the passes see it: blocks of records with their geometry, per-point columns, unit lists.
+
+use std::ops::Range;
+
+use crate::error::Result;
+use crate::input::{Catalog, Fields, InputFile};
+use crate::model::{CellGrid, Lattice, LatticeTransform, RecordView};
+use crate::store::{Column, RunDir, StoreError};
+
+/// Smallest and largest number of points of one unit of a pass over blocks.
+const UNIT_POINTS: (u64, u64) = (400_000, 8_000_000);
+/// A drive is cut into about this many units by passes over blocks.
+const UNITS_PER_DRIVE: u64 = 256;
+
+/// A run of blocks of one file: the unit of passes that stream through the input.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct BlockRun {
+    /// Number of the file in the catalog.
+    pub(crate) file: usize,
+    /// Its blocks.
+    pub(crate) blocks: Range<usize>,
+    /// Records in them.
+    pub(crate) points: u64,
+}
+
+/// Record coordinates of compressed files, unpacked once: x, y, z as in the records, twelve bytes each.
+type Positions = Column<[i32; 3]>;
+
+/// The drive and its per-point columns.
+#[derive(Debug)]
+pub(crate) struct Drive {
+    pub(crate) catalog: Catalog,
+    pub(crate) grid: CellGrid,
+    /// For compressed files only.
+    positions: Vec<Option<Positions>>,
+    /// [`PointClass`](crate::model::PointClass) codes, written by the ground pass.
+    pub(crate) classes: Vec<Column<u8>>,
+    /// Local labels of the owning tile, written by the cluster pass.
+    pub(crate) labels: Vec<Column<u32>>,
+}
+
+impl Drive {
+    /// The drive of `catalog` with its columns in `run_dir`.
+    pub(crate) fn open(catalog: Catalog, grid: CellGrid, run_dir: &RunDir) -> Result<Self> {
+        let mut drive =
+            Self { catalog, grid, positions: Vec::new(), classes: Vec::new(), labels: Vec::new() };
+        for (number, file) in drive.catalog.files().iter().enumerate() {
+            let records = file.point_count();
+            let unpacked = file.is_compressed();
+            drive.positions.push(
+                unpacked.then(|| run_dir.column("positions", number, records)).transpose()?,
+            );
+            drive.classes.push(run_dir.column("classes", number, records)?);
+            drive.labels.push(run_dir.column("labels", number, records)?);
+        }
+        Ok(drive)
+    }
+
+    pub(crate) fn lattice(&self) -> Lattice {
+        self.catalog.lattice()
+    }
+
+    pub(crate) fn file(&self, file: usize) -> &InputFile {
+        &self.catalog.files()[file]
+    }
+
+    /// Id of the first record of a block.
+    pub(crate) fn first_id(&self, file: usize, block: usize) -> u64 {
+        self.catalog.first_id(file) + self.file(file).blocks()[block].first_record
+    }
+
+    /// File and record of a point.
+    pub(crate) fn locate(&self, id: u64) -> (usize, u64) {
+        let file = (0..self.catalog.files().len()).rfind(|&file| self.catalog.first_id(file) <= id).unwrap_or(0);
+        (file, id - self.catalog.first_id(file))
+    }
+
+    /// The drive cut into runs of blocks; a pure function of the input.
+    pub(crate) fn block_runs(&self) -> Vec<BlockRun> {
+        let target = (self.catalog.point_count() / UNITS_PER_DRIVE).clamp(UNIT_POINTS.0, UNIT_POINTS.1);
+        let mut runs: Vec<BlockRun> = Vec::new();
+        for (number, file) in self.catalog.files().iter().enumerate() {
+            for (index, block) in file.blocks().iter().enumerate() {
+                let points = u64::from(block.count);
+                match runs.last_mut() {
+                    Some(run) if run.file == number && run.points < target => {
+                        run.blocks.end = index + 1;
+                        run.points += points;
+                    }
+                    _ => runs.push(BlockRun { file: number, blocks: index..index + 1, points }),
+                }
+            }
+        }
+        runs
+    }
+
+    /// The records of a block straight from the file (decoded, if compressed), for the survey; unpacks positions.
+    pub(crate) fn survey_block<T>(
+        &self,
+        file: usize,
+        block: usize,
+        buffer: &mut Vec<u8>,
+        see: impl FnOnce(&RecordView<'_>, &LatticeTransform) -> T,
+    ) -> Result<T> {
+        let input = self.file(file);
+        let layout = input.layout();
+        let seen;
+        {
+            let bytes = input.records(block, Fields::Geometry, buffer)?;
+            let view = RecordView { bytes, stride: layout.record_len, gps_time: layout.gps_time };
+            if let Some(positions) = &self.positions[file] {
+                let xyz: Vec<[i32; 3]> = view.xyz().collect();
+                positions
+                    .write_run(input.blocks()[block].first_record, &xyz)
+                    .map_err(StoreError::io("write", positions.path()))?;
+            }
+            seen = see(&view, input.transform());
+        }
+        input.release(block);
+        Ok(seen)
+    }
+
+    /// Makes unpacked positions of a file survive a power cut.
+    pub(crate) fn sync_positions(&self, file: usize) -> Result<()> {
+        if let Some(positions) = &self.positions[file] {
+            positions.sync().map_err(StoreError::io("sync", positions.path()))?;
+        }
+        Ok(())
+    }
+
+    /// The geometry of a block: from the mapped file, or from the unpacked positions of a compressed one.
+    pub(crate) fn geometry<T>(
+        &self,
+        file: usize,
+        block: usize,
+        buffer: &mut Vec<u8>,
+        see: impl FnOnce(&RecordView<'_>, &LatticeTransform) -> T,
+    ) -> Result<T> {
+        let input = self.file(file);
+        let run = &input.blocks()[block];
+        if let Some(positions) = &self.positions[file] {
+            let mut xyz = vec![[0_i32; 3]; run.count as usize];
+            positions
+                .read(run.first_record, &mut xyz)
+                .map_err(StoreError::io("read", positions.path()))?;
+            let view = RecordView { bytes: bytemuck::cast_slice(&xyz), stride: 12, gps_time: None };
+            return Ok(see(&view, input.transform()));
+        }
+        let seen;
+        {
+            let bytes = input.records(block, Fields::Geometry, buffer)?;
+            let layout = input.layout();
+            let view = RecordView { bytes, stride: layout.record_len, gps_time: layout.gps_time };
+            seen = see(&view, input.transform());
+        }
+        input.release(block);
+        Ok(seen)
+    }
+
+    /// Writes `values[i]` for the point `ids[i]`; ids ascend.
+    pub(crate) fn write_column<T: bytemuck::Pod + Default>(
+        &self,
+        columns: &[Column<T>],
+        ids: &[u64],
+        values: &[T],
+    ) -> Result<()> {
+        let mut start = 0;
+        let mut records = Vec::new();
+        while start < ids.len() {
+            let (file, _) = self.locate(ids[start]);
+            let first = self.catalog.first_id(file);
+            let last = first + self.file(file).point_count();
+            let end = start + ids[start..].partition_point(|&id| id < last);
+            records.clear();
+            records.extend(ids[start..end].iter().map(|id| id - first));
+            let column = &columns[file];
+            column.write(&records, &values[start..end]).map_err(StoreError::io("write", column.path()))?;
+            column.sync().map_err(StoreError::io("sync", column.path()))?;
+            start = end;
+        }
+        Ok(())
+    }
+
+    /// Whether every file is still what it was when it was opened.
+    pub(crate) fn check_unchanged(&self) -> Result<()> {
+        for file in self.catalog.files() {
+            file.check_unchanged()?;
+        }
+        Ok(())
+    }
+}

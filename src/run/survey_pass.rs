@@ -1,0 +1,73 @@
+//! Pass `survey`: streams through every block once; keeps the zone map, the occupancy raster and the time bins.
+
+use crate::error::{Error, Result};
+use crate::input::InputError;
+use crate::run::codec;
+use crate::run::drive::{BlockRun, Drive};
+use crate::run::engine::Pass;
+use crate::store::PassDir;
+use crate::survey::{Collector, Survey};
+
+pub(crate) struct SurveyPass<'a> {
+    pub(crate) drive: &'a Drive,
+    pub(crate) runs: Vec<BlockRun>,
+}
+
+impl Pass for SurveyPass<'_> {
+    fn name(&self) -> &'static str {
+        "survey"
+    }
+
+    fn units(&self) -> usize {
+        self.runs.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.runs[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        // One block at a time, decoded and its positions, and what is counted.
+        let run = &self.runs[unit];
+        let file = self.drive.file(run.file);
+        let largest = run.blocks.clone().map(|block| u64::from(file.blocks()[block].count)).max().unwrap_or(0);
+        largest * (file.layout().record_len as u64 + 24) + (16 << 20)
+    }
+
+    fn prefetch(&self, unit: usize) {
+        let run = &self.runs[unit];
+        run.blocks.clone().for_each(|block| self.drive.file(run.file).prefetch(block));
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let run = &self.runs[unit];
+        let file = self.drive.file(run.file);
+        file.check_unchanged()?;
+        let mut collector = Collector::new(self.drive.grid);
+        let mut buffer = Vec::new();
+        for block in run.blocks.clone() {
+            self.drive
+                .survey_block(run.file, block, &mut buffer, |view, transform| collector.block(view, transform))?
+                .map_err(|absurd| {
+                    Error::Input(InputError::Position {
+                        path: file.path().to_owned(),
+                        record: file.blocks()[block].first_record + absurd.record as u64,
+                        xyz: absurd.xyz,
+                    })
+                })?;
+        }
+        self.drive.sync_positions(run.file)?;
+        codec::encode(&collector.finish())
+    }
+}
+
+impl SurveyPass<'_> {
+    /// The survey of the whole drive, from the finished pass.
+    pub(crate) fn reduce(&self, dir: &PassDir) -> Result<Survey> {
+        let mut survey = Survey::default();
+        for (unit, run) in self.runs.iter().enumerate() {
+            survey.add(run.file, codec::decode(&dir.payload(unit)?)?);
+        }
+        Ok(survey)
+    }
+}

@@ -1,0 +1,86 @@
+//! What one tile knows after clustering: its objects, whole or in part, and the points it shares with others.
+
+use std::ops::RangeInclusive;
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::{ObjectPart, TileCloud};
+
+/// An object, or the part of one that lies in the core.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LocalObject {
+    /// Whether it goes on outside the core.
+    pub open: bool,
+    /// What the core holds of it.
+    pub part: ObjectPart,
+}
+
+/// A halo point with its label here.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SeamPoint {
+    /// The point.
+    pub id: u64,
+    /// Tile that owns it.
+    pub owner: u32,
+    /// Its label in this tile, from 1.
+    pub label: u32,
+}
+
+/// What one tile knows after clustering.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct LocalLabels {
+    /// Object of label 1, 2, ...
+    pub objects: Vec<LocalObject>,
+    /// Halo points of open objects in ascending id.
+    pub seams: Vec<SeamPoint>,
+}
+
+impl LocalLabels {
+    /// Keeps the labels of a tile that matter and numbers them anew from 1: those with a point in the core, unless
+    /// they are closed and their size is not in `size`. Rewrites `labels` (0: none). `owner` tells the owning tile
+    /// of a halo point, `file` the file of a point id.
+    pub fn collect(
+        cloud: &TileCloud,
+        core: &[bool],
+        labels: &mut [u32],
+        count: u32,
+        size: &RangeInclusive<u64>,
+        owner: impl Fn(usize) -> u32,
+        file: impl Fn(u64) -> u32,
+    ) -> Self {
+        let slots = count as usize + 1;
+        let mut points_in_core = vec![0_u64; slots];
+        let mut open = vec![false; slots];
+        for (label, &in_core) in labels.iter().zip(core) {
+            let slot = *label as usize;
+            points_in_core[slot] += u64::from(in_core);
+            open[slot] |= !in_core;
+        }
+        let mut number = vec![0_u32; slots];
+        let mut kept = 0;
+        for slot in 1..slots {
+            let whole_and_wanted = size.contains(&points_in_core[slot]);
+            if points_in_core[slot] > 0 && (open[slot] || whole_and_wanted) {
+                kept += 1;
+                number[slot] = kept;
+            }
+        }
+        let mut seams = Vec::new();
+        for (point, label) in labels.iter_mut().enumerate() {
+            *label = number[*label as usize];
+            if *label != 0 && !core[point] {
+                seams.push(SeamPoint { id: cloud.id[point], owner: owner(point), label: *label });
+            }
+        }
+        seams.sort_unstable_by_key(|seam| seam.id);
+        let in_core = |point: usize| core[point];
+        let parts = ObjectPart::collect(cloud, labels, kept, in_core, file);
+        let mut is_open = vec![false; kept as usize];
+        for slot in (1..slots).filter(|&slot| number[slot] != 0) {
+            is_open[number[slot] as usize - 1] = open[slot];
+        }
+        let objects =
+            parts.into_iter().zip(is_open).map(|(part, open)| LocalObject { open, part }).collect();
+        Self { objects, seams }
+    }
+}
