@@ -1,1 +1,4 @@
 //! One integration binary: one link step.
+
+mod conformance;
+mod util;
