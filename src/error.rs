@@ -119,7 +119,9 @@ impl Error {
 #[non_exhaustive]
 pub enum AlgorithmError {
     /// The points extend over more cells than the method's index can hold.
-    #[error("{method}: the points span {cells} cells of {edge_units} lattice units along one axis, at most {limit} fit")]
+    #[error(
+        "{method}: the points span {cells} cells of {edge_units} lattice units along one axis, at most {limit} fit"
+    )]
     TooManyCells {
         /// Name of the method.
         method: &'static str,
@@ -129,5 +131,13 @@ pub enum AlgorithmError {
         edge_units: u32,
         /// Cells that the index can hold.
         limit: u64,
+    },
+    /// More points in one tile than its index can count.
+    #[error("{method}: {points} points in one tile, at most {limit} can be counted", limit = u32::MAX)]
+    TooManyPoints {
+        /// Name of the method.
+        method: &'static str,
+        /// Points of the tile.
+        points: u64,
     },
 }

@@ -11,6 +11,10 @@ pub mod config;
 
 pub mod input;
 
+pub mod ground;
+
+pub mod cluster;
+
 pub mod output;
 
 pub mod store;

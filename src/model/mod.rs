@@ -2,10 +2,14 @@
 
 mod class;
 mod cloud;
+mod disjoint;
 mod frame;
 mod reach;
+mod voxels;
 
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
+pub use disjoint::DisjointSets;
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
 pub use reach::Reach;
+pub use voxels::{TileView, VoxelIndex};
