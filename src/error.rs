@@ -132,4 +132,12 @@ pub enum AlgorithmError {
         /// Cells that the index can hold.
         limit: u64,
     },
+    /// More points in one tile than its index can count.
+    #[error("{method}: {points} points in one tile, at most {limit} can be counted", limit = u32::MAX)]
+    TooManyPoints {
+        /// Name of the method.
+        method: &'static str,
+        /// Points of the tile.
+        points: u64,
+    },
 }

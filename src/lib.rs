@@ -15,6 +15,10 @@ pub mod survey;
 
 pub mod tiling;
 
+pub mod ground;
+
+pub mod cluster;
+
 pub mod output;
 
 pub mod store;

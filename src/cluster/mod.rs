@@ -3,6 +3,7 @@
 //! A method is one file here and one line in [`REGISTRY`]. It sees the points of a tile and its own parameters; no
 //! files, no paths, no threads, no clock.
 
+mod closeness;
 mod euclidean;
 
 use crate::config::ConfigError;

@@ -3,12 +3,13 @@
 //! A filter is one file here and one line in [`REGISTRY`]. It sees the points of a tile and its own parameters; no
 //! files, no paths, no threads, no clock.
 
+mod lowest;
 mod noise;
 mod voxel_column;
 
 use crate::config::ConfigError;
 use crate::error::AlgorithmError;
-use crate::model::{Lattice, PointClass, Reach, TileCloud};
+use crate::model::{Lattice, PointClass, Reach, TileView};
 
 pub use noise::{IsolatedNoise, NoiseConfig};
 pub use voxel_column::{VoxelColumn, VoxelColumnConfig};
@@ -22,11 +23,12 @@ pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     fn reach(&self, lattice: Lattice) -> Reach;
 
     /// Sets [`PointClass::Ground`] where a point is ground. `classes` holds [`PointClass::Object`], or noise, for
-    /// every point of `cloud`; noise points are invisible to the filter and keep their class.
+    /// every point of `view`; noise points are invisible to the filter and keep their class. Voxels that the view has
+    /// already are there for a filter with the same edge.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].
-    fn classify(&self, cloud: &TileCloud, classes: &mut [PointClass]) -> Result<(), AlgorithmError>;
+    fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError>;
 }
 
 /// One line of the registry.

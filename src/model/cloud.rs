@@ -114,7 +114,13 @@ impl VoxelGrid {
     #[inline]
     #[must_use]
     pub fn index(&self, axis: usize, local: i32) -> u32 {
-        (local.unsigned_abs() + self.remainder[axis]) / self.edge
+        self.position(axis, local) / self.edge
+    }
+
+    /// Lattice units along `axis` from the beginning of voxel 0 to a local coordinate (>= 0).
+    #[inline]
+    pub(super) fn position(&self, axis: usize, local: i32) -> u32 {
+        local.unsigned_abs() + self.remainder[axis]
     }
 }
 

@@ -1,19 +1,24 @@
-//! The nouns every other module shares: frames and units, point classes, reach, the points of one tile.
+//! The nouns every other module shares: frames and units, cells and zones, point classes, reach, the points of one
+//! tile and the voxels they are looked at through.
 
 mod cells;
 mod class;
 mod cloud;
+mod disjoint;
 mod frame;
 mod nearest;
 mod reach;
 mod records;
+mod voxels;
 mod zone;
 
 pub use cells::{Cell, CellCounter, CellCursor, CellGrid, CellMap};
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
+pub use disjoint::DisjointSets;
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
 pub use nearest::NearestIndex;
 pub use reach::Reach;
 pub use records::{RecordView, record_xyz};
+pub use voxels::{TileView, VoxelIndex};
 pub use zone::{Area, BlockZone};

@@ -1,0 +1,139 @@
+//! Whether any point of one set is within a distance of any point of another, exactly, in integers.
+//!
+//! Not the closest pair: the first pair found ends the search. Small sets are tried pair by pair. Large ones are
+//! first cut to the points near the other's box, then halved along the longest side of a box, nearer half first, until
+//! boxes decide or sets are small. Halving in the middle of a box, and not of the points, ends after at most as many levels as
+//! coordinates have bits, whatever lies where; piles of equal points are boxes of size 0, which always decide. Two parallel sheets
+//! of n points each slightly too far apart cost about n comparisons times the few hundred points that are nearly
+//! opposite, not n * n.
+
+/// A point in local lattice units.
+pub(super) type Point = [i32; 3];
+
+/// Pairs that are tried one by one; below it halving costs more than it saves (measured with `benches/kernels.rs`).
+const FEW_PAIRS: usize = 1_024;
+
+/// The bounding box of points, in local lattice units, both corners inclusive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Bounds {
+    low: Point,
+    high: Point,
+}
+
+impl Bounds {
+    /// The box of `points`; of none, a box from the largest to the smallest coordinate.
+    pub(super) fn of(points: &[Point]) -> Self {
+        let mut bounds = Self { low: [i32::MAX; 3], high: [i32::MIN; 3] };
+        for point in points {
+            for axis in 0..3 {
+                bounds.low[axis] = bounds.low[axis].min(point[axis]);
+                bounds.high[axis] = bounds.high[axis].max(point[axis]);
+            }
+        }
+        bounds
+    }
+
+    /// Squared distance between the nearest points of two boxes.
+    fn nearest(&self, other: &Self) -> i64 {
+        let gap = |axis: usize| {
+            let above = i64::from(self.low[axis]) - i64::from(other.high[axis]);
+            let below = i64::from(other.low[axis]) - i64::from(self.high[axis]);
+            above.max(below).max(0)
+        };
+        gap(0).pow(2) + gap(1).pow(2) + gap(2).pow(2)
+    }
+
+    /// Squared distance between the farthest points of two boxes.
+    fn farthest(&self, other: &Self) -> i64 {
+        let span = |axis: usize| {
+            let up = i64::from(self.high[axis]) - i64::from(other.low[axis]);
+            let down = i64::from(other.high[axis]) - i64::from(self.low[axis]);
+            up.max(down)
+        };
+        span(0).pow(2) + span(1).pow(2) + span(2).pow(2)
+    }
+
+    /// Squared distance from the box to a point.
+    fn to_point(&self, point: &Point) -> i64 {
+        self.nearest(&Self { low: *point, high: *point })
+    }
+
+    /// The longest side and its axis.
+    fn longest(&self) -> (i64, usize) {
+        let side = |axis: usize| (i64::from(self.high[axis]) - i64::from(self.low[axis]), axis);
+        side(0).max(side(1)).max(side(2))
+    }
+}
+
+fn squared_distance(a: &Point, b: &Point) -> i64 {
+    let delta = |axis: usize| i64::from(a[axis]) - i64::from(b[axis]);
+    delta(0).pow(2) + delta(1).pow(2) + delta(2).pow(2)
+}
+
+/// Whether some point of `a` and some point of `b`, with these boxes, are at a squared distance of at most `limit`.
+pub(super) fn any_within(a: (&[Point], &Bounds), b: (&[Point], &Bounds), limit: i64) -> bool {
+    let ((a, a_bounds), (b, b_bounds)) = (a, b);
+    if a_bounds.nearest(b_bounds) > limit {
+        return false;
+    }
+    if a.len() * b.len() <= FEW_PAIRS {
+        return a.iter().any(|p| b.iter().any(|q| squared_distance(p, q) <= limit));
+    }
+    if a_bounds.farthest(b_bounds) <= limit {
+        return true;
+    }
+    // Often the very first points of dense neighbours do.
+    if squared_distance(&a[0], &b[0]) <= limit {
+        return true;
+    }
+    halve(&mut a.to_vec(), &mut b.to_vec(), limit)
+}
+
+fn halve(a: &mut [Point], b: &mut [Point], limit: i64) -> bool {
+    let a = keep_near(a, &Bounds::of(b), limit);
+    let a_bounds = Bounds::of(a);
+    let b = keep_near(b, &a_bounds, limit);
+    let b_bounds = Bounds::of(b);
+    if a.is_empty() || b.is_empty() || a_bounds.nearest(&b_bounds) > limit {
+        return false;
+    }
+    if a_bounds.farthest(&b_bounds) <= limit {
+        return true;
+    }
+    if a.len() * b.len() <= FEW_PAIRS {
+        return a.iter().any(|p| b.iter().any(|q| squared_distance(p, q) <= limit));
+    }
+    // Boxes that do not decide are not both of size 0, so the longer side is at least 1 and both halves get points.
+    let (cut, other) = if a_bounds.longest() >= b_bounds.longest() { (a, b) } else { (b, a) };
+    let bounds = Bounds::of(cut);
+    let (side, axis) = bounds.longest();
+    let middle = i64::from(bounds.low[axis]) + (side - 1) / 2;
+    let lower = partition(cut, |point| i64::from(point[axis]) <= middle);
+    let (low, high) = cut.split_at_mut(lower);
+    let other_bounds = Bounds::of(other);
+    let (first, second) = if Bounds::of(low).nearest(&other_bounds) <= Bounds::of(high).nearest(&other_bounds)
+    {
+        (low, high)
+    } else {
+        (high, low)
+    };
+    halve(first, other, limit) || halve(second, other, limit)
+}
+
+/// Moves the points within `limit` (squared) of `bounds` to the front and returns them.
+fn keep_near<'a>(points: &'a mut [Point], bounds: &Bounds, limit: i64) -> &'a mut [Point] {
+    let near = partition(points, |point| bounds.to_point(point) <= limit);
+    &mut points[..near]
+}
+
+/// Moves the points that satisfy `front` to the front and returns how many they are; the order changes.
+fn partition(points: &mut [Point], front: impl Fn(&Point) -> bool) -> usize {
+    let mut kept = 0;
+    for index in 0..points.len() {
+        if front(&points[index]) {
+            points.swap(index, kept);
+            kept += 1;
+        }
+    }
+    kept
+}

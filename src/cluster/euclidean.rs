@@ -1,0 +1,239 @@
+//! The clustering method `euclidean`: single-link clusters of points within a fixed distance; it knows no sizes and no shapes.
+//!
+//! Source: paper 004, section 3.2. Ours: the default distance, and how it is found: not by a breadth-first search over a
+//! kd-tree, but over cells. Points of one cell of side s are within d_t of each other by construction, with the largest s (in
+//! lattice units) that has 3 (s - 1)^2 <= d_t^2; so cells are nodes, and two cells are joined when some pair of
+//! their points is within d_t. Nearest cells come first and cells that are already united are skipped, so that most pairs
+//! of cells are never looked at. Distances are compared as squares of lattice units in i64: exact for any d_t.
+//!
+//! Cost: O(points + 62 cells) plus the points of neighbouring cells that are *not* of one cluster (see `closeness`).
+//! Memory: 12 bytes per point, 24 per streak of consecutive points in a cell while sorting, 52 per cell. The bench is
+//! `benches/kernels.rs`.
+//!
+//! Known failures: those of single link: objects that touch are one (crowns of neighbouring trees, a car at a fence), an
+//! object scanned more sparsely than d_t is many.
+
+use serde::Deserialize;
+
+use super::closeness::{Bounds, Point, any_within};
+use super::{ClusterEntry, Clusterer};
+use crate::config::{self, ConfigError};
+use crate::error::AlgorithmError;
+use crate::model::{DisjointSets, Lattice, Reach, TileCloud, VoxelIndex};
+
+const NAME: &str = "euclidean";
+
+pub(super) const ENTRY: ClusterEntry = ClusterEntry {
+    name: NAME,
+    summary: "single-link clusters of points within a fixed distance",
+    reference: "paper 004, section 3.2",
+    build: |table| Ok(Box::new(Euclidean::new(&config::section(NAME, table)?)?)),
+};
+
+/// Settings of the section `[euclidean]`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EuclideanConfig {
+    /// Points at most this far apart, in metres, are of one object, 0.001 to 10. Default 0.3 (chosen: the 0.15 m of paper 004,
+    /// section 3.2, splits what is scanned from 20 m away).
+    pub d_t: f64,
+    /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (paper 004, section 3.2).
+    pub min_points: u64,
+    /// Objects with more points, in the whole drive, are dropped; 0: no limit, else at least `min_points`. Default 0.
+    pub max_points: u64,
+}
+
+impl Default for EuclideanConfig {
+    fn default() -> Self {
+        Self { d_t: 0.3, min_points: 50, max_points: 0 }
+    }
+}
+
+impl EuclideanConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] with the key and the range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        if !(0.001..=10.0).contains(&self.d_t) {
+            return Err(ConfigError::value("euclidean.d_t", self.d_t, "0.001 to 10 metres"));
+        }
+        if self.min_points == 0 {
+            return Err(ConfigError::value("euclidean.min_points", self.min_points, "at least 1 point"));
+        }
+        if self.max_points != 0 && self.max_points < self.min_points {
+            let expected = format!("0 (no limit) or at least min_points = {}", self.min_points);
+            return Err(ConfigError::value("euclidean.max_points", self.max_points, expected));
+        }
+        Ok(())
+    }
+}
+
+/// The method, see the module.
+#[derive(Debug, Clone)]
+pub struct Euclidean {
+    config: EuclideanConfig,
+}
+
+impl Euclidean {
+    /// The method with these settings.
+    ///
+    /// # Errors
+    /// Those of [`EuclideanConfig::validate`].
+    pub fn new(config: &EuclideanConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone() })
+    }
+}
+
+impl Clusterer for Euclidean {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn reach(&self, lattice: Lattice) -> Reach {
+        Reach::Exact { metres: lattice.metres(lattice.units(self.config.d_t)) }
+    }
+
+    fn object_size(&self) -> std::ops::RangeInclusive<u64> {
+        let max = if self.config.max_points == 0 { u64::MAX } else { self.config.max_points };
+        self.config.min_points..=max
+    }
+
+    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
+        let reach = cloud.lattice.units(self.config.d_t);
+        let index = VoxelIndex::build(NAME, cloud, cell_side(reach))?;
+        let cells = Cells::gather(&index, cloud);
+        let mut sets = DisjointSets::new(as_u32(index.len()));
+        for step in steps(reach) {
+            index.voxel_pairs(step.offset, step.dk, |a, b| {
+                if sets.find(a) != sets.find(b) && cells.touch(a as usize, b as usize, reach.pow(2)) {
+                    sets.union(a, b);
+                }
+            });
+        }
+        let (cell_labels, clusters) = number_by_smallest_id(&index, cloud, &mut sets);
+        for (points, cell) in index.streaks() {
+            labels[points].fill(cell_labels[cell]);
+        }
+        Ok(clusters)
+    }
+}
+
+/// The largest side s of a cell, in lattice units, with 3 (s - 1)^2 <= reach^2: points of one cell differ by s - 1 at
+/// most on each axis.
+fn cell_side(reach: i64) -> u32 {
+    u32::try_from((reach.pow(2) / 3).isqrt() + 1).unwrap_or(u32::MAX)
+}
+
+/// Cells at one column offset, and how far up or down.
+#[derive(Debug, PartialEq, Eq)]
+struct Step {
+    offset: [i64; 2],
+    dk: std::ops::RangeInclusive<i64>,
+}
+
+/// Half of the neighbours of a cell that can hold a point within `reach` of one of its own (the other half see it as their
+/// neighbour), touching cells first. A cell further than 2 away on an axis is beyond reach: its gap is more than 2 s,
+/// and s > reach / sqrt(3).
+fn steps(reach: i64) -> Vec<Step> {
+    let side = i64::from(cell_side(reach));
+    let gap_squared = |d: i64| if d == 0 { 0 } else { ((d.abs() - 1) * side + 1).pow(2) };
+    let offsets = || (0..=2_i64).flat_map(|di| (-2..=2_i64).map(move |dj| [di, dj])).filter(|&o| o >= [0, 0]);
+    let outermost = |[di, dj]: [i64; 2]| {
+        (0..=2).rev().find(|&dk| gap_squared(di) + gap_squared(dj) + gap_squared(dk) <= reach.pow(2))
+    };
+    let mut steps = Vec::new();
+    // Touching cells.
+    for offset in offsets().filter(|offset| offset.iter().all(|d| d.abs() <= 1)) {
+        if let Some(outermost) = outermost(offset) {
+            let highest = outermost.min(1);
+            let lowest = if offset == [0, 0] { 1 } else { -highest };
+            steps.push(Step { offset, dk: lowest..=highest });
+        }
+    }
+    // The rest: above and below the touching ones, then the columns further out.
+    for offset in offsets() {
+        let Some(outermost) = outermost(offset) else { continue };
+        if offset.iter().all(|d| d.abs() <= 1) {
+            steps.push(Step { offset, dk: 2..=outermost });
+            if offset != [0, 0] {
+                steps.push(Step { offset, dk: -outermost..=-2 });
+            }
+        } else {
+            steps.push(Step { offset, dk: -outermost..=outermost });
+        }
+    }
+    steps.retain(|step| !step.dk.is_empty());
+    steps
+}
+
+/// The coordinates of the points, cell by cell.
+struct Cells {
+    points: Vec<Point>,
+    first: Vec<u32>,
+    bounds: Vec<Bounds>,
+}
+
+impl Cells {
+    fn gather(index: &VoxelIndex, cloud: &TileCloud) -> Self {
+        let mut cells = Self {
+            points: Vec::with_capacity(cloud.len()),
+            first: Vec::with_capacity(index.len() + 1),
+            bounds: Vec::with_capacity(index.len()),
+        };
+        for cell in 0..index.len() {
+            let first = cells.points.len();
+            for range in index.voxel_points(cell) {
+                cells.points.extend(range.map(|point| [cloud.x[point], cloud.y[point], cloud.z[point]]));
+            }
+            cells.first.push(as_u32(first));
+            cells.bounds.push(Bounds::of(&cells.points[first..]));
+        }
+        cells.first.push(as_u32(cloud.len()));
+        cells
+    }
+
+    fn points(&self, cell: usize) -> (&[Point], &Bounds) {
+        let range = self.first[cell] as usize..self.first[cell + 1] as usize;
+        (&self.points[range], &self.bounds[cell])
+    }
+
+    /// Whether some points of the two cells are at a squared distance of at most `limit`.
+    fn touch(&self, a: usize, b: usize, limit: i64) -> bool {
+        any_within(self.points(a), self.points(b), limit)
+    }
+}
+
+/// The label of every cell, and how many there are: sets are numbered from 1 by the smallest id of their points, so
+/// that the order of the points does not matter.
+fn number_by_smallest_id(index: &VoxelIndex, cloud: &TileCloud, sets: &mut DisjointSets) -> (Vec<u32>, u32) {
+    let roots: Vec<u32> = (0..as_u32(index.len())).map(|cell| sets.find(cell)).collect();
+    let mut smallest = vec![u64::MAX; index.len()];
+    for (points, cell) in index.streaks() {
+        let slot = &mut smallest[roots[cell] as usize];
+        *slot = cloud.id[points].iter().fold(*slot, |smallest, &id| smallest.min(id));
+    }
+    let mut order: Vec<(u64, u32)> = roots
+        .iter()
+        .zip(0..)
+        .filter(|&(&root, cell)| root == cell)
+        .map(|(_, cell)| (smallest[cell as usize], cell))
+        .collect();
+    order.sort_unstable();
+    let mut label_of_root = vec![0; index.len()];
+    for (label, &(_, root)) in (1..).zip(&order) {
+        label_of_root[root as usize] = label;
+    }
+    let labels = roots.into_iter().map(|root| label_of_root[root as usize]).collect();
+    (labels, as_u32(order.len()))
+}
+
+/// A count of cells or points; `VoxelIndex::build` has checked that they fit.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "at most as many cells as points, checked by VoxelIndex::build"
+)]
+fn as_u32(count: usize) -> u32 {
+    count as u32
+}

@@ -1,0 +1,175 @@
+//! Isolated noise: small groups of voxels that touch nothing else; it does not look at shape, intensity or time.
+//!
+//! Source: paper 000, section 3.1 (seed fill over 26-neighbours, components of fewer than 10 points removed). Ours: the
+//! threshold counts points, not voxels, and noise is told high from low for the LAS classes 18 and 7.
+//!
+//! The decision is exact in one pass. Two facts bound how far it looks, n being `min_component_points`: a component
+//! of fewer than n points has at most n - 1 voxels, so all of it and of the empty shell around it lies at most n - 1
+//! voxels from any of its points; and a component that is larger has, within n - 1 voxels of any of its points, at least n
+//! voxels and so n points. Nobody sees how long it goes on, and nobody needs to.
+//!
+//! Cost: O(points) to cut the cloud (shared with a ground filter of the same voxel), O(voxels) after that. Memory per
+//! voxel: 8 bytes beside the voxels themselves. The bench is `benches/kernels.rs`.
+//!
+//! Known failures: mixed pixels close to a surface are connected to it and stay; a bird of ten returns stays.
+
+use std::f64::consts::SQRT_2;
+
+use serde::Deserialize;
+
+use super::lowest::{NONE, lowest_within};
+use crate::config::ConfigError;
+use crate::error::AlgorithmError;
+use crate::model::{DisjointSets, Lattice, PointClass, Reach, TileView, VoxelIndex};
+
+const NAME: &str = "noise";
+
+/// Horizontal radius in metres of the neighbourhood that high noise is measured above: that of `voxel-column` (paper
+/// 000, section 3.1.2), so that "ground nearby" means the same to both.
+const NEIGHBOURHOOD_M: f64 = 1.5;
+
+/// Settings of the section `[noise]`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NoiseConfig {
+    /// Whether isolated noise is looked for at all. Default true (paper 000, section 3.1).
+    pub enabled: bool,
+    /// Edge of a voxel in metres, 0.01 to 10. Default 0.3 (paper 000, Table 2).
+    pub voxel: f64,
+    /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 1,000. Default 10 (paper 000, section
+    /// 3.1). The context that tiles need grows with it.
+    pub min_component_points: u32,
+    /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to 1,000. Default
+    /// 2.0 (chosen, because below it stand people, cars and rain).
+    pub high: f64,
+}
+
+impl Default for NoiseConfig {
+    fn default() -> Self {
+        Self { enabled: true, voxel: 0.3, min_component_points: 10, high: 2.0 }
+    }
+}
+
+impl NoiseConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] with the key and the range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        if !(0.01..=10.0).contains(&self.voxel) {
+            return Err(ConfigError::value("noise.voxel", self.voxel, "0.01 to 10 metres"));
+        }
+        if !(1..=1_000).contains(&self.min_component_points) {
+            let value = self.min_component_points;
+            return Err(ConfigError::value("noise.min_component_points", value, "1 to 1000 points"));
+        }
+        if !(0.0..=1_000.0).contains(&self.high) {
+            return Err(ConfigError::value("noise.high", self.high, "0 to 1000 metres"));
+        }
+        Ok(())
+    }
+}
+
+/// Finds isolated noise in the points of a tile.
+#[derive(Debug, Clone)]
+pub struct IsolatedNoise {
+    config: NoiseConfig,
+}
+
+impl IsolatedNoise {
+    /// The filter with these settings.
+    ///
+    /// # Errors
+    /// Those of [`NoiseConfig::validate`].
+    pub fn new(config: &NoiseConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone() })
+    }
+
+    /// How far from a point other points matter for whether it is noise: n voxels along each axis (see above), so
+    /// sqrt(2) times that in the plane. The engine believes the verdict only for points that have this much context.
+    #[must_use]
+    pub fn reach(&self, lattice: Lattice) -> Reach {
+        if !self.config.enabled {
+            return Reach::Exact { metres: 0.0 };
+        }
+        let voxel_m = lattice.metres(lattice.units(self.config.voxel));
+        Reach::Exact { metres: f64::from(self.config.min_component_points) * voxel_m * SQRT_2 }
+    }
+
+    /// How far from a noise point the verdict on other points matters for whether it is high or low. To be added to
+    /// [`Self::reach`], just like the reach of the ground filter; the larger of the two does for both.
+    #[must_use]
+    pub fn height_reach(&self, lattice: Lattice) -> Reach {
+        if !self.config.enabled {
+            return Reach::Exact { metres: 0.0 };
+        }
+        let voxel_m = lattice.metres(lattice.units(self.config.voxel));
+        Reach::Exact { metres: NEIGHBOURHOOD_M + voxel_m * SQRT_2 }
+    }
+
+    /// Sets the noise among the points of `view` to [`PointClass::LowNoise`] or [`PointClass::HighNoise`]; `classes`
+    /// has one entry per point, and those of other points stay. Components are those of the points given: at the edge of
+    /// a tile they look small, which is what the context is for.
+    ///
+    /// # Errors
+    /// When the points cannot be indexed, see [`AlgorithmError`].
+    pub fn mark(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
+        if !self.config.enabled {
+            return Ok(());
+        }
+        let lattice = view.cloud().lattice;
+        let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
+        let is_noise = small_components(index, self.config.min_component_points);
+        if !is_noise.contains(&true) {
+            return Ok(());
+        }
+        let verdicts = self.heights(index, &is_noise, lattice);
+        for (points, voxel) in index.streaks() {
+            if let Some(class) = verdicts[voxel] {
+                classes[points].fill(class);
+            }
+        }
+        Ok(())
+    }
+
+    /// High or low for every noise voxel.
+    fn heights(&self, index: &VoxelIndex, is_noise: &[bool], lattice: Lattice) -> Vec<Option<PointClass>> {
+        let lows: Vec<u32> = (0..index.columns().len())
+            .map(|column| index.column_voxels(column).find(|&voxel| !is_noise[voxel]))
+            .map(|voxel| voxel.map_or(NONE, |voxel| index.heights()[voxel]))
+            .collect();
+        let lowest = lowest_within(index, lattice.units(NEIGHBOURHOOD_M), &lows);
+        let (edge, high) = (i64::from(index.grid().edge), lattice.units(self.config.high));
+        let mut verdicts = vec![None; index.len()];
+        for (column, &low) in lowest.iter().enumerate() {
+            for voxel in index.column_voxels(column).filter(|&voxel| is_noise[voxel]) {
+                let above = (i64::from(index.heights()[voxel]) - i64::from(low)) * edge;
+                let is_high = low != NONE && above > high;
+                verdicts[voxel] = Some(if is_high { PointClass::HighNoise } else { PointClass::LowNoise });
+            }
+        }
+        verdicts
+    }
+}
+
+/// An edge in metres as lattice units; positive, because the settings are at least 1 cm.
+pub(super) fn voxel_edge(lattice: Lattice, metres: f64) -> u32 {
+    u32::try_from(lattice.units(metres)).unwrap_or(u32::MAX)
+}
+
+/// Whether each voxel is in a 26-connected component of fewer than `min_points` points.
+fn small_components(index: &VoxelIndex, min_points: u32) -> Vec<bool> {
+    let mut sets = DisjointSets::new(u32::try_from(index.len()).unwrap_or(u32::MAX));
+    let mut join = |a: u32, b: u32| sets.union(a, b);
+    index.voxel_pairs([0, 0], 1..=1, &mut join);
+    for offset in [[0, 1], [1, -1], [1, 0], [1, 1]] {
+        index.voxel_pairs(offset, -1..=1, &mut join);
+    }
+    let mut sizes = vec![0_u32; index.len()];
+    let roots: Vec<usize> = (0_u32..).take(index.len()).map(|voxel| sets.find(voxel) as usize).collect();
+    for (&root, &count) in roots.iter().zip(index.counts()) {
+        sizes[root] += count;
+    }
+    roots.into_iter().map(|root| sizes[root] < min_points).collect()
+}
