@@ -11,6 +11,7 @@ use crate::config::ConfigError;
 use crate::input::InputError;
 use crate::output::OutputError;
 use crate::store::StoreError;
+use crate::survey::SurveyError;
 
 /// What went wrong, with the object it went wrong with.
 #[derive(Debug, thiserror::Error)]
@@ -22,6 +23,9 @@ pub enum Error {
     /// An input file is missing, damaged or not acceptable.
     #[error(transparent)]
     Input(#[from] InputError),
+    /// The drive as a whole cannot be surveyed.
+    #[error(transparent)]
+    Survey(#[from] SurveyError),
     /// A result could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -88,7 +92,7 @@ impl Error {
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Config(_) => ErrorKind::Config,
-            Self::Input(_) => ErrorKind::Input,
+            Self::Input(_) | Self::Survey(_) => ErrorKind::Input,
             Self::Output(_) => ErrorKind::Output,
             Self::Store(error) => error.kind(),
             Self::Algorithm(_) => ErrorKind::Input,
@@ -104,6 +108,7 @@ impl Error {
         match self {
             Self::Config(error) => error.hint(),
             Self::Input(error) => error.hint(),
+            Self::Survey(error) => error.hint(),
             Self::Output(error) => error.hint(),
             Self::Store(error) => error.hint(),
             Self::Algorithm(_) => None,

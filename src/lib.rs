@@ -19,8 +19,12 @@ pub mod ground;
 
 pub mod cluster;
 
+pub mod stitch;
+
 pub mod output;
 
 pub mod store;
+
+pub mod run;
 
 pub use error::{AlgorithmError, Error, ErrorKind, Result};

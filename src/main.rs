@@ -1,3 +1,9 @@
-//! The `chainage` program.
+//! The `chainage` program: parse, resolve, run, exit code.
 
-fn main() {}
+mod cli;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::main()
+}

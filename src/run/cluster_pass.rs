@@ -9,7 +9,7 @@ use crate::stitch::{LocalLabels, Stitched, Stitcher};
 use crate::store::{PassDir, StoreError};
 
 /// Bytes per object point that a tile of this pass needs at its peak, measured; see `benches/results`.
-const BYTES_PER_POINT: u64 = 88;
+pub(crate) const BYTES_PER_POINT: u64 = 88;
 
 pub(crate) struct ClusterPass<'a> {
     pub(crate) tiles: &'a Tiles<'a>,

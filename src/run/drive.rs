@@ -2,10 +2,12 @@
 
 use std::ops::Range;
 
+use crate::config::Config;
 use crate::error::Result;
 use crate::input::{Catalog, Fields, InputFile};
 use crate::model::{CellGrid, Lattice, LatticeTransform, RecordView};
 use crate::store::{Column, RunDir, StoreError};
+use crate::survey::{Collector, SurveyError};
 
 /// Smallest and largest number of points of one unit of a pass over blocks.
 const UNIT_POINTS: (u64, u64) = (400_000, 8_000_000);
@@ -40,10 +42,17 @@ pub(crate) struct Drive {
 }
 
 impl Drive {
+    /// The drive of `catalog` without columns: enough to survey and to plan.
+    pub(crate) fn without_columns(catalog: Catalog, config: &Config) -> Self {
+        let grid = CellGrid::new(catalog.lattice().units(config.tiling.cell));
+        let positions = catalog.files().iter().map(|_| None).collect();
+        Self { catalog, grid, positions, classes: Vec::new(), labels: Vec::new() }
+    }
+
     /// The drive of `catalog` with its columns in `run_dir`.
-    pub(crate) fn open(catalog: Catalog, grid: CellGrid, run_dir: &RunDir) -> Result<Self> {
-        let mut drive =
-            Self { catalog, grid, positions: Vec::new(), classes: Vec::new(), labels: Vec::new() };
+    pub(crate) fn open(catalog: Catalog, config: &Config, run_dir: &RunDir) -> Result<Self> {
+        let mut drive = Self::without_columns(catalog, config);
+        drive.positions.clear();
         for (number, file) in drive.catalog.files().iter().enumerate() {
             let records = file.point_count();
             let unpacked = file.is_compressed();
@@ -94,30 +103,33 @@ impl Drive {
         runs
     }
 
-    /// The records of a block straight from the file (decoded, if compressed), for the survey; unpacks positions.
-    pub(crate) fn survey_block<T>(
+    /// Surveys a block straight from the file (decoded, if compressed), and unpacks its positions.
+    pub(crate) fn survey_block(
         &self,
         file: usize,
         block: usize,
         buffer: &mut Vec<u8>,
-        see: impl FnOnce(&RecordView<'_>, &LatticeTransform) -> T,
-    ) -> Result<T> {
+        collector: &mut Collector,
+    ) -> Result<()> {
         let input = self.file(file);
-        let layout = input.layout();
-        let seen;
+        let (layout, run) = (input.layout(), &input.blocks()[block]);
         {
             let bytes = input.records(block, Fields::Geometry, buffer)?;
             let view = RecordView { bytes, stride: layout.record_len, gps_time: layout.gps_time };
             if let Some(positions) = &self.positions[file] {
                 let xyz: Vec<[i32; 3]> = view.xyz().collect();
                 positions
-                    .write_run(input.blocks()[block].first_record, &xyz)
+                    .write_run(run.first_record, &xyz)
                     .map_err(StoreError::io("write", positions.path()))?;
             }
-            seen = see(&view, input.transform());
+            collector.block(&view, input.transform()).map_err(|absurd| SurveyError::Position {
+                path: input.path().to_owned(),
+                record: run.first_record + absurd.record as u64,
+                xyz: absurd.xyz,
+            })?;
         }
         input.release(block);
-        Ok(seen)
+        Ok(())
     }
 
     /// Makes unpacked positions of a file survive a power cut.

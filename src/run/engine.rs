@@ -13,6 +13,7 @@ use crossbeam_channel::bounded;
 use serde_json::json;
 
 use crate::error::{Error, Result};
+use crate::input::InputError;
 use crate::run::observe::{Event, Observer};
 use crate::store::{PassDir, RunDir, UnitState};
 
@@ -202,7 +203,7 @@ fn run_unit(pass: &dyn Pass, dir: &PassDir, unit: usize) -> Result<()> {
 
 /// Whether the other units would fail for the same reason: nothing can be written any more, or the input changed.
 fn is_fatal(error: &Error) -> bool {
-    matches!(error, Error::Store(_) | Error::Output(_)) || matches!(error, Error::Input(input) if input.is_change())
+    matches!(error, Error::Store(_) | Error::Output(_)) || matches!(error, Error::Input(InputError::Changed { .. }))
 }
 
 /// What the pass as a whole came to: the error to return, if any.

@@ -13,7 +13,7 @@ use crate::run::tiles::Tiles;
 
 /// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting), measured; see
 /// `benches/results`.
-const BYTES_PER_POINT: u64 = 72;
+pub(crate) const BYTES_PER_POINT: u64 = 72;
 
 pub(crate) struct GroundPass<'a> {
     pub(crate) tiles: &'a Tiles<'a>,

@@ -1,7 +1,6 @@
 //! Pass `survey`: streams through every block once; keeps the zone map, the occupancy raster and the time bins.
 
-use crate::error::{Error, Result};
-use crate::input::InputError;
+use crate::error::Result;
 use crate::run::codec;
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
@@ -46,15 +45,7 @@ impl Pass for SurveyPass<'_> {
         let mut collector = Collector::new(self.drive.grid);
         let mut buffer = Vec::new();
         for block in run.blocks.clone() {
-            self.drive
-                .survey_block(run.file, block, &mut buffer, |view, transform| collector.block(view, transform))?
-                .map_err(|absurd| {
-                    Error::Input(InputError::Position {
-                        path: file.path().to_owned(),
-                        record: file.blocks()[block].first_record + absurd.record as u64,
-                        xyz: absurd.xyz,
-                    })
-                })?;
+            self.drive.survey_block(run.file, block, &mut buffer, &mut collector)?;
         }
         self.drive.sync_positions(run.file)?;
         codec::encode(&collector.finish())

@@ -313,6 +313,39 @@ impl PassDir {
         })
     }
 
+    /// Numbers of the units that have a file, whether or not it fits, ascending.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn stored_units(&self) -> Result<Vec<usize>, StoreError> {
+        let entries = match fs_err::read_dir(&self.folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(source) => return Err(StoreError::Io { action: "read", path: self.folder.clone(), source }),
+        };
+        let mut units = Vec::new();
+        for entry in entries {
+            let name = entry.map_err(StoreError::io("read", &self.folder))?.file_name();
+            let number = name.to_str().and_then(|name| name.strip_prefix("unit-")?.strip_suffix(".bin"));
+            units.extend(number.and_then(|number| number.parse::<usize>().ok()));
+        }
+        units.sort_unstable();
+        Ok(units)
+    }
+
+    /// Removes the pass with all its results.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn clear(&self) -> Result<(), StoreError> {
+        match fs_err::remove_dir_all(&self.folder) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(StoreError::Io { action: "remove", path: self.folder.clone(), source: error })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Takes back a unit's result before anything it stands for is overwritten.
     ///
     /// # Errors

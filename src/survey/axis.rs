@@ -126,6 +126,28 @@ impl Axis {
         })
     }
 
+    /// One number for vertices and chainage.
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+        for (vertex, chainage) in self.vertices.iter().zip(&self.chainage) {
+            [vertex[0], vertex[1], *chainage].iter().for_each(|value| hasher.update(&value.to_le_bytes()));
+        }
+        hasher.digest()
+    }
+
+    /// A vertex about every `spacing_m` metres of chainage, with its chainage.
+    pub fn marks(&self, spacing_m: f64) -> impl Iterator<Item = ([f64; 2], f64)> {
+        let mut due = 0.0;
+        self.vertices.iter().zip(&self.chainage).filter_map(move |(vertex, &chainage)| {
+            if chainage < due {
+                return None;
+            }
+            due = (chainage / spacing_m).floor() * spacing_m + spacing_m;
+            Some((*vertex, chainage))
+        })
+    }
+
     /// Length in metres: chainage of the last vertex.
     #[must_use]
     pub fn length_m(&self) -> f64 {

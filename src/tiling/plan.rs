@@ -3,7 +3,7 @@
 //! A core is a set of cells with neighbouring chainage. The halo is the dilation of the core in the plane by the
 //! reach of the method, never "chainage plus or minus": on a loop, tiles are neighbours that are far apart in time.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::model::{Area, Cell, CellGrid, CellMap};
 
@@ -12,7 +12,7 @@ use crate::model::{Area, Cell, CellGrid, CellMap};
 const CORE_EXTENT_CELLS: i64 = 60_000;
 
 /// How long a tile is.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum TileSize {
     /// At most about so many points in the core.
     Points(u64),
@@ -113,6 +113,26 @@ impl Plan {
     #[must_use]
     pub fn owners(&self) -> &CellMap<u32> {
         &self.owner
+    }
+
+    /// Points that tile number `tile` reads with a reach of `reach` lattice units.
+    #[must_use]
+    pub fn region_points(&self, tile: usize, reach: i64) -> u64 {
+        self.region(tile, reach).points
+    }
+
+    /// One number for the whole geometry: which cell belongs to which tile.
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+        for tile in &self.tiles {
+            hasher.update(&(tile.cells.len() as u64).to_le_bytes());
+            for cell in &tile.cells {
+                hasher.update(&cell[0].to_le_bytes());
+                hasher.update(&cell[1].to_le_bytes());
+            }
+        }
+        hasher.digest()
     }
 
     /// What tile number `tile` reads: its core and every occupied cell within `reach` lattice units of it.

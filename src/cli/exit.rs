@@ -1,0 +1,85 @@
+//! Exit codes, and how an error is told: once, with its causes and the next command to type.
+
+use std::io::{self, Write};
+
+use chainage::{Error, ErrorKind};
+
+pub(crate) const DONE: u8 = 0;
+pub(crate) const BUG: u8 = 1;
+// 2 is clap's own code for wrong usage.
+pub(crate) const CONFIG: u8 = 3;
+pub(crate) const INPUT: u8 = 4;
+pub(crate) const OUTPUT: u8 = 5;
+pub(crate) const STATE: u8 = 6;
+pub(crate) const LOCKED: u8 = 7;
+pub(crate) const UNITS_FAILED: u8 = 8;
+pub(crate) const INTERRUPTED: u8 = 130;
+
+/// A command that did not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CliError {
+    /// The library says no.
+    #[error(transparent)]
+    Library(#[from] Error),
+    /// Standard output or a file of the command line's own cannot be written.
+    #[error("cannot write {target}")]
+    Write {
+        target: String,
+        source: io::Error,
+    },
+}
+
+impl CliError {
+    /// Standard output cannot be written.
+    pub(crate) fn stdout(source: io::Error) -> Self {
+        Self::Write { target: "to standard output".to_owned(), source }
+    }
+
+    /// Whether the reader of a pipe went away, which is no failure of ours.
+    pub(crate) fn is_broken_pipe(&self) -> bool {
+        matches!(self, Self::Write { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
+    }
+
+    /// The exit code.
+    pub(crate) fn code(&self) -> u8 {
+        match self {
+            Self::Write { .. } => OUTPUT,
+            Self::Library(error) => match error.kind() {
+                ErrorKind::Bug => BUG,
+                ErrorKind::Config => CONFIG,
+                ErrorKind::Input => INPUT,
+                ErrorKind::Output => OUTPUT,
+                ErrorKind::State => STATE,
+                ErrorKind::Locked => LOCKED,
+                ErrorKind::UnitsFailed => UNITS_FAILED,
+                ErrorKind::Interrupted => INTERRUPTED,
+            },
+        }
+    }
+
+    /// Tells the error on standard error.
+    pub(crate) fn print(&self) {
+        let mut text = format!("error: {self}\n");
+        let mut cause = std::error::Error::source(self);
+        while let Some(source) = cause {
+            text.push_str(&format!("caused by: {source}\n"));
+            cause = source.source();
+        }
+        if let Self::Library(error) = self
+            && let Some(hint) = error.hint()
+        {
+            text.push_str(&format!("hint: {hint}\n"));
+        }
+        // Where standard error is closed there is nobody left to tell.
+        let _ = io::stderr().write_all(text.as_bytes());
+    }
+}
+
+/// Makes a panic outside a tile end with exit code 1 and a text that asks for a report.
+pub(crate) fn install_panic_text() {
+    let default = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        default(panic);
+        let _ = io::stderr().write_all(b"this is a bug of chainage: please report it with the command line\n");
+    }));
+}

@@ -1,0 +1,47 @@
+//! The command line: arguments, settings, progress, exit codes. The only user of clap, indicatif and ctrlc.
+
+mod args;
+mod drive_args;
+mod exit;
+mod info;
+mod inspect;
+mod pages;
+mod plan;
+mod print;
+mod progress;
+mod run;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Command, Program};
+use exit::CliError;
+
+/// Runs the program.
+pub(crate) fn main() -> ExitCode {
+    exit::install_panic_text();
+    let program = Program::parse();
+    let result = match &program.command {
+        Command::Info(args) => args.run(),
+        Command::Plan(args) => args.run(),
+        Command::Run(args) => args.run(),
+        Command::Status(args) => args.run(),
+        Command::Demo(args) => args.run(),
+        Command::Methods => pages::methods(),
+        Command::Config => pages::config(),
+        Command::Completions(args) => args.run(),
+        Command::Man => pages::man(),
+    };
+    match result {
+        Ok(code) => ExitCode::from(code),
+        Err(error) if error.is_broken_pipe() => ExitCode::from(exit::DONE),
+        Err(error) => {
+            error.print();
+            ExitCode::from(error.code())
+        }
+    }
+}
+
+/// Result of a command: its exit code.
+type Outcome = Result<u8, CliError>;

@@ -1,0 +1,76 @@
+//! Printing results to standard output: tables for people, JSON for scripts.
+
+use std::io::Write;
+
+use serde::Serialize;
+
+use crate::cli::exit::CliError;
+
+/// Prints text as it is.
+pub(crate) fn text(text: &str) -> Result<(), CliError> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(CliError::stdout)
+}
+
+/// Prints a value as indented JSON.
+pub(crate) fn json(value: &impl Serialize) -> Result<(), CliError> {
+    let written = serde_json::to_string_pretty(value).map_err(|error| CliError::stdout(error.into()))?;
+    text(&format!("{written}\n"))
+}
+
+/// A table with a header; the first column is flush left, the others flush right.
+pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        rows.iter().map(|row| row[column].chars().count()).chain([header[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let line = |cells: &[String]| {
+        let mut text = String::new();
+        for (column, (cell, &width)) in cells.iter().zip(&widths).enumerate() {
+            if column == 0 {
+                text.push_str(&format!("  {cell:<width$}"));
+            } else {
+                text.push_str(&format!("  {cell:>width$}"));
+            }
+        }
+        format!("{}\n", text.trim_end())
+    };
+    let names: Vec<String> = header.iter().map(ToString::to_string).collect();
+    let mut text = line(&names);
+    rows.iter().for_each(|row| text.push_str(&line(row)));
+    text
+}
+
+/// A count with separators: 1,234,567.
+pub(crate) fn count(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (at, digit) in digits.chars().enumerate() {
+        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Bytes as MiB or GiB.
+pub(crate) fn bytes(number: u64) -> String {
+    let mib = number as f64 / f64::from(1 << 20);
+    if mib < 1024.0 { format!("{mib:.1} MiB") } else { format!("{:.2} GiB", mib / 1024.0) }
+}
+
+/// Warnings as lines.
+pub(crate) fn warnings(list: &[String]) -> String {
+    list.iter().map(|text| format!("  warning: {text}\n")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_have_separators() {
+        assert_eq!([count(0), count(999), count(1_000), count(1_234_567)].join(" "), "0 999 1,000 1,234,567");
+    }
+}

@@ -1,0 +1,167 @@
+//! `chainage run` and `chainage demo`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use chainage::config::Config;
+use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, run};
+
+use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::exit::CliError;
+use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::{Outcome, exit, print};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// Output directory; an existing run in it is resumed
+    #[arg(short, long, value_name = "DIRECTORY")]
+    out: PathBuf,
+    /// Discard the state of an earlier run in the output directory
+    #[arg(long)]
+    fresh: bool,
+    #[command(flatten)]
+    show: Show,
+    #[command(flatten)]
+    output: OutputSettings,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Display")]
+struct Show {
+    /// How progress is shown on standard error
+    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
+    progress: ProgressChoice,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Output")]
+struct OutputSettings {
+    /// Format of the labelled copies [default: same]
+    #[arg(long, value_name = "same|las|laz")]
+    output_format: Option<String>,
+    /// Leave the classification of all records as it is
+    #[arg(long)]
+    keep_classification: bool,
+    /// Stop at the first tile that fails instead of finishing the others
+    #[arg(long)]
+    fail_fast: bool,
+}
+
+impl OutputSettings {
+    fn assignments(&self) -> Vec<(&'static str, String)> {
+        let mut list = Vec::new();
+        if let Some(format) = &self.output_format {
+            list.push(("output.format", format!("{format:?}")));
+        }
+        if self.keep_classification {
+            list.push(("output.classification", "\"keep\"".to_owned()));
+        }
+        if self.fail_fast {
+            list.push(("run.fail_fast", "true".to_owned()));
+        }
+        list
+    }
+}
+
+impl RunArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let config = self.settings.resolve(&self.output.assignments())?;
+        let summary = process(self.inputs.files.clone(), &self.out, config, self.fresh, self.show.progress)?;
+        if self.show.json { print::json(&summary)? } else { print::text(&page(&summary, &self.out))? }
+        Ok(exit::DONE)
+    }
+}
+
+/// Runs a drive under Ctrl-C.
+fn process(
+    inputs: Vec<PathBuf>,
+    out: &Path,
+    config: Config,
+    fresh: bool,
+    progress: ProgressChoice,
+) -> Result<RunSummary, CliError> {
+    let cancel = Arc::new(CancelToken::default());
+    listen(&cancel)?;
+    let progress = Progress::new(progress);
+    let request = RunRequest { inputs, out: out.to_owned(), config, fresh, registries: Registries::default() };
+    Ok(run(&request, &progress, &cancel)?)
+}
+
+/// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume.
+fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
+    let (cancel, asked) = (Arc::clone(cancel), AtomicBool::new(false));
+    ctrlc::set_handler(move || {
+        if asked.swap(true, Ordering::Relaxed) {
+            // The state is consistent at every moment, so leaving at once loses only what is in flight.
+            leave();
+        }
+        cancel.cancel();
+    })
+    .map_err(|error| CliError::Write { target: "the handler of Ctrl-C".to_owned(), source: std::io::Error::other(error) })
+}
+
+#[expect(clippy::disallowed_methods, reason = "a second Ctrl-C must not wait for the workers")]
+fn leave() -> ! {
+    std::process::exit(i32::from(exit::INTERRUPTED))
+}
+
+fn page(summary: &RunSummary, out: &Path) -> String {
+    let share = |part: u64| 100.0 * part as f64 / summary.points.max(1) as f64;
+    let counts = &summary.counts;
+    let mut text = format!(
+        "  {} points, {} objects, {} tiles{}\n",
+        print::count(summary.points),
+        print::count(summary.objects as u64),
+        summary.tiles,
+        if summary.nothing_to_do { "; everything was there already" } else { "" }
+    );
+    text.push_str(&format!(
+        "  ground {:.1} %, noise {:.2} %, objects {:.1} %\n",
+        share(counts.ground),
+        share(counts.low_noise + counts.high_noise),
+        share(counts.object)
+    ));
+    let rate = summary.points as f64 / summary.seconds.max(1e-9) / 1e6;
+    text.push_str(&format!("  {:.1} s, {rate:.2} M points/s", summary.seconds));
+    if let Some(peak) = summary.peak_resident_bytes {
+        text.push_str(&format!(", peak memory {}", print::bytes(peak)));
+    }
+    text.push_str(&format!("\n  {}: labelled files, objects.csv, objects.geojson, report.json\n", out.display()));
+    text
+}
+
+/// The sample: one sweep of a vehicle scanner on a road with two rows of trees, see NOTICE.
+const SAMPLE: &[u8] = include_bytes!("../../tests/data/tree_road_sweep.laz");
+const SAMPLE_NAME: &str = "tree_road_sweep.laz";
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct DemoArgs {
+    /// Output directory
+    #[arg(short, long, value_name = "DIRECTORY", default_value = "chainage-demo")]
+    out: PathBuf,
+}
+
+impl DemoArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let folder = self.out.join("input");
+        let input = folder.join(SAMPLE_NAME);
+        let failed = |source| CliError::Write { target: input.display().to_string(), source };
+        if std::fs::read(&input).map_or(true, |bytes| bytes != SAMPLE) {
+            std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&input, SAMPLE)).map_err(failed)?;
+        }
+        let out = self.out.join("output");
+        // One sweep has about a hundredth of the points of a drive: objects may be smaller.
+        let config = Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
+        let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
+        print::text(&page(&summary, &out))?;
+        Ok(exit::DONE)
+    }
+}

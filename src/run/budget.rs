@@ -1,0 +1,83 @@
+//! How many threads, how much memory, and how long tiles may be for it.
+
+use crate::config::RunConfig;
+
+/// Points of a tile at most: beyond this, larger tiles save hardly any halo and only delay balance and resuming.
+const LARGEST_TILE_POINTS: u64 = 4_000_000;
+/// Points of a tile at least, however little memory there is: below this a tile is mostly halo.
+const SMALLEST_TILE_POINTS: u64 = 20_000;
+/// A small drive is cut so that workers share it, but not into tiles smaller than this.
+const SHARED_TILE_POINTS: u64 = 400_000;
+/// Memory assumed where the system does not say what is free.
+const UNKNOWN_FREE_BYTES: u64 = 4 << 30;
+
+/// Threads and memory of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Budget {
+    /// Worker threads.
+    pub(crate) threads: usize,
+    /// Bytes for the points in flight.
+    pub(crate) memory: u64,
+}
+
+impl Budget {
+    /// The budget that the settings ask for.
+    pub(crate) fn resolve(config: &RunConfig) -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = if config.threads == 0 { cores } else { config.threads };
+        let memory = if config.memory_mib == 0 { free_bytes() / 2 } else { config.memory_mib << 20 };
+        Self { threads, memory }
+    }
+
+    /// Core points per tile to try first for a drive of `points`, when a point in flight takes `bytes_per_point`.
+    pub(crate) fn tile_points(&self, points: u64, bytes_per_point: u64) -> u64 {
+        let threads = self.threads as u64;
+        let fitting = self.memory / (threads * bytes_per_point).max(1);
+        let shared = (points / (2 * threads).max(1)).max(SHARED_TILE_POINTS);
+        fitting.min(shared).min(LARGEST_TILE_POINTS).max(SMALLEST_TILE_POINTS)
+    }
+
+    /// Core points per tile to try after tiles of `tried` points needed `needed` bytes each; `None` when they fit.
+    pub(crate) fn smaller(&self, tried: u64, needed: u64) -> Option<u64> {
+        let each = self.memory / self.threads as u64;
+        if needed <= each || tried <= SMALLEST_TILE_POINTS {
+            return None;
+        }
+        // The halo does not shrink with the core, so the share is taken a little smaller than the ratio.
+        let share = (each as f64 / needed as f64 * 0.9).min(0.8);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a u64")]
+        let next = (tried as f64 * share) as u64;
+        Some(next.max(SMALLEST_TILE_POINTS))
+    }
+}
+
+/// Bytes of memory that are free, as the system sees it.
+fn free_bytes() -> u64 {
+    status_kib("/proc/meminfo", "MemAvailable:").map_or(UNKNOWN_FREE_BYTES, |kib| kib << 10)
+}
+
+/// Peak resident set of this process in bytes, mapped pages included; `None` where the system does not say.
+pub(crate) fn peak_resident_bytes() -> Option<u64> {
+    status_kib("/proc/self/status", "VmHWM:").map(|kib| kib << 10)
+}
+
+fn status_kib(path: &str, field: &str) -> Option<u64> {
+    let text = fs_err::read_to_string(path).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix(field))?;
+    line.split_whitespace().next()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_fit_the_budget_and_share_small_drives() {
+        let budget = Budget { threads: 2, memory: 400 << 20 };
+        assert_eq!(budget.tile_points(1_000_000_000, 100), (400 << 20) / 200);
+        assert_eq!(budget.tile_points(4_000_000, 100), 1_000_000);
+        assert_eq!(budget.tile_points(10, 100), SHARED_TILE_POINTS);
+        assert_eq!(budget.smaller(1_000_000, 200 << 20), None);
+        assert_eq!(budget.smaller(1_000_000, 400 << 20), Some(450_000));
+    }
+}

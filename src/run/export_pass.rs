@@ -1,0 +1,225 @@
+//! Pass `export`: the labelled copies, a run of blocks at a time; and its reduction, which gives them their names.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+
+use crate::error::{Error, Result};
+use crate::input::Fields;
+use crate::model::{CellCursor, CellMap, PointClass, RecordView};
+use crate::output::{LabelledFile, OutputError};
+use crate::run::codec;
+use crate::run::drive::Drive;
+use crate::run::engine::Pass;
+use crate::store::{PassDir, RunDir, StoreError, publish};
+
+/// Points of one unit at most.
+const UNIT_POINTS: u64 = 1_000_000;
+
+/// Records of one file that one unit writes.
+struct Unit {
+    file: usize,
+    /// Chunks of the output file.
+    chunks: Range<usize>,
+    points: u64,
+}
+
+/// One output file that is being written.
+struct Target {
+    labelled: LabelledFile,
+    /// Record ranges that are written as one piece each.
+    chunks: Vec<Range<u64>>,
+    /// Where an uncompressed file grows until it is complete.
+    part: PathBuf,
+}
+
+pub(crate) struct ExportPass<'a> {
+    drive: &'a Drive,
+    owners: &'a CellMap<u32>,
+    /// Object id of label 1, 2, ... of each tile.
+    ids: &'a [Vec<u32>],
+    targets: Vec<Target>,
+    units: Vec<Unit>,
+}
+
+impl<'a> ExportPass<'a> {
+    pub(crate) fn new(
+        drive: &'a Drive,
+        owners: &'a CellMap<u32>,
+        ids: &'a [Vec<u32>],
+        labelled: Vec<LabelledFile>,
+        run_dir: &RunDir,
+    ) -> Result<Self> {
+        let folder = run_dir.path("export");
+        fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
+        let mut pass = Self { drive, owners, ids, targets: Vec::new(), units: Vec::new() };
+        for (file, labelled) in labelled.into_iter().enumerate() {
+            let chunks = labelled.chunks(drive.file(file));
+            let mut start = 0;
+            while start < chunks.len() {
+                let mut end = start;
+                let mut points = 0;
+                while end < chunks.len() && (end == start || points + length(&chunks[end]) <= UNIT_POINTS) {
+                    points += length(&chunks[end]);
+                    end += 1;
+                }
+                pass.units.push(Unit { file, chunks: start..end, points });
+                start = end;
+            }
+            let part = folder.join(format!("{file:05}.part"));
+            pass.targets.push(Target { labelled, chunks, part });
+        }
+        Ok(pass)
+    }
+
+    /// Labels and classes of the records of a range, ready to be written.
+    fn labels(&self, file: usize, records: &Range<u64>, view: &RecordView<'_>, owners: &mut CellCursor<'_, u32>) -> Result<(Vec<u32>, Vec<u8>)> {
+        let count = usize::try_from(length(records)).unwrap_or(0);
+        let (mut labels, mut classes) = (vec![0_u32; count], vec![0_u8; count]);
+        let (label_column, class_column) = (&self.drive.labels[file], &self.drive.classes[file]);
+        label_column.read(records.start, &mut labels).map_err(StoreError::io("read", label_column.path()))?;
+        class_column.read(records.start, &mut classes).map_err(StoreError::io("read", class_column.path()))?;
+        let transform = self.drive.file(file).transform();
+        for ((label, class), xyz) in labels.iter_mut().zip(&classes).zip(view.xyz()) {
+            if *class != PointClass::Object.code() {
+                // Left from an earlier run in which this point was no ground.
+                *label = 0;
+            }
+            if *label == 0 {
+                continue;
+            }
+            let [x, y, _] = transform.apply(xyz);
+            let owner = self.drive.grid.cell(x, y).map_or(0, |cell| owners.get(cell));
+            let id = (owner as usize)
+                .checked_sub(1)
+                .and_then(|tile| self.ids.get(tile))
+                .and_then(|ids| ids.get(*label as usize - 1));
+            *label = *id.ok_or_else(|| Error::Bug(format!("label {label} of tile {owner} has no object")))?;
+        }
+        Ok((labels, classes))
+    }
+
+    /// The labelled records of one chunk.
+    fn chunk(&self, file: usize, records: &Range<u64>, owners: &mut CellCursor<'_, u32>) -> Result<Vec<u8>> {
+        let input = self.drive.file(file);
+        let stride = input.layout().record_len;
+        let (mut out, mut buffer) = (Vec::new(), Vec::new());
+        let first = input.blocks().partition_point(|block| block.first_record + u64::from(block.count) <= records.start);
+        for (block, run) in input.blocks().iter().enumerate().skip(first) {
+            if run.first_record >= records.end {
+                break;
+            }
+            let from = records.start.max(run.first_record);
+            let to = records.end.min(run.first_record + u64::from(run.count));
+            let at = |record: u64| usize::try_from(record - run.first_record).unwrap_or(0) * stride;
+            let bytes = &input.records(block, Fields::All, &mut buffer)?[at(from)..at(to)];
+            let view = RecordView { bytes, stride, gps_time: None };
+            let (labels, classes) = self.labels(file, &(from..to), &view, owners)?;
+            self.targets[file].labelled.label(bytes, &labels, &classes, &mut out);
+            input.release(block);
+        }
+        Ok(out)
+    }
+
+    /// Gives every labelled copy its final name, now that all units are done. May be interrupted and called again:
+    /// the intent to name a file is on disk before it is named, so a missing part then means that it has its name.
+    pub(crate) fn reduce(&self, dir: &PassDir, run_dir: &RunDir) -> Result<()> {
+        for (file, target) in self.targets.iter().enumerate() {
+            let path = run_dir.out().join(target.labelled.name());
+            let failed = |source| OutputError::Write { path: path.clone(), source };
+            let intent = format!("export/{file:05}.json");
+            let fingerprint = dir.fingerprint().to_string();
+            let meant = run_dir.read_json::<String>(&intent)?.is_some_and(|stored| stored == fingerprint);
+            if meant && !target.part.exists() {
+                continue;
+            }
+            let part = open_part(target)?;
+            let tail = target.labelled.epilogue(self.drive.file(file))?;
+            if target.labelled.is_compressed() {
+                let chunks = self.units.iter().enumerate().filter(|(_, unit)| unit.file == file).flat_map(|(unit, _)| {
+                    match dir.payload(unit).map_err(Error::from).and_then(|bytes| codec::decode::<Vec<(u32, Vec<u8>)>>(&bytes)) {
+                        Ok(chunks) => chunks.into_iter().map(Ok).collect::<Vec<_>>(),
+                        Err(error) => vec![Err(error)],
+                    }
+                });
+                let mut writer = BufWriter::with_capacity(1 << 20, &part);
+                target.labelled.assemble_laz(&tail, chunks, &mut writer)?;
+                writer.flush().map_err(failed)?;
+            } else {
+                let prologue = target.labelled.prologue();
+                part.write_all_at(prologue, 0).map_err(failed)?;
+                let end = target.labelled.record_offset(self.drive.file(file).point_count());
+                part.set_len(end).map_err(failed)?;
+                part.write_all_at(&tail, end).map_err(failed)?;
+            }
+            part.sync_all().map_err(failed)?;
+            run_dir.write_json(&intent, &fingerprint)?;
+            publish(&target.part, &path).map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// Names of the labelled copies.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.targets.iter().map(|target| target.labelled.name().to_owned()).collect()
+    }
+}
+
+fn length(records: &Range<u64>) -> u64 {
+    records.end - records.start
+}
+
+fn open_part(target: &Target) -> Result<File, OutputError> {
+    File::options()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(&target.part)
+        .map_err(|source| OutputError::Write { path: target.part.clone(), source })
+}
+
+impl Pass for ExportPass<'_> {
+    fn name(&self) -> &'static str {
+        "export"
+    }
+
+    fn units(&self) -> usize {
+        self.units.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.units[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        let unit = &self.units[unit];
+        // Records as read, as labelled, and (compressed) as a payload.
+        unit.points * (self.drive.file(unit.file).layout().record_len as u64 * 3 + 16)
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let unit = &self.units[unit];
+        let target = &self.targets[unit.file];
+        self.drive.file(unit.file).check_unchanged()?;
+        let mut owners = self.owners.cursor();
+        let mut payload: Vec<(u32, Vec<u8>)> = Vec::new();
+        let part = (!target.labelled.is_compressed()).then(|| open_part(target)).transpose()?;
+        for records in &target.chunks[unit.chunks.clone()] {
+            let labelled = self.chunk(unit.file, records, &mut owners)?;
+            if let Some(part) = &part {
+                part.write_all_at(&labelled, target.labelled.record_offset(records.start))
+                    .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
+            } else {
+                let count = u32::try_from(length(records)).unwrap_or(u32::MAX);
+                payload.push((count, target.labelled.compress(&labelled)?));
+            }
+        }
+        if let Some(part) = &part {
+            part.sync_data().map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
+        }
+        codec::encode(&payload)
+    }
+}

@@ -1,0 +1,139 @@
+//! The flow of a run: survey, plan, passes over tiles, stitching, export; each step a pass and its reduction.
+
+use crate::config::Config;
+use crate::error::Result;
+use crate::output::LabelledFile;
+use crate::run::budget::Budget;
+use crate::run::cluster_pass::ClusterPass;
+use crate::run::drive::Drive;
+use crate::run::engine::{Engine, PassFigures};
+use crate::run::export_pass::ExportPass;
+use crate::run::finish::{self, Counts, Finished};
+use crate::run::ground_pass::{GroundPass, GroundPayload};
+use crate::run::methods::Chain;
+use crate::run::observe::Event;
+use crate::run::scene::Scene;
+use crate::run::survey_pass::SurveyPass;
+use crate::run::tiles::Tiles;
+use crate::run::{codec, identity, inputs};
+use crate::store::PassDir;
+use crate::survey::SurveyError;
+use crate::tiling::{Plan, TileSize};
+
+/// What the tiles and files came to.
+pub(crate) struct Outcome {
+    pub(crate) counts: Counts,
+    pub(crate) objects: usize,
+    pub(crate) nothing_to_do: bool,
+}
+
+/// A run under way.
+pub(crate) struct Flow<'a> {
+    pub(crate) engine: Engine<'a>,
+    pub(crate) passes: Vec<PassFigures>,
+    config: &'a Config,
+    drive: &'a Drive,
+    chain: &'a Chain,
+    budget: Budget,
+}
+
+impl<'a> Flow<'a> {
+    pub(crate) fn new(
+        engine: Engine<'a>,
+        config: &'a Config,
+        drive: &'a Drive,
+        chain: &'a Chain,
+        budget: Budget,
+    ) -> Self {
+        Self { engine, passes: Vec::new(), config, drive, chain, budget }
+    }
+
+    fn pass_dir(&self, folder: &str, inputs: crate::store::Inputs) -> PassDir {
+        self.engine.run_dir.pass(folder, inputs)
+    }
+
+    /// Surveys the drive.
+    pub(crate) fn survey(&mut self) -> Result<Scene> {
+        if self.drive.catalog.point_count() == 0 {
+            return Err(SurveyError::Empty { files: self.drive.catalog.files().len() }.into());
+        }
+        let dir = self.pass_dir(inputs::SURVEY, inputs::survey(self.drive, self.config));
+        let pass = SurveyPass { drive: self.drive, runs: self.drive.block_runs() };
+        identity::check_content(self.engine.run_dir, self.drive, &pass, &dir)?;
+        self.passes.push(self.engine.execute(&pass, &dir)?);
+        Scene::new(self.drive, pass.reduce(&dir)?, self.config)
+    }
+
+    /// The plan of an earlier call if it still serves, else one that fits the budget.
+    pub(crate) fn plan(&self, scene: &Scene) -> Result<Plan> {
+        let stored: Option<TileSize> = self.engine.run_dir.read_json("plan.json")?;
+        if let (Some(size @ TileSize::Points(_)), true) = (stored, self.config.tiling.tile_length <= 0.0) {
+            let plan = scene.plan(self.drive, size);
+            if self.chain.largest_tile_bytes(&plan) <= self.budget.memory {
+                return Ok(plan);
+            }
+        }
+        let (size, plan) = scene.fit_plan(self.drive, self.config, self.chain, &self.budget);
+        if stored != Some(size) {
+            self.engine.run_dir.write_json("plan.json", &size)?;
+        }
+        let largest = self.chain.largest_tile_bytes(&plan);
+        if largest > self.budget.memory {
+            let text = format!(
+                "the largest tile needs about {} MiB, the budget is {} MiB: it is processed alone",
+                largest >> 20,
+                self.budget.memory >> 20
+            );
+            self.engine.tell(&Event::Warning { text: &text });
+        }
+        Ok(plan)
+    }
+
+    /// Ground, clusters, stitching, labelled files and tables.
+    pub(crate) fn tiles_to_files(&mut self, scene: &Scene, plan: &Plan, labelled: Vec<LabelledFile>) -> Result<Outcome> {
+        let tiles =
+            Tiles { drive: self.drive, plan, zones: &scene.survey.zones, lowest: scene.lowest() };
+        let ground_inputs = inputs::ground(scene, plan, self.config, self.chain);
+        let cluster_inputs = inputs::cluster(&ground_inputs, self.config);
+        let export_inputs = inputs::export(&cluster_inputs, scene, self.config);
+        let ground_dir = self.pass_dir(inputs::GROUND, ground_inputs);
+        let cluster_dir = self.pass_dir(inputs::CLUSTER, cluster_inputs);
+        let export_dir = self.pass_dir(inputs::EXPORT, export_inputs);
+
+        let ground = GroundPass {
+            tiles: &tiles,
+            noise: self.chain.noise.as_ref(),
+            filter: &*self.chain.filter,
+            reach: self.chain.ground_reach,
+        };
+        self.passes.push(self.engine.execute(&ground, &ground_dir)?);
+        let cluster =
+            ClusterPass { tiles: &tiles, method: &*self.chain.method, reach: self.chain.cluster_reach };
+        self.passes.push(self.engine.execute(&cluster, &cluster_dir)?);
+
+        let payloads = (0..plan.tiles.len()).map(|tile| -> Result<GroundPayload> {
+            codec::decode(&ground_dir.payload(tile)?)
+        });
+        let (counts, terrain) = finish::terrain(payloads, self.drive)?;
+        if let Some(finished) = finish::already_finished(self.engine.run_dir, &export_dir)? {
+            return Ok(Outcome { counts, objects: finished.objects, nothing_to_do: true });
+        }
+        let started = std::time::Instant::now();
+        let stitched = cluster.reduce(&cluster_dir)?;
+        self.passes.push(PassFigures {
+            pass: "stitch",
+            units: plan.tiles.len(),
+            resumed: 0,
+            points: 0,
+            seconds: started.elapsed().as_secs_f64(),
+        });
+        finish::withdraw(self.engine.run_dir, &export_dir)?;
+        let export = ExportPass::new(self.drive, plan.owners(), &stitched.ids, labelled, self.engine.run_dir)?;
+        self.passes.push(self.engine.execute(&export, &export_dir)?);
+        export.reduce(&export_dir, self.engine.run_dir)?;
+        finish::write_tables(self.engine.run_dir, self.drive, scene, &stitched, &terrain)?;
+        let finished = Finished { objects: stitched.objects.len(), files: export.names() };
+        finish::mark_finished(self.engine.run_dir, &export_dir, &finished)?;
+        Ok(Outcome { counts, objects: stitched.objects.len(), nothing_to_do: false })
+    }
+}

@@ -1,0 +1,88 @@
+//! The chain of methods of a run: noise, ground filter, clustering; what they reach, and what they depend on.
+
+use crate::cluster::{self, ClusterEntry, Clusterer};
+use crate::config::{self, Config, ConfigError};
+use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoiseConfig};
+use crate::model::Lattice;
+use crate::run::{cluster_pass, ground_pass};
+use crate::store::Inputs;
+use crate::tiling::Plan;
+
+/// Where methods are looked up; a test or a program of its own may add to it.
+#[derive(Debug, Clone, Copy)]
+pub struct Registries<'a> {
+    /// Ground filters.
+    pub ground: &'a [GroundEntry],
+    /// Clustering methods.
+    pub cluster: &'a [ClusterEntry],
+}
+
+impl Default for Registries<'_> {
+    fn default() -> Self {
+        Self { ground: ground::REGISTRY, cluster: cluster::REGISTRY }
+    }
+}
+
+/// The methods of a run.
+#[derive(Debug)]
+pub(crate) struct Chain {
+    pub(crate) noise: Option<IsolatedNoise>,
+    pub(crate) filter: Box<dyn GroundFilter>,
+    pub(crate) method: Box<dyn Clusterer>,
+    /// Reach of noise and filter together, in lattice units.
+    pub(crate) ground_reach: i64,
+    /// Reach of the clustering, in lattice units.
+    pub(crate) cluster_reach: i64,
+}
+
+impl Chain {
+    /// Builds the methods that the configuration names.
+    pub(crate) fn build(config: &Config, registries: &Registries<'_>, lattice: Lattice) -> Result<Self, ConfigError> {
+        let noise_config: NoiseConfig = config::section("noise", &config.method_table("noise"))?;
+        let noise = IsolatedNoise::new(&noise_config)?;
+        let name = &config.ground.method;
+        let entry = registries.ground.iter().find(|entry| entry.name == name).ok_or_else(|| {
+            let known = registries.ground.iter().map(|entry| entry.name.to_owned()).collect();
+            ConfigError::UnknownMethod { kind: "ground filter", name: name.clone(), known }
+        })?;
+        let filter = (entry.build)(&config.method_table(name))?;
+        let name = &config.cluster.method;
+        let entry = registries.cluster.iter().find(|entry| entry.name == name).ok_or_else(|| {
+            let known = registries.cluster.iter().map(|entry| entry.name.to_owned()).collect();
+            ConfigError::UnknownMethod { kind: "clustering method", name: name.clone(), known }
+        })?;
+        let method = (entry.build)(&config.method_table(name))?;
+        // Upwards, so that a reach that is no multiple of the step is never cut short.
+        #[expect(clippy::cast_possible_truncation, reason = "validated settings of at most kilometres")]
+        let units = |metres: f64| (metres * f64::from(lattice.units_per_m())).ceil() as i64;
+        let verdicts = noise.height_reach(lattice).metres().max(filter.reach(lattice).metres());
+        let ground_reach = units(noise.reach(lattice).metres()) + units(verdicts);
+        let cluster_reach = units(method.reach(lattice).metres());
+        Ok(Self { noise: noise_config.enabled.then_some(noise), filter, method, ground_reach, cluster_reach })
+    }
+
+    /// Bytes that a point in flight takes in the hungriest pass.
+    pub(crate) fn bytes_per_point(&self) -> u64 {
+        ground_pass::BYTES_PER_POINT.max(cluster_pass::BYTES_PER_POINT)
+    }
+
+    /// Bytes of a tile in the hungriest pass, halo included.
+    pub(crate) fn tile_bytes(&self, plan: &Plan, tile: usize) -> u64 {
+        let ground = plan.region_points(tile, self.ground_reach) * ground_pass::BYTES_PER_POINT;
+        let cluster = plan.region_points(tile, self.cluster_reach) * cluster_pass::BYTES_PER_POINT;
+        ground.max(cluster)
+    }
+
+    /// Bytes of the largest tile of `plan`.
+    pub(crate) fn largest_tile_bytes(&self, plan: &Plan) -> u64 {
+        (0..plan.tiles.len()).map(|tile| self.tile_bytes(plan, tile)).max().unwrap_or(0)
+    }
+}
+
+/// Adds every setting of a section to what a pass depends on.
+pub(crate) fn with_section(mut inputs: Inputs, config: &Config, name: &str) -> Inputs {
+    for (key, value) in config.method_table(name) {
+        inputs = inputs.with(format!("{name}.{key}"), value);
+    }
+    inputs
+}

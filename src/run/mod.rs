@@ -1,0 +1,132 @@
+//! Running: joins everything above. `open -> catalog -> survey -> plan -> passes over tiles -> stitch -> relabel ->
+//! export`, with the state on disk after every unit.
+
+mod budget;
+mod cluster_pass;
+mod codec;
+mod drive;
+mod engine;
+mod export_pass;
+mod finish;
+mod flow;
+mod ground_pass;
+mod identity;
+mod inputs;
+mod look;
+mod map;
+mod methods;
+mod observe;
+mod scene;
+mod status;
+mod survey_pass;
+mod tiles;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::config::Config;
+use crate::error::Result;
+
+use budget::Budget;
+use drive::Drive;
+use engine::Engine;
+use flow::Flow;
+use methods::Chain;
+
+pub use engine::{CancelToken, PassFigures};
+pub use finish::Counts;
+pub use look::{DriveFacts, FileFacts, PlanFacts, TileFacts, look_at, plan_of};
+pub use methods::Registries;
+pub use observe::{Event, Observer, Silent};
+pub use scene::AxisFacts;
+pub use status::{PassStatus, RunStatus, status};
+
+/// What to run.
+#[derive(Debug, Clone)]
+pub struct RunRequest<'a> {
+    /// LAS/LAZ files, folders and patterns.
+    pub inputs: Vec<PathBuf>,
+    /// Output directory.
+    pub out: PathBuf,
+    /// Settings.
+    pub config: Config,
+    /// Discard the state of an earlier run in `out`.
+    pub fresh: bool,
+    /// Where methods are looked up.
+    pub registries: Registries<'a>,
+}
+
+/// What a run came to.
+#[derive(Debug, Clone, Serialize)]
+pub struct RunSummary {
+    /// Points of the drive.
+    pub points: u64,
+    /// Points by class.
+    pub counts: Counts,
+    /// Objects.
+    pub objects: usize,
+    /// Tiles.
+    pub tiles: usize,
+    /// Wall time of this call in seconds.
+    pub seconds: f64,
+    /// Whether everything had been there already.
+    pub nothing_to_do: bool,
+    /// Passes with their times.
+    pub passes: Vec<PassFigures>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+    /// Peak resident set in bytes, mapped pages included, where the system says.
+    pub peak_resident_bytes: Option<u64>,
+}
+
+/// Processes a drive: labelled copies, object table and report in `request.out`; resumes what is there.
+///
+/// # Errors
+/// Any [`Error`]; what was finished before it is kept and used by the next call, unless the state itself is refused.
+pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<RunSummary> {
+    let started = std::time::Instant::now();
+    let config = &request.config;
+    let catalog = look::open_catalog(&request.inputs, config)?;
+    identity::check_apart(&catalog, &request.out)?;
+    let run_dir = RunDir::open(&request.out, request.fresh)?;
+    let chain = Chain::build(config, &request.registries, catalog.lattice())?;
+    let (labelled, file_warnings) = finish::plan_files(&catalog, config, &run_dir)?;
+    let budget = Budget::resolve(&config.run);
+    let mut warnings = catalog.warnings().to_vec();
+    warnings.extend(file_warnings);
+    identity::check_input(&run_dir, &catalog)?;
+    status::record_request(&run_dir, &request.inputs, config)?;
+    let drive = Drive::open(catalog, config, &run_dir)?;
+    let engine = Engine {
+        run_dir: &run_dir,
+        threads: budget.threads,
+        memory: budget.memory,
+        fail_fast: config.run.fail_fast,
+        observer,
+        cancel,
+    };
+    let mut flow = Flow::new(engine, config, &drive, &chain, budget);
+    let scene = flow.survey()?;
+    warnings.extend(scene.warnings.iter().cloned());
+    for text in &warnings {
+        flow.engine.tell(&Event::Warning { text });
+    }
+    let plan = flow.plan(&scene)?;
+    let outcome = flow.tiles_to_files(&scene, &plan, labelled)?;
+    let summary = RunSummary {
+        points: scene.survey.points(),
+        counts: outcome.counts,
+        objects: outcome.objects,
+        tiles: plan.tiles.len(),
+        seconds: started.elapsed().as_secs_f64(),
+        nothing_to_do: outcome.nothing_to_do,
+        passes: flow.passes,
+        warnings,
+        peak_resident_bytes: budget::peak_resident_bytes(),
+    };
+    if !summary.nothing_to_do {
+        finish::write_report(&run_dir, &drive, config, &scene, &summary)?;
+    }
+    Ok(summary)
+}

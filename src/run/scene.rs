@@ -1,0 +1,179 @@
+//! What is known of a drive before tiles are worked on: survey, axis, plan. Shared by `info`, `plan` and `run`.
+
+use serde::Serialize;
+
+use crate::config::{AxisChoice, Config};
+use crate::error::{Error, Result};
+use crate::model::Cell;
+use crate::run::budget::Budget;
+use crate::run::drive::Drive;
+use crate::run::methods::Chain;
+use crate::survey::{Axis, AxisSource, Survey, SurveyError, read_trajectory};
+use crate::tiling::{Plan, PlanRequest, TileSize};
+
+/// Heights of a drive fit local coordinates up to this extent in lattice units.
+const HEIGHT_LIMIT_UNITS: i64 = i32::MAX as i64;
+/// Plans tried until the largest tile fits the budget.
+const ATTEMPTS: usize = 12;
+
+/// Survey, axis and occupied cells of a drive.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    pub(crate) survey: Survey,
+    pub(crate) axis: Axis,
+    pub(crate) cells: Vec<(Cell, u32)>,
+    /// Chainage of each cell in metres.
+    pub(crate) chainage_m: Vec<f64>,
+    pub(crate) warnings: Vec<String>,
+}
+
+impl Scene {
+    /// Derives axis and cells from the survey.
+    pub(crate) fn new(drive: &Drive, survey: Survey, config: &Config) -> Result<Self> {
+        let mut warnings = Vec::new();
+        check_extent(drive, &survey)?;
+        let cells = survey.occupancy.entries();
+        let axis = find_axis(drive, &survey, &cells, config, &mut warnings)?;
+        if survey.bad_times > 0 {
+            warnings.push(format!("{} points have no finite GPS time", survey.bad_times));
+        }
+        let edge_m = drive.lattice().metres(drive.grid.edge());
+        let centre = |cell: Cell| cell.map(|index| (f64::from(index) + 0.5) * edge_m);
+        let chainage_m = cells.iter().map(|(cell, _)| axis.chainage_m(centre(*cell))).collect();
+        warn_of_strays(&survey, &cells, edge_m, &mut warnings);
+        Ok(Self { survey, axis, cells, chainage_m, warnings })
+    }
+
+    /// The plan with tiles of `size`.
+    pub(crate) fn plan(&self, drive: &Drive, size: TileSize) -> Plan {
+        let (cells, chainage_m) = (&self.cells[..], &self.chainage_m[..]);
+        Plan::new(&PlanRequest { cells, chainage_m, grid: drive.grid, size })
+    }
+
+    /// The tile size that the configuration asks for or the budget allows, and its plan.
+    pub(crate) fn fit_plan(&self, drive: &Drive, config: &Config, chain: &Chain, budget: &Budget) -> (TileSize, Plan) {
+        if config.tiling.tile_length > 0.0 {
+            let size = TileSize::Metres(config.tiling.tile_length);
+            return (size, self.plan(drive, size));
+        }
+        let mut points = budget.tile_points(self.survey.points(), chain.bytes_per_point());
+        let mut plan = self.plan(drive, TileSize::Points(points));
+        for _ in 0..ATTEMPTS {
+            let needed = chain.largest_tile_bytes(&plan);
+            let Some(fewer) = budget.smaller(points, needed) else { break };
+            points = fewer;
+            plan = self.plan(drive, TileSize::Points(points));
+        }
+        (TileSize::Points(points), plan)
+    }
+
+    /// One number for the content of all files.
+    pub(crate) fn content_digest(&self) -> u64 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+        for file in &self.survey.content {
+            hasher.update(&(file.len() as u64).to_le_bytes());
+            file.iter().for_each(|part| hasher.update(&part.to_le_bytes()));
+        }
+        hasher.digest()
+    }
+
+    /// Smallest lattice z of the drive.
+    pub(crate) fn lowest(&self) -> i64 {
+        self.survey.extent.map_or(0, |(lo, _)| lo[2])
+    }
+}
+
+/// Where the axis came from and how long it is, for reports.
+#[derive(Debug, Clone, Serialize)]
+pub struct AxisFacts {
+    /// Where it came from.
+    pub source: AxisSource,
+    /// Its length in metres.
+    pub length_m: f64,
+    /// Stretches it consists of; more than one where the drive came back to a street it knew.
+    pub stretches: usize,
+}
+
+impl AxisFacts {
+    pub(crate) fn of(axis: &Axis) -> Self {
+        Self { source: axis.source, length_m: axis.length_m(), stretches: axis.stretches().count() }
+    }
+}
+
+fn check_extent(drive: &Drive, survey: &Survey) -> Result<()> {
+    if let Some((lo, hi)) = survey.extent
+        && hi[2] - lo[2] > HEIGHT_LIMIT_UNITS
+    {
+        let metres = |units| drive.lattice().metres(units);
+        return Err(Error::Survey(SurveyError::Heights {
+            lowest_m: metres(lo[2]),
+            highest_m: metres(hi[2]),
+            limit_m: metres(HEIGHT_LIMIT_UNITS),
+        }));
+    }
+    Ok(())
+}
+
+fn find_axis(
+    drive: &Drive,
+    survey: &Survey,
+    cells: &[(Cell, u32)],
+    config: &Config,
+    warnings: &mut Vec<String>,
+) -> Result<Axis> {
+    let path = &config.axis.trajectory;
+    if !path.as_os_str().is_empty() {
+        let units_m = drive.catalog.crs().horizontal_unit_m;
+        let track = read_trajectory(path)?;
+        let track: Vec<[f64; 2]> = track.into_iter().map(|place| place.map(|value| value * units_m)).collect();
+        if let Some(axis) = Axis::from_positions(AxisSource::Trajectory, &track) {
+            return Ok(axis);
+        }
+        warnings.push(format!("the trajectory {} does not get anywhere, not used", path.display()));
+    }
+    if config.axis.source != AxisChoice::Principal {
+        if let Some(axis) = Axis::from_time_bins(&survey.time_bins, drive.lattice()) {
+            return Ok(axis);
+        }
+        if config.axis.source == AxisChoice::GpsTime {
+            warnings.push("GPS time gives no track, the axis is the principal axis of the points".to_owned());
+        }
+    }
+    Ok(Axis::principal(cells, drive.grid, drive.lattice()))
+}
+
+/// Points far from all others are usually errors of the scanner or of a merge; they are processed like any other.
+fn warn_of_strays(survey: &Survey, cells: &[(Cell, u32)], edge_m: f64, warnings: &mut Vec<String>) {
+    let Some((lo, hi)) = survey.extent else { return };
+    let mut along: [Vec<i32>; 2] = [0, 1].map(|k| cells.iter().map(|entry| entry.0[k]).collect());
+    for values in &mut along {
+        values.sort_unstable();
+    }
+    let quantile = |k: usize, share: f64| {
+        let values = &along[k];
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index into the list")]
+        let at = ((values.len() - 1) as f64 * share).round() as usize;
+        f64::from(values[at]) * edge_m
+    };
+    let mut far = 0;
+    let reach = [0, 1].map(|k| {
+        let (low, high) = (quantile(k, 0.01), quantile(k, 0.99));
+        let margin = (high - low).max(100.0) * 5.0;
+        (low - margin, high + margin)
+    });
+    for (cell, points) in cells {
+        let out = (0..2).any(|k| {
+            let at = f64::from(cell[k]) * edge_m;
+            at < reach[k].0 || at > reach[k].1
+        });
+        far += if out { u64::from(*points) } else { 0 };
+    }
+    if far > 0 {
+        let extent = [0, 1].map(|k| (hi[k] - lo[k]) as f64 / 1e6);
+        warnings.push(format!(
+            "{far} points lie far from all others (the drive spans {:.1} x {:.1} million lattice units with them); \
+             they are processed like any other",
+            extent[0], extent[1]
+        ));
+    }
+}

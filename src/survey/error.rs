@@ -1,0 +1,90 @@
+//! What can be wrong with a drive as a whole: its positions, its trajectory.
+
+use std::borrow::Cow;
+use std::path::PathBuf;
+
+/// A drive that cannot be surveyed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SurveyError {
+    /// The file cannot be read.
+    #[error("cannot read the trajectory {path}", path = path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The first line does not name the columns.
+    #[error("the trajectory {path} has no column {column} in its first line ({found})", path = path.display())]
+    Column {
+        /// The file.
+        path: PathBuf,
+        /// The column that is missing.
+        column: &'static str,
+        /// The first line as it stands.
+        found: String,
+    },
+    /// A line that does not hold finite numbers in these columns.
+    #[error("line {line} of the trajectory {path} has no number in column {column}: {found}", path = path.display())]
+    Number {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// The column.
+        column: &'static str,
+        /// The line as it stands.
+        found: String,
+    },
+    /// Fewer than two positions.
+    #[error("the trajectory {path} has {positions} positions, at least 2 are needed", path = path.display())]
+    TooShort {
+        /// The file.
+        path: PathBuf,
+        /// Positions in it.
+        positions: usize,
+    },
+    /// A record whose position is too far from the origin to be one.
+    #[error("record {record} of {path} has the coordinates {xyz:?}, which no position on earth has", path = path.display())]
+    Position {
+        /// The file.
+        path: PathBuf,
+        /// The record, from 0.
+        record: u64,
+        /// Its x, y and z as stored.
+        xyz: [i32; 3],
+    },
+    /// Heights that differ by more than any landscape.
+    #[error("heights range from {lowest_m:.0} m to {highest_m:.0} m, at most {limit_m:.0} m can be processed")]
+    Heights {
+        /// Lowest height in metres.
+        lowest_m: f64,
+        /// Highest height in metres.
+        highest_m: f64,
+        /// Largest range of heights in metres.
+        limit_m: f64,
+    },
+    /// Files without a single point.
+    #[error("there are no points in {files} files")]
+    Empty {
+        /// Number of files.
+        files: usize,
+    },
+}
+
+impl SurveyError {
+    /// What to do next.
+    #[must_use]
+    pub fn hint(&self) -> Option<Cow<'static, str>> {
+        match self {
+            Self::Column { .. } | Self::Number { .. } => {
+                Some("a trajectory is a CSV file whose first line is gps_time,x,y,z".into())
+            }
+            Self::Position { .. } | Self::Heights { .. } => {
+                Some("chainage info FILES... shows scale and offset of every file; remove what is not a position".into())
+            }
+            Self::Read { .. } | Self::TooShort { .. } | Self::Empty { .. } => None,
+        }
+    }
+}
