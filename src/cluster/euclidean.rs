@@ -19,7 +19,7 @@ use super::closeness::{Bounds, Point, any_within};
 use super::{ClusterEntry, Clusterer};
 use crate::config::{self, ConfigError};
 use crate::error::AlgorithmError;
-use crate::model::{DisjointSets, Lattice, Reach, TileCloud, VoxelIndex};
+use crate::model::{DisjointSets, Lattice, Linker, Reach, TileCloud, VoxelIndex};
 
 const NAME: &str = "euclidean";
 
@@ -104,14 +104,19 @@ impl Clusterer for Euclidean {
         let reach = cloud.lattice.units(self.config.d_t);
         let index = VoxelIndex::build(NAME, cloud, cell_side(reach))?;
         let cells = Cells::gather(&index, cloud);
-        let mut sets = DisjointSets::new(as_u32(index.len()));
-        for step in steps(reach) {
-            index.voxel_pairs(step.offset, step.dk, |a, b| {
-                if sets.find(a) != sets.find(b) && cells.touch(a as usize, b as usize, reach.pow(2)) {
-                    sets.union(a, b);
+        let touch = |a: u32, b: u32| cells.touch(a as usize, b as usize, reach.pow(2));
+        let mut linker = Linker::new(&index);
+        for layer in layers(reach) {
+            for step in layer {
+                if step.offset == [0, 0] {
+                    linker.link_column(step.dk, touch);
+                } else {
+                    linker.link_beside(step.offset, &step.dk, touch);
                 }
-            });
+            }
+            linker.find_spans();
         }
+        let mut sets = linker.into_sets();
         let (cell_labels, clusters) = number_by_smallest_id(&index, cloud, &mut sets);
         for (points, cell) in index.streaks() {
             labels[points].fill(cell_labels[cell]);
@@ -134,38 +139,24 @@ struct Step {
 }
 
 /// Half of the neighbours of a cell that can hold a point within `reach` of one of its own (the other half see it as their
-/// neighbour), touching cells first. A cell further than 2 away on an axis is beyond reach: its gap is more than 2 s,
-/// and s > reach / sqrt(3).
-fn steps(reach: i64) -> Vec<Step> {
+/// neighbour): its own column, then touching columns, then those further out. A cell further than 2 away on an axis is
+/// beyond reach: its gap is more than 2 s, and s > reach / sqrt(3).
+fn layers(reach: i64) -> [Vec<Step>; 3] {
     let side = i64::from(cell_side(reach));
     let gap_squared = |d: i64| if d == 0 { 0 } else { ((d.abs() - 1) * side + 1).pow(2) };
-    let offsets = || (0..=2_i64).flat_map(|di| (-2..=2_i64).map(move |dj| [di, dj])).filter(|&o| o >= [0, 0]);
-    let outermost = |[di, dj]: [i64; 2]| {
-        (0..=2).rev().find(|&dk| gap_squared(di) + gap_squared(dj) + gap_squared(dk) <= reach.pow(2))
-    };
-    let mut steps = Vec::new();
-    // Touching cells.
-    for offset in offsets().filter(|offset| offset.iter().all(|d| d.abs() <= 1)) {
-        if let Some(outermost) = outermost(offset) {
-            let highest = outermost.min(1);
-            let lowest = if offset == [0, 0] { 1 } else { -highest };
-            steps.push(Step { offset, dk: lowest..=highest });
+    let mut layers = [const { Vec::new() }; 3];
+    for di in 0..=2_i64 {
+        for dj in -2..=2_i64 {
+            let in_reach = |dk: &i64| gap_squared(di) + gap_squared(dj) + gap_squared(*dk) <= reach.pow(2);
+            let Some(outermost) = (0..=2).rev().find(in_reach).filter(|_| [di, dj] >= [0, 0]) else {
+                continue;
+            };
+            let lowest = if [di, dj] == [0, 0] { 1 } else { -outermost };
+            let layer = &mut layers[di.max(dj.abs()) as usize];
+            layer.push(Step { offset: [di, dj], dk: lowest..=outermost });
         }
     }
-    // The rest: above and below the touching ones, then the columns further out.
-    for offset in offsets() {
-        let Some(outermost) = outermost(offset) else { continue };
-        if offset.iter().all(|d| d.abs() <= 1) {
-            steps.push(Step { offset, dk: 2..=outermost });
-            if offset != [0, 0] {
-                steps.push(Step { offset, dk: -outermost..=-2 });
-            }
-        } else {
-            steps.push(Step { offset, dk: -outermost..=outermost });
-        }
-    }
-    steps.retain(|step| !step.dk.is_empty());
-    steps
+    layers
 }
 
 /// The coordinates of the points, cell by cell.

@@ -20,7 +20,7 @@ use serde::Deserialize;
 use super::lowest::{NONE, lowest_within};
 use crate::config::ConfigError;
 use crate::error::AlgorithmError;
-use crate::model::{DisjointSets, Lattice, PointClass, Reach, TileView, VoxelIndex};
+use crate::model::{Lattice, Linker, PointClass, Reach, TileView, VoxelIndex};
 
 const NAME: &str = "noise";
 
@@ -160,12 +160,13 @@ pub(super) fn voxel_edge(lattice: Lattice, metres: f64) -> u32 {
 
 /// Whether each voxel is in a 26-connected component of fewer than `min_points` points.
 fn small_components(index: &VoxelIndex, min_points: u32) -> Vec<bool> {
-    let mut sets = DisjointSets::new(u32::try_from(index.len()).unwrap_or(u32::MAX));
-    let mut join = |a: u32, b: u32| sets.union(a, b);
-    index.voxel_pairs([0, 0], 1..=1, &mut join);
+    let mut linker = Linker::new(index);
+    linker.link_column(1..=1, |_, _| true);
+    linker.find_spans();
     for offset in [[0, 1], [1, -1], [1, 0], [1, 1]] {
-        index.voxel_pairs(offset, -1..=1, &mut join);
+        linker.link_beside(offset, &(-1..=1), |_, _| true);
     }
+    let mut sets = linker.into_sets();
     let mut sizes = vec![0_u32; index.len()];
     let roots: Vec<usize> = (0_u32..).take(index.len()).map(|voxel| sets.find(voxel) as usize).collect();
     for (&root, &count) in roots.iter().zip(index.counts()) {

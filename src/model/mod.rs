@@ -4,6 +4,7 @@ mod class;
 mod cloud;
 mod disjoint;
 mod frame;
+mod linker;
 mod reach;
 mod voxels;
 
@@ -11,5 +12,6 @@ pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
 pub use disjoint::DisjointSets;
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
+pub use linker::Linker;
 pub use reach::Reach;
 pub use voxels::{TileView, VoxelIndex};
