@@ -1,1 +1,5 @@
 //! One integration binary: one link step.
+
+mod contracts;
+mod kernels;
+mod util;
