@@ -1,4 +1,6 @@
 //! One integration binary: one link step.
 
 mod conformance;
+mod contracts;
+mod kernels;
 mod util;

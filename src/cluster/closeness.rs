@@ -21,7 +21,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The box of `points`; of none, a box from the largest to the smallest coordinate.
+    /// The box of `points`, at least one.
     pub(super) fn of(points: &[Point]) -> Self {
         let mut bounds = Self { low: [i32::MAX; 3], high: [i32::MIN; 3] };
         for point in points {
@@ -71,6 +71,9 @@ fn squared_distance(a: &Point, b: &Point) -> i64 {
 }
 
 /// Whether some point of `a` and some point of `b`, with these boxes, are at a squared distance of at most `limit`.
+///
+/// Neither is empty, and no two coordinates differ by 2^30 or more (the sum of three squares has to fit i64): the points are
+/// those of neighbouring cells, whose side is at most 10 m.
 pub(super) fn any_within(a: (&[Point], &Bounds), b: (&[Point], &Bounds), limit: i64) -> bool {
     let ((a, a_bounds), (b, b_bounds)) = (a, b);
     if a_bounds.nearest(b_bounds) > limit {
@@ -91,10 +94,16 @@ pub(super) fn any_within(a: (&[Point], &Bounds), b: (&[Point], &Bounds), limit: 
 
 fn halve(a: &mut [Point], b: &mut [Point], limit: i64) -> bool {
     let a = keep_near(a, &Bounds::of(b), limit);
+    if a.is_empty() {
+        return false;
+    }
     let a_bounds = Bounds::of(a);
     let b = keep_near(b, &a_bounds, limit);
+    if b.is_empty() {
+        return false;
+    }
     let b_bounds = Bounds::of(b);
-    if a.is_empty() || b.is_empty() || a_bounds.nearest(&b_bounds) > limit {
+    if a_bounds.nearest(&b_bounds) > limit {
         return false;
     }
     if a_bounds.farthest(&b_bounds) <= limit {
@@ -136,4 +145,50 @@ fn partition(points: &mut [Point], front: impl Fn(&Point) -> bool) -> usize {
         }
     }
     kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn search(a: &[Point], b: &[Point], distance_squared: i64) -> bool {
+        any_within((a, &Bounds::of(a)), (b, &Bounds::of(b)), distance_squared)
+    }
+
+    /// A sheet of n x n points every 2 units, tilted: z = x.
+    fn sheet(n: i32, lift: i32) -> Vec<Point> {
+        (0..n * n).map(|index| [index % n * 2, index / n * 2, index % n * 2 + lift]).collect()
+    }
+
+    #[test]
+    fn few_points_are_compared_exactly() {
+        assert!(search(&[[0, 0, 0]], &[[100, 200, 200]], 300 * 300));
+        assert!(!search(&[[0, 0, 0]], &[[100, 200, 201]], 300 * 300));
+        assert!(search(&[[0, 0, 0], [9, 9, 9]], &[[9, 9, 10], [50, 0, 0]], 1));
+    }
+
+    #[test]
+    fn tilted_sheets_are_as_far_apart_as_they_are() {
+        // Planes z = x and z = x + 40: 40 / sqrt(2) apart, reached between lattice points: (20, 0, -20), squared 800.
+        let (a, b) = (sheet(60, 0), sheet(60, 40));
+        assert!(a.len() * b.len() > FEW_PAIRS);
+        assert!(search(&a, &b, 800));
+        assert!(!search(&a, &b, 799));
+        assert!(search(&b, &a, 800));
+        assert!(!search(&b, &a, 799));
+    }
+
+    #[test]
+    fn piles_of_equal_points_are_decided_at_once() {
+        let pile = |x: i32| vec![[x, 0, 0]; 200_000];
+        assert!(search(&pile(0), &pile(300), 300 * 300));
+        assert!(!search(&pile(0), &pile(301), 300 * 300));
+        assert!(search(&[[7, 7, 7]], &[[7, 7, 7]], 0));
+        // A pile and two far points of which one is within reach.
+        let mut mixed = pile(400);
+        mixed.push([-300, 1, 0]);
+        assert!(!search(&pile(0), &mixed, 300 * 300));
+        mixed.push([-300, 0, 0]);
+        assert!(search(&pile(0), &mixed, 300 * 300));
+    }
 }

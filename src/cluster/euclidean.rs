@@ -19,7 +19,7 @@ use super::closeness::{Bounds, Point, any_within};
 use super::{ClusterEntry, Clusterer};
 use crate::config::{self, ConfigError};
 use crate::error::AlgorithmError;
-use crate::model::{DisjointSets, Lattice, Reach, TileCloud, VoxelIndex};
+use crate::model::{DisjointSets, Lattice, Linker, Reach, TileCloud, VoxelIndex};
 
 const NAME: &str = "euclidean";
 
@@ -104,14 +104,19 @@ impl Clusterer for Euclidean {
         let reach = cloud.lattice.units(self.config.d_t);
         let index = VoxelIndex::build(NAME, cloud, cell_side(reach))?;
         let cells = Cells::gather(&index, cloud);
-        let mut sets = DisjointSets::new(as_u32(index.len()));
-        for step in steps(reach) {
-            index.voxel_pairs(step.offset, step.dk, |a, b| {
-                if sets.find(a) != sets.find(b) && cells.touch(a as usize, b as usize, reach.pow(2)) {
-                    sets.union(a, b);
+        let touch = |a: u32, b: u32| cells.touch(a as usize, b as usize, reach.pow(2));
+        let mut linker = Linker::new(&index);
+        for layer in layers(reach) {
+            for step in layer {
+                if step.offset == [0, 0] {
+                    linker.link_column(step.dk, touch);
+                } else {
+                    linker.link_beside(step.offset, &step.dk, touch);
                 }
-            });
+            }
+            linker.find_spans();
         }
+        let mut sets = linker.into_sets();
         let (cell_labels, clusters) = number_by_smallest_id(&index, cloud, &mut sets);
         for (points, cell) in index.streaks() {
             labels[points].fill(cell_labels[cell]);
@@ -134,38 +139,24 @@ struct Step {
 }
 
 /// Half of the neighbours of a cell that can hold a point within `reach` of one of its own (the other half see it as their
-/// neighbour), touching cells first. A cell further than 2 away on an axis is beyond reach: its gap is more than 2 s,
-/// and s > reach / sqrt(3).
-fn steps(reach: i64) -> Vec<Step> {
+/// neighbour): its own column, then touching columns, then those further out. A cell further than 2 away on an axis is
+/// beyond reach: its gap is more than 2 s, and s > reach / sqrt(3).
+fn layers(reach: i64) -> [Vec<Step>; 3] {
     let side = i64::from(cell_side(reach));
     let gap_squared = |d: i64| if d == 0 { 0 } else { ((d.abs() - 1) * side + 1).pow(2) };
-    let offsets = || (0..=2_i64).flat_map(|di| (-2..=2_i64).map(move |dj| [di, dj])).filter(|&o| o >= [0, 0]);
-    let outermost = |[di, dj]: [i64; 2]| {
-        (0..=2).rev().find(|&dk| gap_squared(di) + gap_squared(dj) + gap_squared(dk) <= reach.pow(2))
-    };
-    let mut steps = Vec::new();
-    // Touching cells.
-    for offset in offsets().filter(|offset| offset.iter().all(|d| d.abs() <= 1)) {
-        if let Some(outermost) = outermost(offset) {
-            let highest = outermost.min(1);
-            let lowest = if offset == [0, 0] { 1 } else { -highest };
-            steps.push(Step { offset, dk: lowest..=highest });
+    let mut layers = [const { Vec::new() }; 3];
+    for di in 0..=2_i64 {
+        for dj in -2..=2_i64 {
+            let in_reach = |dk: &i64| gap_squared(di) + gap_squared(dj) + gap_squared(*dk) <= reach.pow(2);
+            let Some(outermost) = (0..=2).rev().find(in_reach).filter(|_| [di, dj] >= [0, 0]) else {
+                continue;
+            };
+            let lowest = if [di, dj] == [0, 0] { 1 } else { -outermost };
+            let layer = &mut layers[di.max(dj.abs()) as usize];
+            layer.push(Step { offset: [di, dj], dk: lowest..=outermost });
         }
     }
-    // The rest: above and below the touching ones, then the columns further out.
-    for offset in offsets() {
-        let Some(outermost) = outermost(offset) else { continue };
-        if offset.iter().all(|d| d.abs() <= 1) {
-            steps.push(Step { offset, dk: 2..=outermost });
-            if offset != [0, 0] {
-                steps.push(Step { offset, dk: -outermost..=-2 });
-            }
-        } else {
-            steps.push(Step { offset, dk: -outermost..=outermost });
-        }
-    }
-    steps.retain(|step| !step.dk.is_empty());
-    steps
+    layers
 }
 
 /// The coordinates of the points, cell by cell.
@@ -236,4 +227,118 @@ fn number_by_smallest_id(index: &VoxelIndex, cloud: &TileCloud, sets: &mut Disjo
 )]
 fn as_u32(count: usize) -> u32 {
     count as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cluster(d_t: f64, points: &[[i64; 3]]) -> (Vec<u32>, u32) {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let mut labels = vec![u32::MAX; points.len()];
+        let method = Euclidean::new(&EuclideanConfig { d_t, ..EuclideanConfig::default() }).unwrap();
+        let clusters = method.cluster(&cloud, &mut labels).unwrap();
+        (labels, clusters)
+    }
+
+    #[test]
+    fn the_distance_is_inclusive() {
+        // 100^2 + 200^2 + 200^2 = 300^2.
+        assert_eq!(cluster(0.3, &[[0, 0, 0], [100, 200, 200]]), (vec![1, 1], 1));
+        assert_eq!(cluster(0.3, &[[0, 0, 0], [100, 200, 201]]), (vec![1, 2], 2));
+        assert_eq!(cluster(0.3, &[[0, 0, 0], [0, 0, 300]]), (vec![1, 1], 1));
+        assert_eq!(cluster(0.3, &[[0, 0, 0], [0, 0, 301]]), (vec![1, 2], 2));
+        assert_eq!(cluster(0.001, &[[0, 0, 0], [0, 1, 0], [1, 2, 0]]), (vec![1, 1, 2], 2));
+    }
+
+    #[test]
+    fn chains_are_one_object_and_labels_follow_the_smallest_id() {
+        let (labels, clusters) =
+            cluster(0.3, &[[5_000, 0, 0], [0, 0, 0], [600, 0, 0], [5_100, 0, 0], [300, 0, 0]]);
+        assert_eq!((labels, clusters), (vec![1, 2, 2, 1, 2], 2));
+    }
+
+    #[test]
+    fn labels_follow_ids_and_not_the_order_of_points() {
+        let mut cloud =
+            TileCloud::from_lattice_points(Lattice::MILLIMETRE, &[[0; 3], [9_000; 3], [18_000; 3]]);
+        cloud.id = vec![70, 8, 30];
+        let mut labels = [0; 3];
+        let method = Euclidean::new(&EuclideanConfig::default()).unwrap();
+        assert_eq!(method.cluster(&cloud, &mut labels), Ok(3));
+        assert_eq!(labels, [3, 1, 2]);
+    }
+
+    #[test]
+    fn a_cell_is_as_large_as_it_may_be() {
+        for reach in [1, 2, 3, 17, 150, 300, 301, 9_999] {
+            let side = i64::from(cell_side(reach));
+            assert!(3 * (side - 1).pow(2) <= reach.pow(2), "{reach}");
+            assert!(3 * side.pow(2) > reach.pow(2), "{reach}");
+        }
+        assert_eq!(cell_side(300), 174);
+    }
+
+    #[test]
+    fn layers_hold_every_neighbour_in_reach_once() {
+        for reach in [1, 2, 3, 17, 300] {
+            let side = i64::from(cell_side(reach));
+            let mut steps: Vec<[i64; 3]> = layers(reach)
+                .into_iter()
+                .flatten()
+                .flat_map(|Step { offset: [di, dj], dk }| dk.map(move |dk| [di, dj, dk]))
+                .collect();
+            steps.sort_unstable();
+            // The smallest distance between points of cells 0 and d on an axis, looked for point by point.
+            let gap = |d: i64| {
+                (d * side..(d + 1) * side).flat_map(|q| [0, side - 1].map(|p| (q - p).abs())).min().unwrap()
+            };
+            let gap = |d: i64| if d == 0 { 0 } else { gap(d) };
+            let mut expected = Vec::new();
+            for di in -4..=4 {
+                for dj in -4..=4 {
+                    for dk in -4..=4 {
+                        let squared = gap(di).pow(2) + gap(dj).pow(2) + gap(dk).pow(2);
+                        if squared <= reach.pow(2) && [di, dj, dk] > [0, 0, 0] {
+                            expected.push([di, dj, dk]);
+                        }
+                    }
+                }
+            }
+            assert_eq!(steps, expected, "{reach}");
+        }
+    }
+
+    #[test]
+    fn two_hundred_thousand_points_slightly_too_far_apart_are_two_objects() {
+        // Two sheets of 1.2 m x 1.2 m tilted by 45 degrees, 426 / sqrt(2) = 301.2 mm apart. This is a test of time as
+        // well: pair by pair, it would take minutes.
+        let sheet = |lift: i64| {
+            (0..100_000_i64).map(move |index| [index % 400 * 3, index / 400 * 5, index % 400 * 3 + lift])
+        };
+        let points: Vec<[i64; 3]> = sheet(0).chain(sheet(426)).collect();
+        let (labels, clusters) = cluster(0.3, &points);
+        assert_eq!(clusters, 2);
+        assert!(labels[..100_000].iter().all(|&label| label == 1));
+        assert_eq!(cluster(0.302, &points).1, 1);
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = EuclideanConfig::default;
+        for (config, key) in [
+            (EuclideanConfig { d_t: 0.0, ..default() }, "euclidean.d_t = 0"),
+            (EuclideanConfig { d_t: f64::NAN, ..default() }, "euclidean.d_t = NaN"),
+            (EuclideanConfig { min_points: 0, ..default() }, "euclidean.min_points = 0"),
+            (EuclideanConfig { max_points: 49, ..default() }, "euclidean.max_points = 49"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
+        let sizes =
+            |max_points| Euclidean::new(&EuclideanConfig { max_points, ..default() }).unwrap().object_size();
+        assert_eq!(sizes(0), 50..=u64::MAX);
+        assert_eq!(sizes(50), 50..=50);
+    }
 }

@@ -20,7 +20,7 @@ use serde::Deserialize;
 use super::lowest::{NONE, lowest_within};
 use crate::config::ConfigError;
 use crate::error::AlgorithmError;
-use crate::model::{DisjointSets, Lattice, PointClass, Reach, TileView, VoxelIndex};
+use crate::model::{Lattice, Linker, PointClass, Reach, TileView, VoxelIndex};
 
 const NAME: &str = "noise";
 
@@ -160,16 +160,94 @@ pub(super) fn voxel_edge(lattice: Lattice, metres: f64) -> u32 {
 
 /// Whether each voxel is in a 26-connected component of fewer than `min_points` points.
 fn small_components(index: &VoxelIndex, min_points: u32) -> Vec<bool> {
-    let mut sets = DisjointSets::new(u32::try_from(index.len()).unwrap_or(u32::MAX));
-    let mut join = |a: u32, b: u32| sets.union(a, b);
-    index.voxel_pairs([0, 0], 1..=1, &mut join);
+    let mut linker = Linker::new(index);
+    linker.link_column(1..=1, |_, _| true);
+    linker.find_spans();
     for offset in [[0, 1], [1, -1], [1, 0], [1, 1]] {
-        index.voxel_pairs(offset, -1..=1, &mut join);
+        linker.link_beside(offset, &(-1..=1), |_, _| true);
     }
+    let mut sets = linker.into_sets();
     let mut sizes = vec![0_u32; index.len()];
     let roots: Vec<usize> = (0_u32..).take(index.len()).map(|voxel| sets.find(voxel) as usize).collect();
     for (&root, &count) in roots.iter().zip(index.counts()) {
         sizes[root] += count;
     }
     roots.into_iter().map(|root| sizes[root] < min_points).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::TileCloud;
+    use PointClass::{HighNoise, LowNoise, Object};
+
+    fn mark(config: &NoiseConfig, points: &[[i64; 3]]) -> Vec<PointClass> {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let mut classes = vec![Object; points.len()];
+        IsolatedNoise::new(config).unwrap().mark(&mut TileView::new(&cloud), &mut classes).unwrap();
+        classes
+    }
+
+    #[test]
+    fn components_below_the_threshold_are_noise() {
+        // Nine points in a row of voxels, far from ten in the same shape.
+        let nine = (0..9).map(|step| [step * 300, 0, 0]);
+        let ten = (0..10).map(|step| [step * 300, 3_000, 0]);
+        let classes = mark(&NoiseConfig::default(), &nine.chain(ten).collect::<Vec<_>>());
+        assert_eq!(classes[..9], [LowNoise; 9]);
+        assert_eq!(classes[9..], [Object; 10]);
+    }
+
+    #[test]
+    fn voxels_touch_at_corners_and_points_count_not_voxels() {
+        let config = NoiseConfig { min_component_points: 3, ..NoiseConfig::default() };
+        // Voxels (0, 0, 0) and (1, 1, 1): three points. One voxel further on an axis: two and one.
+        assert_eq!(mark(&config, &[[0, 0, 0], [299, 299, 299], [300, 599, 300]]), [Object; 3]);
+        assert_eq!(mark(&config, &[[0, 0, 0], [299, 299, 299], [300, 599, 600]]), [LowNoise; 3]);
+        // (1, -1): the pair of columns that a forward walk easily forgets.
+        assert_eq!(mark(&config, &[[0, 599, 0], [0, 599, 0], [300, 299, 599]]), [Object; 3]);
+    }
+
+    #[test]
+    fn high_noise_is_more_than_high_above_the_lowest_voxel_within_the_neighbourhood() {
+        let config = NoiseConfig { min_component_points: 2, ..NoiseConfig::default() };
+        // Two points make ground at voxel (0, 0, 0); the stray is at (i, 0, k).
+        let stray = |i: i64, k: i64| mark(&config, &[[0, 0, 0], [0, 0, 0], [i * 300, 0, k * 300]])[2];
+        assert_eq!(stray(5, 7), HighNoise, "2.1 m above, 1.5 m beside");
+        assert_eq!(stray(5, 6), LowNoise, "1.8 m above");
+        assert_eq!(stray(6, 7), LowNoise, "nothing within 1.5 m");
+        assert_eq!(stray(0, -9), LowNoise, "below");
+        let exactly = NoiseConfig { high: 2.1, ..config };
+        let classes = mark(&exactly, &[[0, 0, 0], [0, 0, 0], [0, 0, 2_100]]);
+        assert_eq!(classes[2], LowNoise, "2.1 m is not more than 2.1 m");
+    }
+
+    #[test]
+    fn other_noise_is_nothing_to_stand_above() {
+        let config = NoiseConfig { min_component_points: 2, ..NoiseConfig::default() };
+        assert_eq!(mark(&config, &[[0, 0, 0], [0, 0, 9_000]]), [LowNoise; 2]);
+    }
+
+    #[test]
+    fn disabled_it_marks_nothing_and_needs_no_context() {
+        let config = NoiseConfig { enabled: false, ..NoiseConfig::default() };
+        assert_eq!(mark(&config, &[[0, 0, 0]]), [Object]);
+        let noise = IsolatedNoise::new(&config).unwrap();
+        assert_eq!(noise.reach(Lattice::MILLIMETRE), Reach::Exact { metres: 0.0 });
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = NoiseConfig::default;
+        for (config, key) in [
+            (NoiseConfig { voxel: f64::NAN, ..default() }, "noise.voxel = NaN"),
+            (NoiseConfig { voxel: 0.0, ..default() }, "noise.voxel = 0"),
+            (NoiseConfig { min_component_points: 0, ..default() }, "noise.min_component_points = 0"),
+            (NoiseConfig { high: -1.0, ..default() }, "noise.high = -1"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
+    }
 }

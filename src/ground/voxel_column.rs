@@ -152,3 +152,88 @@ impl GroundFilter for VoxelColumn {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::TileCloud;
+    use PointClass::{Ground, LowNoise, Object};
+
+    fn classify(points: &[[i64; 3]], classes: &[PointClass]) -> Vec<PointClass> {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let filter = VoxelColumn::new(&VoxelColumnConfig::default()).unwrap();
+        let mut classes = classes.to_vec();
+        filter.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
+        classes
+    }
+
+    /// Points at the centres of the voxels (i, 0, k).
+    fn voxels(indices: &[[i64; 2]]) -> Vec<[i64; 3]> {
+        indices.iter().map(|[i, k]| [i * 300 + 150, 150, k * 300 + 150]).collect()
+    }
+
+    #[test]
+    fn a_run_of_three_voxels_is_ground_and_one_of_four_is_not() {
+        // 3 * 0.3 m < 1 m <= 4 * 0.3 m. What is above a gap is not of the run.
+        assert_eq!(
+            classify(&voxels(&[[0, 0], [0, 1], [0, 2], [0, 4]]), &[Object; 4]),
+            [Ground, Ground, Ground, Object]
+        );
+        assert_eq!(classify(&voxels(&[[0, 0], [0, 1], [0, 2], [0, 3]]), &[Object; 4]), [Object; 4]);
+    }
+
+    #[test]
+    fn the_lowest_voxel_is_less_than_a_step_above_the_lowest_within_the_radius() {
+        // One voxel higher: 0.3 m < 0.5 m. Two: 0.6 m. Five columns are 1.5 m and count, six do not.
+        assert_eq!(classify(&voxels(&[[0, 0], [5, 1]]), &[Object; 2]), [Ground, Ground]);
+        assert_eq!(classify(&voxels(&[[0, 0], [5, 2]]), &[Object; 2]), [Ground, Object]);
+        assert_eq!(classify(&voxels(&[[0, 0], [6, 2]]), &[Object; 2]), [Ground, Ground]);
+        // The lowest of a column that is itself no ground (a wall) counts as well.
+        let wall = voxels(&[[0, 0], [0, 1], [0, 2], [0, 3], [1, 2]]);
+        assert_eq!(classify(&wall, &[Object; 5]), [Object; 5]);
+    }
+
+    #[test]
+    fn lengths_equal_to_the_limits_are_not_below_them() {
+        let config = VoxelColumnConfig { run_height: 0.6, step: 0.6, ..VoxelColumnConfig::default() };
+        let filter = VoxelColumn::new(&config).unwrap();
+        for (points, expected) in [
+            (voxels(&[[0, 0], [0, 1]]), [Object, Object]),
+            (voxels(&[[0, 0], [1, 2]]), [Ground, Object]),
+            (voxels(&[[0, 0], [1, 1]]), [Ground, Ground]),
+        ] {
+            let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+            let mut classes = [Object; 2];
+            filter.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
+            assert_eq!(classes, expected, "{points:?}");
+        }
+    }
+
+    #[test]
+    fn noise_is_invisible_and_stays_noise() {
+        // Noise below does not lower the lowest voxel; noise in the middle breaks a run of four.
+        let points = voxels(&[[0, -9], [0, 0], [0, 1], [0, 2], [0, 3]]);
+        assert_eq!(
+            classify(&points, &[LowNoise, Object, Object, LowNoise, Object]),
+            [LowNoise, Ground, Ground, LowNoise, Object]
+        );
+        // A voxel with noise and other points is there, and its noise stays noise.
+        let points = [[0, 0, 0], [1, 1, 1]];
+        assert_eq!(classify(&points, &[LowNoise, Object]), [LowNoise, Ground]);
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = VoxelColumnConfig::default;
+        for (config, key) in [
+            (VoxelColumnConfig { voxel: 0.0, ..default() }, "voxel-column.voxel = 0"),
+            (VoxelColumnConfig { run_height: f64::INFINITY, ..default() }, "voxel-column.run_height = inf"),
+            (VoxelColumnConfig { step: f64::NAN, ..default() }, "voxel-column.step = NaN"),
+            (VoxelColumnConfig { radius: -0.1, ..default() }, "voxel-column.radius = -0.1"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
+    }
+}

@@ -11,7 +11,7 @@
     reason = "counts of points fit u32 (checked in build), bit fields are masked"
 )]
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 
 use crate::error::AlgorithmError;
 use crate::model::{TileCloud, VoxelGrid};
@@ -194,7 +194,7 @@ impl VoxelIndex {
     }
 
     /// Visits the pairs of occupied columns (i, j) and (i + `di`, j + `dj`).
-    fn column_pairs(&self, [di, dj]: [i64; 2], mut visit: impl FnMut(usize, usize)) {
+    pub fn column_pairs(&self, [di, dj]: [i64; 2], mut visit: impl FnMut(usize, usize)) {
         let j = |column: usize| i64::from(self.column[column][1]);
         self.row_pairs(di, |row, other_row| {
             let mut other = other_row.start;
@@ -205,25 +205,6 @@ impl VoxelIndex {
                 }
                 if other < other_row.end && j(other) == wanted {
                     visit(column, other);
-                }
-            }
-        });
-    }
-
-    /// Visits the pairs of occupied voxels at the column offset (di, dj) whose k differ by an amount in `dk`.
-    pub fn voxel_pairs(&self, offset: [i64; 2], dk: RangeInclusive<i64>, mut visit: impl FnMut(u32, u32)) {
-        let k = |voxel: u32| i64::from(self.height[voxel as usize]);
-        self.column_pairs(offset, |column, other_column| {
-            let mut first = self.column_first[other_column];
-            let end = self.column_first[other_column + 1];
-            for voxel in self.column_first[column]..self.column_first[column + 1] {
-                while first < end && k(first) < k(voxel) + dk.start() {
-                    first += 1;
-                }
-                let mut other = first;
-                while other < end && k(other) <= k(voxel) + dk.end() {
-                    visit(voxel, other);
-                    other += 1;
                 }
             }
         });
@@ -396,19 +377,20 @@ mod tests {
     }
 
     #[test]
-    fn pairs_are_those_at_the_offset() {
-        // Columns (0, 0) with k 0, 1, 5 and (1, 2) with k 1, 3, 6: voxels 0..3 and 3..6.
-        let index = index(&[[0, 0, 0], [0, 0, 1], [0, 0, 5], [1, 2, 1], [1, 2, 3], [1, 2, 6], [7, 0, 0]], 1);
-        let pairs = |offset, dk| {
+    fn column_pairs_are_those_at_the_offset() {
+        let index = index(&[[0, 0, 0], [0, 1, 0], [0, 3, 0], [2, 0, 0], [2, 2, 0], [3, 1, 0]], 1);
+        let pairs = |offset| {
             let mut pairs = Vec::new();
-            index.voxel_pairs(offset, dk, |a, b| pairs.push((a, b)));
+            index.column_pairs(offset, |a, b| pairs.push((a, b)));
             pairs
         };
-        assert_eq!(pairs([1, 2], -1..=1), [(0, 3), (1, 3), (2, 5)]);
-        assert_eq!(pairs([1, 2], -2..=2), [(0, 3), (1, 3), (1, 4), (2, 4), (2, 5)]);
-        assert_eq!(pairs([0, 0], 1..=4), [(0, 1), (1, 2), (3, 4), (4, 5)]);
-        assert_eq!(pairs([7, 0], 0..=0), [(0, 6)]);
-        assert_eq!(pairs([1, 1], -9..=9), []);
+        assert_eq!(pairs([0, 0]), [(0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5)]);
+        assert_eq!(pairs([0, 1]), [(0, 1)]);
+        assert_eq!(pairs([2, -1]), [(1, 3), (2, 4)]);
+        assert_eq!(pairs([1, 1]), [(3, 5)]);
+        assert_eq!(pairs([1, -1]), [(4, 5)]);
+        assert_eq!(pairs([-2, 1]), [(3, 1), (4, 2)]);
+        assert_eq!(pairs([5, 0]), []);
     }
 
     #[test]
@@ -438,7 +420,7 @@ mod tests {
         let index = index(&[], 300);
         assert!(index.is_empty());
         assert_eq!(index.streaks().count(), 0);
-        index.voxel_pairs([0, 0], 0..=0, |_, _| panic!("no pairs"));
+        index.column_pairs([0, 0], |_, _| panic!("no pairs"));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! What several integration tests need: the optional data folder.
 
+pub(crate) mod oracle;
+
 use std::path::{Path, PathBuf};
 
 /// The folder of shared test data, or `None` (with a line that says so) where it is not there.

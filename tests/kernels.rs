@@ -1,0 +1,254 @@
+//! Noise, ground and single-link clusters against brute force, and what must not change them.
+
+use chainage::cluster::{Clusterer, Euclidean, EuclideanConfig};
+use chainage::ground::{GroundFilter, IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
+use chainage::model::{Lattice, PointClass, TileCloud, TileView};
+use proptest::prelude::*;
+
+use crate::util::oracle;
+
+const LATTICE: Lattice = Lattice::MILLIMETRE;
+/// Context is exercised in scenes of a few metres, so noise looks 4 voxels far and not 10.
+const NOISE: NoiseConfig = NoiseConfig { enabled: true, voxel: 0.3, min_component_points: 4, high: 0.9 };
+const GROUND: VoxelColumnConfig = VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 1.5 };
+
+type Points = Vec<[i64; 3]>;
+
+/// A coordinate: anywhere, on a face of a voxel, just below one, or at a multiple of 100 (where distances of exactly
+/// 300 abound).
+fn coordinate(extent: i64) -> impl Strategy<Value = i64> {
+    prop_oneof![
+        0..extent,
+        (0..=extent / 300).prop_map(|index| index * 300),
+        (0..=extent / 300).prop_map(|index| index * 300 - 1),
+        (0..=extent / 100).prop_map(|index| index * 100),
+    ]
+}
+
+/// A small cloud somewhere around the origin, sparse or dense, often with equal points.
+fn points() -> impl Strategy<Value = Points> {
+    let extent = || prop::sample::select(&[900_i64, 2_400, 6_000]);
+    (extent(), extent(), extent(), 1..120_usize, -3_000..3_000_i64).prop_flat_map(
+        |(x, y, z, count, shift)| {
+            let point = (coordinate(x), coordinate(y), coordinate(z), any::<prop::sample::Index>(), 0..10);
+            prop::collection::vec(point, count).prop_map(move |drawn| {
+                let mut points = Points::new();
+                for (x, y, z, copied, dice) in drawn {
+                    let copy = (dice == 0 && !points.is_empty()).then(|| *copied.get(&points));
+                    points.push(copy.unwrap_or([x + shift, y - shift, z]));
+                }
+                points
+            })
+        },
+    )
+}
+
+/// A cloud whose origin is `slack` below its points, with these ids.
+fn cloud(points: &[[i64; 3]], ids: &[u64], slack: i32) -> TileCloud {
+    let mut cloud = TileCloud::from_lattice_points(LATTICE, points);
+    cloud.id = ids.to_vec();
+    for axis in [&mut cloud.x, &mut cloud.y, &mut cloud.z] {
+        axis.iter_mut().for_each(|value| *value += slack);
+    }
+    cloud.origin = cloud.origin.map(|value| value - i64::from(slack));
+    cloud
+}
+
+fn numbered(points: &[[i64; 3]]) -> TileCloud {
+    TileCloud::from_lattice_points(LATTICE, points)
+}
+
+fn noise_classes(cloud: &TileCloud) -> Vec<PointClass> {
+    let mut classes = vec![PointClass::Object; cloud.len()];
+    IsolatedNoise::new(&NOISE).unwrap().mark(&mut TileView::new(cloud), &mut classes).unwrap();
+    classes
+}
+
+fn ground_classes(cloud: &TileCloud) -> Vec<PointClass> {
+    let mut classes = noise_classes(cloud);
+    VoxelColumn::new(&GROUND).unwrap().classify(&mut TileView::new(cloud), &mut classes).unwrap();
+    classes
+}
+
+fn cluster(cloud: &TileCloud, d_t: f64) -> Vec<u32> {
+    let mut labels = vec![u32::MAX; cloud.len()];
+    let config = EuclideanConfig { d_t, ..EuclideanConfig::default() };
+    let clusters = Euclidean::new(&config).unwrap().cluster(cloud, &mut labels).unwrap();
+    let mut seen: Vec<u32> = labels.clone();
+    seen.sort_unstable();
+    seen.dedup();
+    assert_eq!(seen, (1..=clusters).collect::<Vec<_>>());
+    labels
+}
+
+/// Labels with each one replaced by the smallest id that has it.
+fn by_smallest_id(labels: &[u32], ids: &[u64]) -> Vec<u64> {
+    let smallest = |label: u32| ids.iter().zip(labels).filter(|(_, l)| **l == label).map(|(id, _)| *id).min();
+    labels.iter().map(|&label| smallest(label).unwrap()).collect()
+}
+
+fn inside(core: [i64; 4], reach: f64, point: [i64; 3]) -> bool {
+    let beyond = |value: i64, low: i64, high: i64| (low - value).max(value - high).max(0) as f64;
+    let (dx, dy) = (beyond(point[0], core[0], core[1]), beyond(point[1], core[2], core[3]));
+    dx * dx + dy * dy <= (reach * 1_000.0).powi(2)
+}
+
+/// Compares what `classify` says of the points of a core, given all points and given those within `reach` alone.
+fn core_needs_only_its_context(
+    points: &Points,
+    core: [i64; 4],
+    reach: f64,
+    classify: impl Fn(&TileCloud) -> Vec<PointClass>,
+) -> Result<(), TestCaseError> {
+    let whole = classify(&numbered(points));
+    let kept: Vec<usize> = (0..points.len()).filter(|&index| inside(core, reach, points[index])).collect();
+    let tile: Points = kept.iter().map(|&index| points[index]).collect();
+    let classes = classify(&numbered(&tile));
+    for (&index, class) in kept.iter().zip(classes) {
+        if inside(core, 0.0, points[index]) {
+            prop_assert_eq!(class, whole[index], "point {} {:?}", index, points[index]);
+        }
+    }
+    Ok(())
+}
+
+/// A wide cloud, for tiles and their context.
+fn wide_points() -> impl Strategy<Value = Points> {
+    let point = (coordinate(12_000), coordinate(3_000), coordinate(2_100)).prop_map(|(x, y, z)| [x, y, z]);
+    prop::collection::vec(point, 1..250)
+}
+
+proptest! {
+    #[test]
+    fn noise_is_what_brute_force_says(points in points()) {
+        let expected = oracle::noise(&points, 300, 4, 900);
+        let classes: Vec<u8> = noise_classes(&numbered(&points)).into_iter().map(PointClass::code).collect();
+        prop_assert_eq!(classes, expected);
+    }
+
+    #[test]
+    fn ground_is_what_brute_force_says(points in points()) {
+        let classes = ground_classes(&numbered(&points));
+        let hidden: Vec<bool> = classes.iter().map(|class| class.is_noise()).collect();
+        let expected = oracle::voxel_column(&points, &hidden, [300, 1_000, 500, 1_500]);
+        let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
+        prop_assert_eq!(ground, expected);
+    }
+
+    #[test]
+    fn ground_with_a_voxel_of_its_own_is_what_brute_force_says(points in points(), voxel in 50..700_i64) {
+        let config = VoxelColumnConfig { voxel: voxel as f64 / 1_000.0, ..GROUND };
+        let cloud = numbered(&points);
+        let mut view = TileView::new(&cloud);
+        let mut classes = vec![PointClass::Object; points.len()];
+        IsolatedNoise::new(&NOISE).unwrap().mark(&mut view, &mut classes).unwrap();
+        let hidden: Vec<bool> = classes.iter().map(|class| class.is_noise()).collect();
+        VoxelColumn::new(&config).unwrap().classify(&mut view, &mut classes).unwrap();
+        let expected = oracle::voxel_column(&points, &hidden, [voxel, 1_000, 500, 1_500]);
+        let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
+        prop_assert_eq!(ground, expected);
+    }
+
+    #[test]
+    fn clusters_are_what_brute_force_says(points in points()) {
+        let expected: Vec<u64> = oracle::single_link(&points, 300).into_iter().map(|index| index as u64).collect();
+        let cloud = numbered(&points);
+        prop_assert_eq!(by_smallest_id(&cluster(&cloud, 0.3), &cloud.id), expected);
+    }
+
+    #[test]
+    fn clusters_are_what_brute_force_says_at_any_distance(
+        distance in prop_oneof![1..8_i64, 1..2_000_i64],
+        drawn in prop::collection::vec((0..60_i64, 0..60_i64, 0..60_i64), 1..90),
+    ) {
+        // Coordinates in twelfths of the distance, so that cells of every offset are met.
+        let points: Points = drawn.iter().map(|&(x, y, z)| [x, y, z].map(|value| value * distance / 12)).collect();
+        let expected: Vec<u64> =
+            oracle::single_link(&points, distance).into_iter().map(|index| index as u64).collect();
+        let cloud = numbered(&points);
+        prop_assert_eq!(by_smallest_id(&cluster(&cloud, distance as f64 / 1_000.0), &cloud.id), expected);
+    }
+
+    #[test]
+    fn the_order_of_points_changes_nothing(
+        (points, order) in points().prop_flat_map(|points| {
+            let order = Just((0..points.len()).collect::<Vec<usize>>()).prop_shuffle();
+            (Just(points), order)
+        }),
+    ) {
+        let straight = numbered(&points);
+        let shuffled_points: Points = order.iter().map(|&index| points[index]).collect();
+        let ids: Vec<u64> = order.iter().map(|&index| index as u64).collect();
+        let shuffled = cloud(&shuffled_points, &ids, 0);
+        let (classes, labels) = (ground_classes(&straight), cluster(&straight, 0.3));
+        let (other_classes, other_labels) = (ground_classes(&shuffled), cluster(&shuffled, 0.3));
+        for (position, &index) in order.iter().enumerate() {
+            prop_assert_eq!(other_classes[position], classes[index]);
+            prop_assert_eq!(other_labels[position], labels[index]);
+        }
+    }
+
+    #[test]
+    fn clusters_move_with_the_points(points in points(), shift in prop::array::uniform3(-1_000_000..1_000_000_i64), slack in 0..1_000) {
+        let moved: Points = points.iter().map(|p| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]).collect();
+        let ids: Vec<u64> = (0..points.len() as u64).collect();
+        prop_assert_eq!(cluster(&cloud(&moved, &ids, slack), 0.3), cluster(&numbered(&points), 0.3));
+    }
+
+    #[test]
+    fn ground_moves_with_the_points_by_whole_voxels_and_not_with_the_tile(
+        points in points(),
+        voxels in prop::array::uniform3(-4_000..4_000_i64),
+        slack in 0..1_000,
+    ) {
+        let shift = voxels.map(|count| count * 300);
+        let moved: Points = points.iter().map(|p| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]).collect();
+        let ids: Vec<u64> = (0..points.len() as u64).collect();
+        prop_assert_eq!(ground_classes(&cloud(&moved, &ids, slack)), ground_classes(&numbered(&points)));
+    }
+
+    #[test]
+    fn noise_of_a_core_needs_only_its_context(points in wide_points(), low in 2_000..8_000_i64, width in 1..2_000_i64) {
+        let core = [low, low + width, 1_000, 2_000];
+        let reach = IsolatedNoise::new(&NOISE).unwrap().reach(LATTICE).metres();
+        core_needs_only_its_context(&points, core, reach, |cloud| {
+            let low_or_high = |class: PointClass| if class.is_noise() { PointClass::LowNoise } else { class };
+            noise_classes(cloud).into_iter().map(low_or_high).collect()
+        })?;
+    }
+
+    #[test]
+    fn classes_of_a_core_need_only_its_context(points in wide_points(), low in 2_000..8_000_i64, width in 1..2_000_i64) {
+        let core = [low, low + width, 1_000, 2_000];
+        let noise = IsolatedNoise::new(&NOISE).unwrap();
+        let ground = VoxelColumn::new(&GROUND).unwrap();
+        let above = noise.height_reach(LATTICE).metres().max(ground.reach(LATTICE).metres());
+        core_needs_only_its_context(&points, core, noise.reach(LATTICE).metres() + above, ground_classes)?;
+    }
+}
+
+/// A diagonal of voxels, one point each at the far corner: the longest way a component of n points can go. With
+/// one point less of it in sight, it would be noise.
+#[test]
+fn the_reach_of_noise_is_not_larger_than_it_must_be() {
+    let points: Points =
+        (0..4_i64).map(|step| [step * 300 + 299 * (step / 3), step * 300 + 299 * (step / 3), 0]).collect();
+    assert_eq!(noise_classes(&numbered(&points)), [PointClass::Object; 4]);
+    let farthest = ((points[3][0] as f64).powi(2) * 2.0).sqrt() / 1_000.0;
+    let reach = IsolatedNoise::new(&NOISE).unwrap().reach(LATTICE).metres();
+    assert!(farthest <= reach && farthest > reach - 0.005, "{farthest} {reach}");
+    assert!(noise_classes(&numbered(&points[..3])).iter().all(|class| class.is_noise()));
+}
+
+#[test]
+fn stray_points_kilometres_away_change_nothing_but_themselves() {
+    let mut points: Points = (0..1_000_i64).map(|index| [index % 40 * 50, index / 40 * 50, 0]).collect();
+    let alone = (ground_classes(&numbered(&points)), cluster(&numbered(&points), 0.3));
+    points.extend([[2_000_000_000, 0, 0], [0, 2_000_000_000, 0], [0, 0, 10_000_000]]);
+    let cloud = numbered(&points);
+    let (classes, labels) = (ground_classes(&cloud), cluster(&cloud, 0.3));
+    assert_eq!(classes[..1_000], alone.0);
+    assert_eq!(classes[1_000..], [PointClass::LowNoise, PointClass::LowNoise, PointClass::HighNoise]);
+    assert_eq!(labels[..1_000], alone.1);
+    assert_eq!(labels[1_000..], [2, 3, 4]);
+}
