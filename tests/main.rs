@@ -1,4 +1,5 @@
 //! One integration binary: one link step.
 
 mod conformance;
+mod damage;
 mod util;
