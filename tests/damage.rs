@@ -61,7 +61,12 @@ fn rounds_of_the_child() {
     println!(
         "damage: {} damaged files, {} readable all the same, {} refused at opening, {} with a damaged block, \
          slowest {:.2} s ({})",
-        tally.cases, tally.read, tally.refused, tally.broken, tally.slowest.as_secs_f64(), tally.slowest_case
+        tally.cases,
+        tally.read,
+        tally.refused,
+        tally.broken,
+        tally.slowest.as_secs_f64(),
+        tally.slowest_case
     );
 }
 
