@@ -1,6 +1,12 @@
 //! One integration binary: one link step.
 
+#[cfg(test)]
 mod conformance;
 mod contracts;
 mod kernels;
+#[cfg(test)]
+mod damage;
+#[cfg(test)]
+mod labelled;
+#[cfg(test)]
 mod util;

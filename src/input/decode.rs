@@ -25,7 +25,7 @@ pub(crate) const MAX_CHUNK_BYTES: u64 = 256 << 20;
 /// one before costs at least 0.0076 bits, which is 1,050 points per byte; rounded up generously.
 pub(crate) const MAX_POINTS_PER_BYTE: u64 = 4096;
 /// Extra bytes of a compressed record that are decoded; the decoder keeps up to four models of 2.5 kB for each.
-const MAX_EXTRA_BYTES: usize = 4096;
+pub(crate) const MAX_EXTRA_BYTES: usize = 4096;
 /// Records that are decoded between two growths of the output.
 const STEP: usize = 8192;
 

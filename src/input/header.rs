@@ -55,6 +55,8 @@ pub(crate) struct Header {
     pub(crate) evlrs: Directory,
     /// First byte of the extended records (or of the waveforms of LAS 1.3), when the header names one.
     pub(crate) tail_start: Option<u64>,
+    /// Where the header says that the waveform record is; not checked, only kept up to date in copies.
+    pub(crate) waveform_start: Option<u64>,
     /// What is wrong but can be lived with.
     pub(crate) warnings: Vec<String>,
 }
@@ -105,6 +107,7 @@ impl Header {
             vlrs,
             evlrs,
             tail_start,
+            waveform_start: raw.start_of_waveform_data_packet_record,
             warnings,
         })
     }

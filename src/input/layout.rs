@@ -11,6 +11,9 @@ pub(crate) const SPEC_USER: &str = "LASF_Spec";
 /// Record that describes extra bytes.
 pub(crate) const EXTRA_BYTES: u16 = 4;
 
+/// Longest extra-bytes record that is read: a descriptor for every byte of the longest record.
+const MAX_DESCRIPTORS: u64 = (u16::MAX as u64) * (DESCRIPTOR as u64);
+
 /// Where the fields of a record are, in bytes from its start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordLayout {
@@ -36,6 +39,8 @@ pub struct RecordLayout {
     pub point_source_id: usize,
     /// Dimensions in the extra bytes that have a descriptor.
     pub dimensions: Vec<ExtraDimension>,
+    /// Bytes of descriptors that were accepted, for every extra-bytes record of the file.
+    pub(crate) accepted: Vec<usize>,
 }
 
 /// One described dimension of the extra bytes.
@@ -78,12 +83,14 @@ impl RecordLayout {
             classification_mask: if extended { 0xff } else { 0x1f },
             point_source_id: if extended { 20 } else { 18 },
             dimensions: Vec::new(),
+            accepted: Vec::new(),
         };
+        let mut fits = true;
         for record in header.records().filter(|record| record.is(SPEC_USER, EXTRA_BYTES)) {
-            match record.read(source, u64::from(u16::MAX)) {
-                Some(bytes) => layout.describe(&bytes, warnings),
-                None => warnings.push("an extra-bytes record is too long and is ignored".into()),
-            }
+            let bytes = record.read(source, MAX_DESCRIPTORS).unwrap_or_default();
+            let accepted = if fits { layout.describe(&bytes, warnings) } else { 0 };
+            fits &= accepted as u64 == record.payload.end - record.payload.start;
+            layout.accepted.push(accepted);
         }
         layout
     }
@@ -101,15 +108,16 @@ impl RecordLayout {
         self.dimensions.iter().find(|dimension| dimension.name == name)
     }
 
-    /// Adds the dimensions of one extra-bytes record, which follow those before.
-    fn describe(&mut self, bytes: &[u8], warnings: &mut Vec<String>) {
+    /// Adds the dimensions of one extra-bytes record, which follow those before; returns how many of its bytes
+    /// describe something that is there.
+    fn describe(&mut self, bytes: &[u8], warnings: &mut Vec<String>) -> usize {
         if !bytes.len().is_multiple_of(DESCRIPTOR) {
             warnings.push(format!(
                 "an extra-bytes record has {} bytes, no multiple of {DESCRIPTOR}; its end is ignored",
                 bytes.len()
             ));
         }
-        for descriptor in bytes.chunks_exact(DESCRIPTOR) {
+        for (index, descriptor) in bytes.chunks_exact(DESCRIPTOR).enumerate() {
             let dimension = parse_descriptor(descriptor, self.undescribed().start);
             if dimension.data_type == 0 && dimension.size == 0 {
                 continue; // undocumented, of no bytes: nothing to describe
@@ -121,10 +129,11 @@ impl RecordLayout {
                      after it are ignored",
                     dimension.name, dimension.data_type, self.record_len
                 ));
-                return;
+                return index * DESCRIPTOR;
             }
             self.dimensions.push(dimension);
         }
+        bytes.len() / DESCRIPTOR * DESCRIPTOR
     }
 }
 

@@ -6,14 +6,14 @@
 mod catalog;
 mod chunks;
 mod crs;
-mod decode;
+pub(crate) mod decode;
 mod error;
 mod file;
 mod geokeys;
-mod header;
-mod layout;
-mod mapped;
-mod vlr;
+pub(crate) mod header;
+pub(crate) mod layout;
+pub(crate) mod mapped;
+pub(crate) mod vlr;
 mod wkt;
 
 pub use catalog::{Catalog, InputOptions};
