@@ -4,9 +4,11 @@ mod descriptor;
 mod edit;
 mod error;
 mod labelled;
+mod objects;
 pub(crate) mod laz_chunk;
 mod record;
 mod tail;
 
 pub use error::OutputError;
 pub use labelled::{LabelOptions, LabelledFile, OutputFormat, check_names};
+pub use objects::{ObjectRow, write_csv, write_geojson};

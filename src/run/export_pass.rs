@@ -1,7 +1,7 @@
 //! Pass `export`: the labelled copies, a run of blocks at a time; and its reduction, which gives them their names.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
@@ -56,7 +56,7 @@ impl<'a> ExportPass<'a> {
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         let mut pass = Self { drive, owners, ids, targets: Vec::new(), units: Vec::new() };
         for (file, labelled) in labelled.into_iter().enumerate() {
-            let chunks = labelled.chunks(drive.file(file));
+            let chunks = labelled.chunks().to_vec();
             let mut start = 0;
             while start < chunks.len() {
                 let mut end = start;
@@ -136,29 +136,39 @@ impl<'a> ExportPass<'a> {
                 continue;
             }
             let part = open_part(target)?;
-            let tail = target.labelled.epilogue(self.drive.file(file))?;
+            let input = self.drive.file(file);
+            let mut writer = BufWriter::with_capacity(1 << 20, &part);
             if target.labelled.is_compressed() {
-                let chunks = self.units.iter().enumerate().filter(|(_, unit)| unit.file == file).flat_map(|(unit, _)| {
-                    match dir.payload(unit).map_err(Error::from).and_then(|bytes| codec::decode::<Vec<(u32, Vec<u8>)>>(&bytes)) {
-                        Ok(chunks) => chunks.into_iter().map(Ok).collect::<Vec<_>>(),
-                        Err(error) => vec![Err(error)],
-                    }
-                });
-                let mut writer = BufWriter::with_capacity(1 << 20, &part);
-                target.labelled.assemble_laz(&tail, chunks, &mut writer)?;
-                writer.flush().map_err(failed)?;
+                target.labelled.assemble_laz(input, self.payloads(file, dir), &mut writer)?;
             } else {
-                let prologue = target.labelled.prologue();
-                part.write_all_at(prologue, 0).map_err(failed)?;
-                let end = target.labelled.record_offset(self.drive.file(file).point_count());
+                writer.write_all(target.labelled.prologue()).map_err(failed)?;
+                let end = target.labelled.epilogue_offset();
+                writer.seek(SeekFrom::Start(end)).map_err(failed)?;
+                target.labelled.write_epilogue(input, &mut writer)?;
+            }
+            writer.flush().map_err(failed)?;
+            drop(writer);
+            if !target.labelled.is_compressed() {
+                let end = target.labelled.epilogue_offset() + target.labelled.epilogue_len();
                 part.set_len(end).map_err(failed)?;
-                part.write_all_at(&tail, end).map_err(failed)?;
             }
             part.sync_all().map_err(failed)?;
             run_dir.write_json(&intent, &fingerprint)?;
             publish(&target.part, &path).map_err(failed)?;
         }
         Ok(())
+    }
+
+    /// The compressed chunks of a file in order, a unit at a time.
+    fn payloads<'b>(&'b self, file: usize, dir: &'b PassDir) -> impl Iterator<Item = Result<(u32, Vec<u8>)>> + 'b {
+        let units = self.units.iter().enumerate().filter(move |(_, unit)| unit.file == file);
+        units.flat_map(|(unit, _)| {
+            let bytes = dir.payload(unit).map_err(Error::from);
+            match bytes.and_then(|bytes| codec::decode::<Vec<(u32, Vec<u8>)>>(&bytes)) {
+                Ok(chunks) => chunks.into_iter().map(Ok).collect::<Vec<_>>(),
+                Err(error) => vec![Err(error)],
+            }
+        })
     }
 
     /// Names of the labelled copies.

@@ -10,7 +10,9 @@ use crate::config::{ClassificationChoice, Config, ConfigError};
 use crate::error::Result;
 use crate::input::Catalog;
 use crate::model::{Cell, NearestIndex, ObjectPart};
-use crate::output::{LabelOptions, LabelledFile, ObjectRow, OutputError, OutputFormat, write_csv, write_geojson};
+use crate::output::{
+    LabelOptions, LabelledFile, ObjectRow, OutputError, OutputFormat, check_names, write_csv, write_geojson,
+};
 use crate::run::RunSummary;
 use crate::run::drive::Drive;
 use crate::run::ground_pass::GroundPayload;
@@ -75,12 +77,10 @@ pub(crate) fn terrain(
 
 /// The labelled copies to be written: names do not collide, and nothing foreign is in their place.
 pub(crate) fn plan_files(catalog: &Catalog, config: &Config, run_dir: &RunDir) -> Result<(Vec<LabelledFile>, Vec<String>)> {
-    let format = match config.output.format.as_str() {
-        "same" => OutputFormat::Same,
-        "las" => OutputFormat::Las,
-        "laz" => OutputFormat::Laz,
-        other => return Err(ConfigError::value("output.format", other, "same, las or laz").into()),
-    };
+    let name = &config.output.format;
+    let format: OutputFormat = toml::Value::String(name.clone())
+        .try_into()
+        .map_err(|_| ConfigError::value("output.format", name, "same, las or laz"))?;
     let options = LabelOptions {
         format,
         dimension: config.output.dimension.clone(),
@@ -94,9 +94,6 @@ pub(crate) fn plan_files(catalog: &Catalog, config: &Config, run_dir: &RunDir) -
     let mut warnings = Vec::new();
     for file in catalog.files() {
         let labelled = LabelledFile::plan(file, &options)?;
-        if files.iter().any(|other| other.name() == labelled.name()) {
-            return Err(OutputError::SameName { name: labelled.name().to_owned() }.into());
-        }
         let path = run_dir.out().join(labelled.name());
         if path.exists() && !begun && !ours(labelled.name()) {
             return Err(StoreError::InTheWay { path }.into());
@@ -104,6 +101,7 @@ pub(crate) fn plan_files(catalog: &Catalog, config: &Config, run_dir: &RunDir) -
         warnings.extend(labelled.warnings().iter().cloned());
         files.push(labelled);
     }
+    check_names(&files)?;
     Ok((files, warnings))
 }
 

@@ -122,9 +122,9 @@ pub struct PlanFacts {
 /// Opens the files of a drive as the configuration says.
 pub(crate) fn open_catalog(inputs: &[PathBuf], config: &Config) -> Result<Catalog> {
     let unit = &config.input.unit;
-    let unit = LengthUnit::from_name(unit).ok_or_else(|| {
-        ConfigError::value("input.unit", unit, "auto, metre, foot or us-survey-foot")
-    })?;
+    let unit: LengthUnit = toml::Value::String(unit.clone())
+        .try_into()
+        .map_err(|_| ConfigError::value("input.unit", unit, "auto, metre, foot or us-survey-foot"))?;
     Ok(Catalog::open(inputs, &InputOptions { mmap: config.input.mmap, unit })?)
 }
 

@@ -27,6 +27,7 @@ use serde::Serialize;
 
 use crate::config::Config;
 use crate::error::Result;
+use crate::store::RunDir;
 
 use budget::Budget;
 use drive::Drive;

@@ -7,7 +7,7 @@ mod fingerprint;
 mod run_dir;
 mod unit_file;
 
-pub(crate) use atomic::{publish, sync_folder, write as write_atomic};
+pub(crate) use atomic::publish;
 pub(crate) use column::Column;
 pub use error::StoreError;
 pub use fingerprint::{Fingerprint, Inputs, StaleReason};
