@@ -81,7 +81,7 @@ fn every_file_of_the_conformance_folder_has_the_outcome_of_the_table() {
     for path in util::las_files(&root) {
         let name = path.strip_prefix(&root).expect("below").to_string_lossy().into_owned();
         let row = expected.remove(&name).unwrap_or_else(|| panic!("{name} is not in tests/conformance.csv"));
-        let opened = Catalog::open(&[path.clone()], &options(true, LengthUnit::Auto));
+        let opened = Catalog::open(std::slice::from_ref(&path), &options(true, LengthUnit::Auto));
         let outcome = opened.as_ref().map_or_else(variant, |_| "ok".to_owned());
         assert_eq!(outcome, row.outcome, "{name}: {:?}", opened.err().map(|error| error.to_string()));
         if let Err(error) = &opened {

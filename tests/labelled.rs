@@ -134,6 +134,12 @@ fn compare_around(original: &Path, copy: &Path) {
     let (before, after) = (std::fs::read(original).expect("read"), std::fs::read(copy).expect("read"));
     assert_eq!(vlrs(&before), vlrs(&after), "{}", copy.display());
     assert_eq!(evlrs(&before), evlrs(&after), "{}", copy.display());
+    let extra = |bytes: &[u8]| {
+        let head = number(bytes, 94, 2);
+        let all = chain(bytes, head, number(bytes, 96, 4), number(bytes, 100, 4), 54);
+        all.iter().filter(|record| record.0.starts_with(b"LASF_Spec") && record.1 == 4).count()
+    };
+    assert_eq!(extra(&after), 1, "{}: readers look at one extra-bytes record", copy.display());
     // Position and number of records, format, record length; position of waveforms and extended records.
     let changed = [96..107, 227..247];
     for at in 0..number(&before, 94, 2) {

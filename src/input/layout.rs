@@ -39,8 +39,8 @@ pub struct RecordLayout {
     pub point_source_id: usize,
     /// Dimensions in the extra bytes that have a descriptor.
     pub dimensions: Vec<ExtraDimension>,
-    /// Bytes of descriptors that were accepted, for every extra-bytes record of the file.
-    pub(crate) accepted: Vec<usize>,
+    /// The descriptors of these dimensions, as they are in the file.
+    pub(crate) descriptors: Vec<u8>,
 }
 
 /// One described dimension of the extra bytes.
@@ -83,14 +83,13 @@ impl RecordLayout {
             classification_mask: if extended { 0xff } else { 0x1f },
             point_source_id: if extended { 20 } else { 18 },
             dimensions: Vec::new(),
-            accepted: Vec::new(),
+            descriptors: Vec::new(),
         };
         let mut fits = true;
         for record in header.records().filter(|record| record.is(SPEC_USER, EXTRA_BYTES)) {
             let bytes = record.read(source, MAX_DESCRIPTORS).unwrap_or_default();
-            let accepted = if fits { layout.describe(&bytes, warnings) } else { 0 };
-            fits &= accepted as u64 == record.payload.end - record.payload.start;
-            layout.accepted.push(accepted);
+            // Where one does not fit, the place of those after it is unknown.
+            fits = fits && layout.describe(&bytes, warnings);
         }
         layout
     }
@@ -108,16 +107,15 @@ impl RecordLayout {
         self.dimensions.iter().find(|dimension| dimension.name == name)
     }
 
-    /// Adds the dimensions of one extra-bytes record, which follow those before; returns how many of its bytes
-    /// describe something that is there.
-    fn describe(&mut self, bytes: &[u8], warnings: &mut Vec<String>) -> usize {
+    /// Adds the dimensions of one extra-bytes record, which follow those before; returns whether all fit.
+    fn describe(&mut self, bytes: &[u8], warnings: &mut Vec<String>) -> bool {
         if !bytes.len().is_multiple_of(DESCRIPTOR) {
             warnings.push(format!(
                 "an extra-bytes record has {} bytes, no multiple of {DESCRIPTOR}; its end is ignored",
                 bytes.len()
             ));
         }
-        for (index, descriptor) in bytes.chunks_exact(DESCRIPTOR).enumerate() {
+        for descriptor in bytes.chunks_exact(DESCRIPTOR) {
             let dimension = parse_descriptor(descriptor, self.undescribed().start);
             if dimension.data_type == 0 && dimension.size == 0 {
                 continue; // undocumented, of no bytes: nothing to describe
@@ -129,11 +127,12 @@ impl RecordLayout {
                      after it are ignored",
                     dimension.name, dimension.data_type, self.record_len
                 ));
-                return index * DESCRIPTOR;
+                return false;
             }
             self.dimensions.push(dimension);
+            self.descriptors.extend_from_slice(descriptor);
         }
-        bytes.len() / DESCRIPTOR * DESCRIPTOR
+        true
     }
 }
 

@@ -13,8 +13,6 @@ use crate::input::vlr::Vlr;
 
 /// User of the records that make a file a cloud-optimized point cloud.
 const COPC_USER: &str = "copc";
-/// Longest payload of a variable length record.
-const MAX_PAYLOAD: usize = u16::MAX as usize;
 // Fields of the header (LAS 1.4 R15, table 3).
 const POINTS_START: usize = 96;
 const RECORD_COUNT: usize = 100;
@@ -70,30 +68,27 @@ pub(super) fn edit(
     laz: Option<&LazVlr>,
 ) -> Result<Edited, OutputError> {
     let header = input.header();
-    let mut editor = Editor { input, descriptors: descriptors.concat(), laz: None, extra_seen: 0 };
-    editor.laz = laz.map(laz_vlr_data).transpose()?;
+    let mut editor = Editor {
+        input,
+        descriptors: (!descriptors.is_empty()).then(|| descriptors.concat()),
+        unchanged: descriptors.is_empty(),
+        laz: laz.map(laz_vlr_data).transpose()?,
+    };
     let mut prologue = editor.read(0..header.header_size)?;
     let mut count = 0_u32;
     for record in &header.vlrs.records {
         let bytes = match editor.fate(record)? {
             Fate::Drop => continue,
             Fate::Keep => editor.read(record.start..record.payload.end)?,
-            Fate::Replace(payload) if payload.len() <= MAX_PAYLOAD => {
-                editor.with_payload(record, &payload)?
-            }
-            // No room for the new descriptors: they go into a record of their own, which follows.
-            Fate::Replace(payload) => {
-                let kept = &payload[..payload.len() - editor.descriptors.len()];
-                prologue.extend(editor.with_payload(record, kept)?);
-                count += 1;
-                editor.new_extra_bytes()
-            }
+            Fate::Replace(payload) => editor.with_payload(record, &payload)?,
         };
         prologue.extend(bytes);
         count += 1;
     }
-    if header.records().all(|record| !record.is(SPEC_USER, EXTRA_BYTES)) && !descriptors.is_empty() {
-        prologue.extend(editor.new_extra_bytes());
+    if header.records().all(|record| !record.is(SPEC_USER, EXTRA_BYTES))
+        && let Some(payload) = editor.descriptors.take()
+    {
+        prologue.extend(descriptor::vlr(SPEC_USER, EXTRA_BYTES, "Extra Bytes Record", &payload));
         count += 1;
     }
     if let Some(payload) = editor.laz.take() {
@@ -108,12 +103,12 @@ pub(super) fn edit(
 
 struct Editor<'a> {
     input: &'a InputFile,
-    /// Descriptors to add.
-    descriptors: Vec<u8>,
+    /// Descriptors to add, until they have found their place.
+    descriptors: Option<Vec<u8>>,
+    /// Whether there are none to add: the records stay as they are.
+    unchanged: bool,
     /// Payload of the new laszip record, until it has found its place.
     laz: Option<Vec<u8>>,
-    /// Extra-bytes records seen so far.
-    extra_seen: usize,
 }
 
 impl Editor<'_> {
@@ -125,16 +120,17 @@ impl Editor<'_> {
             .map_err(|source| OutputError::Source { path: self.input.path().to_owned(), source })
     }
 
-    /// A record of the header with another payload, of less than 65,536 bytes.
+    /// A record of the header with another payload.
     fn with_payload(&self, record: &Vlr, payload: &[u8]) -> Result<Vec<u8>, OutputError> {
+        let length = u16::try_from(payload.len()).map_err(|_| OutputError::Descriptors {
+            path: self.input.path().to_owned(),
+            count: payload.len() / DESCRIPTOR,
+            limit: usize::from(u16::MAX) / DESCRIPTOR,
+        })?;
         let mut bytes = self.read(record.start..record.payload.start)?;
-        put(&mut bytes, 20, &u16::try_from(payload.len()).unwrap_or(u16::MAX).to_le_bytes());
+        put(&mut bytes, 20, &length.to_le_bytes());
         bytes.extend(payload);
         Ok(bytes)
-    }
-
-    fn new_extra_bytes(&self) -> Vec<u8> {
-        descriptor::vlr(SPEC_USER, EXTRA_BYTES, "Extra Bytes Record", &self.descriptors)
     }
 
     fn fate(&mut self, record: &Vlr) -> Result<Fate, OutputError> {
@@ -144,22 +140,13 @@ impl Editor<'_> {
         if record.is(LASZIP.0, LASZIP.1) {
             return Ok(self.laz.take().map_or(Fate::Drop, Fate::Replace));
         }
-        if !record.is(SPEC_USER, EXTRA_BYTES) || self.descriptors.is_empty() {
+        if !record.is(SPEC_USER, EXTRA_BYTES) || self.unchanged {
             return Ok(Fate::Keep);
         }
-        // Descriptors that describe nothing would put ours at a wrong place: they are cut off. Ours go to the last.
-        let accepted = &self.input.layout().accepted;
-        let last = self.extra_seen + 1 == accepted.len();
-        let kept = accepted.get(self.extra_seen).copied().unwrap_or(0) as u64;
-        self.extra_seen += 1;
-        let all = record.payload.start + kept == record.payload.end;
-        if all && !last {
-            return Ok(Fate::Keep);
-        }
-        let mut payload = self.read(record.payload.start..record.payload.start + kept)?;
-        if last {
-            payload.extend(&self.descriptors);
-        }
+        // The specification knows one such record, and some readers look at only one: the first takes them all.
+        let Some(new) = self.descriptors.take() else { return Ok(Fate::Drop) };
+        let mut payload = self.input.layout().descriptors.clone();
+        payload.extend(new);
         Ok(Fate::Replace(payload))
     }
 

@@ -70,6 +70,16 @@ pub enum OutputError {
         /// Bytes before the points.
         length: usize,
     },
+    /// More dimensions than one extra-bytes record can describe.
+    #[error("{path}: {count} extra dimensions, at most {limit} can be described", path = path.display())]
+    Descriptors {
+        /// The input file.
+        path: PathBuf,
+        /// Dimensions of the labelled copy.
+        count: usize,
+        /// Dimensions that can be described.
+        limit: usize,
+    },
     /// Two labelled copies would have the same name.
     #[error("two labelled copies would be named {name}")]
     NameClash {
@@ -116,7 +126,7 @@ impl OutputError {
             Self::NameClash { .. } => {
                 Some("rename one of the input files, or process them as separate drives".into())
             }
-            Self::RecordLength { .. } => {
+            Self::RecordLength { .. } | Self::Descriptors { .. } => {
                 Some("write uncompressed copies, or drop extra dimensions of the input first".into())
             }
             Self::Write { .. }
