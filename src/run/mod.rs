@@ -16,6 +16,7 @@ mod look;
 mod map;
 mod methods;
 mod observe;
+mod scatter_pass;
 mod scene;
 mod status;
 mod survey_pass;
