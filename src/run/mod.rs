@@ -8,6 +8,7 @@ mod drive;
 mod engine;
 mod export_pass;
 mod finish;
+mod floor;
 mod flow;
 mod ground_pass;
 mod identity;
@@ -38,6 +39,7 @@ use methods::Chain;
 
 pub use engine::{CancelToken, PassFigures};
 pub use finish::Counts;
+pub use floor::{codec_floor, copy_floor, files_of};
 pub use look::{DriveFacts, FileFacts, PlanFacts, TileFacts, look_at, plan_of};
 pub use methods::Registries;
 pub use observe::{Event, Observer, Silent};
