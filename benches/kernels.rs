@@ -5,6 +5,7 @@
 //! voxels, noise and ground, the points left over for clusters. Before timing it prints what the kernels found, and, when
 //! the file has the extra-bytes dimension `gt_class` (1: ground), precision and recall of the ground; points that are
 //! noise after the first step count as not ground, like every other point that is not ground.
+#![expect(clippy::print_stdout, reason = "a bench prints what it found beside its times")]
 
 use std::hint::black_box;
 
@@ -137,6 +138,7 @@ fn report(scene: &Scene, classes: &[PointClass], labels: &[u32], clusters: u32, 
     println!("clusters {clusters}, of at least {size} points {large}");
 }
 
+#[expect(clippy::expect_used, reason = "a bench without points has nothing to time")]
 fn kernels(criterion: &mut Criterion) {
     run(criterion).expect("the file can be read and the kernels accept its points");
 }

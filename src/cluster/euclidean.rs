@@ -152,8 +152,8 @@ fn layers(reach: i64) -> [Vec<Step>; 3] {
                 continue;
             };
             let lowest = if [di, dj] == [0, 0] { 1 } else { -outermost };
-            let layer = &mut layers[di.max(dj.abs()) as usize];
-            layer.push(Step { offset: [di, dj], dk: lowest..=outermost });
+            let layer = if di.max(dj.abs()) == 2 { 2 } else { usize::from([di, dj] != [0, 0]) };
+            layers[layer].push(Step { offset: [di, dj], dk: lowest..=outermost });
         }
     }
     layers

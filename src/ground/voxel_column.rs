@@ -113,7 +113,8 @@ impl VoxelColumn {
                 continue;
             }
             let run = || visible_of(column).zip(low..).take_while(|&(voxel, k)| heights[voxel] == k);
-            if (run().count() as i64) * edge < run_height {
+            let height = run().map(|_| edge).sum::<i64>();
+            if height < run_height {
                 run().for_each(|(voxel, _)| ground[voxel] = true);
             }
         }

@@ -96,11 +96,7 @@ pub struct VoxelGrid {
 impl VoxelGrid {
     /// The grid with voxels of `edge` lattice units (> 0) over a tile with this `origin`.
     #[must_use]
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a remainder modulo a u32 is a u32"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "a remainder modulo a u32 is a u32")]
     pub fn new(origin: [i64; 3], edge: u32) -> Self {
         let edge_units = i64::from(edge.max(1));
         Self {
