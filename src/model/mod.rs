@@ -4,7 +4,9 @@ mod class;
 mod cloud;
 mod disjoint;
 mod frame;
+mod hull;
 mod linker;
+mod object;
 mod reach;
 mod voxels;
 
@@ -13,5 +15,6 @@ pub use cloud::{TileCloud, VoxelGrid};
 pub use disjoint::DisjointSets;
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
 pub use linker::Linker;
+pub use object::ObjectPart;
 pub use reach::Reach;
 pub use voxels::{TileView, VoxelIndex};
