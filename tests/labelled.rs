@@ -9,6 +9,7 @@ use chainage::input::{Catalog, Fields, InputFile, InputOptions, LengthUnit};
 use chainage::output::{LabelOptions, LabelledFile, OutputError, OutputFormat, check_names};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 
 use crate::util;
 
@@ -188,29 +189,34 @@ fn options(format: OutputFormat) -> LabelOptions {
 
 #[test]
 fn copies_keep_everything_but_label_and_class() {
-    let mut copies = 0;
-    for (index, path) in samples().iter().enumerate() {
-        let Some(catalog) = open(path) else { continue };
-        let input = &catalog.files()[0];
-        let before = records(input);
-        let truth = Truth::random(input.point_count(), index as u64);
-        for format in [OutputFormat::Las, OutputFormat::Laz] {
-            let folder = tempfile::tempdir().expect("a folder");
-            let plan = LabelledFile::plan(input, &options(format)).expect("a plan");
-            assert_eq!(plan.is_compressed(), format == OutputFormat::Laz);
-            let copy = write(&plan, input, &before, &truth, folder.path());
-            compare_around(path, &copy);
-            let again = open(&copy).expect("the copy opens");
-            let copied = &again.files()[0];
-            assert_eq!(copied.point_count(), input.point_count());
-            assert_eq!(copied.is_compressed(), plan.is_compressed());
-            assert!(!copied.is_copc());
-            compare_points(input, &before, copied, &truth);
-            relabel(copied, folder.path());
-            copies += 1;
-        }
-    }
+    let samples = samples();
+    let copies: u32 =
+        samples.par_iter().enumerate().map(|(index, path)| copy_both_ways(path, index as u64)).sum();
     println!("{copies} copies compared");
+    assert!(copies >= 4, "two shipped samples, two formats");
+}
+
+/// Copies one file to both formats; returns the number of copies.
+fn copy_both_ways(path: &Path, seed: u64) -> u32 {
+    let Some(catalog) = open(path) else { return 0 };
+    let input = &catalog.files()[0];
+    let before = records(input);
+    let truth = Truth::random(input.point_count(), seed);
+    for format in [OutputFormat::Las, OutputFormat::Laz] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let plan = LabelledFile::plan(input, &options(format)).expect("a plan");
+        assert_eq!(plan.is_compressed(), format == OutputFormat::Laz);
+        let copy = write(&plan, input, &before, &truth, folder.path());
+        compare_around(path, &copy);
+        let again = open(&copy).expect("the copy opens");
+        let copied = &again.files()[0];
+        assert_eq!(copied.point_count(), input.point_count());
+        assert_eq!(copied.is_compressed(), plan.is_compressed());
+        assert!(!copied.is_copc());
+        compare_points(input, &before, copied, &truth);
+        relabel(copied, folder.path());
+    }
+    2
 }
 
 /// A labelled copy fed in again: the labels are replaced in place, the record does not grow, the class of the first

@@ -1,10 +1,14 @@
 //! One integration binary: one link step.
 
 #[cfg(test)]
+mod chunk_tables;
+#[cfg(test)]
 mod conformance;
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
 mod labelled;
+#[cfg(test)]
+mod refusals;
 #[cfg(test)]
 mod util;
