@@ -1,6 +1,8 @@
 //! One integration binary: one link step.
 
 #[cfg(test)]
+mod chunk_tables;
+#[cfg(test)]
 mod conformance;
 mod contracts;
 mod kernels;
@@ -8,5 +10,7 @@ mod kernels;
 mod damage;
 #[cfg(test)]
 mod labelled;
+#[cfg(test)]
+mod refusals;
 #[cfg(test)]
 mod util;
