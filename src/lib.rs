@@ -13,6 +13,8 @@ pub mod input;
 
 pub mod output;
 
+pub mod eval;
+
 pub mod store;
 
 pub use error::{AlgorithmError, Error, ErrorKind, Result};

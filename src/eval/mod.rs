@@ -1,0 +1,18 @@
+//! Scores a segmentation against reference labels: every metric of the literature we compare with, and the objects
+//! behind each figure.
+//!
+//! The flow: labels of matched points -> sparse contingency [`table`] -> [`scene`] of objects, segments and their
+//! overlaps -> one module per metric ([`segmentation`], [`hoover`], [`panoptic`], [`rand_index`]) -> [`metrics`] per
+//! class and overall -> report. What a definition leaves open is settled, and said, at the top of its module.
+
+pub mod classes;
+pub mod hoover;
+pub mod metrics;
+pub mod panoptic;
+pub mod rand_index;
+pub mod scene;
+pub mod segmentation;
+pub mod table;
+
+pub use classes::ClassTable;
+pub use metrics::{Evaluation, MetricSettings};
