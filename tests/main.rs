@@ -1,1 +1,10 @@
 //! One integration binary: one link step.
+
+#[cfg(test)]
+mod conformance;
+#[cfg(test)]
+mod damage;
+#[cfg(test)]
+mod labelled;
+#[cfg(test)]
+mod util;

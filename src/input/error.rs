@@ -15,14 +15,294 @@ pub enum InputError {
         /// Why.
         source: std::io::Error,
     },
+    /// A folder or pattern without any LAS or LAZ file, or no argument at all.
+    #[error("no LAS or LAZ file in {argument:?}")]
+    NothingFound {
+        /// Folder or pattern as given.
+        argument: String,
+    },
+    /// An argument that is a malformed file pattern.
+    #[error("{argument:?} is neither a file nor a valid pattern")]
+    Pattern {
+        /// The argument as given.
+        argument: String,
+        /// Why.
+        source: glob::PatternError,
+    },
+    /// One file given twice: its points would count twice.
+    #[error("{path} is given twice", path = path.display())]
+    Duplicate {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file does not start with the LAS signature.
+    #[error("{path} is not a LAS or LAZ file: it starts with {found:?} instead of \"LASF\"", path = path.display())]
+    NotLas {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes as text.
+        found: String,
+    },
+    /// The file ends inside a structure that every file of its version has.
+    #[error("{path} ends at byte {size}, inside its {what}, which takes {needed} bytes", path = path.display())]
+    TooShort {
+        /// The file.
+        path: PathBuf,
+        /// The structure.
+        what: &'static str,
+        /// Bytes from the start of the file to the end of the structure.
+        needed: u64,
+        /// Bytes in the file.
+        size: u64,
+    },
+    /// A LAS version that this program does not know.
+    #[error("{path} says it is LAS {major}.{minor}; known are 1.0 to 1.4", path = path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Major version in the header.
+        major: u8,
+        /// Minor version in the header.
+        minor: u8,
+    },
+    /// A header field that contradicts another one or the file size.
+    #[error("{path}: the header's {field} is {value}, but must be {expected}", path = path.display())]
+    HeaderField {
+        /// The file.
+        path: PathBuf,
+        /// The field, in words of the LAS specification.
+        field: &'static str,
+        /// The value as written.
+        value: String,
+        /// What would do.
+        expected: String,
+    },
+    /// Fewer bytes than the promised points need.
+    #[error(
+        "{path} is truncated: its header promises {promised} points, {present} are there",
+        path = path.display()
+    )]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Points in the header.
+        promised: u64,
+        /// Whole points in the file.
+        present: u64,
+    },
+    /// Compressed points without a usable description of the compression.
+    #[error("{path} is compressed, but its laszip record {problem}", path = path.display())]
+    LaszipRecord {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, as the end of the sentence.
+        problem: String,
+    },
+    /// The table that says where the compressed chunks are contradicts the file.
+    #[error("{path}: the table of compressed chunks {problem}", path = path.display())]
+    ChunkTable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: ChunkTableProblem,
+    },
+    /// One chunk (or block) of points cannot be decoded.
+    #[error(
+        "{path}: chunk {chunk} (points {first} to {last}) cannot be decoded: {problem}",
+        path = path.display()
+    )]
+    Chunk {
+        /// The file.
+        path: PathBuf,
+        /// Index of the chunk.
+        chunk: usize,
+        /// Its first record.
+        first: u64,
+        /// Its last record.
+        last: u64,
+        /// What is wrong.
+        problem: ChunkProblem,
+    },
+    /// Coordinates in degrees: distances are not metres.
+    #[error("{path} has geographic coordinates (degrees): {description}", path = path.display())]
+    Geographic {
+        /// The file.
+        path: PathBuf,
+        /// Name of its coordinate reference system.
+        description: String,
+    },
+    /// Earth-centred coordinates: z is not up.
+    #[error("{path} has geocentric coordinates (z is not up): {description}", path = path.display())]
+    Geocentric {
+        /// The file.
+        path: PathBuf,
+        /// Name of its coordinate reference system.
+        description: String,
+    },
+    /// Two files of one drive in different coordinate reference systems.
+    #[error(
+        "{other} is in {other_crs}, but {path} is in {crs}",
+        path = path.display(), other = other.display()
+    )]
+    CrsDiffers {
+        /// A file.
+        path: PathBuf,
+        /// Its coordinate reference system.
+        crs: String,
+        /// A later file.
+        other: PathBuf,
+        /// The system of the later file.
+        other_crs: String,
+    },
+    /// The file changed while it was being used.
+    #[error("{path} changed during the run: {before} before, {now} now", path = path.display())]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// Size and time when it was opened.
+        before: String,
+        /// Size and time now.
+        now: String,
+    },
+}
+
+/// What is wrong with the table of compressed chunks.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChunkTableProblem {
+    /// The table is said to lie outside the file.
+    #[error("should be at byte {offset}, the file has {size} bytes")]
+    Outside {
+        /// Where it should be.
+        offset: u64,
+        /// Bytes in the file.
+        size: u64,
+    },
+    /// An unknown version of the table.
+    #[error("has version {version}, known is 0")]
+    Version {
+        /// Version as written.
+        version: u32,
+    },
+    /// More chunks than the compressed bytes can hold.
+    #[error("lists {chunks} chunks, the {bytes} compressed bytes hold at most {limit}")]
+    TooMany {
+        /// Chunks listed.
+        chunks: u64,
+        /// Bytes of compressed points.
+        bytes: u64,
+        /// Chunks of the smallest possible size in these bytes.
+        limit: u64,
+    },
+    /// The table itself cannot be decoded.
+    #[error("cannot be decoded: {cause}")]
+    Damaged {
+        /// What the decoder said.
+        cause: String,
+    },
+    /// The chunks are larger than the space for them.
+    #[error("says that chunk {chunk} ends at byte {end}, the compressed points end at byte {limit}")]
+    Overrun {
+        /// Index of the chunk.
+        chunk: usize,
+        /// End of the chunk according to the table.
+        end: u64,
+        /// End of the compressed points.
+        limit: u64,
+    },
+    /// The chunks do not add up to the number of points in the header.
+    #[error("holds {present} points, the header promises {promised}")]
+    Points {
+        /// Points according to the header.
+        promised: u64,
+        /// Points (or their largest possible number) according to the table.
+        present: u64,
+    },
+    /// There is no table, and the chunks cannot be found without it.
+    #[error("is missing, and the chunks cannot be found without it ({found} of {promised} points found)")]
+    Missing {
+        /// Points according to the header.
+        promised: u64,
+        /// Points found by walking over the chunks.
+        found: u64,
+    },
+    /// A chunk that cannot be, by the limits of the coder or of this program.
+    #[error(
+        "gives chunk {chunk} {points} points in {bytes} bytes, at most {limit} points can be read from it"
+    )]
+    Dense {
+        /// Index of the chunk.
+        chunk: usize,
+        /// Points of the chunk.
+        points: u64,
+        /// Compressed bytes of the chunk.
+        bytes: u64,
+        /// Points that so many bytes can hold, or that fit the decoding limit.
+        limit: u64,
+    },
+}
+
+/// Why a chunk cannot be decoded.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChunkProblem {
+    /// Its layers are larger than the chunk.
+    #[error("its layers take {promised} bytes, the chunk has {present}")]
+    Layers {
+        /// Bytes the layers take, by their own count.
+        promised: u64,
+        /// Bytes in the chunk.
+        present: u64,
+    },
+    /// The bytes are no valid code, or end too early.
+    #[error("damaged data ({cause})")]
+    Damaged {
+        /// What the decoder said.
+        cause: String,
+    },
+    /// The bytes could not be read.
+    #[error("reading failed ({cause})")]
+    Unreadable {
+        /// What the system said.
+        cause: String,
+    },
 }
 
 impl InputError {
     /// What to do next.
     #[must_use]
     pub fn hint(&self) -> Option<Cow<'static, str>> {
-        match self {
-            Self::Read { .. } => None,
-        }
+        Some(Cow::Borrowed(match self {
+            Self::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                "give files, folders with *.las or *.laz, or patterns in quotes"
+            }
+            Self::Read { .. } => return None,
+            Self::NothingFound { .. } | Self::Pattern { .. } => {
+                "give files, folders with *.las or *.laz (folders below them are not searched), or patterns in quotes"
+            }
+            Self::Duplicate { .. } => "name every file once; a folder already names the files in it",
+            Self::NotLas { .. } => "leave the file out, or convert it to LAS or LAZ first",
+            Self::TooShort { .. } | Self::Truncated { .. } => {
+                "copy the file again from its source; if it is all there is, \
+                 `pdal translate --nostream` or LAStools `las2las -safe` can save the whole points"
+            }
+            Self::Version { .. } | Self::HeaderField { .. } => {
+                "the file is damaged or written wrongly; copy it again, or rewrite it with `pdal translate`"
+            }
+            Self::LaszipRecord { .. } | Self::ChunkTable { .. } | Self::Chunk { .. } => {
+                "copy the file again from its source, or rewrite it with LASzip or `pdal translate`"
+            }
+            Self::Geographic { .. } | Self::Geocentric { .. } => {
+                "reproject to a projected system in metres, e.g. `pdal translate IN OUT reprojection \
+                 --filters.reprojection.out_srs=EPSG:25832`; if only the record is wrong, state the unit \
+                 with input.unit"
+            }
+            Self::CrsDiffers { .. } => {
+                "reproject the files to one system, or process them as separate drives"
+            }
+            Self::Changed { .. } => {
+                "let nothing write to the inputs during a run; start again when the files are complete"
+            }
+        }))
     }
 }

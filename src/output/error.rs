@@ -15,6 +15,91 @@ pub enum OutputError {
         /// Why.
         source: std::io::Error,
     },
+    /// The LAZ encoder refused.
+    #[error("cannot compress points")]
+    Compress {
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// The input of a labelled copy cannot be read any more.
+    #[error("cannot read {path} again", path = path.display())]
+    Source {
+        /// The input file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A name that no extra-bytes dimension can have.
+    #[error("a dimension cannot be named {name:?}: 1 to 31 bytes are needed")]
+    DimensionName {
+        /// The name.
+        name: String,
+    },
+    /// The input has a dimension of the name, but of another type.
+    #[error(
+        "{path} has a dimension {name} of data type {data_type}{scaled}; type {expected} without a scale is needed",
+        path = path.display()
+    )]
+    DimensionType {
+        /// The input file.
+        path: PathBuf,
+        /// Name of the dimension.
+        name: String,
+        /// Its data type (LAS 1.4 R15, table 25).
+        data_type: u8,
+        /// Words about its scale, or nothing.
+        scaled: &'static str,
+        /// The data type that is needed.
+        expected: u8,
+    },
+    /// The new records would be longer than the format allows.
+    #[error("the labelled records of {path} would have {length} bytes, at most {limit} can be", path = path.display())]
+    RecordLength {
+        /// The input file.
+        path: PathBuf,
+        /// Bytes of a new record.
+        length: usize,
+        /// Bytes it may have.
+        limit: usize,
+    },
+    /// Header and records before the points would be longer than the format allows.
+    #[error("{path}: {length} bytes before the points, at most 4294967295 can be", path = path.display())]
+    Header {
+        /// The input file.
+        path: PathBuf,
+        /// Bytes before the points.
+        length: usize,
+    },
+    /// Two labelled copies would have the same name.
+    #[error("two labelled copies would be named {name}")]
+    NameClash {
+        /// The name.
+        name: String,
+    },
+    /// The chunks of a compressed copy are not the planned ones.
+    #[error("{name}: {written} of {promised} points came, or in other chunks than planned")]
+    Incomplete {
+        /// Name of the copy.
+        name: String,
+        /// Points planned.
+        promised: u64,
+        /// Points that came.
+        written: u64,
+    },
+    /// Chunks were asked of a copy that has none.
+    #[error("{name} is not compressed, it has no chunks")]
+    NotCompressed {
+        /// Name of the copy.
+        name: String,
+    },
+    /// Bytes that are no whole number of point records.
+    #[error("{bytes} bytes of points are no whole number of records of {record_bytes} bytes")]
+    PartialRecord {
+        /// Bytes that were to be written.
+        bytes: usize,
+        /// Bytes of one record.
+        record_bytes: u64,
+    },
 }
 
 impl OutputError {
@@ -25,7 +110,22 @@ impl OutputError {
             Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
                 Some("free some space and type the same command again: it resumes".into())
             }
-            Self::Write { .. } => None,
+            Self::DimensionName { .. } | Self::DimensionType { .. } => {
+                Some("choose another name with output.dimension".into())
+            }
+            Self::NameClash { .. } => {
+                Some("rename one of the input files, or process them as separate drives".into())
+            }
+            Self::RecordLength { .. } => {
+                Some("write uncompressed copies, or drop extra dimensions of the input first".into())
+            }
+            Self::Write { .. }
+            | Self::Compress { .. }
+            | Self::PartialRecord { .. }
+            | Self::Source { .. }
+            | Self::Header { .. }
+            | Self::Incomplete { .. }
+            | Self::NotCompressed { .. } => None,
         }
     }
 }

@@ -1,5 +1,12 @@
 //! Output: labelled copies of the input files, the object table, the report.
 
+mod descriptor;
+mod edit;
 mod error;
+mod labelled;
+pub(crate) mod laz_chunk;
+mod record;
+mod tail;
 
 pub use error::OutputError;
+pub use labelled::{LabelOptions, LabelledFile, OutputFormat, check_names};

@@ -1,0 +1,228 @@
+//! The files of one drive: found from the arguments, opened, checked against each other, put on one lattice.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::crs::{Crs, CrsKind, LengthUnit};
+use super::error::InputError;
+use super::file::InputFile;
+use crate::model::Lattice;
+
+/// How files are opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct InputOptions {
+    /// Map files instead of reading them: faster, but a file that is cut during the run ends the program.
+    pub mmap: bool,
+    /// Unit of the coordinates.
+    pub unit: LengthUnit,
+}
+
+impl Default for InputOptions {
+    fn default() -> Self {
+        Self { mmap: true, unit: LengthUnit::Auto }
+    }
+}
+
+/// The files of one drive, in the order given; the points of all files have one numbering.
+#[derive(Debug)]
+pub struct Catalog {
+    files: Vec<InputFile>,
+    /// Id of the first point of every file.
+    first_ids: Vec<u64>,
+    point_count: u64,
+    lattice: Lattice,
+    crs: Crs,
+    warnings: Vec<String>,
+}
+
+impl Catalog {
+    /// Opens the files that the arguments name, in their order: files, folders (the `*.las` and `*.laz` in them,
+    /// sorted by name, not searched deeper) and patterns (sorted).
+    ///
+    /// # Errors
+    /// The first file that is missing, damaged or not acceptable; a file given twice; coordinate reference systems
+    /// that contradict each other.
+    pub fn open(arguments: &[PathBuf], options: &InputOptions) -> Result<Self, InputError> {
+        let paths = find(arguments)?;
+        let mut files =
+            paths.iter().map(|path| InputFile::open(path, options)).collect::<Result<Vec<_>, _>>()?;
+        let mut warnings = Vec::new();
+        for file in &files {
+            warnings.extend(file.warnings().iter().map(|warning| format!("{}: {warning}", file.name())));
+        }
+        let crs = common_crs(&files, options.unit, &mut warnings)?;
+        note_units(&files, &mut warnings);
+        let finest_m = files.iter().map(InputFile::finest_scale_m).fold(f64::INFINITY, f64::min);
+        let lattice = Lattice::for_scale(finest_m);
+        for file in &mut files {
+            file.set_lattice(lattice)?;
+        }
+        let mut point_count = 0;
+        let mut first_ids = Vec::with_capacity(files.len());
+        for file in &files {
+            first_ids.push(point_count);
+            point_count += file.point_count();
+        }
+        Ok(Self { files, first_ids, point_count, lattice, crs, warnings })
+    }
+
+    /// The files in order.
+    #[must_use]
+    pub fn files(&self) -> &[InputFile] {
+        &self.files
+    }
+
+    /// The lattice of the drive.
+    #[must_use]
+    pub fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
+    /// Points of all files.
+    #[must_use]
+    pub fn point_count(&self) -> u64 {
+        self.point_count
+    }
+
+    /// Id of the first point of a file; the id of a point is this plus its record.
+    ///
+    /// # Panics
+    /// When there is no such file.
+    #[must_use]
+    pub fn first_id(&self, file: usize) -> u64 {
+        self.first_ids[file]
+    }
+
+    /// What is wrong with the drive but can be lived with, with the names of the files.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The coordinate reference system of the drive: that of the first file that names one.
+    #[must_use]
+    pub fn crs(&self) -> &Crs {
+        &self.crs
+    }
+}
+
+/// The paths that arguments name, none of them twice.
+fn find(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, InputError> {
+    let mut paths = Vec::new();
+    for argument in arguments {
+        let found = expand(argument)?;
+        if found.is_empty() {
+            return Err(InputError::NothingFound { argument: argument.display().to_string() });
+        }
+        paths.extend(found);
+    }
+    if paths.is_empty() {
+        return Err(InputError::NothingFound { argument: String::new() });
+    }
+    let mut known = std::collections::BTreeSet::new();
+    for path in &paths {
+        let real = path.canonicalize().map_err(|source| InputError::Read { path: path.clone(), source })?;
+        if !known.insert(real) {
+            return Err(InputError::Duplicate { path: path.clone() });
+        }
+    }
+    Ok(paths)
+}
+
+/// The files one argument names.
+fn expand(argument: &Path) -> Result<Vec<PathBuf>, InputError> {
+    if argument.is_dir() {
+        return in_folder(argument);
+    }
+    let text = argument.to_string_lossy();
+    if argument.exists() || !text.contains(['*', '?', '[']) {
+        return Ok(vec![argument.to_owned()]);
+    }
+    let pattern = glob::glob(&text)
+        .map_err(|source| InputError::Pattern { argument: text.clone().into_owned(), source })?;
+    let mut paths = Vec::new();
+    for entry in pattern {
+        let path = entry
+            .map_err(|error| InputError::Read { path: error.path().to_owned(), source: error.into() })?;
+        if path.is_file() {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+/// The LAS and LAZ files directly in a folder, sorted by name.
+fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
+    let read_error = |source| InputError::Read { path: folder.to_owned(), source };
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(read_error)? {
+        let path = entry.map_err(read_error)?.path();
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+        if matches!(extension.as_deref(), Some("las" | "laz")) && path.is_file() {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+/// The system of the drive, when the files agree and it can be worked in.
+fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>) -> Result<Crs, InputError> {
+    let known = files.iter().filter(|file| file.crs().is_known());
+    let first = known.clone().next();
+    for file in known {
+        let (path, description) = (file.path().to_owned(), file.crs().description.clone());
+        match file.crs().kind {
+            // A stated unit means: the coordinates are lengths, whatever the record says.
+            _ if unit != LengthUnit::Auto => {}
+            CrsKind::Geographic => return Err(InputError::Geographic { path, description }),
+            CrsKind::Geocentric => return Err(InputError::Geocentric { path, description }),
+            CrsKind::Projected | CrsKind::Unknown => {}
+        }
+        if let Some(first) = first.filter(|first| first.crs().contradicts(file.crs())) {
+            return Err(InputError::CrsDiffers {
+                path: first.path().to_owned(),
+                crs: describe(first.crs()),
+                other: path,
+                other_crs: describe(file.crs()),
+            });
+        }
+    }
+    let without = files.iter().filter(|file| !file.crs().is_known()).count();
+    if let Some(first) = first.filter(|_| without > 0) {
+        warnings.push(format!(
+            "{without} of {} files name no coordinate reference system; that of {} is taken for all: {}",
+            files.len(),
+            first.name(),
+            first.crs().description
+        ));
+    }
+    Ok(first.map_or_else(Crs::unknown, |first| first.crs().clone()))
+}
+
+/// A system with its unit, where that is not the metre.
+fn describe(crs: &Crs) -> String {
+    if (crs.horizontal_unit_m - 1.0).abs() < 1e-9 {
+        crs.description.clone()
+    } else {
+        format!("{} in units of {} m", crs.description, crs.horizontal_unit_m)
+    }
+}
+
+/// Notes that coordinates are converted, which the numbers of objects will show.
+fn note_units(files: &[InputFile], warnings: &mut Vec<String>) {
+    for file in files {
+        let units = file.units_m();
+        if units.iter().any(|unit| (unit - 1.0).abs() > 1e-9) {
+            warnings.push(format!(
+                "{}: coordinates are in units of {:.7} m (height {:.7} m); lengths and object tables are in metres",
+                file.name(),
+                units[0],
+                units[2]
+            ));
+        }
+    }
+}

@@ -1,0 +1,423 @@
+//! The coordinate reference system of a file, as far as processing needs it: kind, units, name. Coordinates are
+//! never transformed; the records that describe the system pass through to the output as they are.
+
+use serde::{Deserialize, Serialize};
+
+use super::geokeys::{DIRECTORY, DOUBLES, GeoKeys, TEXTS};
+use super::header::Header;
+use super::mapped::ByteSource;
+use super::vlr;
+use super::wkt::Node;
+
+/// User of the records that hold the coordinate reference system.
+const PROJECTION_USER: &str = "LASF_Projection";
+/// Record with the system as well-known text.
+const WKT: u16 = 2112;
+/// Longest well-known text that is read.
+const MAX_WKT: u64 = 1 << 20;
+/// Bit of the global encoding that says the system is given as well-known text.
+const WKT_BIT: u16 = 1 << 4;
+/// A foot in metres (international, 1959).
+pub(crate) const FOOT: f64 = 0.3048;
+/// A US survey foot in metres.
+pub(crate) const US_SURVEY_FOOT: f64 = 1200.0 / 3937.0;
+
+/// Unit of the coordinates of the input files, as a setting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LengthUnit {
+    /// What the coordinate reference system of each file says; metres where it says nothing.
+    #[default]
+    Auto,
+    /// Metres, whatever the files say.
+    Metre,
+    /// International feet, whatever the files say.
+    Foot,
+    /// US survey feet, whatever the files say.
+    UsSurveyFoot,
+}
+
+impl LengthUnit {
+    /// Metres of the unit; `None` for what the file says.
+    #[must_use]
+    pub fn metres(self) -> Option<f64> {
+        match self {
+            Self::Auto => None,
+            Self::Metre => Some(1.0),
+            Self::Foot => Some(FOOT),
+            Self::UsSurveyFoot => Some(US_SURVEY_FOOT),
+        }
+    }
+}
+
+/// What coordinates are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CrsKind {
+    /// Lengths in a plane, and a height.
+    Projected,
+    /// Angles on an ellipsoid.
+    Geographic,
+    /// Lengths from the centre of the earth.
+    Geocentric,
+    /// Not said, or a local system.
+    #[default]
+    Unknown,
+}
+
+/// The coordinate reference system of a file, as far as it is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Crs {
+    /// The well-known text, where the file has one.
+    pub wkt: Option<String>,
+    /// EPSG code of the horizontal system, where the file names one.
+    pub epsg: Option<u32>,
+    /// What coordinates are.
+    pub kind: CrsKind,
+    /// Metres of one unit of x and y (1 where the file does not say).
+    pub horizontal_unit_m: f64,
+    /// Metres of one unit of z (that of x and y where the file does not say).
+    pub vertical_unit_m: f64,
+    /// Name for people.
+    pub description: String,
+}
+
+impl Crs {
+    /// The system of a file without any record of one.
+    #[must_use]
+    pub fn unknown() -> Self {
+        Claim::default().into_crs(None)
+    }
+
+    /// Whether the file says anything about its system.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.kind != CrsKind::Unknown || self.wkt.is_some() || self.epsg.is_some()
+    }
+
+    /// Whether two known systems contradict each other: other codes, other kinds, or other units.
+    #[must_use]
+    pub fn contradicts(&self, other: &Self) -> bool {
+        if !self.is_known() || !other.is_known() {
+            return false;
+        }
+        let same = |a: f64, b: f64| (a - b).abs() <= a * 1e-9;
+        let codes = matches!((self.epsg, other.epsg), (Some(a), Some(b)) if a != b);
+        let units = !same(self.horizontal_unit_m, other.horizontal_unit_m)
+            || !same(self.vertical_unit_m, other.vertical_unit_m);
+        codes || self.kind != other.kind || units
+    }
+
+    /// The system that the records of a file name; what cannot be read is a warning.
+    pub(crate) fn read(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Self {
+        let text = wkt_text(header, source, warnings);
+        let from_text =
+            text.as_deref().and_then(|text| match Node::parse(text).as_ref().and_then(claim_of_wkt) {
+                Some(claim) => Some(claim),
+                None => {
+                    warnings.push(
+                        "the well-known text of the coordinate system cannot be read and is ignored".into(),
+                    );
+                    None
+                }
+            });
+        let from_keys = geo_keys(header, source, warnings).as_ref().and_then(claim_of_keys);
+        let text = from_text.is_some().then_some(text).flatten();
+        let prefer_text = header.global_encoding & WKT_BIT != 0;
+        let (first, second) = if prefer_text { (from_text, from_keys) } else { (from_keys, from_text) };
+        let claim = match (first, second) {
+            (Some(first), Some(second)) => first.completed_by(&second),
+            (first, second) => first.or(second).unwrap_or_default(),
+        };
+        let claim = claim.dismissed_by(header.extent, warnings);
+        let text = text.filter(|_| claim != Claim::default());
+        claim.warn_about_unit(warnings);
+        claim.into_crs(text)
+    }
+}
+
+/// What one record says; what it does not say is `None`.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Claim {
+    epsg: Option<u32>,
+    kind: CrsKind,
+    horizontal: Option<f64>,
+    vertical: Option<f64>,
+    name: Option<String>,
+}
+
+impl Claim {
+    /// Adds what only the other record says, when both speak of the same kind of system in the same unit.
+    fn completed_by(self, other: &Self) -> Self {
+        let units =
+            matches!((self.horizontal, other.horizontal), (Some(a), Some(b)) if (a / b - 1.0).abs() > 1e-9);
+        if self.kind != other.kind || units {
+            return self;
+        }
+        Self {
+            epsg: self.epsg.or(other.epsg),
+            kind: self.kind,
+            horizontal: self.horizontal.or(other.horizontal),
+            vertical: self.vertical.or(other.vertical),
+            name: self.name.or_else(|| other.name.clone()),
+        }
+    }
+
+    /// Drops a claim that the extent in the header shows to be impossible: angles beyond a full turn, or positions
+    /// from the centre of the earth that are not near its surface. Such records come from careless conversions.
+    fn dismissed_by(self, extent: [[f64; 3]; 2], warnings: &mut Vec<String>) -> Self {
+        let [low, high] = extent;
+        if !low.iter().chain(&high).all(|value| value.is_finite()) {
+            return self;
+        }
+        let largest = |axes: std::ops::Range<usize>| {
+            axes.map(|axis| low[axis].abs().max(high[axis].abs())).fold(0.0, f64::max)
+        };
+        let radius_m = low.iter().map(|value| value * value).sum::<f64>().sqrt();
+        let impossible = match self.kind {
+            CrsKind::Geographic => largest(0..2) > 400.0,
+            // The earth's surface is 6,352 to 6,385 km from its centre.
+            CrsKind::Geocentric => radius_m > 0.0 && !(6.2e6..6.6e6).contains(&radius_m),
+            CrsKind::Projected | CrsKind::Unknown => false,
+        };
+        if !impossible {
+            return self;
+        }
+        warnings.push(format!(
+            "the coordinate system {:?} is {:?}, which coordinates up to {:.0} cannot be; it is ignored and metres \
+             are assumed",
+            self.name.unwrap_or_default(),
+            self.kind,
+            largest(0..3)
+        ));
+        Self::default()
+    }
+
+    fn warn_about_unit(&self, warnings: &mut Vec<String>) {
+        if self.kind == CrsKind::Projected && self.horizontal.is_none() && !self.epsg.is_some_and(is_utm) {
+            warnings.push(
+                "the coordinate system does not say its unit of length; metres are assumed (else set input.unit)"
+                    .into(),
+            );
+        }
+    }
+
+    fn into_crs(self, wkt: Option<String>) -> Crs {
+        let horizontal_unit_m = self.horizontal.unwrap_or(1.0);
+        let description = match (&self.name, self.epsg) {
+            (Some(name), Some(code)) => format!("{name} (EPSG:{code})"),
+            (Some(name), None) => name.clone(),
+            (None, Some(code)) => format!("EPSG:{code}"),
+            (None, None) => match self.kind {
+                CrsKind::Projected => "an unnamed projected system".into(),
+                CrsKind::Geographic => "an unnamed geographic system".into(),
+                CrsKind::Geocentric => "an unnamed geocentric system".into(),
+                CrsKind::Unknown => "an unknown system".into(),
+            },
+        };
+        Crs {
+            wkt,
+            epsg: self.epsg,
+            kind: self.kind,
+            horizontal_unit_m,
+            vertical_unit_m: self.vertical.unwrap_or(horizontal_unit_m),
+            description,
+        }
+    }
+}
+
+/// Codes of UTM zones (WGS 84 north and south, ETRS89, NAD83, NAD27): always metres.
+fn is_utm(code: u32) -> bool {
+    matches!(code, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 26_701..=26_722)
+}
+
+/// A length unit that is a plausible number of metres; the usual ones are made exact, because files print them
+/// with different numbers of digits.
+fn plausible(metres: f64) -> Option<f64> {
+    let exact = [1.0, FOOT, US_SURVEY_FOOT].into_iter().find(|known| (metres / known - 1.0).abs() < 1e-7);
+    exact.or_else(|| (metres.is_finite() && (1e-4..=1e4).contains(&metres)).then_some(metres))
+}
+
+fn wkt_text(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<String> {
+    // The liblas record holds the same text; writers of that library added both.
+    let record = [PROJECTION_USER, "liblas"].iter().find_map(|user| {
+        header.records().find(|record| record.is(user, WKT) && !record.payload.is_empty())
+    })?;
+    let Some(bytes) = record.read(source, MAX_WKT) else {
+        warnings.push("the well-known text of the coordinate system is too long and is ignored".into());
+        return None;
+    };
+    let text = vlr::decode(&bytes);
+    let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
+    (!text.is_empty()).then(|| text.to_owned())
+}
+
+fn geo_keys(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<GeoKeys> {
+    let payload = |record: u16| {
+        let record = header.records().find(|candidate| candidate.is(PROJECTION_USER, record))?;
+        record.read(source, u64::from(u16::MAX))
+    };
+    let directory = payload(DIRECTORY)?;
+    let keys =
+        GeoKeys::parse(&directory, payload(DOUBLES).unwrap_or_default(), payload(TEXTS).unwrap_or_default());
+    if keys.is_none() {
+        warnings.push("the GeoTIFF keys of the coordinate system cannot be read and are ignored".into());
+    }
+    keys.filter(|keys| !keys.is_empty())
+}
+
+/// What a well-known text (1 or 2) says; `None` when its outermost system is of no known kind.
+fn claim_of_wkt(root: &Node) -> Option<Claim> {
+    let claim = |node: &Node, kind: CrsKind| Claim {
+        epsg: node.epsg(),
+        kind,
+        horizontal: length_unit(node),
+        vertical: None,
+        name: node.name().filter(|name| !name.is_empty()).map(str::to_owned),
+    };
+    match root.keyword.as_str() {
+        "COMPD_CS" | "COMPOUNDCRS" => {
+            let mut parts = root.children().filter_map(claim_of_wkt);
+            let horizontal = parts.next()?;
+            let vertical = root.child(&["VERT_CS", "VERTCRS", "VERTICALCRS"]).and_then(length_unit);
+            let name = root.name().map(str::to_owned).or_else(|| horizontal.name.clone());
+            Some(Claim { vertical, name, ..horizontal })
+        }
+        "BOUNDCRS" => claim_of_wkt(root.child(&["SOURCECRS"])?.children().next()?),
+        "PROJCS" | "PROJCRS" | "PROJECTEDCRS" => Some(claim(root, CrsKind::Projected)),
+        "GEOCCS" => Some(claim(root, CrsKind::Geocentric)),
+        "GEOGCS" | "GEOGCRS" | "GEOGRAPHICCRS" | "GEODCRS" | "GEODETICCRS" => {
+            let cartesian = root.child(&["CS"]).and_then(Node::word) == Some("CARTESIAN");
+            let kind = if cartesian { CrsKind::Geocentric } else { CrsKind::Geographic };
+            Some(Claim { horizontal: None, ..claim(root, kind) })
+        }
+        "LOCAL_CS" | "ENGCRS" | "ENGINEERINGCRS" => Some(claim(root, CrsKind::Unknown)),
+        _ => None,
+    }
+}
+
+/// Metres of the unit of a system: its own unit, or that of its first axis.
+fn length_unit(node: &Node) -> Option<f64> {
+    const UNITS: &[&str] = &["UNIT", "LENGTHUNIT"];
+    let unit = node.child(UNITS).or_else(|| node.child(&["AXIS"])?.child(UNITS))?;
+    unit.number().and_then(plausible)
+}
+
+/// What GeoTIFF keys say (OGC GeoTIFF 1.1, annex C); `None` when they name no system.
+fn claim_of_keys(keys: &GeoKeys) -> Option<Claim> {
+    const USER_DEFINED: u16 = 32_767;
+    let code = |id: u16| keys.code(id).filter(|code| *code != USER_DEFINED).map(u32::from);
+    let (model, projected, geographic) = (keys.code(1024), keys.code(3072), keys.code(2048));
+    let kind = match (model, projected, geographic) {
+        (Some(1), ..) | (_, Some(_), _) => CrsKind::Projected,
+        (Some(2), ..) => CrsKind::Geographic,
+        (Some(3), ..) => CrsKind::Geocentric,
+        (_, None, Some(_)) => CrsKind::Geographic,
+        _ => return None,
+    };
+    let unit = |code: Option<u16>| match code? {
+        9001 => Some(1.0),
+        9002 => Some(FOOT),
+        9003 => Some(US_SURVEY_FOOT),
+        _ => None,
+    };
+    let (epsg, name) = match kind {
+        CrsKind::Projected => (code(3072), keys.text(3073).or_else(|| keys.text(1026))),
+        _ => (code(2048), keys.text(2049).or_else(|| keys.text(1026))),
+    };
+    let horizontal = match kind {
+        CrsKind::Projected => unit(keys.code(3076)).or_else(|| keys.number(3077).and_then(plausible)),
+        _ => None,
+    };
+    Some(Claim { epsg, kind, horizontal, vertical: unit(keys.code(4099)), name })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(text: &str) -> Option<Claim> {
+        Node::parse(text).as_ref().and_then(claim_of_wkt)
+    }
+
+    #[test]
+    fn well_known_texts_of_both_generations_give_kind_code_and_units() {
+        let utm = of(
+            "PROJCS[\"U\",GEOGCS[\"g\",UNIT[\"degree\",0.0174]],UNIT[\"metre\",1],AUTHORITY[\"EPSG\",\"25832\"]]",
+        );
+        let utm = utm.expect("a system");
+        assert_eq!((utm.kind, utm.epsg, utm.horizontal), (CrsKind::Projected, Some(25_832), Some(1.0)));
+        let feet = of("COMPD_CS[\"both\",PROJCS[\"p\",UNIT[\"US survey foot\",0.3048006096012192]],\
+             VERT_CS[\"v\",UNIT[\"metre\",1]]]")
+        .expect("a system");
+        assert_eq!((feet.horizontal, feet.vertical), (Some(US_SURVEY_FOOT), Some(1.0)));
+        let second = of("BOUNDCRS[SOURCECRS[PROJCRS[\"p\",BASEGEOGCRS[\"g\"],CS[Cartesian,2],\
+             AXIS[\"e\",east,LENGTHUNIT[\"foot\",0.3048]],ID[\"EPSG\",2992]]],TARGETCRS[GEOGCRS[\"w\"]]]")
+        .expect("a system");
+        assert_eq!(
+            (second.kind, second.epsg, second.horizontal),
+            (CrsKind::Projected, Some(2992), Some(FOOT))
+        );
+        let kinds = [
+            ("GEOGCS[\"WGS 84\",UNIT[\"degree\",0.0174]]", CrsKind::Geographic),
+            ("GEODCRS[\"WGS 84\",CS[Cartesian,3]]", CrsKind::Geocentric),
+            ("GEODCRS[\"WGS 84\",CS[ellipsoidal,2]]", CrsKind::Geographic),
+            ("GEOCCS[\"WGS 84\",UNIT[\"metre\",1]]", CrsKind::Geocentric),
+            ("LOCAL_CS[\"site\",UNIT[\"foot\",0.3048]]", CrsKind::Unknown),
+        ];
+        for (text, kind) in kinds {
+            assert_eq!(of(text).map(|claim| claim.kind), Some(kind), "{text}");
+        }
+        assert_eq!(of("VERT_CS[\"v\"]"), None);
+    }
+
+    fn keys(entries: &[(u16, u16)]) -> Option<Claim> {
+        let count = u16::try_from(entries.len()).expect("few");
+        let mut words = vec![1_u16, 1, 0, count];
+        words.extend(entries.iter().flat_map(|(id, value)| [*id, 0, 1, *value]));
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        GeoKeys::parse(&bytes, Vec::new(), Vec::new()).as_ref().and_then(claim_of_keys)
+    }
+
+    #[test]
+    fn geotiff_keys_give_kind_code_and_units() {
+        let claim = keys(&[(1024, 1), (3072, 2994), (3076, 9002), (4099, 9003)]).expect("a system");
+        assert_eq!((claim.kind, claim.epsg), (CrsKind::Projected, Some(2994)));
+        assert_eq!((claim.horizontal, claim.vertical), (Some(FOOT), Some(US_SURVEY_FOOT)));
+        let claim = keys(&[(1024, 2), (2048, 4326)]).expect("a system");
+        assert_eq!((claim.kind, claim.epsg), (CrsKind::Geographic, Some(4326)));
+        let claim = keys(&[(1024, 1), (3072, 32_767)]).expect("a system");
+        assert_eq!((claim.kind, claim.epsg, claim.horizontal), (CrsKind::Projected, None, None));
+        assert_eq!(keys(&[(1025, 1)]), None);
+    }
+
+    #[test]
+    fn claims_that_the_extent_refutes_are_dropped_with_a_warning() {
+        let kind_after = |kind, low, high| {
+            let mut warnings = Vec::new();
+            let claim = Claim { kind, ..Claim::default() }.dismissed_by([low, high], &mut warnings);
+            (claim.kind, warnings.len())
+        };
+        let degrees = ([-123.1, 44.0, 100.0], [-123.0, 44.1, 900.0]);
+        let utm = ([515_368.6, 4_918_340.0, 2_322.9], [515_401.0, 4_918_381.0, 2_338.6]);
+        let centre = ([4_000_000.0, 600_000.0, 4_900_000.0], [4_000_010.0, 600_010.0, 4_900_010.0]);
+        assert_eq!(kind_after(CrsKind::Geographic, degrees.0, degrees.1), (CrsKind::Geographic, 0));
+        assert_eq!(kind_after(CrsKind::Geographic, utm.0, utm.1), (CrsKind::Unknown, 1));
+        assert_eq!(kind_after(CrsKind::Geocentric, utm.0, utm.1), (CrsKind::Unknown, 1));
+        assert_eq!(kind_after(CrsKind::Geocentric, centre.0, centre.1), (CrsKind::Geocentric, 0));
+        assert_eq!(kind_after(CrsKind::Geographic, [f64::NAN; 3], utm.1), (CrsKind::Geographic, 0));
+    }
+
+    #[test]
+    fn systems_contradict_by_code_kind_or_unit_and_never_when_unknown() {
+        let crs = |kind, epsg, unit| {
+            Claim { kind, epsg, horizontal: Some(unit), ..Claim::default() }.into_crs(None)
+        };
+        let utm = crs(CrsKind::Projected, Some(25_832), 1.0);
+        assert!(!utm.contradicts(&utm));
+        assert!(!utm.contradicts(&Crs::unknown()));
+        assert!(!utm.contradicts(&crs(CrsKind::Projected, None, 1.0)));
+        assert!(utm.contradicts(&crs(CrsKind::Projected, Some(25_833), 1.0)));
+        assert!(utm.contradicts(&crs(CrsKind::Projected, None, FOOT)));
+        assert!(utm.contradicts(&crs(CrsKind::Geographic, None, 1.0)));
+    }
+}

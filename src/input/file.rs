@@ -1,0 +1,313 @@
+//! One input file: its header, blocks and records. It knows nothing of the other files of the drive.
+
+use std::fs::Metadata;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use super::chunks::{self, Block};
+use super::crs::Crs;
+use super::decode::Coding;
+use super::error::{ChunkProblem, InputError};
+use super::header::{Header, Scaling};
+use super::layout::RecordLayout;
+use super::mapped::ByteSource;
+use super::{Fields, InputOptions};
+use crate::model::{AxisTransform, Lattice, LatticeTransform};
+
+/// One LAS or LAZ file, open for reading from any thread.
+#[derive(Debug)]
+pub struct InputFile {
+    path: PathBuf,
+    name: String,
+    size: u64,
+    modified: SystemTime,
+    source: ByteSource,
+    header: Header,
+    coding: Option<Coding>,
+    layout: RecordLayout,
+    blocks: Vec<Block>,
+    crs: Crs,
+    /// Metres of a unit of x, y and z.
+    units_m: [f64; 3],
+    transform: LatticeTransform,
+    warnings: Vec<String>,
+}
+
+impl InputFile {
+    /// Opens and checks a file; its transform is that of the millimetre lattice until the catalog sets another.
+    pub(crate) fn open(path: &Path, options: &InputOptions) -> Result<Self, InputError> {
+        let read_error = |source| InputError::Read { path: path.to_owned(), source };
+        let metadata = std::fs::metadata(path).map_err(read_error)?;
+        if metadata.is_dir() {
+            return Err(read_error(io::ErrorKind::IsADirectory.into()));
+        }
+        let modified = metadata.modified().map_err(read_error)?;
+        let source = ByteSource::open(path, options.mmap).map_err(read_error)?;
+        let mut header = Header::read(path, &source)?;
+        let mut warnings = std::mem::take(&mut header.warnings);
+        let layout = RecordLayout::read(&header, &source, &mut warnings);
+        let coding = if header.compressed { Some(Coding::read(path, &header, &source)?) } else { None };
+        let blocks = match &coding {
+            Some(coding) => chunks::laz_blocks(path, &header, coding, &source, &mut warnings)?,
+            None => chunks::las_blocks(path, &header, source.len())?,
+        };
+        let crs = Crs::read(&header, &source, &mut warnings);
+        let units_m = match options.unit.metres() {
+            Some(metres) => [metres; 3],
+            None => [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
+        };
+        let mut file = Self {
+            path: path.to_owned(),
+            name: path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
+            size: source.len(),
+            modified,
+            source,
+            header,
+            coding,
+            layout,
+            blocks,
+            crs,
+            units_m,
+            transform: LatticeTransform { axes: [AxisTransform::Integer { factor: 1, shift: 0 }; 3] },
+            warnings,
+        };
+        file.note_counts();
+        Ok(file)
+    }
+
+    /// The path as it was found.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The file name without its folder.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Bytes in the file when it was opened.
+    #[must_use]
+    pub fn size_bytes(&self) -> u64 {
+        self.size
+    }
+
+    /// Time of the last change when it was opened.
+    #[must_use]
+    pub fn modified(&self) -> SystemTime {
+        self.modified
+    }
+
+    /// Points in the file.
+    #[must_use]
+    pub fn point_count(&self) -> u64 {
+        self.blocks.last().map_or(0, |last| last.first_record + u64::from(last.count))
+    }
+
+    /// Runs of records that are read at once, in file order, without gaps.
+    #[must_use]
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// Whether the points are compressed (LAZ).
+    #[must_use]
+    pub fn is_compressed(&self) -> bool {
+        self.coding.is_some()
+    }
+
+    /// Whether the file is a cloud-optimized point cloud: LAZ with an index, points in spatial order.
+    #[must_use]
+    pub fn is_copc(&self) -> bool {
+        self.header.vlrs.records.iter().any(|record| record.is("copc", 1))
+    }
+
+    /// Where the fields of a record are.
+    #[must_use]
+    pub fn layout(&self) -> &RecordLayout {
+        &self.layout
+    }
+
+    /// Record coordinates to coordinates of the run's lattice.
+    #[must_use]
+    pub fn transform(&self) -> &LatticeTransform {
+        &self.transform
+    }
+
+    /// The coordinate reference system.
+    #[must_use]
+    pub fn crs(&self) -> &Crs {
+        &self.crs
+    }
+
+    /// Metres of one unit of x, y and z in this file, by its system or by the setting.
+    #[must_use]
+    pub fn units_m(&self) -> [f64; 3] {
+        self.units_m
+    }
+
+    /// Minimum and maximum of x, y and z as the header says, in units of the file; not checked, not to be believed.
+    #[must_use]
+    pub fn header_extent(&self) -> [[f64; 3]; 2] {
+        self.header.extent
+    }
+
+    /// LAS version as (major, minor).
+    #[must_use]
+    pub fn version(&self) -> (u8, u8) {
+        self.header.version
+    }
+
+    /// What is wrong with the file but can be lived with.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The records of a block, uncompressed, one after the other (`layout().record_len` bytes each).
+    ///
+    /// A mapped LAS file gives its bytes in place; else the records are read or decoded into `buffer`, whose old
+    /// content is lost. Any block may be read on any thread.
+    ///
+    /// # Errors
+    /// [`InputError::Chunk`] when the block is damaged or cannot be read.
+    ///
+    /// # Panics
+    /// When there is no such block.
+    pub fn records<'a>(
+        &'a self,
+        block: usize,
+        fields: Fields,
+        buffer: &'a mut Vec<u8>,
+    ) -> Result<&'a [u8], InputError> {
+        let run = &self.blocks[block];
+        let failed = |problem| InputError::Chunk {
+            path: self.path.clone(),
+            chunk: block,
+            first: run.first_record,
+            last: run.first_record + u64::from(run.count) - 1,
+            problem,
+        };
+        let unreadable = |error: io::Error| failed(ChunkProblem::Unreadable { cause: error.to_string() });
+        let Some(coding) = &self.coding else {
+            return self.source.slice(run.bytes.clone(), buffer).map_err(unreadable);
+        };
+        let mut compressed = Vec::new();
+        let bytes = self.source.slice(run.bytes.clone(), &mut compressed).map_err(unreadable)?;
+        coding.decode(bytes, run.count, fields, buffer).map_err(failed)?;
+        Ok(buffer)
+    }
+
+    /// Lets the system take back the memory of a block's bytes; they can be read again any time.
+    ///
+    /// # Panics
+    /// When there is no such block.
+    pub fn release(&self, block: usize) {
+        self.source.release(self.blocks[block].bytes.clone());
+    }
+
+    /// Tells the system that a block's bytes are wanted soon.
+    ///
+    /// # Panics
+    /// When there is no such block.
+    pub fn prefetch(&self, block: usize) {
+        self.source.prefetch(self.blocks[block].bytes.clone());
+    }
+
+    /// Whether size and time of the file are still those of the moment it was opened.
+    ///
+    /// A file that is cut while it is mapped ends the process at the next access, which no check can prevent; asking
+    /// often makes it unlikely, and `InputOptions::mmap = false` impossible.
+    ///
+    /// # Errors
+    /// [`InputError::Changed`], or [`InputError::Read`] when the file is gone.
+    pub fn check_unchanged(&self) -> Result<(), InputError> {
+        let read_error = |source| InputError::Read { path: self.path.clone(), source };
+        let now: Metadata = std::fs::metadata(&self.path).map_err(read_error)?;
+        let modified = now.modified().map_err(read_error)?;
+        if now.len() == self.size && modified == self.modified {
+            return Ok(());
+        }
+        Err(InputError::Changed {
+            path: self.path.clone(),
+            before: state(self.size, self.modified),
+            now: state(now.len(), modified),
+        })
+    }
+
+    /// Header, for the writers of labelled copies.
+    pub(crate) fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Bytes, for the writers of labelled copies.
+    pub(crate) fn source(&self) -> &ByteSource {
+        &self.source
+    }
+
+    /// How the points are coded, for the writers of labelled copies.
+    pub(crate) fn coding(&self) -> Option<&Coding> {
+        self.coding.as_ref()
+    }
+
+    /// The finest step of the coordinates in metres.
+    pub(crate) fn finest_scale_m(&self) -> f64 {
+        let Scaling { scale, .. } = self.header.scaling;
+        (0..3).map(|axis| scale[axis] * self.units_m[axis]).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Sets the transform to the lattice of the run.
+    ///
+    /// # Errors
+    /// [`InputError::HeaderField`] when coordinates could leave the range of the lattice.
+    pub(crate) fn set_lattice(&mut self, lattice: Lattice) -> Result<(), InputError> {
+        let Scaling { scale, offset } = self.header.scaling;
+        for axis in 0..3 {
+            let unit = self.units_m[axis];
+            let field = |field: [&'static str; 3], value: f64, expected: String| InputError::HeaderField {
+                path: self.path.clone(),
+                field: field[axis],
+                value: format!("{value:e}"),
+                expected,
+            };
+            let scale_m = scale[axis] * unit;
+            if !(MIN_SCALE_M..=MAX_SCALE_M).contains(&scale_m) {
+                let expected = format!("{MIN_SCALE_M:e} m to {MAX_SCALE_M:e} m");
+                return Err(field(["x scale", "y scale", "z scale"], scale[axis], expected));
+            }
+            let limit_m = lattice.metres(LatticeTransform::LIMIT_UNITS);
+            let reach_m = offset[axis].abs() * unit + scale_m * 2_f64.powi(31);
+            if reach_m >= limit_m {
+                let expected = format!("such that coordinates stay below {limit_m:e} m");
+                return Err(field(["x offset", "y offset", "z offset"], offset[axis], expected));
+            }
+            self.transform.axes[axis] = AxisTransform::new(scale[axis], offset[axis], unit, lattice);
+        }
+        Ok(())
+    }
+
+    fn note_counts(&mut self) {
+        if let [first, second] = self.header.counts[..] {
+            self.warnings.push(format!(
+                "the header has two point counts, {first} (1.4) and {second} (legacy); the file holds {}",
+                self.point_count()
+            ));
+        }
+        if self.blocks.is_empty() {
+            self.warnings.push("there are no points".into());
+        }
+    }
+}
+
+/// Finest step of coordinates that is believed: files of survey scanners have 1e-3 to 1e-6 m.
+const MIN_SCALE_M: f64 = 1e-9;
+/// Coarsest step of coordinates that is believed.
+const MAX_SCALE_M: f64 = 1e3;
+
+/// Size and time for people; the time as seconds, which is all that is compared.
+fn state(size: u64, modified: SystemTime) -> String {
+    let seconds = modified.duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |age| age.as_secs_f64());
+    format!("{size} bytes, changed at {seconds:.3} s")
+}

@@ -1,0 +1,203 @@
+//! Where the fields of a point record are: the fixed ones by point format, the extra ones by their descriptors.
+
+use super::header::{self, Header};
+use super::mapped::ByteSource;
+use super::vlr;
+
+/// Bytes of one extra-bytes descriptor (LAS 1.4 R15, table 24).
+pub(crate) const DESCRIPTOR: usize = 192;
+/// User of the records of the LAS specification.
+pub(crate) const SPEC_USER: &str = "LASF_Spec";
+/// Record that describes extra bytes.
+pub(crate) const EXTRA_BYTES: u16 = 4;
+
+/// Longest extra-bytes record that is read: a descriptor for every byte of the longest record.
+const MAX_DESCRIPTORS: u64 = (u16::MAX as u64) * (DESCRIPTOR as u64);
+
+/// Where the fields of a record are, in bytes from its start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordLayout {
+    /// Point data record format, 0 to 10.
+    pub point_format: u8,
+    /// Bytes of one record.
+    pub record_len: usize,
+    /// Bytes of the fields of the format; extra bytes follow.
+    pub base_len: usize,
+    /// GPS time (f64), where the format has it.
+    pub gps_time: Option<usize>,
+    /// Intensity (u16).
+    pub intensity: usize,
+    /// Byte with return number and number of returns.
+    pub returns: usize,
+    /// Bits of the return number in that byte, from bit 0; the number of returns follows with as many.
+    pub return_bits: u8,
+    /// Byte with the class.
+    pub classification: usize,
+    /// Bits of that byte that are the class: 5 of them in formats 0 to 5, all in 6 to 10.
+    pub classification_mask: u8,
+    /// Point source id (u16).
+    pub point_source_id: usize,
+    /// Dimensions in the extra bytes that have a descriptor.
+    pub dimensions: Vec<ExtraDimension>,
+    /// Bytes of descriptors that were accepted, for every extra-bytes record of the file.
+    pub(crate) accepted: Vec<usize>,
+}
+
+/// One described dimension of the extra bytes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExtraDimension {
+    /// Name without padding.
+    pub name: String,
+    /// Data type of the LAS specification: 0 undocumented bytes, 1 u8, 2 i8, 3 u16, 4 i16, 5 u32, 6 i32, 7 u64,
+    /// 8 i64, 9 f32, 10 f64; 11 to 30 are the deprecated pairs and triples of these.
+    pub data_type: u8,
+    /// First byte in the record.
+    pub offset: usize,
+    /// Bytes it takes.
+    pub size: usize,
+    /// Scale to apply to the stored value, where the descriptor sets one.
+    pub scale: Option<f64>,
+    /// Offset to add after scaling, where the descriptor sets one.
+    pub value_offset: Option<f64>,
+}
+
+impl RecordLayout {
+    /// The layout that header and descriptors give; what does not fit is ignored with a warning.
+    pub(crate) fn read(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Self {
+        let extended = header.point_format >= 6;
+        let base_len = usize::from(header::base_length(header.point_format));
+        let gps_time = match header.point_format {
+            0 | 2 => None,
+            1 | 3..=5 => Some(20),
+            _ => Some(22),
+        };
+        let mut layout = Self {
+            point_format: header.point_format,
+            record_len: usize::from(header.record_len),
+            base_len,
+            gps_time,
+            intensity: 12,
+            returns: 14,
+            return_bits: if extended { 4 } else { 3 },
+            classification: if extended { 16 } else { 15 },
+            classification_mask: if extended { 0xff } else { 0x1f },
+            point_source_id: if extended { 20 } else { 18 },
+            dimensions: Vec::new(),
+            accepted: Vec::new(),
+        };
+        let mut fits = true;
+        for record in header.records().filter(|record| record.is(SPEC_USER, EXTRA_BYTES)) {
+            let bytes = record.read(source, MAX_DESCRIPTORS).unwrap_or_default();
+            let accepted = if fits { layout.describe(&bytes, warnings) } else { 0 };
+            fits &= accepted as u64 == record.payload.end - record.payload.start;
+            layout.accepted.push(accepted);
+        }
+        layout
+    }
+
+    /// The extra bytes after the last described dimension.
+    #[must_use]
+    pub fn undescribed(&self) -> std::ops::Range<usize> {
+        let end = self.dimensions.last().map_or(self.base_len, |last| last.offset + last.size);
+        end..self.record_len
+    }
+
+    /// The described dimension of this name.
+    #[must_use]
+    pub fn dimension(&self, name: &str) -> Option<&ExtraDimension> {
+        self.dimensions.iter().find(|dimension| dimension.name == name)
+    }
+
+    /// Adds the dimensions of one extra-bytes record, which follow those before; returns how many of its bytes
+    /// describe something that is there.
+    fn describe(&mut self, bytes: &[u8], warnings: &mut Vec<String>) -> usize {
+        if !bytes.len().is_multiple_of(DESCRIPTOR) {
+            warnings.push(format!(
+                "an extra-bytes record has {} bytes, no multiple of {DESCRIPTOR}; its end is ignored",
+                bytes.len()
+            ));
+        }
+        for (index, descriptor) in bytes.chunks_exact(DESCRIPTOR).enumerate() {
+            let dimension = parse_descriptor(descriptor, self.undescribed().start);
+            if dimension.data_type == 0 && dimension.size == 0 {
+                continue; // undocumented, of no bytes: nothing to describe
+            }
+            let end = dimension.offset + dimension.size;
+            if dimension.size == 0 || end > self.record_len {
+                warnings.push(format!(
+                    "the extra dimension {:?} (type {}) would end at byte {end} of records of {}; it and those \
+                     after it are ignored",
+                    dimension.name, dimension.data_type, self.record_len
+                ));
+                return index * DESCRIPTOR;
+            }
+            self.dimensions.push(dimension);
+        }
+        bytes.len() / DESCRIPTOR * DESCRIPTOR
+    }
+}
+
+fn parse_descriptor(bytes: &[u8], offset: usize) -> ExtraDimension {
+    let data_type = bytes[2];
+    let options = bytes[3];
+    let size = match data_type {
+        0 => usize::from(options),
+        1..=30 => type_size(data_type),
+        _ => 0,
+    };
+    let real = |at: usize| {
+        let mut value = [0; 8];
+        value.copy_from_slice(&bytes[at..at + 8]);
+        f64::from_le_bytes(value)
+    };
+    let option = |bit: u8, at: usize| (data_type != 0 && options & bit != 0).then(|| real(at));
+    ExtraDimension {
+        name: vlr::text(&bytes[4..36]),
+        data_type,
+        offset,
+        size,
+        scale: option(0x08, 112),
+        value_offset: option(0x10, 136),
+    }
+}
+
+/// Bytes of a data type 1 to 30 (11 to 20 are pairs, 21 to 30 triples of 1 to 10).
+fn type_size(data_type: u8) -> usize {
+    const SINGLE: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
+    let index = usize::from(data_type - 1);
+    SINGLE[index % 10] * (index / 10 + 1)
+}
+
+/// The record coordinates of a record of any format.
+///
+/// # Panics
+/// When the record is shorter than 12 bytes; every point format has at least 20.
+#[inline]
+#[must_use]
+pub fn record_xyz(record: &[u8]) -> [i32; 3] {
+    let axis = |at: usize| i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
+    [axis(0), axis(4), axis(8)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_of_data_types_follow_the_specification() {
+        for (data_type, size) in
+            [(1, 1), (4, 2), (5, 4), (8, 8), (9, 4), (10, 8), (11, 2), (20, 16), (30, 24)]
+        {
+            assert_eq!(type_size(data_type), size, "type {data_type}");
+        }
+    }
+
+    #[test]
+    fn coordinates_are_little_endian() {
+        let mut record = [0_u8; 20];
+        record[0] = 1;
+        record[4..8].copy_from_slice(&(-2_i32).to_le_bytes());
+        record[10] = 1;
+        assert_eq!(record_xyz(&record), [1, -2, 65_536]);
+    }
+}

@@ -1,0 +1,194 @@
+//! A small parser of well-known text: nested brackets and what a coordinate reference system says about its units.
+//! It knows no names of systems and checks no geodesy.
+
+/// One `KEYWORD[...]` of a well-known text.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Node {
+    /// The keyword in capitals.
+    pub(crate) keyword: String,
+    values: Vec<Value>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Value {
+    Text(String),
+    Number(f64),
+    Word(String),
+    Node(Node),
+}
+
+/// Brackets inside brackets that are followed; real systems have about 8.
+const MAX_DEPTH: usize = 64;
+
+impl Node {
+    /// Parses a text; `None` when it is not one bracketed expression. What follows the last bracket is ignored, as
+    /// writers pad with zeros.
+    pub(crate) fn parse(text: &str) -> Option<Self> {
+        let mut parser = Parser { rest: text, depth: 0 };
+        parser.skip_space();
+        let keyword = parser.word()?;
+        match parser.value_after(keyword)? {
+            Value::Node(node) => Some(node),
+            _ => None,
+        }
+    }
+
+    /// The nodes directly inside, with one of these keywords.
+    pub(crate) fn child(&self, keywords: &[&str]) -> Option<&Self> {
+        self.children().find(|node| keywords.contains(&node.keyword.as_str()))
+    }
+
+    /// The nodes directly inside.
+    pub(crate) fn children(&self) -> impl Iterator<Item = &Self> {
+        self.values.iter().filter_map(|value| if let Value::Node(node) = value { Some(node) } else { None })
+    }
+
+    /// The first text directly inside: the name of most things.
+    pub(crate) fn name(&self) -> Option<&str> {
+        self.values
+            .iter()
+            .find_map(|value| if let Value::Text(text) = value { Some(text.as_str()) } else { None })
+    }
+
+    /// The first bare word directly inside, in capitals, such as the kind of a `CS[...]`.
+    pub(crate) fn word(&self) -> Option<&str> {
+        self.values
+            .iter()
+            .find_map(|value| if let Value::Word(word) = value { Some(word.as_str()) } else { None })
+    }
+
+    /// The first number directly inside, such as the metres of a `UNIT[...]`.
+    pub(crate) fn number(&self) -> Option<f64> {
+        self.values
+            .iter()
+            .find_map(|value| if let Value::Number(number) = value { Some(*number) } else { None })
+    }
+
+    /// The EPSG code directly inside: `AUTHORITY["EPSG","25832"]` or `ID["EPSG",25832]`.
+    pub(crate) fn epsg(&self) -> Option<u32> {
+        let id = self.child(&["AUTHORITY", "ID"]).filter(|id| id.name() == Some("EPSG"))?;
+        id.values.iter().skip(1).find_map(|value| match value {
+            Value::Text(text) => text.trim().parse().ok(),
+            Value::Number(number) => number.to_string().parse().ok(),
+            Value::Word(_) | Value::Node(_) => None,
+        })
+    }
+}
+
+struct Parser<'a> {
+    rest: &'a str,
+    depth: usize,
+}
+
+impl Parser<'_> {
+    fn skip_space(&mut self) {
+        self.rest = self.rest.trim_start_matches(|c: char| c.is_whitespace() || c == '\u{feff}');
+    }
+
+    fn eat(&mut self, any: &[char]) -> Option<char> {
+        self.skip_space();
+        let first = self.rest.chars().next().filter(|c| any.contains(c))?;
+        self.rest = &self.rest[first.len_utf8()..];
+        Some(first)
+    }
+
+    /// A keyword or number: everything up to a bracket, comma or space.
+    fn word(&mut self) -> Option<String> {
+        let end = self.rest.find(|c: char| "[]()\",".contains(c) || c.is_whitespace() || c == '\0');
+        let (word, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
+        self.rest = rest;
+        (!word.is_empty()).then(|| word.to_ascii_uppercase())
+    }
+
+    /// A text in quotes; a doubled quote stands for one.
+    fn text(&mut self) -> Option<String> {
+        let mut text = String::new();
+        loop {
+            let end = self.rest.find('"')?;
+            text.push_str(&self.rest[..end]);
+            self.rest = &self.rest[end + 1..];
+            match self.rest.strip_prefix('"') {
+                Some(rest) => {
+                    text.push('"');
+                    self.rest = rest;
+                }
+                None => return Some(text),
+            }
+        }
+    }
+
+    fn value(&mut self) -> Option<Value> {
+        if self.eat(&['"']).is_some() {
+            return self.text().map(Value::Text);
+        }
+        self.skip_space();
+        let word = self.word()?;
+        if let Ok(number) = word.parse() {
+            return Some(Value::Number(number));
+        }
+        self.value_after(word)
+    }
+
+    /// A node, when a bracket follows the word; else the word.
+    fn value_after(&mut self, keyword: String) -> Option<Value> {
+        if self.eat(&['[', '(']).is_none() {
+            return Some(Value::Word(keyword));
+        }
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return None;
+        }
+        let mut values = Vec::new();
+        loop {
+            if self.eat(&[']', ')']).is_some() {
+                break;
+            }
+            values.push(self.value()?);
+            match self.eat(&[',', ']', ')'])? {
+                ',' => {}
+                _ => break,
+            }
+        }
+        self.depth -= 1;
+        Some(Value::Node(Node { keyword, values }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nested_brackets_quotes_and_codes_are_read() {
+        let node = Node::parse(
+            " PROJCS[\"a \"\"b\"\" [c]\", GEOGCS[\"g\", AUTHORITY[\"EPSG\",\"4258\"]], \
+             UNIT(\"metre\", 1 ,AUTHORITY[\"EPSG\",\"9001\"]), AUTHORITY[\"EPSG\",\"25832\"]]\0\0",
+        )
+        .expect("parses");
+        assert_eq!(node.keyword, "PROJCS");
+        assert_eq!(node.name(), Some("a \"b\" [c]"));
+        assert_eq!(node.epsg(), Some(25_832));
+        assert_eq!(node.child(&["UNIT"]).and_then(Node::number), Some(1.0));
+        assert_eq!(node.child(&["GEOGCS"]).and_then(Node::epsg), Some(4_258));
+        let second = Node::parse("PROJCRS[\"x\",CS[Cartesian,2],ID[\"EPSG\",3857]]").expect("parses");
+        assert_eq!(second.child(&["CS"]).and_then(Node::word), Some("CARTESIAN"));
+        assert_eq!(second.epsg(), Some(3_857));
+    }
+
+    #[test]
+    fn what_is_not_well_known_text_is_refused() {
+        let deep = "A[".repeat(100_000);
+        for text in ["", "PROJCS", "PROJCS[", "PROJCS[\"a", "[\"a\"]", "{}", "PROJCS[\"a\",]x[", &deep] {
+            let parsed = Node::parse(text);
+            assert!(parsed.is_none() || text == "PROJCS[\"a\",]x[", "{parsed:?}");
+        }
+    }
+
+    #[test]
+    fn every_prefix_of_a_text_is_parsed_without_a_panic() {
+        let text = "COMPD_CS[\"ä\",PROJCS[\"b\",UNIT[\"US survey foot\",0.3048006]],VERT_CS[\"c\"]]";
+        for end in (0..text.len()).filter(|end| text.is_char_boundary(*end)) {
+            assert!(Node::parse(&text[..end]).is_none(), "{end}");
+        }
+    }
+}

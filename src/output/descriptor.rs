@@ -1,0 +1,88 @@
+//! Extra-bytes descriptors and variable length records as bytes; it knows nothing of files.
+
+use crate::input::RecordLayout;
+
+/// Bytes of one descriptor (LAS 1.4 R15, table 24).
+pub(crate) const DESCRIPTOR: usize = 192;
+/// Data type of undocumented bytes; the options field then holds their number.
+const UNDOCUMENTED: u8 = 0;
+/// Data type of an unsigned byte.
+pub(crate) const U8: u8 = 1;
+/// Data type of an unsigned 32-bit integer.
+pub(crate) const U32: u8 = 5;
+
+/// The descriptor of an unsigned integer dimension.
+///
+/// Scale 1 and offset 0 are written although the option bits that would make them valid stay unset: some readers
+/// multiply by the field without looking at the bits. Minimum, maximum and no-data stay unset.
+pub(crate) fn integer(name: &str, data_type: u8, description: &str) -> [u8; DESCRIPTOR] {
+    let mut bytes = [0; DESCRIPTOR];
+    bytes[2] = data_type;
+    bytes[4..36].copy_from_slice(&padded::<32>(name));
+    for slot in 0..3 {
+        bytes[112 + 8 * slot..120 + 8 * slot].copy_from_slice(&1.0_f64.to_le_bytes());
+        bytes[136 + 8 * slot..144 + 8 * slot].copy_from_slice(&0.0_f64.to_le_bytes());
+    }
+    bytes[160..192].copy_from_slice(&padded::<32>(description));
+    bytes
+}
+
+/// Descriptors for the extra bytes that have none, so that a dimension after them is found at its place.
+pub(crate) fn undescribed(layout: &RecordLayout) -> Vec<[u8; DESCRIPTOR]> {
+    let range = layout.undescribed();
+    let mut descriptors = Vec::new();
+    for start in range.clone().step_by(usize::from(u8::MAX)) {
+        let count = (range.end - start).min(usize::from(u8::MAX));
+        let mut bytes = [0; DESCRIPTOR];
+        bytes[2] = UNDOCUMENTED;
+        bytes[3] = u8::try_from(count).unwrap_or(u8::MAX);
+        bytes[4..36].copy_from_slice(&padded::<32>(&format!("undescribed_{}", start - layout.base_len)));
+        bytes[160..192].copy_from_slice(&padded::<32>("bytes without a description"));
+        descriptors.push(bytes);
+    }
+    descriptors
+}
+
+/// A variable length record with its header. The payload must be shorter than 65,536 bytes.
+pub(crate) fn vlr(user: &str, record: u16, description: &str, payload: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0, 0];
+    bytes.extend(padded::<16>(user));
+    bytes.extend(record.to_le_bytes());
+    bytes.extend(u16::try_from(payload.len()).unwrap_or(u16::MAX).to_le_bytes());
+    bytes.extend(padded::<32>(description));
+    bytes.extend(payload);
+    bytes
+}
+
+/// `text` in a field of N bytes that ends in at least one zero.
+fn padded<const N: usize>(text: &str) -> [u8; N] {
+    let mut field = [0; N];
+    let length = text.len().min(N - 1);
+    field[..length].copy_from_slice(&text.as_bytes()[..length]);
+    field
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_descriptor_has_its_fields_where_the_specification_says() {
+        let bytes = integer("cluster_id", U32, "object");
+        assert_eq!((bytes[2], bytes[3]), (5, 0));
+        assert_eq!(&bytes[4..15], b"cluster_id\0");
+        assert_eq!(bytes[112..120], 1.0_f64.to_le_bytes());
+        assert_eq!(bytes[128..136], 1.0_f64.to_le_bytes());
+        assert_eq!(bytes[136..160], [0; 24]);
+        assert_eq!(&bytes[160..167], b"object\0");
+        assert!(bytes[36..112].iter().all(|byte| *byte == 0), "no data, minimum and maximum are unset");
+    }
+
+    #[test]
+    fn a_record_header_takes_54_bytes() {
+        let bytes = vlr("LASF_Spec", 4, "Extra Bytes", &[7; 3]);
+        assert_eq!(bytes.len(), 57);
+        assert_eq!(&bytes[2..12], b"LASF_Spec\0");
+        assert_eq!(bytes[18..22], [4, 0, 3, 0]);
+    }
+}

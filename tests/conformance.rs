@@ -1,0 +1,96 @@
+//! Every LAS and LAZ file of three projects' own test suites, each with the outcome it deserves.
+//!
+//! `tests/conformance.csv` has one row per file: path, outcome (`ok` or the variant of the error), and the points
+//! that can be read. Geographic files are refused, and read again with a stated unit to test their points all the
+//! same. The files are optional data; the test says so when they are not there.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use chainage::input::{Catalog, Fields, InputError, InputFile, InputOptions, LengthUnit, record_xyz};
+
+use crate::util;
+
+/// One row of the table.
+struct Expected {
+    outcome: String,
+    points: u64,
+}
+
+fn table() -> BTreeMap<String, Expected> {
+    let rows = include_str!("conformance.csv").lines().filter(|row| !row.starts_with('#') && !row.is_empty());
+    rows.skip(1)
+        .map(|row| {
+            let mut cells = row.splitn(4, ',');
+            let mut cell = || cells.next().expect("path, outcome, points, reason");
+            let (path, outcome, points) = (cell().to_owned(), cell().to_owned(), cell());
+            (path, Expected { outcome, points: points.parse().expect("a number of points") })
+        })
+        .collect()
+}
+
+/// The name of the variant.
+fn variant(error: &InputError) -> String {
+    let text = format!("{error:?}");
+    text.split([' ', '{']).next().expect("a name").to_owned()
+}
+
+fn options(mmap: bool, unit: LengthUnit) -> InputOptions {
+    InputOptions { mmap, unit }
+}
+
+/// Reads every block with both kinds of fields, mapped and read, and compares what must be equal.
+fn read_all(path: &Path, unit: LengthUnit) -> u64 {
+    let open = |mmap| Catalog::open(&[path.to_owned()], &options(mmap, unit)).expect("opened before");
+    let (mapped, read) = (open(true), open(false));
+    let (mapped, read) = (&mapped.files()[0], &read.files()[0]);
+    assert_eq!(mapped.blocks(), read.blocks());
+    let mut points = 0;
+    for block in 0..mapped.blocks().len() {
+        points += compare_block(mapped, read, block);
+    }
+    mapped.check_unchanged().expect("nobody changed it");
+    points
+}
+
+fn compare_block(mapped: &InputFile, read: &InputFile, block: usize) -> u64 {
+    let record_len = mapped.layout().record_len;
+    let (mut one, mut two, mut three) = (Vec::new(), vec![7; 5], Vec::new());
+    mapped.prefetch(block);
+    let all = mapped.records(block, Fields::All, &mut one).expect("readable");
+    let same = read.records(block, Fields::All, &mut two).expect("readable");
+    assert!(all == same, "{}: block {block} differs without mapping", mapped.name());
+    let geometry = mapped.records(block, Fields::Geometry, &mut three).expect("readable");
+    assert_eq!(geometry.len(), all.len());
+    for (full, part) in all.chunks_exact(record_len).zip(geometry.chunks_exact(record_len)) {
+        assert_eq!(record_xyz(full), record_xyz(part));
+        if let Some(time) = mapped.layout().gps_time {
+            assert_eq!(full[time..time + 8], part[time..time + 8]);
+        }
+    }
+    mapped.release(block);
+    assert_eq!(all.len(), mapped.blocks()[block].count as usize * record_len);
+    u64::from(mapped.blocks()[block].count)
+}
+
+#[test]
+fn every_file_of_the_conformance_folder_has_the_outcome_of_the_table() {
+    let Some(data) = util::shared_data() else { return };
+    let root = data.join("conformance");
+    let mut expected = table();
+    for path in util::las_files(&root) {
+        let name = path.strip_prefix(&root).expect("below").to_string_lossy().into_owned();
+        let row = expected.remove(&name).unwrap_or_else(|| panic!("{name} is not in tests/conformance.csv"));
+        let opened = Catalog::open(&[path.clone()], &options(true, LengthUnit::Auto));
+        let outcome = opened.as_ref().map_or_else(variant, |_| "ok".to_owned());
+        assert_eq!(outcome, row.outcome, "{name}: {:?}", opened.err().map(|error| error.to_string()));
+        if let Err(error) = &opened {
+            assert!(error.hint().is_some(), "{name}: {error} has no hint");
+        }
+        let unit = if outcome == "Geographic" { LengthUnit::Metre } else { LengthUnit::Auto };
+        if outcome == "ok" || outcome == "Geographic" {
+            assert_eq!(read_all(&path, unit), row.points, "{name}");
+        }
+    }
+    assert!(expected.is_empty(), "in the table but not in the folder: {:?}", expected.keys());
+}

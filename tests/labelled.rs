@@ -1,0 +1,274 @@
+//! Labelled copies: every file that opens is copied to LAS and LAZ with random labels, and everything but the label
+//! and the class is compared with the original, byte by byte.
+
+use std::fs::File;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use chainage::input::{Catalog, Fields, InputFile, InputOptions, LengthUnit};
+use chainage::output::{LabelOptions, LabelledFile, OutputError, OutputFormat, check_names};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::util;
+
+/// The files that are copied: the shipped samples, and the conformance folder where it is there.
+fn samples() -> Vec<PathBuf> {
+    let mut files = util::las_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data"));
+    if let Some(data) = util::shared_data() {
+        files.extend(util::las_files(&data.join("conformance")));
+    }
+    files
+}
+
+fn open(path: &Path) -> Option<Catalog> {
+    let options = InputOptions { mmap: true, unit: LengthUnit::Metre };
+    Catalog::open(&[path.to_owned()], &options).ok()
+}
+
+fn records(file: &InputFile) -> Vec<u8> {
+    let mut all = Vec::new();
+    for block in 0..file.blocks().len() {
+        let mut buffer = Vec::new();
+        all.extend_from_slice(file.records(block, Fields::All, &mut buffer).expect("readable"));
+    }
+    all
+}
+
+/// Labels and class codes that the copies get.
+struct Truth {
+    labels: Vec<u32>,
+    classes: Vec<u8>,
+}
+
+impl Truth {
+    fn random(points: u64, seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let labels = (0..points).map(|_| if random.random_bool(0.3) { 0 } else { random.random() }).collect();
+        Self { labels, classes: (0..points).map(|_| random.random_range(0..4)).collect() }
+    }
+}
+
+/// Writes the copy as the engine does and returns its path.
+fn write(plan: &LabelledFile, input: &InputFile, original: &[u8], truth: &Truth, folder: &Path) -> PathBuf {
+    let path = folder.join(plan.name());
+    let mut out = BufWriter::new(File::create(&path).expect("a new file"));
+    let record_len = input.layout().record_len;
+    let labelled = |chunk: &std::ops::Range<u64>| {
+        let indices =
+            usize::try_from(chunk.start).expect("small")..usize::try_from(chunk.end).expect("small");
+        let records = &original[indices.start * record_len..indices.end * record_len];
+        let mut new = Vec::new();
+        plan.label(records, &truth.labels[indices.clone()], &truth.classes[indices], &mut new);
+        new
+    };
+    if plan.is_compressed() {
+        let chunks = plan.chunks().iter().map(|chunk| {
+            let count = u32::try_from(chunk.end - chunk.start).expect("small");
+            plan.compress(&labelled(chunk)).map(|bytes| (count, bytes))
+        });
+        plan.assemble_laz::<OutputError>(input, chunks, &mut out).expect("assembled");
+    } else {
+        out.write_all(plan.prologue()).expect("written");
+        // Backwards: records may be written in any order.
+        for chunk in plan.chunks().iter().rev() {
+            out.seek(SeekFrom::Start(plan.record_offset(chunk.start))).expect("inside");
+            out.write_all(&labelled(chunk)).expect("written");
+        }
+        out.seek(SeekFrom::Start(plan.epilogue_offset())).expect("inside");
+        plan.write_epilogue(input, &mut out).expect("written");
+    }
+    out.flush().expect("written");
+    path
+}
+
+/// User, number, description and payload of the records of a file, read without the crate.
+type Record = (Vec<u8>, u16, Vec<u8>, Vec<u8>);
+
+fn number(bytes: &[u8], at: usize, len: usize) -> usize {
+    bytes[at..at + len].iter().rev().fold(0, |value, byte| value << 8 | usize::from(*byte))
+}
+
+fn chain(bytes: &[u8], mut at: usize, end: usize, count: usize, head: usize) -> Vec<Record> {
+    let mut found = Vec::new();
+    for _ in 0..count {
+        if at + head > end {
+            break;
+        }
+        let length = number(bytes, at + 20, if head == 54 { 2 } else { 8 });
+        if at + head + length > end {
+            break;
+        }
+        let user = bytes[at + 2..at + 18].to_vec();
+        let description = bytes[at + head - 32..at + head].to_vec();
+        let record = u16::try_from(number(bytes, at + 18, 2)).expect("two bytes");
+        found.push((user, record, description, bytes[at + head..at + head + length].to_vec()));
+        at += head + length;
+    }
+    found
+}
+
+/// The records that a copy must keep: not those of LASzip and COPC, and not the extra bytes, which grow.
+fn kept(records: Vec<Record>) -> Vec<Record> {
+    let drop = |(user, record, ..): &Record| {
+        user.starts_with(b"laszip encoded")
+            || user.starts_with(b"copc")
+            || (user.starts_with(b"LASF_Spec") && *record == 4)
+    };
+    records.into_iter().filter(|record| !drop(record)).collect()
+}
+
+fn vlrs(bytes: &[u8]) -> Vec<Record> {
+    kept(chain(bytes, number(bytes, 94, 2), number(bytes, 96, 4), number(bytes, 100, 4), 54))
+}
+
+fn evlrs(bytes: &[u8]) -> Vec<Record> {
+    if bytes[25] < 4 {
+        return Vec::new();
+    }
+    kept(chain(bytes, number(bytes, 235, 8), bytes.len(), number(bytes, 243, 4), 60))
+}
+
+/// Compares header and records; returns the bytes of both files.
+fn compare_around(original: &Path, copy: &Path) {
+    let (before, after) = (std::fs::read(original).expect("read"), std::fs::read(copy).expect("read"));
+    assert_eq!(vlrs(&before), vlrs(&after), "{}", copy.display());
+    assert_eq!(evlrs(&before), evlrs(&after), "{}", copy.display());
+    // Position and number of records, format, record length; position of waveforms and extended records.
+    let changed = [96..107, 227..247];
+    for at in 0..number(&before, 94, 2) {
+        let may = changed.iter().any(|range| range.contains(&at));
+        assert!(may || before[at] == after[at], "{}: header byte {at}", copy.display());
+    }
+    if before[25] >= 3 && number(&before, 227, 8) > 0 {
+        let (old, new) = (number(&before, 227, 8), number(&after, 227, 8));
+        assert_eq!(before[old..old + 60], after[new..new + 60], "{}: waveforms", copy.display());
+    }
+}
+
+/// Compares every record of the copy with the original one, outside of class and label.
+fn compare_points(original: &InputFile, before: &[u8], copy: &InputFile, truth: &Truth) {
+    let (old, new) = (original.layout(), copy.layout());
+    let after = records(copy);
+    let label = new.dimension("cluster_id").expect("the label").offset;
+    let kept = new.dimension("original_classification").expect("the class").offset;
+    let mask = old.classification_mask;
+    for dimension in &old.dimensions {
+        assert_eq!(new.dimension(&dimension.name), old.dimension(&dimension.name));
+    }
+    let rows = before.chunks_exact(old.record_len).zip(after.chunks_exact(new.record_len));
+    assert_eq!(rows.len(), truth.labels.len());
+    for (index, (before, after)) in rows.enumerate() {
+        let class = before[old.classification] & mask;
+        let high = if old.point_format >= 6 { 18 } else { 7 };
+        let expected = match truth.classes[index] {
+            0 => class,
+            1 => 2,
+            2 => 7,
+            _ => high,
+        };
+        let mut restored = after[..old.record_len].to_vec();
+        assert_eq!(restored[old.classification] & mask, expected, "class of record {index}");
+        restored[old.classification] = restored[old.classification] & !mask | class;
+        assert!(restored == before, "record {index} of {}", copy.name());
+        assert_eq!(after[label..label + 4], truth.labels[index].to_le_bytes());
+        assert_eq!(after[kept], class);
+    }
+}
+
+fn options(format: OutputFormat) -> LabelOptions {
+    LabelOptions { format, keep_original: true, ..LabelOptions::default() }
+}
+
+#[test]
+fn copies_keep_everything_but_label_and_class() {
+    let mut copies = 0;
+    for (index, path) in samples().iter().enumerate() {
+        let Some(catalog) = open(path) else { continue };
+        let input = &catalog.files()[0];
+        let before = records(input);
+        let truth = Truth::random(input.point_count(), index as u64);
+        for format in [OutputFormat::Las, OutputFormat::Laz] {
+            let folder = tempfile::tempdir().expect("a folder");
+            let plan = LabelledFile::plan(input, &options(format)).expect("a plan");
+            assert_eq!(plan.is_compressed(), format == OutputFormat::Laz);
+            let copy = write(&plan, input, &before, &truth, folder.path());
+            compare_around(path, &copy);
+            let again = open(&copy).expect("the copy opens");
+            let copied = &again.files()[0];
+            assert_eq!(copied.point_count(), input.point_count());
+            assert_eq!(copied.is_compressed(), plan.is_compressed());
+            assert!(!copied.is_copc());
+            compare_points(input, &before, copied, &truth);
+            relabel(copied, folder.path());
+            copies += 1;
+        }
+    }
+    println!("{copies} copies compared");
+}
+
+/// A labelled copy fed in again: the labels are replaced in place, the record does not grow, the class of the first
+/// input stays.
+fn relabel(copied: &InputFile, folder: &Path) {
+    let first = records(copied);
+    let truth = Truth::random(copied.point_count(), 7);
+    let plan = LabelledFile::plan(copied, &options(OutputFormat::Same)).expect("a plan");
+    assert_eq!(plan.record_len(), copied.layout().record_len);
+    assert_eq!(plan.name(), copied.name());
+    let folder = folder.join("again");
+    std::fs::create_dir(&folder).expect("a folder");
+    let path = write(&plan, copied, &first, &truth, &folder);
+    let again = open(&path).expect("the copy of the copy opens");
+    let twice = &again.files()[0];
+    assert_eq!(twice.layout(), copied.layout());
+    let label = twice.layout().dimension("cluster_id").expect("the label").offset;
+    let kept = twice.layout().dimension("original_classification").expect("the class").offset;
+    let size = twice.layout().record_len;
+    let second = records(twice);
+    for (index, (one, two)) in first.chunks_exact(size).zip(second.chunks_exact(size)).enumerate() {
+        assert_eq!(two[label..label + 4], truth.labels[index].to_le_bytes());
+        assert_eq!(one[kept], two[kept]);
+    }
+}
+
+#[test]
+fn names_follow_the_format_and_must_differ() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
+    let folder = tempfile::tempdir().expect("a folder");
+    let name = |file: &str, format| {
+        let copy = folder.path().join(file);
+        std::fs::copy(&path, &copy).expect("copied");
+        let catalog = open(&copy).expect("opens");
+        LabelledFile::plan(&catalog.files()[0], &options(format)).expect("a plan")
+    };
+    let cases = [
+        ("a.laz", OutputFormat::Same, "a.laz"),
+        ("B.LAZ", OutputFormat::Same, "B.LAZ"),
+        ("B.LAZ", OutputFormat::Las, "B.las"),
+        ("x.copc.laz", OutputFormat::Same, "x.laz"),
+        ("x.copc.laz", OutputFormat::Las, "x.las"),
+        ("scan", OutputFormat::Same, "scan"),
+        ("scan.1", OutputFormat::Las, "scan.1.las"),
+    ];
+    for (file, format, expected) in cases {
+        assert_eq!(name(file, format).name(), expected);
+    }
+    let [one, two] = [name("x.laz", OutputFormat::Las), name("x.copc.laz", OutputFormat::Las)];
+    assert!(matches!(check_names([&one, &two]), Err(OutputError::NameClash { name }) if name == "x.las"));
+    check_names([&one, &name("y.laz", OutputFormat::Las)]).expect("different names");
+}
+
+#[test]
+fn a_dimension_of_another_type_or_an_impossible_name_is_refused() {
+    let Some(data) = util::shared_data() else { return };
+    let catalog = open(&data.join("conformance/laspy/tests/data/extrabytes.las")).expect("opens");
+    let input = &catalog.files()[0];
+    let taken = &input.layout().dimensions[0];
+    let with = |dimension: &str| {
+        LabelledFile::plan(input, &LabelOptions { dimension: dimension.into(), ..LabelOptions::default() })
+    };
+    assert!(matches!(with(&taken.name), Err(OutputError::DimensionType { .. })), "{taken:?}");
+    assert!(matches!(with(""), Err(OutputError::DimensionName { .. })));
+    assert!(matches!(with(&"x".repeat(32)), Err(OutputError::DimensionName { .. })));
+    with(&"x".repeat(31)).expect("a name of 31 bytes fits");
+}

@@ -1,0 +1,31 @@
+//! What several integration tests need: the optional data folder.
+
+use std::path::{Path, PathBuf};
+
+/// The folder of shared test data, or `None` (with a line that says so) where it is not there.
+///
+/// It is not part of the project: `CHAINAGE_SHARED_DATA` names it, else it is looked for beside the project.
+pub(crate) fn shared_data() -> Option<PathBuf> {
+    let folder = std::env::var_os("CHAINAGE_SHARED_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    println!("skipped: no shared test data in {} (set CHAINAGE_SHARED_DATA)", folder.display());
+    None
+}
+
+/// Every LAS and LAZ file below a folder, sorted.
+pub(crate) fn las_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a readable folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            files.extend(las_files(&path));
+        } else if path.extension().is_some_and(|extension| extension == "las" || extension == "laz") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    files
+}
