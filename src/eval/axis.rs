@@ -119,15 +119,6 @@ impl Axis {
             }
         }
     }
-
-    /// What chainages are measured along.
-    #[must_use]
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Trajectory { .. } => "trajectory",
-            Self::Principal { .. } => "principal axis of the objects",
-        }
-    }
 }
 
 /// Squared distance to the segment and chainage of its nearest point.

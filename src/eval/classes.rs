@@ -17,9 +17,9 @@ use crate::config::{self, ConfigError};
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ClassTable {
-    names: BTreeMap<u32, String>,
-    ground: Vec<u32>,
-    noise: Vec<u32>,
+    names: BTreeMap<u16, String>,
+    ground: Vec<u16>,
+    noise: Vec<u16>,
 }
 
 /// The table that ships with the program.
@@ -28,8 +28,8 @@ const SHIPPED: &str = include_str!("../../config/classes.toml");
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
-    ground: Vec<u32>,
-    noise: Vec<u32>,
+    ground: Vec<u16>,
+    noise: Vec<u16>,
     names: BTreeMap<String, String>,
 }
 
@@ -60,21 +60,39 @@ impl ClassTable {
         Ok(Self { names, ground: written.ground, noise: written.noise })
     }
 
+    /// The table for a reference without classes: all points have code 0, which is neither ground nor noise.
+    #[must_use]
+    pub fn unclassified() -> Self {
+        Self { names: BTreeMap::from([(0, "object".to_owned())]), ground: Vec::new(), noise: Vec::new() }
+    }
+
     /// What the class is called; `class N` for a code without a name.
     #[must_use]
-    pub fn name(&self, code: u32) -> String {
+    pub fn name(&self, code: u16) -> String {
         self.names.get(&code).cloned().unwrap_or_else(|| format!("class {code}"))
     }
 
     /// Whether points of this class are ground.
     #[must_use]
-    pub fn is_ground(&self, code: u32) -> bool {
+    pub fn is_ground(&self, code: u16) -> bool {
         self.ground.contains(&code)
+    }
+
+    /// Whether any class is ground.
+    #[must_use]
+    pub fn has_ground(&self) -> bool {
+        !self.ground.is_empty()
+    }
+
+    /// Whether any class is stray returns.
+    #[must_use]
+    pub fn has_noise(&self) -> bool {
+        !self.noise.is_empty()
     }
 
     /// Whether points of this class are stray returns.
     #[must_use]
-    pub fn is_noise(&self, code: u32) -> bool {
+    pub fn is_noise(&self, code: u16) -> bool {
         self.noise.contains(&code)
     }
 }

@@ -45,6 +45,10 @@ impl fmt::Display for PointSite {
     }
 }
 
+fn site(site: &Option<Box<PointSite>>) -> String {
+    site.as_ref().map_or_else(|| "the end".to_owned(), ToString::to_string)
+}
+
 /// The labels cannot be compared; names the file, the dimension or the point, and both numbers.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -62,14 +66,14 @@ pub enum EvalError {
         known: Vec<String>,
     },
     /// A dimension of a type that holds no ids.
-    #[error("dimension {name} of {path} is of type {data_type}, which holds no ids", path = path.display())]
+    #[error("dimension {name} of {path} is of type {data_type}, which holds no single number", path = path.display())]
     DimensionType {
         /// The file.
         path: PathBuf,
         /// The dimension.
         name: String,
-        /// Its type.
-        data_type: String,
+        /// Its type, as the LAS specification numbers them.
+        data_type: u8,
     },
     /// A label that is not a whole number in range.
     #[error("{name} = {value} in record {record} of {path} is no {expected}", path = path.display())]
@@ -85,13 +89,19 @@ pub enum EvalError {
         /// What would do.
         expected: &'static str,
     },
-    /// The two sides are not of the same points.
-    #[error("the prediction has {prediction} points and the reference {reference}")]
+    /// The two sides do not have the same number of points.
+    #[error(
+        "the prediction has {} points and the reference {}; in record order they first differ at {} of the prediction \
+         and {} of the reference",
+        counts[0], counts[1], site(prediction), site(reference)
+    )]
     PointCounts {
-        /// Points of the prediction.
-        prediction: u64,
-        /// Points of the reference.
-        reference: u64,
+        /// Points of the prediction and of the reference.
+        counts: [u64; 2],
+        /// The first point of the prediction that differs; none when it has ended there.
+        prediction: Option<Box<PointSite>>,
+        /// The first point of the reference that differs; none when it has ended there.
+        reference: Option<Box<PointSite>>,
     },
     /// Points without a counterpart on the other side.
     #[error(

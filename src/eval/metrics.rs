@@ -2,7 +2,8 @@
 //!
 //! A figure without anything to count is `None`, never 0 or NaN. Where there are objects but no match, SQ is 0, as
 //! in the reference code of panoptic quality. False positives and noise count in the class of the object of which
-//! the segment holds most points; noise that holds none of any object counts overall only.
+//! the segment holds most points; noise that holds none of any object counts overall only. Published figures per
+//! class often count false positives in no class, because their segments have none: that F1 is given beside.
 
 use crate::eval::classes::ClassTable;
 use crate::eval::hoover::{self, Detection, Hoover, Tolerance};
@@ -10,7 +11,7 @@ use crate::eval::panoptic::{self, Iou, Panoptic, SegmentRole};
 use crate::eval::rand_index::adjusted_rand_index;
 use crate::eval::scene::{Object, Scene, Segment};
 use crate::eval::segmentation::{self, Segmentation};
-use crate::eval::table::{Cell, Predicted, Table};
+use crate::eval::table::{Predicted, Table};
 use crate::model::Lattice;
 
 /// What the metrics depend on besides the labels.
@@ -123,6 +124,13 @@ impl Figures {
         self.rq()
     }
 
+    /// F1 of the matches when no segment is false, 2 R / (1 + R): what is reported by those who give segments no
+    /// class and therefore count false ones in no class.
+    #[must_use]
+    pub fn f1_without_false_positives(&self) -> Option<f64> {
+        ratio((2 * self.true_positives) as f64, (self.objects + self.true_positives) as f64)
+    }
+
     /// Segmentation quality: mean IoU of the matches.
     #[must_use]
     pub fn sq(&self) -> Option<f64> {
@@ -155,10 +163,12 @@ pub struct PointScore {
 }
 
 impl PointScore {
-    fn count(table: &Table, reference: impl Fn(&Cell) -> bool, predicted: impl Fn(&Cell) -> bool) -> Self {
+    /// Counts the points that are `reference` and those that the prediction calls `predicted`; nothing when no class
+    /// of the reference has that role (`known` is false), because then nothing can be said of the prediction either.
+    fn count(table: &Table, known: bool, reference: impl Fn(u16) -> bool, predicted: Predicted) -> Self {
         let mut score = Self::default();
-        for (cell, points) in &table.cells {
-            let (in_reference, in_prediction) = (reference(cell), predicted(cell));
+        for (cell, points) in table.cells.iter().filter(|_| known) {
+            let (in_reference, in_prediction) = (reference(cell.class), cell.predicted == predicted);
             score.reference += if in_reference { *points } else { 0 };
             score.predicted += if in_prediction { *points } else { 0 };
             score.both += if in_reference && in_prediction { *points } else { 0 };
@@ -206,7 +216,7 @@ pub struct Evaluation {
     /// Per object and segment.
     pub judged: Judged,
     /// Figures per class that has objects, by code.
-    pub classes: Vec<(u32, Figures)>,
+    pub classes: Vec<(u16, Figures)>,
     /// Figures of all objects.
     pub overall: Figures,
     /// Ground points.
@@ -227,13 +237,15 @@ impl Evaluation {
             overall: judged.figures(|_| true, |_| true),
             ground: PointScore::count(
                 table,
-                |c| classes.is_ground(c.class),
-                |c| c.predicted == Predicted::Ground,
+                classes.has_ground(),
+                |code| classes.is_ground(code),
+                Predicted::Ground,
             ),
             noise: PointScore::count(
                 table,
-                |c| classes.is_noise(c.class),
-                |c| c.predicted == Predicted::Noise,
+                classes.has_noise(),
+                |code| classes.is_noise(code),
+                Predicted::Noise,
             ),
             judged,
         }
@@ -257,14 +269,14 @@ impl Judged {
         }
     }
 
-    fn codes(&self) -> Vec<u32> {
-        let mut codes: Vec<u32> = self.scene.objects.iter().map(|object| object.class).collect();
+    fn codes(&self) -> Vec<u16> {
+        let mut codes: Vec<u16> = self.scene.objects.iter().map(|object| object.class).collect();
         codes.sort_unstable();
         codes.dedup();
         codes
     }
 
-    fn of_class(&self, code: u32) -> Figures {
+    fn of_class(&self, code: u16) -> Figures {
         self.figures(|object| object.class == code, |segment| self.scene.segment_class(segment) == Some(code))
     }
 

@@ -7,18 +7,25 @@
 
 pub mod axis;
 pub mod classes;
+pub mod compare;
+mod dims;
 mod error;
 pub mod hoover;
+mod join;
 pub mod metrics;
+mod order;
 pub mod panoptic;
 pub mod rand_index;
 pub mod report;
 pub mod scene;
+mod scratch;
 pub mod segmentation;
+mod sides;
 pub mod table;
 
 pub use axis::Axis;
 pub use classes::ClassTable;
+pub use compare::{CompareSettings, Counted, Matching, count};
 pub use error::{EvalError, PointSite, Side};
 pub use metrics::{Evaluation, MetricSettings};
 pub use report::{Provenance, Report};

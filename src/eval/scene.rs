@@ -28,7 +28,7 @@ pub struct Object {
     /// Id in the reference.
     pub id: i64,
     /// Class of most of its points.
-    pub class: u32,
+    pub class: u16,
     /// Points.
     pub points: u64,
     /// Points without a segment.
@@ -115,7 +115,7 @@ impl Scene {
         scene
     }
 
-    fn add_object(&mut self, cells: &[(Cell, u64)], class: u32, centroid_m: [f64; 3]) {
+    fn add_object(&mut self, cells: &[(Cell, u64)], class: u16, centroid_m: [f64; 3]) {
         let index = self.objects.len();
         let called = |what: Predicted| cells.iter().filter(|c| c.0.predicted == what).map(|c| c.1).sum();
         let mut object = Object {
@@ -145,7 +145,7 @@ impl Scene {
 
     /// Class of a segment; `None` when it holds no point of an evaluated object.
     #[must_use]
-    pub fn segment_class(&self, segment: &Segment) -> Option<u32> {
+    pub fn segment_class(&self, segment: &Segment) -> Option<u16> {
         segment.main().map(|overlap| self.objects[overlap.index].class)
     }
 }
@@ -155,7 +155,7 @@ fn total(cells: &[(Cell, u64)]) -> u64 {
 }
 
 /// The class of most points; ties go to the smaller code.
-fn majority(cells: &[(Cell, u64)]) -> u32 {
+fn majority(cells: &[(Cell, u64)]) -> u16 {
     let mut counts = BTreeMap::new();
     for (cell, points) in cells {
         *counts.entry(cell.class).or_insert(0) += points;
@@ -193,12 +193,12 @@ pub(crate) mod tests {
     use crate::eval::table::Counter;
 
     /// The scene of `(object, segment, points)` triples, all objects of class 2 unless `class` says otherwise.
-    pub(crate) fn scene_of(parts: &[(i64, i64, u64)], class: fn(i64) -> u32) -> Scene {
+    pub(crate) fn scene_of(parts: &[(i64, i64, u64)], class: fn(i64) -> u16) -> Scene {
         Scene::build(&table_of(parts, class), &ClassTable::default(), Lattice::MILLIMETRE, 30)
     }
 
     /// The table of `(object, segment, points)` triples; points of object 0 are ground.
-    pub(crate) fn table_of(parts: &[(i64, i64, u64)], class: fn(i64) -> u32) -> Table {
+    pub(crate) fn table_of(parts: &[(i64, i64, u64)], class: fn(i64) -> u16) -> Table {
         let mut counter = Counter::default();
         for &(object, segment, points) in parts {
             let class = if object == 0 { 1 } else { class(object) };

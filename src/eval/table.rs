@@ -28,7 +28,7 @@ pub struct Cell {
     /// Predicted segment.
     pub segment: i64,
     /// Reference class.
-    pub class: u32,
+    pub class: u16,
     /// Predicted class.
     pub predicted: Predicted,
 }

@@ -18,7 +18,7 @@ pub struct Finding {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segment: Option<i64>,
     /// Class code; none for a segment that holds no point of an object.
-    pub class: Option<u32>,
+    pub class: Option<u16>,
     /// What the class is called.
     pub class_name: Option<String>,
     /// Distance along the axis, in metres.

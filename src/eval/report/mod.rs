@@ -3,6 +3,7 @@
 
 mod findings;
 mod rows;
+mod save;
 mod text;
 
 use serde::Serialize;
@@ -13,6 +14,7 @@ use crate::eval::panoptic::SegmentRole;
 
 pub use findings::{Behind, Finding, HooverFindings};
 pub use rows::ObjectRow;
+pub use save::save;
 
 /// Version of the JSON form; raised when a key changes its meaning or goes away.
 const VERSION: u32 = 1;
@@ -73,7 +75,7 @@ struct CountsView {
 
 #[derive(Debug, Clone, Serialize)]
 struct ClassView {
-    class: u32,
+    class: u16,
     name: String,
     #[serde(flatten)]
     figures: FiguresView,
@@ -93,6 +95,7 @@ struct FiguresView {
     precision: Option<f64>,
     recall: Option<f64>,
     f1: Option<f64>,
+    f1_without_false_positives: Option<f64>,
     pq: Option<f64>,
     sq: Option<f64>,
     rq: Option<f64>,
@@ -149,6 +152,7 @@ impl FiguresView {
             precision: share(figures.precision()),
             recall: share(figures.recall()),
             f1: share(figures.f1()),
+            f1_without_false_positives: share(figures.f1_without_false_positives()),
             pq: share(figures.pq()),
             sq: share(figures.sq()),
             rq: share(figures.rq()),
@@ -211,7 +215,7 @@ impl Report {
         compared: Provenance,
     ) -> Self {
         let objects = rows::rows(&evaluation.judged, settings, axis);
-        let class = |(code, figures): &(u32, Figures)| ClassView {
+        let class = |(code, figures): &(u16, Figures)| ClassView {
             class: *code,
             name: settings.classes.name(*code),
             figures: FiguresView::new(figures),

@@ -13,7 +13,7 @@ pub struct ObjectRow {
     /// Id in the reference.
     pub object: i64,
     /// Class code.
-    pub class: u32,
+    pub class: u16,
     /// What the class is called.
     pub class_name: String,
     /// Distance along the axis, in metres.
