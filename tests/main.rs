@@ -5,6 +5,8 @@ mod conformance;
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
+mod eval;
+#[cfg(test)]
 mod labelled;
 #[cfg(test)]
 mod util;
