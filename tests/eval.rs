@@ -409,7 +409,10 @@ fn the_report_is_the_same_for_any_number_of_threads() {
                 chainage_along: "principal axis of the objects".into(),
             };
             let report = Report::new(&evaluation, &settings(), &Axis::principal(&places), compared);
-            (report.json().unwrap(), report.objects_csv(), report.text(5))
+            let (mut json, mut csv) = (Vec::new(), Vec::new());
+            report.write_json(&mut json).unwrap();
+            report.write_objects_csv(&mut csv).unwrap();
+            (String::from_utf8(json).unwrap(), String::from_utf8(csv).unwrap(), report.text(5))
         })
     };
     let (json, csv, text) = report(1);
@@ -430,4 +433,37 @@ fn the_report_is_the_same_for_any_number_of_threads() {
     assert!(csv.lines().all(|line| line.split(',').count() >= 24), "{csv}");
     assert!(csv.contains("segment 7 also holds 100.0 % of object 8 (building)"), "{csv}");
     insta::assert_snapshot!("eval_table", text);
+}
+
+fn chainage(arguments: &[&str], files: &[&Path]) -> std::process::Output {
+    let mut command = assert_cmd::Command::cargo_bin("chainage").unwrap();
+    command.arg("eval").args(files).args(arguments).output().unwrap()
+}
+
+#[test]
+fn the_program_writes_what_it_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let points = street(10_000);
+    write_prediction(&at("p.las"), &points);
+    write_reference(&at("r.laz"), &points);
+    std::fs::write(at("axis.csv"), "gps_time,x,y,z\n0,-100,4,0\n1,600,4,0\n").unwrap();
+    let [reference, trajectory, csv] =
+        ["r.laz", "axis.csv", "objects.csv"].map(|n| at(n).display().to_string());
+
+    let run = |more: &[&str]| chainage(&[&["--reference", &reference], more].concat(), &[&at("p.las")]);
+    let written = run(&["--json", "-", "--objects", &csv, "--trajectory", &trajectory]);
+    assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&written.stdout).unwrap();
+    assert_eq!(json["overall"]["objects"], 40);
+    let first = &json["objects"][0];
+    // Object 1 is around x = 2 m, and the trajectory starts at x = -100 m.
+    assert!((first["chainage_m"].as_f64().unwrap() - 102.0).abs() < 0.3, "{first}");
+    assert_eq!(std::fs::read_to_string(at("objects.csv")).unwrap().lines().count(), 41);
+
+    let table = String::from_utf8(run(&["--class-dim", "none"]).stdout).unwrap();
+    assert!(table.contains("0 object") && table.contains("ground                             -"), "{table}");
+    let refused = run(&["--json", "-", "--objects", "-"]);
+    assert!(!refused.status.success() && refused.stdout.is_empty());
+    assert_eq!(chainage(&["--hoover", "0.4"], &[&at("p.las")]).status.code(), Some(2));
 }

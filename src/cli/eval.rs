@@ -1,6 +1,6 @@
 //! `chainage eval`: arguments to settings, and results to files and terminal. Not: any figure.
 
-use std::io::Write;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use chainage::config::ConfigError;
@@ -191,18 +191,24 @@ impl EvalArgs {
     }
 
     fn show(&self, report: &Report) -> Result<(), chainage::Error> {
-        let mut table_wanted = true;
-        for (to, text) in [(&self.json, report.json()?), (&self.objects, report.objects_csv())] {
-            match to {
-                Some(path) if is_standard_output(path) => {
-                    table_wanted = false;
-                    print(&text)?;
-                }
-                Some(path) => save(path, &text)?,
-                None => {}
-            }
+        let json = deliver(self.json.as_deref(), |to| report.write_json(to))?;
+        let objects = deliver(self.objects.as_deref(), |to| report.write_objects_csv(to))?;
+        if json || objects {
+            return Ok(());
         }
-        if table_wanted { print(&report.text(self.worst)) } else { Ok(()) }
+        print(|to| to.write_all(report.text(self.worst).as_bytes()))
+    }
+}
+
+/// Writes a result where it was asked for; whether that was standard output.
+fn deliver(
+    to: Option<&Path>,
+    content: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<bool, chainage::Error> {
+    match to {
+        Some(path) if is_standard_output(path) => print(content).map(|()| true),
+        Some(path) => Ok(save(path, content).map(|()| false)?),
+        None => Ok(false),
     }
 }
 
@@ -211,10 +217,10 @@ fn is_standard_output(path: &Path) -> bool {
 }
 
 /// Writes a result to standard output; a reader that has seen enough is no failure.
-fn print(text: &str) -> Result<(), chainage::Error> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
+fn print(content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), chainage::Error> {
+    let mut out = BufWriter::new(io::stdout().lock());
+    match content(&mut out).and_then(|()| out.flush()) {
+        Err(source) if source.kind() != io::ErrorKind::BrokenPipe => {
             Err(OutputError::Write { path: "standard output".into(), source }.into())
         }
         _ => Ok(()),
@@ -223,5 +229,5 @@ fn print(text: &str) -> Result<(), chainage::Error> {
 
 /// Tells the person at the terminal; nobody is there when it fails.
 fn note(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(io::stderr(), "{text}");
 }

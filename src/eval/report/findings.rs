@@ -63,7 +63,8 @@ pub struct HooverFindings {
     pub under: Vec<Finding>,
     /// Objects that are missed.
     pub missed: Vec<Finding>,
-    /// Segments of no object.
+    /// Segments of no object that have as many points as an object needs; smaller ones are only counted, there can
+    /// be millions of them.
     pub noise: Vec<Finding>,
 }
 
@@ -102,7 +103,9 @@ impl Collect<'_> {
             over: of_word("over"),
             under: of_word("under"),
             missed: of_word("missed"),
-            noise: self.segments(|index| hoover.noise[index]),
+            noise: self.segments(|index| {
+                hoover.noise[index] && self.judged.scene.segments[index].points >= self.settings.min_points
+            }),
         }
     }
 

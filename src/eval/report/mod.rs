@@ -6,6 +6,8 @@ mod rows;
 mod save;
 mod text;
 
+use std::io::{self, Write};
+
 use serde::Serialize;
 
 use crate::eval::axis::Axis;
@@ -239,21 +241,21 @@ impl Report {
         }
     }
 
-    /// The whole report as JSON, keys in a fixed order.
+    /// Writes the whole report as JSON, keys in a fixed order.
     ///
     /// # Errors
-    /// [`crate::Error::Bug`] when it cannot be expressed, which no value of it can cause.
-    pub fn json(&self) -> crate::Result<String> {
-        let text = serde_json::to_string_pretty(self).map_err(|error| {
-            crate::Error::Bug(format!("the evaluation cannot be written as JSON: {error}"))
-        })?;
-        Ok(text + "\n")
+    /// What `to` answers.
+    pub fn write_json(&self, to: &mut dyn Write) -> io::Result<()> {
+        serde_json::to_writer_pretty(&mut *to, self)?;
+        to.write_all(b"\n")
     }
 
-    /// Every evaluated object with its outcome under each metric, as CSV.
-    #[must_use]
-    pub fn objects_csv(&self) -> String {
-        rows::csv(&self.objects, &self.settings.hoover_tolerances)
+    /// Writes every evaluated object with its outcome under each metric, as CSV.
+    ///
+    /// # Errors
+    /// What `to` answers.
+    pub fn write_objects_csv(&self, to: &mut dyn Write) -> io::Result<()> {
+        rows::write_csv(&self.objects, &self.settings.hoover_tolerances, to)
     }
 
     /// The figures for a person, with the `worst` objects of smallest best IoU below.

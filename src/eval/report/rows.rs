@@ -1,5 +1,7 @@
 //! One row per evaluated object: where it is and what became of it under each metric.
 
+use std::io::{self, Write};
+
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -146,20 +148,18 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
     phrases
 }
 
-/// The rows as CSV, one column of Hoover's classes per tolerance.
-pub(super) fn csv(rows: &[ObjectRow], tolerances: &[f64]) -> String {
-    let mut text = String::from(
+/// Writes the rows as CSV, one column of Hoover's classes per tolerance.
+pub(super) fn write_csv(rows: &[ObjectRow], tolerances: &[f64], to: &mut dyn Write) -> io::Result<()> {
+    write!(
+        to,
         "object,class,class_name,chainage_m,x_m,y_m,z_m,points,segment,segment_points,points_in_segment,best_iou,\
-         best_iou_segment,matched,under_segmented,shares_with,over_segmented,second_segment,",
-    );
+         best_iou_segment,matched,under_segmented,shares_with,over_segmented,second_segment,"
+    )?;
     for tolerance in tolerances {
-        text.push_str(&format!("hoover_{tolerance:.2},"));
+        write!(to, "hoover_{tolerance:.2},")?;
     }
-    text.push_str("points_without_segment,points_predicted_ground,points_predicted_noise,what\n");
-    for row in rows {
-        text.push_str(&csv_line(row));
-    }
-    text
+    writeln!(to, "points_without_segment,points_predicted_ground,points_predicted_noise,what")?;
+    rows.iter().try_for_each(|row| to.write_all(csv_line(row).as_bytes()))
 }
 
 fn csv_line(row: &ObjectRow) -> String {
