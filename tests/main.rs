@@ -9,6 +9,8 @@ mod kernels;
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
+mod eval;
+#[cfg(test)]
 mod labelled;
 #[cfg(test)]
 mod refusals;
