@@ -8,6 +8,12 @@ use std::path::Path;
 
 use memmap2::{Advice, Mmap, MmapOptions, UncheckedAdvice};
 
+/// Bytes around a range that are released with it. An access maps pages around the one it needs, also of ranges that
+/// were released before: without the margin 160 kB stayed behind for every block of 2 MB (Linux 6, file of 935 MB
+/// read block by block: 71 MB resident at the end, which would grow with the file). A neighbour that is still in
+/// use only has to map its pages again.
+const RELEASE_MARGIN: u64 = 1 << 20;
+
 /// A read-only file whose ranges can be looked at from any thread.
 #[derive(Debug)]
 pub(crate) enum ByteSource {
@@ -61,6 +67,8 @@ impl ByteSource {
     /// Tells the system that the pages of `range` are not needed for now, so that resident memory stays flat. Only
     /// advice: a range outside the file and a refusal of the system are ignored.
     pub(crate) fn release(&self, range: Range<u64>) {
+        let end = range.end.saturating_add(RELEASE_MARGIN).min(self.len());
+        let range = range.start.saturating_sub(RELEASE_MARGIN)..end;
         if let (Self::Mapped(map), Ok(inside)) = (self, self.clip(&range))
             && !inside.is_empty()
         {
