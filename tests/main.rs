@@ -1,12 +1,22 @@
 //! One integration binary: one link step.
 
 #[cfg(test)]
+mod architecture;
+#[cfg(test)]
+mod cli;
+#[cfg(test)]
 mod conformance;
 mod contracts;
-mod kernels;
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
+mod edge;
+#[cfg(test)]
+mod equivalence;
+mod kernels;
+#[cfg(test)]
 mod labelled;
+#[cfg(test)]
+mod resume;
 #[cfg(test)]
 mod util;
