@@ -1,16 +1,17 @@
-//! Time per point of the kernels, one thread: voxels, isolated noise, ground, clusters.
+//! Time per point of the kernels, one thread: voxels, isolated noise, ground, clusters, object parts.
 //!
 //! `CHAINAGE_BENCH_FILE=scan.laz cargo bench --bench kernels` takes the points of that file; without it, a synthetic street
 //! of 1.2 million points in the order of a profile scanner. Throughput is per point *given to the kernel*: all points for
-//! voxels, noise and ground, the points left over for clusters. Before timing it prints what the kernels found, and, when
+//! voxels, noise and ground, the points left over for clusters and object parts. Before timing it prints what the kernels found, and, when
 //! the file has the extra-bytes dimension `gt_class` (1: ground), precision and recall of the ground; points that are
 //! noise after the first step count as not ground, like every other point that is not ground.
+#![expect(clippy::print_stdout, reason = "a bench prints what it found beside its times")]
 
 use std::hint::black_box;
 
 use chainage::cluster::{Clusterer, Euclidean, EuclideanConfig};
 use chainage::ground::{GroundFilter, IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
-use chainage::model::{Lattice, PointClass, TileCloud, TileView, VoxelIndex};
+use chainage::model::{Lattice, ObjectPart, PointClass, TileCloud, TileView, VoxelIndex};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -137,6 +138,7 @@ fn report(scene: &Scene, classes: &[PointClass], labels: &[u32], clusters: u32, 
     println!("clusters {clusters}, of at least {size} points {large}");
 }
 
+#[expect(clippy::expect_used, reason = "a bench without points has nothing to time")]
 fn kernels(criterion: &mut Criterion) {
     run(criterion).expect("the file can be read and the kernels accept its points");
 }
@@ -169,6 +171,11 @@ fn run(criterion: &mut Criterion) -> Result<(), AnyError> {
     group.bench_function("euclidean", |bencher| {
         bencher.iter(|| euclidean.cluster(black_box(&objects), &mut labels))
     });
+    // As if the points came from two files.
+    let half = cloud.len() as u64 / 2;
+    let parts =
+        || ObjectPart::collect(black_box(&objects), &labels, clusters, |_| true, |id| u32::from(id >= half));
+    group.bench_function("object parts", |bencher| bencher.iter(parts));
     group.finish();
     Ok(())
 }

@@ -9,6 +9,8 @@ use std::path::Path;
 
 use chainage::input::{Catalog, Fields, InputError, InputFile, InputOptions, LengthUnit, record_xyz};
 
+use rayon::prelude::*;
+
 use crate::util;
 
 /// One row of the table.
@@ -77,20 +79,27 @@ fn compare_block(mapped: &InputFile, read: &InputFile, block: usize) -> u64 {
 fn every_file_of_the_conformance_folder_has_the_outcome_of_the_table() {
     let Some(data) = util::shared_data() else { return };
     let root = data.join("conformance");
-    let mut expected = table();
-    for path in util::las_files(&root) {
-        let name = path.strip_prefix(&root).expect("below").to_string_lossy().into_owned();
-        let row = expected.remove(&name).unwrap_or_else(|| panic!("{name} is not in tests/conformance.csv"));
-        let opened = Catalog::open(std::slice::from_ref(&path), &options(true, LengthUnit::Auto));
-        let outcome = opened.as_ref().map_or_else(variant, |_| "ok".to_owned());
-        assert_eq!(outcome, row.outcome, "{name}: {:?}", opened.err().map(|error| error.to_string()));
-        if let Err(error) = &opened {
-            assert!(error.hint().is_some(), "{name}: {error} has no hint");
-        }
-        let unit = if outcome == "Geographic" { LengthUnit::Metre } else { LengthUnit::Auto };
-        if outcome == "ok" || outcome == "Geographic" {
-            assert_eq!(read_all(&path, unit), row.points, "{name}");
-        }
+    let expected = table();
+    let files = util::las_files(&root);
+    files.par_iter().for_each(|path| check(path, &name(path, &root), &expected));
+    let missing = expected.keys().filter(|row| !root.join(row).is_file()).collect::<Vec<_>>();
+    assert!(missing.is_empty(), "in the table but not in the folder: {missing:?}");
+}
+
+fn name(path: &Path, root: &Path) -> String {
+    path.strip_prefix(root).expect("below").to_string_lossy().into_owned()
+}
+
+fn check(path: &Path, name: &str, expected: &BTreeMap<String, Expected>) {
+    let row = expected.get(name).unwrap_or_else(|| panic!("{name} is not in tests/conformance.csv"));
+    let opened = Catalog::open(&[path.to_owned()], &options(true, LengthUnit::Auto));
+    let outcome = opened.as_ref().map_or_else(variant, |_| "ok".to_owned());
+    assert_eq!(outcome, row.outcome, "{name}: {:?}", opened.err().map(|error| error.to_string()));
+    if let Err(error) = &opened {
+        assert!(error.hint().is_some(), "{name}: {error} has no hint");
     }
-    assert!(expected.is_empty(), "in the table but not in the folder: {:?}", expected.keys());
+    let unit = if outcome == "Geographic" { LengthUnit::Metre } else { LengthUnit::Auto };
+    if outcome == "ok" || outcome == "Geographic" {
+        assert_eq!(read_all(path, unit), row.points, "{name}");
+    }
 }

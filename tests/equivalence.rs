@@ -15,7 +15,7 @@ use proptest::test_runner::TestRunner;
 
 use crate::util;
 use crate::util::drive::{Labelled, assert_same_outputs, drive, outputs, run_with, scratch, settings};
-use crate::util::las::{Point, Shape, compress};
+use crate::util::las::{Point, Shape};
 use crate::util::oracle;
 use crate::util::street::{COURSES, Course, Street, number, permutation};
 
@@ -35,19 +35,19 @@ fn small(tile_m: f64, threads: usize, more: &[String]) -> Vec<String> {
 /// Everything in one tile.
 const WHOLE_M: f64 = 1e6;
 
-/// Writes points cut into files of these shapes, in order.
-fn write_files(folder: &Path, points: &[Point], shapes: &[Shape]) -> Vec<PathBuf> {
+/// Writes points cut into files of these shapes, in order; compressed if `chunk` says in chunks of how many records.
+fn write_files(folder: &Path, points: &[Point], shapes: &[Shape], chunk: Option<u32>) -> Vec<PathBuf> {
     let bound = |part: usize| points.len() * part / shapes.len();
     let write = |(part, shape): (usize, &Shape)| {
-        let path = folder.join(format!("part-{part}.las"));
-        shape.write(&path, &points[bound(part)..bound(part + 1)]);
+        let path = folder.join(format!("part-{part}.{}", if chunk.is_some() { "laz" } else { "las" }));
+        shape.write_in_chunks(&path, &points[bound(part)..bound(part + 1)], chunk.unwrap_or(0));
         path
     };
     shapes.iter().enumerate().map(write).collect()
 }
 
 fn one_file(folder: &Path, points: &[Point]) -> Vec<PathBuf> {
-    write_files(folder, points, &[Shape::default()])
+    write_files(folder, points, &[Shape::default()], None)
 }
 
 /// Classes and object ids of the whole cloud by brute force.
@@ -91,11 +91,13 @@ struct Case {
     max_points: usize,
     trajectory: bool,
     shuffled: bool,
+    /// Records per chunk of compressed files; small, so that tiles read a few chunks and not the drive.
+    chunk: Option<u32>,
 }
 
 fn cases() -> impl Strategy<Value = Case> {
     let base = prop::sample::select(vec![[0; 3], [651_000_120, 5_423_000_990, 98_300], [-7_350, -120, -3_010]]);
-    let street = (any::<u64>(), prop::sample::select(COURSES.to_vec()), 1..14_usize, 0..30_usize, 0..8_usize, base)
+    let street = (any::<u64>(), prop::sample::select(COURSES.to_vec()), 1..16_usize, 0..30_usize, 0..12_usize, base)
         .prop_map(|(seed, course, things, patches, strays, base_mm)| Street {
             seed,
             course,
@@ -107,11 +109,12 @@ fn cases() -> impl Strategy<Value = Case> {
         });
     let shape = (prop::sample::select(vec![0_u8, 1, 6]), prop::sample::select(vec![1_i64, 10, 10, 20, 100]), 0..5_000_i64);
     let shapes = prop::collection::vec(shape, 1..=3);
-    let tile_m = prop_oneof![1.0..6.0, 6.0..60.0];
+    let tile_m = prop_oneof![3 => 1.0..6.0, 1 => 6.0..60.0];
+    let chunk = prop_oneof![Just(None), (5..20_u32).prop_map(Some)];
     let d_t = prop::sample::select(vec![300_i64, 450, 1_200]);
-    let flags = (any::<bool>(), any::<bool>(), prop::sample::select(vec![0_usize, 9]));
+    let flags = (any::<bool>(), prop::bool::weighted(0.3), prop::sample::select(vec![0_usize, 9]), chunk);
     (street, shapes, tile_m, prop::sample::select(vec![1_usize, 2, 4]), d_t, flags).prop_map(
-        |(street, shapes, tile_m, threads, d_t_mm, (trajectory, shuffled, max_points))| {
+        |(street, shapes, tile_m, threads, d_t_mm, (trajectory, shuffled, max_points, chunk))| {
             let shape = |(format, scale_tenths, shift): (u8, i64, i64)| Shape {
                 format,
                 scale_tenths,
@@ -119,7 +122,7 @@ fn cases() -> impl Strategy<Value = Case> {
                 records: Vec::new(),
             };
             let shapes = shapes.into_iter().map(shape).collect();
-            Case { street, shapes, tile_m, threads, d_t_mm, max_points, trajectory, shuffled }
+            Case { street, shapes, tile_m, threads, d_t_mm, max_points, trajectory, shuffled, chunk }
         },
     )
 }
@@ -147,12 +150,11 @@ impl Case {
 /// Any scene, cut any way, on any number of threads: what brute force says of the whole, and the bytes of one tile.
 #[test]
 fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte() {
-    let rich = Counter::new(0);
-    let cases_run = Counter::new(0);
+    let [cases_run, rich, by_block] = [0; 3].map(|zero: u32| Counter::new(zero));
     let compare = |case: Case| {
         let folder = scratch();
         let points = case.points();
-        let files = write_files(folder.path(), &points, &case.shapes);
+        let files = write_files(folder.path(), &points, &case.shapes, case.chunk);
         let mut more = vec![
             format!("euclidean.d_t={}", case.d_t_mm as f64 / 1_000.0),
             format!("euclidean.max_points={}", case.max_points),
@@ -163,7 +165,7 @@ fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte(
             more.push(format!("axis.trajectory={:?}", path.display().to_string()));
         }
         let [tiled, whole] = ["tiled", "whole"].map(|name| folder.path().join(name));
-        let tiles = drive(&files, &tiled, &small(case.tile_m, case.threads, &more)).unwrap().tiles;
+        let in_tiles = drive(&files, &tiled, &small(case.tile_m, case.threads, &more)).unwrap();
         let summary = drive(&files, &whole, &small(WHOLE_M, 1, &more)).unwrap();
         prop_assert_eq!(summary.tiles, 1);
         assert_same_outputs(&tiled, &whole, "tiled against one tile");
@@ -174,13 +176,16 @@ fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte(
         prop_assert_eq!(&found.class, &class);
         prop_assert_eq!(&found.label, &label);
         let has = |class: &[u8]| found.class.iter().any(|code| class.contains(code));
-        cases_run.set(cases_run.get() + 1);
-        rich.set(rich.get() + u32::from(tiles > 3 && summary.objects > 1 && has(&[2]) && has(&[7, 18])));
+        let count = |counter: &Counter<u32>, yes: bool| counter.set(counter.get() + u32::from(yes));
+        count(&cases_run, true);
+        count(&rich, in_tiles.tiles > 3 && summary.objects > 1 && has(&[2]) && has(&[7, 18]));
+        count(&by_block, in_tiles.tiles > 3 && in_tiles.passes.iter().all(|pass| pass.pass != "scatter"));
         Ok(())
     };
     TestRunner::new(ProptestConfig::with_source_file(file!())).run(&cases(), compare).unwrap();
-    // Drives of one tile, without ground, noise or objects, prove little.
-    assert!(rich.get() * 2 > cases_run.get(), "{} of {} cases have everything", rich.get(), cases_run.get());
+    // Drives of one tile, without ground, noise or objects, prove little; and both ways to gather a tile must occur.
+    let counts = [rich, by_block].map(|counter| counter.get());
+    assert!(counts[0] * 3 > cases_run.get() && counts[1] * 10 > cases_run.get(), "{counts:?} of {}", cases_run.get());
 }
 
 /// A street of a few thousand points per course, for tests that need no brute force.
@@ -202,7 +207,7 @@ fn labelled(points: &[Point]) -> Labelled {
 fn threads_and_tile_length_change_no_byte() {
     for (course, points) in middling() {
         let folder = scratch();
-        let files = write_files(folder.path(), &points, &[Shape::default(), Shape { format: 1, ..Shape::default() }]);
+        let files = write_files(folder.path(), &points, &[Shape::default(), Shape { format: 1, ..Shape::default() }], Some(300));
         let whole = folder.path().join("whole");
         drive(&files, &whole, &small(WHOLE_M, 1, &[])).unwrap();
         for (tile_m, threads) in [(1.0, 2), (3.3, 1), (3.3, 4), (20.0, 2), (60.0, 1)] {
@@ -261,7 +266,7 @@ fn one_drive_in_five_files_is_the_same_drive() {
     for (course, points) in middling() {
         let folder = scratch();
         let out = folder.path().join("out");
-        let files = write_files(folder.path(), &points, &vec![Shape::default(); 5]);
+        let files = write_files(folder.path(), &points, &vec![Shape::default(); 5], None);
         drive(&files, &out, &small(5.0, 2, &[])).unwrap();
         assert_eq!(Labelled::read(&files, &out), labelled(&points), "{course:?}");
     }
@@ -288,9 +293,9 @@ fn a_compressed_drive_has_the_records_of_the_uncompressed_one() {
     for (course, points) in middling() {
         for format in [1, 6] {
             let folder = scratch();
-            let las = write_files(folder.path(), &points, &[Shape { format, ..Shape::default() }]);
-            let laz = vec![las[0].with_extension("laz")];
-            compress(&las[0], &laz[0]);
+            let shapes = [Shape { format, ..Shape::default() }];
+            let las = write_files(folder.path(), &points, &shapes, None);
+            let laz = write_files(folder.path(), &points, &shapes, Some(700));
             let [one, other] = ["las", "laz"].map(|name| folder.path().join(name));
             drive(&las, &one, &small(5.0, 1, &[])).unwrap();
             drive(&laz, &other, &small(7.0, 2, &[])).unwrap();

@@ -1,4 +1,5 @@
 //! Noise, ground and single-link clusters against brute force, and what must not change them.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use chainage::cluster::{Clusterer, Euclidean, EuclideanConfig};
 use chainage::ground::{GroundFilter, IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};

@@ -3,6 +3,8 @@
 #[cfg(test)]
 mod architecture;
 #[cfg(test)]
+mod chunk_tables;
+#[cfg(test)]
 mod cli;
 #[cfg(test)]
 mod conformance;
@@ -16,6 +18,8 @@ mod equivalence;
 mod kernels;
 #[cfg(test)]
 mod labelled;
+#[cfg(test)]
+mod refusals;
 #[cfg(test)]
 mod resume;
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
+use crate::cli::bench::BenchArgs;
 use crate::cli::info::InfoArgs;
 use crate::cli::inspect::StatusArgs;
 use crate::cli::pages::CompletionsArgs;
@@ -34,6 +35,8 @@ pub(crate) enum Command {
     Status(StatusArgs),
     /// Run the main job on a small real sample that comes with the program
     Demo(DemoArgs),
+    /// Measure throughput at one and two threads against the copy floor
+    Bench(BenchArgs),
     /// List ground filters and clustering methods
     Methods,
     /// Print every setting with its unit and default

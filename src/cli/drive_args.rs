@@ -1,5 +1,6 @@
 //! The arguments that `info`, `plan` and `run` share: a drive and its settings.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use chainage::config::Config;
@@ -49,6 +50,32 @@ impl Settings {
     /// The configuration: defaults, file, --set, flags.
     pub(crate) fn resolve(&self, extra: &[(&str, String)]) -> chainage::Result<Config> {
         self.resolve_over(self.config.as_deref(), extra)
+    }
+
+    /// The settings as arguments of another call of the program, without the flags named in `but`.
+    pub(crate) fn as_arguments(&self, but: &[&str]) -> Vec<OsString> {
+        let mut arguments = Vec::new();
+        let mut add = |flag: &str, value: Option<OsString>| {
+            if let (Some(value), false) = (value, but.contains(&flag)) {
+                arguments.push(OsString::from(format!("--{flag}")));
+                arguments.push(value);
+            }
+        };
+        let text = |value: &Option<String>| value.as_ref().map(OsString::from);
+        add("config", self.config.clone().map(PathBuf::into_os_string));
+        for assignment in &self.assignments {
+            add("set", Some(assignment.into()));
+        }
+        add("method", text(&self.method));
+        add("ground", text(&self.ground));
+        add("threads", self.threads.map(|count| count.to_string().into()));
+        add("memory", self.memory.map(|mib| format!("{mib}M").into()));
+        add("tile-length", self.tile_length.map(|metres| metres.to_string().into()));
+        add("trajectory", self.trajectory.clone().map(PathBuf::into_os_string));
+        if self.no_mmap {
+            arguments.push("--no-mmap".into());
+        }
+        arguments
     }
 
     /// The same over another file.

@@ -1,6 +1,7 @@
 //! The command line: arguments, settings, progress, exit codes. The only user of clap, indicatif and ctrlc.
 
 mod args;
+mod bench;
 mod drive_args;
 mod exit;
 mod info;
@@ -28,6 +29,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Run(args) => args.run(),
         Command::Status(args) => args.run(),
         Command::Demo(args) => args.run(),
+        Command::Bench(args) => args.run(),
         Command::Methods => pages::methods(),
         Command::Config => pages::config(),
         Command::Completions(args) => args.run(),

@@ -139,8 +139,8 @@ fn page(summary: &RunSummary, out: &Path) -> String {
 }
 
 /// The sample: one sweep of a vehicle scanner on a road with two rows of trees, see NOTICE.
-const SAMPLE: &[u8] = include_bytes!("../../tests/data/tree_road_sweep.laz");
-const SAMPLE_NAME: &str = "tree_road_sweep.laz";
+pub(crate) const SAMPLE: &[u8] = include_bytes!("../../tests/data/tree_road_sweep.laz");
+pub(crate) const SAMPLE_NAME: &str = "tree_road_sweep.laz";
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct DemoArgs {

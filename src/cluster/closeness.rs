@@ -25,9 +25,9 @@ impl Bounds {
     pub(super) fn of(points: &[Point]) -> Self {
         let mut bounds = Self { low: [i32::MAX; 3], high: [i32::MIN; 3] };
         for point in points {
-            for axis in 0..3 {
-                bounds.low[axis] = bounds.low[axis].min(point[axis]);
-                bounds.high[axis] = bounds.high[axis].max(point[axis]);
+            for (axis, &value) in point.iter().enumerate() {
+                bounds.low[axis] = bounds.low[axis].min(value);
+                bounds.high[axis] = bounds.high[axis].max(value);
             }
         }
         bounds
@@ -54,7 +54,7 @@ impl Bounds {
     }
 
     /// Squared distance from the box to a point.
-    fn to_point(&self, point: &Point) -> i64 {
+    fn nearest_to(&self, point: &Point) -> i64 {
         self.nearest(&Self { low: *point, high: *point })
     }
 
@@ -131,7 +131,7 @@ fn halve(a: &mut [Point], b: &mut [Point], limit: i64) -> bool {
 
 /// Moves the points within `limit` (squared) of `bounds` to the front and returns them.
 fn keep_near<'a>(points: &'a mut [Point], bounds: &Bounds, limit: i64) -> &'a mut [Point] {
-    let near = partition(points, |point| bounds.to_point(point) <= limit);
+    let near = partition(points, |point| bounds.nearest_to(point) <= limit);
     &mut points[..near]
 }
 

@@ -1,6 +1,7 @@
 //! The clustering method `euclidean`: single-link clusters of points within a fixed distance; it knows no sizes and no shapes.
 //!
-//! Source: paper 004, section 3.2. Ours: the default distance, and how it is found: not by a breadth-first search over a
+//! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning data" (2016),
+//! section 3.2. Ours: the default distance, that it is inclusive, and how clusters are found: not by a breadth-first search over a
 //! kd-tree, but over cells. Points of one cell of side s are within d_t of each other by construction, with the largest s (in
 //! lattice units) that has 3 (s - 1)^2 <= d_t^2; so cells are nodes, and two cells are joined when some pair of
 //! their points is within d_t. Nearest cells come first and cells that are already united are skipped, so that most pairs
@@ -26,7 +27,7 @@ const NAME: &str = "euclidean";
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
     summary: "single-link clusters of points within a fixed distance",
-    reference: "paper 004, section 3.2",
+    reference: "Guan et al. 2016, section 3.2",
     build: |table| Ok(Box::new(Euclidean::new(&config::section(NAME, table)?)?)),
 };
 
@@ -34,10 +35,11 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EuclideanConfig {
-    /// Points at most this far apart, in metres, are of one object, 0.001 to 10. Default 0.3 (chosen: the 0.15 m of paper 004,
-    /// section 3.2, splits what is scanned from 20 m away).
+    /// Points at most this far apart, in metres, are of one object, 0.001 to 10. Default 0.3 (chosen: the 0.15 m of Guan
+    /// et al. 2016, section 4, splits what is scanned from further away than their avenue is wide).
     pub d_t: f64,
-    /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (paper 004, section 3.2).
+    /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (chosen; the paper gives no
+    /// number).
     pub min_points: u64,
     /// Objects with more points, in the whole drive, are dropped; 0: no limit, else at least `min_points`. Default 0.
     pub max_points: u64,
@@ -152,8 +154,8 @@ fn layers(reach: i64) -> [Vec<Step>; 3] {
                 continue;
             };
             let lowest = if [di, dj] == [0, 0] { 1 } else { -outermost };
-            let layer = &mut layers[di.max(dj.abs()) as usize];
-            layer.push(Step { offset: [di, dj], dk: lowest..=outermost });
+            let layer = if di.max(dj.abs()) == 2 { 2 } else { usize::from([di, dj] != [0, 0]) };
+            layers[layer].push(Step { offset: [di, dj], dk: lowest..=outermost });
         }
     }
     layers

@@ -1,7 +1,9 @@
 //! Isolated noise: small groups of voxels that touch nothing else; it does not look at shape, intensity or time.
 //!
-//! Source: paper 000, section 3.1 (seed fill over 26-neighbours, components of fewer than 10 points removed). Ours: the
-//! threshold counts points, not voxels, and noise is told high from low for the LAS classes 18 and 7.
+//! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
+//! segmentation" (2017), section 3.1: small connected components are noise. Ours, because the paper leaves it open: voxels
+//! that touch at a face, edge or corner are connected, the threshold counts points, and noise is told high from low for
+//! the LAS classes 18 and 7.
 //!
 //! The decision is exact in one pass. Two facts bound how far it looks, n being `min_component_points`: a component
 //! of fewer than n points has at most n - 1 voxels, so all of it and of the empty shell around it lies at most n - 1
@@ -24,23 +26,24 @@ use crate::model::{Lattice, Linker, PointClass, Reach, TileView, VoxelIndex};
 
 const NAME: &str = "noise";
 
-/// Horizontal radius in metres of the neighbourhood that high noise is measured above: that of `voxel-column` (paper
-/// 000, section 3.1.2), so that "ground nearby" means the same to both.
+/// Horizontal radius in metres of the neighbourhood that high noise is measured above: the default of `voxel-column`, so
+/// that "ground nearby" means much the same to both.
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
 /// Settings of the section `[noise]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NoiseConfig {
-    /// Whether isolated noise is looked for at all. Default true (paper 000, section 3.1).
+    /// Whether isolated noise is looked for at all. Default true (Li et al. 2017, section 3.1).
     pub enabled: bool,
-    /// Edge of a voxel in metres, 0.01 to 10. Default 0.3 (paper 000, Table 2).
+    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (Li et al. 2017,
+    /// section 4.1), and that of the default ground filter, so that both share the voxels.
     pub voxel: f64,
-    /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 1,000. Default 10 (paper 000, section
-    /// 3.1). The context that tiles need grows with it.
+    /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 100. Default 10 (chosen; the paper
+    /// gives no number). The context that tiles need grows with it.
     pub min_component_points: u32,
     /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to 1,000. Default
-    /// 2.0 (chosen, because below it stand people, cars and rain).
+    /// 2.0 (chosen, because below it stand people and cars).
     pub high: f64,
 }
 
@@ -56,12 +59,12 @@ impl NoiseConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        if !(0.01..=10.0).contains(&self.voxel) {
-            return Err(ConfigError::value("noise.voxel", self.voxel, "0.01 to 10 metres"));
+        if !(0.05..=2.0).contains(&self.voxel) {
+            return Err(ConfigError::value("noise.voxel", self.voxel, "0.05 to 2 metres"));
         }
-        if !(1..=1_000).contains(&self.min_component_points) {
+        if !(1..=100).contains(&self.min_component_points) {
             let value = self.min_component_points;
-            return Err(ConfigError::value("noise.min_component_points", value, "1 to 1000 points"));
+            return Err(ConfigError::value("noise.min_component_points", value, "1 to 100 points"));
         }
         if !(0.0..=1_000.0).contains(&self.high) {
             return Err(ConfigError::value("noise.high", self.high, "0 to 1000 metres"));
@@ -153,7 +156,7 @@ impl IsolatedNoise {
     }
 }
 
-/// An edge in metres as lattice units; positive, because the settings are at least 1 cm.
+/// An edge in metres as lattice units; positive, because the settings are at least 2 cm.
 pub(super) fn voxel_edge(lattice: Lattice, metres: f64) -> u32 {
     u32::try_from(lattice.units(metres)).unwrap_or(u32::MAX)
 }

@@ -1,8 +1,9 @@
 //! The ground filter `voxel-column`: low, short columns of voxels are ground; it knows no terrain model.
 //!
-//! Source: paper 000, section 3.1.2 and eq. 2; constants from its Table 2 and text. Ours: voxels are anchored at multiples
-//! of their edge, not at the minimum of the data, so that adding a file moves nothing; lengths are compared in lattice
-//! units, so that no rounding decides.
+//! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
+//! segmentation" (2017), section 3.1.2 and eq. 2. Ours: voxels are anchored at multiples of their edge, not at the minimum
+//! of the data, so that adding a file moves nothing; lengths are compared in lattice units, so that no rounding decides;
+//! the radius of the neighbourhood, which the paper does not give.
 //!
 //! With the voxels of all points that are not noise, a *run* being a maximal sequence of occupied voxels of one column
 //! with consecutive k: the lowest voxel of a column is ground when its run is shorter than `run_height` and when it
@@ -12,9 +13,9 @@
 //! Cost: O(points + columns * radius / voxel). Memory: one byte per voxel, 8 per column, beside the voxels themselves. The
 //! bench is `benches/kernels.rs`.
 //!
-//! Known failures: ground under a car or a hedge that the voxels of its body touch (the run is too long, so the ground
-//! there goes to the object); walls and stems lose what is below `step` nowhere, but objects lower than `run_height`
-//! whose voxels reach the ground are ground; slopes steeper than `step` over `radius` (18 degrees) are lost.
+//! Known failures: ground below a body that touches it within a voxel (cars, hedges, walls) goes to the object with it;
+//! whatever is lower than `run_height` and stands on the ground goes to the ground; slopes that climb `step` or more
+//! within `radius` (18 degrees by default) are no ground.
 
 use std::f64::consts::SQRT_2;
 
@@ -32,7 +33,7 @@ const NAME: &str = "voxel-column";
 pub(super) const ENTRY: GroundEntry = GroundEntry {
     name: NAME,
     summary: "short columns of voxels that are low among their neighbours",
-    reference: "paper 000, section 3.1.2 and eq. 2",
+    reference: "Li et al. 2017, section 3.1.2 and eq. 2",
     build: |table| Ok(Box::new(VoxelColumn::new(&config::section(NAME, table)?)?)),
 };
 
@@ -40,15 +41,16 @@ pub(super) const ENTRY: GroundEntry = GroundEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoxelColumnConfig {
-    /// Edge of a voxel in metres, 0.02 to 10. Default 0.3 (paper 000, Table 2).
+    /// Edge of a voxel in metres, 0.02 to 10. Default 0.3: twice the spacing of points on far objects (Li et al. 2017,
+    /// section 4.1).
     pub voxel: f64,
-    /// A run is ground only when it is shorter than this, in metres, 0.02 to 100. Default 1.0 (paper 000, section 3.1.2).
+    /// A run is ground only when it is shorter than this, in metres, 0.02 to 100. Default 1.0 (Li et al. 2017, eq. 2).
     pub run_height: f64,
-    /// A lowest voxel is ground only when it is less than this above the lowest one nearby, in metres, 0.02 to 100. Default
-    /// 0.5 (paper 000, section 3.1.2).
+    /// A lowest voxel is ground only when it is less than this above the lowest one nearby, in metres, 0.02 to 100.
+    /// Default 0.5 (Li et al. 2017, eq. 2).
     pub step: f64,
     /// What nearby means: horizontal distance of the centres of columns in metres, inclusive, 0 to 20. Default 1.5
-    /// (paper 000, section 3.1.2).
+    /// (chosen: five voxels, so that a kerb or a car door beside the road finds the road).
     pub radius: f64,
 }
 
@@ -113,7 +115,8 @@ impl VoxelColumn {
                 continue;
             }
             let run = || visible_of(column).zip(low..).take_while(|&(voxel, k)| heights[voxel] == k);
-            if (run().count() as i64) * edge < run_height {
+            let height = run().map(|_| edge).sum::<i64>();
+            if height < run_height {
                 run().for_each(|(voxel, _)| ground[voxel] = true);
             }
         }

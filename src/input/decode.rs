@@ -122,7 +122,7 @@ impl Coding {
         records: &mut Vec<u8>,
     ) -> Result<(), ChunkProblem> {
         records.clear();
-        self.check_layers(bytes)?;
+        self.check_layers(bytes, count)?;
         let total = count as usize * self.record_len;
         records.reserve_exact(total);
         quietly(|| {
@@ -152,15 +152,22 @@ impl Coding {
         })
     }
 
-    /// The layers of a chunk are allocated by the sizes it names: these must lie inside it.
-    fn check_layers(&self, bytes: &[u8]) -> Result<(), ChunkProblem> {
+    /// The decoder allocates the layers of a chunk by the sizes it names: these must lie inside it. Its own number
+    /// of points is ignored by the decoder, which would go on with garbage after the last point.
+    fn check_layers(&self, bytes: &[u8], count: u32) -> Result<(), ChunkProblem> {
         let Some(head) = self.layered_head() else { return Ok(()) };
         let present = bytes.len() as u64;
-        let promised = match usize::try_from(head).ok().and_then(|head| bytes.get(..head)) {
-            Some(head) => self.layered_size(head).1,
-            None => head,
+        let Some(bytes) = usize::try_from(head).ok().and_then(|head| bytes.get(..head)) else {
+            return Err(ChunkProblem::Layers { promised: head, present });
         };
-        if promised > present { Err(ChunkProblem::Layers { promised, present }) } else { Ok(()) }
+        let (points, promised) = self.layered_size(bytes);
+        if promised > present {
+            return Err(ChunkProblem::Layers { promised, present });
+        }
+        if points != count {
+            return Err(ChunkProblem::Points { promised: count, present: points });
+        }
+        Ok(())
     }
 
     fn decoder<'a, R: Read + Seek + Send + Sync + 'a>(

@@ -254,6 +254,14 @@ pub enum ChunkProblem {
         /// Bytes in the chunk.
         present: u64,
     },
+    /// It says itself that it holds another number of points than header and table promise.
+    #[error("it says that it holds {present} points, {promised} are promised")]
+    Points {
+        /// Points by header and table of chunks.
+        promised: u32,
+        /// Points by the chunk's own count.
+        present: u32,
+    },
     /// The bytes are no valid code, or end too early.
     #[error("damaged data ({cause})")]
     Damaged {

@@ -35,8 +35,8 @@ impl CellGrid {
     #[expect(clippy::cast_possible_truncation, reason = "|value| < 2^50, see LatticeTransform::LIMIT_UNITS")]
     pub fn index(&self, value: i64) -> i64 {
         // A multiplication and a correction: several times faster than a 64-bit division, and exact because the
-        // quotient in floating point is off by one at most for |value| < 2^50.
-        let quotient = (value as f64 * self.reciprocal).floor() as i64;
+        // truncated quotient in floating point is off by one at most for |value| < 2^50.
+        let quotient = (value as f64 * self.reciprocal) as i64;
         let remainder = value - quotient * self.edge;
         quotient - i64::from(remainder < 0) + i64::from(remainder >= self.edge)
     }

@@ -6,6 +6,7 @@ mod class;
 mod cloud;
 mod disjoint;
 mod frame;
+mod hull;
 mod linker;
 mod nearest;
 mod object;

@@ -1,46 +1,224 @@
-//! Temporary.
+//! What is known of an object, or of the part of one that a tile holds; parts merge exactly, in any order.
+//!
+//! Everything is an integer on the lattice and every field is a sum, a smallest, a largest, a set or a convex hull of points,
+//! so that the whole does not depend on how tiles cut it. No names, no ground, no world coordinates here.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "indices of points fit u32 (checked by collect's caller)"
+)]
+
 use serde::{Deserialize, Serialize};
+
+use super::hull::{convex_hull, doubled_area, without_inner_points};
 use crate::model::TileCloud;
-/// x
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+
+/// Points above which inner ones are dropped before their hull is made: below, sorting all is as fast.
+const MANY_POINTS: usize = 64;
+
+/// An object or a part of one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ObjectPart {
-    /// x
+    /// Number of points.
     pub points: u64,
-    /// x
+    /// Smallest id of a point.
     pub first_id: u64,
-    /// x
+    /// Smallest lattice coordinates.
     pub lo: [i64; 3],
-    /// x
+    /// Largest lattice coordinates.
     pub hi: [i64; 3],
-    /// x
+    /// Sums of lattice coordinates.
     pub sum: [i128; 3],
-    /// x
+    /// Convex hull of the points in the plane, lattice coordinates: counter-clockwise from the smallest (x, y), not
+    /// closed, no three vertices on a line. One or two vertices when all points are in one place or on one line.
     pub hull: Vec<[i64; 2]>,
-    /// x
+    /// Files that hold points of it, ascending, each once.
     pub files: Vec<u32>,
 }
+
 impl ObjectPart {
-    /// x
-    pub fn collect(cloud: &TileCloud, labels: &[u32], count: u32, core: impl Fn(usize) -> bool, file: impl Fn(u64) -> u32) -> Vec<Self> {
-        let mut parts = vec![Self { first_id: u64::MAX, lo: [i64::MAX; 3], hi: [i64::MIN; 3], ..Self::default() }; count as usize];
-        for (p, &l) in labels.iter().enumerate() {
-            if l == 0 || !core(p) { continue; }
-            let part = &mut parts[l as usize - 1];
-            let q = cloud.lattice_point(p);
-            part.points += 1;
-            part.first_id = part.first_id.min(cloud.id[p]);
-            for k in 0..3 { part.lo[k] = part.lo[k].min(q[k]); part.hi[k] = part.hi[k].max(q[k]); part.sum[k] += i128::from(q[k]); }
-            let f = file(cloud.id[p]);
-            if part.files.last() != Some(&f) && !part.files.contains(&f) { part.files.push(f); part.files.sort_unstable(); }
+    /// No points at all: merging it changes nothing.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self {
+            points: 0,
+            first_id: u64::MAX,
+            lo: [i64::MAX; 3],
+            hi: [i64::MIN; 3],
+            sum: [0; 3],
+            hull: Vec::new(),
+            files: Vec::new(),
         }
-        parts
     }
-    /// x
-    pub fn merge(&mut self, o: &Self) {
-        self.points += o.points; self.first_id = self.first_id.min(o.first_id);
-        for k in 0..3 { self.lo[k] = self.lo[k].min(o.lo[k]); self.hi[k] = self.hi[k].max(o.hi[k]); self.sum[k] += o.sum[k]; }
-        self.files.extend(&o.files); self.files.sort_unstable(); self.files.dedup();
+
+    /// The parts of the labels 1 to `count` of a cloud, over the points (by position) that are in the `core`; a
+    /// label without any is [`Self::empty`]. `file` tells the file of a point id and does not decrease with it, ids being
+    /// what they are ([`TileCloud`]). O(points) and O(m log m) for the few points that may be on a hull.
+    #[must_use]
+    pub fn collect(
+        cloud: &TileCloud,
+        labels: &[u32],
+        count: u32,
+        core: impl Fn(usize) -> bool,
+        file: impl Fn(u64) -> u32,
+    ) -> Vec<Self> {
+        let wanted = |point: &usize| labels[*point] != 0 && core(*point);
+        // Positions of the points by label: first[l] is where those of label l end once all are placed.
+        let mut first = vec![0_u32; count as usize + 2];
+        for point in (0..labels.len()).filter(wanted) {
+            first[labels[point] as usize + 1] += 1;
+        }
+        let mut total = 0;
+        for slot in &mut first {
+            total += *slot;
+            *slot = total;
+        }
+        let mut members = vec![0_u32; total as usize];
+        for point in (0..labels.len()).filter(wanted) {
+            let slot = &mut first[labels[point] as usize];
+            members[*slot as usize] = point as u32;
+            *slot += 1;
+        }
+        let mut plane = Vec::new();
+        let mut begin = 0;
+        let part_of = |&end: &u32| {
+            let part = Self::of_members(cloud, &members[begin..end as usize], &file, &mut plane);
+            begin = end as usize;
+            part
+        };
+        first[1..=count as usize].iter().map(part_of).collect()
     }
-    /// x
-    pub fn hull_area_units2(&self) -> f64 { 0.0 }
+
+    /// The part of some points of a cloud, by position; `plane` is memory to use again.
+    fn of_members(
+        cloud: &TileCloud,
+        members: &[u32],
+        file: impl Fn(u64) -> u32,
+        plane: &mut Vec<[i64; 2]>,
+    ) -> Self {
+        let mut part = Self::empty();
+        if members.is_empty() {
+            return part;
+        }
+        part.points = members.len() as u64;
+        plane.clear();
+        // Local sums: 2^32 points of 2^31 units fit i64.
+        let mut sum = [0_i64; 3];
+        let mut last_id = 0;
+        for &point in members {
+            let point = point as usize;
+            let place = [cloud.x[point], cloud.y[point], cloud.z[point]].map(i64::from);
+            for axis in 0..3 {
+                part.lo[axis] = part.lo[axis].min(place[axis]);
+                part.hi[axis] = part.hi[axis].max(place[axis]);
+                sum[axis] += place[axis];
+            }
+            part.first_id = part.first_id.min(cloud.id[point]);
+            last_id = last_id.max(cloud.id[point]);
+            plane.push([place[0], place[1]]);
+        }
+        if plane.len() > MANY_POINTS {
+            without_inner_points(plane);
+        }
+        part.hull = convex_hull(plane);
+        for vertex in &mut part.hull {
+            *vertex = [vertex[0] + cloud.origin[0], vertex[1] + cloud.origin[1]];
+        }
+        for (axis, &origin) in cloud.origin.iter().enumerate() {
+            part.lo[axis] += origin;
+            part.hi[axis] += origin;
+            part.sum[axis] = i128::from(sum[axis]) + i128::from(origin) * i128::from(part.points);
+        }
+        part.files = vec![file(part.first_id)];
+        if file(last_id) != part.files[0] {
+            part.files = members.iter().map(|&point| file(cloud.id[point as usize])).collect();
+            part.files.sort_unstable();
+            part.files.dedup();
+        }
+        part
+    }
+
+    /// Adds another part of the same object; the two share no point.
+    pub fn merge(&mut self, other: &Self) {
+        self.points += other.points;
+        self.first_id = self.first_id.min(other.first_id);
+        for axis in 0..3 {
+            self.lo[axis] = self.lo[axis].min(other.lo[axis]);
+            self.hi[axis] = self.hi[axis].max(other.hi[axis]);
+            self.sum[axis] += other.sum[axis];
+        }
+        self.hull.extend(&other.hull);
+        self.hull = convex_hull(&mut self.hull);
+        self.files.extend(&other.files);
+        self.files.sort_unstable();
+        self.files.dedup();
+    }
+
+    /// Area of the hull in square lattice units; the only number here that is rounded.
+    #[must_use]
+    pub fn hull_area_units2(&self) -> f64 {
+        doubled_area(&self.hull) as f64 / 2.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::model::Lattice;
+
+    fn cloud(points: &[[i64; 3]]) -> TileCloud {
+        TileCloud::from_lattice_points(Lattice::MILLIMETRE, points)
+    }
+
+    #[test]
+    fn parts_hold_what_their_points_say() {
+        let points = [[-5, 0, 7], [1, 1, 1], [3, 0, 9], [8, 8, 8], [-1, 4, 2], [0, 1, 5]];
+        let labels = [2, 0, 2, 1, 2, 2];
+        // The last of label 2 is in the halo, label 3 has no points. Files of three points each.
+        let parts = ObjectPart::collect(&cloud(&points), &labels, 3, |point| point != 5, |id| id as u32 / 3);
+        assert_eq!(parts.len(), 3);
+        assert_eq!(
+            parts[1],
+            ObjectPart {
+                points: 3,
+                first_id: 0,
+                lo: [-5, 0, 2],
+                hi: [3, 4, 9],
+                sum: [-3, 4, 18],
+                hull: vec![[-5, 0], [3, 0], [-1, 4]],
+                files: vec![0, 1],
+            }
+        );
+        assert_eq!((parts[0].points, parts[0].first_id, &parts[0].hull), (1, 3, &vec![[8, 8]]));
+        assert_eq!(parts[2], ObjectPart::empty());
+        // Base 8, height 4.
+        assert!((parts[1].hull_area_units2() - 16.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn no_points_and_no_labels_make_no_parts() {
+        assert_eq!(ObjectPart::collect(&cloud(&[]), &[], 0, |_| true, |_| 0), []);
+    }
+
+    proptest! {
+        #[test]
+        fn merged_in_any_order_parts_are_the_whole(
+            points in prop::collection::vec(([-40..40_i64, -40..40_i64, -40..40_i64], 0..4_usize), 1..200),
+            shift in prop::array::uniform3(-(1_i64 << 49)..1 << 49),
+            order in Just([0_usize, 1, 2, 3]).prop_shuffle(),
+        ) {
+            let places: Vec<[i64; 3]> =
+                points.iter().map(|(p, _)| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]).collect();
+            let (cloud, labels) = (cloud(&places), vec![1; points.len()]);
+            let collect = |core: &dyn Fn(usize) -> bool| {
+                ObjectPart::collect(&cloud, &labels, 1, core, |id| id as u32 / 7).remove(0)
+            };
+            let mut merged = ObjectPart::empty();
+            for tile in order {
+                merged.merge(&collect(&|point| points[point].1 == tile));
+            }
+            prop_assert_eq!(merged, collect(&|_| true));
+        }
+    }
 }

@@ -7,7 +7,6 @@
 //! is what is sorted, not the point. Memory: 12 bytes per streak and 12 per voxel, while sorting 24 per streak more.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
     reason = "counts of points fit u32 (checked in build), bit fields are masked"
 )]
 

@@ -75,14 +75,16 @@ impl<'a> ExportPass<'a> {
     }
 
     /// Labels and classes of the records of a range, ready to be written.
-    fn labels(&self, file: usize, records: &Range<u64>, view: &RecordView<'_>, owners: &mut CellCursor<'_, u32>) -> Result<(Vec<u32>, Vec<u8>)> {
+    fn labels(&self, file: usize, records: &Range<u64>, view: &RecordView<'_>, desk: &mut Desk<'_>) -> Result<()> {
         let count = usize::try_from(length(records)).unwrap_or(0);
-        let (mut labels, mut classes) = (vec![0_u32; count], vec![0_u8; count]);
+        let Desk { owners, labels, classes, .. } = desk;
+        labels.resize(count, 0);
+        classes.resize(count, 0);
         let (label_column, class_column) = (&self.drive.labels[file], &self.drive.classes[file]);
-        label_column.read(records.start, &mut labels).map_err(StoreError::io("read", label_column.path()))?;
-        class_column.read(records.start, &mut classes).map_err(StoreError::io("read", class_column.path()))?;
+        label_column.read(records.start, labels).map_err(StoreError::io("read", label_column.path()))?;
+        class_column.read(records.start, classes).map_err(StoreError::io("read", class_column.path()))?;
         let transform = self.drive.file(file).transform();
-        for ((label, class), xyz) in labels.iter_mut().zip(&classes).zip(view.xyz()) {
+        for ((label, class), xyz) in labels.iter_mut().zip(&*classes).zip(view.xyz()) {
             if *class != PointClass::Object.code() {
                 // Left from an earlier run in which this point was no ground.
                 *label = 0;
@@ -98,14 +100,14 @@ impl<'a> ExportPass<'a> {
                 .and_then(|ids| ids.get(*label as usize - 1));
             *label = *id.ok_or_else(|| Error::Bug(format!("label {label} of tile {owner} has no object")))?;
         }
-        Ok((labels, classes))
+        Ok(())
     }
 
-    /// The labelled records of one chunk.
-    fn chunk(&self, file: usize, records: &Range<u64>, owners: &mut CellCursor<'_, u32>) -> Result<Vec<u8>> {
+    /// Puts the labelled records of one chunk on the desk.
+    fn chunk(&self, file: usize, records: &Range<u64>, desk: &mut Desk<'_>) -> Result<()> {
         let input = self.drive.file(file);
         let stride = input.layout().record_len;
-        let (mut out, mut buffer) = (Vec::new(), Vec::new());
+        desk.out.clear();
         let first = input.blocks().partition_point(|block| block.first_record + u64::from(block.count) <= records.start);
         for (block, run) in input.blocks().iter().enumerate().skip(first) {
             if run.first_record >= records.end {
@@ -114,13 +116,19 @@ impl<'a> ExportPass<'a> {
             let from = records.start.max(run.first_record);
             let to = records.end.min(run.first_record + u64::from(run.count));
             let at = |record: u64| usize::try_from(record - run.first_record).unwrap_or(0) * stride;
-            let bytes = &input.records(block, Fields::All, &mut buffer)?[at(from)..at(to)];
+            // A file without chunks is one block: it stays decoded on the desk while its pieces are written.
+            let mut decoded = std::mem::take(&mut desk.decoded);
+            let kept = desk.block == Some(block) && input.is_compressed();
+            let all = if kept { &decoded[..] } else { input.records(block, Fields::All, &mut decoded)? };
+            desk.block = Some(block);
+            let bytes = &all[at(from)..at(to)];
             let view = RecordView { bytes, stride, gps_time: None };
-            let (labels, classes) = self.labels(file, &(from..to), &view, owners)?;
-            self.targets[file].labelled.label(bytes, &labels, &classes, &mut out);
+            self.labels(file, &(from..to), &view, desk)?;
+            self.targets[file].labelled.label(bytes, &desk.labels, &desk.classes, &mut desk.out);
+            desk.decoded = decoded;
             input.release(block);
         }
-        Ok(out)
+        Ok(())
     }
 
     /// Gives every labelled copy its final name, now that all units are done. May be interrupted and called again:
@@ -177,6 +185,25 @@ impl<'a> ExportPass<'a> {
     }
 }
 
+/// Buffers of one worker, kept from chunk to chunk: fresh ones would have to be zeroed by the system every time.
+struct Desk<'a> {
+    owners: CellCursor<'a, u32>,
+    labels: Vec<u32>,
+    classes: Vec<u8>,
+    /// Block whose records are in `decoded`.
+    block: Option<usize>,
+    decoded: Vec<u8>,
+    /// Labelled records.
+    out: Vec<u8>,
+}
+
+impl<'a> Desk<'a> {
+    fn new(owners: CellCursor<'a, u32>) -> Self {
+        let (labels, classes, decoded, out) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { owners, labels, classes, block: None, decoded, out }
+    }
+}
+
 fn length(records: &Range<u64>) -> u64 {
     records.end - records.start
 }
@@ -214,17 +241,17 @@ impl Pass for ExportPass<'_> {
         let unit = &self.units[unit];
         let target = &self.targets[unit.file];
         self.drive.file(unit.file).check_unchanged()?;
-        let mut owners = self.owners.cursor();
+        let mut desk = Desk::new(self.owners.cursor());
         let mut payload: Vec<(u32, Vec<u8>)> = Vec::new();
         let part = (!target.labelled.is_compressed()).then(|| open_part(target)).transpose()?;
         for records in &target.chunks[unit.chunks.clone()] {
-            let labelled = self.chunk(unit.file, records, &mut owners)?;
+            self.chunk(unit.file, records, &mut desk)?;
             if let Some(part) = &part {
-                part.write_all_at(&labelled, target.labelled.record_offset(records.start))
+                part.write_all_at(&desk.out, target.labelled.record_offset(records.start))
                     .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
             } else {
                 let count = u32::try_from(length(records)).unwrap_or(u32::MAX);
-                payload.push((count, target.labelled.compress(&labelled)?));
+                payload.push((count, target.labelled.compress(&desk.out)?));
             }
         }
         if let Some(part) = &part {

@@ -12,6 +12,7 @@ use crate::run::finish::{self, Counts, Finished};
 use crate::run::ground_pass::{GroundPass, GroundPayload};
 use crate::run::methods::Chain;
 use crate::run::observe::Event;
+use crate::run::scatter_pass::{ScatterPass, Scattered};
 use crate::run::scene::Scene;
 use crate::run::survey_pass::SurveyPass;
 use crate::run::tiles::Tiles;
@@ -19,6 +20,9 @@ use crate::run::{codec, identity, inputs};
 use crate::store::PassDir;
 use crate::survey::SurveyError;
 use crate::tiling::{Plan, TileSize};
+
+/// Records that tiles may read per point they need before the points are grouped by tile (architecture, section 3).
+const LARGEST_AMPLIFICATION: f64 = 3.0;
 
 /// What the tiles and files came to.
 pub(crate) struct Outcome {
@@ -89,10 +93,29 @@ impl<'a> Flow<'a> {
         Ok(plan)
     }
 
+    /// The points grouped by tile, where tiles would read too many blocks in vain.
+    fn scatter(&mut self, scene: &Scene, tiles: &Tiles<'_>) -> Result<Option<Scattered>> {
+        let amplification = tiles.amplification(self.chain.ground_reach);
+        if amplification <= LARGEST_AMPLIFICATION {
+            return Ok(None);
+        }
+        let text = format!(
+            "the order of the records would make tiles read {amplification:.1} times what they need: \
+             the points are grouped by tile first"
+        );
+        self.engine.tell(&Event::Warning { text: &text });
+        let pass = ScatterPass::new(self.drive, tiles.plan.owners(), self.engine.run_dir)?;
+        let dir = self.pass_dir(inputs::SCATTER, inputs::scatter(scene, tiles.plan));
+        self.passes.push(self.engine.execute(&pass, &dir)?);
+        Ok(Some(pass.reduce(&dir)?))
+    }
+
     /// Ground, clusters, stitching, labelled files and tables.
     pub(crate) fn tiles_to_files(&mut self, scene: &Scene, plan: &Plan, labelled: Vec<LabelledFile>) -> Result<Outcome> {
-        let tiles =
-            Tiles { drive: self.drive, plan, zones: &scene.survey.zones, lowest: scene.lowest() };
+        let (zones, lowest) = (&scene.survey.zones[..], scene.lowest());
+        let mut tiles = Tiles { drive: self.drive, plan, zones, lowest, scattered: None };
+        let scattered = self.scatter(scene, &tiles)?;
+        tiles.scattered = scattered.as_ref();
         let ground_inputs = inputs::ground(scene, plan, self.config, self.chain);
         let cluster_inputs = inputs::cluster(&ground_inputs, self.config);
         let export_inputs = inputs::export(&cluster_inputs, scene, self.config);

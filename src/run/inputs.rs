@@ -8,9 +8,10 @@ use crate::store::Inputs;
 use crate::tiling::Plan;
 
 pub(crate) const SURVEY: &str = "pass-00-survey";
-pub(crate) const GROUND: &str = "pass-01-ground";
-pub(crate) const CLUSTER: &str = "pass-02-cluster";
-pub(crate) const EXPORT: &str = "pass-03-export";
+pub(crate) const SCATTER: &str = "pass-01-scatter";
+pub(crate) const GROUND: &str = "pass-02-ground";
+pub(crate) const CLUSTER: &str = "pass-03-cluster";
+pub(crate) const EXPORT: &str = "pass-04-export";
 
 /// Raised when a method gives other results than before for the same input and settings.
 const ALGORITHM_EPOCH: u32 = 1;
@@ -26,6 +27,13 @@ pub(crate) fn survey(drive: &Drive, config: &Config) -> Inputs {
         inputs = inputs.with(format!("input {}", file.name()), facts);
     }
     inputs
+}
+
+/// Scattering depends on the content of the input and on the tiles.
+pub(crate) fn scatter(scene: &Scene, plan: &Plan) -> Inputs {
+    Inputs::new()
+        .with("input content", format!("{:016x}", scene.content_digest()))
+        .with("tiles", format!("{} tiles, geometry {:016x}", plan.tiles.len(), plan.digest()))
 }
 
 /// The ground pass depends on the content of the input, the tiles, and its own settings.

@@ -1,10 +1,11 @@
 //! The points of a tile: which blocks to read, and the gathering out of them.
 
 use crate::error::{Error, Result};
-use crate::model::BlockZone;
+use crate::model::{BlockZone, RecordView};
 use crate::run::drive::Drive;
+use crate::run::scatter_pass::{STRIDE, Scattered};
 use crate::store::StoreError;
-use crate::tiling::{Gathered, Gatherer, Plan, Region};
+use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region};
 
 /// Tiles over a drive.
 pub(crate) struct Tiles<'a> {
@@ -14,6 +15,8 @@ pub(crate) struct Tiles<'a> {
     pub(crate) zones: &'a [Vec<BlockZone>],
     /// Smallest lattice z of the drive.
     pub(crate) lowest: i64,
+    /// The points grouped by tile, where the order of the records is bad.
+    pub(crate) scattered: Option<&'a Scattered>,
 }
 
 impl Tiles<'_> {
@@ -33,8 +36,22 @@ impl Tiles<'_> {
         self.blocks(region).map(|(file, block)| u64::from(self.zones[file][block].count)).sum()
     }
 
+    /// Records read per point needed, when tiles read whole blocks.
+    pub(crate) fn amplification(&self, reach: i64) -> f64 {
+        let (mut read, mut needed) = (0, 0);
+        for tile in 0..self.plan.tiles.len() {
+            let region = self.plan.region(tile, reach);
+            read += self.records_read(&region);
+            needed += region.points;
+        }
+        read as f64 / needed.max(1) as f64
+    }
+
     /// Asks the system to read ahead.
     pub(crate) fn prefetch(&self, tile: usize, reach: i64) {
+        if self.scattered.is_some() {
+            return;
+        }
         let region = self.plan.region(tile, reach);
         for (file, block) in self.blocks(&region) {
             if !self.drive.file(file).is_compressed() {
@@ -49,24 +66,66 @@ impl Tiles<'_> {
         self.drive.check_unchanged()?;
         let region = self.plan.region(tile, reach);
         let mut gatherer = Gatherer::new(&region, self.drive.lattice(), self.lowest);
+        match self.scattered {
+            Some(scattered) => self.gather_groups(scattered, &region, &mut gatherer, objects_only)?,
+            None => self.gather_blocks(&region, &mut gatherer, objects_only)?,
+        }
+        Ok(gatherer.finish())
+    }
+
+    fn gather_blocks(&self, region: &Region, gatherer: &mut Gatherer<'_>, objects_only: bool) -> Result<()> {
         let (mut buffer, mut classes) = (Vec::new(), Vec::new());
-        for (file, block) in self.blocks(&region) {
+        for (file, block) in self.blocks(region) {
             if objects_only {
                 let run = &self.drive.file(file).blocks()[block];
-                let column = &self.drive.classes[file];
-                classes.resize(run.count as usize, 0);
-                column
-                    .read(run.first_record, &mut classes)
-                    .map_err(StoreError::io("read", column.path()))?;
+                self.classes(file, run.first_record, run.count.into(), &mut classes)?;
             }
             let first_id = self.drive.first_id(file, block);
             let wanted = objects_only.then_some(&classes[..]);
             self.drive
                 .geometry(file, block, &mut buffer, |view, transform| {
-                    gatherer.block(view, transform, first_id, wanted)
+                    gatherer.block(view, transform, |record, _| first_id + record as u64, wanted)
                 })?
-                .map_err(|_| Error::Bug(format!("a height in tile {tile} does not fit the surveyed range")))?;
+                .map_err(out_of_range)?;
         }
-        Ok(gatherer.finish())
+        Ok(())
     }
+
+    fn gather_groups(
+        &self,
+        scattered: &Scattered,
+        region: &Region,
+        gatherer: &mut Gatherer<'_>,
+        objects_only: bool,
+    ) -> Result<()> {
+        let (mut classes, mut wanted) = (Vec::new(), Vec::new());
+        for group in scattered.groups(&region.tiles) {
+            let group = group?;
+            let record = |bytes: &[u8]| u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
+            if objects_only && !group.bytes.is_empty() {
+                self.classes(group.file, group.first_record, group.records, &mut classes)?;
+                wanted.clear();
+                wanted.extend(group.bytes.chunks_exact(STRIDE).map(|bytes| classes[record(bytes) as usize]));
+            }
+            let first_id = self.drive.catalog.first_id(group.file) + group.first_record;
+            let view = RecordView { bytes: &group.bytes, stride: STRIDE, gps_time: None };
+            let transform = self.drive.file(group.file).transform();
+            let id = |_: usize, bytes: &[u8]| first_id + u64::from(record(bytes));
+            gatherer
+                .block(&view, transform, id, objects_only.then_some(&wanted[..]))
+                .map_err(out_of_range)?;
+        }
+        Ok(())
+    }
+
+    /// Class codes of consecutive records.
+    fn classes(&self, file: usize, first: u64, count: u64, classes: &mut Vec<u8>) -> Result<()> {
+        let column = &self.drive.classes[file];
+        classes.resize(usize::try_from(count).unwrap_or(0), 0);
+        Ok(column.read(first, classes).map_err(StoreError::io("read", column.path()))?)
+    }
+}
+
+fn out_of_range(_: HeightOutOfRange) -> Error {
+    Error::Bug("a height does not fit the surveyed range".to_owned())
 }

@@ -110,7 +110,9 @@ impl Collector {
         let mut last_coarse = [i32::MIN; 2];
         self.coarse.clear();
         let mut count = 0_u32;
-        for (record, xyz) in view.xyz().enumerate() {
+        let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (record, bytes) in view.bytes.chunks_exact(view.stride).enumerate() {
+            let xyz = record_xyz(bytes);
             let point = transform.apply(xyz);
             let cell = self.grid.cell(point[0], point[1]).ok_or(OutOfRange { record, xyz })?;
             for axis in 0..3 {
@@ -125,10 +127,15 @@ impl Collector {
                     self.coarse.insert(coarse);
                 }
             }
+            if let Some(offset) = view.gps_time
+                && let Some(time) = self.time(&bytes[offset..offset + 8], point)
+            {
+                first = first.min(time);
+                last = last.max(time);
+            }
             count += 1;
         }
-        let time = self.times(view, transform);
-        self.zone(count, lo, hi, time);
+        self.zone(count, lo, hi, (first <= last).then_some((first, last)));
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
         hasher.update(&self.part.content.to_le_bytes());
         hasher.update(view.bytes);
@@ -136,33 +143,26 @@ impl Collector {
         Ok(())
     }
 
-    /// Adds the block's points to their time bins; returns the first and last finite time.
-    fn times(&mut self, view: &RecordView<'_>, transform: &LatticeTransform) -> Option<(f64, f64)> {
-        let offset = view.gps_time?;
-        let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
-        for record in view.bytes.chunks_exact(view.stride) {
-            let mut bytes = [0_u8; 8];
-            bytes.copy_from_slice(&record[offset..offset + 8]);
-            let time = f64::from_le_bytes(bytes);
-            // Beyond 10^15 s a double does not resolve half a second any more.
-            if !(time.abs() < 1e15) {
-                self.part.bad_times += 1;
-                continue;
-            }
-            first = first.min(time);
-            last = last.max(time);
-            #[expect(clippy::cast_possible_truncation, reason = "below 2 * 10^15")]
-            let bin = (time / TIME_BIN_S).floor() as i64;
-            if bin != self.bin {
-                self.flush_bin();
-                self.bin = bin;
-            }
-            let [x, y, _] = transform.apply(record_xyz(record));
-            self.bin_sum.count += 1;
-            self.bin_sum.sum_x += i128::from(x);
-            self.bin_sum.sum_y += i128::from(y);
+    /// Adds a point to its time bin; returns its time if it is finite.
+    #[inline]
+    fn time(&mut self, bytes: &[u8], point: [i64; 3]) -> Option<f64> {
+        let time = f64::from_le_bytes(bytes.try_into().ok()?);
+        // Beyond 10^15 s a double does not resolve half a second any more.
+        if !(time.abs() < 1e15) {
+            self.part.bad_times += 1;
+            return None;
         }
-        (first <= last).then_some((first, last))
+        #[expect(clippy::cast_possible_truncation, reason = "below 2 * 10^15")]
+        let whole = (time / TIME_BIN_S) as i64;
+        let bin = whole - i64::from(time < whole as f64 * TIME_BIN_S);
+        if bin != self.bin {
+            self.flush_bin();
+            self.bin = bin;
+        }
+        self.bin_sum.count += 1;
+        self.bin_sum.sum_x += i128::from(point[0]);
+        self.bin_sum.sum_y += i128::from(point[1]);
+        Some(time)
     }
 
     fn flush_bin(&mut self) {

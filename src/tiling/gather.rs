@@ -6,7 +6,7 @@ use crate::tiling::Region;
 /// The points of a tile, and which of them it owns.
 #[derive(Debug)]
 pub struct Gathered {
-    /// Core and halo points in ascending id.
+    /// Core and halo points; the core points among them in ascending id.
     pub cloud: TileCloud,
     /// Whether the tile owns the point.
     pub core: Vec<bool>,
@@ -59,8 +59,8 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Adds the points of one block that lie in the region. `first_id` is the id of its first record; with `classes`
-    /// (one code per record) only [`PointClass::Object`] points are taken.
+    /// Adds the points of one block that lie in the region. `id` tells the id of a record by its place in the block
+    /// and its bytes; with `classes` (one code per record) only [`PointClass::Object`] points are taken.
     ///
     /// # Errors
     /// When a height does not fit.
@@ -74,7 +74,7 @@ impl<'a> Gatherer<'a> {
         &mut self,
         view: &RecordView<'_>,
         transform: &LatticeTransform,
-        first_id: u64,
+        id: impl Fn(usize, &[u8]) -> u64,
         classes: Option<&[u8]>,
     ) -> Result<(), HeightOutOfRange> {
         let mut roles = self.region.roles.cursor();
@@ -102,7 +102,7 @@ impl<'a> Gatherer<'a> {
             cloud.x.push(dx as i32);
             cloud.y.push(dy as i32);
             cloud.z.push(dz as i32);
-            cloud.id.push(first_id + record as u64);
+            cloud.id.push(id(record, bytes));
             self.gathered.core.push(role == Region::CORE);
         }
         Ok(())

@@ -166,8 +166,11 @@ impl Plan {
             }
         }
         members.sort_unstable();
+        let mut tiles: Vec<u32> = members.iter().map(|cell| self.owner.get(*cell).saturating_sub(1)).collect();
+        tiles.sort_unstable();
+        tiles.dedup();
         let points = members.iter().map(|cell| u64::from(self.occupancy.get(*cell))).sum();
-        Region { area: Area::of(members.into_iter()), roles, points, grid: self.grid }
+        Region { area: Area::of(members.into_iter()), roles, tiles, points, grid: self.grid }
     }
 }
 
@@ -186,6 +189,8 @@ pub struct Region {
     pub area: Area,
     /// [`Region::CORE`] or [`Region::HALO`]; 0 outside.
     pub roles: CellMap<u8>,
+    /// Tiles that own any of the cells, ascending.
+    pub tiles: Vec<u32>,
     /// Points in core and halo.
     pub points: u64,
     /// The raster.
@@ -241,7 +246,7 @@ mod tests {
         // Cells 17..=19 and 40..=42: a reach of 2.5 m covers gaps of up to two whole cells.
         let halo: Vec<i32> = (0..100).filter(|&i| region.roles.get([i, 2]) == Region::HALO).collect();
         assert_eq!(halo, [17, 18, 19, 40, 41, 42]);
-        assert_eq!(region.points, (20 + 6) * 50);
+        assert_eq!((region.points, &region.tiles[..]), ((20 + 6) * 50, &[0, 1, 2][..]));
         assert_eq!(plan.region(1, 0).points, (20 + 2) * 50);
     }
 

@@ -130,9 +130,16 @@ impl Shape {
         bytes
     }
 
-    /// Writes a file with these points.
+    /// Writes a file with these points; one that is named so is compressed, in chunks of so many records.
+    pub(crate) fn write_in_chunks(&self, path: &Path, points: &[Point], chunk: u32) {
+        let laz = path.extension().is_some_and(|extension| extension == "laz");
+        let bytes = if laz { self.compressed(points, chunk) } else { self.bytes(points) };
+        std::fs::write(path, bytes).expect("a writable folder");
+    }
+
+    /// Writes a file with these points, compressed if it is named so.
     pub(crate) fn write(&self, path: &Path, points: &[Point]) {
-        std::fs::write(path, self.bytes(points)).expect("a writable folder");
+        self.write_in_chunks(path, points, 50_000);
     }
 }
 
@@ -142,14 +149,25 @@ fn padded(text: &str, len: usize) -> Vec<u8> {
     bytes
 }
 
-/// Compresses a LAS file; record coordinates stay what they are.
-pub(crate) fn compress(las: &Path, laz: &Path) {
-    let mut reader = las::Reader::from_path(las).expect("a LAS file");
-    let mut writer = las::Writer::from_path(laz, reader.header().clone()).expect("a new file");
-    for point in reader.read_all().expect("points").points() {
-        writer.write_point(point.expect("a point")).expect("written");
+impl Shape {
+    /// The bytes of a LAZ file with these points in chunks of `chunk` records.
+    pub(crate) fn compressed(&self, points: &[Point], chunk: u32) -> Vec<u8> {
+        let items = laz::LazItemRecordBuilder::default_for_point_format_id(self.format, 0).expect("items");
+        let vlr = laz::LazVlrBuilder::new(items).with_fixed_chunk_size(chunk).build();
+        let mut payload = Vec::new();
+        vlr.write_to(&mut payload).expect("in memory");
+        let mut shape = self.clone();
+        shape.records.push(("laszip encoded", 22_204, payload));
+        let mut bytes = shape.bytes(points);
+        let records = bytes.split_off(bytes.len() - points.len() * self.record_len());
+        bytes[104] |= 0x80;
+        let mut out = std::io::Cursor::new(bytes);
+        out.set_position(out.get_ref().len() as u64);
+        let mut compressor = laz::LasZipCompressor::new(&mut out, vlr).expect("a compressor");
+        compressor.compress_many(&records).expect("compressed");
+        compressor.done().expect("done");
+        out.into_inner()
     }
-    writer.close().expect("closed");
 }
 
 /// The records that make coordinates geographic (EPSG 4326).

@@ -1,0 +1,300 @@
+//! Headers and arguments that must be refused, each with the right error, and those that only deserve a warning.
+
+use std::path::{Path, PathBuf};
+
+use chainage::input::{Catalog, Fields, InputError, InputOptions, LengthUnit, record_xyz};
+use chainage::model::{Lattice, LatticeTransform};
+
+/// 10,310 points, LAS 1.2, point format 1, no record of a coordinate system.
+const LAS: &str = "mls_profiles.las";
+/// 71,841 points, LAS 1.4, point format 6, compressed.
+const LAZ: &str = "tree_road_sweep.laz";
+
+fn sample(name: &str) -> Vec<u8> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
+    std::fs::read(path).expect("a shipped sample")
+}
+
+fn put(bytes: &mut [u8], at: usize, value: &[u8]) {
+    bytes[at..at + value.len()].copy_from_slice(value);
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, bytes).expect("written");
+        path
+    }
+}
+
+fn open(paths: &[PathBuf]) -> Result<Catalog, InputError> {
+    Catalog::open(paths, &InputOptions::default())
+}
+
+fn open_bytes(bytes: &[u8]) -> Result<Catalog, InputError> {
+    let folder = Folder::new();
+    open(&[folder.file("a.las", bytes)])
+}
+
+/// The error as `Variant: text`, or the warnings.
+fn outcome(result: &Result<Catalog, InputError>) -> String {
+    match result {
+        Ok(catalog) => format!("ok {:?}", catalog.warnings()),
+        Err(error) => {
+            assert!(error.hint().is_some(), "{error} has no hint");
+            let debug = format!("{error:?}");
+            format!("{}: {error}", debug.split([' ', '{']).next().expect("a name"))
+        }
+    }
+}
+
+#[test]
+fn every_field_of_the_header_is_checked() {
+    let f64_at = |at: usize, value: f64| (at, value.to_le_bytes().to_vec());
+    type Case = (&'static str, (usize, Vec<u8>), &'static str);
+    let cases: Vec<Case> = vec![
+        (LAS, (0, b"LASX".to_vec()), "NotLas"),
+        (LAS, (24, vec![2]), "Version"),
+        (LAS, (25, vec![5]), "Version"),
+        (LAS, (94, vec![226, 0]), "HeaderField"),
+        (LAZ, (94, vec![235, 0]), "HeaderField"),
+        (LAS, (94, vec![255, 255]), "HeaderField"), // the points then start inside the header
+        (LAS, (96, 226_u32.to_le_bytes().to_vec()), "HeaderField"),
+        (LAS, (96, u32::MAX.to_le_bytes().to_vec()), "HeaderField"),
+        (LAS, (104, vec![11]), "HeaderField"),
+        (LAS, (104, vec![1 | 0x80]), "LaszipRecord"), // compressed, but no laszip record
+        (LAZ, (104, vec![7 | 0x80]), "HeaderField"),  // records of 30 bytes are too short for format 7
+        (LAZ, (104, vec![3]), "HeaderField"),
+        (LAS, (105, vec![27, 0]), "HeaderField"),
+        (LAZ, (105, vec![34, 0]), "LaszipRecord"), // 4 extra bytes that are not coded
+        (LAS, (107, 10_311_u32.to_le_bytes().to_vec()), "Truncated"),
+        (LAS, (107, u32::MAX.to_le_bytes().to_vec()), "Truncated"),
+        (LAS, f64_at(131, f64::NAN), "HeaderField"),
+        (LAS, f64_at(139, 0.0), "HeaderField"),
+        (LAS, f64_at(147, -0.001), "HeaderField"),
+        (LAS, f64_at(131, 1e-10), "HeaderField"),
+        (LAS, f64_at(131, 1e4), "HeaderField"),
+        (LAS, f64_at(155, f64::INFINITY), "HeaderField"),
+        (LAS, f64_at(163, f64::NAN), "HeaderField"),
+        (LAS, f64_at(171, -1e15), "HeaderField"),
+        (LAS, f64_at(179, f64::NAN), "ok"), // the extent is not believed, so it may be anything
+        (LAZ, (247, 71_842_u64.to_le_bytes().to_vec()), "ok"), // still as many chunks; the last one notices
+        (LAZ, (247, (1_u64 << 40).to_le_bytes().to_vec()), "ChunkTable"),
+        (LAZ, (100, vec![0, 0, 0, 0]), "LaszipRecord"),
+        (LAZ, (235, vec![1, 2, 3, 4, 0, 0, 0, 0, 9, 0, 0, 0]), "ok"), // extended records that are not there
+    ];
+    for (name, (at, value), expected) in cases {
+        let mut bytes = sample(name);
+        put(&mut bytes, at, &value);
+        let text = outcome(&open_bytes(&bytes));
+        assert!(text.starts_with(expected), "{name} with {value:?} at {at}: {text}, not {expected}");
+    }
+}
+
+#[test]
+fn every_prefix_of_a_file_up_to_its_points_is_refused() {
+    let folder = Folder::new();
+    for name in [LAS, LAZ] {
+        let bytes = sample(name);
+        let start = u32::from_le_bytes(bytes[96..100].try_into().expect("four bytes")) as usize;
+        for end in (0..=start).chain([start + 1, bytes.len() / 2, bytes.len() - 1]) {
+            let result = open(&[folder.file("a.las", &bytes[..end])]);
+            assert!(result.is_err(), "{name} cut to {end} bytes: {}", outcome(&result));
+        }
+    }
+}
+
+#[test]
+fn a_truncated_file_says_how_many_points_are_there() {
+    let bytes = sample(LAS);
+    let text = outcome(&open_bytes(&bytes[..bytes.len() - 29]));
+    assert!(text.ends_with("is truncated: its header promises 10310 points, 10308 are there"), "{text}");
+}
+
+#[test]
+fn a_wrong_count_of_a_layered_file_is_noticed_in_its_last_chunk() {
+    let mut bytes = sample(LAZ);
+    put(&mut bytes, 247, &71_842_u64.to_le_bytes());
+    put(&mut bytes, 107, &[0; 4]);
+    let folder = Folder::new();
+    let catalog = open(&[folder.file("a.laz", &bytes)]).expect("the header is plausible");
+    let file = &catalog.files()[0];
+    let last = file.blocks().len() - 1;
+    let text = file.records(last, Fields::All, &mut Vec::new()).expect_err("refused").to_string();
+    assert!(
+        text.contains(&format!("chunk {last}")) && text.ends_with("21841 points, 21842 are promised"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_file_without_points_is_accepted_with_a_warning() {
+    for (name, at, len) in [(LAS, 107, 4), (LAZ, 247, 8)] {
+        let mut bytes = sample(name);
+        put(&mut bytes, at, &vec![0; len]);
+        put(&mut bytes, 107, &[0; 4]);
+        let catalog = open_bytes(&bytes).expect("accepted");
+        assert_eq!(catalog.point_count(), 0);
+        assert!(catalog.files()[0].blocks().is_empty());
+        assert_eq!(catalog.warnings().last().map(String::as_str), Some("a.las: there are no points"));
+    }
+}
+
+#[test]
+fn of_two_counts_the_one_that_the_file_holds_is_taken() {
+    let catalog = |legacy: u32, large: u64| {
+        let mut bytes = sample(LAS);
+        // A header of LAS 1.4 around the same points.
+        let (head, points) = bytes.split_at_mut(227);
+        let mut head = head.to_vec();
+        head.resize(375, 0);
+        head[25] = 4;
+        put(&mut head, 94, &375_u16.to_le_bytes());
+        let start = u32::from_le_bytes(head[96..100].try_into().expect("four bytes"));
+        put(&mut head, 96, &(start + 375 - 227).to_le_bytes());
+        put(&mut head, 107, &legacy.to_le_bytes());
+        put(&mut head, 247, &large.to_le_bytes());
+        head.extend_from_slice(points);
+        open_bytes(&head)
+    };
+    for (legacy, large, points, warnings) in [
+        (10_310, 10_310, 10_310, 0),
+        (0, 10_310, 10_310, 0),
+        (10_310, 0, 10_310, 0),
+        (10_310, 10_311, 10_310, 1),
+        (77, 10_310, 10_310, 1),
+        (10_000, 9_000, 10_000, 1),
+    ] {
+        let catalog = catalog(legacy, large).expect("accepted");
+        assert_eq!(catalog.point_count(), points, "{legacy} {large}");
+        assert_eq!(catalog.warnings().len(), warnings, "{:?}", catalog.warnings());
+    }
+    assert!(matches!(
+        catalog(10_311, 20_000),
+        Err(InputError::Truncated { promised: 20_000, present: 10_310, .. })
+    ));
+}
+
+#[test]
+fn arguments_are_files_folders_and_patterns_and_none_twice() {
+    let folder = Folder::new();
+    let names = ["b.las", "a.LAS", "c.laz"];
+    let files = names.map(|name| folder.file(name, &sample(if name == "c.laz" { LAZ } else { LAS })));
+    folder.file("notes.txt", b"no points");
+    std::fs::create_dir(folder.0.path().join("deeper.las")).expect("a folder");
+    let root = folder.0.path();
+    let found = |arguments: &[PathBuf]| {
+        let catalog = open(arguments).expect("opens");
+        catalog.files().iter().map(|file| file.name().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(found(&[root.to_owned()]), ["a.LAS", "b.las", "c.laz"]);
+    assert_eq!(found(&[root.join("*.la[sz]")]), ["b.las", "c.laz"]);
+    assert_eq!(found(&[files[2].clone(), files[0].clone()]), ["c.laz", "b.las"], "the order given");
+    let error = |arguments: &[PathBuf]| outcome(&open(arguments));
+    assert!(error(&[]).starts_with("NothingFound"));
+    assert!(error(&[root.join("*.xyz")]).starts_with("NothingFound"));
+    assert!(error(&[root.join("deeper.las")]).starts_with("NothingFound"));
+    assert!(error(&[root.join("[")]).starts_with("Pattern"));
+    assert!(error(&[root.join("missing.las")]).starts_with("Read"));
+    assert!(error(&[files[0].clone(), root.join(".").join("b.las")]).starts_with("Duplicate"));
+    assert!(error(&[root.to_owned(), files[0].clone()]).starts_with("Duplicate"));
+}
+
+#[test]
+fn points_of_all_files_have_one_numbering_and_one_lattice() {
+    let folder = Folder::new();
+    let mut fine = sample(LAS);
+    put(&mut fine, 131, &0.0001_f64.to_le_bytes());
+    let files =
+        [folder.file("a.las", &sample(LAS)), folder.file("b.laz", &sample(LAZ)), folder.file("c.las", &fine)];
+    let catalog = open(&files).expect("opens");
+    assert_eq!([0, 1, 2].map(|file| catalog.first_id(file)), [0, 10_310, 82_151]);
+    assert_eq!(catalog.point_count(), 92_461);
+    assert_eq!(catalog.lattice(), Lattice::TENTH_MILLIMETRE);
+    assert_eq!(open(&files[..2]).expect("opens").lattice(), Lattice::MILLIMETRE);
+}
+
+#[test]
+fn feet_become_metres_in_the_lattice() {
+    let folder = Folder::new();
+    let path = folder.file("a.las", &sample(LAS));
+    let lattice_point = |unit| {
+        let catalog = Catalog::open(std::slice::from_ref(&path), &InputOptions { mmap: true, unit });
+        let catalog = catalog.expect("opens");
+        let mut buffer = Vec::new();
+        let records = catalog.files()[0].records(0, Fields::All, &mut buffer).expect("readable");
+        let transform: &LatticeTransform = catalog.files()[0].transform();
+        (transform.apply(record_xyz(records)), catalog.lattice(), catalog.warnings().len())
+    };
+    let (metres, lattice, quiet) = lattice_point(LengthUnit::Metre);
+    let (feet, fine, warned) = lattice_point(LengthUnit::Foot);
+    assert_eq!((quiet, warned), (0, 1));
+    for axis in 0..3 {
+        let (metres, feet) = (lattice.metres(metres[axis]), fine.metres(feet[axis]));
+        assert!((feet - metres * 0.3048).abs() <= fine.step_m(), "axis {axis}: {feet} {metres}");
+    }
+}
+
+/// A file with the sample's points and a well-known text.
+fn with_wkt(wkt: &str) -> Vec<u8> {
+    let bytes = sample(LAS);
+    let start = u32::from_le_bytes(bytes[96..100].try_into().expect("four bytes"));
+    let mut record = vec![0; 54];
+    put(&mut record, 2, b"LASF_Projection");
+    put(&mut record, 18, &2112_u16.to_le_bytes());
+    put(&mut record, 20, &u16::try_from(wkt.len()).expect("short").to_le_bytes());
+    record.extend_from_slice(wkt.as_bytes());
+    let mut new = bytes[..227].to_vec();
+    put(&mut new, 96, &(start + u32::try_from(record.len()).expect("short")).to_le_bytes());
+    let count = u32::from_le_bytes(bytes[100..104].try_into().expect("four bytes"));
+    put(&mut new, 100, &(count + 1).to_le_bytes());
+    new.extend(record);
+    new.extend_from_slice(&bytes[227..]);
+    new
+}
+
+#[test]
+fn coordinate_systems_of_one_drive_must_agree() {
+    let utm = |zone: u32| {
+        with_wkt(&format!(
+            "PROJCS[\"zone {zone}\",UNIT[\"metre\",1],AUTHORITY[\"EPSG\",\"{}\"]]",
+            25_800 + zone
+        ))
+    };
+    let folder = Folder::new();
+    let (one, two) = (folder.file("a.las", &utm(32)), folder.file("b.las", &utm(32)));
+    let (other, plain) = (folder.file("c.las", &utm(33)), folder.file("d.las", &sample(LAS)));
+    let catalog = open(&[one.clone(), two]).expect("the same system");
+    assert_eq!(catalog.crs().epsg, Some(25_832));
+    assert!(catalog.warnings().is_empty(), "{:?}", catalog.warnings());
+    let text = outcome(&open(&[one.clone(), other]));
+    assert!(text.starts_with("CrsDiffers") && text.contains("zone 33 (EPSG:25833)"), "{text}");
+    let catalog = open(&[plain, one]).expect("one without a system");
+    assert_eq!(catalog.crs().epsg, Some(25_832));
+    assert_eq!(catalog.warnings().len(), 1, "{:?}", catalog.warnings());
+    let degrees = folder.file("f.las", &with_wkt("GEOGCS[\"WGS 84\",UNIT[\"degree\",0.0174]]"));
+    let stated = InputOptions { unit: LengthUnit::Metre, ..InputOptions::default() };
+    Catalog::open(&[degrees], &stated).expect("a stated unit overrides the record");
+}
+
+#[test]
+fn a_file_that_changes_is_noticed() {
+    let folder = Folder::new();
+    let path = folder.file("a.las", &sample(LAS));
+    let catalog = open(std::slice::from_ref(&path)).expect("opens");
+    let file = &catalog.files()[0];
+    file.check_unchanged().expect("nobody changed it");
+    let mut longer = sample(LAS);
+    longer.push(0);
+    std::fs::write(&path, longer).expect("written");
+    let text = outcome(&file.check_unchanged().map(|()| open(&[]).expect("never")));
+    assert!(text.starts_with("Changed"), "{text}");
+    std::fs::remove_file(&path).expect("removed");
+    assert!(matches!(file.check_unchanged(), Err(InputError::Read { .. })));
+}
