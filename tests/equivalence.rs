@@ -51,7 +51,12 @@ fn one_file(folder: &Path, points: &[Point]) -> Vec<PathBuf> {
 }
 
 /// Classes and object ids of the whole cloud by brute force.
-fn expected(points: &[Point], formats: &[u8], d_t_mm: i64, sizes: std::ops::RangeInclusive<usize>) -> (Vec<u8>, Vec<u32>) {
+fn expected(
+    points: &[Point],
+    formats: &[u8],
+    d_t_mm: i64,
+    sizes: std::ops::RangeInclusive<usize>,
+) -> (Vec<u8>, Vec<u32>) {
     let at: Vec<[i64; 3]> = points.iter().map(|point| point.mm).collect();
     let noise = oracle::noise(&at, 300, 4, 900);
     let hidden: Vec<bool> = noise.iter().map(|&code| code != 0).collect();
@@ -96,8 +101,16 @@ struct Case {
 }
 
 fn cases() -> impl Strategy<Value = Case> {
-    let base = prop::sample::select(vec![[0; 3], [651_000_120, 5_423_000_990, 98_300], [-7_350, -120, -3_010]]);
-    let street = (any::<u64>(), prop::sample::select(COURSES.to_vec()), 1..16_usize, 0..30_usize, 0..12_usize, base)
+    let base =
+        prop::sample::select(vec![[0; 3], [651_000_120, 5_423_000_990, 98_300], [-7_350, -120, -3_010]]);
+    let street = (
+        any::<u64>(),
+        prop::sample::select(COURSES.to_vec()),
+        prop_oneof![1 => 1..4_usize, 4 => 4..16_usize],
+        0..40_usize,
+        prop_oneof![1 => Just(0), 4 => 3..14_usize],
+        base,
+    )
         .prop_map(|(seed, course, things, patches, strays, base_mm)| Street {
             seed,
             course,
@@ -107,7 +120,11 @@ fn cases() -> impl Strategy<Value = Case> {
             strays,
             base_mm,
         });
-    let shape = (prop::sample::select(vec![0_u8, 1, 6]), prop::sample::select(vec![1_i64, 10, 10, 20, 100]), 0..5_000_i64);
+    let shape = (
+        prop::sample::select(vec![0_u8, 1, 6]),
+        prop::sample::select(vec![1_i64, 10, 10, 20, 100]),
+        0..5_000_i64,
+    );
     let shapes = prop::collection::vec(shape, 1..=3);
     let tile_m = prop_oneof![3 => 1.0..6.0, 1 => 6.0..60.0];
     let chunk = prop_oneof![Just(None), (5..20_u32).prop_map(Some)];
@@ -131,7 +148,8 @@ impl Case {
     fn points(&self) -> Vec<Point> {
         let mut points = self.street.points();
         if self.shuffled {
-            points = permutation(points.len(), self.street.seed).into_iter().map(|index| points[index]).collect();
+            points =
+                permutation(points.len(), self.street.seed).into_iter().map(|index| points[index]).collect();
             number(&mut points);
         }
         points
@@ -185,7 +203,11 @@ fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte(
     TestRunner::new(ProptestConfig::with_source_file(file!())).run(&cases(), compare).unwrap();
     // Drives of one tile, without ground, noise or objects, prove little; and both ways to gather a tile must occur.
     let counts = [rich, by_block].map(|counter| counter.get());
-    assert!(counts[0] * 3 > cases_run.get() && counts[1] * 10 > cases_run.get(), "{counts:?} of {}", cases_run.get());
+    assert!(
+        counts[0] * 3 > cases_run.get() && counts[1] * 10 > cases_run.get(),
+        "{counts:?} of {}",
+        cases_run.get()
+    );
 }
 
 /// A street of a few thousand points per course, for tests that need no brute force.
@@ -199,7 +221,12 @@ fn labelled(points: &[Point]) -> Labelled {
     let files = one_file(folder.path(), points);
     let out = folder.path().join("out");
     let summary = drive(&files, &out, &small(5.0, 2, &[])).unwrap();
-    assert!(summary.tiles > 4 && summary.objects > 10, "{} tiles, {} objects", summary.tiles, summary.objects);
+    assert!(
+        summary.tiles > 4 && summary.objects > 10,
+        "{} tiles, {} objects",
+        summary.tiles,
+        summary.objects
+    );
     Labelled::read(&files, &out)
 }
 
@@ -207,7 +234,12 @@ fn labelled(points: &[Point]) -> Labelled {
 fn threads_and_tile_length_change_no_byte() {
     for (course, points) in middling() {
         let folder = scratch();
-        let files = write_files(folder.path(), &points, &[Shape::default(), Shape { format: 1, ..Shape::default() }], Some(300));
+        let files = write_files(
+            folder.path(),
+            &points,
+            &[Shape::default(), Shape { format: 1, ..Shape::default() }],
+            Some(300),
+        );
         let whole = folder.path().join("whole");
         drive(&files, &whole, &small(WHOLE_M, 1, &[])).unwrap();
         for (tile_m, threads) in [(1.0, 2), (3.3, 1), (3.3, 4), (20.0, 2), (60.0, 1)] {
@@ -224,7 +256,8 @@ fn moving_the_drive_by_whole_voxels_and_cells_changes_no_label_and_no_class() {
     let before = labelled(&points);
     // Voxels of 300 mm and cells of 1 m have common faces every 3 m.
     for shift in [[3_000, 0, 0], [-651_000, 99_000, -300], [300_000_000, -300_000_000, 90_000]] {
-        let move_by = |point: &Point| Point { mm: std::array::from_fn(|axis| point.mm[axis] + shift[axis]), ..*point };
+        let move_by =
+            |point: &Point| Point { mm: std::array::from_fn(|axis| point.mm[axis] + shift[axis]), ..*point };
         let moved: Vec<Point> = points.iter().map(move_by).collect();
         let after = labelled(&moved);
         assert_eq!(after.label, before.label, "{shift:?}");
@@ -279,7 +312,10 @@ fn points_beyond_reach_change_nothing_here() {
     let count = points.len();
     let far: Vec<Point> = points
         .iter()
-        .map(|point| Point { mm: [point.mm[0] + 30_000, point.mm[1] + 240_030, point.mm[2] + 1_230], ..*point })
+        .map(|point| Point {
+            mm: [point.mm[0] + 30_000, point.mm[1] + 240_030, point.mm[2] + 1_230],
+            ..*point
+        })
         .collect();
     points.extend(far);
     let after = labelled(&points);
@@ -343,7 +379,8 @@ impl GroundFilter for Shortsighted<VoxelColumn> {
 }
 
 const FAR_LINKS: EuclideanConfig = EuclideanConfig { d_t: 3.5, min_points: 2, max_points: 0 };
-const FAR_GROUND: VoxelColumnConfig = VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 6.0 };
+const FAR_GROUND: VoxelColumnConfig =
+    VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 6.0 };
 
 const SHORTSIGHTED_LINKS: ClusterEntry = ClusterEntry {
     name: "shortsighted-links",
@@ -367,7 +404,9 @@ fn posts() -> Vec<Point> {
     let mut points = Vec::new();
     for post in 0..20_i64 {
         points.extend((0..30).map(|step| Point::at([post * 3_000, 500, 2_000 + step * 100])));
-        points.extend((0..40).map(|step| Point::at([post * 3_000 + step % 8 * 100, step / 8 * 300, post * 400])));
+        points.extend(
+            (0..40).map(|step| Point::at([post * 3_000 + step % 8 * 100, step / 8 * 300, post * 400])),
+        );
     }
     number(&mut points);
     points
@@ -406,8 +445,9 @@ fn occupied() -> impl Strategy<Value = Vec<(Cell, u32, f64)>> {
     let near = (-40..40_i32, -40..40_i32);
     let any_cell = prop_oneof![9 => near, 1 => (any::<i32>(), any::<i32>())];
     let chainage = prop_oneof![Just(0.0), -5.0..200.0, (0..40_i32).prop_map(|step| f64::from(step) * 5.0)];
-    prop::collection::btree_map(any_cell, (1..500_u32, chainage), 1..150)
-        .prop_map(|cells| cells.into_iter().map(|((i, j), (points, chainage))| ([i, j], points, chainage)).collect())
+    prop::collection::btree_map(any_cell, (1..500_u32, chainage), 1..150).prop_map(|cells| {
+        cells.into_iter().map(|((i, j), (points, chainage))| ([i, j], points, chainage)).collect()
+    })
 }
 
 fn sizes() -> impl Strategy<Value = TileSize> {
@@ -416,7 +456,9 @@ fn sizes() -> impl Strategy<Value = TileSize> {
 
 /// Border-to-border distance of two cells, squared, in lattice units.
 fn gap_squared(a: Cell, b: Cell, edge: i64) -> i128 {
-    let along = |axis: usize| i128::from((i64::from(a[axis]) - i64::from(b[axis])).abs() - 1).max(0) * i128::from(edge);
+    let along = |axis: usize| {
+        i128::from((i64::from(a[axis]) - i64::from(b[axis])).abs() - 1).max(0) * i128::from(edge)
+    };
     along(0).pow(2) + along(1).pow(2)
 }
 
@@ -459,7 +501,11 @@ fn a_real_street_is_the_same_in_any_tiles() {
     let laz = vec![folder.path().join("street.laz")];
     std::fs::copy(data.join("real/lille_street.laz"), &laz[0]).unwrap();
     let list = |tile_m: f64, threads: usize| {
-        vec![format!("tiling.tile_length={tile_m}"), format!("run.threads={threads}"), "run.memory_mib=512".to_owned()]
+        vec![
+            format!("tiling.tile_length={tile_m}"),
+            format!("run.threads={threads}"),
+            "run.memory_mib=512".to_owned(),
+        ]
     };
     let whole = folder.path().join("whole");
     drive(&laz, &whole, &list(WHOLE_M, 1)).unwrap();

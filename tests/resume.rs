@@ -36,7 +36,8 @@ impl Inputs {
         let points = street().points();
         Shape::default().write(&folder.path().join("street.las"), &points);
         Shape::default().write_in_chunks(&folder.path().join("street.laz"), &points, 500);
-        std::fs::copy(shipped("tests/data/tree_road_sweep.laz"), folder.path().join("sweep.laz")).expect("copied");
+        std::fs::copy(shipped("tests/data/tree_road_sweep.laz"), folder.path().join("sweep.laz"))
+            .expect("copied");
         Self { folder }
     }
 
@@ -66,7 +67,9 @@ fn killed_at_random_moments_it_goes_on_to_the_same_bytes() {
         let mut cut_short = 0;
         for round in 0..8_u64 {
             let threads = ["1", "2", "4"][random.random_range(0..3_usize)];
-            let mut child = run_command(&inputs.list(input), &out, &options(&["--threads", threads])).spawn().expect("starts");
+            let mut child = run_command(&inputs.list(input), &out, &options(&["--threads", threads]))
+                .spawn()
+                .expect("starts");
             std::thread::sleep(Duration::from_millis(random.random_range(0..40 + round * 10)));
             // SIGKILL: nothing is flushed, nothing is said.
             child.kill().expect("killed");
@@ -87,11 +90,13 @@ fn other_threads_recompute_nothing() {
     assert!(finished(&before, "ground") > 15, "{} tiles", finished(&before, "ground"));
     for more in [["--threads", "1"], ["--threads", "4"], ["--memory", "512M"]] {
         // Memory is given twice, the later one counts: only for the first two.
-        let list = if more[0] == "--memory" { vec!["--tile-length", "4", more[0], more[1]] } else { options(&more) };
+        let list =
+            if more[0] == "--memory" { vec!["--tile-length", "4", more[0], more[1]] } else { options(&more) };
         run_to_the_end(&inputs.list("street.laz"), &out, &list);
     }
     let after = events(&out);
-    let units = |list: &[serde_json::Value]| list.iter().filter(|event| event["event"] == "unit-finished").count();
+    let units =
+        |list: &[serde_json::Value]| list.iter().filter(|event| event["event"] == "unit-finished").count();
     assert_eq!(units(&after), units(&before), "something was computed again");
     assert!(outputs(&out) == bytes);
 }
@@ -195,14 +200,20 @@ fn a_refused_input_leaves_no_trace_in_the_state() {
         file.set_modified(time + Duration::from_secs(since)).expect("a time");
     };
     put(&right, 0);
-    let out = inputs.undisturbed("street.laz", &[]);
+    // Tiles so long that they read the unpacked positions, and not points grouped by tile.
+    let long = ["--tile-length", "30"];
+    let out = inputs.path("out");
+    run_to_the_end(&inputs.list("street.laz"), &out, &long);
+    assert_eq!(finished(&events(&out), "scatter"), 0);
     put(&wrong, 50);
-    refused(&inputs.list("street.laz"), &out, &[], 6, &["the points of street.laz have changed"]);
+    let output = run_command(&inputs.list("street.laz"), &out, &long).output().expect("starts");
+    let (code, errors) = ended(&output);
+    assert!(code == 6 && errors.contains("the points of street.laz have changed"), "{code}: {errors}");
     put(&right, 0);
-    let more = ["--set", "noise.min_component_points=5"];
-    run_to_the_end(&inputs.list("street.laz"), &out, &options(&more));
+    let more = [long[0], long[1], "--set", "noise.min_component_points=5"];
+    run_to_the_end(&inputs.list("street.laz"), &out, &more);
     let direct = inputs.path("direct");
-    run_to_the_end(&inputs.list("street.laz"), &direct, &options(&more));
+    run_to_the_end(&inputs.list("street.laz"), &direct, &more);
     assert_same_outputs(&direct, &out, "after a refused input");
 }
 
@@ -210,9 +221,16 @@ fn a_refused_input_leaves_no_trace_in_the_state() {
 fn a_locked_directory_is_refused_and_says_who_holds_it() {
     let inputs = Inputs::new();
     let out = inputs.undisturbed("sweep.laz", &[]);
-    let lock = std::fs::File::options().read(true).write(true).open(out.join(".chainage/lock")).expect("the lock");
+    let lock =
+        std::fs::File::options().read(true).write(true).open(out.join(".chainage/lock")).expect("the lock");
     lock.lock().expect("free");
-    refused(&inputs.list("sweep.laz"), &out, &[], 7, &["is in use by process", "hint: wait for the other run"]);
+    refused(
+        &inputs.list("sweep.laz"),
+        &out,
+        &[],
+        7,
+        &["is in use by process", "hint: wait for the other run"],
+    );
     lock.unlock().expect("held");
     run_to_the_end(&inputs.list("sweep.laz"), &out, &options(&[]));
 }
@@ -223,7 +241,8 @@ fn unit_files(out: &Path) -> Vec<PathBuf> {
     for pass in std::fs::read_dir(out.join(".chainage")).expect("the state") {
         let pass = pass.expect("an entry").path();
         if pass.is_dir() {
-            let entries = std::fs::read_dir(pass).expect("readable").map(|entry| entry.expect("an entry").path());
+            let entries =
+                std::fs::read_dir(pass).expect("readable").map(|entry| entry.expect("an entry").path());
             files.extend(entries.filter(|path| path.extension().is_some_and(|extension| extension == "bin")));
         }
     }
@@ -259,7 +278,8 @@ fn damaged_unit_files_are_noticed_and_computed_again() {
             let before = events(&out).len();
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             let after = &events(&out)[before..];
-            let again: usize = ["survey", "scatter", "ground", "cluster"].iter().map(|pass| finished(after, pass)).sum();
+            let again: usize =
+                ["survey", "scatter", "ground", "cluster"].iter().map(|pass| finished(after, pass)).sum();
             assert_eq!(again, files.len(), "{damage}");
             let refusals = after.iter().filter(|event| event["event"] == "refused").count();
             assert_eq!(refusals, if damage == "removed" { 0 } else { files.len() }, "{damage}");
@@ -275,13 +295,18 @@ fn lost_columns_are_noticed_and_computed_again() {
     let inputs = Inputs::new();
     let out = inputs.undisturbed("sweep.laz", &[]);
     let bytes = outputs(&out);
-    for column in ["positions", "classes", "labels"] {
+    for column in ["positions/00000", "scattered/000000", "classes/00000", "labels/00000"] {
         for lost in [true, false] {
-            let path = out.join(".chainage").join(column).join("00000");
+            let path = out.join(".chainage").join(column);
             if lost {
                 std::fs::remove_file(&path).expect("removed");
             } else {
-                std::fs::File::options().write(true).open(&path).expect("the column").set_len(1_000).expect("cut");
+                std::fs::File::options()
+                    .write(true)
+                    .open(&path)
+                    .expect("the column")
+                    .set_len(1_000)
+                    .expect("cut");
             }
             std::fs::remove_file(out.join("objects.csv")).expect("removed");
             run_to_the_end(&inputs.list("sweep.laz"), &out, &options(&[]));
@@ -290,22 +315,46 @@ fn lost_columns_are_noticed_and_computed_again() {
     }
 }
 
+/// The copy is lost after its unit is done and before it has its name (a folder has it). Then the same with a copy
+/// that another call has begun with other settings.
 #[test]
 fn a_lost_half_written_copy_is_written_again() {
     let inputs = Inputs::new();
-    // Millions of points would be needed for two units of export; instead, the copy is lost after its unit is done and
-    // before it has its name: the tables cannot be written, because a folder has their name.
     let undisturbed = inputs.undisturbed("street.las", &[]);
     let out = inputs.path("out");
-    let state = out.join(".chainage");
-    std::fs::create_dir_all(out.join("street.las")).expect("a folder in the way");
-    std::fs::create_dir_all(state.join("export")).expect("as if begun");
-    refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write"]);
-    assert!(state.join("pass-04-export/unit-000000.bin").exists());
-    std::fs::remove_dir(out.join("street.las")).expect("removed");
-    std::fs::remove_file(state.join("export/00000.part")).expect("removed");
-    run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
-    assert_same_outputs(&undisturbed, &out, "after the half-written copy was lost");
+    let (state, copy) = (out.join(".chainage"), out.join("street.las"));
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.d_t=0.4"]));
+    for other in [None, Some("output.original_classification=true"), Some("euclidean.d_t=0.7")] {
+        std::fs::remove_file(&copy).expect("removed");
+        std::fs::create_dir_all(&copy).expect("a folder in the way");
+        refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write", "street.las"]);
+        assert!(state.join("pass-04-export/unit-000000.bin").exists(), "the unit was done");
+        match other {
+            None => std::fs::remove_file(state.join("export/00000.part")).expect("removed"),
+            Some(other) => refused(
+                &inputs.list("street.las"),
+                &out,
+                &["--set", other],
+                5,
+                &["cannot write", "street.las"],
+            ),
+        }
+        std::fs::remove_dir(&copy).expect("removed");
+        run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
+        assert_same_outputs(&undisturbed, &out, &format!("after {other:?}"));
+    }
+}
+
+/// Starting over where a run has finished is no danger to anything foreign.
+#[test]
+fn fresh_starts_over_in_the_same_directory() {
+    let inputs = Inputs::new();
+    let out = inputs.undisturbed("street.laz", &[]);
+    let bytes = outputs(&out);
+    let before = events(&out).len();
+    run_to_the_end(&inputs.list("street.laz"), &out, &options(&["--fresh"]));
+    assert!(before > 0 && finished(&events(&out), "ground") > 15, "nothing was computed again");
+    assert!(outputs(&out) == bytes);
 }
 
 /// A limit of file sizes stands for a full disk; the signal that comes with it is ignored.
@@ -394,7 +443,10 @@ fn ctrl_c_ends_with_130_and_the_same_command_resumes() {
     assert!(shell(&format!("kill -INT {}", child.id())));
     let (code, errors) = ended(&child.wait_with_output().expect("ended"));
     assert_eq!(code, 130, "{errors}");
-    assert!(errors.contains("error: interrupted with ") && errors.contains("hint: the same command resumes"), "{errors}");
+    assert!(
+        errors.contains("error: interrupted with ") && errors.contains("hint: the same command resumes"),
+        "{errors}"
+    );
     let done = finished(&events(&out), "ground");
     let undisturbed = inputs.path("undisturbed");
     run_to_the_end(&inputs.list("sweep.laz"), &undisturbed, &more);
@@ -411,8 +463,21 @@ fn nothing_foreign_is_overwritten_and_no_input_is_at_risk() {
     let out = inputs.path("out");
     std::fs::create_dir(&out).expect("a folder");
     std::fs::write(out.join("sweep.laz"), b"mine").expect("written");
-    refused(&inputs.list("sweep.laz"), &out, &[], 5, &["out/sweep.laz would be overwritten", "hint: choose another output"]);
+    refused(
+        &inputs.list("sweep.laz"),
+        &out,
+        &[],
+        5,
+        &["out/sweep.laz would be overwritten", "hint: choose another output"],
+    );
     assert_eq!(std::fs::read(out.join("sweep.laz")).expect("still there"), b"mine");
+    for table in ["objects.csv", "objects.geojson", "report.json"] {
+        let out = inputs.path(&format!("out-{table}"));
+        std::fs::create_dir(&out).expect("a folder");
+        std::fs::write(out.join(table), b"mine").expect("written");
+        refused(&inputs.list("sweep.laz"), &out, &[], 5, &[table, "would be overwritten"]);
+        assert_eq!(std::fs::read(out.join(table)).expect("still there"), b"mine");
+    }
     refused(&inputs.list("sweep.laz"), inputs.folder.path(), &[], 5, &["sweep.laz would be overwritten"]);
     assert!(!inputs.path(".chainage").exists(), "state was begun beside the input");
     // A link to the folder of the input is the folder of the input.
@@ -430,7 +495,12 @@ fn tables_and_copies_that_were_removed_or_cut_are_written_again() {
             std::fs::remove_file(out.join(file)).expect("removed");
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             assert!(outputs(&out) == bytes, "{file} was removed");
-            std::fs::File::options().write(true).open(out.join(file)).expect("the file").set_len(2).expect("cut");
+            std::fs::File::options()
+                .write(true)
+                .open(out.join(file))
+                .expect("the file")
+                .set_len(2)
+                .expect("cut");
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             assert!(outputs(&out) == bytes, "{file} was cut");
         }

@@ -106,6 +106,7 @@ impl<'a> Flow<'a> {
         self.engine.tell(&Event::Warning { text: &text });
         let pass = ScatterPass::new(self.drive, tiles.plan.owners(), self.engine.run_dir)?;
         let dir = self.pass_dir(inputs::SCATTER, inputs::scatter(scene, tiles.plan));
+        pass.forget_lost(&dir)?;
         self.passes.push(self.engine.execute(&pass, &dir)?);
         Ok(Some(pass.reduce(&dir)?))
     }
@@ -157,6 +158,7 @@ impl<'a> Flow<'a> {
         finish::write_tables(self.engine.run_dir, self.drive, scene, &stitched, &terrain)?;
         let finished = Finished { objects: stitched.objects.len(), files: export.names() };
         finish::mark_finished(self.engine.run_dir, &export_dir, &finished)?;
+        export.begin(&export_dir, self.engine.run_dir)?;
         Ok(Outcome { counts, objects: stitched.objects.len(), nothing_to_do: false })
     }
 }

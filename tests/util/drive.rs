@@ -80,7 +80,9 @@ impl Labelled {
             let label = layout.dimension("cluster_id").expect("labelled").offset;
             for block in 0..file.blocks().len() {
                 let mut buffer = Vec::new();
-                for record in file.records(block, Fields::All, &mut buffer).expect("readable").chunks(layout.record_len) {
+                for record in
+                    file.records(block, Fields::All, &mut buffer).expect("readable").chunks(layout.record_len)
+                {
                     let four = |at: usize| <[u8; 4]>::try_from(&record[at..at + 4]).expect("four bytes");
                     let xyz = [0, 4, 8].map(|at| i32::from_le_bytes(four(at)));
                     all.at.push(file.transform().apply(xyz));
@@ -124,7 +126,11 @@ pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
         }
     }
     files.sort();
-    assert!(files.len() >= 3, "labelled copies and two tables: {:?}", files.iter().map(|file| &file.0).collect::<Vec<_>>());
+    assert!(
+        files.len() >= 3,
+        "labelled copies and two tables: {:?}",
+        files.iter().map(|file| &file.0).collect::<Vec<_>>()
+    );
     files
 }
 
@@ -135,7 +141,12 @@ pub(crate) fn assert_same_outputs(one: &Path, other: &Path, what: &str) {
     assert_eq!(names(&one), names(&other), "{what}");
     for ((name, one), (_, other)) in one.iter().zip(&other) {
         let first = one.iter().zip(other).position(|(a, b)| a != b);
-        assert!(one == other, "{what}: {name} differs ({} and {} bytes, first at {first:?})", one.len(), other.len());
+        assert!(
+            one == other,
+            "{what}: {name} differs ({} and {} bytes, first at {first:?})",
+            one.len(),
+            other.len()
+        );
     }
 }
 

@@ -166,6 +166,7 @@ impl Shape {
         let mut compressor = laz::LasZipCompressor::new(&mut out, vlr).expect("a compressor");
         compressor.compress_many(&records).expect("compressed");
         compressor.done().expect("done");
+        drop(compressor);
         out.into_inner()
     }
 }

@@ -23,7 +23,8 @@ pub(crate) enum Course {
 }
 
 /// All courses.
-pub(crate) const COURSES: [Course; 4] = [Course::Straight, Course::Hairpin, Course::Loop, Course::Carriageways];
+pub(crate) const COURSES: [Course; 4] =
+    [Course::Straight, Course::Hairpin, Course::Loop, Course::Carriageways];
 
 impl Course {
     /// Position in metres at the share `at` (0 to 1) of the drive.
@@ -83,7 +84,8 @@ impl Street {
             let (at, start) = self.beside(&mut random, 6.0, 0.1);
             for _ in 0..random.random_range(1..8) {
                 let shift = [0, 1].map(|_| random.random_range(-60..=60) * 10);
-                let mm = [start[0] + shift[0], start[1] + shift[1], start[2] + random.random_range(0..9) * 10];
+                let mm =
+                    [start[0] + shift[0], start[1] + shift[1], start[2] + random.random_range(0..9) * 10];
                 points.push(Point { mm, time: at * DRIVE_S, mark: 0 });
             }
         }
@@ -113,14 +115,26 @@ impl Street {
         // Long things lie along x or y, so that they cross tiles.
         let along = random.random_range(0..3_usize);
         points.push(Point { mm: start, time: at * DRIVE_S, mark: 0 });
+        let stands = random.random_bool(0.7);
         for _ in 1..count {
-            let from = if random.random_bool(0.7) { points.len() - 1 } else { random.random_range(first..points.len()) };
+            let from = if random.random_bool(0.7) {
+                points.len() - 1
+            } else {
+                random.random_range(first..points.len())
+            };
             let mut mm = points[from].mm;
             let axis = if random.random_bool(0.6) { along } else { random.random_range(0..3) };
             let step = *STEPS.choose(random).expect("steps");
             mm[axis] += if axis == along || random.random_bool(0.5) { step } else { -step };
             mm[2] = mm[2].max(self.base_mm[2]);
             points.push(Point { mm, time: at * DRIVE_S, mark: 0 });
+        }
+        if stands {
+            // On ground, without which a thing is the lowest there is.
+            for step in 0..4 {
+                let mm = [start[0] + step % 2 * 200, start[1] + step / 2 * 200, self.base_mm[2]];
+                points.push(Point { mm, time: at * DRIVE_S, mark: 0 });
+            }
         }
     }
 
