@@ -153,12 +153,12 @@ impl<'a> Flow<'a> {
         });
         finish::withdraw(self.engine.run_dir, &export_dir)?;
         let export = ExportPass::new(self.drive, plan.owners(), &stitched.ids, labelled, self.engine.run_dir)?;
+        export.begin(&export_dir, self.engine.run_dir)?;
         self.passes.push(self.engine.execute(&export, &export_dir)?);
         export.reduce(&export_dir, self.engine.run_dir)?;
         finish::write_tables(self.engine.run_dir, self.drive, scene, &stitched, &terrain)?;
         let finished = Finished { objects: stitched.objects.len(), files: export.names() };
         finish::mark_finished(self.engine.run_dir, &export_dir, &finished)?;
-        export.begin(&export_dir, self.engine.run_dir)?;
         Ok(Outcome { counts, objects: stitched.objects.len(), nothing_to_do: false })
     }
 }
