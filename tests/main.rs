@@ -1,12 +1,20 @@
 //! One integration binary: one link step.
 
 #[cfg(test)]
+mod architecture;
+#[cfg(test)]
 mod chunk_tables;
+#[cfg(test)]
+mod cli;
 #[cfg(test)]
 mod conformance;
 mod contracts;
 #[cfg(test)]
 mod damage;
+#[cfg(test)]
+mod edge;
+#[cfg(test)]
+mod equivalence;
 #[cfg(test)]
 mod eval;
 mod kernels;
@@ -14,5 +22,7 @@ mod kernels;
 mod labelled;
 #[cfg(test)]
 mod refusals;
+#[cfg(test)]
+mod resume;
 #[cfg(test)]
 mod util;

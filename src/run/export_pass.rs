@@ -138,16 +138,50 @@ impl<'a> ExportPass<'a> {
         Ok(())
     }
 
-    /// Gives every labelled copy its final name, now that all units are done. May be interrupted and called again:
-    /// the intent to name a file is on disk before it is named, so a missing part then means that it has its name.
+    /// Sees to it that finished units have their bytes: units of a copy whose half-written file was lost, or was begun
+    /// for something else since, are taken back, and the file is begun anew.
+    pub(crate) fn begin(&self, dir: &PassDir, run_dir: &RunDir) -> Result<()> {
+        let fingerprint = dir.fingerprint().to_string();
+        for (file, target) in self.targets.iter().enumerate() {
+            let record = format!("export/{file:05}.begun.json");
+            let begun = run_dir.read_json::<String>(&record)?.is_some_and(|stored| stored == fingerprint);
+            if self.is_named(file, dir, run_dir)? || (begun && target.part.exists()) {
+                continue;
+            }
+            for (unit, _) in self.units.iter().enumerate().filter(|(_, unit)| unit.file == file) {
+                // Chunks of a compressed copy are in the units themselves, and fit or do not by their fingerprint.
+                if !target.labelled.is_compressed() {
+                    dir.invalidate(unit)?;
+                }
+            }
+            if let Err(source) = std::fs::remove_file(&target.part)
+                && source.kind() != std::io::ErrorKind::NotFound
+            {
+                return Err(OutputError::Write { path: target.part.clone(), source }.into());
+            }
+            run_dir.write_json(&record, &fingerprint)?;
+            open_part(target)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the finished copy of a file has its name: the intent to name it is on disk before it is named, so a
+    /// missing part then means that it was.
+    fn is_named(&self, file: usize, dir: &PassDir, run_dir: &RunDir) -> Result<bool> {
+        let target = &self.targets[file];
+        let meant = run_dir.read_json::<String>(&intent(file))?;
+        let path = run_dir.out().join(target.labelled.name());
+        Ok(meant.is_some_and(|stored| stored == dir.fingerprint().to_string())
+            && path.exists()
+            && !target.part.exists())
+    }
+
+    /// Gives every labelled copy its final name, now that all units are done. May be interrupted and called again.
     pub(crate) fn reduce(&self, dir: &PassDir, run_dir: &RunDir) -> Result<()> {
         for (file, target) in self.targets.iter().enumerate() {
             let path = run_dir.out().join(target.labelled.name());
             let failed = |source| OutputError::Write { path: path.clone(), source };
-            let intent = format!("export/{file:05}.json");
-            let fingerprint = dir.fingerprint().to_string();
-            let meant = run_dir.read_json::<String>(&intent)?.is_some_and(|stored| stored == fingerprint);
-            if meant && !target.part.exists() {
+            if self.is_named(file, dir, run_dir)? {
                 continue;
             }
             let part = open_part(target)?;
@@ -168,7 +202,7 @@ impl<'a> ExportPass<'a> {
                 part.set_len(end).map_err(failed)?;
             }
             part.sync_all().map_err(failed)?;
-            run_dir.write_json(&intent, &fingerprint)?;
+            run_dir.write_json(&intent(file), &dir.fingerprint().to_string())?;
             publish(&target.part, &path).map_err(failed)?;
         }
         Ok(())
@@ -234,6 +268,11 @@ fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
         payload = rest;
     }
     Ok(chunks)
+}
+
+/// Record of the intent to give the copy of a file its name.
+fn intent(file: usize) -> String {
+    format!("export/{file:05}.json")
 }
 
 fn length(records: &Range<u64>) -> u64 {
