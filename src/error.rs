@@ -119,7 +119,9 @@ impl Error {
 #[non_exhaustive]
 pub enum AlgorithmError {
     /// The points extend over more cells than the method's index can hold.
-    #[error("{method}: the points span {cells} cells of {edge_units} lattice units along one axis, at most {limit} fit")]
+    #[error(
+        "{method}: the points span {cells} cells of {edge_units} lattice units along one axis, at most {limit} fit"
+    )]
     TooManyCells {
         /// Name of the method.
         method: &'static str,

@@ -43,7 +43,10 @@ impl Lattice {
     /// assert_eq!(Lattice::MILLIMETRE.units(0.3), 300);
     /// ```
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "lengths are validated settings of at most kilometres")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "lengths are validated settings of at most kilometres"
+    )]
     pub fn units(self, length_m: f64) -> i64 {
         (length_m * f64::from(self.units_per_m)).round() as i64
     }
@@ -97,7 +100,10 @@ impl AxisTransform {
     /// The lattice coordinate of a record coordinate.
     #[inline]
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "checked against LIMIT_UNITS when the file was opened")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "checked against LIMIT_UNITS when the file was opened"
+    )]
     pub fn apply(self, record: i32) -> i64 {
         match self {
             Self::Integer { factor, shift } => i64::from(record) * factor + shift,
@@ -139,7 +145,10 @@ mod tests {
         );
         assert!(matches!(AxisTransform::new(0.0017, 0.0, 1.0, lattice), AxisTransform::Real { .. }));
         // 0.01 US survey feet are 3.048006 mm.
-        assert!(matches!(AxisTransform::new(0.01, 0.0, 1200.0 / 3937.0, lattice), AxisTransform::Real { .. }));
+        assert!(matches!(
+            AxisTransform::new(0.01, 0.0, 1200.0 / 3937.0, lattice),
+            AxisTransform::Real { .. }
+        ));
     }
 
     #[test]

@@ -15,6 +15,20 @@ pub enum OutputError {
         /// Why.
         source: std::io::Error,
     },
+    /// The LAZ encoder refused.
+    #[error("cannot compress points")]
+    Compress {
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// Bytes that are no whole number of point records.
+    #[error("{bytes} bytes of points are no whole number of records of {record_bytes} bytes")]
+    PartialRecord {
+        /// Bytes that were to be written.
+        bytes: usize,
+        /// Bytes of one record.
+        record_bytes: u64,
+    },
 }
 
 impl OutputError {
@@ -25,7 +39,7 @@ impl OutputError {
             Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
                 Some("free some space and type the same command again: it resumes".into())
             }
-            Self::Write { .. } => None,
+            Self::Write { .. } | Self::Compress { .. } | Self::PartialRecord { .. } => None,
         }
     }
 }

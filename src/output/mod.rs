@@ -1,5 +1,6 @@
 //! Output: labelled copies of the input files, the object table, the report.
 
 mod error;
+pub(crate) mod laz_chunk;
 
 pub use error::OutputError;
