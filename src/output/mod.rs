@@ -2,5 +2,6 @@
 
 mod error;
 pub(crate) mod laz_chunk;
+pub(crate) mod new_file;
 
 pub use error::OutputError;
