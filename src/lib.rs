@@ -15,4 +15,6 @@ pub mod output;
 
 pub mod store;
 
+pub mod synth;
+
 pub use error::{AlgorithmError, Error, ErrorKind, Result};
