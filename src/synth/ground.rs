@@ -51,9 +51,9 @@ impl Section {
         }
     }
 
-    /// Middle of the innermost lane: where the vehicle drives.
+    /// Middle of the outermost lane: where the vehicle drives.
     pub(super) fn driving_line(&self) -> f64 {
-        self.median + self.lane * 0.5
+        self.lanes - self.lane * 0.5
     }
 
     /// Distances from the axis at which the profile bends.

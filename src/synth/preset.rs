@@ -192,7 +192,7 @@ static DOWNTOWN: Layout = Layout {
     rows: &[
         row(&["lamp"], Line::Kerb, 0.6, 26.0, 1.0, 1.0),
         row(STREET_TREES, Line::Kerb, 0.9, 8.5, 1.0, 0.72),
-        row(CARS, Line::Parking, 0.0, 5.1, 0.1, 0.55),
+        row(CARS, Line::Parking, 0.0, 5.1, 0.1, 0.4),
         row(&["sign"], Line::Kerb, 0.4, 24.0, 10.0, 0.9),
         row(&["bollard"], Line::Kerb, 0.35, 9.0, 6.0, 0.5),
         row(&["bench", "bin", "box", "hydrant"], Line::Kerb, 1.7, 14.0, 8.0, 0.6),

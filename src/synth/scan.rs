@@ -22,6 +22,8 @@ pub(super) const START_TIME: f64 = 465_552_000.0;
 /// elevation, degrees. A crossed pair, fitted to the labelled scenes.
 const AZIMUTH: f64 = 45.0;
 const ELEVATION: f64 = 22.0;
+/// Fraction by which the phase of the profiles advances: the most irrational one, so that no rows line up.
+const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
 /// Two echoes of one pulse closer than this are one echo in between, metres (pulse length of some nanoseconds).
 const SEPARATION: f32 = 0.6;
 /// Most echoes of a pulse that are kept.
@@ -82,8 +84,8 @@ impl Scanner {
 /// One profile head as mounted, in the vehicle's frame (forward, left, up).
 struct Head {
     lever: DVec3,
-    /// Direction and scan angle (0.006 degrees) of every pulse of a profile.
-    pulses: Vec<(DVec3, i16)>,
+    /// Direction of every pulse of a profile, and the direction in which it turns.
+    pulses: Vec<[DVec3; 2]>,
 }
 
 impl Head {
@@ -96,9 +98,8 @@ impl Head {
         let down = (DVec3::NEG_Z + axis * axis.z).normalize();
         let across = axis.cross(down);
         let direction = |pulse: u64| {
-            let angle = -PI + TAU * pulse as f64 / pulses as f64;
-            let (sin, cos) = angle.sin_cos();
-            (down * cos + across * sin, (angle.to_degrees() / 0.006).round() as i16)
+            let (sin, cos) = (TAU * pulse as f64 / pulses as f64 - PI).sin_cos();
+            [down * cos + across * sin, across * cos - down * sin]
         };
         let spread = if heads > 1 { 0.35 * side } else { 0.0 };
         Self { lever: DVec3::new(-0.4, spread, 0.0), pulses: (0..pulses).map(direction).collect() }
@@ -231,8 +232,12 @@ impl<'a> Tracer<'a> {
         let head = &scan.heads[number];
         let (position, columns) = track.at(t);
         let turn = |v: DVec3| columns[0] * v.x + columns[1] * v.y + columns[2] * v.z;
-        let (body, angle) = head.pulses[pulse as usize];
-        let direction = turn(body).normalize();
+        // The mirror is not locked to the laser: every profile starts at another fraction of a step.
+        let step = TAU / scan.scanner.pulses() as f64;
+        let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
+        let [body, turning] = head.pulses[pulse as usize];
+        let direction = turn(body + turning * (phase * step)).normalize();
+        let angle = (((pulse as f64 + phase) * step - PI).to_degrees() / 0.006).round() as i16;
         let origin = position + turn(head.lever) - DVec3::from(self.window.origin);
         let count = profile * scan.scanner.pulses() + pulse;
         let mut random = Random::new(scan.seed, 20 + number as u64, count);
@@ -376,11 +381,10 @@ mod tests {
     #[test]
     fn heads_look_down_at_angle_zero_and_cross_each_other() {
         let [left, right] = [0, 1].map(|number| Head::new(number, 2, 360));
-        let (down, angle) = left.pulses[180];
-        assert_eq!(angle, 0);
+        let [down, _] = left.pulses[180];
         assert!(down.z < -0.9 && (down.length() - 1.0).abs() < 1e-12);
         // The planes of the two heads are mirror images: y changes sign, and with it the angle.
-        let (a, b) = (left.pulses[270].0, right.pulses[90].0);
+        let (a, b) = (left.pulses[270][0], right.pulses[90][0]);
         assert!((a - DVec3::new(b.x, -b.y, b.z)).length() < 1e-9, "{a} {b}");
     }
 

@@ -156,8 +156,8 @@ fn cars(paint: Material) -> [(&'static str, Builder); 5] {
 /// A tapering mast with an arm to every side named (-1 over the road).
 fn lamp(height: f32, arms: &[f32]) -> Builder {
     let mut build = Builder::default();
-    build.rod(Vec3::ZERO, Vec3::Z * 1.1, [0.11, 0.10], Material::Metal);
-    build.rod(Vec3::Z * 1.1, Vec3::Z * height, [0.075, 0.05], Material::Metal);
+    build.rod(Vec3::ZERO, Vec3::Z * 1.1, [0.13, 0.12], Material::Metal);
+    build.rod(Vec3::Z * 1.1, Vec3::Z * height, [0.1, 0.065], Material::Metal);
     for side in arms {
         let (start, knee) = (Vec3::Z * (height - 0.1), vec3(0.0, side * 0.9, height + 0.35));
         let end = vec3(0.0, side * 2.3, height + 0.5);

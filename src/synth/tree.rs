@@ -27,16 +27,16 @@ struct Habit {
 }
 
 const fn habit(kind: &'static str, height: f32, crown: f32, radius: f32, outline: fn(f32) -> f32) -> Habit {
-    Habit { kind, height, crown, radius, outline, branches: 26, rise: 0.55, leaves: 4_200, leaf: 0.062 }
+    Habit { kind, height, crown, radius, outline, branches: 34, rise: 0.55, leaves: 5_600, leaf: 0.065 }
 }
 
 fn habits() -> [Habit; 7] {
     [
-        habit("tree_round", 10.0, 2.6, 2.9, |x| (1.0 - (1.7 * x - 0.7).powi(2)).max(0.06).sqrt()),
-        habit("tree_beech", 9.0, 1.7, 2.6, |x| (1.0 - x).powf(0.55) * (0.5 + x.min(0.25) * 2.0)),
+        habit("tree_round", 10.0, 2.6, 3.6, |x| (1.0 - (1.7 * x - 0.7).powi(2)).max(0.06).sqrt()),
+        habit("tree_beech", 9.0, 1.7, 3.1, |x| (1.0 - x).powf(0.55) * (0.5 + x.min(0.25) * 2.0)),
         Habit {
             rise: 1.4,
-            ..habit("tree_vase", 9.8, 2.9, 3.1, |x| {
+            ..habit("tree_vase", 9.8, 2.9, 3.7, |x| {
                 0.3 + 0.7 * (x * 1.25).min(1.0) - (x - 0.8).max(0.0) * 2.6
             })
         },
@@ -77,8 +77,8 @@ pub(super) fn models(seed: u64) -> Vec<(&'static str, Model)> {
     }
     for variant in 0..2 {
         let mut random = Random::new(seed, 30, variant);
-        all.push(("tree_palm", palm(5.6, 1.9, 20, &mut random)));
-        all.push(("tree_sago", palm(0.45, 1.15, 26, &mut random)));
+        all.push(("tree_palm", palm([5.6, 2.1, 0.12], 15, &mut random)));
+        all.push(("tree_sago", palm([0.6, 1.75, 0.26], 32, &mut random)));
         all.push(("hedge", hedge(&mut random)));
         all.push(("bush", bush(&mut random)));
     }
@@ -126,7 +126,7 @@ fn tree(habit: &Habit, random: &mut Random) -> Model {
         let x = (branch as f32 + random.unit()) / habit.branches as f32;
         let azimuth = branch as f32 * 2.4 + random.range(-0.4, 0.4); // golden angle: no two branches over each other
         let lump = 0.86 + 0.14 * (2.0 * azimuth + lumps[0]).sin() * (5.0 * x + lumps[1]).cos();
-        let out = habit.radius * (habit.outline)(x).max(0.08) * lump * random.range(0.72, 1.0);
+        let out = habit.radius * (habit.outline)(x).max(0.08) * lump * random.range(0.7, 1.0).sqrt();
         let z = habit.crown + x * (habit.height - habit.crown);
         let from = axis((z - out * habit.rise).clamp(habit.crown * 0.8, tip));
         let (sin, cos) = azimuth.sin_cos();
@@ -151,7 +151,7 @@ fn tree(habit: &Habit, random: &mut Random) -> Model {
 }
 
 /// A palm or a cycad: fronds with two rows of leaflets on a trunk.
-fn palm(trunk: f32, frond: f32, fronds: usize, random: &mut Random) -> Model {
+fn palm([trunk, frond, leaflet_width]: [f32; 3], fronds: usize, random: &mut Random) -> Model {
     let mut build = Builder::default();
     let radius = 0.1 + trunk * 0.012;
     build.rod(Vec3::ZERO, vec3(0.05, 0.0, trunk), [radius * 1.25, radius], Material::Bark);
@@ -173,7 +173,10 @@ fn palm(trunk: f32, frond: f32, fronds: usize, random: &mut Random) -> Model {
             let length = frond * 0.24 * (PI * (0.12 + 0.82 * u1)).sin();
             for hand in [1.0, -1.0] {
                 let leaflet = (side * hand + vec3(cos, sin, 0.0) * 0.45) * length - Vec3::Z * length * 0.3;
-                build.sheet(a, (b - a) * 0.62, leaflet, Material::Leaf);
+                // Two narrow leaflets with gaps: a frond lets half of the light through.
+                for start in [0.0, 0.5] {
+                    build.sheet(a.lerp(b, start), (b - a) * leaflet_width, leaflet, Material::Leaf);
+                }
             }
         }
     }
