@@ -64,7 +64,7 @@ impl Default for Scanner {
             range_m: 100.0,
             noise_m: 0.005,
             divergence_mrad: 0.3,
-            strays: 0.0002,
+            strays: 0.000_14,
         }
     }
 }

@@ -60,12 +60,6 @@ impl Model {
     pub(super) fn height(&self) -> f32 {
         self.bounds.max.z
     }
-
-    /// Radius of the circle about the origin that holds the model, in plan.
-    pub(super) fn plan_radius(&self) -> f32 {
-        let reach = self.bounds.min.abs().max(self.bounds.max.abs());
-        reach.truncate().length()
-    }
 }
 
 /// Axis-aligned box after an affine map.

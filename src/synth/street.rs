@@ -196,6 +196,7 @@ impl Site<'_> {
             for side in [1.0, -1.0] {
                 let out = self.station(middle).section.kerb + 0.8;
                 self.put("gantry_signs", middle, side * out, Facing::Outward, &mut random);
+                self.taken.push((middle, side * out, 0.5));
             }
         }
         self.bridge_rails(&mut random);
@@ -331,8 +332,10 @@ impl Site<'_> {
         let mut random = Random::new(self.plan.seed, 6, self.here.cell as u64);
         for (side, s) in [(-1.0, zebra - 2.0), (1.0, zebra + 5.6)] {
             let offset = side * (section.kerb + 0.8);
-            self.put("gantry", s, offset, Facing::Outward, &mut random);
-            self.taken.push((s, offset, 0.5));
+            if self.free(s, offset, 0.5) {
+                self.put("gantry", s, offset, Facing::Outward, &mut random);
+                self.taken.push((s, offset, 0.5));
+            }
         }
     }
 
@@ -374,8 +377,17 @@ impl Site<'_> {
                     4 => 0.1, // parked cars keep their distance by the spacing of the row
                     _ => 0.35,
                 };
+                // Cars stand bumper to bumper in groups of up to six, with empty kerb between.
+                let share = match class_of(kind) {
+                    4 => {
+                        let key = (place / 6 * 2 + which) as u64;
+                        let group = Random::new(self.plan.seed, 9, key).chance(row.share / 0.85);
+                        if group { 0.85 } else { 0.0 }
+                    }
+                    _ => row.share,
+                };
                 let crossing = class_of(kind) == 4 && zebra.is_some_and(|z| (s - z - 1.8).abs() < 6.0);
-                if !random.chance(row.share) || crossing || !self.free(s, offset, r) {
+                if !random.chance(share) || crossing || !self.free(s, offset, r) {
                     continue;
                 }
                 self.taken.push((s, offset, r));

@@ -27,7 +27,7 @@ struct Habit {
 }
 
 const fn habit(kind: &'static str, height: f32, crown: f32, radius: f32, outline: fn(f32) -> f32) -> Habit {
-    Habit { kind, height, crown, radius, outline, branches: 34, rise: 0.55, leaves: 5_600, leaf: 0.065 }
+    Habit { kind, height, crown, radius, outline, branches: 36, rise: 0.55, leaves: 7_600, leaf: 0.07 }
 }
 
 fn habits() -> [Habit; 7] {
