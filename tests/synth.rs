@@ -247,6 +247,12 @@ struct Look {
     per_object: BTreeMap<u8, f64>,
 }
 
+/// The cell of half a metre around a place of the plane.
+#[expect(clippy::cast_possible_truncation, reason = "UTM coordinates")]
+fn half_metre(x: f64, y: f64) -> (i64, i64) {
+    ((x * 2.0).floor() as i64, (y * 2.0).floor() as i64)
+}
+
 /// `points` of one pass, the trajectory and the objects of the scene.
 fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<String, String>]) -> Look {
     let track: Vec<[f64; 4]> =
@@ -274,7 +280,7 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
             }
         }
         if point.class == 1 {
-            seen.insert([0, 1].map(|axis| (point.position[axis] * 2.0).floor() as i64).into());
+            seen.insert(half_metre(point.position[0], point.position[1]));
         } else if inside.binary_search(&point.instance).is_ok() {
             *objects.entry((point.class, point.instance)).or_default() += 1;
         }
@@ -302,7 +308,7 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
                     continue;
                 }
                 cells += 1;
-                hidden += u64::from(!seen.contains(&((x * 2.0).floor() as i64, (y * 2.0).floor() as i64)));
+                hidden += u64::from(!seen.contains(&half_metre(x, y)));
             }
         }
     }

@@ -1,5 +1,11 @@
 //! `chainage synth`: arguments, units, the progress line. What a drive is made of is decided in the library.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "shares and counts that were checked or are shown only"
+)]
+
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};

@@ -11,7 +11,7 @@ use laz::{LazVlr, LazVlrBuilder};
 use crate::output::OutputError;
 
 /// Bytes in front of the first chunk, which hold the file offset of the chunk table (i64, little-endian).
-pub(crate) const TABLE_OFFSET_BYTES: usize = 8;
+pub(crate) const TABLE_OFFSET_BYTES: u64 = 8;
 
 /// How many records a chunk holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

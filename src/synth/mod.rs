@@ -9,9 +9,7 @@
 
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
     clippy::cast_sign_loss,
-    clippy::cast_lossless,
     reason = "geometry of metres and counts below 2^24: chosen here, not read from anywhere"
 )]
 

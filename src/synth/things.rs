@@ -10,7 +10,7 @@ use super::scene::Model;
 pub(super) fn models() -> Vec<(&'static str, Model)> {
     let mut all: Vec<(&'static str, Builder)> = Vec::new();
     for paint in [Material::Paint, Material::Paint, Material::DarkPaint] {
-        all.extend(cars(paint));
+        all.extend(CARS.iter().map(|shape| (shape.kind, car(shape, paint))));
     }
     all.extend([8.2f32, 9.2].map(|height| ("lamp", lamp(height, &[-1.0]))));
     all.push(("lamp_double", lamp(10.5, &[-1.0, 1.0])));
@@ -32,125 +32,71 @@ pub(super) fn models() -> Vec<(&'static str, Model)> {
     all.into_iter().map(|(kind, build)| (kind, Model::new(build.0))).collect()
 }
 
-/// Outlines in x (front positive) and z, metres; the spans named in `glass` are windscreens.
-fn cars(paint: Material) -> [(&'static str, Builder); 5] {
-    let car = |kind, outline: &[[f32; 2]], glass: [usize; 2], belt: f32, width: f32| {
-        let mut build = Builder::default();
-        let (length, top) =
-            outline.iter().fold((0.0f32, 0.0f32), |(x, z), p| (x.max(p[0].abs()), z.max(p[1])));
-        // The greenhouse leans in by a quarter of its half width.
-        let half = |z: f32| width * 0.5 * (1.0 - 0.25 * ((z - belt) / (top - belt).max(0.3)).clamp(0.0, 1.0));
-        let skin = |i: usize| if glass.contains(&i) { Material::Glass } else { paint };
-        build.body(outline, 0.32, half, skin, belt, paint);
-        build.block(
-            [-length + 0.1, -width * 0.5 + 0.1, 0.2],
-            [length - 0.1, width * 0.5 - 0.1, 0.33],
-            Material::Rubber,
-        );
-        for x in [-0.62 * length, 0.64 * length] {
-            for y in [-1.0f32, 1.0] {
-                let hub = vec3(x, y * (width * 0.5 - 0.19), 0.32);
-                build.rod(hub, hub + Vec3::Y * y * 0.2, [0.32, 0.32], Material::Rubber);
-                build.disc(hub + Vec3::Y * y * 0.2, Vec3::Y, 0.32, Material::Rubber);
-            }
+/// Shape of a car: outline in x (front positive) and z from the rear bumper over the roof to the front, the two spans
+/// of it that are windscreens, height of the belt line, width.
+struct Car {
+    kind: &'static str,
+    outline: &'static [[f32; 2]],
+    glass: [usize; 2],
+    belt: f32,
+    width: f32,
+}
+
+#[rustfmt::skip]
+static CARS: [Car; 5] = [
+    Car {
+        kind: "car_sedan",
+        outline: &[[-2.25, 0.35], [-2.27, 0.75], [-2.15, 0.98], [-1.65, 1.02], [-0.95, 1.40], [0.25, 1.45],
+                   [1.05, 1.0], [2.05, 0.82], [2.22, 0.6], [2.2, 0.35]],
+        glass: [3, 5], belt: 0.95, width: 1.78,
+    },
+    Car {
+        kind: "car_hatch",
+        outline: &[[-1.95, 0.35], [-2.0, 0.75], [-1.95, 0.95], [-1.6, 1.42], [-0.2, 1.52], [0.3, 1.48],
+                   [1.1, 1.0], [1.85, 0.82], [2.0, 0.6], [1.98, 0.35]],
+        glass: [2, 5], belt: 0.95, width: 1.72,
+    },
+    Car {
+        kind: "car_wagon",
+        outline: &[[-2.35, 0.35], [-2.38, 0.8], [-2.3, 0.98], [-1.95, 1.42], [-0.4, 1.50], [0.25, 1.46],
+                   [1.1, 1.0], [2.1, 0.84], [2.3, 0.6], [2.28, 0.35]],
+        glass: [2, 5], belt: 0.96, width: 1.80,
+    },
+    Car {
+        kind: "car_suv",
+        outline: &[[-2.2, 0.4], [-2.25, 0.9], [-2.2, 1.1], [-1.95, 1.62], [-0.4, 1.74], [0.2, 1.70],
+                   [0.95, 1.15], [2.0, 1.02], [2.25, 0.75], [2.22, 0.4]],
+        glass: [2, 5], belt: 1.08, width: 1.86,
+    },
+    Car {
+        kind: "car_van",
+        outline: &[[-2.5, 0.4], [-2.55, 1.0], [-2.5, 1.2], [-2.42, 1.92], [0.4, 2.0], [1.1, 1.92],
+                   [1.75, 1.2], [2.3, 1.05], [2.5, 0.7], [2.48, 0.4]],
+        glass: [2, 5], belt: 1.15, width: 1.95,
+    },
+];
+
+fn car(car: &Car, paint: Material) -> Builder {
+    let Car { outline, glass, belt, width, .. } = *car;
+    let mut build = Builder::default();
+    let (length, top) = outline.iter().fold((0.0f32, 0.0f32), |(x, z), p| (x.max(p[0].abs()), z.max(p[1])));
+    // The greenhouse leans in by a quarter of its half width.
+    let half = |z: f32| width * 0.5 * (1.0 - 0.25 * ((z - belt) / (top - belt).max(0.3)).clamp(0.0, 1.0));
+    let skin = |i: usize| if glass.contains(&i) { Material::Glass } else { paint };
+    build.body(outline, 0.32, half, skin, belt, paint);
+    let (x, y) = (length - 0.1, width * 0.5 - 0.1);
+    build.block([-x, -y, 0.2], [x, y, 0.33], Material::Rubber);
+    for x in [-0.62 * length, 0.64 * length] {
+        for y in [-1.0f32, 1.0] {
+            let hub = vec3(x, y * (width * 0.5 - 0.19), 0.32);
+            build.rod(hub, hub + Vec3::Y * y * 0.2, [0.32, 0.32], Material::Rubber);
+            build.disc(hub + Vec3::Y * y * 0.2, Vec3::Y, 0.32, Material::Rubber);
         }
-        for x in [-length, length] {
-            build.stand([x, 0.0, 0.5], [0.03, 0.5, 0.11], Material::Retro); // number plates
-        }
-        (kind, build)
-    };
-    [
-        car(
-            "car_sedan",
-            &[
-                [-2.25, 0.35],
-                [-2.27, 0.75],
-                [-2.15, 0.98],
-                [-1.65, 1.02],
-                [-0.95, 1.40],
-                [0.25, 1.45],
-                [1.05, 1.0],
-                [2.05, 0.82],
-                [2.22, 0.6],
-                [2.2, 0.35],
-            ],
-            [3, 5],
-            0.95,
-            1.78,
-        ),
-        car(
-            "car_hatch",
-            &[
-                [-1.95, 0.35],
-                [-2.0, 0.75],
-                [-1.95, 0.95],
-                [-1.6, 1.42],
-                [-0.2, 1.52],
-                [0.3, 1.48],
-                [1.1, 1.0],
-                [1.85, 0.82],
-                [2.0, 0.6],
-                [1.98, 0.35],
-            ],
-            [2, 5],
-            0.95,
-            1.72,
-        ),
-        car(
-            "car_wagon",
-            &[
-                [-2.35, 0.35],
-                [-2.38, 0.8],
-                [-2.3, 0.98],
-                [-1.95, 1.42],
-                [-0.4, 1.50],
-                [0.25, 1.46],
-                [1.1, 1.0],
-                [2.1, 0.84],
-                [2.3, 0.6],
-                [2.28, 0.35],
-            ],
-            [2, 5],
-            0.96,
-            1.80,
-        ),
-        car(
-            "car_suv",
-            &[
-                [-2.2, 0.4],
-                [-2.25, 0.9],
-                [-2.2, 1.1],
-                [-1.95, 1.62],
-                [-0.4, 1.74],
-                [0.2, 1.70],
-                [0.95, 1.15],
-                [2.0, 1.02],
-                [2.25, 0.75],
-                [2.22, 0.4],
-            ],
-            [2, 5],
-            1.08,
-            1.86,
-        ),
-        car(
-            "car_van",
-            &[
-                [-2.5, 0.4],
-                [-2.55, 1.0],
-                [-2.5, 1.2],
-                [-2.42, 1.92],
-                [0.4, 2.0],
-                [1.1, 1.92],
-                [1.75, 1.2],
-                [2.3, 1.05],
-                [2.5, 0.7],
-                [2.48, 0.4],
-            ],
-            [2, 5],
-            1.15,
-            1.95,
-        ),
-    ]
+    }
+    for x in [-length, length] {
+        build.stand([x, 0.0, 0.5], [0.03, 0.5, 0.11], Material::Retro); // number plates
+    }
+    build
 }
 
 /// A tapering mast with an arm to every side named (-1 over the road).

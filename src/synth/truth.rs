@@ -30,11 +30,7 @@ impl Default for Tally {
 impl Tally {
     /// Counts one point.
     pub(super) fn add(&mut self, point: [i32; 3]) {
-        self.points += 1;
-        for axis in 0..3 {
-            self.low[axis] = self.low[axis].min(point[axis]);
-            self.high[axis] = self.high[axis].max(point[axis]);
-        }
+        self.join(&Self { points: 1, low: point, high: point });
     }
 
     fn join(&mut self, other: &Self) {
