@@ -220,7 +220,7 @@ fn settings_and_folders_that_will_not_do_are_refused() {
     assert_eq!(text(&settings), "length = 60: must be 1100 to 2000000 m");
     settings = small(Preset::Suburb);
     settings.scanner.heads = 3;
-    assert_eq!(text(&settings), "heads = 3: must be 1 to 2 ");
+    assert_eq!(text(&settings), "heads = 3: must be 1 to 2");
     settings = small(Preset::Suburb);
     std::fs::write(folder.path().join("notes.txt"), "mine").unwrap();
     std::fs::write(folder.path().join("suburb_0009.laz"), "old").unwrap();
