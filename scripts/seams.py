@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Shows what seams do: a street cut into tiles and clustered tile by tile, beside the same street in one run.
 
-    scripts/seams.py STREET.las FOLDER [--tile 25] [--chainage target/release/chainage] [-- render options]
+    scripts/seams.py STREET.las FOLDER [--tile 25] [--chainage target/release/chainage] [options of scripts/render.py]
 
 Writes FOLDER/tile_by_tile.png and FOLDER/chainage.png and prints how many ids each way gives and how many objects are
 cut. Tile by tile, ids restart in every tile, as they do in tools that process tiles independently. Needs numpy,
@@ -30,8 +30,7 @@ def main():
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--tile", type=float, default=25.0, help="length of a tile in metres, along x or y")
     parser.add_argument("--chainage", default="target/release/chainage")
-    parser.add_argument("render", nargs="*", help="options for scripts/render.py")
-    args = parser.parse_args()
+    args, render_options = parser.parse_known_args()
     shutil.rmtree(args.folder, ignore_errors=True)
     tiles = args.folder / "tiles"
     tiles.mkdir(parents=True)
@@ -65,7 +64,7 @@ def main():
     copy.write(args.folder / "tile_by_tile.las")
     render = [sys.executable, str(pathlib.Path(__file__).with_name("render.py"))]
     for name, file in [("tile_by_tile", args.folder / "tile_by_tile.las"), ("chainage", whole_las)]:
-        subprocess.run([*render, str(file), "-o", str(args.folder / f"{name}.png"), *args.render], check=True)
+        subprocess.run([*render, str(file), "-o", str(args.folder / f"{name}.png"), *render_options], check=True)
 
 
 if __name__ == "__main__":
