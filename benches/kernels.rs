@@ -1,10 +1,11 @@
 //! Time per point of the kernels, one thread: voxels, isolated noise, ground, clusters, object parts.
 //!
-//! `CHAINAGE_BENCH_FILE=scan.laz cargo bench --bench kernels` takes the points of that file; without it, a synthetic street
-//! of 1.2 million points in the order of a profile scanner. Throughput is per point *given to the kernel*: all points for
-//! voxels, noise and ground, the points left over for clusters and object parts. Before timing it prints what the kernels found, and, when
-//! the file has the extra-bytes dimension `gt_class` (1: ground), precision and recall of the ground; points that are
-//! noise after the first step count as not ground, like every other point that is not ground.
+//! `CHAINAGE_BENCH_FILE=scan.laz cargo bench --bench kernels` takes the points of that file; without it, a
+//! synthetic street of 1.2 million points in the order of a profile scanner. Throughput is per point *given to
+//! the kernel*: all points for voxels, noise and ground, the points left over for clusters and object parts.
+//! Before timing it prints what the kernels found, and, when the file has the extra-bytes dimension `gt_class`
+//! (1: ground), precision and recall of the ground; points that are noise after the first step count as not
+//! ground, like every other point that is not ground.
 #![expect(clippy::print_stdout, reason = "a bench prints what it found beside its times")]
 
 use std::hint::black_box;
@@ -49,7 +50,8 @@ fn read(path: &str) -> Result<Scene, AnyError> {
     Ok(Scene { cloud: TileCloud::from_lattice_points(lattice, &coordinates), truth })
 }
 
-/// Position of a one-byte dimension among the extra bytes of a record, from the extra-bytes VLR (LAS 1.4 R15, table 27).
+/// Position of a one-byte dimension among the extra bytes of a record, from the extra-bytes VLR (LAS 1.4 R15,
+/// table 27).
 fn extra_byte(vlr: &las::Vlr, name: &str) -> Option<usize> {
     if vlr.user_id.trim_end_matches('\0') != "LASF_Spec" || vlr.record_id != 4 {
         return None;

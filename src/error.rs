@@ -8,6 +8,7 @@
 use std::borrow::Cow;
 
 use crate::config::ConfigError;
+use crate::eval::EvalError;
 use crate::input::InputError;
 use crate::output::OutputError;
 use crate::store::StoreError;
@@ -32,6 +33,9 @@ pub enum Error {
     /// The run directory is locked, does not match, or is damaged.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// A prediction and a reference cannot be compared.
+    #[error(transparent)]
+    Eval(#[from] EvalError),
     /// The run was asked to stop; finished tiles are kept.
     #[error("interrupted with {done} of {total} units of pass {pass} done")]
     Interrupted {
@@ -95,6 +99,7 @@ impl Error {
             Self::Input(_) | Self::Survey(_) => ErrorKind::Input,
             Self::Output(_) => ErrorKind::Output,
             Self::Store(error) => error.kind(),
+            Self::Eval(error) => error.kind(),
             Self::Algorithm(_) => ErrorKind::Input,
             Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::UnitsFailed { .. } => ErrorKind::UnitsFailed,
@@ -111,6 +116,7 @@ impl Error {
             Self::Survey(error) => error.hint(),
             Self::Output(error) => error.hint(),
             Self::Store(error) => error.hint(),
+            Self::Eval(error) => error.hint(),
             Self::Algorithm(_) => None,
             Self::Interrupted { .. } => Some("the same command resumes".into()),
             Self::UnitsFailed { .. } => Some("the same command tries the failed units again".into()),

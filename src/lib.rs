@@ -23,6 +23,8 @@ pub mod stitch;
 
 pub mod output;
 
+pub mod eval;
+
 pub mod store;
 
 pub mod run;

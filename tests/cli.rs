@@ -93,22 +93,28 @@ fn json_of_info_plan_run_and_status_is_json_with_the_same_figures() {
     let plan = json(&with_fixed(&["plan", "--json", "tree_road_sweep.laz", "--tile-length", "20"]));
     let tiles = plan["tiles"].as_array().expect("tiles");
     assert_eq!(tiles.iter().map(|tile| tile["points"].as_u64().expect("a count")).sum::<u64>(), 71_841);
-    let run = json(&with_fixed(&["run", "--json", "tree_road_sweep.laz", "--tile-length", "20", "-o", "out"]));
+    let run =
+        json(&with_fixed(&["run", "--json", "tree_road_sweep.laz", "--tile-length", "20", "-o", "out"]));
     assert_eq!(run["points"], 71_841);
     assert_eq!(run["tiles"], tiles.len());
     assert_eq!(run["nothing_to_do"], false);
     let counts = &run["counts"];
-    let sum: u64 = ["object", "ground", "low_noise", "high_noise"].iter().filter_map(|name| counts[name].as_u64()).sum();
+    let sum: u64 =
+        ["object", "ground", "low_noise", "high_noise"].iter().filter_map(|name| counts[name].as_u64()).sum();
     assert_eq!(sum, 71_841);
     let status = json(&["status", "--json", "out"]);
     assert_eq!(status["finished"], true);
-    assert_eq!(json(&with_fixed(&["run", "--json", "tree_road_sweep.laz", "--tile-length", "20", "-o", "out"]))["nothing_to_do"], true);
+    assert_eq!(
+        json(&with_fixed(&["run", "--json", "tree_road_sweep.laz", "--tile-length", "20", "-o", "out"]))["nothing_to_do"],
+        true
+    );
 }
 
 #[test]
 fn status_says_what_is_stale_and_why() {
     let folder = samples();
-    let run = with_fixed(&["run", "tree_road_sweep.laz", "--tile-length", "20", "-o", "out", "--progress", "none"]);
+    let run =
+        with_fixed(&["run", "tree_road_sweep.laz", "--tile-length", "20", "-o", "out", "--progress", "none"]);
     assert_eq!(call(folder.path(), &run).status.code(), Some(0));
     insta::assert_snapshot!("status_done", stdout(&call(folder.path(), &["status", "out"])));
     let why = ["status", "out", "--why", "--set", "euclidean.d_t=0.5"];
@@ -134,7 +140,8 @@ fn well_formed(text: &str) -> Vec<String> {
         let end = start + rest[start..].find('>').expect("every < has its >");
         let tag = &rest[start + 1..end];
         assert!(!tag.contains('<') && tag.matches('"').count() % 2 == 0, "<{tag}>");
-        let name: String = tag.trim_start_matches('/').chars().take_while(|c| c.is_ascii_alphanumeric()).collect();
+        let name: String =
+            tag.trim_start_matches('/').chars().take_while(|c| c.is_ascii_alphanumeric()).collect();
         assert!(!name.is_empty(), "<{tag}>");
         if tag.starts_with('/') {
             assert_eq!(open.pop().as_ref(), Some(&name), "</{name}>");
@@ -169,23 +176,30 @@ fn pages_are_there_and_the_printed_configuration_is_accepted() {
 #[test]
 fn results_go_to_stdout_and_everything_else_to_stderr() {
     let folder = samples();
-    let arguments = |progress| with_fixed(&["run", "mls_profiles.las", "-o", progress, "--progress", progress]);
+    let arguments =
+        |progress| with_fixed(&["run", "mls_profiles.las", "-o", progress, "--progress", progress]);
     for progress in ["plain", "json", "none", "bar", "auto"] {
         let output = call(folder.path(), &arguments(progress));
-        let (out, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let (out, errors) =
+            (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         assert_eq!(output.status.code(), Some(0), "{errors}");
         assert!(out.contains("10,310 points") && out.lines().count() == 4, "{out}");
         for line in errors.lines().filter(|_| progress == "json") {
             let event: serde_json::Value = serde_json::from_str(line).expect("a JSON object per line");
             assert!(event["event"].is_string(), "{line}");
         }
-        assert_eq!(errors.contains("ground: "), ["plain", "auto"].contains(&progress), "{progress}: {errors}");
+        assert_eq!(
+            errors.contains("ground: "),
+            ["plain", "auto"].contains(&progress),
+            "{progress}: {errors}"
+        );
     }
 }
 
 #[test]
 fn a_reader_that_goes_away_is_no_failure() {
-    let script = format!("{} config | head -1; echo \"code ${{PIPESTATUS[0]}}\"", env!("CARGO_BIN_EXE_chainage"));
+    let script =
+        format!("{} config | head -1; echo \"code ${{PIPESTATUS[0]}}\"", env!("CARGO_BIN_EXE_chainage"));
     // Often, because the reader must be gone before the last write.
     let slow = format!("({} man; echo \"code $?\" >&2) | true", env!("CARGO_BIN_EXE_chainage"));
     let output = Command::new("bash").args(["-c", &script]).output().expect("a shell");
@@ -267,7 +281,10 @@ fn a_state_that_does_not_match_ends_with_6() {
     insta::assert_snapshot!("state_other_input", told(&run("tree_road_sweep.laz")));
     let version = folder.path().join("out/.chainage/version.json");
     std::fs::write(&version, r#"{ "program": "0.0.9", "state_version": 999 }"#).expect("written");
-    insta::assert_snapshot!("state_version", told(&run("mls_profiles.las")).replace(env!("CARGO_PKG_VERSION"), "[version]"));
+    insta::assert_snapshot!(
+        "state_version",
+        told(&run("mls_profiles.las")).replace(env!("CARGO_PKG_VERSION"), "[version]")
+    );
     std::fs::write(&version, "{").expect("written");
     insta::assert_snapshot!("state_damaged", told(&run("mls_profiles.las")));
 }

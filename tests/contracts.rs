@@ -165,8 +165,8 @@ fn chains() -> impl Strategy<Value = Vec<[i64; 3]>> {
     prop::collection::vec(point, 2..10)
 }
 
-/// The clusters of the points left of `seam` and of those right of it, both with half a reach of the other side, united
-/// where they share a point: everything gets the smallest id it is connected with.
+/// The clusters of the points left of `seam` and of those right of it, both with half a reach of the other
+/// side, united where they share a point: everything gets the smallest id it is connected with.
 fn united(method: &dyn cluster::Clusterer, points: &[[i64; 3]], seam: f64, half: f64) -> Vec<Option<u64>> {
     let tiles = [with_ids(points, |x| x <= seam + half), with_ids(points, |x| x >= seam - half)];
     let parts = tiles.each_ref().map(|tile| partition(method, tile));

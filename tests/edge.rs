@@ -61,7 +61,11 @@ fn a_drive_without_points_is_refused_and_an_empty_file_among_others_is_not() {
     assert!(matches!(error, Error::Survey(SurveyError::Empty { files: 1 })), "{error}");
     assert_eq!(error.kind(), ErrorKind::Input);
     let points = Street::middling(1, Course::Straight).points();
-    let files = vec![empty, scratch.file("a.las", &Shape::default(), &points), scratch.file("z.laz", &Shape::default(), &[])];
+    let files = vec![
+        empty,
+        scratch.file("a.las", &Shape::default(), &points),
+        scratch.file("z.laz", &Shape::default(), &[]),
+    ];
     let summary = drive(&files, &scratch.out("three"), &list(5.0, &[])).unwrap();
     assert_eq!(summary.points, points.len() as u64);
     let (_, alone) = label(&points, 5.0, &[]);
@@ -94,7 +98,12 @@ fn points_kilometres_away_are_processed_like_any_other_and_change_nothing_here()
     let mut points = Street::middling(2, Course::Hairpin).points();
     let (_, before) = label(&points, 5.0, &[]);
     let count = points.len();
-    for away in [[2_000_000_000, 0, 0], [-900_000_000, 1_900_000_000, 0], [5_000, 5_000, 1_500_000], [5_000, 0, -400_000]] {
+    for away in [
+        [2_000_000_000, 0, 0],
+        [-900_000_000, 1_900_000_000, 0],
+        [5_000, 5_000, 1_500_000],
+        [5_000, 0, -400_000],
+    ] {
         points.push(Point { time: points[count - 1].time, ..Point::at(away) });
     }
     number(&mut points);
@@ -102,8 +111,16 @@ fn points_kilometres_away_are_processed_like_any_other_and_change_nothing_here()
         let (summary, after) = label(&points, tile_m, &[]);
         assert_eq!(after.class[..count], before.class[..]);
         assert_eq!(after.label[..count], before.label[..]);
-        assert!(after.class[count..].iter().all(|class| [7, 18].contains(class)), "{:?}", &after.class[count..]);
-        assert!(summary.warnings.iter().any(|text| text.contains("lie far from all others")), "{:?}", summary.warnings);
+        assert!(
+            after.class[count..].iter().all(|class| [7, 18].contains(class)),
+            "{:?}",
+            &after.class[count..]
+        );
+        assert!(
+            summary.warnings.iter().any(|text| text.contains("lie far from all others")),
+            "{:?}",
+            summary.warnings
+        );
     }
 }
 
@@ -111,7 +128,10 @@ fn points_kilometres_away_are_processed_like_any_other_and_change_nothing_here()
 #[test]
 fn a_drive_as_wide_as_records_allow_keeps_its_objects() {
     let shape = Shape { scale_tenths: 1, ..Shape::default() };
-    let block = |x: i64| (0..60_i64).flat_map(move |step| [[x + step * 10, 0, 5_000], [x + step % 5 * 100, 0, 0]].map(Point::at));
+    let block = |x: i64| {
+        (0..60_i64)
+            .flat_map(move |step| [[x + step * 10, 0, 5_000], [x + step % 5 * 100, 0, 0]].map(Point::at))
+    };
     let points: Vec<Point> = block(-200_000_000).chain(block(0)).chain(block(200_000_000)).collect();
     let run = |cell: &str| {
         let scratch = Scratch::new();
@@ -147,7 +167,11 @@ fn times_that_are_no_numbers_are_counted_and_do_no_harm() {
     let (summary, after) = label(&points, 5.0, &[]);
     assert_eq!((&after.class, &after.label), (&before.class, &before.label));
     let bad = points.iter().filter(|point| !(point.time.abs() < 1e15)).count();
-    assert!(summary.warnings.contains(&format!("{bad} points have no finite GPS time")), "{:?}", summary.warnings);
+    assert!(
+        summary.warnings.contains(&format!("{bad} points have no finite GPS time")),
+        "{:?}",
+        summary.warnings
+    );
     points.iter_mut().for_each(|point| point.time = f64::NAN);
     let (_, after) = label(&points, 5.0, &[]);
     assert_eq!((&after.class, &after.label), (&before.class, &before.label));
@@ -166,7 +190,8 @@ fn a_cut_file_degrees_and_equal_names_are_refused() {
     let error = run(&[cut]);
     assert!(matches!(error, Error::Input(InputError::Truncated { .. })), "{error}");
 
-    let degrees = scratch.file("degrees.las", &Shape { records: geographic(), ..Shape::default() }, &points[..9]);
+    let degrees =
+        scratch.file("degrees.las", &Shape { records: geographic(), ..Shape::default() }, &points[..9]);
     let error = run(&[degrees]);
     assert!(matches!(error, Error::Input(InputError::Geographic { .. })), "{error}");
 
@@ -184,7 +209,8 @@ fn two_hundred_tiny_files_are_one_drive() {
     points.truncate(points.len() / 200 * 200);
     let name = |part: usize| format!("part-{part:03}.{}", if part.is_multiple_of(2) { "las" } else { "laz" });
     let parts = points.chunks(points.len() / 200).enumerate();
-    let files: Vec<PathBuf> = parts.map(|(part, points)| scratch.file(&name(part), &Shape::default(), points)).collect();
+    let files: Vec<PathBuf> =
+        parts.map(|(part, points)| scratch.file(&name(part), &Shape::default(), points)).collect();
     assert_eq!(files.len(), 200);
     drive(&files, &scratch.out("out"), &list(10.0, &[])).unwrap();
     let (_, alone) = label(&points, 10.0, &[]);
@@ -252,10 +278,18 @@ impl Clusterer for Cubes {
     }
 }
 
-const BELOW: GroundEntry =
-    GroundEntry { name: "below", summary: "below 1 m", reference: "none", build: |_| Ok(Box::new(Below(1_000))) };
-const CUBES: ClusterEntry =
-    ClusterEntry { name: "cubes", summary: "cubes of a metre", reference: "none", build: |_| Ok(Box::new(Cubes)) };
+const BELOW: GroundEntry = GroundEntry {
+    name: "below",
+    summary: "below 1 m",
+    reference: "none",
+    build: |_| Ok(Box::new(Below(1_000))),
+};
+const CUBES: ClusterEntry = ClusterEntry {
+    name: "cubes",
+    summary: "cubes of a metre",
+    reference: "none",
+    build: |_| Ok(Box::new(Cubes)),
+};
 
 #[test]
 fn a_method_is_one_type_and_one_line() {
@@ -275,7 +309,8 @@ fn a_method_is_one_type_and_one_line() {
         let partition = found.partition();
         for (index, point) in points.iter().enumerate() {
             assert_eq!(found.class[index] == 2, point.mm[2] < 1_000);
-            let first = (0..points.len()).find(|&other| points[other].mm[2] >= 1_000 && cube(other) == cube(index));
+            let first =
+                (0..points.len()).find(|&other| points[other].mm[2] >= 1_000 && cube(other) == cube(index));
             let alone = (0..points.len()).filter(|&other| cube(other) == cube(index)).count() < 2;
             assert_eq!(partition[index], first.filter(|_| point.mm[2] >= 1_000 && !alone), "point {index}");
         }
@@ -346,7 +381,13 @@ fn run_failing(files: &[PathBuf], out: &Path, entry: ClusterEntry, more: &[&str]
     list.extend(settings(more));
     let failures = Failures::default();
     let registries = Registries { ground: ground::REGISTRY, cluster: &[entry] };
-    let request = RunRequest { inputs: files.to_vec(), out: out.to_owned(), config: config(&list), fresh: false, registries };
+    let request = RunRequest {
+        inputs: files.to_vec(),
+        out: out.to_owned(),
+        config: config(&list),
+        fresh: false,
+        registries,
+    };
     let error = run(&request, &failures, &CancelToken::default()).unwrap_err();
     (error, failures.0.into_inner().unwrap())
 }
@@ -379,9 +420,14 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
         assert_eq!(told, [format!("cluster 4: {text}")]);
         let (failed, done) = units(&out, "pass-03-cluster");
         assert_eq!((failed, done), (vec!["unit-000004.err.json".to_owned()], 7));
-        let record: serde_json::Value =
-            serde_json::from_slice(&std::fs::read(out.join(".chainage/pass-03-cluster/unit-000004.err.json")).unwrap()).unwrap();
-        assert_eq!((&record["pass"], &record["unit"], &record["kind"]), (&"cluster".into(), &4.into(), &kind.into()));
+        let record: serde_json::Value = serde_json::from_slice(
+            &std::fs::read(out.join(".chainage/pass-03-cluster/unit-000004.err.json")).unwrap(),
+        )
+        .unwrap();
+        assert_eq!(
+            (&record["pass"], &record["unit"], &record["kind"]),
+            (&"cluster".into(), &4.into(), &kind.into())
+        );
         assert_eq!(record["error"], text);
         assert!(!out.join("a.las").exists(), "a copy that is not complete has its name");
         // A method that does not fail there resumes: the one tile is done, and the record of the failure goes.

@@ -15,8 +15,8 @@ const GROUND: VoxelColumnConfig = VoxelColumnConfig { voxel: 0.3, run_height: 1.
 
 type Points = Vec<[i64; 3]>;
 
-/// A coordinate: anywhere, on a face of a voxel, just below one, or at a multiple of 100 (where distances of exactly
-/// 300 abound).
+/// A coordinate: anywhere, on a face of a voxel, just below one, or at a multiple of 100 (where distances of
+/// exactly 300 abound).
 fn coordinate(extent: i64) -> impl Strategy<Value = i64> {
     prop_oneof![
         0..extent,
@@ -94,7 +94,8 @@ fn inside(core: [i64; 4], reach: f64, point: [i64; 3]) -> bool {
     dx * dx + dy * dy <= (reach * 1_000.0).powi(2)
 }
 
-/// Compares what `classify` says of the points of a core, given all points and given those within `reach` alone.
+/// Compares what `classify` says of the points of a core, given all points and given those within `reach`
+/// alone.
 fn core_needs_only_its_context(
     points: &Points,
     core: [i64; 4],

@@ -298,3 +298,79 @@ fn a_dimension_of_another_type_or_an_impossible_name_is_refused() {
     assert!(matches!(with(&"x".repeat(32)), Err(OutputError::DimensionName { .. })));
     with(&"x".repeat(31)).expect("a name of 31 bytes fits");
 }
+
+/// The uncompressed sample with `extra` more bytes in every record and, where given, descriptors of (name, type,
+/// options) in an extra-bytes record.
+fn with_extra_bytes(extra: usize, descriptors: &[(&str, u8, u8)]) -> Vec<u8> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mls_profiles.las");
+    let bytes = std::fs::read(path).expect("a shipped sample");
+    let (start, count, old) = (number(&bytes, 96, 4), number(&bytes, 107, 4), number(&bytes, 105, 2));
+    let mut new = bytes[..227].to_vec();
+    if !descriptors.is_empty() {
+        let mut record = vec![0; 54];
+        record[2..11].copy_from_slice(b"LASF_Spec");
+        record[18] = 4;
+        let payload = u16::try_from(descriptors.len() * 192).expect("few");
+        record[20..22].copy_from_slice(&payload.to_le_bytes());
+        for (name, data_type, options) in descriptors {
+            let mut descriptor = vec![0; 192];
+            (descriptor[2], descriptor[3]) = (*data_type, *options);
+            descriptor[4..4 + name.len()].copy_from_slice(name.as_bytes());
+            record.extend(descriptor);
+        }
+        new.extend(record);
+    }
+    let point_start = u32::try_from(new.len()).expect("small");
+    new[96..100].copy_from_slice(&point_start.to_le_bytes());
+    new[100..104].copy_from_slice(&u32::from(!descriptors.is_empty()).to_le_bytes());
+    new[105..107].copy_from_slice(&u16::try_from(old + extra).expect("short").to_le_bytes());
+    for record in bytes[start..start + count * old].chunks_exact(old) {
+        new.extend_from_slice(record);
+        new.extend((0..extra).map(|at| record[at % 12] ^ u8::try_from(at % 251).expect("small")));
+    }
+    new
+}
+
+#[test]
+fn the_label_follows_bytes_that_nobody_described() {
+    // (extra bytes, descriptors, dimensions that are there, warnings, descriptors of the copy)
+    type Case = (usize, &'static [(&'static str, u8, u8)], usize, usize, usize);
+    let cases: [Case; 5] = [
+        (300, &[], 0, 0, 4),                              // 255 and 45 bytes, label, class
+        (7, &[("height", 9, 0)], 1, 0, 4),                // 4 described, 3 not
+        (7, &[("none", 0, 0), ("three", 0, 3)], 1, 0, 4), // nothing, 3 bytes; 4 not described
+        (3, &[("one", 1, 0), ("wide", 10, 0), ("late", 1, 0)], 1, 1, 4), // 8 bytes do not fit into 2
+        (8, &[("cluster_id", 5, 0), ("strange", 31, 0)], 1, 1, 3), // 4 bytes of no known type, class
+    ];
+    for (extra, descriptors, dimensions, warnings, of_copy) in cases {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("in.las");
+        std::fs::write(&path, with_extra_bytes(extra, descriptors)).expect("written");
+        let catalog = open(&path).expect("opens");
+        let input = &catalog.files()[0];
+        assert_eq!(input.layout().dimensions.len(), dimensions, "{descriptors:?}");
+        assert_eq!(catalog.warnings().len(), warnings, "{:?}", catalog.warnings());
+        let before = records(input);
+        let truth = Truth::random(input.point_count(), 3);
+        for format in [OutputFormat::Las, OutputFormat::Laz] {
+            let plan = LabelledFile::plan(input, &options(format)).expect("a plan");
+            let copies = folder.path().join(if format == OutputFormat::Las { "las" } else { "laz" });
+            std::fs::create_dir(&copies).expect("a folder");
+            let copy = write(&plan, input, &before, &truth, &copies);
+            let again = open(&copy).expect("the copy opens");
+            let layout = again.files()[0].layout();
+            assert_eq!(layout.dimensions.len(), of_copy, "{:?}", layout.dimensions);
+            assert!(layout.undescribed().is_empty());
+            let label = layout.dimension("cluster_id").expect("the label").offset;
+            let kept = layout.dimension("original_classification").expect("the class").offset;
+            let new = records(&again.files()[0]);
+            for (index, record) in new.chunks_exact(layout.record_len).enumerate() {
+                assert_eq!(record[label..label + 4], truth.labels[index].to_le_bytes());
+                assert_eq!(record[kept], before[index * input.layout().record_len + 15] & 0x1f);
+            }
+            if label >= input.layout().record_len {
+                compare_points(input, &before, &again.files()[0], &truth);
+            }
+        }
+    }
+}

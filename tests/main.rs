@@ -15,6 +15,8 @@ mod damage;
 mod edge;
 #[cfg(test)]
 mod equivalence;
+#[cfg(test)]
+mod eval;
 mod kernels;
 #[cfg(test)]
 mod labelled;

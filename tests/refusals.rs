@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use chainage::input::{Catalog, Fields, InputError, InputOptions, LengthUnit, record_xyz};
 use chainage::model::{Lattice, LatticeTransform};
+use rayon::prelude::*;
 
 /// 10,310 points, LAS 1.2, point format 1, no record of a coordinate system.
 const LAS: &str = "mls_profiles.las";
@@ -238,6 +239,26 @@ fn feet_become_metres_in_the_lattice() {
     for axis in 0..3 {
         let (metres, feet) = (lattice.metres(metres[axis]), fine.metres(feet[axis]));
         assert!((feet - metres * 0.3048).abs() <= fine.step_m(), "axis {axis}: {feet} {metres}");
+    }
+}
+
+#[test]
+fn blocks_may_be_read_on_any_thread_in_any_order() {
+    let folder = Folder::new();
+    let catalog =
+        open(&[folder.file("a.laz", &sample(LAZ)), folder.file("b.las", &sample(LAS))]).expect("opens");
+    for file in catalog.files() {
+        let read = |block: usize| {
+            let mut buffer = Vec::new();
+            file.records(block, Fields::All, &mut buffer).expect("readable").to_vec()
+        };
+        let blocks = file.blocks().len();
+        let one_by_one: Vec<Vec<u8>> = (0..blocks).map(read).collect();
+        let together: Vec<Vec<u8>> =
+            (0..4 * blocks).into_par_iter().rev().map(|at| read(at % blocks)).collect();
+        for (index, records) in together.iter().rev().enumerate() {
+            assert!(*records == one_by_one[index % blocks], "{}: block {}", file.name(), index % blocks);
+        }
     }
 }
 

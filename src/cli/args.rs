@@ -3,6 +3,7 @@
 use clap::{Parser, Subcommand};
 
 use crate::cli::bench::BenchArgs;
+use crate::cli::eval::EvalArgs;
 use crate::cli::info::InfoArgs;
 use crate::cli::inspect::StatusArgs;
 use crate::cli::pages::CompletionsArgs;
@@ -33,6 +34,8 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Show what is done, what is left, what is stale and why
     Status(StatusArgs),
+    /// Score a segmentation against reference labels
+    Eval(EvalArgs),
     /// Run the main job on a small real sample that comes with the program
     Demo(DemoArgs),
     /// Measure throughput at one and two threads against the copy floor

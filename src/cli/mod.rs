@@ -3,6 +3,7 @@
 mod args;
 mod bench;
 mod drive_args;
+mod eval;
 mod exit;
 mod info;
 mod inspect;
@@ -30,6 +31,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Status(args) => args.run(),
         Command::Demo(args) => args.run(),
         Command::Bench(args) => args.run(),
+        Command::Eval(args) => args.run().map_err(CliError::from),
         Command::Methods => pages::methods(),
         Command::Config => pages::config(),
         Command::Completions(args) => args.run(),

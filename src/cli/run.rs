@@ -50,6 +50,9 @@ struct OutputSettings {
     /// Leave the classification of all records as it is
     #[arg(long)]
     keep_classification: bool,
+    /// Keep the original class of every point in an extra dimension `original_classification`
+    #[arg(long)]
+    keep_original: bool,
     /// Stop at the first tile that fails instead of finishing the others
     #[arg(long)]
     fail_fast: bool,
@@ -64,6 +67,9 @@ impl OutputSettings {
         if self.keep_classification {
             list.push(("output.classification", "\"keep\"".to_owned()));
         }
+        if self.keep_original {
+            list.push(("output.original_classification", "true".to_owned()));
+        }
         if self.fail_fast {
             list.push(("run.fail_fast", "true".to_owned()));
         }
@@ -75,7 +81,11 @@ impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&self.output.assignments())?;
         let summary = process(self.inputs.files.clone(), &self.out, config, self.fresh, self.show.progress)?;
-        if self.show.json { print::json(&summary)? } else { print::text(&page(&summary, &self.out))? }
+        if self.show.json {
+            print::json(&summary)?
+        } else {
+            print::text(&page(&summary, &self.out))?
+        }
         Ok(exit::DONE)
     }
 }
@@ -91,7 +101,8 @@ fn process(
     let cancel = Arc::new(CancelToken::default());
     listen(&cancel)?;
     let progress = Progress::new(progress);
-    let request = RunRequest { inputs, out: out.to_owned(), config, fresh, registries: Registries::default() };
+    let request =
+        RunRequest { inputs, out: out.to_owned(), config, fresh, registries: Registries::default() };
     Ok(run(&request, &progress, &cancel)?)
 }
 
@@ -105,7 +116,10 @@ fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
         }
         cancel.cancel();
     })
-    .map_err(|error| CliError::Write { target: "the handler of Ctrl-C".to_owned(), source: std::io::Error::other(error) })
+    .map_err(|error| CliError::Write {
+        target: "the handler of Ctrl-C".to_owned(),
+        source: std::io::Error::other(error),
+    })
 }
 
 #[expect(clippy::disallowed_methods, reason = "a second Ctrl-C must not wait for the workers")]
@@ -134,7 +148,10 @@ fn page(summary: &RunSummary, out: &Path) -> String {
     if let Some(peak) = summary.peak_resident_bytes {
         text.push_str(&format!(", peak memory {}", print::bytes(peak)));
     }
-    text.push_str(&format!("\n  {}: labelled files, objects.csv, objects.geojson, report.json\n", out.display()));
+    text.push_str(&format!(
+        "\n  {}: labelled files, objects.csv, objects.geojson, report.json\n",
+        out.display()
+    ));
     text
 }
 
@@ -159,7 +176,8 @@ impl DemoArgs {
         }
         let out = self.out.join("output");
         // One sweep has about a hundredth of the points of a drive: objects may be smaller.
-        let config = Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
+        let config =
+            Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
         let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
         print::text(&page(&summary, &out))?;
         Ok(exit::DONE)

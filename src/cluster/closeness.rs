@@ -1,16 +1,17 @@
 //! Whether any point of one set is within a distance of any point of another, exactly, in integers.
 //!
-//! Not the closest pair: the first pair found ends the search. Small sets are tried pair by pair. Large ones are
-//! first cut to the points near the other's box, then halved along the longest side of a box, nearer half first, until
-//! boxes decide or sets are small. Halving in the middle of a box, and not of the points, ends after at most as many levels as
-//! coordinates have bits, whatever lies where; piles of equal points are boxes of size 0, which always decide. Two parallel sheets
-//! of n points each slightly too far apart cost about n comparisons times the few hundred points that are nearly
-//! opposite, not n * n.
+//! Not the closest pair: the first pair found ends the search. Small sets are tried pair by pair. Large ones
+//! are first cut to the points near the other's box, then halved along the longest side of a box, nearer half
+//! first, until boxes decide or sets are small. Halving in the middle of a box, and not of the points, ends
+//! after at most as many levels as coordinates have bits, whatever lies where; piles of equal points are boxes
+//! of size 0, which always decide. Two parallel sheets of n points each slightly too far apart cost about n
+//! comparisons times the few hundred points that are nearly opposite, not n * n.
 
 /// A point in local lattice units.
 pub(super) type Point = [i32; 3];
 
-/// Pairs that are tried one by one; below it halving costs more than it saves (measured with `benches/kernels.rs`).
+/// Pairs that are tried one by one; below it halving costs more than it saves (measured with
+/// `benches/kernels.rs`).
 const FEW_PAIRS: usize = 1_024;
 
 /// The bounding box of points, in local lattice units, both corners inclusive.
@@ -70,10 +71,11 @@ fn squared_distance(a: &Point, b: &Point) -> i64 {
     delta(0).pow(2) + delta(1).pow(2) + delta(2).pow(2)
 }
 
-/// Whether some point of `a` and some point of `b`, with these boxes, are at a squared distance of at most `limit`.
+/// Whether some point of `a` and some point of `b`, with these boxes, are at a squared distance of at most
+/// `limit`.
 ///
-/// Neither is empty, and no two coordinates differ by 2^30 or more (the sum of three squares has to fit i64): the points are
-/// those of neighbouring cells, whose side is at most 10 m.
+/// Neither is empty, and no two coordinates differ by 2^30 or more (the sum of three squares has to fit i64):
+/// the points are those of neighbouring cells, whose side is at most 10 m.
 pub(super) fn any_within(a: (&[Point], &Bounds), b: (&[Point], &Bounds), limit: i64) -> bool {
     let ((a, a_bounds), (b, b_bounds)) = (a, b);
     if a_bounds.nearest(b_bounds) > limit {
@@ -112,7 +114,8 @@ fn halve(a: &mut [Point], b: &mut [Point], limit: i64) -> bool {
     if a.len() * b.len() <= FEW_PAIRS {
         return a.iter().any(|p| b.iter().any(|q| squared_distance(p, q) <= limit));
     }
-    // Boxes that do not decide are not both of size 0, so the longer side is at least 1 and both halves get points.
+    // Boxes that do not decide are not both of size 0, so the longer side is at least 1 and both halves get
+    // points.
     let (cut, other) = if a_bounds.longest() >= b_bounds.longest() { (a, b) } else { (b, a) };
     let bounds = Bounds::of(cut);
     let (side, axis) = bounds.longest();
@@ -169,7 +172,8 @@ mod tests {
 
     #[test]
     fn tilted_sheets_are_as_far_apart_as_they_are() {
-        // Planes z = x and z = x + 40: 40 / sqrt(2) apart, reached between lattice points: (20, 0, -20), squared 800.
+        // Planes z = x and z = x + 40: 40 / sqrt(2) apart, reached between lattice points: (20, 0, -20),
+        // squared 800.
         let (a, b) = (sheet(60, 0), sheet(60, 40));
         assert!(a.len() * b.len() > FEW_PAIRS);
         assert!(search(&a, &b, 800));

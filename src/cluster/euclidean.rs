@@ -1,18 +1,21 @@
-//! The clustering method `euclidean`: single-link clusters of points within a fixed distance; it knows no sizes and no shapes.
+//! The clustering method `euclidean`: single-link clusters of points within a fixed distance; it knows no sizes
+//! and no shapes.
 //!
-//! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning data" (2016),
-//! section 3.2. Ours: the default distance, that it is inclusive, and how clusters are found: not by a breadth-first search over a
-//! kd-tree, but over cells. Points of one cell of side s are within d_t of each other by construction, with the largest s (in
-//! lattice units) that has 3 (s - 1)^2 <= d_t^2; so cells are nodes, and two cells are joined when some pair of
-//! their points is within d_t. Nearest cells come first and cells that are already united are skipped, so that most pairs
-//! of cells are never looked at. Distances are compared as squares of lattice units in i64: exact for any d_t.
+//! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning data"
+//! (2016), section 3.2. Ours: the default distance, that it is inclusive, and how clusters are found: not by a
+//! breadth-first search over a kd-tree, but over cells. Points of one cell of side s are within d_t of each
+//! other by construction, with the largest s (in lattice units) that has 3 (s - 1)^2 <= d_t^2; so cells are
+//! nodes, and two cells are joined when some pair of their points is within d_t. Nearest cells come first and
+//! cells that are already united are skipped, so that most pairs of cells are never looked at. Distances are
+//! compared as squares of lattice units in i64: exact for any d_t.
 //!
-//! Cost: O(points + 62 cells) plus the points of neighbouring cells that are *not* of one cluster (see `closeness`).
-//! Memory: 12 bytes per point, 24 per streak of consecutive points in a cell while sorting, 52 per cell. The bench is
-//! `benches/kernels.rs`.
+//! Cost: O(points + 62 cells) plus the points of neighbouring cells that are *not* of one cluster (see
+//! `closeness`). Memory: 12 bytes per point, 12 per streak of consecutive points in a cell and 24 more while
+//! sorting, 68 per cell; at worst, with points far apart, every point is a streak and a cell: 92 bytes. The
+//! bench is `benches/kernels.rs`.
 //!
-//! Known failures: those of single link: objects that touch are one (crowns of neighbouring trees, a car at a fence), an
-//! object scanned more sparsely than d_t is many.
+//! Known failures: those of single link: objects that touch are one (crowns of neighbouring trees, a car at a
+//! fence), an object scanned more sparsely than d_t is many.
 
 use serde::Deserialize;
 
@@ -35,13 +38,14 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EuclideanConfig {
-    /// Points at most this far apart, in metres, are of one object, 0.001 to 10. Default 0.3 (chosen: the 0.15 m of Guan
-    /// et al. 2016, section 4, splits what is scanned from further away than their avenue is wide).
+    /// Points at most this far apart, in metres, are of one object, 0.001 to 10. Default 0.3 (chosen: the 0.15
+    /// m of Guan et al. 2016, section 4, splits what is scanned from further away than their avenue is wide).
     pub d_t: f64,
-    /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (chosen; the paper gives no
-    /// number).
+    /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (chosen; the paper
+    /// gives no number).
     pub min_points: u64,
-    /// Objects with more points, in the whole drive, are dropped; 0: no limit, else at least `min_points`. Default 0.
+    /// Objects with more points, in the whole drive, are dropped; 0: no limit, else at least `min_points`.
+    /// Default 0.
     pub max_points: u64,
 }
 
@@ -127,8 +131,8 @@ impl Clusterer for Euclidean {
     }
 }
 
-/// The largest side s of a cell, in lattice units, with 3 (s - 1)^2 <= reach^2: points of one cell differ by s - 1 at
-/// most on each axis.
+/// The largest side s of a cell, in lattice units, with 3 (s - 1)^2 <= reach^2: points of one cell differ by s
+/// - 1 at most on each axis.
 fn cell_side(reach: i64) -> u32 {
     u32::try_from((reach.pow(2) / 3).isqrt() + 1).unwrap_or(u32::MAX)
 }
@@ -140,9 +144,9 @@ struct Step {
     dk: std::ops::RangeInclusive<i64>,
 }
 
-/// Half of the neighbours of a cell that can hold a point within `reach` of one of its own (the other half see it as their
-/// neighbour): its own column, then touching columns, then those further out. A cell further than 2 away on an axis is
-/// beyond reach: its gap is more than 2 s, and s > reach / sqrt(3).
+/// Half of the neighbours of a cell that can hold a point within `reach` of one of its own (the other half see
+/// it as their neighbour): its own column, then touching columns, then those further out. A cell further than 2
+/// away on an axis is beyond reach: its gap is more than 2 s, and s > reach / sqrt(3).
 fn layers(reach: i64) -> [Vec<Step>; 3] {
     let side = i64::from(cell_side(reach));
     let gap_squared = |d: i64| if d == 0 { 0 } else { ((d.abs() - 1) * side + 1).pow(2) };
@@ -198,8 +202,8 @@ impl Cells {
     }
 }
 
-/// The label of every cell, and how many there are: sets are numbered from 1 by the smallest id of their points, so
-/// that the order of the points does not matter.
+/// The label of every cell, and how many there are: sets are numbered from 1 by the smallest id of their
+/// points, so that the order of the points does not matter.
 fn number_by_smallest_id(index: &VoxelIndex, cloud: &TileCloud, sets: &mut DisjointSets) -> (Vec<u32>, u32) {
     let roots: Vec<u32> = (0..as_u32(index.len())).map(|cell| sets.find(cell)).collect();
     let mut smallest = vec![u64::MAX; index.len()];
@@ -313,8 +317,8 @@ mod tests {
 
     #[test]
     fn two_hundred_thousand_points_slightly_too_far_apart_are_two_objects() {
-        // Two sheets of 1.2 m x 1.2 m tilted by 45 degrees, 426 / sqrt(2) = 301.2 mm apart. This is a test of time as
-        // well: pair by pair, it would take minutes.
+        // Two sheets of 1.2 m x 1.2 m tilted by 45 degrees, 426 / sqrt(2) = 301.2 mm apart. This is a test of
+        // time as well: pair by pair, it would take minutes.
         let sheet = |lift: i64| {
             (0..100_000_i64).map(move |index| [index % 400 * 3, index / 400 * 5, index % 400 * 3 + lift])
         };

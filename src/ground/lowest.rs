@@ -6,8 +6,8 @@ use crate::model::VoxelIndex;
 /// Stands for "this column has none"; above every k.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// For every column of `index` the smallest of `lows` (one k, or [`NONE`], per column) over the columns whose centres
-/// are within `radius_units`, inclusive, itself included.
+/// For every column of `index` the smallest of `lows` (one k, or [`NONE`], per column) over the columns whose
+/// centres are within `radius_units`, inclusive, itself included.
 ///
 /// A sliding minimum along each pair of rows: O(columns * radius / edge), whatever the shape.
 pub(super) fn lowest_within(index: &VoxelIndex, radius_units: i64, lows: &[u32]) -> Vec<u32> {
@@ -62,8 +62,8 @@ mod tests {
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
         let index = VoxelIndex::build("test", &cloud, 10).unwrap();
         assert_eq!(index.columns(), [[0, 0], [0, 5], [0, 6], [3, 4], [4, 4]]);
-        // Radius 50: (0, 5) and (3, 4) are exactly 5 columns from (0, 0), (4, 4) and (0, 6) are further; (0, 6) is
-        // sqrt(13) from (3, 4) and sqrt(20) from (4, 4).
+        // Radius 50: (0, 5) and (3, 4) are exactly 5 columns from (0, 0), (4, 4) and (0, 6) are further; (0, 6)
+        // is sqrt(13) from (3, 4) and sqrt(20) from (4, 4).
         assert_eq!(lowest_within(&index, 50, &lows), [4, 1, 1, 1, 1]);
         assert_eq!(lowest_within(&index, 49, &lows), [9, 1, 1, 1, 1]);
         // Radius 10: only neighbours along an axis.

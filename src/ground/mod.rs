@@ -1,7 +1,7 @@
 //! Ground: which points are ground and which are isolated noise.
 //!
-//! A filter is one file here and one line in [`REGISTRY`]. It sees the points of a tile and its own parameters; no
-//! files, no paths, no threads, no clock.
+//! A filter is one file here and one line in [`REGISTRY`]. It sees the points of a tile and its own parameters;
+//! no files, no paths, no threads, no clock.
 
 mod lowest;
 mod noise;
@@ -22,9 +22,9 @@ pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     /// How far from a point other points matter for its class.
     fn reach(&self, lattice: Lattice) -> Reach;
 
-    /// Sets [`PointClass::Ground`] where a point is ground. `classes` holds [`PointClass::Object`], or noise, for
-    /// every point of `view`; noise points are invisible to the filter and keep their class. Voxels that the view has
-    /// already are there for a filter with the same edge.
+    /// Sets [`PointClass::Ground`] where a point is ground. `classes` holds [`PointClass::Object`], or noise,
+    /// for every point of `view`; noise points are invisible to the filter and keep their class. Voxels that
+    /// the view has already are there for a filter with the same edge.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].

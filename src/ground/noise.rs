@@ -1,17 +1,18 @@
-//! Isolated noise: small groups of voxels that touch nothing else; it does not look at shape, intensity or time.
+//! Isolated noise: small groups of voxels that touch nothing else; it does not look at shape, intensity or
+//! time.
 //!
 //! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
-//! segmentation" (2017), section 3.1: small connected components are noise. Ours, because the paper leaves it open: voxels
-//! that touch at a face, edge or corner are connected, the threshold counts points, and noise is told high from low for
-//! the LAS classes 18 and 7.
+//! segmentation" (2017), section 3.1: small connected components are noise. Ours, because the paper leaves it
+//! open: voxels that touch at a face, edge or corner are connected, the threshold counts points, and noise is
+//! told high from low for the LAS classes 18 and 7.
 //!
-//! The decision is exact in one pass. Two facts bound how far it looks, n being `min_component_points`: a component
-//! of fewer than n points has at most n - 1 voxels, so all of it and of the empty shell around it lies at most n - 1
-//! voxels from any of its points; and a component that is larger has, within n - 1 voxels of any of its points, at least n
-//! voxels and so n points. Nobody sees how long it goes on, and nobody needs to.
+//! The decision is exact in one pass. Two facts bound how far it looks, n being `min_component_points`: a
+//! component of fewer than n points has at most n - 1 voxels, so all of it and of the empty shell around it
+//! lies at most n - 1 voxels from any of its points; and a component that is larger has, within n - 1 voxels of
+//! any of its points, at least n voxels and so n points. Nobody sees how long it goes on, and nobody needs to.
 //!
-//! Cost: O(points) to cut the cloud (shared with a ground filter of the same voxel), O(voxels) after that. Memory per
-//! voxel: 8 bytes beside the voxels themselves. The bench is `benches/kernels.rs`.
+//! Cost: O(points) to cut the cloud (shared with a ground filter of the same voxel), O(voxels) after that.
+//! Memory per voxel: 8 bytes beside the voxels themselves. The bench is `benches/kernels.rs`.
 //!
 //! Known failures: mixed pixels close to a surface are connected to it and stay; a bird of ten returns stays.
 
@@ -26,8 +27,8 @@ use crate::model::{Lattice, Linker, PointClass, Reach, TileView, VoxelIndex};
 
 const NAME: &str = "noise";
 
-/// Horizontal radius in metres of the neighbourhood that high noise is measured above: the default of `voxel-column`, so
-/// that "ground nearby" means much the same to both.
+/// Horizontal radius in metres of the neighbourhood that high noise is measured above: the default of
+/// `voxel-column`, so that "ground nearby" means much the same to both.
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
 /// Settings of the section `[noise]`.
@@ -36,14 +37,14 @@ const NEIGHBOURHOOD_M: f64 = 1.5;
 pub struct NoiseConfig {
     /// Whether isolated noise is looked for at all. Default true (Li et al. 2017, section 3.1).
     pub enabled: bool,
-    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (Li et al. 2017,
-    /// section 4.1), and that of the default ground filter, so that both share the voxels.
+    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (Li et al.
+    /// 2017, section 4.1), and that of the default ground filter, so that both share the voxels.
     pub voxel: f64,
-    /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 100. Default 10 (chosen; the paper
-    /// gives no number). The context that tiles need grows with it.
+    /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 100. Default 10
+    /// (chosen; the paper gives no number). The context that tiles need grows with it.
     pub min_component_points: u32,
-    /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to 1,000. Default
-    /// 2.0 (chosen, because below it stand people and cars).
+    /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to 1,000.
+    /// Default 2.0 (chosen, because below it stand people and cars).
     pub high: f64,
 }
 
@@ -89,8 +90,9 @@ impl IsolatedNoise {
         Ok(Self { config: config.clone() })
     }
 
-    /// How far from a point other points matter for whether it is noise: n voxels along each axis (see above), so
-    /// sqrt(2) times that in the plane. The engine believes the verdict only for points that have this much context.
+    /// How far from a point other points matter for whether it is noise: n voxels along each axis (see above),
+    /// so sqrt(2) times that in the plane. The engine believes the verdict only for points that have this much
+    /// context.
     #[must_use]
     pub fn reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -100,8 +102,8 @@ impl IsolatedNoise {
         Reach::Exact { metres: f64::from(self.config.min_component_points) * voxel_m * SQRT_2 }
     }
 
-    /// How far from a noise point the verdict on other points matters for whether it is high or low. To be added to
-    /// [`Self::reach`], just like the reach of the ground filter; the larger of the two does for both.
+    /// How far from a noise point the verdict on other points matters for whether it is high or low. To be
+    /// added to [`Self::reach`], just like the reach of the ground filter; the larger of the two does for both.
     #[must_use]
     pub fn height_reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -111,9 +113,9 @@ impl IsolatedNoise {
         Reach::Exact { metres: NEIGHBOURHOOD_M + voxel_m * SQRT_2 }
     }
 
-    /// Sets the noise among the points of `view` to [`PointClass::LowNoise`] or [`PointClass::HighNoise`]; `classes`
-    /// has one entry per point, and those of other points stay. Components are those of the points given: at the edge of
-    /// a tile they look small, which is what the context is for.
+    /// Sets the noise among the points of `view` to [`PointClass::LowNoise`] or [`PointClass::HighNoise`];
+    /// `classes` has one entry per point, and those of other points stay. Components are those of the points
+    /// given: at the edge of a tile they look small, which is what the context is for.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].

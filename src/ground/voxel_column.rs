@@ -1,21 +1,21 @@
 //! The ground filter `voxel-column`: low, short columns of voxels are ground; it knows no terrain model.
 //!
 //! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
-//! segmentation" (2017), section 3.1.2 and eq. 2. Ours: voxels are anchored at multiples of their edge, not at the minimum
-//! of the data, so that adding a file moves nothing; lengths are compared in lattice units, so that no rounding decides;
-//! the radius of the neighbourhood, which the paper does not give.
+//! segmentation" (2017), section 3.1.2 and eq. 2. Ours: voxels are anchored at multiples of their edge, not at
+//! the minimum of the data, so that adding a file moves nothing; lengths are compared in lattice units, so that
+//! no rounding decides; the radius of the neighbourhood, which the paper does not give.
 //!
-//! With the voxels of all points that are not noise, a *run* being a maximal sequence of occupied voxels of one column
-//! with consecutive k: the lowest voxel of a column is ground when its run is shorter than `run_height` and when it
-//! is less than `step` above the lowest voxel of any column within `radius` (centres, inclusive); then its whole run is
-//! ground, kerbs and low growth with it.
+//! With the voxels of all points that are not noise, a *run* being a maximal sequence of occupied voxels of one
+//! column with consecutive k: the lowest voxel of a column is ground when its run is shorter than `run_height`
+//! and when it is less than `step` above the lowest voxel of any column within `radius` (centres, inclusive);
+//! then its whole run is ground, kerbs and low growth with it.
 //!
-//! Cost: O(points + columns * radius / voxel). Memory: one byte per voxel, 8 per column, beside the voxels themselves. The
-//! bench is `benches/kernels.rs`.
+//! Cost: O(points + columns * radius / voxel). Memory: one byte per voxel, 8 per column, beside the voxels
+//! themselves. The bench is `benches/kernels.rs`.
 //!
-//! Known failures: ground below a body that touches it within a voxel (cars, hedges, walls) goes to the object with it;
-//! whatever is lower than `run_height` and stands on the ground goes to the ground; slopes that climb `step` or more
-//! within `radius` (18 degrees by default) are no ground.
+//! Known failures: ground below a body that touches it within a voxel (cars, hedges, walls) goes to the object
+//! with it; whatever is lower than `run_height` and stands on the ground goes to the ground; slopes that climb
+//! `step` or more within `radius` (18 degrees by default) are no ground.
 
 use std::f64::consts::SQRT_2;
 
@@ -41,16 +41,17 @@ pub(super) const ENTRY: GroundEntry = GroundEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoxelColumnConfig {
-    /// Edge of a voxel in metres, 0.02 to 10. Default 0.3: twice the spacing of points on far objects (Li et al. 2017,
-    /// section 4.1).
+    /// Edge of a voxel in metres, 0.02 to 10. Default 0.3: twice the spacing of points on far objects (Li et
+    /// al. 2017, section 4.1).
     pub voxel: f64,
-    /// A run is ground only when it is shorter than this, in metres, 0.02 to 100. Default 1.0 (Li et al. 2017, eq. 2).
+    /// A run is ground only when it is shorter than this, in metres, 0.02 to 100. Default 1.0 (Li et al. 2017,
+    /// eq. 2).
     pub run_height: f64,
-    /// A lowest voxel is ground only when it is less than this above the lowest one nearby, in metres, 0.02 to 100.
-    /// Default 0.5 (Li et al. 2017, eq. 2).
+    /// A lowest voxel is ground only when it is less than this above the lowest one nearby, in metres, 0.02 to
+    /// 100. Default 0.5 (Li et al. 2017, eq. 2).
     pub step: f64,
-    /// What nearby means: horizontal distance of the centres of columns in metres, inclusive, 0 to 20. Default 1.5
-    /// (chosen: five voxels, so that a kerb or a car door beside the road finds the road).
+    /// What nearby means: horizontal distance of the centres of columns in metres, inclusive, 0 to 20. Default
+    /// 1.5 (chosen: five voxels, so that a kerb or a car door beside the road finds the road).
     pub radius: f64,
 }
 
@@ -129,7 +130,8 @@ impl GroundFilter for VoxelColumn {
         NAME
     }
 
-    /// `radius`, and a voxel at both ends: a point may lie at the far corner of its column, and so may its neighbour.
+    /// `radius`, and a voxel at both ends: a point may lie at the far corner of its column, and so may its
+    /// neighbour.
     fn reach(&self, lattice: Lattice) -> Reach {
         let voxel_m = lattice.metres(lattice.units(self.config.voxel));
         Reach::Exact { metres: self.config.radius + voxel_m * SQRT_2 }

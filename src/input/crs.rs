@@ -130,6 +130,12 @@ impl Crs {
         };
         let claim = claim.dismissed_by(header.extent, warnings);
         let text = text.filter(|_| claim != Claim::default());
+        if claim == Claim::default() && looks_like_degrees(header.scaling.scale, header.extent) {
+            warnings.push(
+                "there is no coordinate system, and the coordinates look like degrees; metres are assumed"
+                    .into(),
+            );
+        }
         claim.warn_about_unit(warnings);
         claim.into_crs(text)
     }
@@ -223,6 +229,13 @@ impl Claim {
             description,
         }
     }
+}
+
+/// Whether x and y could be longitude and latitude: small numbers in steps far below what a scanner resolves in
+/// metres (1e-7 degrees are a centimetre).
+fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool {
+    let inside = |axis: usize, limit: f64| extent.iter().all(|corner| corner[axis].abs() <= limit);
+    scale[0] <= 2e-7 && scale[1] <= 2e-7 && inside(0, 180.0) && inside(1, 90.0)
 }
 
 /// Codes of UTM zones (WGS 84 north and south, ETRS89, NAD83, NAD27): always metres.
@@ -405,6 +418,15 @@ mod tests {
         assert_eq!(kind_after(CrsKind::Geocentric, utm.0, utm.1), (CrsKind::Unknown, 1));
         assert_eq!(kind_after(CrsKind::Geocentric, centre.0, centre.1), (CrsKind::Geocentric, 0));
         assert_eq!(kind_after(CrsKind::Geographic, [f64::NAN; 3], utm.1), (CrsKind::Geographic, 0));
+    }
+
+    #[test]
+    fn degrees_are_suspected_by_step_and_range_together() {
+        let here = [[8.1, 48.0, 100.0], [8.2, 48.1, 120.0]];
+        assert!(looks_like_degrees([1e-7, 1e-7, 0.01], here));
+        assert!(!looks_like_degrees([1e-3, 1e-3, 1e-3], here));
+        assert!(!looks_like_degrees([1e-7, 1e-7, 0.01], [[8.1, 48.0, 0.0], [208.2, 48.1, 0.0]]));
+        assert!(!looks_like_degrees([1e-7, 1e-7, 0.01], [[f64::NAN; 3]; 2]));
     }
 
     #[test]

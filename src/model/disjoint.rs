@@ -1,8 +1,8 @@
 //! Disjoint sets of small integers; knows nothing of what the integers stand for.
 
-/// Disjoint sets over `0..n`. The root of a set is its smallest member, so that the result does not depend on the
-/// order of the unions. Finding halves paths; `n` unions cost O(n log n) at worst and are linear in practice.
-/// Four bytes per member.
+/// Disjoint sets over `0..n`. The root of a set is its smallest member, so that the result does not depend on
+/// the order of the unions. Finding halves paths; `n` unions cost O(n log n) at worst and are linear in
+/// practice. Four bytes per member.
 #[derive(Debug, Clone)]
 pub struct DisjointSets {
     parent: Vec<u32>,

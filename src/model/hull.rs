@@ -8,8 +8,9 @@ fn turn(a: [i64; 2], b: [i64; 2], c: [i64; 2]) -> i128 {
     u[0] * v[1] - u[1] * v[0]
 }
 
-/// The convex hull of `points`, which are sorted on the way: counter-clockwise from the smallest (x, y), not closed, no
-/// three vertices on a line; one or two vertices when there are no more. Andrew's monotone chain (1979).
+/// The convex hull of `points`, which are sorted on the way: counter-clockwise from the smallest (x, y), not
+/// closed, no three vertices on a line; one or two vertices when there are no more. Andrew's monotone chain
+/// (1979).
 pub(super) fn convex_hull(points: &mut Vec<[i64; 2]>) -> Vec<[i64; 2]> {
     points.sort_unstable();
     points.dedup();
@@ -25,7 +26,8 @@ pub(super) fn convex_hull(points: &mut Vec<[i64; 2]>) -> Vec<[i64; 2]> {
     hull
 }
 
-/// Adds `points` in their order, dropping vertices after position `fixed` at which the chain does not turn left.
+/// Adds `points` in their order, dropping vertices after position `fixed` at which the chain does not turn
+/// left.
 fn extend_chain<'a>(hull: &mut Vec<[i64; 2]>, fixed: usize, points: impl Iterator<Item = &'a [i64; 2]>) {
     for &point in points {
         while hull.len() > fixed + 1 && turn(hull[hull.len() - 2], hull[hull.len() - 1], point) <= 0 {
@@ -36,8 +38,8 @@ fn extend_chain<'a>(hull: &mut Vec<[i64; 2]>, fixed: usize, points: impl Iterato
 }
 
 /// Drops points that are surely not on the hull: those strictly inside the hull of the extreme points of eight
-/// directions (Akl and Toussaint, 1978). Leaves a few per cent of the points of a round object. Does nothing when
-/// coordinates are 2^30 or larger, so that 64 bits do for all the rest.
+/// directions (Akl and Toussaint, 1978). Leaves a few per cent of the points of a round object. Does nothing
+/// when coordinates are 2^30 or larger, so that 64 bits do for all the rest.
 pub(super) fn without_inner_points(points: &mut Vec<[i64; 2]>) {
     if points.iter().flatten().any(|value| value.abs() >= 1 << 30) {
         return;
@@ -100,7 +102,8 @@ mod tests {
     }
 
     proptest! {
-        /// Vertices are points, turn left all the way, and have every point on their left: only the hull does that.
+        /// Vertices are points, turn left all the way, and have every point on their left: only the hull does
+        /// that.
         #[test]
         fn hulls_are_convex_and_hold_every_point(
             points in prop::collection::vec([-30..30_i64, -30..30_i64], 3..150),

@@ -1,8 +1,10 @@
-//! Joining voxels that touch, for whatever touching means to the caller; the walk over neighbours is all that is here.
+//! Joining voxels that touch, for whatever touching means to the caller; the walk over neighbours is all that
+//! is here.
 //!
-//! Neighbouring voxels are mostly in one set already. So voxels that follow each other in a column and are in one set are
-//! handled as one *span*: a pair of spans of one set is passed over as a whole, and of a pair of different sets only the
-//! first two voxels that touch are needed. Memory: 4 bytes per voxel for the sets and at most 4 for the spans.
+//! Neighbouring voxels are mostly in one set already. So voxels that follow each other in a column and are in
+//! one set are handled as one *span*: a pair of spans of one set is passed over as a whole, and of a pair of
+//! different sets only the first two voxels that touch are needed. Memory: 4 bytes per voxel for the sets and
+//! at most 4 for the spans.
 #![expect(clippy::cast_possible_truncation, reason = "indices of voxels fit u32, see VoxelIndex")]
 
 use std::ops::{Range, RangeInclusive};
@@ -53,7 +55,8 @@ impl<'a> Linker<'a> {
         }
     }
 
-    /// Joins voxels at the column offset (di, dj), not (0, 0), whose k differ by an amount in `dk` and that `touch`.
+    /// Joins voxels at the column offset (di, dj), not (0, 0), whose k differ by an amount in `dk` and that
+    /// `touch`.
     pub fn link_beside(
         &mut self,
         offset: [i64; 2],
@@ -104,7 +107,8 @@ impl<'a> Linker<'a> {
     }
 }
 
-/// Whether any voxel of `voxels` touches one of `others`, both sorted by k, whose k differs by an amount in `dk`.
+/// Whether any voxel of `voxels` touches one of `others`, both sorted by k, whose k differs by an amount in
+/// `dk`.
 fn any_pair(
     heights: &[u32],
     voxels: Range<usize>,

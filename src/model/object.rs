@@ -1,7 +1,8 @@
 //! What is known of an object, or of the part of one that a tile holds; parts merge exactly, in any order.
 //!
-//! Everything is an integer on the lattice and every field is a sum, a smallest, a largest, a set or a convex hull of points,
-//! so that the whole does not depend on how tiles cut it. No names, no ground, no world coordinates here.
+//! Everything is an integer on the lattice and every field is a sum, a smallest, a largest, a set or a convex
+//! hull of points, so that the whole does not depend on how tiles cut it. No names, no ground, no world
+//! coordinates here.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "indices of points fit u32 (checked by collect's caller)"
@@ -28,8 +29,9 @@ pub struct ObjectPart {
     pub hi: [i64; 3],
     /// Sums of lattice coordinates.
     pub sum: [i128; 3],
-    /// Convex hull of the points in the plane, lattice coordinates: counter-clockwise from the smallest (x, y), not
-    /// closed, no three vertices on a line. One or two vertices when all points are in one place or on one line.
+    /// Convex hull of the points in the plane, lattice coordinates: counter-clockwise from the smallest (x, y),
+    /// not closed, no three vertices on a line. One or two vertices when all points are in one place or on one
+    /// line.
     pub hull: Vec<[i64; 2]>,
     /// Files that hold points of it, ascending, each once.
     pub files: Vec<u32>,
@@ -51,8 +53,9 @@ impl ObjectPart {
     }
 
     /// The parts of the labels 1 to `count` of a cloud, over the points (by position) that are in the `core`; a
-    /// label without any is [`Self::empty`]. `file` tells the file of a point id and does not decrease with it, ids being
-    /// what they are ([`TileCloud`]). O(points) and O(m log m) for the few points that may be on a hull.
+    /// label without any is [`Self::empty`]. `file` tells the file of a point id and does not decrease with it,
+    /// ids being what they are ([`TileCloud`]). O(points) and O(m log m) for the few points that may be on a
+    /// hull.
     #[must_use]
     pub fn collect(
         cloud: &TileCloud,

@@ -1,10 +1,12 @@
-//! A cloud cut into voxels: the occupied ones in sorted order, their columns, neighbours, and the way back to points.
+//! A cloud cut into voxels: the occupied ones in sorted order, their columns, neighbours, and the way back to
+//! points.
 //!
-//! Nothing here is a hash map and nothing has the size of the bounding box: occupied voxels are a sorted list, and
-//! neighbours are found by merging sorted lists, so that a stray point kilometres away costs one voxel.
+//! Nothing here is a hash map and nothing has the size of the bounding box: occupied voxels are a sorted list,
+//! and neighbours are found by merging sorted lists, so that a stray point kilometres away costs one voxel.
 //!
-//! Scanners write points in the order of measurement, so that many consecutive points share a voxel. Such a *streak*
-//! is what is sorted, not the point. Memory: 12 bytes per streak and 12 per voxel, while sorting 24 per streak more.
+//! Scanners write points in the order of measurement, so that many consecutive points share a voxel. Such a
+//! *streak* is what is sorted, not the point. Memory: 12 bytes per streak and 12 per voxel, while sorting 24
+//! per streak more.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "counts of points fit u32 (checked in build), bit fields are masked"
@@ -40,12 +42,12 @@ pub struct VoxelIndex {
 }
 
 impl VoxelIndex {
-    /// Cuts `cloud` into voxels of `edge` lattice units. O(points + streaks log extent); `method` names the caller
-    /// in the error.
+    /// Cuts `cloud` into voxels of `edge` lattice units. O(points + streaks log extent); `method` names the
+    /// caller in the error.
     ///
     /// # Errors
-    /// [`AlgorithmError::TooManyCells`] when the indices along the three axes need more than 64 bits together (three
-    /// axes of 600 km each at 0.3 m), [`AlgorithmError::TooManyPoints`] above 2^32 - 1 points.
+    /// [`AlgorithmError::TooManyCells`] when the indices along the three axes need more than 64 bits together
+    /// (three axes of 600 km each at 0.3 m), [`AlgorithmError::TooManyPoints`] above 2^32 - 1 points.
     pub fn build(method: &'static str, cloud: &TileCloud, edge: u32) -> Result<Self, AlgorithmError> {
         if u32::try_from(cloud.len()).is_err() {
             return Err(AlgorithmError::TooManyPoints { method, points: cloud.len() as u64 });
@@ -230,7 +232,8 @@ impl<'a> TileView<'a> {
         self.cloud
     }
 
-    /// The voxels of `edge` lattice units over all points; built unless the last ones asked for had the same edge.
+    /// The voxels of `edge` lattice units over all points; built unless the last ones asked for had the same
+    /// edge.
     ///
     /// # Errors
     /// Those of [`VoxelIndex::build`].
@@ -299,8 +302,8 @@ fn bits(count: u64) -> u32 {
 /// The key of every streak and the index of its first point (and the end).
 fn streaks(cloud: &TileCloud, grid: &VoxelGrid, packing: &Packing) -> (Vec<u64>, Vec<u32>) {
     let (mut keys, mut starts) = (Vec::new(), Vec::new());
-    // Where the current voxel begins; a point is in it when it lies less than an edge further on each axis. This
-    // saves the three divisions for all but the first point of a streak.
+    // Where the current voxel begins; a point is in it when it lies less than an edge further on each axis.
+    // This saves the three divisions for all but the first point of a streak.
     let mut begin = None::<[u32; 3]>;
     for (point, ((&x, &y), &z)) in cloud.x.iter().zip(&cloud.y).zip(&cloud.z).enumerate() {
         let position = [grid.position(0, x), grid.position(1, y), grid.position(2, z)];
@@ -320,8 +323,8 @@ fn streaks(cloud: &TileCloud, grid: &VoxelGrid, packing: &Packing) -> (Vec<u64>,
     (keys, starts)
 }
 
-/// Sorts words by the `width` bits above bit `low`, stably: least significant digit first, digits of 11 bits at most
-/// (2,048 counters stay in the first-level cache).
+/// Sorts words by the `width` bits above bit `low`, stably: least significant digit first, digits of 11 bits at
+/// most (2,048 counters stay in the first-level cache).
 fn radix_sort(mut words: Vec<u64>, low: u32, width: u32) -> Vec<u64> {
     let passes = width.div_ceil(11);
     let mut spare = vec![0; words.len()];

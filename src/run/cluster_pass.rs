@@ -90,7 +90,10 @@ impl ClusterPass<'_> {
             }
             last = Some(link);
             if !stitcher.link(link.0, link.1) {
-                let text = format!("point {} has label {} in tile {here} and {there} in tile {}", seam.id, seam.label, seam.owner);
+                let text = format!(
+                    "point {} has label {} in tile {here} and {there} in tile {}",
+                    seam.id, seam.label, seam.owner
+                );
                 return Err(Error::Bug(text));
             }
         }

@@ -10,7 +10,6 @@ use crate::error::{Error, Result};
 use crate::input::Fields;
 use crate::model::{CellCursor, CellMap, PointClass, RecordView};
 use crate::output::{LabelledFile, OutputError};
-use crate::run::codec;
 use crate::run::drive::Drive;
 use crate::run::engine::Pass;
 use crate::store::{PassDir, RunDir, StoreError, publish};
@@ -75,7 +74,13 @@ impl<'a> ExportPass<'a> {
     }
 
     /// Labels and classes of the records of a range, ready to be written.
-    fn labels(&self, file: usize, records: &Range<u64>, view: &RecordView<'_>, desk: &mut Desk<'_>) -> Result<()> {
+    fn labels(
+        &self,
+        file: usize,
+        records: &Range<u64>,
+        view: &RecordView<'_>,
+        desk: &mut Desk<'_>,
+    ) -> Result<()> {
         let count = usize::try_from(length(records)).unwrap_or(0);
         let Desk { owners, labels, classes, .. } = desk;
         labels.resize(count, 0);
@@ -108,7 +113,9 @@ impl<'a> ExportPass<'a> {
         let input = self.drive.file(file);
         let stride = input.layout().record_len;
         desk.out.clear();
-        let first = input.blocks().partition_point(|block| block.first_record + u64::from(block.count) <= records.start);
+        let first = input
+            .blocks()
+            .partition_point(|block| block.first_record + u64::from(block.count) <= records.start);
         for (block, run) in input.blocks().iter().enumerate().skip(first) {
             if run.first_record >= records.end {
                 break;
@@ -202,11 +209,14 @@ impl<'a> ExportPass<'a> {
     }
 
     /// The compressed chunks of a file in order, a unit at a time.
-    fn payloads<'b>(&'b self, file: usize, dir: &'b PassDir) -> impl Iterator<Item = Result<(u32, Vec<u8>)>> + 'b {
+    fn payloads<'b>(
+        &'b self,
+        file: usize,
+        dir: &'b PassDir,
+    ) -> impl Iterator<Item = Result<(u32, Vec<u8>)>> + 'b {
         let units = self.units.iter().enumerate().filter(move |(_, unit)| unit.file == file);
         units.flat_map(|(unit, _)| {
-            let bytes = dir.payload(unit).map_err(Error::from);
-            match bytes.and_then(|bytes| codec::decode::<Vec<(u32, Vec<u8>)>>(&bytes)) {
+            match dir.payload(unit).map_err(Error::from).and_then(|bytes| unpack(&bytes)) {
                 Ok(chunks) => chunks.into_iter().map(Ok).collect::<Vec<_>>(),
                 Err(error) => vec![Err(error)],
             }
@@ -241,6 +251,28 @@ impl<'a> Desk<'a> {
 /// Record of the intent to give the copy of a file its name.
 fn intent(file: usize) -> String {
     format!("export/{file:05}.json")
+}
+
+/// Appends a compressed chunk to a payload: records (u32), bytes (u64), the chunk.
+fn pack(payload: &mut Vec<u8>, records: u32, chunk: &[u8]) {
+    payload.extend_from_slice(&records.to_le_bytes());
+    payload.extend_from_slice(&(chunk.len() as u64).to_le_bytes());
+    payload.extend_from_slice(chunk);
+}
+
+/// The chunks of a payload.
+fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
+    let broken = || Error::Bug("a payload of the export does not decode".to_owned());
+    let mut chunks = Vec::new();
+    while !payload.is_empty() {
+        let (records, rest) = payload.split_first_chunk::<4>().ok_or_else(broken)?;
+        let (length, rest) = rest.split_first_chunk::<8>().ok_or_else(broken)?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+        let (chunk, rest) = rest.split_at_checked(length).ok_or_else(broken)?;
+        chunks.push((u32::from_le_bytes(*records), chunk.to_vec()));
+        payload = rest;
+    }
+    Ok(chunks)
 }
 
 fn length(records: &Range<u64>) -> u64 {
@@ -281,7 +313,7 @@ impl Pass for ExportPass<'_> {
         let target = &self.targets[unit.file];
         self.drive.file(unit.file).check_unchanged()?;
         let mut desk = Desk::new(self.owners.cursor());
-        let mut payload: Vec<(u32, Vec<u8>)> = Vec::new();
+        let mut payload = Vec::new();
         let part = (!target.labelled.is_compressed()).then(|| open_part(target)).transpose()?;
         for records in &target.chunks[unit.chunks.clone()] {
             self.chunk(unit.file, records, &mut desk)?;
@@ -290,12 +322,12 @@ impl Pass for ExportPass<'_> {
                     .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
             } else {
                 let count = u32::try_from(length(records)).unwrap_or(u32::MAX);
-                payload.push((count, target.labelled.compress(&desk.out)?));
+                pack(&mut payload, count, &target.labelled.compress(&desk.out)?);
             }
         }
         if let Some(part) = &part {
             part.sync_data().map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
         }
-        codec::encode(&payload)
+        Ok(payload)
     }
 }

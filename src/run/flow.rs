@@ -112,7 +112,12 @@ impl<'a> Flow<'a> {
     }
 
     /// Ground, clusters, stitching, labelled files and tables.
-    pub(crate) fn tiles_to_files(&mut self, scene: &Scene, plan: &Plan, labelled: Vec<LabelledFile>) -> Result<Outcome> {
+    pub(crate) fn tiles_to_files(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        labelled: Vec<LabelledFile>,
+    ) -> Result<Outcome> {
         let (zones, lowest) = (&scene.survey.zones[..], scene.lowest());
         let mut tiles = Tiles { drive: self.drive, plan, zones, lowest, scattered: None };
         let scattered = self.scatter(scene, &tiles)?;
@@ -135,9 +140,8 @@ impl<'a> Flow<'a> {
             ClusterPass { tiles: &tiles, method: &*self.chain.method, reach: self.chain.cluster_reach };
         self.passes.push(self.engine.execute(&cluster, &cluster_dir)?);
 
-        let payloads = (0..plan.tiles.len()).map(|tile| -> Result<GroundPayload> {
-            codec::decode(&ground_dir.payload(tile)?)
-        });
+        let payloads = (0..plan.tiles.len())
+            .map(|tile| -> Result<GroundPayload> { codec::decode(&ground_dir.payload(tile)?) });
         let (counts, terrain) = finish::terrain(payloads, self.drive)?;
         if let Some(finished) = finish::already_finished(self.engine.run_dir, &export_dir)? {
             return Ok(Outcome { counts, objects: finished.objects, nothing_to_do: true });
@@ -152,7 +156,8 @@ impl<'a> Flow<'a> {
             seconds: started.elapsed().as_secs_f64(),
         });
         finish::withdraw(self.engine.run_dir, &export_dir)?;
-        let export = ExportPass::new(self.drive, plan.owners(), &stitched.ids, labelled, self.engine.run_dir)?;
+        let export =
+            ExportPass::new(self.drive, plan.owners(), &stitched.ids, labelled, self.engine.run_dir)?;
         export.begin(&export_dir, self.engine.run_dir)?;
         self.passes.push(self.engine.execute(&export, &export_dir)?);
         export.reduce(&export_dir, self.engine.run_dir)?;

@@ -57,8 +57,9 @@ pub(crate) fn cluster(ground: &Inputs, config: &Config) -> Inputs {
 
 /// The export depends on the cluster pass, the axis (for chainage in the table) and the settings of the output.
 pub(crate) fn export(cluster: &Inputs, scene: &Scene, config: &Config) -> Inputs {
-    let inputs = Inputs::new()
-        .with("pass cluster", cluster.fingerprint())
-        .with("axis", format!("{:?}, {:.3} m, {:016x}", scene.axis.source, scene.axis.length_m(), scene.axis.digest()));
+    let inputs = Inputs::new().with("pass cluster", cluster.fingerprint()).with(
+        "axis",
+        format!("{:?}, {:.3} m, {:016x}", scene.axis.source, scene.axis.length_m(), scene.axis.digest()),
+    );
     with_section(inputs, config, "output")
 }

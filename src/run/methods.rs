@@ -37,7 +37,11 @@ pub(crate) struct Chain {
 
 impl Chain {
     /// Builds the methods that the configuration names.
-    pub(crate) fn build(config: &Config, registries: &Registries<'_>, lattice: Lattice) -> Result<Self, ConfigError> {
+    pub(crate) fn build(
+        config: &Config,
+        registries: &Registries<'_>,
+        lattice: Lattice,
+    ) -> Result<Self, ConfigError> {
         let noise_config: NoiseConfig = config::section("noise", &config.method_table("noise"))?;
         let noise = IsolatedNoise::new(&noise_config)?;
         let name = &config.ground.method;

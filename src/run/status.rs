@@ -51,7 +51,11 @@ pub(crate) fn record_request(run_dir: &RunDir, inputs: &[PathBuf], config: &Conf
     let paths: Vec<PathBuf> =
         inputs.iter().map(|path| fs_err::canonicalize(path).unwrap_or_else(|_| path.clone())).collect();
     run_dir.write_json(REQUEST, &paths)?;
-    let text = format!("# configuration of the last call, chainage {}\n{}", env!("CARGO_PKG_VERSION"), config.to_toml());
+    let text = format!(
+        "# configuration of the last call, chainage {}\n{}",
+        env!("CARGO_PKG_VERSION"),
+        config.to_toml()
+    );
     Ok(run_dir.write_text(CONFIGURATION, &text)?)
 }
 
@@ -72,8 +76,7 @@ pub fn status(
     let config = resolve(&run_dir.path(CONFIGURATION))?;
     let drive = Drive::without_columns(open_catalog(&paths, &config)?, &config);
     let chain = Chain::build(&config, registries, drive.lattice())?;
-    let mut status =
-        RunStatus { out: out.to_owned(), inputs: paths, passes: Vec::new(), finished: false };
+    let mut status = RunStatus { out: out.to_owned(), inputs: paths, passes: Vec::new(), finished: false };
 
     let dir = run_dir.pass(inputs::SURVEY, inputs::survey(&drive, &config));
     let pass = SurveyPass { drive: &drive, runs: drive.block_runs() };

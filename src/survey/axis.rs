@@ -140,10 +140,11 @@ impl Axis {
     pub fn marks(&self, spacing_m: f64) -> impl Iterator<Item = ([f64; 2], f64)> {
         let mut due = 0.0;
         self.vertices.iter().zip(&self.chainage).filter_map(move |(vertex, &chainage)| {
-            if chainage < due {
+            // Half a vertex early at most: chainage is a sum of steps and 50 m may be 49.9999999.
+            if chainage + 0.5 * VERTEX_SPACING_M < due {
                 return None;
             }
-            due = (chainage / spacing_m).floor() * spacing_m + spacing_m;
+            due += spacing_m * ((chainage - due) / spacing_m).floor().max(0.0) + spacing_m;
             Some((*vertex, chainage))
         })
     }
@@ -180,7 +181,11 @@ impl Axis {
             let away = (px - share * dx).hypot(py - share * dy);
             if away < best.0 {
                 let side = if dx * py - dy * px < 0.0 { -away } else { away };
-                best = (away, self.chainage[start] + share * (self.chainage[start + 1] - self.chainage[start]), side);
+                best = (
+                    away,
+                    self.chainage[start] + share * (self.chainage[start + 1] - self.chainage[start]),
+                    side,
+                );
             }
         }
         if best.0.is_infinite() {
@@ -213,7 +218,7 @@ fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
         walked += step;
     }
     let last = positions[positions.len() - 1];
-    if vertices[vertices.len() - 1] != last {
+    if distance(vertices[vertices.len() - 1], last) > 0.0 {
         vertices.push(last);
     }
     Some(vertices)
@@ -222,7 +227,10 @@ fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
 /// The axis without the stretches that run along an earlier one: a street that is driven twice has one chainage, so
 /// that its tiles are whole strips and not a checkerboard of two passes.
 fn first_passes(places: &[[f64; 2]]) -> Axis {
-    #[expect(clippy::cast_possible_truncation, reason = "grid of corridor width over at most 5,000 km of axis")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "grid of corridor width over at most 5,000 km of axis"
+    )]
     let bucket = |place: [f64; 2]| place.map(|value| (value / CORRIDOR_M).floor() as i64);
     let mut kept: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
     let (mut vertices, mut chainage, mut joined) = (Vec::new(), Vec::new(), Vec::new());

@@ -1,5 +1,5 @@
-//! Brute-force references: the methods word by word over all pairs of points, in O(n^2) or worse. They share no code with
-//! the library and are slow on purpose; points are lattice coordinates, lengths lattice units.
+//! Brute-force references: the methods word by word over all pairs of points, in O(n^2) or worse. They share no
+//! code with the library and are slow on purpose; points are lattice coordinates, lengths lattice units.
 
 /// Points of isolated noise: 0 for none, 2 for low and 3 for high noise.
 pub(crate) fn noise(points: &[[i64; 3]], voxel: i64, min_points: usize, high: i64) -> Vec<u8> {

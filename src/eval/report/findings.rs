@@ -1,0 +1,174 @@
+//! The objects and segments behind each figure: id, class, place and what went wrong.
+
+use serde::Serialize;
+
+use crate::eval::axis::Axis;
+use crate::eval::metrics::{Judged, MetricSettings};
+use crate::eval::panoptic::SegmentRole;
+use crate::eval::report::millimetres;
+use crate::eval::report::rows::ObjectRow;
+
+/// Something to go and look at.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Finding {
+    /// Id of the reference object, when it is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub object: Option<i64>,
+    /// Id of the predicted segment, when it is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segment: Option<i64>,
+    /// Class code; none for a segment that holds no point of an object.
+    pub class: Option<u16>,
+    /// What the class is called.
+    pub class_name: Option<String>,
+    /// Distance along the axis, in metres.
+    pub chainage_m: f64,
+    /// Mean position, in metres.
+    pub at_m: [f64; 3],
+    /// Points.
+    pub points: u64,
+    /// What went wrong.
+    pub what: String,
+}
+
+/// Per figure, what lowers it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Behind {
+    /// USR: under-segmented objects.
+    pub under_segmented: Vec<Finding>,
+    /// OSR: over-segmented objects.
+    pub over_segmented: Vec<Finding>,
+    /// Objects that USR and OSR do not see, because no segment holds a point of them.
+    pub without_segment: Vec<Finding>,
+    /// F1, PQ, RQ: objects without a match.
+    pub false_negatives: Vec<Finding>,
+    /// F1, PQ, RQ: segments without a match.
+    pub false_positives: Vec<Finding>,
+    /// SQ: objects that are matched with an IoU below 0.8.
+    pub matched_poorly: Vec<Finding>,
+    /// Segments that PQ leaves out because more than half of them belongs to no object.
+    pub mostly_unlabelled: Vec<Finding>,
+    /// Hoover's classes, one entry per tolerance.
+    pub hoover: Vec<HooverFindings>,
+}
+
+/// What is behind Hoover's classes at one tolerance.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HooverFindings {
+    /// The tolerance.
+    pub tolerance: f64,
+    /// Objects in several segments.
+    pub over: Vec<Finding>,
+    /// Objects that share a segment.
+    pub under: Vec<Finding>,
+    /// Objects that are missed.
+    pub missed: Vec<Finding>,
+    /// Segments of no object that have as many points as an object needs; smaller ones are only counted, there can
+    /// be millions of them.
+    pub noise: Vec<Finding>,
+}
+
+/// IoU below which a match is listed: the tolerance of paper 002, chosen for want of another.
+const POOR_IOU: f64 = 0.8;
+
+/// Collects what is behind the figures; `rows` are those of the judged objects.
+pub(super) fn behind(judged: &Judged, settings: &MetricSettings, axis: &Axis, rows: &[ObjectRow]) -> Behind {
+    let collect = Collect { judged, settings, axis, rows };
+    let role = |role| collect.segments(|index| judged.panoptic.segments[index] == role);
+    Behind {
+        under_segmented: collect.objects(|_, row| row.under_segmented),
+        over_segmented: collect.objects(|_, row| row.over_segmented),
+        without_segment: collect.objects(|_, row| row.segment.is_none()),
+        false_negatives: collect.objects(|_, row| !row.matched),
+        false_positives: role(SegmentRole::FalsePositive),
+        matched_poorly: collect.objects(|_, row| row.matched && row.best_iou < POOR_IOU),
+        mostly_unlabelled: role(SegmentRole::Unlabelled),
+        hoover: (0..judged.hoover.len()).map(|at| collect.hoover(at)).collect(),
+    }
+}
+
+struct Collect<'a> {
+    judged: &'a Judged,
+    settings: &'a MetricSettings,
+    axis: &'a Axis,
+    rows: &'a [ObjectRow],
+}
+
+impl Collect<'_> {
+    fn hoover(&self, at: usize) -> HooverFindings {
+        let hoover = &self.judged.hoover[at];
+        let of_word = |word: &str| self.objects(|_, row| row.hoover[at] == word);
+        HooverFindings {
+            tolerance: hoover.tolerance.share(),
+            over: of_word("over"),
+            under: of_word("under"),
+            missed: of_word("missed"),
+            noise: self.segments(|index| {
+                hoover.noise[index] && self.judged.scene.segments[index].points >= self.settings.min_points
+            }),
+        }
+    }
+
+    fn objects(&self, holds: impl Fn(usize, &ObjectRow) -> bool) -> Vec<Finding> {
+        let found = self.rows.iter().enumerate().filter(|(index, row)| holds(*index, row));
+        found.map(|(_, row)| self.object(row)).collect()
+    }
+
+    fn object(&self, row: &ObjectRow) -> Finding {
+        Finding {
+            object: Some(row.object),
+            segment: None,
+            class: Some(row.class),
+            class_name: Some(row.class_name.clone()),
+            chainage_m: row.chainage_m,
+            at_m: [row.x_m, row.y_m, row.z_m],
+            points: row.points,
+            what: row.what.clone(),
+        }
+    }
+
+    fn segments(&self, holds: impl Fn(usize) -> bool) -> Vec<Finding> {
+        (0..self.judged.scene.segments.len())
+            .filter(|&index| holds(index))
+            .map(|at| self.segment(at))
+            .collect()
+    }
+
+    fn segment(&self, index: usize) -> Finding {
+        let scene = &self.judged.scene;
+        let segment = &scene.segments[index];
+        let class = scene.segment_class(segment);
+        Finding {
+            object: None,
+            segment: Some(segment.id),
+            class,
+            class_name: class.map(|code| self.settings.classes.name(code)),
+            chainage_m: millimetres(self.axis.chainage_m(segment.centroid_m)),
+            at_m: segment.centroid_m.map(millimetres),
+            points: segment.points,
+            what: self.segment_in_words(index),
+        }
+    }
+
+    fn segment_in_words(&self, index: usize) -> String {
+        let scene = &self.judged.scene;
+        let segment = &scene.segments[index];
+        let percent = |points: u64| 100.0 * points as f64 / segment.points as f64;
+        let Some(main) = segment.main() else { return "no point of an object".to_owned() };
+        let object = &scene.objects[main.index];
+        let mut words = format!(
+            "{:.1} % of it is of object {} ({}), of which it is {:.1} %",
+            percent(main.points),
+            object.id,
+            self.settings.classes.name(object.class),
+            100.0 * main.points as f64 / object.points as f64
+        );
+        if segment.overlaps.len() > 1 {
+            words += &format!("; {} more objects", segment.overlaps.len() - 1);
+        }
+        if segment.labelled < segment.points {
+            words += &format!("; {:.1} % of it is of none", percent(segment.points - segment.labelled));
+        }
+        words
+    }
+}

@@ -1,0 +1,204 @@
+//! One row per evaluated object: where it is and what became of it under each metric.
+
+use std::io::{self, Write};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::eval::axis::Axis;
+use crate::eval::metrics::{Judged, MetricSettings};
+use crate::eval::report::{millimetres, share};
+
+/// What became of one object.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ObjectRow {
+    /// Id in the reference.
+    pub object: i64,
+    /// Class code.
+    pub class: u16,
+    /// What the class is called.
+    pub class_name: String,
+    /// Distance along the axis, in metres.
+    pub chainage_m: f64,
+    /// Mean position, in metres.
+    pub x_m: f64,
+    /// Mean position, in metres.
+    pub y_m: f64,
+    /// Mean position, in metres.
+    pub z_m: f64,
+    /// Points of the object.
+    pub points: u64,
+    /// S(o), the segment that holds most of it.
+    pub segment: Option<i64>,
+    /// Points of that segment.
+    pub segment_points: u64,
+    /// Points of the object in that segment.
+    pub points_in_segment: u64,
+    /// Largest IoU with a segment; 0 without any.
+    pub best_iou: f64,
+    /// The segment of that IoU.
+    pub best_iou_segment: Option<i64>,
+    /// Whether it is matched at IoU > 0.5.
+    pub matched: bool,
+    /// Whether S(o) also is or holds much of another object.
+    pub under_segmented: bool,
+    /// That object.
+    pub shares_with: Option<i64>,
+    /// Whether a second segment holds much of it.
+    pub over_segmented: bool,
+    /// That segment.
+    pub second_segment: Option<i64>,
+    /// Hoover's class at each tolerance.
+    pub hoover: Vec<&'static str>,
+    /// Points without a segment.
+    pub points_without_segment: u64,
+    /// Points that the prediction calls ground.
+    pub points_predicted_ground: u64,
+    /// Points that the prediction calls noise.
+    pub points_predicted_noise: u64,
+    /// What went wrong, in words; empty when nothing did.
+    pub what: String,
+}
+
+/// The rows of all objects, by id.
+pub(super) fn rows(judged: &Judged, settings: &MetricSettings, axis: &Axis) -> Vec<ObjectRow> {
+    (0..judged.scene.objects.len()).into_par_iter().map(|index| row(judged, settings, axis, index)).collect()
+}
+
+fn row(judged: &Judged, settings: &MetricSettings, axis: &Axis, index: usize) -> ObjectRow {
+    let scene = &judged.scene;
+    let object = &scene.objects[index];
+    let outcome = &judged.segmentation[index];
+    let best = judged.panoptic.best[index];
+    let segment_id = |segment: usize| scene.segments[segment].id;
+    let [x_m, y_m, z_m] = object.centroid_m.map(millimetres);
+    ObjectRow {
+        object: object.id,
+        class: object.class,
+        class_name: settings.classes.name(object.class),
+        chainage_m: millimetres(axis.chainage_m(object.centroid_m)),
+        x_m,
+        y_m,
+        z_m,
+        points: object.points,
+        segment: outcome.main.map(|main| segment_id(main.index)),
+        segment_points: outcome.main.map_or(0, |main| scene.segments[main.index].points),
+        points_in_segment: outcome.main.map_or(0, |main| main.points),
+        best_iou: share(best.map(|iou| iou.value())).unwrap_or(0.0),
+        best_iou_segment: best.map(|iou| segment_id(iou.segment)),
+        matched: judged.panoptic.matches[index].is_some(),
+        under_segmented: outcome.is_under(),
+        shares_with: outcome.shared_with.map(|other| scene.objects[other.index].id),
+        over_segmented: outcome.is_over(),
+        second_segment: outcome.second.map(|second| segment_id(second.index)),
+        hoover: judged.hoover.iter().map(|hoover| hoover.objects[index].word()).collect(),
+        points_without_segment: object.unassigned,
+        points_predicted_ground: object.predicted_ground,
+        points_predicted_noise: object.predicted_noise,
+        what: what_went_wrong(judged, settings, index).join("; "),
+    }
+}
+
+fn percent(part: u64, whole: u64) -> String {
+    format!("{:.1} %", 100.0 * part as f64 / whole as f64)
+}
+
+/// What went wrong with an object, one phrase per fact.
+fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> Vec<String> {
+    let scene = &judged.scene;
+    let object = &scene.objects[index];
+    let outcome = &judged.segmentation[index];
+    let mut phrases = Vec::new();
+    if let Some((main, other)) = outcome.main.zip(outcome.shared_with) {
+        let shared = &scene.objects[other.index];
+        phrases.push(format!(
+            "segment {} also holds {} of object {} ({})",
+            scene.segments[main.index].id,
+            percent(other.points, shared.points),
+            shared.id,
+            settings.classes.name(shared.class)
+        ));
+    }
+    if let Some(second) = outcome.second {
+        let id = scene.segments[second.index].id;
+        phrases.push(format!("segment {id} holds {} of it", percent(second.points, object.points)));
+    }
+    if judged.panoptic.matches[index].is_none() {
+        phrases.push(match judged.panoptic.best[index] {
+            None => "no segment".to_owned(),
+            Some(best) if best.is_match() => {
+                format!("its segment {} is too small to count", scene.segments[best.segment].id)
+            }
+            Some(best) => {
+                format!("best IoU {:.3} with segment {}", best.value(), scene.segments[best.segment].id)
+            }
+        });
+    }
+    let lost = [
+        (object.predicted_ground, "called ground"),
+        (object.predicted_noise, "called noise"),
+        (object.unassigned, "without segment"),
+    ];
+    // A tenth, as for over-segmentation: less does not change what the object is.
+    phrases.extend(
+        lost.into_iter()
+            .filter(|(points, _)| 10 * points >= object.points)
+            .map(|(points, how)| format!("{} of it {how}", percent(points, object.points))),
+    );
+    phrases
+}
+
+/// Writes the rows as CSV, one column of Hoover's classes per tolerance.
+pub(super) fn write_csv(rows: &[ObjectRow], tolerances: &[f64], to: &mut dyn Write) -> io::Result<()> {
+    write!(
+        to,
+        "object,class,class_name,chainage_m,x_m,y_m,z_m,points,segment,segment_points,points_in_segment,best_iou,\
+         best_iou_segment,matched,under_segmented,shares_with,over_segmented,second_segment,"
+    )?;
+    for tolerance in tolerances {
+        write!(to, "hoover_{tolerance:.2},")?;
+    }
+    writeln!(to, "points_without_segment,points_predicted_ground,points_predicted_noise,what")?;
+    rows.iter().try_for_each(|row| to.write_all(csv_line(row).as_bytes()))
+}
+
+fn csv_line(row: &ObjectRow) -> String {
+    let id = |id: Option<i64>| id.map_or(String::new(), |id| id.to_string());
+    let fields = [
+        row.object.to_string(),
+        row.class.to_string(),
+        quoted(&row.class_name),
+        format!("{:.3}", row.chainage_m),
+        format!("{:.3}", row.x_m),
+        format!("{:.3}", row.y_m),
+        format!("{:.3}", row.z_m),
+        row.points.to_string(),
+        id(row.segment),
+        row.segment_points.to_string(),
+        row.points_in_segment.to_string(),
+        format!("{:.6}", row.best_iou),
+        id(row.best_iou_segment),
+        row.matched.to_string(),
+        row.under_segmented.to_string(),
+        id(row.shares_with),
+        row.over_segmented.to_string(),
+        id(row.second_segment),
+        row.hoover.join(","),
+        row.points_without_segment.to_string(),
+        row.points_predicted_ground.to_string(),
+        row.points_predicted_noise.to_string(),
+        quoted(&row.what),
+    ];
+    // No tolerances, no columns of theirs.
+    let present = fields.into_iter().enumerate().filter(|(at, _)| *at != 18 || !row.hoover.is_empty());
+    present.map(|field| field.1).collect::<Vec<_>>().join(",") + "\n"
+}
+
+/// A CSV field (RFC 4180): in quotes where it must be.
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", field.replace('"', "\"\""))
+    } else {
+        field.to_owned()
+    }
+}

@@ -1,0 +1,127 @@
+//! The report as a table for a person at a terminal.
+
+use std::fmt::Write;
+
+use crate::eval::report::{FiguresView, Report, ScoreView};
+
+/// Width of the column of names.
+const NAME: usize = 26;
+
+pub(super) fn text(report: &Report, worst: usize) -> String {
+    let blocks = [head(report), shares(report), hoover(report), scores(report), worst_objects(report, worst)];
+    blocks.into_iter().filter(|block| !block.is_empty()).collect::<Vec<_>>().join("\n")
+}
+
+/// A share with three decimals, `-` where there is nothing to count.
+fn cell(share: Option<f64>) -> String {
+    share.map_or_else(|| "-".to_owned(), |share| format!("{share:.3}"))
+}
+
+fn head(report: &Report) -> String {
+    let counts = &report.counts;
+    let min = report.settings.min_points;
+    let mut text = format!(
+        "{} points, matched by {}\n{} objects of at least {min} points ({} smaller left out), {} segments\n",
+        counts.points, report.compared.matched_by, counts.objects, counts.objects_too_small, counts.segments
+    );
+    text += &format!(
+        "PQ leaves out {} segments of fewer than {min} points and {} mostly outside objects\n",
+        counts.segments_too_small, counts.segments_mostly_unlabelled
+    );
+    if report.overall.without_segment > 0 {
+        text += &format!(
+            "{} objects have no segment at all: USR, OSR and OA do not see them\n",
+            report.overall.without_segment
+        );
+    }
+    text
+}
+
+/// Class name and figures of every line of a table, the overall line last.
+fn lines(report: &Report) -> Vec<(String, &FiguresView)> {
+    let classes =
+        report.classes.iter().map(|class| (format!("{} {}", class.class, class.name), &class.figures));
+    classes.chain([("overall".to_owned(), &report.overall)]).collect()
+}
+
+fn shares(report: &Report) -> String {
+    let titles = ["USR", "OSR", "OA", "F1", "F1*", "PQ", "SQ", "RQ", "mIoU", "ARI"];
+    let mut text = format!("{:NAME$} {:>7}", "class", "objects");
+    titles.iter().for_each(|title| text += &format!(" {title:>6}"));
+    for (name, row) in lines(report) {
+        text += &format!("\n{name:NAME$} {:>7}", row.objects);
+        let values = [
+            row.usr,
+            row.osr,
+            row.oa,
+            row.f1,
+            row.f1_without_false_positives,
+            row.pq,
+            row.sq,
+            row.rq,
+            row.mean_best_iou,
+            row.ari,
+        ];
+        values.into_iter().for_each(|value| text += &format!(" {:>6}", cell(value)));
+    }
+    text += &format!("\nmean over classes: PQ {}\n", cell(report.overall.pq_class_mean));
+    // Two figures go by the name of F1 per class, and they can be far apart.
+    text + "F1 counts false segments in the class of the object they hold most of, F1* counts none\n"
+}
+
+fn hoover(report: &Report) -> String {
+    if report.settings.hoover_tolerances.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("{:NAME$}", "Hoover");
+    for tolerance in &report.settings.hoover_tolerances {
+        text += &format!("  T = {tolerance:.2}: correct   over  under missed  noise");
+    }
+    for (name, row) in lines(report) {
+        text += &format!("\n{name:NAME$}");
+        for at in &row.hoover {
+            text += &format!(
+                "{:>19} {:>6} {:>6} {:>6} {:>6}",
+                at.correct, at.over, at.under, at.missed, at.noise
+            );
+        }
+    }
+    text + "\n"
+}
+
+fn scores(report: &Report) -> String {
+    let mut text =
+        format!("{:NAME$} {:>9} {:>7} {:>6} {:>12}\n", "points", "precision", "recall", "IoU", "reference");
+    let mut line = |name: &str, score: &ScoreView| {
+        let [precision, recall, iou] = [score.precision, score.recall, score.iou].map(cell);
+        // Writing to a string cannot fail.
+        let _ =
+            writeln!(text, "{name:NAME$} {precision:>9} {recall:>7} {iou:>6} {:>12}", score.reference_points);
+    };
+    line("ground", &report.ground);
+    line("noise", &report.noise);
+    text
+}
+
+/// The objects of smallest best IoU among those that are not matched.
+fn worst_objects(report: &Report, worst: usize) -> String {
+    let mut rows: Vec<_> = report.objects.iter().filter(|row| !row.matched).collect();
+    // Stable: equal values stay in the order of their ids.
+    rows.sort_by(|a, b| a.best_iou.total_cmp(&b.best_iou));
+    let shown = rows.len().min(worst);
+    if shown == 0 {
+        return String::new();
+    }
+    let mut text = format!(
+        "{shown} of {} objects without a match, worst first (chainage along the {}; --objects lists all)\n",
+        rows.len(),
+        report.compared.chainage_along
+    );
+    for row in &rows[..shown] {
+        text += &format!(
+            "{:>8}  {:NAME$} at {:>10.1} m  {:>8} points  {}\n",
+            row.object, row.class_name, row.chainage_m, row.points, row.what
+        );
+    }
+    text
+}
