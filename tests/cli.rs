@@ -139,7 +139,7 @@ fn well_formed(text: &str) -> Vec<String> {
         assert!(!rest[..start].contains(['>', '&']), "loose text: {}", &rest[..start]);
         let end = start + rest[start..].find('>').expect("every < has its >");
         let tag = &rest[start + 1..end];
-        assert!(!tag.contains('<') && tag.matches('"').count() % 2 == 0, "<{tag}>");
+        assert!(!tag.contains('<') && tag.matches('"').count().is_multiple_of(2), "<{tag}>");
         let name: String =
             tag.trim_start_matches('/').chars().take_while(|c| c.is_ascii_alphanumeric()).collect();
         assert!(!name.is_empty(), "<{tag}>");

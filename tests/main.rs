@@ -25,4 +25,6 @@ mod refusals;
 #[cfg(test)]
 mod resume;
 #[cfg(test)]
+mod synth;
+#[cfg(test)]
 mod util;

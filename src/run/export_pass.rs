@@ -248,11 +248,6 @@ impl<'a> Desk<'a> {
     }
 }
 
-/// Record of the intent to give the copy of a file its name.
-fn intent(file: usize) -> String {
-    format!("export/{file:05}.json")
-}
-
 /// Appends a compressed chunk to a payload: records (u32), bytes (u64), the chunk.
 fn pack(payload: &mut Vec<u8>, records: u32, chunk: &[u8]) {
     payload.extend_from_slice(&records.to_le_bytes());
@@ -273,6 +268,11 @@ fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
         payload = rest;
     }
     Ok(chunks)
+}
+
+/// Record of the intent to give the copy of a file its name.
+fn intent(file: usize) -> String {
+    format!("export/{file:05}.json")
 }
 
 fn length(records: &Range<u64>) -> u64 {

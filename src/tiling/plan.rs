@@ -71,7 +71,8 @@ impl Plan {
             let (cell, points) = request.cells[at];
             let (grown_lo, grown_hi) = (min(lo, cell), max(hi, cell));
             let full = tiles.last().is_none_or(|tile| {
-                let extent = |k: usize| (i64::from(grown_hi[k]) - i64::from(grown_lo[k])) * request.grid.edge();
+                let extent =
+                    |k: usize| (i64::from(grown_hi[k]) - i64::from(grown_lo[k])) * request.grid.edge();
                 let too_wide = (0..2).any(|k| extent(k) >= CORE_EXTENT_UNITS);
                 too_wide
                     || match request.size {
