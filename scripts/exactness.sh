@@ -27,7 +27,10 @@ run() { # OUT FILES... -- OPTIONS...
     local files=()
     while [ "$1" != -- ]; do files+=("$1"); shift; done
     shift
-    "$program" run "${files[@]}" -o "$out" --progress none "$@" >/dev/null
+    if ! "$program" run "${files[@]}" -o "$out" --progress none "$@" >/dev/null 2>"$scratch/errors"; then
+        cat "$scratch/errors"
+        exit 1
+    fi
     runs=$((runs + 1))
 }
 

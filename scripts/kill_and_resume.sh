@@ -41,7 +41,13 @@ same() {
 
 for kind in laz las; do
     input=$scratch/$kind/$name.$kind
-    run() { "$program" run "$input" -o "$scratch/$1" --tile-length "$tile" --progress none --threads "$2" >/dev/null; }
+    run() { # OUT THREADS
+        local code=0
+        "$program" run "$input" -o "$scratch/$1" --tile-length "$tile" --progress none --threads "$2" \
+            >/dev/null 2>"$scratch/errors" || code=$?
+        grep -v '^warning' "$scratch/errors" || true
+        return $code
+    }
     began=$(date +%s%N)
     run undisturbed 2
     whole_ms=$((($(date +%s%N) - began) / 1000000))
@@ -50,7 +56,7 @@ for kind in laz las; do
     longest=$((whole_ms / 8 + 20))
     spent=0 hit=0 finished=0
     while [ $spent -lt "$kills" ]; do
-        run killed $((RANDOM % 2 * 1 + 1)) 2>/dev/null &
+        run killed $((RANDOM % 2 + 1)) &
         child=$!
         span=$longest
         [ $((spent % 5)) -eq 4 ] && span=$((whole_ms + 50))
