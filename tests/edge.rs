@@ -82,7 +82,7 @@ fn one_point_is_noise_and_one_point_that_need_not_have_company_is_ground() {
 
 #[test]
 fn ten_thousand_equal_points_are_one_place() {
-    let (summary, labelled) = label(&[Point::at([700, 800, 900]); 10_000], 1.0, &[]);
+    let (summary, labelled) = label(&vec![Point::at([700, 800, 900]); 10_000], 1.0, &[]);
     assert_eq!((summary.tiles, summary.counts.ground), (1, 10_000));
     assert!(labelled.class.iter().all(|class| *class == 2));
     // Above something low they are an object.
@@ -138,13 +138,19 @@ fn a_drive_as_wide_as_records_allow_keeps_its_objects() {
         let files = vec![scratch.file("wide.las", &shape, &points)];
         let out = scratch.out("out");
         let summary = drive(&files, &out, &list(0.0, &[cell])).unwrap();
-        (summary.objects, Labelled::read(&files, &out))
+        let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
+        let ends: Vec<[f64; 2]> = table
+            .lines()
+            .skip(1)
+            .map(|row| [2, 5].map(|column| row.split(',').nth(column).unwrap().parse().unwrap()))
+            .collect();
+        (summary.objects, ends, Labelled::read(&files, &out))
     };
-    let (objects, fine) = run("tiling.cell=1.0");
-    assert_eq!(objects, 3);
-    let (objects, coarse) = run("tiling.cell=10.0");
-    assert_eq!(objects, 3);
-    assert_eq!(fine, coarse);
+    let fine = run("tiling.cell=1.0");
+    assert_eq!(fine.0, 3);
+    // Smallest and largest x of each object.
+    assert_eq!(fine.1, [-200_000.0, 0.0, 200_000.0].map(|x| [x, x + 0.59]));
+    assert_eq!(run("tiling.cell=10.0"), fine);
 }
 
 #[test]
@@ -166,7 +172,7 @@ fn times_that_are_no_numbers_are_counted_and_do_no_harm() {
     }
     let (summary, after) = label(&points, 5.0, &[]);
     assert_eq!((&after.class, &after.label), (&before.class, &before.label));
-    let bad = points.iter().filter(|point| !(point.time.abs() < 1e15)).count();
+    let bad = points.iter().filter(|point| !point.time.is_finite() || point.time.abs() >= 1e15).count();
     assert!(
         summary.warnings.contains(&format!("{bad} points have no finite GPS time")),
         "{:?}",
@@ -338,6 +344,8 @@ impl Clusterer for Failing {
         1..=u64::MAX
     }
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
+        // As slow as a real tile, so that the engine has time to stop.
+        std::thread::sleep(std::time::Duration::from_millis(5));
         if (0..cloud.len()).any(|index| BAD.contains(&cloud.lattice_point(index)[0])) {
             assert!(!self.panics, "this method cannot count to three");
             return Err(AlgorithmError::TooManyPoints { method: "failing", points: 5_000_000_000 });
@@ -447,8 +455,10 @@ fn fail_fast_stops_at_the_first_failure() {
     let scratch = Scratch::new();
     let files = vec![scratch.file("a.las", &Shape { format: 0, ..Shape::default() }, &row())];
     let out = scratch.out("out");
-    let (error, _) = run_failing(&files, &out, FAILING, &["run.fail_fast=true", "run.threads=1"]);
-    assert!(matches!(error, Error::UnitsFailed { failed: 1, total: 8, .. }), "{error}");
+    let more = ["run.fail_fast=true", "run.threads=1", "tiling.tile_length=1"];
+    let (error, _) = run_failing(&files, &out, FAILING, &more);
+    // The bad place is three tiles wide, and tiles that were under way are finished.
+    assert!(matches!(error, Error::UnitsFailed { failed: 1..=3, total: 40, .. }), "{error}");
     let (_, done) = units(&out, "pass-03-cluster");
-    assert!((4..7).contains(&done), "{done} tiles were done all the same");
+    assert!((20..27).contains(&done), "{done} tiles were done all the same");
 }
