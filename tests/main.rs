@@ -5,11 +5,11 @@ mod chunk_tables;
 #[cfg(test)]
 mod conformance;
 mod contracts;
-mod kernels;
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
 mod eval;
+mod kernels;
 #[cfg(test)]
 mod labelled;
 #[cfg(test)]

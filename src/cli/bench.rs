@@ -41,14 +41,22 @@ struct Measured {
 
 impl BenchArgs {
     pub(crate) fn run(&self) -> Outcome {
-        let scratch = self.scratch.clone().unwrap_or_else(std::env::temp_dir).join(format!("chainage-bench-{}", std::process::id()));
+        let scratch = self
+            .scratch
+            .clone()
+            .unwrap_or_else(std::env::temp_dir)
+            .join(format!("chainage-bench-{}", std::process::id()));
         std::fs::create_dir_all(&scratch)
             .map_err(|source| CliError::Write { target: scratch.display().to_string(), source })?;
         let result = self.measure(&scratch);
         // What is left behind is only scratch; a failure to remove it does not change the figures.
         let _ = std::fs::remove_dir_all(&scratch);
         let report = result?;
-        if self.json { print::json(&report)? } else { print::text(&page(&report))? }
+        if self.json {
+            print::json(&report)?
+        } else {
+            print::text(&page(&report))?
+        }
         Ok(exit::DONE)
     }
 
@@ -102,7 +110,10 @@ impl BenchArgs {
         })?;
         let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
         let passes = summary["passes"].as_array().map_or_else(Vec::new, |passes| {
-            passes.iter().map(|pass| (pass["pass"].as_str().unwrap_or("").to_owned(), number(&pass["seconds"]))).collect()
+            passes
+                .iter()
+                .map(|pass| (pass["pass"].as_str().unwrap_or("").to_owned(), number(&pass["seconds"])))
+                .collect()
         });
         let mut output_bytes = 0;
         for entry in std::fs::read_dir(&out).map_err(failed)? {
@@ -222,6 +233,9 @@ fn page(report: &Value) -> String {
             ));
         }
     }
-    text.push_str(&format!("\n  two threads are {:.2} times as fast as one\n", number(&report["speed_up_of_two_threads"])));
+    text.push_str(&format!(
+        "\n  two threads are {:.2} times as fast as one\n",
+        number(&report["speed_up_of_two_threads"])
+    ));
     text
 }

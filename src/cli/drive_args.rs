@@ -79,7 +79,11 @@ impl Settings {
     }
 
     /// The same over another file.
-    pub(crate) fn resolve_over(&self, file: Option<&Path>, extra: &[(&str, String)]) -> chainage::Result<Config> {
+    pub(crate) fn resolve_over(
+        &self,
+        file: Option<&Path>,
+        extra: &[(&str, String)],
+    ) -> chainage::Result<Config> {
         let mut assignments = self.assignments.clone();
         let mut set = |key: &str, value: Option<String>| {
             assignments.extend(value.map(|value| format!("{key}={value}")));

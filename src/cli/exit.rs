@@ -23,10 +23,7 @@ pub(crate) enum CliError {
     Library(#[from] Error),
     /// Standard output or a file of the command line's own cannot be written.
     #[error("cannot write {target}")]
-    Write {
-        target: String,
-        source: io::Error,
-    },
+    Write { target: String, source: io::Error },
 }
 
 impl CliError {
@@ -80,6 +77,7 @@ pub(crate) fn install_panic_text() {
     let default = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         default(panic);
-        let _ = io::stderr().write_all(b"this is a bug of chainage: please report it with the command line\n");
+        let _ =
+            io::stderr().write_all(b"this is a bug of chainage: please report it with the command line\n");
     }));
 }

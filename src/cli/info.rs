@@ -20,7 +20,11 @@ impl InfoArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&[])?;
         let facts = look_at(&self.inputs.files, &config)?;
-        if self.json { print::json(&facts)? } else { print::text(&page(&facts))? }
+        if self.json {
+            print::json(&facts)?
+        } else {
+            print::text(&page(&facts))?
+        }
         Ok(exit::DONE)
     }
 }
@@ -30,7 +34,13 @@ fn page(facts: &DriveFacts) -> String {
         .files
         .iter()
         .map(|file| {
-            let kind = if file.copc { "COPC" } else if file.compressed { "LAZ" } else { "LAS" };
+            let kind = if file.copc {
+                "COPC"
+            } else if file.compressed {
+                "LAZ"
+            } else {
+                "LAS"
+            };
             vec![
                 file.name.clone(),
                 format!("{kind} {}", file.version),

@@ -29,7 +29,11 @@ impl StatusArgs {
             self.settings.resolve_over(file, &[])
         };
         let state = status(&self.out, &Registries::default(), resolve)?;
-        if self.json { print::json(&state)? } else { print::text(&page(&state, self.why))? }
+        if self.json {
+            print::json(&state)?
+        } else {
+            print::text(&page(&state, self.why))?
+        }
         Ok(exit::DONE)
     }
 }
@@ -51,7 +55,11 @@ fn page(state: &RunStatus, why: bool) -> String {
             }
         }
     }
-    let verdict = if state.finished { "finished: every output is there" } else { "not finished: the same command resumes" };
+    let verdict = if state.finished {
+        "finished: every output is there"
+    } else {
+        "not finished: the same command resumes"
+    };
     text.push_str(&format!("  {verdict}\n"));
     text
 }

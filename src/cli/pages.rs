@@ -44,9 +44,11 @@ pub(crate) fn config() -> Outcome {
 
 /// Ground filters and clustering methods.
 pub(crate) fn methods() -> Outcome {
-    let ground = chainage::ground::REGISTRY.iter().map(|entry| ("ground", entry.name, entry.summary, entry.reference));
-    let cluster =
-        chainage::cluster::REGISTRY.iter().map(|entry| ("cluster", entry.name, entry.summary, entry.reference));
+    let ground =
+        chainage::ground::REGISTRY.iter().map(|entry| ("ground", entry.name, entry.summary, entry.reference));
+    let cluster = chainage::cluster::REGISTRY
+        .iter()
+        .map(|entry| ("cluster", entry.name, entry.summary, entry.reference));
     let mut text = String::new();
     for (kind, name, summary, reference) in ground.chain(cluster) {
         text.push_str(&format!("  {kind:<8} {name:<14} {summary}\n  {:<23} {reference}\n", ""));

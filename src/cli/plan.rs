@@ -30,7 +30,11 @@ impl PlanArgs {
             std::fs::write(path, &plan.svg)
                 .map_err(|source| CliError::Write { target: path.display().to_string(), source })?;
         }
-        if self.json { print::json(&plan)? } else { print::text(&page(&plan))? }
+        if self.json {
+            print::json(&plan)?
+        } else {
+            print::text(&page(&plan))?
+        }
         Ok(exit::DONE)
     }
 }

@@ -63,9 +63,12 @@ impl Progress {
                 let bar = ProgressBar::new(*points);
                 let template = "{prefix:>8} {wide_bar} {percent:>3}% {per_sec:>14} {eta:>5} left";
                 if let Ok(style) = ProgressStyle::with_template(template) {
-                    bar.set_style(style.with_key("per_sec", |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
-                        let _ = write!(out, "{:.1} M points/s", state.per_sec() / 1e6);
-                    }));
+                    bar.set_style(style.with_key(
+                        "per_sec",
+                        |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
+                            let _ = write!(out, "{:.1} M points/s", state.per_sec() / 1e6);
+                        },
+                    ));
                 }
                 bar.set_prefix(*pass);
                 bar.set_position(*points_done);
@@ -123,7 +126,9 @@ impl Progress {
                 line(&format!("{pass}: done in {seconds:.1} s, {:.2} M points/s", rate / 1e6));
             }
             Event::Warning { text } => line(&format!("warning: {text}")),
-            Event::UnitFailed { pass, unit, reason } => line(&format!("failed: {pass}, unit {unit}: {reason}")),
+            Event::UnitFailed { pass, unit, reason } => {
+                line(&format!("failed: {pass}, unit {unit}: {reason}"))
+            }
         }
     }
 }

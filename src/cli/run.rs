@@ -75,7 +75,11 @@ impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&self.output.assignments())?;
         let summary = process(self.inputs.files.clone(), &self.out, config, self.fresh, self.show.progress)?;
-        if self.show.json { print::json(&summary)? } else { print::text(&page(&summary, &self.out))? }
+        if self.show.json {
+            print::json(&summary)?
+        } else {
+            print::text(&page(&summary, &self.out))?
+        }
         Ok(exit::DONE)
     }
 }
@@ -91,7 +95,8 @@ fn process(
     let cancel = Arc::new(CancelToken::default());
     listen(&cancel)?;
     let progress = Progress::new(progress);
-    let request = RunRequest { inputs, out: out.to_owned(), config, fresh, registries: Registries::default() };
+    let request =
+        RunRequest { inputs, out: out.to_owned(), config, fresh, registries: Registries::default() };
     Ok(run(&request, &progress, &cancel)?)
 }
 
@@ -105,7 +110,10 @@ fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
         }
         cancel.cancel();
     })
-    .map_err(|error| CliError::Write { target: "the handler of Ctrl-C".to_owned(), source: std::io::Error::other(error) })
+    .map_err(|error| CliError::Write {
+        target: "the handler of Ctrl-C".to_owned(),
+        source: std::io::Error::other(error),
+    })
 }
 
 #[expect(clippy::disallowed_methods, reason = "a second Ctrl-C must not wait for the workers")]
@@ -134,7 +142,10 @@ fn page(summary: &RunSummary, out: &Path) -> String {
     if let Some(peak) = summary.peak_resident_bytes {
         text.push_str(&format!(", peak memory {}", print::bytes(peak)));
     }
-    text.push_str(&format!("\n  {}: labelled files, objects.csv, objects.geojson, report.json\n", out.display()));
+    text.push_str(&format!(
+        "\n  {}: labelled files, objects.csv, objects.geojson, report.json\n",
+        out.display()
+    ));
     text
 }
 
@@ -159,7 +170,8 @@ impl DemoArgs {
         }
         let out = self.out.join("output");
         // One sweep has about a hundredth of the points of a drive: objects may be smaller.
-        let config = Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
+        let config =
+            Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
         let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
         print::text(&page(&summary, &out))?;
         Ok(exit::DONE)

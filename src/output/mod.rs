@@ -4,8 +4,8 @@ mod descriptor;
 mod edit;
 mod error;
 mod labelled;
-mod objects;
 pub(crate) mod laz_chunk;
+mod objects;
 mod record;
 mod tail;
 

@@ -56,9 +56,7 @@ impl Drive {
         for (number, file) in drive.catalog.files().iter().enumerate() {
             let records = file.point_count();
             let unpacked = file.is_compressed();
-            drive.positions.push(
-                unpacked.then(|| run_dir.column("positions", number, records)).transpose()?,
-            );
+            drive.positions.push(unpacked.then(|| run_dir.column("positions", number, records)).transpose()?);
             drive.classes.push(run_dir.column("classes", number, records)?);
             drive.labels.push(run_dir.column("labels", number, records)?);
         }
@@ -80,7 +78,8 @@ impl Drive {
 
     /// File and record of a point.
     pub(crate) fn locate(&self, id: u64) -> (usize, u64) {
-        let file = (0..self.catalog.files().len()).rfind(|&file| self.catalog.first_id(file) <= id).unwrap_or(0);
+        let file =
+            (0..self.catalog.files().len()).rfind(|&file| self.catalog.first_id(file) <= id).unwrap_or(0);
         (file, id - self.catalog.first_id(file))
     }
 
@@ -152,9 +151,7 @@ impl Drive {
         let run = &input.blocks()[block];
         if let Some(positions) = &self.positions[file] {
             let mut xyz = vec![[0_i32; 3]; run.count as usize];
-            positions
-                .read(run.first_record, &mut xyz)
-                .map_err(StoreError::io("read", positions.path()))?;
+            positions.read(run.first_record, &mut xyz).map_err(StoreError::io("read", positions.path()))?;
             let view = RecordView { bytes: bytemuck::cast_slice(&xyz), stride: 12, gps_time: None };
             return Ok(see(&view, input.transform()));
         }

@@ -89,7 +89,8 @@ impl Engine<'_> {
                 UnitState::Done => points_done += pass.points(unit),
                 UnitState::Missing => todo.push(unit),
                 UnitState::Refused(refusal) => {
-                    let text = format!("pass {}, unit {unit}: stored result not used ({refusal:?})", pass.name());
+                    let text =
+                        format!("pass {}, unit {unit}: stored result not used ({refusal:?})", pass.name());
                     self.run_dir.log_event(&json!({ "event": "refused", "text": text }).to_string());
                     todo.push(unit);
                 }
@@ -203,7 +204,8 @@ fn run_unit(pass: &dyn Pass, dir: &PassDir, unit: usize) -> Result<()> {
 
 /// Whether the other units would fail for the same reason: nothing can be written any more, or the input changed.
 fn is_fatal(error: &Error) -> bool {
-    matches!(error, Error::Store(_) | Error::Output(_)) || matches!(error, Error::Input(InputError::Changed { .. }))
+    matches!(error, Error::Store(_) | Error::Output(_))
+        || matches!(error, Error::Input(InputError::Changed { .. }))
 }
 
 /// What the pass as a whole came to: the error to return, if any.
@@ -221,7 +223,10 @@ fn conclude(
     if let Some((unit, first)) = failures.first() {
         for (unit, error) in &failures {
             let kind = format!("{:?}", error.kind());
-            dir.record_failure(*unit, &json!({ "pass": pass.name(), "unit": unit, "kind": kind, "error": error.to_string() }))?;
+            dir.record_failure(
+                *unit,
+                &json!({ "pass": pass.name(), "unit": unit, "kind": kind, "error": error.to_string() }),
+            )?;
         }
         return Ok(Some(Error::UnitsFailed {
             pass: pass.name().to_owned(),

@@ -6,11 +6,11 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
+use crate::codec;
 use crate::error::{Error, Result};
 use crate::input::Fields;
 use crate::model::{CellCursor, CellMap, PointClass, RecordView};
 use crate::output::{LabelledFile, OutputError};
-use crate::run::codec;
 use crate::run::drive::Drive;
 use crate::run::engine::Pass;
 use crate::store::{PassDir, RunDir, StoreError, publish};
@@ -75,7 +75,13 @@ impl<'a> ExportPass<'a> {
     }
 
     /// Labels and classes of the records of a range, ready to be written.
-    fn labels(&self, file: usize, records: &Range<u64>, view: &RecordView<'_>, desk: &mut Desk<'_>) -> Result<()> {
+    fn labels(
+        &self,
+        file: usize,
+        records: &Range<u64>,
+        view: &RecordView<'_>,
+        desk: &mut Desk<'_>,
+    ) -> Result<()> {
         let count = usize::try_from(length(records)).unwrap_or(0);
         let Desk { owners, labels, classes, .. } = desk;
         labels.resize(count, 0);
@@ -108,7 +114,9 @@ impl<'a> ExportPass<'a> {
         let input = self.drive.file(file);
         let stride = input.layout().record_len;
         desk.out.clear();
-        let first = input.blocks().partition_point(|block| block.first_record + u64::from(block.count) <= records.start);
+        let first = input
+            .blocks()
+            .partition_point(|block| block.first_record + u64::from(block.count) <= records.start);
         for (block, run) in input.blocks().iter().enumerate().skip(first) {
             if run.first_record >= records.end {
                 break;
@@ -168,7 +176,11 @@ impl<'a> ExportPass<'a> {
     }
 
     /// The compressed chunks of a file in order, a unit at a time.
-    fn payloads<'b>(&'b self, file: usize, dir: &'b PassDir) -> impl Iterator<Item = Result<(u32, Vec<u8>)>> + 'b {
+    fn payloads<'b>(
+        &'b self,
+        file: usize,
+        dir: &'b PassDir,
+    ) -> impl Iterator<Item = Result<(u32, Vec<u8>)>> + 'b {
         let units = self.units.iter().enumerate().filter(move |(_, unit)| unit.file == file);
         units.flat_map(|(unit, _)| {
             let bytes = dir.payload(unit).map_err(Error::from);

@@ -72,11 +72,18 @@ pub(crate) fn terrain(
         cells.iter().map(|(cell, _, _)| cell.map(|index| (f64::from(index) + 0.5) * edge_m)).collect();
     let heights = cells.iter().map(|(_, count, sum)| sum.div_euclid(i64::from((*count).max(1)))).collect();
     let [object, ground, low_noise, high_noise] = counts;
-    Ok((Counts { object, ground, low_noise, high_noise }, Terrain { index: NearestIndex::new(&centres), heights }))
+    Ok((
+        Counts { object, ground, low_noise, high_noise },
+        Terrain { index: NearestIndex::new(&centres), heights },
+    ))
 }
 
 /// The labelled copies to be written: names do not collide, and nothing foreign is in their place.
-pub(crate) fn plan_files(catalog: &Catalog, config: &Config, run_dir: &RunDir) -> Result<(Vec<LabelledFile>, Vec<String>)> {
+pub(crate) fn plan_files(
+    catalog: &Catalog,
+    config: &Config,
+    run_dir: &RunDir,
+) -> Result<(Vec<LabelledFile>, Vec<String>)> {
     let name = &config.output.format;
     let format: OutputFormat = toml::Value::String(name.clone())
         .try_into()

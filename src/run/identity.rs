@@ -5,9 +5,9 @@ use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 
+use crate::codec;
 use crate::error::{Error, Result};
 use crate::input::{Catalog, InputFile};
-use crate::run::codec;
 use crate::run::drive::Drive;
 use crate::run::engine::Pass;
 use crate::run::survey_pass::SurveyPass;
@@ -74,7 +74,12 @@ pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
 
 /// Compares the content of files whose time of modification differs with what the survey saw, and refuses other
 /// content; a file that was only copied or touched is accepted.
-pub(crate) fn check_content(run_dir: &RunDir, drive: &Drive, pass: &SurveyPass<'_>, dir: &PassDir) -> Result<()> {
+pub(crate) fn check_content(
+    run_dir: &RunDir,
+    drive: &Drive,
+    pass: &SurveyPass<'_>,
+    dir: &PassDir,
+) -> Result<()> {
     let now: Vec<FileIdentity> = drive.catalog.files().iter().map(FileIdentity::of).collect();
     let stored = run_dir.read_json::<Vec<FileIdentity>>(NAME)?.unwrap_or_default();
     if stored == now {

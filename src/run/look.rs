@@ -221,7 +221,13 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let budget = Budget::resolve(&config.run);
     let scene = Scene::new(&drive, survey(&drive, budget.threads)?, config)?;
     let (_, plan) = scene.fit_plan(&drive, config, &chain, &budget);
-    let view = Tiles { drive: &drive, plan: &plan, zones: &scene.survey.zones, lowest: scene.lowest(), scattered: None };
+    let view = Tiles {
+        drive: &drive,
+        plan: &plan,
+        zones: &scene.survey.zones,
+        lowest: scene.lowest(),
+        scattered: None,
+    };
     let mut read = 0;
     let tiles: Vec<TileFacts> = (0..plan.tiles.len())
         .map(|number| {
@@ -241,8 +247,13 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let largest = tiles.iter().map(|tile| tile.bytes).max().unwrap_or(0);
     let fitting = usize::try_from(budget.memory / largest.max(1)).unwrap_or(usize::MAX).max(1);
     let in_flight = budget.threads.min(fitting).min(tiles.len());
-    let unpacked: u64 =
-        drive.catalog.files().iter().filter(|file| file.is_compressed()).map(|file| file.point_count() * 12).sum();
+    let unpacked: u64 = drive
+        .catalog
+        .files()
+        .iter()
+        .filter(|file| file.is_compressed())
+        .map(|file| file.point_count() * 12)
+        .sum();
     let mut warnings = drive.catalog.warnings().to_vec();
     warnings.extend(scene.warnings.iter().cloned());
     if largest > budget.memory {

@@ -45,9 +45,16 @@ pub(crate) fn svg(plan: &Plan, scene: &Scene, lattice: Lattice) -> String {
         );
     }
     for stretch in scene.axis.stretches() {
-        let points: Vec<String> =
-            stretch.iter().map(|vertex| place(vertex[0], vertex[1])).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-        let _ = writeln!(svg, "<polyline points=\"{}\" fill=\"none\" stroke=\"black\" stroke-width=\"1.5\"/>", points.join(" "));
+        let points: Vec<String> = stretch
+            .iter()
+            .map(|vertex| place(vertex[0], vertex[1]))
+            .map(|(x, y)| format!("{x:.1},{y:.1}"))
+            .collect();
+        let _ = writeln!(
+            svg,
+            "<polyline points=\"{}\" fill=\"none\" stroke=\"black\" stroke-width=\"1.5\"/>",
+            points.join(" ")
+        );
     }
     for (vertex, chainage) in scene.axis.marks(mark_spacing(scene.axis.length_m())) {
         let (x, y) = place(vertex[0], vertex[1]);
@@ -77,7 +84,8 @@ fn window(cells: &[(Cell, u32)]) -> (Cell, Cell) {
         values.sort_unstable();
         let last = values.len().saturating_sub(1);
         let cut = last / 200;
-        let (low, high) = (values.get(cut).copied().unwrap_or(0), values.get(last - cut).copied().unwrap_or(0));
+        let (low, high) =
+            (values.get(cut).copied().unwrap_or(0), values.get(last - cut).copied().unwrap_or(0));
         let margin = ((high - low) / 10).clamp(5, 200);
         lo[k] = values.first().copied().unwrap_or(0).max(low - margin);
         hi[k] = values.last().copied().unwrap_or(0).min(high + margin);

@@ -12,9 +12,9 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::codec;
 use crate::error::Result;
 use crate::model::{CellMap, record_xyz};
-use crate::run::codec;
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
 use crate::store::{PassDir, RunDir, StoreError};
@@ -79,7 +79,14 @@ impl<'a> ScatterPass<'a> {
             let file = File::open(&path).map_err(StoreError::io("open", &path))?;
             let first_record = self.drive.file(run.file).blocks()[run.blocks.start].first_record;
             let groups = codec::decode(&dir.payload(unit)?)?;
-            units.push(ScatteredUnit { path, file, number: run.file, first_record, records: run.points, groups });
+            units.push(ScatteredUnit {
+                path,
+                file,
+                number: run.file,
+                first_record,
+                records: run.points,
+                groups,
+            });
         }
         Ok(Scattered { units })
     }
@@ -159,7 +166,10 @@ pub(crate) struct ScatteredGroup {
 
 impl Scattered {
     /// The points of `tiles` (ascending), unit by unit.
-    pub(crate) fn groups<'a>(&'a self, tiles: &'a [u32]) -> impl Iterator<Item = Result<ScatteredGroup>> + 'a {
+    pub(crate) fn groups<'a>(
+        &'a self,
+        tiles: &'a [u32],
+    ) -> impl Iterator<Item = Result<ScatteredGroup>> + 'a {
         self.units.iter().map(|unit| unit.read(tiles))
     }
 }

@@ -51,7 +51,13 @@ impl Scene {
     }
 
     /// The tile size that the configuration asks for or the budget allows, and its plan.
-    pub(crate) fn fit_plan(&self, drive: &Drive, config: &Config, chain: &Chain, budget: &Budget) -> (TileSize, Plan) {
+    pub(crate) fn fit_plan(
+        &self,
+        drive: &Drive,
+        config: &Config,
+        chain: &Chain,
+        budget: &Budget,
+    ) -> (TileSize, Plan) {
         if config.tiling.tile_length > 0.0 {
             let size = TileSize::Metres(config.tiling.tile_length);
             return (size, self.plan(drive, size));
@@ -125,7 +131,8 @@ fn find_axis(
     if !path.as_os_str().is_empty() {
         let units_m = drive.catalog.crs().horizontal_unit_m;
         let track = read_trajectory(path)?;
-        let track: Vec<[f64; 2]> = track.into_iter().map(|place| place.map(|value| value * units_m)).collect();
+        let track: Vec<[f64; 2]> =
+            track.into_iter().map(|place| place.map(|value| value * units_m)).collect();
         if let Some(axis) = Axis::from_positions(AxisSource::Trajectory, &track) {
             return Ok(axis);
         }

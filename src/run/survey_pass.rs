@@ -1,7 +1,7 @@
 //! Pass `survey`: streams through every block once; keeps the zone map, the occupancy raster and the time bins.
 
+use crate::codec;
 use crate::error::Result;
-use crate::run::codec;
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
 use crate::store::PassDir;
@@ -29,7 +29,8 @@ impl Pass for SurveyPass<'_> {
         // One block at a time, decoded and its positions, and what is counted.
         let run = &self.runs[unit];
         let file = self.drive.file(run.file);
-        let largest = run.blocks.clone().map(|block| u64::from(file.blocks()[block].count)).max().unwrap_or(0);
+        let largest =
+            run.blocks.clone().map(|block| u64::from(file.blocks()[block].count)).max().unwrap_or(0);
         largest * (file.layout().record_len as u64 + 24) + (16 << 20)
     }
 

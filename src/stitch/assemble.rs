@@ -67,7 +67,10 @@ impl Stitcher {
             .iter()
             .enumerate()
             .filter_map(|(root, object)| {
-                object.as_ref().filter(|object| size.contains(&object.points)).map(|object| (object.first_id, root))
+                object
+                    .as_ref()
+                    .filter(|object| size.contains(&object.points))
+                    .map(|object| (object.first_id, root))
             })
             .collect();
         order.sort_unstable();

@@ -79,8 +79,7 @@ impl LocalLabels {
         for slot in (1..slots).filter(|&slot| number[slot] != 0) {
             is_open[number[slot] as usize - 1] = open[slot];
         }
-        let objects =
-            parts.into_iter().zip(is_open).map(|(part, open)| LocalObject { open, part }).collect();
+        let objects = parts.into_iter().zip(is_open).map(|(part, open)| LocalObject { open, part }).collect();
         Self { objects, seams }
     }
 }

@@ -32,7 +32,13 @@ impl<T: Pod + Default> Column<T> {
         if file.metadata()?.len() != len * Self::WIDTH {
             file.set_len(len * Self::WIDTH)?;
         }
-        Ok(Self { path: path.to_owned(), file, len, patching: Mutex::new(()), value: std::marker::PhantomData })
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            len,
+            patching: Mutex::new(()),
+            value: std::marker::PhantomData,
+        })
     }
 
     /// The file, for messages.

@@ -83,7 +83,8 @@ impl RunDir {
             if path.file_name().is_some_and(|name| name == "lock") {
                 continue;
             }
-            let removed = if path.is_dir() { fs_err::remove_dir_all(&path) } else { fs_err::remove_file(&path) };
+            let removed =
+                if path.is_dir() { fs_err::remove_dir_all(&path) } else { fs_err::remove_file(&path) };
             removed.map_err(StoreError::io("remove", &path))?;
         }
         Ok(())
@@ -177,13 +178,8 @@ fn identity() -> Identity {
 /// Takes the lock; the system releases it when the process ends, however it ends.
 fn lock(out: &Path, path: &Path) -> Result<File, StoreError> {
     let io = |action| StoreError::io(action, path);
-    let mut file = File::options()
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(path)
-        .map_err(io("open"))?;
+    let mut file =
+        File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(io("open"))?;
     match file.try_lock() {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {

@@ -180,7 +180,11 @@ impl Axis {
             let away = (px - share * dx).hypot(py - share * dy);
             if away < best.0 {
                 let side = if dx * py - dy * px < 0.0 { -away } else { away };
-                best = (away, self.chainage[start] + share * (self.chainage[start + 1] - self.chainage[start]), side);
+                best = (
+                    away,
+                    self.chainage[start] + share * (self.chainage[start + 1] - self.chainage[start]),
+                    side,
+                );
             }
         }
         if best.0.is_infinite() {
@@ -222,7 +226,10 @@ fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
 /// The axis without the stretches that run along an earlier one: a street that is driven twice has one chainage, so
 /// that its tiles are whole strips and not a checkerboard of two passes.
 fn first_passes(places: &[[f64; 2]]) -> Axis {
-    #[expect(clippy::cast_possible_truncation, reason = "grid of corridor width over at most 5,000 km of axis")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "grid of corridor width over at most 5,000 km of axis"
+    )]
     let bucket = |place: [f64; 2]| place.map(|value| (value / CORRIDOR_M).floor() as i64);
     let mut kept: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
     let (mut vertices, mut chainage, mut joined) = (Vec::new(), Vec::new(), Vec::new());

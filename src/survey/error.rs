@@ -56,7 +56,9 @@ pub enum SurveyError {
         xyz: [i32; 3],
     },
     /// Heights that differ by more than any landscape.
-    #[error("heights range from {lowest_m:.0} m to {highest_m:.0} m, at most {limit_m:.0} m can be processed")]
+    #[error(
+        "heights range from {lowest_m:.0} m to {highest_m:.0} m, at most {limit_m:.0} m can be processed"
+    )]
     Heights {
         /// Lowest height in metres.
         lowest_m: f64,
@@ -81,9 +83,10 @@ impl SurveyError {
             Self::Column { .. } | Self::Number { .. } => {
                 Some("a trajectory is a CSV file whose first line is gps_time,x,y,z".into())
             }
-            Self::Position { .. } | Self::Heights { .. } => {
-                Some("chainage info FILES... shows scale and offset of every file; remove what is not a position".into())
-            }
+            Self::Position { .. } | Self::Heights { .. } => Some(
+                "chainage info FILES... shows scale and offset of every file; remove what is not a position"
+                    .into(),
+            ),
             Self::Read { .. } | Self::TooShort { .. } | Self::Empty { .. } => None,
         }
     }

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use rustc_hash::FxHashSet;
 use serde::{Deserialize, Serialize};
 
-use crate::model::{BlockZone, Cell, CellCounter, CellGrid, CellMap, LatticeTransform, RecordView, record_xyz};
+use crate::model::{
+    BlockZone, Cell, CellCounter, CellGrid, CellMap, LatticeTransform, RecordView, record_xyz,
+};
 
 /// Seconds of GPS time per bin: at 30 km/h about 4 m of driving, short against every bend of a road.
 pub const TIME_BIN_S: f64 = 0.5;
@@ -290,7 +292,8 @@ mod tests {
         let bytes = records(points);
         let axis = AxisTransform::new(0.001, 0.0, 1.0, Lattice::MILLIMETRE);
         let view = RecordView { bytes: &bytes, stride: 20, gps_time: Some(12) };
-        SurveyPart::survey([view].into_iter(), &LatticeTransform { axes: [axis; 3] }, CellGrid::new(1_000)).unwrap()
+        SurveyPart::survey([view].into_iter(), &LatticeTransform { axes: [axis; 3] }, CellGrid::new(1_000))
+            .unwrap()
     }
 
     #[test]

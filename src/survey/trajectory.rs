@@ -11,8 +11,8 @@ const COLUMNS: [&str; 3] = ["gps_time", "x", "y"];
 /// # Errors
 /// When the file cannot be read, a column is missing, or a value is not a finite number.
 pub fn read_trajectory(path: &Path) -> Result<Vec<[f64; 2]>, SurveyError> {
-    let text = fs_err::read_to_string(path)
-        .map_err(|source| SurveyError::Read { path: path.to_owned(), source })?;
+    let text =
+        fs_err::read_to_string(path).map_err(|source| SurveyError::Read { path: path.to_owned(), source })?;
     let mut lines = text.lines().enumerate();
     let header = lines.next().map_or("", |line| line.1);
     let names: Vec<String> = header.split(',').map(|name| name.trim().to_ascii_lowercase()).collect();

@@ -71,7 +71,8 @@ impl Plan {
             let (cell, points) = request.cells[at];
             let (grown_lo, grown_hi) = (min(lo, cell), max(hi, cell));
             let full = tiles.last().is_none_or(|tile| {
-                let too_wide = (0..2).any(|k| i64::from(grown_hi[k]) - i64::from(grown_lo[k]) >= CORE_EXTENT_CELLS);
+                let too_wide =
+                    (0..2).any(|k| i64::from(grown_hi[k]) - i64::from(grown_lo[k]) >= CORE_EXTENT_CELLS);
                 too_wide
                     || match request.size {
                         TileSize::Points(most) => tile.points + u64::from(points) > most,
@@ -147,7 +148,8 @@ impl Plan {
             *roles.entry(cell) = Region::CORE;
         }
         let mut owners = self.owner.cursor();
-        let mut beside = |cell: Cell, by: [i32; 2]| owners.get([cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])]);
+        let mut beside =
+            |cell: Cell, by: [i32; 2]| owners.get([cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])]);
         for &cell in cells {
             // Only a core cell with a foreign or empty neighbour can have a foreign cell within reach.
             if [[1, 0], [-1, 0], [0, 1], [0, -1]].iter().all(|by| beside(cell, *by) == own) {
@@ -166,7 +168,8 @@ impl Plan {
             }
         }
         members.sort_unstable();
-        let mut tiles: Vec<u32> = members.iter().map(|cell| self.owner.get(*cell).saturating_sub(1)).collect();
+        let mut tiles: Vec<u32> =
+            members.iter().map(|cell| self.owner.get(*cell).saturating_sub(1)).collect();
         tiles.sort_unstable();
         tiles.dedup();
         let points = members.iter().map(|cell| u64::from(self.occupancy.get(*cell))).sum();
@@ -220,7 +223,9 @@ mod tests {
     #[test]
     fn cores_partition_the_occupied_cells() {
         let cells = street(100);
-        for size in [TileSize::Points(1), TileSize::Points(333), TileSize::Metres(7.0), TileSize::Points(1 << 40)] {
+        for size in
+            [TileSize::Points(1), TileSize::Points(333), TileSize::Metres(7.0), TileSize::Points(1 << 40)]
+        {
             let plan = plan(&cells, size);
             let mut seen: Vec<Cell> = plan.tiles.iter().flat_map(|tile| tile.cells.clone()).collect();
             seen.sort_unstable();
