@@ -4,7 +4,7 @@
 use std::cell::Cell as Counter;
 use std::path::{Path, PathBuf};
 
-use chainage::cluster::{ClusterEntry, Clusterer, Euclidean, EuclideanConfig};
+use chainage::cluster::{ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
 use chainage::error::AlgorithmError;
 use chainage::ground::{self, GroundEntry, GroundFilter, VoxelColumn, VoxelColumnConfig};
 use chainage::model::{Cell, CellGrid, Lattice, PointClass, Reach, TileCloud, TileView};
@@ -386,10 +386,12 @@ const SHORTSIGHTED_LINKS: ClusterEntry = ClusterEntry {
     name: "shortsighted-links",
     summary: "links over 3.5 m, and says 0",
     reference: "none",
-    build: |_| Ok(Box::new(Shortsighted(Euclidean::new(&FAR_LINKS)?))),
+    build: |_| Ok(Method::Local(Box::new(Shortsighted(Euclidean::new(&FAR_LINKS)?)))),
 };
-const HONEST_LINKS: ClusterEntry =
-    ClusterEntry { build: |_| Ok(Box::new(Euclidean::new(&FAR_LINKS)?)), ..SHORTSIGHTED_LINKS };
+const HONEST_LINKS: ClusterEntry = ClusterEntry {
+    build: |_| Ok(Method::Local(Box::new(Euclidean::new(&FAR_LINKS)?))),
+    ..SHORTSIGHTED_LINKS
+};
 const SHORTSIGHTED_GROUND: GroundEntry = GroundEntry {
     name: "shortsighted-ground",
     summary: "looks 6 m far, and says 0",

@@ -25,6 +25,8 @@ mod refusals;
 #[cfg(test)]
 mod resume;
 #[cfg(test)]
+mod switch;
+#[cfg(test)]
 mod synth;
 #[cfg(test)]
 mod util;

@@ -177,6 +177,24 @@ impl RunDir {
         PassDir { folder: self.state.join(folder), fingerprint: inputs.fingerprint(), inputs }
     }
 
+    /// Removes every pass whose folder begins with `prefix`, but those in `keep`: passes that write the same column
+    /// must not vouch for what another one has overwritten.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn clear_passes(&self, prefix: &str, keep: &[&str]) -> Result<(), StoreError> {
+        for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
+            let name = entry.map_err(StoreError::io("read", &self.state))?.file_name();
+            if let Some(name) = name.to_str()
+                && name.starts_with(prefix)
+                && !keep.contains(&name)
+            {
+                self.pass(name, Inputs::new()).clear()?;
+            }
+        }
+        Ok(())
+    }
+
     /// A column with one value per record of file number `file`, which has `records`. The pass in folder `writer`
     /// fills it: where the column was lost or cut, that pass has nothing to show for its finished units and loses them.
     ///
@@ -193,7 +211,7 @@ impl RunDir {
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         let path = folder.join(format!("{file:05}"));
         if !Column::<T>::is_whole(&path, records) {
-            self.pass(writer, Inputs::new()).clear()?;
+            self.clear_passes(writer, &[])?;
         }
         Column::open(&path, records).map_err(StoreError::io("open", &path))
     }
@@ -260,13 +278,18 @@ impl PassDir {
         u32::try_from(unit).unwrap_or(u32::MAX)
     }
 
-    /// Creates the folder and records what the pass depends on.
+    /// Creates the folder and records what the pass depends on. Results that depend on something else go: units of
+    /// this pass will write over values that the old ones vouch for, and not unit by unit where the tiles are others.
     ///
     /// # Errors
     /// When the file system refuses.
     pub fn prepare(&self) -> Result<(), StoreError> {
+        let same = self.stored_inputs()?.as_ref() == Some(&self.inputs);
+        if !same {
+            self.clear()?;
+        }
         fs_err::create_dir_all(&self.folder).map_err(StoreError::io("create", &self.folder))?;
-        if self.stored_inputs()?.as_ref() != Some(&self.inputs) {
+        if !same {
             let path = self.folder.join("inputs.json");
             let text = serde_json::to_string_pretty(&self.inputs)
                 .map_err(|error| StoreError::Damaged { path: path.clone(), what: error.to_string() })?;
