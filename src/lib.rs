@@ -7,6 +7,8 @@
 pub mod error;
 pub mod model;
 
+mod codec;
+
 pub mod config;
 
 pub mod input;

@@ -16,7 +16,17 @@ fn filters() -> impl Iterator<Item = Box<dyn GroundFilter>> {
 }
 
 fn methods() -> impl Iterator<Item = Box<dyn cluster::Clusterer>> {
-    cluster::REGISTRY.iter().map(|entry| (entry.build)(&toml::Table::new()).unwrap())
+    cluster::REGISTRY.iter().filter_map(|entry| match (entry.build)(&toml::Table::new()).unwrap() {
+        cluster::Method::Local(method) => Some(method),
+        cluster::Method::Staged(_) => None,
+    })
+}
+
+fn staged() -> impl Iterator<Item = Box<dyn cluster::StagedClusterer>> {
+    cluster::REGISTRY.iter().filter_map(|entry| match (entry.build)(&toml::Table::new()).unwrap() {
+        cluster::Method::Local(_) => None,
+        cluster::Method::Staged(method) => Some(method),
+    })
 }
 
 fn classes(filter: &dyn GroundFilter, points: &[[i64; 3]]) -> Vec<PointClass> {
@@ -51,7 +61,8 @@ fn names_are_unique_and_are_the_names_of_the_methods() {
         .chain(cluster::REGISTRY.iter().map(|entry| entry.name))
         .collect();
     assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "{names:?}");
-    let own: Vec<&str> = filters().map(|f| f.name()).chain(methods().map(|m| m.name())).collect();
+    let build = |entry: &cluster::ClusterEntry| (entry.build)(&toml::Table::new()).unwrap().name();
+    let own: Vec<&str> = filters().map(|f| f.name()).chain(cluster::REGISTRY.iter().map(build)).collect();
     assert_eq!(own, names);
     for (summary, reference) in ground::REGISTRY
         .iter()
@@ -80,6 +91,22 @@ fn reaches_and_sizes_are_finite_and_not_empty() {
     }
     for method in methods() {
         assert!(method.object_size().start() <= method.object_size().end(), "{}", method.name());
+    }
+}
+
+#[test]
+fn stages_have_names_of_their_own_and_settings_that_exist() {
+    for method in staged() {
+        let names: BTreeSet<&str> = method.stages().iter().map(|stage| stage.name).collect();
+        assert_eq!(names.len(), method.stages().len(), "{}", method.name());
+        let config = chainage::config::Config::resolve(None, &[]).unwrap();
+        let table = config.method_table(method.name());
+        for key in method.stages().iter().flat_map(|stage| stage.settings) {
+            assert!(table.contains_key(*key), "{}.{key} is not in config/default.toml", method.name());
+        }
+        assert!(method.object_size().start() <= method.object_size().end(), "{}", method.name());
+        let reach = method.reach(LATTICE);
+        assert!(reach.metres().is_finite() && reach.metres() >= 0.0, "{reach:?}");
     }
 }
 

@@ -20,7 +20,7 @@
 use serde::Deserialize;
 
 use super::closeness::{Bounds, Point, any_within};
-use super::{ClusterEntry, Clusterer};
+use super::{ClusterEntry, Clusterer, Method};
 use crate::config::{self, ConfigError};
 use crate::error::AlgorithmError;
 use crate::model::{DisjointSets, Lattice, Linker, Reach, TileCloud, VoxelIndex};
@@ -31,7 +31,7 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
     summary: "single-link clusters of points within a fixed distance",
     reference: "Guan et al. 2016, section 3.2",
-    build: |table| Ok(Box::new(Euclidean::new(&config::section(NAME, table)?)?)),
+    build: |table| Ok(Method::Local(Box::new(Euclidean::new(&config::section(NAME, table)?)?))),
 };
 
 /// Settings of the section `[euclidean]`.

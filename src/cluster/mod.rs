@@ -4,13 +4,17 @@
 //! files, no paths, no threads, no clock.
 
 mod closeness;
+mod density_peaks;
 mod euclidean;
+mod staged;
 
 use crate::config::ConfigError;
 use crate::error::AlgorithmError;
 use crate::model::{Lattice, Reach, TileCloud};
 
+pub use density_peaks::{DensityPeaks, DensityPeaksConfig};
 pub use euclidean::{Euclidean, EuclideanConfig};
+pub use staged::{DriveSource, Grouped, Labelled, Mapped, Stage, StagedClusterer, TilePoints, TileSource};
 
 /// A method that joins points to objects, tile by tile.
 pub trait Clusterer: std::fmt::Debug + Send + Sync {
@@ -32,6 +36,44 @@ pub trait Clusterer: std::fmt::Debug + Send + Sync {
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError>;
 }
 
+/// A method, as the engine has to run it.
+#[derive(Debug)]
+pub enum Method {
+    /// In one pass; tiles are stitched at common points.
+    Local(Box<dyn Clusterer>),
+    /// In several passes with barriers.
+    Staged(Box<dyn StagedClusterer>),
+}
+
+impl Method {
+    /// Name in the registry and of the section of its settings.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Local(method) => method.name(),
+            Self::Staged(method) => method.name(),
+        }
+    }
+
+    /// How far around a tile points are read.
+    #[must_use]
+    pub fn reach(&self, lattice: Lattice) -> Reach {
+        match self {
+            Self::Local(method) => method.reach(lattice),
+            Self::Staged(method) => method.reach(lattice),
+        }
+    }
+
+    /// Smallest and largest number of points of an object, applied to whole objects.
+    #[must_use]
+    pub fn object_size(&self) -> std::ops::RangeInclusive<u64> {
+        match self {
+            Self::Local(method) => method.object_size(),
+            Self::Staged(method) => method.object_size(),
+        }
+    }
+}
+
 /// One line of the registry.
 #[derive(Debug, Clone, Copy)]
 pub struct ClusterEntry {
@@ -42,8 +84,8 @@ pub struct ClusterEntry {
     /// Where it is published.
     pub reference: &'static str,
     /// Builds the method from its section; missing keys have their defaults.
-    pub build: fn(&toml::Table) -> Result<Box<dyn Clusterer>, ConfigError>,
+    pub build: fn(&toml::Table) -> Result<Method, ConfigError>,
 }
 
 /// Every clustering method, in the order in which help lists them.
-pub static REGISTRY: &[ClusterEntry] = &[euclidean::ENTRY];
+pub static REGISTRY: &[ClusterEntry] = &[euclidean::ENTRY, density_peaks::ENTRY];

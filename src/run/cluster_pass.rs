@@ -1,12 +1,13 @@
 //! Pass `cluster`: joins the points that are neither ground nor noise, tile by tile; and its reduction, the stitching.
 
 use crate::cluster::Clusterer;
+use crate::codec;
 use crate::error::{Error, Result};
-use crate::run::codec;
 use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
 use crate::stitch::{LocalLabels, Stitched, Stitcher};
 use crate::store::{PassDir, StoreError};
+use crate::tiling::Wanted;
 
 /// Bytes per object point that a tile of this pass needs at its peak, measured; see `benches/results`.
 pub(crate) const BYTES_PER_POINT: u64 = 88;
@@ -40,7 +41,7 @@ impl Pass for ClusterPass<'_> {
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
-        let gathered = self.tiles.gather(unit, self.reach, true)?;
+        let gathered = self.tiles.gather(unit, self.reach, Wanted::Objects)?;
         let (cloud, core) = (&gathered.cloud, &gathered.core);
         let mut labels = vec![0; cloud.len()];
         let count = self.method.cluster(cloud, &mut labels)?;

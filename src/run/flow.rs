@@ -1,10 +1,11 @@
 //! The flow of a run: survey, plan, passes over tiles, stitching, export; each step a pass and its reduction.
 
+use crate::codec;
 use crate::config::Config;
 use crate::error::Result;
 use crate::output::LabelledFile;
 use crate::run::budget::Budget;
-use crate::run::cluster_pass::ClusterPass;
+use crate::run::clustered::Clustered;
 use crate::run::drive::Drive;
 use crate::run::engine::{Engine, PassFigures};
 use crate::run::export_pass::ExportPass;
@@ -16,7 +17,7 @@ use crate::run::scatter_pass::{ScatterPass, Scattered};
 use crate::run::scene::Scene;
 use crate::run::survey_pass::SurveyPass;
 use crate::run::tiles::Tiles;
-use crate::run::{codec, identity, inputs};
+use crate::run::{identity, inputs};
 use crate::store::PassDir;
 use crate::survey::SurveyError;
 use crate::tiling::{Plan, TileSize};
@@ -29,6 +30,8 @@ pub(crate) struct Outcome {
     pub(crate) counts: Counts,
     pub(crate) objects: usize,
     pub(crate) nothing_to_do: bool,
+    /// What the clustering method has to say about its stages.
+    pub(crate) stages: Option<serde_json::Value>,
 }
 
 /// A run under way.
@@ -123,10 +126,11 @@ impl<'a> Flow<'a> {
         let scattered = self.scatter(scene, &tiles)?;
         tiles.scattered = scattered.as_ref();
         let ground_inputs = inputs::ground(scene, plan, self.config, self.chain);
-        let cluster_inputs = inputs::cluster(&ground_inputs, self.config);
-        let export_inputs = inputs::export(&cluster_inputs, scene, self.config);
+        let cluster_inputs = inputs::clusters(&ground_inputs, self.config, &self.chain.method);
+        let export_inputs = inputs::export(&cluster_inputs, scene, self.config, &self.chain.method);
         let ground_dir = self.pass_dir(inputs::GROUND, ground_inputs);
-        let cluster_dir = self.pass_dir(inputs::CLUSTER, cluster_inputs);
+        let cluster_dirs: Vec<PassDir> =
+            cluster_inputs.into_iter().map(|(folder, inputs)| self.pass_dir(&folder, inputs)).collect();
         let export_dir = self.pass_dir(inputs::EXPORT, export_inputs);
 
         let ground = GroundPass {
@@ -136,18 +140,17 @@ impl<'a> Flow<'a> {
             reach: self.chain.ground_reach,
         };
         self.passes.push(self.engine.execute(&ground, &ground_dir)?);
-        let cluster =
-            ClusterPass { tiles: &tiles, method: &*self.chain.method, reach: self.chain.cluster_reach };
-        self.passes.push(self.engine.execute(&cluster, &cluster_dir)?);
+        let (method, reach) = (&self.chain.method, self.chain.cluster_reach);
+        let clustered = Clustered::run(&self.engine, &mut self.passes, &tiles, method, reach, cluster_dirs)?;
 
         let payloads = (0..plan.tiles.len())
             .map(|tile| -> Result<GroundPayload> { codec::decode(&ground_dir.payload(tile)?) });
         let (counts, terrain) = finish::terrain(payloads, self.drive)?;
         if let Some(finished) = finish::already_finished(self.engine.run_dir, &export_dir)? {
-            return Ok(Outcome { counts, objects: finished.objects, nothing_to_do: true });
+            return Ok(Outcome { counts, objects: finished.objects, nothing_to_do: true, stages: None });
         }
         let started = std::time::Instant::now();
-        let stitched = cluster.reduce(&cluster_dir)?;
+        let (stitched, figures) = clustered.objects()?;
         self.passes.push(PassFigures {
             pass: "stitch",
             units: plan.tiles.len(),
@@ -164,6 +167,6 @@ impl<'a> Flow<'a> {
         finish::write_tables(self.engine.run_dir, self.drive, scene, &stitched, &terrain)?;
         let finished = Finished { objects: stitched.objects.len(), files: export.names() };
         finish::mark_finished(self.engine.run_dir, &export_dir, &finished)?;
-        Ok(Outcome { counts, objects: stitched.objects.len(), nothing_to_do: false })
+        Ok(Outcome { counts, objects: stitched.objects.len(), nothing_to_do: false, stages: figures })
     }
 }

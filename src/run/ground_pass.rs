@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::codec;
 use crate::error::Result;
 use crate::ground::{GroundFilter, IsolatedNoise};
 use crate::model::{Cell, PointClass, TileView};
-use crate::run::codec;
 use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
+use crate::tiling::Wanted;
 
 /// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting), measured; see
 /// `benches/results`.
@@ -87,7 +88,7 @@ impl Pass for GroundPass<'_> {
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
-        let gathered = self.tiles.gather(unit, self.reach, false)?;
+        let gathered = self.tiles.gather(unit, self.reach, Wanted::All)?;
         let cloud = &gathered.cloud;
         let mut classes = vec![PointClass::Object; cloud.len()];
         let mut view = TileView::new(cloud);

@@ -5,9 +5,9 @@ use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 
+use crate::codec;
 use crate::error::{Error, Result};
 use crate::input::{Catalog, InputFile};
-use crate::run::codec;
 use crate::run::drive::Drive;
 use crate::run::survey_pass::SurveyPass;
 use crate::store::{PassDir, RunDir, StoreError, UnitState};

@@ -1,5 +1,6 @@
 //! What each pass depends on, by name: the lists behind fingerprints and behind `status --why`.
 
+use crate::cluster::Method;
 use crate::config::Config;
 use crate::run::drive::Drive;
 use crate::run::methods::{Chain, with_section};
@@ -47,19 +48,51 @@ pub(crate) fn ground(scene: &Scene, plan: &Plan, config: &Config, chain: &Chain)
     with_section(with_section(inputs, config, "noise"), config, &config.ground.method)
 }
 
-/// The cluster pass depends on the ground pass and its own settings.
-pub(crate) fn cluster(ground: &Inputs, config: &Config) -> Inputs {
-    let inputs = Inputs::new()
-        .with("pass ground", ground.fingerprint())
-        .with("cluster.method", &config.cluster.method);
-    with_section(inputs, config, &config.cluster.method)
+/// The folder of each pass of the clustering method and what it depends on: one pass on the ground pass and all
+/// settings, stages on what is before them and their own settings.
+pub(crate) fn clusters(ground: &Inputs, config: &Config, method: &Method) -> Vec<(String, Inputs)> {
+    let after = |inputs: &Inputs| Inputs::new().with("pass before", inputs.fingerprint());
+    match method {
+        Method::Local(_) => {
+            let inputs = Inputs::new()
+                .with("pass ground", ground.fingerprint())
+                .with("cluster.method", &config.cluster.method);
+            vec![(CLUSTER.to_owned(), with_section(inputs, config, &config.cluster.method))]
+        }
+        Method::Staged(method) => {
+            let settings = config.method_table(method.name());
+            let mut passes: Vec<(String, Inputs)> = Vec::new();
+            for (number, stage) in (1..).zip(method.stages()) {
+                let mut inputs = match passes.last() {
+                    Some((_, before)) => after(before),
+                    None => after(ground).with("cluster.method", &config.cluster.method),
+                };
+                for key in stage.settings {
+                    let value = settings.get(*key).map_or_else(|| "default".to_owned(), ToString::to_string);
+                    inputs = inputs.with(format!("{}.{key}", method.name()), value);
+                }
+                passes.push((format!("{CLUSTER}-{number}-{}", stage.name), inputs));
+            }
+            passes
+        }
+    }
 }
 
-/// The export depends on the cluster pass, the axis (for chainage in the table) and the settings of the output.
-pub(crate) fn export(cluster: &Inputs, scene: &Scene, config: &Config) -> Inputs {
-    let inputs = Inputs::new().with("pass cluster", cluster.fingerprint()).with(
+/// The export depends on the passes of the clustering method and its settings (of stages, the reduction of the last
+/// one may use some that no pass depends on), the axis (for chainage in the table) and the settings of the output.
+pub(crate) fn export(
+    clusters: &[(String, Inputs)],
+    scene: &Scene,
+    config: &Config,
+    method: &Method,
+) -> Inputs {
+    let before = clusters.last().map_or_else(String::new, |(_, inputs)| inputs.fingerprint().to_string());
+    let mut inputs = Inputs::new().with("pass cluster", before).with(
         "axis",
         format!("{:?}, {:.3} m, {:016x}", scene.axis.source, scene.axis.length_m(), scene.axis.digest()),
     );
+    if let Method::Staged(method) = method {
+        inputs = with_section(inputs, config, method.name());
+    }
     with_section(inputs, config, "output")
 }

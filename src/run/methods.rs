@@ -1,10 +1,10 @@
 //! The chain of methods of a run: noise, ground filter, clustering; what they reach, and what they depend on.
 
-use crate::cluster::{self, ClusterEntry, Clusterer};
+use crate::cluster::{self, ClusterEntry, Method};
 use crate::config::{self, Config, ConfigError};
 use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoiseConfig};
 use crate::model::Lattice;
-use crate::run::{cluster_pass, ground_pass};
+use crate::run::{cluster_pass, ground_pass, staged_pass};
 use crate::store::Inputs;
 use crate::tiling::Plan;
 
@@ -28,7 +28,7 @@ impl Default for Registries<'_> {
 pub(crate) struct Chain {
     pub(crate) noise: Option<IsolatedNoise>,
     pub(crate) filter: Box<dyn GroundFilter>,
-    pub(crate) method: Box<dyn Clusterer>,
+    pub(crate) method: Method,
     /// Reach of noise and filter together, in lattice units.
     pub(crate) ground_reach: i64,
     /// Reach of the clustering, in lattice units.
@@ -67,13 +67,20 @@ impl Chain {
 
     /// Bytes that a point in flight takes in the hungriest pass.
     pub(crate) fn bytes_per_point(&self) -> u64 {
-        ground_pass::BYTES_PER_POINT.max(cluster_pass::BYTES_PER_POINT)
+        ground_pass::BYTES_PER_POINT.max(self.cluster_bytes_per_point())
+    }
+
+    fn cluster_bytes_per_point(&self) -> u64 {
+        match self.method {
+            Method::Local(_) => cluster_pass::BYTES_PER_POINT,
+            Method::Staged(_) => staged_pass::BYTES_PER_POINT,
+        }
     }
 
     /// Bytes of a tile in the hungriest pass, halo included.
     pub(crate) fn tile_bytes(&self, plan: &Plan, tile: usize) -> u64 {
         let ground = plan.region_points(tile, self.ground_reach) * ground_pass::BYTES_PER_POINT;
-        let cluster = plan.region_points(tile, self.cluster_reach) * cluster_pass::BYTES_PER_POINT;
+        let cluster = plan.region_points(tile, self.cluster_reach) * self.cluster_bytes_per_point();
         ground.max(cluster)
     }
 

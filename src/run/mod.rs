@@ -3,7 +3,7 @@
 
 mod budget;
 mod cluster_pass;
-mod codec;
+mod clustered;
 mod drive;
 mod engine;
 mod export_pass;
@@ -19,6 +19,7 @@ mod methods;
 mod observe;
 mod scatter_pass;
 mod scene;
+mod staged_pass;
 mod status;
 mod survey_pass;
 mod tiles;
@@ -76,6 +77,9 @@ pub struct RunSummary {
     pub seconds: f64,
     /// Whether everything had been there already.
     pub nothing_to_do: bool,
+    /// Figures of the stages of the clustering method, where it has stages and they were reduced by this call.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stages: Option<serde_json::Value>,
     /// Passes with their times.
     pub passes: Vec<PassFigures>,
     /// What the user should know.
@@ -125,6 +129,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         tiles: plan.tiles.len(),
         seconds: started.elapsed().as_secs_f64(),
         nothing_to_do: outcome.nothing_to_do,
+        stages: outcome.stages,
         passes: flow.passes,
         warnings,
         peak_resident_bytes: budget::peak_resident_bytes(),

@@ -12,9 +12,9 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::codec;
 use crate::error::Result;
 use crate::model::{CellMap, record_xyz};
-use crate::run::codec;
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
 use crate::store::{PassDir, RunDir, StoreError};

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::cluster::Method;
 use crate::config::Config;
 use crate::error::Result;
 use crate::run::drive::Drive;
@@ -90,11 +91,17 @@ pub fn status(
         let scene = Scene::new(&drive, pass.reduce(&dir)?, &config)?;
         let plan = scene.plan(&drive, size);
         let ground = inputs::ground(&scene, &plan, &config, &chain);
-        let cluster = inputs::cluster(&ground, &config);
-        let export = inputs::export(&cluster, &scene, &config);
+        let clusters = inputs::clusters(&ground, &config, &chain.method);
+        let export = inputs::export(&clusters, &scene, &config, &chain.method);
         let tiles = Some(plan.tiles.len());
         status.passes.push(pass_status("ground", &run_dir.pass(inputs::GROUND, ground), tiles)?);
-        status.passes.push(pass_status("cluster", &run_dir.pass(inputs::CLUSTER, cluster), tiles)?);
+        let names: Vec<&'static str> = match &chain.method {
+            Method::Local(_) => vec!["cluster"],
+            Method::Staged(method) => method.stages().iter().map(|stage| stage.name).collect(),
+        };
+        for (name, (folder, inputs)) in names.into_iter().zip(clusters) {
+            status.passes.push(pass_status(name, &run_dir.pass(&folder, inputs), tiles)?);
+        }
         let export = run_dir.pass(inputs::EXPORT, export);
         status.finished = finish::already_finished(&run_dir, &export)?.is_some();
         status.passes.push(pass_status("export", &export, None)?);

@@ -1,7 +1,7 @@
 //! Pass `survey`: streams through every block once; keeps the zone map, the occupancy raster and the time bins.
 
+use crate::codec;
 use crate::error::Result;
-use crate::run::codec;
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
 use crate::store::PassDir;

@@ -5,7 +5,7 @@ use crate::model::{BlockZone, RecordView};
 use crate::run::drive::Drive;
 use crate::run::scatter_pass::{STRIDE, Scattered};
 use crate::store::StoreError;
-use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region};
+use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region, Wanted};
 
 /// Tiles over a drive.
 pub(crate) struct Tiles<'a> {
@@ -60,28 +60,29 @@ impl Tiles<'_> {
         }
     }
 
-    /// The points of a tile and of everything within `reach` of it; with `objects_only` without ground and noise,
-    /// which the ground pass has found.
-    pub(crate) fn gather(&self, tile: usize, reach: i64, objects_only: bool) -> Result<Gathered> {
+    /// The points of a tile and of everything within `reach` of it that are `wanted`; classes are those that the
+    /// ground pass has found.
+    pub(crate) fn gather(&self, tile: usize, reach: i64, wanted: Wanted) -> Result<Gathered> {
         self.drive.check_unchanged()?;
         let region = self.plan.region(tile, reach);
-        let mut gatherer = Gatherer::new(&region, self.drive.lattice(), self.lowest);
+        let mut gatherer = Gatherer::new(&region, self.drive.lattice(), self.lowest, wanted);
+        let classified = wanted != Wanted::All;
         match self.scattered {
-            Some(scattered) => self.gather_groups(scattered, &region, &mut gatherer, objects_only)?,
-            None => self.gather_blocks(&region, &mut gatherer, objects_only)?,
+            Some(scattered) => self.gather_groups(scattered, &region, &mut gatherer, classified)?,
+            None => self.gather_blocks(&region, &mut gatherer, classified)?,
         }
         Ok(gatherer.finish())
     }
 
-    fn gather_blocks(&self, region: &Region, gatherer: &mut Gatherer<'_>, objects_only: bool) -> Result<()> {
+    fn gather_blocks(&self, region: &Region, gatherer: &mut Gatherer<'_>, classified: bool) -> Result<()> {
         let (mut buffer, mut classes) = (Vec::new(), Vec::new());
         for (file, block) in self.blocks(region) {
-            if objects_only {
+            if classified {
                 let run = &self.drive.file(file).blocks()[block];
                 self.classes(file, run.first_record, run.count.into(), &mut classes)?;
             }
             let first_id = self.drive.first_id(file, block);
-            let wanted = objects_only.then_some(&classes[..]);
+            let wanted = classified.then_some(&classes[..]);
             self.drive
                 .geometry(file, block, &mut buffer, |view, transform| {
                     gatherer.block(view, transform, |record, _| first_id + record as u64, wanted)
@@ -96,13 +97,13 @@ impl Tiles<'_> {
         scattered: &Scattered,
         region: &Region,
         gatherer: &mut Gatherer<'_>,
-        objects_only: bool,
+        classified: bool,
     ) -> Result<()> {
         let (mut classes, mut wanted) = (Vec::new(), Vec::new());
         for group in scattered.groups(&region.tiles) {
             let group = group?;
             let record = |bytes: &[u8]| u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
-            if objects_only && !group.bytes.is_empty() {
+            if classified && !group.bytes.is_empty() {
                 self.classes(group.file, group.first_record, group.records, &mut classes)?;
                 wanted.clear();
                 wanted.extend(group.bytes.chunks_exact(STRIDE).map(|bytes| classes[record(bytes) as usize]));
@@ -111,9 +112,7 @@ impl Tiles<'_> {
             let view = RecordView { bytes: &group.bytes, stride: STRIDE, gps_time: None };
             let transform = self.drive.file(group.file).transform();
             let id = |_: usize, bytes: &[u8]| first_id + u64::from(record(bytes));
-            gatherer
-                .block(&view, transform, id, objects_only.then_some(&wanted[..]))
-                .map_err(out_of_range)?;
+            gatherer.block(&view, transform, id, classified.then_some(&wanted[..])).map_err(out_of_range)?;
         }
         Ok(())
     }

@@ -97,8 +97,10 @@ impl Drive {
         let way = if place.forward { 1.0 } else { -1.0 };
         let node = frame.at(place.s);
         let [p0, p1, p2, p3, p4, p5] = self.shake;
-        let offset =
-            |s: f64| -way * self.plan.station(s).section.driving_line() + 0.15 * (s * TAU / 70.0 + p0).sin();
+        // Counted along the drive, not along the street: no jump where the loop closes.
+        let driven = self.distance(t);
+        let wander = |s: f64| 0.15 * ((driven + (s - place.s) * way) * TAU / 70.0 + p0).sin();
+        let offset = |s: f64| way * (wander(s) - self.plan.station(s).section.driving_line());
         let height = |s: f64| self.plan.station(s).height(&self.land, frame, s, offset(s));
         let [x, y] = node.left(offset(place.s));
         let slope = (height(place.s + 1.5) - height(place.s - 1.5)) / 3.0 * way;

@@ -109,7 +109,7 @@ impl Settings {
     fn check(&self) -> Result<(), ConfigError> {
         let scanner = &self.scanner;
         let within = |key: &str, value: f64, low: f64, high: f64, unit: &str| {
-            let expected = format!("{low} to {high} {unit}");
+            let expected = format!("{low} to {high} {unit}").trim_end().to_owned();
             if (low..=high).contains(&value) { Ok(()) } else { Err(ConfigError::value(key, value, expected)) }
         };
         within("heads", f64::from(scanner.heads), 1.0, 2.0, "")?;

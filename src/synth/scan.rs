@@ -365,7 +365,8 @@ impl<'a> Tracer<'a> {
         record[14] = (nth as u8) | ((total as u8) << 4);
         record[15] = (head as u8) << 4;
         record[18..20].copy_from_slice(&angle.to_le_bytes());
-        let file = (t / self.scan.files_every_s) as u16 + 1;
+        // After 65,535 files, as many as the field can tell apart, the last one goes on.
+        let file = (t / self.scan.files_every_s).min(65_534.0) as u16 + 1;
         record[20..22].copy_from_slice(&file.to_le_bytes());
         record[22..30].copy_from_slice(&(START_TIME + t).to_le_bytes());
         record[30..34].copy_from_slice(&id.to_le_bytes());

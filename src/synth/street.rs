@@ -387,7 +387,8 @@ impl Site<'_> {
                     _ => row.share,
                 };
                 let crossing = class_of(kind) == 4 && zebra.is_some_and(|z| (s - z - 1.8).abs() < 6.0);
-                if !random.chance(share) || crossing || !self.free(s, offset, r) {
+                let on_deck = class_of(kind) == 2 && self.station(s).dip > 0.0;
+                if !random.chance(share) || crossing || on_deck || !self.free(s, offset, r) {
                     continue;
                 }
                 self.taken.push((s, offset, r));

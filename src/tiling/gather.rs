@@ -10,12 +10,36 @@ pub struct Gathered {
     pub cloud: TileCloud,
     /// Whether the tile owns the point.
     pub core: Vec<bool>,
+    /// Class code of each point, where classes were given.
+    pub classes: Vec<u8>,
+}
+
+/// Which points are gathered, by their class.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// Every point; classes need not be known.
+    All,
+    /// All but noise.
+    Solid,
+    /// Neither ground nor noise.
+    Objects,
+}
+
+impl Wanted {
+    fn takes(self, code: u8) -> bool {
+        match self {
+            Self::All => true,
+            Self::Solid => code == PointClass::Object.code() || code == PointClass::Ground.code(),
+            Self::Objects => code == PointClass::Object.code(),
+        }
+    }
 }
 
 /// Collects the points of one region block by block.
 #[derive(Debug)]
 pub struct Gatherer<'a> {
     region: &'a Region,
+    wanted: Wanted,
     gathered: Gathered,
     edge: u32,
     /// Extent of the region in lattice units from its lower corner, which is the cloud's origin.
@@ -32,14 +56,14 @@ pub struct HeightOutOfRange {
 }
 
 impl<'a> Gatherer<'a> {
-    /// A gatherer for `region`; `lowest` is the smallest lattice z of the drive.
+    /// A gatherer for the `wanted` points of `region`; `lowest` is the smallest lattice z of the drive.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "extents of a region are positive and checked by the plan, edges are at most 10^5 units"
     )]
-    pub fn new(region: &'a Region, lattice: Lattice, lowest: i64) -> Self {
+    pub fn new(region: &'a Region, lattice: Lattice, lowest: i64, wanted: Wanted) -> Self {
         let edge = region.grid.edge();
         let mut cloud = TileCloud::empty(lattice);
         let corner = |k: usize| i64::from(region.area.lo[k]) * edge;
@@ -50,9 +74,11 @@ impl<'a> Gatherer<'a> {
         }
         cloud.id.reserve_exact(points);
         let cells = |k: usize| (i64::from(region.area.hi[k]) - i64::from(region.area.lo[k]) + 1).max(0);
+        let core = Vec::with_capacity(points);
         Self {
             region,
-            gathered: Gathered { cloud, core: Vec::with_capacity(points) },
+            wanted,
+            gathered: Gathered { cloud, core, classes: Vec::new() },
             edge: edge as u32,
             width: [0, 1].map(|k| (cells(k) * edge) as u64),
             depth: i32::MAX as u64,
@@ -60,7 +86,7 @@ impl<'a> Gatherer<'a> {
     }
 
     /// Adds the points of one block that lie in the region. `id` tells the id of a record by its place in the block
-    /// and its bytes; with `classes` (one code per record) only [`PointClass::Object`] points are taken.
+    /// and its bytes; `classes` are the codes of the records, needed unless all points are wanted.
     ///
     /// # Errors
     /// When a height does not fit.
@@ -82,7 +108,8 @@ impl<'a> Gatherer<'a> {
         let lo: Cell = self.region.area.lo;
         let cloud = &mut self.gathered.cloud;
         for (record, bytes) in view.bytes.chunks_exact(view.stride).enumerate() {
-            if classes.is_some_and(|codes| codes[record] != PointClass::Object.code()) {
+            let class = classes.map(|codes| codes[record]);
+            if class.is_some_and(|code| !self.wanted.takes(code)) {
                 continue;
             }
             let [x, y, z] = transform.apply(record_xyz(bytes));
@@ -104,6 +131,7 @@ impl<'a> Gatherer<'a> {
             cloud.z.push(dz as i32);
             cloud.id.push(id(record, bytes));
             self.gathered.core.push(role == Region::CORE);
+            self.gathered.classes.extend(class);
         }
         Ok(())
     }

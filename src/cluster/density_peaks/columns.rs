@@ -1,0 +1,231 @@
+//! Voxels as sorted columns with global indices, and how they touch; knows no points and no densities.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    reason = "voxels of a tile fit u32 (VoxelIndex), differences of indices are small"
+)]
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::{Cell, CellCursor, CellMap, DisjointSets};
+
+/// Global index (i, j, k) of a voxel.
+pub(super) type Voxel = [i32; 3];
+
+/// Voxels (or other things with an index), sorted by (i, j, k).
+#[derive(Debug, Default)]
+pub(super) struct Columns {
+    cells: Vec<Cell>,
+    first: Vec<u32>,
+    k: Vec<i32>,
+    /// Number of a column, plus one.
+    places: CellMap<u32>,
+}
+
+impl Columns {
+    /// Takes indices in ascending order; equal ones are kept.
+    pub(super) fn new(sorted: impl Iterator<Item = Voxel>) -> Self {
+        let mut columns = Self::default();
+        for [i, j, k] in sorted {
+            if columns.cells.last() != Some(&[i, j]) {
+                columns.first.push(columns.k.len() as u32);
+                columns.cells.push([i, j]);
+                *columns.places.entry([i, j]) = columns.cells.len() as u32;
+            }
+            columns.k.push(k);
+        }
+        columns.first.push(columns.k.len() as u32);
+        columns
+    }
+
+    /// Number of voxels.
+    pub(super) fn len(&self) -> usize {
+        self.k.len()
+    }
+
+    /// (i, j) of every column.
+    pub(super) fn cells(&self) -> &[Cell] {
+        &self.cells
+    }
+
+    /// k of every voxel.
+    pub(super) fn heights(&self) -> &[i32] {
+        &self.k
+    }
+
+    /// The voxels of a column, from the lowest up.
+    pub(super) fn voxels(&self, column: usize) -> Range<usize> {
+        self.first[column] as usize..self.first[column + 1] as usize
+    }
+
+    /// A look-up for the voxels at (i, j).
+    pub(super) fn finder(&self) -> Finder<'_> {
+        Finder { columns: self, places: self.places.cursor() }
+    }
+
+    /// Every voxel's set, named by its smallest member: 26-connected components of the voxels that `keep` keeps;
+    /// the others are sets of their own.
+    pub(super) fn components(&self, keep: impl Fn(usize) -> bool) -> Vec<u32> {
+        let mut sets = DisjointSets::new(self.len() as u32);
+        self.touching(|a, b| {
+            if keep(a) && keep(b) {
+                sets.union(a as u32, b as u32);
+            }
+        });
+        (0..self.len() as u32).map(|voxel| sets.find(voxel)).collect()
+    }
+
+    /// Visits every pair of different voxels that touch, each once.
+    pub(super) fn touching(&self, mut visit: impl FnMut(usize, usize)) {
+        let mut finder = self.finder();
+        for (column, &[i, j]) in self.cells.iter().enumerate() {
+            let voxels = self.voxels(column);
+            for voxel in voxels.clone().skip(1) {
+                if self.k[voxel] - self.k[voxel - 1] <= 1 {
+                    visit(voxel - 1, voxel);
+                }
+            }
+            for [di, dj] in [[0, 1], [1, -1], [1, 0], [1, 1]] {
+                let others = finder.column([i + di, j + dj]);
+                let mut low = others.start;
+                for voxel in voxels.clone() {
+                    while low < others.end && self.k[low] < self.k[voxel] - 1 {
+                        low += 1;
+                    }
+                    for other in (low..others.end).take_while(|&other| self.k[other] <= self.k[voxel] + 1) {
+                        visit(voxel, other);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Voxels that tiles have to agree on: those in or beside (26 neighbours) a voxel of one's own, and in or beside
+    /// a foreign one. A voxel may be both. When two voxels touch and belong to different tiles, both tiles name both
+    /// of them here, so that equal names join what the tiles know of a component.
+    pub(super) fn shared(&self, own: &[bool], foreign: &[bool]) -> Vec<usize> {
+        let (mut near_own, mut near_foreign) = (own.to_vec(), foreign.to_vec());
+        self.touching(|a, b| {
+            near_own[a] |= own[b];
+            near_own[b] |= own[a];
+            near_foreign[a] |= foreign[b];
+            near_foreign[b] |= foreign[a];
+        });
+        (0..self.len()).filter(|&voxel| near_own[voxel] && near_foreign[voxel]).collect()
+    }
+
+    /// Index of every voxel, in order.
+    pub(super) fn indices(&self) -> impl Iterator<Item = Voxel> + '_ {
+        self.cells
+            .iter()
+            .enumerate()
+            .flat_map(move |(column, &[i, j])| self.voxels(column).map(move |voxel| [i, j, self.k[voxel]]))
+    }
+}
+
+/// See [`Columns::finder`]; remembers where it last looked.
+pub(super) struct Finder<'a> {
+    columns: &'a Columns,
+    places: CellCursor<'a, u32>,
+}
+
+impl Finder<'_> {
+    /// The voxels at (i, j); empty where there are none.
+    #[inline]
+    pub(super) fn column(&mut self, cell: Cell) -> Range<usize> {
+        match self.places.get(cell) {
+            0 => 0..0,
+            place => self.columns.voxels(place as usize - 1),
+        }
+    }
+}
+
+/// Steps (di, dj) whose squared length is at most `most`, shortest first.
+pub(super) fn disc(most: i64) -> Vec<(i64, [i32; 2])> {
+    let reach = most.isqrt() as i32;
+    let mut steps: Vec<(i64, [i32; 2])> = (-reach..=reach)
+        .flat_map(|di| {
+            (-reach..=reach).map(move |dj| (i64::from(di).pow(2) + i64::from(dj).pow(2), [di, dj]))
+        })
+        .filter(|step| step.0 <= most)
+        .collect();
+    steps.sort_unstable();
+    steps
+}
+
+/// Local components of each tile and the voxels they share: what joins them over the drive.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Border {
+    /// Local components.
+    pub(super) count: u32,
+    /// Shared voxels and their local component.
+    pub(super) shared: Vec<(Voxel, u32)>,
+}
+
+/// The component over the whole drive of every local component of every tile.
+pub(super) fn join(borders: &[Border]) -> Vec<Vec<u32>> {
+    let mut first = 0;
+    let mut named: Vec<(Voxel, u32)> = Vec::new();
+    let mut starts = Vec::with_capacity(borders.len());
+    for border in borders {
+        named.extend(border.shared.iter().map(|(voxel, local)| (*voxel, first + local)));
+        starts.push(first);
+        first += border.count;
+    }
+    named.sort_unstable();
+    let mut sets = DisjointSets::new(first);
+    for pair in named.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+        sets.union(pair[0].1, pair[1].1);
+    }
+    let component =
+        |(border, start): (&Border, u32)| (start..start + border.count).map(|node| sets.find(node)).collect();
+    borders.iter().zip(starts).map(component).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn voxels_touch_at_corners_in_every_direction_and_not_over_a_gap() {
+        for di in -1..=1 {
+            for dj in -1..=1 {
+                for dk in -1..=1 {
+                    for (scale, expected) in [(1, 1), (2, 2)] {
+                        let mut voxels = vec![[0, 0, 0], [di * scale, dj * scale, dk * scale]];
+                        voxels.sort_unstable();
+                        voxels.dedup();
+                        let columns = Columns::new(voxels.iter().copied());
+                        let mut roots = columns.components(|_| true);
+                        roots.dedup();
+                        assert_eq!(roots.len(), expected.min(voxels.len()), "{di} {dj} {dk} {scale}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn tiles_name_the_voxels_on_both_sides_of_a_border() {
+        let columns = Columns::new((0..5).map(|i| [i, 0, 0]));
+        // 0, 1, 2 are one's own, 3 and 4 foreign: 2 and 3 touch.
+        let own = [true, true, true, false, false];
+        let foreign = own.map(|own| !own);
+        assert_eq!(columns.shared(&own, &foreign), [2, 3]);
+        assert_eq!(columns.shared(&foreign, &own), [2, 3]);
+    }
+
+    #[test]
+    fn equal_names_join_components_over_tiles() {
+        let border = |count, shared: &[(Voxel, u32)]| Border { count, shared: shared.to_vec() };
+        let joined = join(&[
+            border(2, &[([1, 0, 0], 0), ([5, 0, 0], 1)]),
+            border(1, &[([9, 9, 9], 0)]),
+            border(2, &[([1, 0, 0], 1), ([5, 0, 0], 1)]),
+        ]);
+        assert_eq!(joined, [vec![0, 0], vec![2], vec![3, 0]]);
+    }
+}

@@ -1,0 +1,210 @@
+//! The clustering method `density-peaks`: the voxels at the foot of tall, dense columns are centres, everything else
+//! follows the nearest denser voxel, and clusters whose borders are smooth are merged.
+//!
+//! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
+//! segmentation" (2017), sections 3.2 and 3.3, equations 3 to 13, Table 2. Ours, where the paper is silent: every tie
+//! (larger density, then lower (k, j, i); nearer, then denser; nearer, then smaller id), the 10 m within which ground is
+//! looked for, representatives of 0.1 m, the 20 points of a curvature, the threshold `c_t`, the 1.5 m of re-assignment.
+//!
+//! Stages, each with a barrier: `voxels` (points to voxels, components of the drive, the largest count), `peaks`
+//! (densities, parents, centres, chains across tiles), `borders` (points again: pair sums, nearest segments of halo
+//! voxels, labels). Points are read twice. Between, a tile reads the voxels of its neighbours. Every sum is an exact
+//! integer; densities and curvatures are computed by one fixed formula from exact integers. So tiled equals untiled to
+//! the bit. The neighbours of a curvature are searched as far as it takes: where 20 labelled points are not within
+//! 1.5 m, the tile reads further around itself for those alone, at worst the whole drive.
+//!
+//! Cost: O(points) for voxels and labels; a search for a parent looks at columns in the order of their distance and
+//! stops at the first denser voxel, for nearly all voxels the one below; pairs are only enumerated where clusters meet.
+//! Memory beside the points: about 90 bytes per voxel; reductions hold the ends of chains and the borders of
+//! components of all tiles, and the pairs of clusters, not the voxels.
+//!
+//! Known failures: a pole inside a crown has the crown's voxels as denser neighbours and is no centre; cars half a
+//! metre apart are one component with one centre; balconies start high above ground, are divided by their height and
+//! fall to the nearest segment, or stay without; a facade has centres every few metres, and rough borders (plants,
+//! recesses) keep them apart.
+
+mod borders;
+mod columns;
+mod curvature;
+mod merge;
+mod peaks;
+mod surroundings;
+mod voxelise;
+
+use std::ops::RangeInclusive;
+
+use serde::Deserialize;
+
+use super::staged::{DriveSource, Grouped, Mapped, Stage, StagedClusterer, TileSource};
+use super::{ClusterEntry, Method};
+use crate::config::{self, ConfigError};
+use crate::error::{Error, Result};
+use crate::model::{Lattice, Reach};
+
+const NAME: &str = "density-peaks";
+
+pub(super) const ENTRY: ClusterEntry = ClusterEntry {
+    name: NAME,
+    summary: "voxels follow the nearest denser one to the foot of an object; smooth borders merge",
+    reference: "Li et al. 2017, sections 3.2 and 3.3",
+    build: |table| Ok(Method::Staged(Box::new(DensityPeaks::new(&config::section(NAME, table)?)?))),
+};
+
+const STAGE_VOXELS: usize = 0;
+const STAGE_PEAKS: usize = 1;
+const STAGE_BORDERS: usize = 2;
+
+const STAGES: [Stage; 3] = [
+    Stage { name: "voxels", settings: &["voxel"] },
+    Stage { name: "peaks", settings: &["rho_t", "delta_t", "d_t", "d_neighbor"] },
+    // Not `c_t`: it decides over sums that do not depend on it.
+    Stage { name: "borders", settings: &["d_th", "reassign"] },
+];
+
+/// Settings of the section `[density-peaks]`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DensityPeaksConfig {
+    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (section 4.1).
+    pub voxel: f64,
+    /// A centre has a density above this, in voxels, 0 to 1000. Default 4 (Table 2: 1.2 m).
+    pub rho_t: f64,
+    /// A centre is further than this from the nearest denser voxel, in voxels, 0 to 100. Default 3 (Table 2: 0.9 m).
+    pub delta_t: f64,
+    /// From this height above ground, in voxels, densities are divided by the height, 0 to 1000. Default 5 (Table 2:
+    /// 1.5 m).
+    pub d_t: f64,
+    /// Denser voxels are looked for nearer than this, in voxels, 1 to 50. Default 13 (Table 2: 3.9 m).
+    pub d_neighbor: f64,
+    /// Points of two clusters closer than this, in metres, are a pair, 0.01 to 5. Default 0.5 (equation 11).
+    pub d_th: f64,
+    /// Clusters are merged when the mean curvature over their pairs is below this, 0 (never) to 1. Default 0.08 (the
+    /// paper found its value "by analyzing thousands of sample data" and does not print it).
+    pub c_t: f64,
+    /// Halo voxels join the nearest segment within this, in metres, 0.01 to 10. Default 1.5 (chosen; the paper filters
+    /// out what is "far away from all segments").
+    pub reassign: f64,
+}
+
+impl Default for DensityPeaksConfig {
+    fn default() -> Self {
+        let (rho_t, delta_t, d_t, d_neighbor) = (4.0, 3.0, 5.0, 13.0);
+        Self { voxel: 0.3, rho_t, delta_t, d_t, d_neighbor, d_th: 0.5, c_t: 0.08, reassign: 1.5 }
+    }
+}
+
+impl DensityPeaksConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] with the key and the range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let ranges = [
+            ("density-peaks.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
+            ("density-peaks.rho_t", self.rho_t, 0.0..=1_000.0, "0 to 1000 voxels"),
+            ("density-peaks.delta_t", self.delta_t, 0.0..=100.0, "0 to 100 voxels"),
+            ("density-peaks.d_t", self.d_t, 0.0..=1_000.0, "0 to 1000 voxels"),
+            ("density-peaks.d_neighbor", self.d_neighbor, 1.0..=50.0, "1 to 50 voxels"),
+            ("density-peaks.d_th", self.d_th, 0.01..=5.0, "0.01 to 5 metres"),
+            ("density-peaks.c_t", self.c_t, 0.0..=1.0, "0 to 1"),
+            ("density-peaks.reassign", self.reassign, 0.01..=10.0, "0.01 to 10 metres"),
+        ];
+        for (key, value, range, expected) in ranges {
+            if !range.contains(&value) {
+                return Err(ConfigError::value(key, value, expected));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The method, see the module.
+#[derive(Debug, Clone)]
+pub struct DensityPeaks {
+    config: DensityPeaksConfig,
+}
+
+impl DensityPeaks {
+    /// The method with these settings.
+    ///
+    /// # Errors
+    /// Those of [`DensityPeaksConfig::validate`].
+    pub fn new(config: &DensityPeaksConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone() })
+    }
+
+    fn edge(&self, lattice: Lattice) -> u32 {
+        u32::try_from(lattice.units(self.config.voxel)).unwrap_or(u32::MAX)
+    }
+}
+
+impl StagedClusterer for DensityPeaks {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    /// That of the points of the last stage; voxels are read further around, and matter less.
+    fn reach(&self, _lattice: Lattice) -> Reach {
+        Reach::Exact { metres: borders::reach_m(&self.config) }
+    }
+
+    /// Every object: what is small was noise.
+    fn object_size(&self) -> RangeInclusive<u64> {
+        1..=u64::MAX
+    }
+
+    fn stages(&self) -> &'static [Stage] {
+        &STAGES
+    }
+
+    fn map(&self, stage: usize, tile: &dyn TileSource) -> Result<Mapped> {
+        let edge = self.edge(tile.lattice());
+        match stage {
+            STAGE_VOXELS => voxelise::map(tile, edge),
+            STAGE_PEAKS => peaks::map(tile, &self.config, edge),
+            STAGE_BORDERS => borders::map(tile, &self.config, edge),
+            other => Err(no_stage(other)),
+        }
+    }
+
+    fn reduce(&self, stage: usize, drive: &dyn DriveSource) -> Result<Vec<u8>> {
+        match stage {
+            STAGE_VOXELS => voxelise::reduce(drive),
+            STAGE_PEAKS => peaks::reduce(drive),
+            other => Err(no_stage(other)),
+        }
+    }
+
+    fn group(&self, drive: &dyn DriveSource) -> Result<Grouped> {
+        merge::group(drive, self.config.c_t)
+    }
+}
+
+fn no_stage(stage: usize) -> Error {
+    Error::Bug(format!("{NAME} has no stage {stage}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = DensityPeaksConfig::default;
+        for (config, key) in [
+            (DensityPeaksConfig { voxel: f64::NAN, ..default() }, "density-peaks.voxel = NaN"),
+            (DensityPeaksConfig { rho_t: -1.0, ..default() }, "density-peaks.rho_t = -1"),
+            (DensityPeaksConfig { delta_t: 101.0, ..default() }, "density-peaks.delta_t = 101"),
+            (DensityPeaksConfig { d_t: -0.5, ..default() }, "density-peaks.d_t = -0.5"),
+            (DensityPeaksConfig { d_neighbor: 0.5, ..default() }, "density-peaks.d_neighbor = 0.5"),
+            (DensityPeaksConfig { d_th: 0.0, ..default() }, "density-peaks.d_th = 0"),
+            (DensityPeaksConfig { c_t: 1.5, ..default() }, "density-peaks.c_t = 1.5"),
+            (DensityPeaksConfig { reassign: f64::INFINITY, ..default() }, "density-peaks.reassign = inf"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
+    }
+}

@@ -1,0 +1,371 @@
+//! Stage `peaks`: height above ground, density, parent, delta and centres of the voxels of a tile (section 3.2 of the
+//! paper); and chains of parents that leave a tile, resolved over the drive. Voxels only, no points.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "voxels of a tile fit u32, squared distances of indices within reach are small"
+)]
+
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
+
+use super::columns::{Columns, Finder, Voxel, disc};
+use super::voxelise::{self, StoredVoxel, VoxelGlobal};
+use super::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
+use crate::cluster::{DriveSource, Mapped, TileSource};
+use crate::codec;
+use crate::error::{Error, Result};
+use crate::model::{Cell, CellMap};
+
+/// How far from a column ground is looked for, in metres (chosen; the paper says "the horizontally closest").
+const GROUND_SEARCH_M: f64 = 10.0;
+
+/// What a tile keeps.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct PeaksPayload {
+    /// Where the chain of parents of each of the tile's voxels ends, in the order of its columns: 0 without a centre,
+    /// else 1 + position in `centres` followed by `exits`.
+    pub(super) ends: Vec<u32>,
+    /// Centres: density, and squared delta.
+    pub(super) centres: Vec<(f64, u32)>,
+    /// Voxels of other tiles at which chains leave: tile, and position among its voxels.
+    exits: Vec<(u32, u32)>,
+    /// The decision graph, in bins: density in quarters, squared delta, number of voxels.
+    pub(super) graph: Vec<(u32, u32, u64)>,
+}
+
+/// What holds for the drive.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct PeaksGlobal {
+    /// Number of clusters, which is that of centres.
+    pub(super) clusters: u32,
+    /// Cluster (from 1) of every end but 0 of every tile; 0 where the chain ends without a centre.
+    pub(super) ends: Vec<Vec<u32>>,
+}
+
+/// Voxels of a tile and of everything around it, with all that the search for parents needs.
+struct Neighbourhood {
+    columns: Columns,
+    /// Component of the drive.
+    component: Vec<u32>,
+    /// Tile, and position among its voxels.
+    origin: Vec<(u32, u32)>,
+    density: Vec<f64>,
+}
+
+impl Neighbourhood {
+    /// Loads the voxels within `steps` indices of those of the tile, and the densities of all of them.
+    fn load(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32) -> Result<Self> {
+        let units = i64::from(edge);
+        let steps = config.d_neighbor.ceil() as i32;
+        let ground_units = tile.lattice().units(GROUND_SEARCH_M);
+        let ground_steps = (ground_units / units) as i32;
+        let global: VoxelGlobal = codec::decode(tile.global(STAGE_VOXELS))?;
+        let own = voxelise::load(tile, tile.tile())?;
+        let window = Window::around(own.columns.iter().map(|column| column.0));
+        let voxel_window = window.grown(steps);
+        let ground_window = voxel_window.grown(ground_steps);
+        let mut found: Vec<(Cell, Vec<StoredVoxel>, u32, u32)> = Vec::new();
+        let mut ground: Vec<(Cell, i32)> = Vec::new();
+        for near in tile.near(i64::from(steps + 2 + ground_steps + 2) * units) {
+            let payload = voxelise::load(tile, near)?;
+            ground.extend(payload.ground.into_iter().filter(|column| ground_window.holds(column.0)));
+            let mut position = 0;
+            for (cell, voxels) in payload.columns {
+                let first = position;
+                position += voxels.len() as u32;
+                if voxel_window.holds(cell) {
+                    found.push((cell, voxels, near, first));
+                }
+            }
+        }
+        found.sort_unstable_by_key(|column| column.0);
+        let columns = Columns::new(
+            found
+                .iter()
+                .flat_map(|(cell, voxels, ..)| voxels.iter().map(|voxel| [cell[0], cell[1], voxel.k])),
+        );
+        let (mut stored, mut component, mut origin) = (Vec::new(), Vec::new(), Vec::new());
+        for (_, voxels, near, first) in found {
+            let components = &global.components[near as usize];
+            component.extend(voxels.iter().map(|voxel| components[voxel.component as usize]));
+            origin.extend((first..).zip(&voxels).map(|(position, _)| (near, position)));
+            stored.extend(voxels);
+        }
+        let base = Ground::new(&ground).below(&columns, ground_units.pow(2) / units.pow(2));
+        let density = densities(&columns, &stored, &base, global.most, config);
+        Ok(Self { columns, component, origin, density })
+    }
+
+    /// The order of densities: larger density first, ties by (k, j, i).
+    fn order(&self, (a, at_a): (usize, Voxel), (b, at_b): (usize, Voxel)) -> Ordering {
+        let reversed = |[i, j, k]: Voxel| [k, j, i];
+        self.density[b].total_cmp(&self.density[a]).then_with(|| reversed(at_a).cmp(&reversed(at_b)))
+    }
+
+    fn denser(&self, a: (usize, Voxel), b: (usize, Voxel)) -> bool {
+        self.order(a, b).is_lt()
+    }
+
+    /// The nearest denser voxel of the same component at a squared distance below `limit`, with that distance; of
+    /// several equally near the densest. Columns are looked at in the order of their distance, and within a column
+    /// voxels from the nearest outwards up to the first that is denser, so that the search ends at once where the
+    /// voxel below is the parent, as it is for most.
+    fn parent(
+        &self,
+        finder: &mut Finder<'_>,
+        steps: &[(i64, [i32; 2])],
+        voxel: (usize, Voxel),
+        limit: f64,
+    ) -> Option<(i64, usize)> {
+        let (number, at) = voxel;
+        let heights = self.columns.heights();
+        let mut best: Option<(i64, usize, Voxel)> = None;
+        for &(across, [di, dj]) in steps {
+            if best.is_some_and(|best| across > best.0) {
+                break;
+            }
+            let cell = [at[0] + di, at[1] + dj];
+            let range = finder.column(cell);
+            let middle = range.start + heights[range.clone()].partition_point(|&k| k < at[2]);
+            let mut see = |other: usize| {
+                let k = heights[other];
+                let distance = across + i64::from(k - at[2]).pow(2);
+                if distance as f64 >= limit || best.is_some_and(|best| distance > best.0) {
+                    return false;
+                }
+                let there = [cell[0], cell[1], k];
+                let fits = other != number
+                    && self.component[other] == self.component[number]
+                    && self.denser((other, there), voxel);
+                if !fits {
+                    return true;
+                }
+                if best.is_none_or(|best| distance < best.0 || self.denser((other, there), (best.1, best.2)))
+                {
+                    best = Some((distance, other, there));
+                }
+                false
+            };
+            let _ = (middle..range.end).all(&mut see);
+            let _ = (range.start..middle).rev().all(&mut see);
+        }
+        best.map(|best| (best.0, best.1))
+    }
+}
+
+/// A rectangle of columns.
+#[derive(Debug, Clone, Copy)]
+struct Window {
+    lo: Cell,
+    hi: Cell,
+}
+
+impl Window {
+    fn around(cells: impl Iterator<Item = Cell>) -> Self {
+        let mut window = Self { lo: [i32::MAX; 2], hi: [i32::MIN; 2] };
+        for cell in cells {
+            for axis in 0..2 {
+                window.lo[axis] = window.lo[axis].min(cell[axis]);
+                window.hi[axis] = window.hi[axis].max(cell[axis]);
+            }
+        }
+        window
+    }
+
+    fn grown(self, by: i32) -> Self {
+        Self {
+            lo: self.lo.map(|low| low.saturating_sub(by)),
+            hi: self.hi.map(|high| high.saturating_add(by)),
+        }
+    }
+
+    fn holds(&self, cell: Cell) -> bool {
+        (0..2).all(|axis| (self.lo[axis]..=self.hi[axis]).contains(&cell[axis]))
+    }
+}
+
+/// Lowest ground voxels by column.
+struct Ground<'a> {
+    columns: &'a [(Cell, i32)],
+    places: CellMap<u32>,
+}
+
+impl<'a> Ground<'a> {
+    fn new(columns: &'a [(Cell, i32)]) -> Self {
+        let mut places = CellMap::default();
+        for (place, (cell, _)) in (1_u32..).zip(columns) {
+            *places.entry(*cell) = place;
+        }
+        Self { columns, places }
+    }
+
+    /// k of the horizontally nearest ground voxel of each column, at a squared distance of at most `most`: of equally
+    /// near ones the lowest; the lowest voxel of the column itself where there is none.
+    fn below(&self, columns: &Columns, most: i64) -> Vec<i32> {
+        let steps = disc(most);
+        let mut places = self.places.cursor();
+        let nearest = |(column, &[i, j]): (usize, &Cell)| {
+            let mut found: Option<(i64, i32)> = None;
+            for &(distance, [di, dj]) in &steps {
+                if found.is_some_and(|found| distance > found.0) {
+                    break;
+                }
+                let place = places.get([i + di, j + dj]) as usize;
+                if place > 0 {
+                    let k = self.columns[place - 1].1;
+                    found = Some((distance, found.map_or(k, |found| found.1.min(k))));
+                }
+            }
+            found.map_or_else(|| columns.heights()[columns.voxels(column).start], |found| found.1)
+        };
+        columns.cells().iter().enumerate().map(nearest).collect()
+    }
+}
+
+/// Equation 3: one fixed formula over exact integers, so that every tile finds the same number.
+fn densities(
+    columns: &Columns,
+    stored: &[StoredVoxel],
+    base: &[i32],
+    most: u32,
+    config: &DensityPeaksConfig,
+) -> Vec<f64> {
+    let heights = columns.heights();
+    let mut density = Vec::with_capacity(stored.len());
+    for (column, &ground) in base.iter().enumerate() {
+        let voxels = columns.voxels(column);
+        let mut start = voxels.start;
+        while start < voxels.end {
+            let mut end = start + 1;
+            while end < voxels.end && heights[end] - heights[end - 1] == 1 {
+                end += 1;
+            }
+            let length = (end - start) as f64;
+            for voxel in start..end {
+                let position = (voxel - start) as f64;
+                let rho = length - position / length + f64::from(stored[voxel].points) / f64::from(most);
+                let above = f64::from(heights[voxel] - ground);
+                density.push(if above >= config.d_t { rho / above.max(1.0) } else { rho });
+            }
+            start = end;
+        }
+    }
+    density
+}
+
+/// Where a chain of parents ends, while a tile is worked on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    /// Without a centre.
+    Nowhere,
+    /// At a centre, from 1.
+    Centre(u32),
+    /// At a voxel of another tile, from 1.
+    Exit(u32),
+}
+
+/// The payload of a tile.
+pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32) -> Result<Mapped> {
+    let around = Neighbourhood::load(tile, config, edge)?;
+    let indices: Vec<Voxel> = around.columns.indices().collect();
+    let mut own: Vec<usize> =
+        (0..indices.len()).filter(|&voxel| around.origin[voxel].0 == tile.tile()).collect();
+    own.sort_unstable_by(|&a, &b| around.order((a, indices[a]), (b, indices[b])));
+    let mut ends = vec![End::Nowhere; own.len()];
+    let mut payload = PeaksPayload::default();
+    let mut exits = FxHashMap::<(u32, u32), u32>::default();
+    let mut graph = BTreeMap::<(u32, u32), u64>::new();
+    let limit = config.d_neighbor.powi(2);
+    let steps = disc(limit.ceil() as i64);
+    let mut finder = around.columns.finder();
+    for voxel in own {
+        let parent = around.parent(&mut finder, &steps, (voxel, indices[voxel]), limit);
+        let (rho, delta) = (around.density[voxel], parent.map_or(limit, |parent| parent.0 as f64));
+        *graph.entry(((rho * 4.0) as u32, delta as u32)).or_default() += 1;
+        let slot = around.origin[voxel].1 as usize;
+        if rho > config.rho_t && delta > config.delta_t.powi(2) {
+            payload.centres.push((rho, delta as u32));
+            ends[slot] = End::Centre(payload.centres.len() as u32);
+        } else if let Some((_, parent)) = parent {
+            let origin = around.origin[parent];
+            ends[slot] = if origin.0 == tile.tile() {
+                // Denser, so that its end is known by now.
+                ends[origin.1 as usize]
+            } else {
+                End::Exit(*exits.entry(origin).or_insert_with(|| {
+                    payload.exits.push(origin);
+                    payload.exits.len() as u32
+                }))
+            };
+        }
+    }
+    let centres = payload.centres.len() as u32;
+    let code = |end| match end {
+        End::Nowhere => 0,
+        End::Centre(centre) => centre,
+        End::Exit(exit) => centres + exit,
+    };
+    payload.ends = ends.into_iter().map(code).collect();
+    payload.graph = graph.into_iter().map(|((rho, delta), count)| (rho, delta, count)).collect();
+    Ok(Mapped { payload: codec::encode(&payload)?, labelled: None })
+}
+
+/// A chain that leaves a tile: the end of which it is, and where it goes on.
+struct Exit {
+    /// Tile and end (from 1) at which it leaves.
+    from: (u32, u32),
+    /// Tile, and position among its voxels.
+    to: (u32, u32),
+}
+
+/// The cluster of every end. Keeps the ends of all tiles and the exits in memory, no voxels: chains that leave a tile
+/// are few, those of the voxels near borders.
+pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
+    let mut ends: Vec<Vec<u32>> = Vec::new();
+    let mut exits: Vec<Exit> = Vec::new();
+    let mut clusters = 0;
+    for tile in 0..drive.tiles() {
+        let payload = load(drive, tile)?;
+        let centres = payload.centres.len() as u32;
+        ends.push((clusters + 1..=clusters + centres).chain(payload.exits.iter().map(|_| 0)).collect());
+        exits.extend((centres + 1..).zip(&payload.exits).map(|(end, &to)| Exit { from: (tile, end), to }));
+        clusters += centres;
+    }
+    // What each exit leads to, a tile at a time.
+    exits.sort_unstable_by_key(|exit| exit.to);
+    let mut loaded = None;
+    let mut next: Vec<Vec<u32>> = ends.iter().map(|ends| vec![0; ends.len()]).collect();
+    let mut target = FxHashMap::<(u32, u32), (u32, u32)>::default();
+    for exit in &exits {
+        let (tile, position) = exit.to;
+        if loaded.as_ref().is_none_or(|(number, _)| *number != tile) {
+            loaded = Some((tile, load(drive, tile)?));
+        }
+        let end = loaded.as_ref().and_then(|(_, payload)| payload.ends.get(position as usize).copied());
+        let end = end.ok_or_else(|| Error::Bug(format!("tile {tile} has no voxel {position}")))?;
+        target.insert(exit.from, (tile, end));
+    }
+    // Along a chain density grows, so that it comes to an end.
+    for exit in &exits {
+        let mut at = exit.from;
+        while let Some(&on) = target.get(&at) {
+            at = on;
+        }
+        let (tile, end) = at;
+        let cluster = end.checked_sub(1).map_or(0, |end| ends[tile as usize][end as usize]);
+        next[exit.from.0 as usize][exit.from.1 as usize - 1] = cluster;
+    }
+    for (ends, next) in ends.iter_mut().zip(next) {
+        ends.iter_mut().zip(next).filter(|(end, _)| **end == 0).for_each(|(end, cluster)| *end = cluster);
+    }
+    codec::encode(&PeaksGlobal { clusters, ends })
+}
+
+/// The chains of a tile.
+pub(super) fn load(drive: &dyn DriveSource, tile: u32) -> Result<PeaksPayload> {
+    codec::decode(&drive.payload(STAGE_PEAKS, tile)?)
+}

@@ -1,0 +1,183 @@
+//! Stage `voxels`: the voxels of a tile, the ground below them, and their connected components; and what holds for the
+//! whole drive: the largest count, and components across tiles. No densities here.
+//!
+//! A tile owns whole columns: the column belongs to the owner of the first occupied cell it meets. Points are read so
+//! far around the tile that it sees all points of its columns, and of the columns beside them.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "counts of a tile fit u32 and edges are at most 2 m (VoxelIndex, validated settings)"
+)]
+
+use serde::{Deserialize, Serialize};
+
+use super::columns::{Border, Columns, Voxel, join};
+use super::{NAME, STAGE_VOXELS};
+use crate::cluster::{DriveSource, Mapped, TileSource};
+use crate::codec;
+use crate::error::{AlgorithmError, Result};
+use crate::model::{Cell, VoxelIndex};
+
+/// A voxel of one column.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub(super) struct StoredVoxel {
+    pub(super) k: i32,
+    /// Its points that are neither ground nor noise.
+    pub(super) points: u32,
+    /// Its component in the tile.
+    pub(super) component: u32,
+}
+
+/// What a tile keeps.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct VoxelPayload {
+    /// Columns with voxels of objects, ascending, each from the lowest up.
+    pub(super) columns: Vec<(Cell, Vec<StoredVoxel>)>,
+    /// Lowest ground voxel of each column that has one, ascending.
+    pub(super) ground: Vec<(Cell, i32)>,
+    /// Points in all voxels, ground included.
+    pub(super) points: u64,
+    /// All voxels, ground included.
+    pub(super) voxels: u64,
+    border: Border,
+}
+
+/// What holds for the drive.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct VoxelGlobal {
+    /// Most points of objects in one voxel.
+    pub(super) most: u32,
+    /// Component of the drive, by tile and component of the tile.
+    pub(super) components: Vec<Vec<u32>>,
+}
+
+/// How far around a tile points matter to its columns and those beside them: two edges per axis.
+pub(super) fn reach(edge: u32) -> i64 {
+    (f64::from(edge) * 2.0 * std::f64::consts::SQRT_2).ceil() as i64
+}
+
+/// Global indices of the voxels of `index` that are `wanted`, ascending.
+pub(super) fn global_indices(
+    index: &VoxelIndex,
+    wanted: impl Fn(usize) -> bool,
+) -> Result<Vec<(Voxel, u32)>, AlgorithmError> {
+    let grid = index.grid();
+    let too_many = || AlgorithmError::TooManyCells {
+        method: NAME,
+        cells: grid.base.iter().map(|value| value.unsigned_abs()).max().unwrap_or(0),
+        edge_units: grid.edge,
+        limit: i32::MAX as u64,
+    };
+    let global = |axis: usize, local: u32| {
+        i32::try_from(grid.base[axis] + i64::from(local)).ok().filter(|index| index.abs() < i32::MAX / 2)
+    };
+    let mut voxels = Vec::new();
+    for (column, &[i, j]) in index.columns().iter().enumerate() {
+        for voxel in index.column_voxels(column).filter(|&voxel| wanted(voxel)) {
+            let at = [global(0, i), global(1, j), global(2, index.heights()[voxel])];
+            let [Some(i), Some(j), Some(k)] = at else { return Err(too_many()) };
+            voxels.push(([i, j, k], voxel as u32));
+        }
+    }
+    Ok(voxels)
+}
+
+/// The payload of a tile.
+pub(super) fn map(tile: &dyn TileSource, edge: u32) -> Result<Mapped> {
+    let points = tile.points(reach(edge), false)?;
+    let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
+    let (mut objects, mut ground) = (vec![0_u32; index.len()], vec![false; index.len()]);
+    for (range, voxel) in index.streaks() {
+        for point in range {
+            objects[voxel] += u32::from(!points.ground[point]);
+            ground[voxel] |= points.ground[point];
+        }
+    }
+    drop(points);
+    let units = i64::from(edge);
+    let mine = |[i, j]: Cell| {
+        let lo = [i64::from(i) * units, i64::from(j) * units];
+        tile.owner(lo, lo.map(|value| value + units - 1)) == Some(tile.tile())
+    };
+
+    let mut payload = VoxelPayload::default();
+    let mut last = (None, false);
+    for (voxel @ [i, j, k], local) in global_indices(&index, |_| true)? {
+        if last.0 != Some([i, j]) {
+            last = (Some([i, j]), mine([i, j]));
+        }
+        if last.1 {
+            payload.voxels += 1;
+            payload.points += u64::from(index.counts()[local as usize]);
+            if ground[local as usize]
+                && payload.ground.last().is_none_or(|column| column.0 != [voxel[0], voxel[1]])
+            {
+                payload.ground.push(([i, j], k));
+            }
+        }
+    }
+
+    let voxels = global_indices(&index, |voxel| objects[voxel] > 0)?;
+    let columns = Columns::new(voxels.iter().map(|entry| entry.0));
+    let mut own = vec![false; columns.len()];
+    for (column, &cell) in columns.cells().iter().enumerate() {
+        if mine(cell) {
+            own[columns.voxels(column)].fill(true);
+        }
+    }
+    let foreign: Vec<bool> = own.iter().map(|own| !own).collect();
+    let shared = columns.shared(&own, &foreign);
+    let (component, border) = number(&columns, &columns.components(|_| true), &own, &shared);
+    payload.border = border;
+    for (column, &cell) in columns.cells().iter().enumerate() {
+        let range = columns.voxels(column);
+        if own[range.start] {
+            let stored = |voxel: usize| StoredVoxel {
+                k: columns.heights()[voxel],
+                points: objects[voxels[voxel].1 as usize],
+                component: component[voxel],
+            };
+            payload.columns.push((cell, range.map(stored).collect()));
+        }
+    }
+    Ok(Mapped { payload: codec::encode(&payload)?, labelled: None })
+}
+
+/// Numbers the components (named by their smallest voxel in `roots`) that a tile needs from 0: those with voxels in
+/// `wanted` or in `shared`. Voxels of other components have the number `u32::MAX`.
+pub(super) fn number(
+    columns: &Columns,
+    roots: &[u32],
+    wanted: &[bool],
+    shared: &[usize],
+) -> (Vec<u32>, Border) {
+    let mut numbers = vec![u32::MAX; roots.len()];
+    let mut needed: Vec<u32> = shared.iter().map(|&voxel| roots[voxel]).collect();
+    needed.extend(roots.iter().zip(wanted).filter(|(_, wanted)| **wanted).map(|(root, _)| *root));
+    needed.sort_unstable();
+    needed.dedup();
+    for (number, &root) in (0_u32..).zip(&needed) {
+        numbers[root as usize] = number;
+    }
+    let of_voxel: Vec<u32> = roots.iter().map(|&root| numbers[root as usize]).collect();
+    let indices: Vec<Voxel> = columns.indices().collect();
+    let shared = shared.iter().map(|&voxel| (indices[voxel], of_voxel[voxel])).collect();
+    (of_voxel, Border { count: needed.len() as u32, shared })
+}
+
+/// The largest count and the components of the drive.
+pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
+    let (mut most, mut borders) = (0, Vec::new());
+    for tile in 0..drive.tiles() {
+        let payload: VoxelPayload = load(drive, tile)?;
+        let points = payload.columns.iter().flat_map(|(_, voxels)| voxels).map(|voxel| voxel.points);
+        most = points.max().unwrap_or(0).max(most);
+        borders.push(payload.border);
+    }
+    codec::encode(&VoxelGlobal { most, components: join(&borders) })
+}
+
+/// The voxels of a tile.
+pub(super) fn load(drive: &dyn DriveSource, tile: u32) -> Result<VoxelPayload> {
+    codec::decode(&drive.payload(STAGE_VOXELS, tile)?)
+}

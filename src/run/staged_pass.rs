@@ -1,0 +1,212 @@
+//! Passes of a method with stages: each stage over the tiles, its reduction, and the last one, which gives objects.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::cluster::{DriveSource, Mapped, StagedClusterer, TilePoints, TileSource};
+use crate::codec;
+use crate::error::{Error, Result};
+use crate::model::{Lattice, ObjectPart, PointClass};
+use crate::run::engine::Pass;
+use crate::run::tiles::Tiles;
+use crate::stitch::{LocalObject, Stitched, Stitcher};
+use crate::store::PassDir;
+use crate::tiling::Wanted;
+
+/// Bytes per point that a tile of a stage needs at its peak: points, ids, two sets of voxels, labels; measured.
+pub(crate) const BYTES_PER_POINT: u64 = 120;
+
+/// What the engine keeps of a tile after a stage.
+#[derive(Debug, Serialize, Deserialize)]
+struct Kept {
+    payload: Vec<u8>,
+    /// Object of label 1, 2, ..., over the points of the tile; empty but for the last stage.
+    parts: Vec<ObjectPart>,
+}
+
+/// The stages that are done: where their payloads are, and their globals.
+pub(crate) struct Done<'a> {
+    pub(crate) tiles: &'a Tiles<'a>,
+    pub(crate) dirs: Vec<PassDir>,
+    globals: Vec<Vec<u8>>,
+}
+
+impl<'a> Done<'a> {
+    /// None yet.
+    pub(crate) fn new(tiles: &'a Tiles<'a>) -> Self {
+        Self { tiles, dirs: Vec::new(), globals: Vec::new() }
+    }
+
+    /// Adds the global of the stage in the last of `dirs`: as stored behind the tiles of its pass, else reduced and
+    /// stored there.
+    pub(crate) fn reduce(&mut self, method: &dyn StagedClusterer) -> Result<()> {
+        let stage = self.globals.len();
+        let behind = self.tiles.plan.tiles.len();
+        let dir = &self.dirs[stage];
+        let global = match dir.load(behind)? {
+            Ok(global) => global,
+            Err(_) => {
+                let global = method.reduce(stage, self)?;
+                dir.commit(behind, &global)?;
+                global
+            }
+        };
+        self.globals.push(global);
+        Ok(())
+    }
+
+    fn kept(&self, stage: usize, tile: u32) -> Result<Kept> {
+        let dir =
+            self.dirs.get(stage).ok_or_else(|| Error::Bug(format!("stage {stage} has not been run")))?;
+        codec::decode(&dir.payload(tile as usize)?)
+    }
+
+    /// Whole objects and their ids, from the finished stages, and the figures of the method.
+    pub(crate) fn objects(&self, method: &dyn StagedClusterer) -> Result<(Stitched, serde_json::Value)> {
+        let grouped = method.group(self)?;
+        let mut stitcher = Stitcher::default();
+        for (tile, groups) in (0_u32..).zip(&grouped.groups) {
+            let mut parts = self.kept(self.dirs.len() - 1, tile)?.parts;
+            if parts.len() != groups.len() {
+                return Err(Error::Bug(format!(
+                    "tile {tile} has {} labels and {} groups",
+                    parts.len(),
+                    groups.len()
+                )));
+            }
+            for (part, _) in parts.iter_mut().zip(groups).filter(|(_, group)| **group == 0) {
+                *part = ObjectPart::empty();
+            }
+            stitcher.tile(parts.into_iter().map(|part| LocalObject { open: true, part }).collect());
+        }
+        let mut first = BTreeMap::<u32, (u32, u32)>::new();
+        for (tile, groups) in (0_u32..).zip(&grouped.groups) {
+            for (label, &group) in (1_u32..).zip(groups).filter(|(_, group)| **group != 0) {
+                let one = *first.entry(group).or_insert((tile, label));
+                if one != (tile, label) && !stitcher.link(one, (tile, label)) {
+                    return Err(Error::Bug(format!("label {label} of tile {tile} does not exist")));
+                }
+            }
+        }
+        Ok((stitcher.finish(&method.object_size()), grouped.figures))
+    }
+}
+
+impl DriveSource for Done<'_> {
+    fn lattice(&self) -> Lattice {
+        self.tiles.drive.lattice()
+    }
+
+    fn tiles(&self) -> u32 {
+        u32::try_from(self.tiles.plan.tiles.len()).unwrap_or(u32::MAX)
+    }
+
+    fn payload(&self, stage: usize, tile: u32) -> Result<Vec<u8>> {
+        Ok(self.kept(stage, tile)?.payload)
+    }
+
+    fn global(&self, stage: usize) -> &[u8] {
+        self.globals.get(stage).map_or(&[], |global| global)
+    }
+}
+
+/// One stage over the tiles.
+pub(crate) struct StagedPass<'a> {
+    pub(crate) done: &'a Done<'a>,
+    pub(crate) method: &'a dyn StagedClusterer,
+    pub(crate) stage: usize,
+    /// Horizontal reach of the method in lattice units.
+    pub(crate) reach: i64,
+}
+
+impl Pass for StagedPass<'_> {
+    fn name(&self) -> &'static str {
+        self.method.stages()[self.stage].name
+    }
+
+    fn units(&self) -> usize {
+        self.done.tiles.plan.tiles.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.done.tiles.plan.tiles[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        self.done.tiles.plan.region_points(unit, self.reach) * BYTES_PER_POINT
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let source = Around { done: self.done, tile: unit };
+        let Mapped { payload, labelled } = self.method.map(self.stage, &source)?;
+        let drive = self.done.tiles.drive;
+        let mut parts = Vec::new();
+        if let Some(labelled) = labelled {
+            let TilePoints { cloud, core, .. } = &labelled.points;
+            let labels = &labelled.labels;
+            let file = |id: u64| u32::try_from(drive.locate(id).0).unwrap_or(u32::MAX);
+            parts = ObjectPart::collect(cloud, labels, labelled.count, |point| core[point], file);
+            let (ids, values): (Vec<u64>, Vec<u32>) = (0..cloud.len())
+                .filter(|&point| core[point])
+                .map(|point| (cloud.id[point], labels[point]))
+                .unzip();
+            drive.write_column(&drive.labels, &ids, &values)?;
+        }
+        codec::encode(&Kept { payload, parts })
+    }
+}
+
+/// The drive as a stage sees it from one tile.
+struct Around<'a> {
+    done: &'a Done<'a>,
+    tile: usize,
+}
+
+impl DriveSource for Around<'_> {
+    fn lattice(&self) -> Lattice {
+        self.done.lattice()
+    }
+
+    fn tiles(&self) -> u32 {
+        self.done.tiles()
+    }
+
+    fn payload(&self, stage: usize, tile: u32) -> Result<Vec<u8>> {
+        self.done.payload(stage, tile)
+    }
+
+    fn global(&self, stage: usize) -> &[u8] {
+        self.done.global(stage)
+    }
+}
+
+impl TileSource for Around<'_> {
+    fn tile(&self) -> u32 {
+        u32::try_from(self.tile).unwrap_or(u32::MAX)
+    }
+
+    fn points(&self, reach: i64, objects_only: bool) -> Result<TilePoints> {
+        let tiles = self.done.tiles;
+        let wanted = if objects_only { Wanted::Objects } else { Wanted::Solid };
+        let gathered = tiles.gather(self.tile, reach, wanted)?;
+        let all: u64 = tiles.plan.tiles.iter().map(|tile| tile.points).sum();
+        let ground = match wanted {
+            Wanted::Objects => Vec::new(),
+            _ => gathered.classes.iter().map(|&code| code == PointClass::Ground.code()).collect(),
+        };
+        let whole = tiles.plan.region_points(self.tile, reach) == all;
+        Ok(TilePoints { cloud: gathered.cloud, core: gathered.core, ground, whole })
+    }
+
+    fn near(&self, reach: i64) -> Vec<u32> {
+        self.done.tiles.plan.region(self.tile, reach).tiles
+    }
+
+    fn owner(&self, lo: [i64; 2], hi: [i64; 2]) -> Option<u32> {
+        let (grid, owners) = (self.done.tiles.drive.grid, self.done.tiles.plan.owners());
+        let (from, to) = (grid.cell(lo[0], lo[1])?, grid.cell(hi[0], hi[1])?);
+        let mut cells = (from[0]..=to[0]).flat_map(|i| (from[1]..=to[1]).map(move |j| [i, j]));
+        cells.find_map(|cell| owners.get(cell).checked_sub(1))
+    }
+}
