@@ -130,7 +130,7 @@ fn layers_do_not_know_each_other_and_only_run_joins_them() {
             assert!(!used.contains("run") && !used.contains("store"), "src/{} uses {used:?}", source.path);
         }
         if module == "ground" || module == "cluster" {
-            let known = ["model", "config", "error", module.as_str()];
+            let known = ["model", "config", "error", "codec", module.as_str()];
             let foreign: Vec<&String> =
                 used.iter().filter(|name| !known.contains(&name.as_str()) && !name.is_empty()).collect();
             assert!(foreign.is_empty(), "src/{} uses {foreign:?}", source.path);

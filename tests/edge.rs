@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use chainage::cluster::{ClusterEntry, Clusterer};
+use chainage::cluster::{ClusterEntry, Clusterer, Method};
 use chainage::error::AlgorithmError;
 use chainage::ground::{GroundEntry, GroundFilter};
 use chainage::input::InputError;
@@ -294,7 +294,7 @@ const CUBES: ClusterEntry = ClusterEntry {
     name: "cubes",
     summary: "cubes of a metre",
     reference: "none",
-    build: |_| Ok(Box::new(Cubes)),
+    build: |_| Ok(Method::Local(Box::new(Cubes))),
 };
 
 #[test]
@@ -359,9 +359,10 @@ const FAILING: ClusterEntry = ClusterEntry {
     name: "failing",
     summary: "fails at one place",
     reference: "none",
-    build: |_| Ok(Box::new(Failing { panics: false })),
+    build: |_| Ok(Method::Local(Box::new(Failing { panics: false }))),
 };
-const PANICKING: ClusterEntry = ClusterEntry { build: |_| Ok(Box::new(Failing { panics: true })), ..FAILING };
+const PANICKING: ClusterEntry =
+    ClusterEntry { build: |_| Ok(Method::Local(Box::new(Failing { panics: true }))), ..FAILING };
 
 /// Objects on ground every metre, over 40 m.
 fn row() -> Vec<Point> {
@@ -441,7 +442,7 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
         // A method that does not fail there resumes: the one tile is done, and the record of the failure goes.
         let mut list = list(5.0, &["cluster.method=failing", "tiling.cell=0.5"]);
         list.push("run.threads=1".to_owned());
-        let good = ClusterEntry { build: |_| Ok(Box::new(Cubes)), ..FAILING };
+        let good = ClusterEntry { build: |_| Ok(Method::Local(Box::new(Cubes))), ..FAILING };
         let registries = Registries { ground: ground::REGISTRY, cluster: &[good] };
         let summary = run_with(&files, &out, &list, registries).unwrap();
         let figures = summary.passes.iter().find(|figures| figures.pass == "cluster").unwrap();
