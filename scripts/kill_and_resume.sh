@@ -41,31 +41,29 @@ same() {
 
 for kind in laz las; do
     input=$scratch/$kind/$name.$kind
-    run() { # OUT THREADS
-        local code=0
-        "$program" run "$input" -o "$scratch/$1" --tile-length "$tile" --progress none --threads "$2" \
-            >/dev/null 2>"$scratch/errors" || code=$?
-        grep -v '^warning' "$scratch/errors" || true
-        return $code
+    options=(--tile-length "$tile" --progress none)
+    run() { # OUT
+        if ! "$program" run "$input" -o "$scratch/$1" "${options[@]}" >/dev/null 2>"$scratch/errors"; then
+            cat "$scratch/errors"
+            exit 1
+        fi
     }
     began=$(date +%s%N)
-    run undisturbed 2
+    run undisturbed
     whole_ms=$((($(date +%s%N) - began) / 1000000))
     # Most moments early, so that one run takes many kills; a few late, so that the last steps are hit as well.
     shortest=5
     longest=$((whole_ms / 8 + 20))
     spent=0 hit=0 finished=0
     while [ $spent -lt "$kills" ]; do
-        run killed $((RANDOM % 2 + 1)) &
+        "$program" run "$input" -o "$scratch/killed" "${options[@]}" --threads $((RANDOM % 2 + 1)) >/dev/null 2>&1 &
         child=$!
         span=$longest
         [ $((spent % 5)) -eq 4 ] && span=$((whole_ms + 50))
         sleep "$(awk "BEGIN { print ($shortest + $RANDOM % $span) / 1000 }")"
-        # The program is the child of the function's shell.
-        worker=$(pgrep -P $child || true)
-        kill -9 ${worker:-$child} 2>/dev/null || true
+        kill -9 $child 2>/dev/null || true
         spent=$((spent + 1))
-        if wait $child 2>/dev/null; then
+        if { wait $child; } 2>/dev/null; then
             same "$kind, finished after $spent kills"
             rm -rf "$scratch/killed"
             finished=$((finished + 1))
@@ -73,7 +71,7 @@ for kind in laz las; do
             hit=$((hit + 1))
         fi
     done
-    run killed 2
+    run killed
     same "$kind"
     rm -rf "$scratch/killed" "$scratch/undisturbed"
     echo "$name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) runs came to the same bytes"

@@ -4,7 +4,7 @@
 use std::cell::Cell as Counter;
 use std::path::{Path, PathBuf};
 
-use chainage::cluster::{ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
+use chainage::cluster::{self, ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
 use chainage::error::AlgorithmError;
 use chainage::ground::{self, GroundEntry, GroundFilter, VoxelColumn, VoxelColumnConfig};
 use chainage::model::{Cell, CellGrid, Lattice, PointClass, Reach, TileCloud, TileView};
@@ -246,6 +246,45 @@ fn threads_and_tile_length_change_no_byte() {
             let out = folder.path().join(format!("{tile_m}-{threads}"));
             drive(&files, &out, &small(tile_m, threads, &[])).unwrap();
             assert_same_outputs(&whole, &out, &format!("{course:?}, tiles of {tile_m} m, {threads} threads"));
+        }
+    }
+}
+
+/// Every method that is registered, also one that was written after this test.
+#[test]
+fn every_method_gives_the_same_bytes_in_any_tiles_files_and_formats() {
+    for entry in cluster::REGISTRY {
+        for (course, points) in middling() {
+            let folder = scratch();
+            let shapes = [Shape::default(), Shape::default()];
+            // Small things have few and low voxels.
+            let mut more = settings(&["density-peaks.rho_t=1.0", "density-peaks.delta_t=1.0"]);
+            more.push(format!("cluster.method={:?}", entry.name));
+            let las = write_files(folder.path(), &points, &shapes, None);
+            let laz = write_files(folder.path(), &points, &shapes, Some(300));
+            let whole = folder.path().join("whole");
+            let summary = drive(&laz, &whole, &small(WHOLE_M, 1, &more)).unwrap();
+            assert!(summary.objects > 5, "{}: {} objects", entry.name, summary.objects);
+            for (tile_m, threads) in [(2.0, 2), (5.5, 1), (20.0, 4)] {
+                let out = folder.path().join(format!("{tile_m}"));
+                drive(&laz, &out, &small(tile_m, threads, &more)).unwrap();
+                let what = format!("{}, {course:?}, tiles of {tile_m} m, {threads} threads", entry.name);
+                assert_same_outputs(&whole, &out, &what);
+            }
+            let expected = Labelled::read(&laz, &whole);
+            let out = folder.path().join("las");
+            drive(&las, &out, &small(5.5, 2, &more)).unwrap();
+            assert_eq!(Labelled::read(&las, &out), expected, "{}, {course:?}: LAS", entry.name);
+            let one = folder.path().join("one");
+            std::fs::create_dir(&one).unwrap();
+            let files = one_file(&one, &points);
+            drive(&files, &one.join("out"), &small(5.5, 2, &more)).unwrap();
+            assert_eq!(
+                Labelled::read(&files, &one.join("out")),
+                expected,
+                "{}, {course:?}: one file",
+                entry.name
+            );
         }
     }
 }

@@ -60,8 +60,12 @@ impl Inputs {
 #[test]
 fn killed_at_random_moments_it_goes_on_to_the_same_bytes() {
     let inputs = Inputs::new();
-    for (seed, input) in (0_u64..).zip(["sweep.laz", "street.las"]) {
-        let undisturbed = inputs.undisturbed(input, &[]);
+    let methods = ["euclidean", "density-peaks", "euclidean"];
+    for (seed, (input, method)) in
+        (0_u64..).zip(["sweep.laz", "street.laz", "street.las"].into_iter().zip(methods))
+    {
+        let method = ["--method", method];
+        let undisturbed = inputs.undisturbed(input, &method);
         let out = inputs.path("killed");
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut cut_short = 0;
@@ -75,7 +79,7 @@ fn killed_at_random_moments_it_goes_on_to_the_same_bytes() {
             child.kill().expect("killed");
             cut_short += u32::from(!child.wait().expect("ended").success());
         }
-        run_to_the_end(&inputs.list(input), &out, &options(&[]));
+        run_to_the_end(&inputs.list(input), &out, &options(&method));
         assert_same_outputs(&undisturbed, &out, input);
         assert!(cut_short > 0, "no run of {input} was killed in time");
         std::fs::remove_dir_all(&out).expect("removed");
@@ -129,6 +133,24 @@ fn a_changed_distance_redoes_clusters_and_files_and_nothing_before() {
     // And back again.
     run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
     assert!(outputs(&out) == first);
+}
+
+/// All methods write the labels of points in one place: what one left there is not what the other finds done.
+#[test]
+fn another_method_and_back_again_gives_the_first_result() {
+    let inputs = Inputs::new();
+    let out = inputs.path("out");
+    let methods: Vec<&str> = chainage::cluster::REGISTRY.iter().map(|entry| entry.name).collect();
+    let direct: Vec<PathBuf> = methods.iter().map(|name| inputs.path(&format!("direct-{name}"))).collect();
+    for (name, direct) in methods.iter().zip(&direct) {
+        run_to_the_end(&inputs.list("street.las"), direct, &options(&["--method", name]));
+    }
+    for round in 0..2 {
+        for (name, direct) in methods.iter().zip(&direct) {
+            run_to_the_end(&inputs.list("street.las"), &out, &options(&["--method", name]));
+            assert_same_outputs(direct, &out, &format!("{name}, round {round}"));
+        }
+    }
 }
 
 /// Overwrites bytes in the middle of a file and gives it a new time, or keeps the old one.

@@ -57,7 +57,8 @@ pub trait TileSource: DriveSource {
     /// # Errors
     /// When they cannot be read.
     fn points(&self, reach: i64, objects_only: bool) -> Result<TilePoints>;
-    /// Tiles that own cells within `reach` lattice units of the tile's cells, itself included, ascending.
+    /// Tiles that own cells within `reach` lattice units of the points that [`Self::points`] gives for 0, itself included,
+    /// ascending; so those of `points(a)` and of everything within b of them are in `near(a + b)`.
     fn near(&self, reach: i64) -> Vec<u32>;
     /// The tile that owns the first occupied cell (in the order of cells) that meets the square from `lo` to `hi`
     /// (inclusive), in lattice units; `None` where no point of the drive can be.

@@ -130,7 +130,8 @@ impl<'a> Flow<'a> {
         let export_inputs = inputs::export(&cluster_inputs, scene, self.config, &self.chain.method);
         let ground_dir = self.pass_dir(inputs::GROUND, ground_inputs);
         let folders: Vec<&str> = cluster_inputs.iter().map(|(folder, _)| folder.as_str()).collect();
-        self.engine.run_dir.clear_passes(inputs::CLUSTER, &folders)?;
+        // Every method writes the labels of points to one place.
+        self.engine.run_dir.keep_passes(inputs::CLUSTER, &folders)?;
         let cluster_dirs: Vec<PassDir> =
             cluster_inputs.into_iter().map(|(folder, inputs)| self.pass_dir(&folder, inputs)).collect();
         let export_dir = self.pass_dir(inputs::EXPORT, export_inputs);

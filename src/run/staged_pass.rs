@@ -200,7 +200,9 @@ impl TileSource for Around<'_> {
     }
 
     fn near(&self, reach: i64) -> Vec<u32> {
-        self.done.tiles.plan.region(self.tile, reach).tiles
+        // A cell is read whole when its border is within reach, so a point may lie a diagonal further than that.
+        let diagonal = self.done.tiles.drive.grid.edge() * 3 / 2;
+        self.done.tiles.plan.region(self.tile, reach + diagonal).tiles
     }
 
     fn owner(&self, lo: [i64; 2], hi: [i64; 2]) -> Option<u32> {

@@ -177,26 +177,24 @@ impl RunDir {
         PassDir { folder: self.state.join(folder), fingerprint: inputs.fingerprint(), inputs }
     }
 
-    /// Removes every pass whose folder begins with `prefix`, but those in `keep`: passes that write the same column
-    /// must not vouch for what another one has overwritten.
+    /// Removes every pass whose folder begins with `prefix` and is not one of `kept`: passes that write the same values
+    /// per point cannot stand beside each other.
     ///
     /// # Errors
     /// When the file system refuses.
-    pub fn clear_passes(&self, prefix: &str, keep: &[&str]) -> Result<(), StoreError> {
+    pub fn keep_passes(&self, prefix: &str, kept: &[&str]) -> Result<(), StoreError> {
         for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
-            let name = entry.map_err(StoreError::io("read", &self.state))?.file_name();
-            if let Some(name) = name.to_str()
-                && name.starts_with(prefix)
-                && !keep.contains(&name)
-            {
-                self.pass(name, Inputs::new()).clear()?;
+            let path = entry.map_err(StoreError::io("read", &self.state))?.path();
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
+            if name.starts_with(prefix) && !kept.contains(&name) {
+                fs_err::remove_dir_all(&path).map_err(StoreError::io("remove", &path))?;
             }
         }
         Ok(())
     }
 
-    /// A column with one value per record of file number `file`, which has `records`. The pass in folder `writer`
-    /// fills it: where the column was lost or cut, that pass has nothing to show for its finished units and loses them.
+    /// A column with one value per record of file number `file`, which has `records`. The passes whose folders
+    /// begin with `writers` fill it: where it was lost or cut, they have nothing to show for their finished units.
     ///
     /// # Errors
     /// When it cannot be opened or created.
@@ -205,13 +203,13 @@ impl RunDir {
         name: &str,
         file: usize,
         records: u64,
-        writer: &str,
+        writers: &str,
     ) -> Result<Column<T>, StoreError> {
         let folder = self.state.join(name);
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         let path = folder.join(format!("{file:05}"));
         if !Column::<T>::is_whole(&path, records) {
-            self.clear_passes(writer, &[])?;
+            self.keep_passes(writers, &[])?;
         }
         Column::open(&path, records).map_err(StoreError::io("open", &path))
     }
