@@ -8,6 +8,8 @@ mod contracts;
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
+mod density_peaks;
+#[cfg(test)]
 mod eval;
 mod kernels;
 #[cfg(test)]

@@ -51,7 +51,9 @@ pub trait DriveSource {
 pub trait TileSource: DriveSource {
     /// Number of the tile.
     fn tile(&self) -> u32;
-    /// Points of the tile and of everything within `reach` lattice units of its cells, horizontally; with
+    /// Edge of a cell in lattice units. A tile owns whole cells.
+    fn cell_edge(&self) -> i64;
+    /// Points of the tile and of every cell within `reach` lattice units of its cells, horizontally; with
     /// `objects_only` without ground.
     ///
     /// # Errors

@@ -186,6 +186,10 @@ impl TileSource for Around<'_> {
         u32::try_from(self.tile).unwrap_or(u32::MAX)
     }
 
+    fn cell_edge(&self) -> i64 {
+        self.done.tiles.drive.grid.edge()
+    }
+
     fn points(&self, reach: i64, objects_only: bool) -> Result<TilePoints> {
         let tiles = self.done.tiles;
         let wanted = if objects_only { Wanted::Objects } else { Wanted::Solid };

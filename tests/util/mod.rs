@@ -1,6 +1,8 @@
 //! What several integration tests need: the optional data folder.
 
 pub(crate) mod oracle;
+pub(crate) mod peaks_oracle;
+pub(crate) mod staged;
 
 use std::path::{Path, PathBuf};
 

@@ -104,25 +104,27 @@ pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32)
     Ok(Mapped { payload, labelled: Some(Labelled { points: around.points, labels, count }) })
 }
 
-/// Components of halo voxels, by voxel; every halo voxel with a point of the tile has one.
+/// Components of halo voxels, by voxel; every halo voxel that the tile owns or has a point in has one.
 fn halos(around: &Surroundings, is_halo: impl Fn(usize) -> bool, payload: &mut BordersPayload) -> Vec<u32> {
     let count = around.voxels.len();
-    let (mut own, mut foreign) = (vec![false; count], vec![false; count]);
+    // A voxel concerns the tile that owns it and those that own its points: these have to agree on its component.
+    let (mut own, mut foreign) = (vec![false; count], vec![true; count]);
+    for &voxel in &around.owned {
+        own[voxel as usize] = true;
+        foreign[voxel as usize] = false;
+    }
     for (&voxel, &core) in around.voxel.iter().zip(&around.points.core) {
-        let voxel = voxel as usize;
-        if is_halo(voxel) {
-            own[voxel] |= core;
-            foreign[voxel] |= !core;
-        }
+        own[voxel as usize] |= core;
+        foreign[voxel as usize] |= !core;
+    }
+    for voxel in (0..count).filter(|&voxel| !is_halo(voxel)) {
+        own[voxel] = false;
+        foreign[voxel] = false;
     }
     let mut shared = around.voxels.shared(&own, &foreign);
     shared.retain(|&voxel| is_halo(voxel));
     let roots = around.voxels.components(&is_halo);
-    let mut wanted = own;
-    for &voxel in around.owned.iter().filter(|&&voxel| is_halo(voxel as usize)) {
-        wanted[voxel as usize] = true;
-    }
-    let (component, border) = number(&around.voxels, &roots, &wanted, &shared);
+    let (component, border) = number(&around.voxels, &roots, &own, &shared);
     payload.halos = vec![Halo::default(); border.count as usize];
     payload.border = border;
     for &voxel in around.owned.iter().filter(|&&voxel| is_halo(voxel as usize)) {
