@@ -10,6 +10,8 @@ mod damage;
 #[cfg(test)]
 mod density_peaks;
 #[cfg(test)]
+mod density_peaks_run;
+#[cfg(test)]
 mod eval;
 mod kernels;
 #[cfg(test)]

@@ -8,7 +8,7 @@
 use std::ops::RangeInclusive;
 
 use crate::error::Result;
-use crate::model::{Lattice, Reach, TileCloud};
+use crate::model::{Chart, Lattice, Reach, TileCloud};
 
 /// One stage of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,6 +93,8 @@ pub struct Grouped {
     pub groups: Vec<Vec<u32>>,
     /// Figures of the stages, for the report.
     pub figures: serde_json::Value,
+    /// Charts, for people who choose thresholds.
+    pub charts: Vec<Chart>,
 }
 
 /// A method of several stages; see the module.

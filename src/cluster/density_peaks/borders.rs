@@ -9,6 +9,7 @@
 )]
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
@@ -229,18 +230,27 @@ fn for_pairs(
         .collect();
     let heights = columns.heights();
     let mut finder = columns.finder();
-    for (a, one) in representatives.iter().enumerate().filter(|(_, one)| one.core) {
-        let [i, j, k] = grid.cell_of(one.place);
-        for [di, dj] in &steps {
-            let range = finder.column([i + di, j + dj]);
-            let low = k - reach as i32;
-            let start = range.start + heights[range.clone()].partition_point(|&other| other < low);
-            for b in (start..range.end).take_while(|&b| heights[b] <= k + reach as i32) {
-                let other = &representatives[b];
-                if other.cluster != one.cluster && other.id > one.id {
-                    let d = [0, 1, 2].map(|axis| one.place[axis] - other.place[axis]);
-                    if d.iter().map(|d| d * d).sum::<i64>() < distance.pow(2) {
-                        visit(a, b);
+    let mut around: Vec<Range<usize>> = Vec::new();
+    for (column, &[i, j]) in columns.cells().iter().enumerate() {
+        if !columns.voxels(column).any(|a| representatives[a].core) {
+            continue;
+        }
+        around.clear();
+        around.extend(
+            steps.iter().map(|[di, dj]| finder.column([i + di, j + dj])).filter(|range| !range.is_empty()),
+        );
+        for a in columns.voxels(column).filter(|&a| representatives[a].core) {
+            let (one, k) = (&representatives[a], heights[a]);
+            for range in &around {
+                let low = k - reach as i32;
+                let start = range.start + heights[range.clone()].partition_point(|&other| other < low);
+                for b in (start..range.end).take_while(|&b| heights[b] <= k + reach as i32) {
+                    let other = &representatives[b];
+                    if other.cluster != one.cluster && other.id > one.id {
+                        let d = [0, 1, 2].map(|axis| one.place[axis] - other.place[axis]);
+                        if d.iter().map(|d| d * d).sum::<i64>() < distance.pow(2) {
+                            visit(a, b);
+                        }
                     }
                 }
             }
