@@ -12,6 +12,10 @@ mod contracts;
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
+mod density_peaks;
+#[cfg(test)]
+mod density_peaks_run;
+#[cfg(test)]
 mod edge;
 #[cfg(test)]
 mod equivalence;

@@ -8,7 +8,7 @@
 use std::ops::RangeInclusive;
 
 use crate::error::Result;
-use crate::model::{Lattice, Reach, TileCloud};
+use crate::model::{Chart, Lattice, Reach, TileCloud};
 
 /// One stage of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,7 +51,9 @@ pub trait DriveSource {
 pub trait TileSource: DriveSource {
     /// Number of the tile.
     fn tile(&self) -> u32;
-    /// Points of the tile and of everything within `reach` lattice units of its cells, horizontally; with
+    /// Edge of a cell in lattice units. A tile owns whole cells.
+    fn cell_edge(&self) -> i64;
+    /// Points of the tile and of every cell within `reach` lattice units of its cells, horizontally; with
     /// `objects_only` without ground.
     ///
     /// # Errors
@@ -92,6 +94,8 @@ pub struct Grouped {
     pub groups: Vec<Vec<u32>>,
     /// Figures of the stages, for the report.
     pub figures: serde_json::Value,
+    /// Charts, for people who choose thresholds.
+    pub charts: Vec<Chart>,
 }
 
 /// A method of several stages; see the module.

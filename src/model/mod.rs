@@ -2,6 +2,7 @@
 //! tile and the voxels they are looked at through.
 
 mod cells;
+mod chart;
 mod class;
 mod cloud;
 mod disjoint;
@@ -16,6 +17,7 @@ mod voxels;
 mod zone;
 
 pub use cells::{Cell, CellCounter, CellCursor, CellGrid, CellMap};
+pub use chart::{Chart, Series};
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
 pub use disjoint::DisjointSets;

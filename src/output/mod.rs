@@ -1,5 +1,6 @@
 //! Output: labelled copies of the input files, the object table, the report.
 
+mod chart;
 mod descriptor;
 mod edit;
 mod error;
@@ -10,6 +11,7 @@ mod objects;
 mod record;
 mod tail;
 
+pub use chart::{ChartError, chart_svg};
 pub use error::OutputError;
 pub use labelled::{LabelOptions, LabelledFile, OutputFormat, check_names};
 pub use objects::{ObjectRow, write_csv, write_geojson};

@@ -2,6 +2,7 @@
 
 use crate::cluster::{Method, StagedClusterer};
 use crate::error::Result;
+use crate::model::Chart;
 use crate::run::cluster_pass::ClusterPass;
 use crate::run::engine::{Engine, PassFigures};
 use crate::run::staged_pass::{Done, StagedPass};
@@ -50,13 +51,21 @@ impl<'a> Clustered<'a> {
         }
     }
 
-    /// Whole objects and their ids, and the figures of the method if it has any.
-    pub(crate) fn objects(&self) -> Result<(Stitched, Option<serde_json::Value>)> {
+    /// Whole objects and their ids.
+    pub(crate) fn objects(&self) -> Result<Objects> {
         match self {
-            Self::Local(pass, dir) => Ok((pass.reduce(dir)?, None)),
-            Self::Staged(done, method) => {
-                done.objects(*method).map(|(stitched, figures)| (stitched, Some(figures)))
+            Self::Local(pass, dir) => {
+                Ok(Objects { stitched: pass.reduce(dir)?, figures: None, charts: Vec::new() })
             }
+            Self::Staged(done, method) => done.objects(*method),
         }
     }
+}
+
+/// Whole objects, and what the method has to say about them.
+pub(crate) struct Objects {
+    pub(crate) stitched: Stitched,
+    /// Figures of its stages, if it has any.
+    pub(crate) figures: Option<serde_json::Value>,
+    pub(crate) charts: Vec<Chart>,
 }

@@ -7,11 +7,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use crate::config::{ClassificationChoice, Config, ConfigError};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::input::Catalog;
-use crate::model::{Cell, NearestIndex, ObjectPart};
+use crate::model::{Cell, Chart, NearestIndex, ObjectPart};
 use crate::output::{
-    LabelOptions, LabelledFile, ObjectRow, OutputError, OutputFormat, check_names, write_csv, write_geojson,
+    LabelOptions, LabelledFile, ObjectRow, OutputError, OutputFormat, chart_svg, check_names, write_csv,
+    write_geojson,
 };
 use crate::run::RunSummary;
 use crate::run::drive::Drive;
@@ -128,6 +129,19 @@ pub(crate) fn write_tables(
     let epsg = drive.catalog.crs().epsg;
     write_whole(run_dir, "objects.csv", |out| write_csv(rows(), out))?;
     write_whole(run_dir, "objects.geojson", |out| write_geojson(rows(), epsg, out))?;
+    Ok(())
+}
+
+/// Writes every chart as `NAME.svg`.
+pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<()> {
+    for chart in charts {
+        let svg = chart_svg(chart).map_err(|error| Error::Bug(error.to_string()))?;
+        let name = format!("{}.svg", chart.name);
+        write_whole(run_dir, &name, |out| {
+            let path = run_dir.out().join(&name);
+            out.write_all(svg.as_bytes()).map_err(|source| OutputError::Write { path, source })
+        })?;
+    }
     Ok(())
 }
 

@@ -5,7 +5,7 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::output::LabelledFile;
 use crate::run::budget::Budget;
-use crate::run::clustered::Clustered;
+use crate::run::clustered::{Clustered, Objects};
 use crate::run::drive::Drive;
 use crate::run::engine::{Engine, PassFigures};
 use crate::run::export_pass::ExportPass;
@@ -153,7 +153,7 @@ impl<'a> Flow<'a> {
             return Ok(Outcome { counts, objects: finished.objects, nothing_to_do: true, stages: None });
         }
         let started = std::time::Instant::now();
-        let (stitched, figures) = clustered.objects()?;
+        let Objects { stitched, figures, charts } = clustered.objects()?;
         self.passes.push(PassFigures {
             pass: "stitch",
             units: plan.tiles.len(),
@@ -168,6 +168,7 @@ impl<'a> Flow<'a> {
         self.passes.push(self.engine.execute(&export, &export_dir)?);
         export.reduce(&export_dir, self.engine.run_dir)?;
         finish::write_tables(self.engine.run_dir, self.drive, scene, &stitched, &terrain)?;
+        finish::write_charts(self.engine.run_dir, &charts)?;
         let finished = Finished { objects: stitched.objects.len(), files: export.names() };
         finish::mark_finished(self.engine.run_dir, &export_dir, &finished)?;
         Ok(Outcome { counts, objects: stitched.objects.len(), nothing_to_do: false, stages: figures })

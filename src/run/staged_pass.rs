@@ -8,9 +8,10 @@ use crate::cluster::{DriveSource, Mapped, StagedClusterer, TilePoints, TileSourc
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{Lattice, ObjectPart, PointClass};
+use crate::run::clustered::Objects;
 use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
-use crate::stitch::{LocalObject, Stitched, Stitcher};
+use crate::stitch::{LocalObject, Stitcher};
 use crate::store::PassDir;
 use crate::tiling::Wanted;
 
@@ -62,8 +63,8 @@ impl<'a> Done<'a> {
         codec::decode(&dir.payload(tile as usize)?)
     }
 
-    /// Whole objects and their ids, from the finished stages, and the figures of the method.
-    pub(crate) fn objects(&self, method: &dyn StagedClusterer) -> Result<(Stitched, serde_json::Value)> {
+    /// Whole objects and their ids, from the finished stages, and what the method has to say about them.
+    pub(crate) fn objects(&self, method: &dyn StagedClusterer) -> Result<Objects> {
         let grouped = method.group(self)?;
         let mut stitcher = Stitcher::default();
         for (tile, groups) in (0_u32..).zip(&grouped.groups) {
@@ -89,7 +90,8 @@ impl<'a> Done<'a> {
                 }
             }
         }
-        Ok((stitcher.finish(&method.object_size()), grouped.figures))
+        let stitched = stitcher.finish(&method.object_size());
+        Ok(Objects { stitched, figures: Some(grouped.figures), charts: grouped.charts })
     }
 }
 
@@ -184,6 +186,10 @@ impl DriveSource for Around<'_> {
 impl TileSource for Around<'_> {
     fn tile(&self) -> u32 {
         u32::try_from(self.tile).unwrap_or(u32::MAX)
+    }
+
+    fn cell_edge(&self) -> i64 {
+        self.done.tiles.drive.grid.edge()
     }
 
     fn points(&self, reach: i64, objects_only: bool) -> Result<TilePoints> {

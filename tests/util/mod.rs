@@ -3,6 +3,8 @@
 pub(crate) mod drive;
 pub(crate) mod las;
 pub(crate) mod oracle;
+pub(crate) mod peaks_oracle;
+pub(crate) mod staged;
 pub(crate) mod program;
 pub(crate) mod street;
 

@@ -9,6 +9,7 @@
 )]
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
@@ -104,25 +105,27 @@ pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32)
     Ok(Mapped { payload, labelled: Some(Labelled { points: around.points, labels, count }) })
 }
 
-/// Components of halo voxels, by voxel; every halo voxel with a point of the tile has one.
+/// Components of halo voxels, by voxel; every halo voxel that the tile owns or has a point in has one.
 fn halos(around: &Surroundings, is_halo: impl Fn(usize) -> bool, payload: &mut BordersPayload) -> Vec<u32> {
     let count = around.voxels.len();
-    let (mut own, mut foreign) = (vec![false; count], vec![false; count]);
+    // A voxel concerns the tile that owns it and those that own its points: these have to agree on its component.
+    let (mut own, mut foreign) = (vec![false; count], vec![true; count]);
+    for &voxel in &around.owned {
+        own[voxel as usize] = true;
+        foreign[voxel as usize] = false;
+    }
     for (&voxel, &core) in around.voxel.iter().zip(&around.points.core) {
-        let voxel = voxel as usize;
-        if is_halo(voxel) {
-            own[voxel] |= core;
-            foreign[voxel] |= !core;
-        }
+        own[voxel as usize] |= core;
+        foreign[voxel as usize] |= !core;
+    }
+    for voxel in (0..count).filter(|&voxel| !is_halo(voxel)) {
+        own[voxel] = false;
+        foreign[voxel] = false;
     }
     let mut shared = around.voxels.shared(&own, &foreign);
     shared.retain(|&voxel| is_halo(voxel));
     let roots = around.voxels.components(&is_halo);
-    let mut wanted = own;
-    for &voxel in around.owned.iter().filter(|&&voxel| is_halo(voxel as usize)) {
-        wanted[voxel as usize] = true;
-    }
-    let (component, border) = number(&around.voxels, &roots, &wanted, &shared);
+    let (component, border) = number(&around.voxels, &roots, &own, &shared);
     payload.halos = vec![Halo::default(); border.count as usize];
     payload.border = border;
     for &voxel in around.owned.iter().filter(|&&voxel| is_halo(voxel as usize)) {
@@ -227,18 +230,27 @@ fn for_pairs(
         .collect();
     let heights = columns.heights();
     let mut finder = columns.finder();
-    for (a, one) in representatives.iter().enumerate().filter(|(_, one)| one.core) {
-        let [i, j, k] = grid.cell_of(one.place);
-        for [di, dj] in &steps {
-            let range = finder.column([i + di, j + dj]);
-            let low = k - reach as i32;
-            let start = range.start + heights[range.clone()].partition_point(|&other| other < low);
-            for b in (start..range.end).take_while(|&b| heights[b] <= k + reach as i32) {
-                let other = &representatives[b];
-                if other.cluster != one.cluster && other.id > one.id {
-                    let d = [0, 1, 2].map(|axis| one.place[axis] - other.place[axis]);
-                    if d.iter().map(|d| d * d).sum::<i64>() < distance.pow(2) {
-                        visit(a, b);
+    let mut around: Vec<Range<usize>> = Vec::new();
+    for (column, &[i, j]) in columns.cells().iter().enumerate() {
+        if !columns.voxels(column).any(|a| representatives[a].core) {
+            continue;
+        }
+        around.clear();
+        around.extend(
+            steps.iter().map(|[di, dj]| finder.column([i + di, j + dj])).filter(|range| !range.is_empty()),
+        );
+        for a in columns.voxels(column).filter(|&a| representatives[a].core) {
+            let (one, k) = (&representatives[a], heights[a]);
+            for range in &around {
+                let low = k - reach as i32;
+                let start = range.start + heights[range.clone()].partition_point(|&other| other < low);
+                for b in (start..range.end).take_while(|&b| heights[b] <= k + reach as i32) {
+                    let other = &representatives[b];
+                    if other.cluster != one.cluster && other.id > one.id {
+                        let d = [0, 1, 2].map(|axis| one.place[axis] - other.place[axis]);
+                        if d.iter().map(|d| d * d).sum::<i64>() < distance.pow(2) {
+                            visit(a, b);
+                        }
                     }
                 }
             }

@@ -1,5 +1,5 @@
-//! The reduction of stage `borders`: merging by curvature, re-assignment of halo voxels, and the figures of all stages.
-//! Small numbers only: no points, no voxels.
+//! The reduction of stage `borders`: merging by curvature and re-assignment of halo voxels. Small numbers only: no
+//! points, no voxels.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "numbers of clusters and components fit u32, as labels do; a threshold of at most 1 in steps of 2^-40"
@@ -7,30 +7,27 @@
 
 use std::collections::BTreeMap;
 
-use serde_json::json;
-
 use super::borders::{self, Halo, PairSum};
 use super::columns::join;
 use super::curvature::ONE;
-use super::peaks::{self, PeaksGlobal};
-use super::{STAGE_PEAKS, STAGE_VOXELS, voxelise};
+use super::figures::Figures;
+use super::peaks::PeaksGlobal;
+use super::{DensityPeaksConfig, STAGE_PEAKS};
 use crate::cluster::{DriveSource, Grouped};
 use crate::codec;
 use crate::error::Result;
 use crate::model::DisjointSets;
 
-/// Width of a class of the histogram of curvatures.
-const CURVATURE_CLASS: f64 = 0.005;
-
 /// Halo voxels by what became of them.
 #[derive(Debug, Default)]
-struct Reassigned {
-    joined: u64,
-    dropped: u64,
+pub(super) struct Reassigned {
+    pub(super) joined: u64,
+    pub(super) dropped: u64,
 }
 
 /// Which labels are one object.
-pub(super) fn group(drive: &dyn DriveSource, threshold: f64) -> Result<Grouped> {
+pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Result<Grouped> {
+    let threshold = config.c_t;
     let global: PeaksGlobal = codec::decode(drive.global(STAGE_PEAKS))?;
     let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
     let (mut borders, mut halos, mut labels) = (Vec::new(), Vec::new(), Vec::new());
@@ -54,12 +51,12 @@ pub(super) fn group(drive: &dyn DriveSource, threshold: f64) -> Result<Grouped> 
             clusters.iter().map(|&cluster| segments[cluster as usize]).chain(halos).collect()
         })
         .collect();
-    let figures = figures(drive, &global, &segments, &sums, threshold, &reassigned)?;
-    Ok(Grouped { groups, figures })
+    let figures = Figures::collect(drive, &global, &segments, &sums, threshold, reassigned)?;
+    Ok(Grouped { groups, figures: figures.to_json(), charts: figures.charts(config) })
 }
 
 /// Whether the mean over the pairs of the mean of both curvatures is below the threshold; in exact integers.
-fn merges(sum: &PairSum, threshold: f64) -> bool {
+pub(super) fn merges(sum: &PairSum, threshold: f64) -> bool {
     let limit = (threshold * ONE as f64).round() as i128;
     sum.curvature < 2 * i128::from(sum.pairs) * limit
 }
@@ -96,78 +93,6 @@ fn reassign(components: &[Vec<u32>], halos: &[Vec<Halo>], segments: &[u32]) -> (
         }
     }
     (components.iter().map(|of_tile| of_tile.iter().map(segment).collect()).collect(), reassigned)
-}
-
-/// What the stages came to, for the report.
-fn figures(
-    drive: &dyn DriveSource,
-    global: &PeaksGlobal,
-    segments: &[u32],
-    sums: &BTreeMap<(u32, u32), PairSum>,
-    threshold: f64,
-    reassigned: &Reassigned,
-) -> Result<serde_json::Value> {
-    let (mut points, mut voxels, mut clustered) = (0, 0, 0_u64);
-    let mut graph = BTreeMap::<(u32, u32), u64>::new();
-    let mut centres: Vec<(f64, u32)> = Vec::new();
-    for tile in 0..drive.tiles() {
-        let payload = voxelise::load(drive, tile)?;
-        points += payload.points;
-        voxels += payload.voxels;
-        clustered += payload.columns.iter().map(|(_, voxels)| voxels.len() as u64).sum::<u64>();
-        let payload = peaks::load(drive, tile)?;
-        payload
-            .graph
-            .iter()
-            .for_each(|&(rho, delta, count)| *graph.entry((rho, delta)).or_default() += count);
-        centres.extend(payload.centres);
-    }
-    centres.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
-    let mut classes = BTreeMap::<u32, [u64; 2]>::new();
-    for sum in sums.values() {
-        let mean = sum.curvature as f64 / (2 * sum.pairs) as f64 / ONE as f64;
-        #[expect(clippy::cast_sign_loss, reason = "curvatures are not negative")]
-        let class = (mean / CURVATURE_CLASS) as u32;
-        classes.entry(class).or_default()[usize::from(merges(sum, threshold))] += 1;
-    }
-    let root = |delta: u32| f64::from(delta).sqrt();
-    let components: voxelise::VoxelGlobal = codec::decode(drive.global(STAGE_VOXELS))?;
-    let merged = segments
-        .iter()
-        .enumerate()
-        .skip(1)
-        .filter(|(cluster, segment)| *cluster == **segment as usize)
-        .count();
-    let mut distinct: Vec<u32> = components.components.into_iter().flatten().collect();
-    distinct.sort_unstable();
-    distinct.dedup();
-    Ok(json!({
-        "points": points,
-        "voxels": voxels,
-        "compression": 1.0 - voxels as f64 / (points as f64).max(1.0),
-        "voxels_of_objects": clustered,
-        "most_points_in_a_voxel": components.most,
-        "components": distinct.len(),
-        "centres": global.clusters,
-        "clusters_before_merging": global.clusters,
-        "clusters_after_merging": merged,
-        "pairs_of_clusters": sums.len(),
-        "halo_voxels_reassigned": reassigned.joined,
-        "halo_voxels_dropped": reassigned.dropped,
-        "decision_graph": {
-            "rho_class": 0.25,
-            "rho_delta_voxels": graph.into_iter()
-                .map(|((rho, delta), count)| json!([f64::from(rho) / 4.0, root(delta), count]))
-                .collect::<Vec<_>>(),
-            "centres_rho_delta": centres.into_iter().map(|(rho, delta)| json!([rho, root(delta)])).collect::<Vec<_>>(),
-        },
-        "curvature_of_pairs": {
-            "class": CURVATURE_CLASS,
-            "from_unmerged_merged": classes.into_iter()
-                .map(|(class, [apart, merged])| json!([f64::from(class) * CURVATURE_CLASS, apart, merged]))
-                .collect::<Vec<_>>(),
-        },
-    }))
 }
 
 #[cfg(test)]

@@ -26,6 +26,7 @@
 mod borders;
 mod columns;
 mod curvature;
+mod figures;
 mod merge;
 mod peaks;
 mod surroundings;
@@ -177,7 +178,7 @@ impl StagedClusterer for DensityPeaks {
     }
 
     fn group(&self, drive: &dyn DriveSource) -> Result<Grouped> {
-        merge::group(drive, self.config.c_t)
+        merge::group(drive, &self.config)
     }
 }
 

@@ -50,7 +50,8 @@ impl Surroundings {
         let mut cluster = vec![u32::MAX; voxels.len()];
         let mut owned = Vec::new();
         let mut finder = voxels.finder();
-        for near in tile.near(reach + 2 * i64::from(edge)) {
+        // Points come by whole cells, and the owner of their voxel may be a cell further: at most two edges of each.
+        for near in tile.near(reach + 2 * tile.cell_edge() + 2 * i64::from(edge)) {
             let payload = voxelise::load(tile, near)?;
             let mut ends = peaks::load(tile, near)?.ends.into_iter();
             let clusters = &global.ends[near as usize];
