@@ -91,7 +91,7 @@ pub struct RunSummary {
 /// Processes a drive: labelled copies, object table and report in `request.out`; resumes what is there.
 ///
 /// # Errors
-/// Any [`Error`]; what was finished before it is kept and used by the next call, unless the state itself is refused.
+/// Any [`Error`](crate::Error); what was finished before it is kept and used by the next call, unless the state itself is refused.
 pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<RunSummary> {
     let started = std::time::Instant::now();
     let config = &request.config;

@@ -175,9 +175,7 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
     let halo: BTreeSet<Voxel> = voxels.keys().filter(|voxel| !labels.contains_key(*voxel)).copied().collect();
     let component = components(&halo);
     let mut nearest = BTreeMap::<Voxel, (i64, usize)>::new();
-    for (p, _) in
-        ground.iter().enumerate().filter(|(p, is_ground)| !**is_ground && halo.contains(&voxel_of(*p)))
-    {
+    for p in (0..points.len()).filter(|&p| !ground[p] && halo.contains(&voxel_of(p))) {
         for &q in &labelled {
             let distance = squared(points[p], points[q]);
             if distance <= s.reassign.pow(2) {
