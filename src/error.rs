@@ -8,6 +8,7 @@
 use std::borrow::Cow;
 
 use crate::config::ConfigError;
+use crate::epsilon::EpsilonError;
 use crate::eval::EvalError;
 use crate::input::InputError;
 use crate::output::OutputError;
@@ -36,6 +37,9 @@ pub enum Error {
     /// A prediction and a reference cannot be compared.
     #[error(transparent)]
     Eval(#[from] EvalError),
+    /// Epsilon cannot be estimated.
+    #[error(transparent)]
+    Epsilon(#[from] EpsilonError),
     /// The run was asked to stop; finished tiles are kept.
     #[error("interrupted with {done} of {total} units of pass {pass} done")]
     Interrupted {
@@ -100,7 +104,7 @@ impl Error {
             Self::Output(_) => ErrorKind::Output,
             Self::Store(error) => error.kind(),
             Self::Eval(error) => error.kind(),
-            Self::Algorithm(_) => ErrorKind::Input,
+            Self::Algorithm(_) | Self::Epsilon(_) => ErrorKind::Input,
             Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::UnitsFailed { .. } => ErrorKind::UnitsFailed,
             Self::Bug(_) => ErrorKind::Bug,
@@ -117,6 +121,7 @@ impl Error {
             Self::Output(error) => error.hint(),
             Self::Store(error) => error.hint(),
             Self::Eval(error) => error.hint(),
+            Self::Epsilon(error) => error.hint(),
             Self::Algorithm(_) => None,
             Self::Interrupted { .. } => Some("the same command resumes".into()),
             Self::UnitsFailed { .. } => Some("the same command tries the failed units again".into()),

@@ -17,6 +17,8 @@ pub mod tiling;
 
 pub mod ground;
 
+pub mod epsilon;
+
 pub mod cluster;
 
 pub mod stitch;
