@@ -21,11 +21,15 @@ pub mod epsilon;
 
 pub mod cluster;
 
+pub mod space;
+
 pub mod stitch;
 
 pub mod output;
 
 pub mod eval;
+
+pub mod table;
 
 pub mod store;
 

@@ -3,6 +3,8 @@
 #[cfg(test)]
 mod chunk_tables;
 #[cfg(test)]
+mod cluster_tables;
+#[cfg(test)]
 mod conformance;
 mod contracts;
 mod kernels;
