@@ -11,6 +11,8 @@ mod kernels;
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
+mod dbscan;
+#[cfg(test)]
 mod eval;
 #[cfg(test)]
 mod labelled;
