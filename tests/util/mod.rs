@@ -4,8 +4,8 @@ pub(crate) mod drive;
 pub(crate) mod las;
 pub(crate) mod oracle;
 pub(crate) mod peaks_oracle;
-pub(crate) mod staged;
 pub(crate) mod program;
+pub(crate) mod staged;
 pub(crate) mod street;
 
 use std::path::{Path, PathBuf};
