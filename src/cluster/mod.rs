@@ -40,7 +40,12 @@ pub trait Clusterer: std::fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// Those of [`Clusterer::cluster`].
-    fn cluster_tile(&self, cloud: &TileCloud, core: &[bool], labels: &mut [u32]) -> Result<u32, AlgorithmError> {
+    fn cluster_tile(
+        &self,
+        cloud: &TileCloud,
+        core: &[bool],
+        labels: &mut [u32],
+    ) -> Result<u32, AlgorithmError> {
         debug_assert_eq!(core.len(), cloud.len());
         self.cluster(cloud, labels)
     }
