@@ -177,7 +177,7 @@ const WRAPPED: [(&str, &[&str]); 9] = [
     ("las", &["input/", "output/"]),
     ("laz", &["input/", "output/"]),
     ("memmap2", &["input/mapped.rs"]),
-    ("kiddo", &["model/nearest.rs"]),
+    ("kiddo", &["model/nearest.rs", "space/index.rs"]),
 ];
 
 #[test]
