@@ -31,4 +31,6 @@ pub mod store;
 
 pub mod run;
 
+pub mod synth;
+
 pub use error::{AlgorithmError, Error, ErrorKind, Result};

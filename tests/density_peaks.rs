@@ -1,5 +1,4 @@
 //! `density-peaks` against brute force over whole clouds, and over any division into tiles.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use chainage::cluster::{DensityPeaks, DensityPeaksConfig};
 use rand::{Rng, RngExt, SeedableRng};

@@ -1,6 +1,5 @@
 //! `density-peaks` on the engine, on the real scan that ships with the project: the same bytes for any tiles and
 //! threads, after an interruption in every pass, and after a change of a threshold.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};

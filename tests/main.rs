@@ -1,7 +1,11 @@
 //! One integration binary: one link step.
 
 #[cfg(test)]
+mod architecture;
+#[cfg(test)]
 mod chunk_tables;
+#[cfg(test)]
+mod cli;
 #[cfg(test)]
 mod conformance;
 mod contracts;
@@ -12,11 +16,19 @@ mod density_peaks;
 #[cfg(test)]
 mod density_peaks_run;
 #[cfg(test)]
+mod edge;
+#[cfg(test)]
+mod equivalence;
+#[cfg(test)]
 mod eval;
 mod kernels;
 #[cfg(test)]
 mod labelled;
 #[cfg(test)]
 mod refusals;
+#[cfg(test)]
+mod resume;
+#[cfg(test)]
+mod synth;
 #[cfg(test)]
 mod util;

@@ -9,6 +9,7 @@ use crate::cli::inspect::StatusArgs;
 use crate::cli::pages::CompletionsArgs;
 use crate::cli::plan::PlanArgs;
 use crate::cli::run::{DemoArgs, RunArgs};
+use crate::cli::synth::SynthArgs;
 
 /// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
 ///
@@ -36,6 +37,8 @@ pub(crate) enum Command {
     Status(StatusArgs),
     /// Score a segmentation against reference labels
     Eval(EvalArgs),
+    /// Make a labelled synthetic drive of any length
+    Synth(SynthArgs),
     /// Run the main job on a small real sample that comes with the program
     Demo(DemoArgs),
     /// Measure throughput at one and two threads against the copy floor

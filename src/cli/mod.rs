@@ -12,6 +12,7 @@ mod plan;
 mod print;
 mod progress;
 mod run;
+mod synth;
 
 use std::process::ExitCode;
 
@@ -29,6 +30,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Plan(args) => args.run(),
         Command::Run(args) => args.run(),
         Command::Status(args) => args.run(),
+        Command::Synth(args) => args.run().map_err(CliError::from),
         Command::Demo(args) => args.run(),
         Command::Bench(args) => args.run(),
         Command::Eval(args) => args.run().map_err(CliError::from),

@@ -50,6 +50,9 @@ struct OutputSettings {
     /// Leave the classification of all records as it is
     #[arg(long)]
     keep_classification: bool,
+    /// Keep the original class of every point in an extra dimension `original_classification`
+    #[arg(long)]
+    keep_original: bool,
     /// Stop at the first tile that fails instead of finishing the others
     #[arg(long)]
     fail_fast: bool,
@@ -63,6 +66,9 @@ impl OutputSettings {
         }
         if self.keep_classification {
             list.push(("output.classification", "\"keep\"".to_owned()));
+        }
+        if self.keep_original {
+            list.push(("output.original_classification", "true".to_owned()));
         }
         if self.fail_fast {
             list.push(("run.fail_fast", "true".to_owned()));

@@ -68,10 +68,8 @@ impl Area {
     pub fn of(cells: impl Iterator<Item = Cell>) -> Self {
         let mut area = Self { lo: [i32::MAX; 2], hi: [i32::MIN; 2], coarse: Vec::new() };
         for cell in cells {
-            for k in 0..2 {
-                area.lo[k] = area.lo[k].min(cell[k]);
-                area.hi[k] = area.hi[k].max(cell[k]);
-            }
+            area.lo = [area.lo[0].min(cell[0]), area.lo[1].min(cell[1])];
+            area.hi = [area.hi[0].max(cell[0]), area.hi[1].max(cell[1])];
             let coarse = BlockZone::coarse_of(cell);
             if area.coarse.last() != Some(&coarse) {
                 area.coarse.push(coarse);

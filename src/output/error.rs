@@ -15,6 +15,12 @@ pub enum OutputError {
         /// Why.
         source: std::io::Error,
     },
+    /// The output folder holds something already.
+    #[error("{path} is not empty", path = path.display())]
+    NotEmpty {
+        /// The folder.
+        path: PathBuf,
+    },
     /// The LAZ encoder refused.
     #[error("cannot compress points")]
     Compress {
@@ -119,6 +125,9 @@ impl OutputError {
         match self {
             Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
                 Some("free some space and type the same command again: it resumes".into())
+            }
+            Self::NotEmpty { .. } => {
+                Some("choose another folder, or replace what is there with --force".into())
             }
             Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 Some("choose another name with output.dimension".into())

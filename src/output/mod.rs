@@ -6,6 +6,7 @@ mod edit;
 mod error;
 mod labelled;
 pub(crate) mod laz_chunk;
+pub(crate) mod new_file;
 mod objects;
 mod record;
 mod tail;

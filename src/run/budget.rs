@@ -34,7 +34,7 @@ impl Budget {
         let threads = self.threads as u64;
         let fitting = self.memory / (threads * bytes_per_point).max(1);
         let shared = (points / (2 * threads).max(1)).max(SHARED_TILE_POINTS);
-        fitting.min(shared).min(LARGEST_TILE_POINTS).max(SMALLEST_TILE_POINTS)
+        fitting.min(shared).clamp(SMALLEST_TILE_POINTS, LARGEST_TILE_POINTS)
     }
 
     /// Core points per tile to try after tiles of `tried` points needed `needed` bytes each; `None` when they fit.

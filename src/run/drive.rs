@@ -6,6 +6,7 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::input::{Catalog, Fields, InputFile};
 use crate::model::{CellGrid, Lattice, LatticeTransform, RecordView};
+use crate::run::inputs;
 use crate::store::{Column, RunDir, StoreError};
 use crate::survey::{Collector, SurveyError};
 
@@ -56,9 +57,11 @@ impl Drive {
         for (number, file) in drive.catalog.files().iter().enumerate() {
             let records = file.point_count();
             let unpacked = file.is_compressed();
-            drive.positions.push(unpacked.then(|| run_dir.column("positions", number, records)).transpose()?);
-            drive.classes.push(run_dir.column("classes", number, records)?);
-            drive.labels.push(run_dir.column("labels", number, records)?);
+            drive.positions.push(
+                unpacked.then(|| run_dir.column("positions", number, records, inputs::SURVEY)).transpose()?,
+            );
+            drive.classes.push(run_dir.column("classes", number, records, inputs::GROUND)?);
+            drive.labels.push(run_dir.column("labels", number, records, inputs::CLUSTER)?);
         }
         Ok(drive)
     }
@@ -102,11 +105,11 @@ impl Drive {
         runs
     }
 
-    /// Surveys a block straight from the file (decoded, if compressed), and unpacks its positions.
+    /// Surveys a block straight from the file (decoded, if compressed), and unpacks its positions if asked to.
     pub(crate) fn survey_block(
         &self,
-        file: usize,
-        block: usize,
+        (file, block): (usize, usize),
+        unpack: bool,
         buffer: &mut Vec<u8>,
         collector: &mut Collector,
     ) -> Result<()> {
@@ -115,7 +118,7 @@ impl Drive {
         {
             let bytes = input.records(block, Fields::Geometry, buffer)?;
             let view = RecordView { bytes, stride: layout.record_len, gps_time: layout.gps_time };
-            if let Some(positions) = &self.positions[file] {
+            if let Some(positions) = self.positions[file].as_ref().filter(|_| unpack) {
                 let xyz: Vec<[i32; 3]> = view.xyz().collect();
                 positions
                     .write_run(run.first_record, &xyz)

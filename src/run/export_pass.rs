@@ -6,7 +6,6 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
-use crate::codec;
 use crate::error::{Error, Result};
 use crate::input::Fields;
 use crate::model::{CellCursor, CellMap, PointClass, RecordView};
@@ -139,16 +138,50 @@ impl<'a> ExportPass<'a> {
         Ok(())
     }
 
-    /// Gives every labelled copy its final name, now that all units are done. May be interrupted and called again:
-    /// the intent to name a file is on disk before it is named, so a missing part then means that it has its name.
+    /// Sees to it that finished units have their bytes: units of a copy whose half-written file was lost, or was begun
+    /// for something else since, are taken back, and the file is begun anew.
+    pub(crate) fn begin(&self, dir: &PassDir, run_dir: &RunDir) -> Result<()> {
+        let fingerprint = dir.fingerprint().to_string();
+        for (file, target) in self.targets.iter().enumerate() {
+            let record = format!("export/{file:05}.begun.json");
+            let begun = run_dir.read_json::<String>(&record)?.is_some_and(|stored| stored == fingerprint);
+            if self.is_named(file, dir, run_dir)? || (begun && target.part.exists()) {
+                continue;
+            }
+            for (unit, _) in self.units.iter().enumerate().filter(|(_, unit)| unit.file == file) {
+                // Chunks of a compressed copy are in the units themselves, and fit or do not by their fingerprint.
+                if !target.labelled.is_compressed() {
+                    dir.invalidate(unit)?;
+                }
+            }
+            if let Err(source) = std::fs::remove_file(&target.part)
+                && source.kind() != std::io::ErrorKind::NotFound
+            {
+                return Err(OutputError::Write { path: target.part.clone(), source }.into());
+            }
+            run_dir.write_json(&record, &fingerprint)?;
+            open_part(target)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the finished copy of a file has its name: the intent to name it is on disk before it is named, so a
+    /// missing part then means that it was.
+    fn is_named(&self, file: usize, dir: &PassDir, run_dir: &RunDir) -> Result<bool> {
+        let target = &self.targets[file];
+        let meant = run_dir.read_json::<String>(&intent(file))?;
+        let path = run_dir.out().join(target.labelled.name());
+        Ok(meant.is_some_and(|stored| stored == dir.fingerprint().to_string())
+            && path.exists()
+            && !target.part.exists())
+    }
+
+    /// Gives every labelled copy its final name, now that all units are done. May be interrupted and called again.
     pub(crate) fn reduce(&self, dir: &PassDir, run_dir: &RunDir) -> Result<()> {
         for (file, target) in self.targets.iter().enumerate() {
             let path = run_dir.out().join(target.labelled.name());
             let failed = |source| OutputError::Write { path: path.clone(), source };
-            let intent = format!("export/{file:05}.json");
-            let fingerprint = dir.fingerprint().to_string();
-            let meant = run_dir.read_json::<String>(&intent)?.is_some_and(|stored| stored == fingerprint);
-            if meant && !target.part.exists() {
+            if self.is_named(file, dir, run_dir)? {
                 continue;
             }
             let part = open_part(target)?;
@@ -169,7 +202,7 @@ impl<'a> ExportPass<'a> {
                 part.set_len(end).map_err(failed)?;
             }
             part.sync_all().map_err(failed)?;
-            run_dir.write_json(&intent, &fingerprint)?;
+            run_dir.write_json(&intent(file), &dir.fingerprint().to_string())?;
             publish(&target.part, &path).map_err(failed)?;
         }
         Ok(())
@@ -183,8 +216,7 @@ impl<'a> ExportPass<'a> {
     ) -> impl Iterator<Item = Result<(u32, Vec<u8>)>> + 'b {
         let units = self.units.iter().enumerate().filter(move |(_, unit)| unit.file == file);
         units.flat_map(|(unit, _)| {
-            let bytes = dir.payload(unit).map_err(Error::from);
-            match bytes.and_then(|bytes| codec::decode::<Vec<(u32, Vec<u8>)>>(&bytes)) {
+            match dir.payload(unit).map_err(Error::from).and_then(|bytes| unpack(&bytes)) {
                 Ok(chunks) => chunks.into_iter().map(Ok).collect::<Vec<_>>(),
                 Err(error) => vec![Err(error)],
             }
@@ -214,6 +246,33 @@ impl<'a> Desk<'a> {
         let (labels, classes, decoded, out) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self { owners, labels, classes, block: None, decoded, out }
     }
+}
+
+/// Appends a compressed chunk to a payload: records (u32), bytes (u64), the chunk.
+fn pack(payload: &mut Vec<u8>, records: u32, chunk: &[u8]) {
+    payload.extend_from_slice(&records.to_le_bytes());
+    payload.extend_from_slice(&(chunk.len() as u64).to_le_bytes());
+    payload.extend_from_slice(chunk);
+}
+
+/// The chunks of a payload.
+fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
+    let broken = || Error::Bug("a payload of the export does not decode".to_owned());
+    let mut chunks = Vec::new();
+    while !payload.is_empty() {
+        let (records, rest) = payload.split_first_chunk::<4>().ok_or_else(broken)?;
+        let (length, rest) = rest.split_first_chunk::<8>().ok_or_else(broken)?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+        let (chunk, rest) = rest.split_at_checked(length).ok_or_else(broken)?;
+        chunks.push((u32::from_le_bytes(*records), chunk.to_vec()));
+        payload = rest;
+    }
+    Ok(chunks)
+}
+
+/// Record of the intent to give the copy of a file its name.
+fn intent(file: usize) -> String {
+    format!("export/{file:05}.json")
 }
 
 fn length(records: &Range<u64>) -> u64 {
@@ -254,7 +313,7 @@ impl Pass for ExportPass<'_> {
         let target = &self.targets[unit.file];
         self.drive.file(unit.file).check_unchanged()?;
         let mut desk = Desk::new(self.owners.cursor());
-        let mut payload: Vec<(u32, Vec<u8>)> = Vec::new();
+        let mut payload = Vec::new();
         let part = (!target.labelled.is_compressed()).then(|| open_part(target)).transpose()?;
         for records in &target.chunks[unit.chunks.clone()] {
             self.chunk(unit.file, records, &mut desk)?;
@@ -263,12 +322,12 @@ impl Pass for ExportPass<'_> {
                     .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
             } else {
                 let count = u32::try_from(length(records)).unwrap_or(u32::MAX);
-                payload.push((count, target.labelled.compress(&desk.out)?));
+                pack(&mut payload, count, &target.labelled.compress(&desk.out)?);
             }
         }
         if let Some(part) = &part {
             part.sync_data().map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
         }
-        codec::encode(&payload)
+        Ok(payload)
     }
 }

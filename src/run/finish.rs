@@ -79,7 +79,7 @@ pub(crate) fn terrain(
     ))
 }
 
-/// The labelled copies to be written: names do not collide, and nothing foreign is in their place.
+/// The labelled copies to be written: names do not collide, and nothing foreign is in the place of any output.
 pub(crate) fn plan_files(
     catalog: &Catalog,
     config: &Config,
@@ -95,21 +95,24 @@ pub(crate) fn plan_files(
         set_classification: config.output.classification == ClassificationChoice::Set,
         keep_original: config.output.original_classification,
     };
-    let finished: Option<Finished> = run_dir.read_json(FINISHED)?;
-    let ours = |name: &str| finished.as_ref().is_some_and(|run| run.files.iter().any(|file| file == name));
-    let begun = run_dir.path("export").exists();
+    let ours = run_dir.own_outputs()?;
     let mut files: Vec<LabelledFile> = Vec::new();
     let mut warnings = Vec::new();
     for file in catalog.files() {
         let labelled = LabelledFile::plan(file, &options)?;
-        let path = run_dir.out().join(labelled.name());
-        if path.exists() && !begun && !ours(labelled.name()) {
-            return Err(StoreError::InTheWay { path }.into());
-        }
         warnings.extend(labelled.warnings().iter().cloned());
         files.push(labelled);
     }
     check_names(&files)?;
+    let names: Vec<String> =
+        files.iter().map(LabelledFile::name).chain(TABLES).chain([REPORT]).map(str::to_owned).collect();
+    for name in names.iter().filter(|name| !ours.contains(name)) {
+        let path = run_dir.out().join(name);
+        if path.exists() {
+            return Err(StoreError::InTheWay { path }.into());
+        }
+    }
+    run_dir.claim_outputs(&names)?;
     Ok((files, warnings))
 }
 
@@ -223,6 +226,7 @@ pub(crate) fn already_finished(run_dir: &RunDir, export: &PassDir) -> Result<Opt
 }
 
 const TABLES: [&str; 2] = ["objects.csv", "objects.geojson"];
+const REPORT: &str = "report.json";
 
 /// Takes the mark back before outputs are written anew. Units of the export whose files have already been named
 /// have nothing left to resume from, so they go too.
@@ -274,11 +278,11 @@ pub(crate) fn write_report(
         "result": summary,
         "configuration": config.to_json(),
     });
-    write_whole(run_dir, "report.json", |out| {
+    write_whole(run_dir, REPORT, |out| {
         serde_json::to_writer_pretty(&mut *out, &report)
             .map_err(std::io::Error::from)
             .and_then(|()| out.write_all(b"\n"))
-            .map_err(|source| OutputError::Write { path: run_dir.out().join("report.json"), source })
+            .map_err(|source| OutputError::Write { path: run_dir.out().join(REPORT), source })
     })?;
     Ok(())
 }

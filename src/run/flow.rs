@@ -109,6 +109,7 @@ impl<'a> Flow<'a> {
         self.engine.tell(&Event::Warning { text: &text });
         let pass = ScatterPass::new(self.drive, tiles.plan.owners(), self.engine.run_dir)?;
         let dir = self.pass_dir(inputs::SCATTER, inputs::scatter(scene, tiles.plan));
+        pass.forget_lost(&dir)?;
         self.passes.push(self.engine.execute(&pass, &dir)?);
         Ok(Some(pass.reduce(&dir)?))
     }
@@ -160,6 +161,7 @@ impl<'a> Flow<'a> {
         finish::withdraw(self.engine.run_dir, &export_dir)?;
         let export =
             ExportPass::new(self.drive, plan.owners(), &stitched.ids, labelled, self.engine.run_dir)?;
+        export.begin(&export_dir, self.engine.run_dir)?;
         self.passes.push(self.engine.execute(&export, &export_dir)?);
         export.reduce(&export_dir, self.engine.run_dir)?;
         finish::write_tables(self.engine.run_dir, self.drive, scene, &stitched, &terrain)?;

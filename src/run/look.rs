@@ -148,7 +148,7 @@ fn survey(drive: &Drive, threads: usize) -> Result<Survey> {
                     let mut collector = Collector::new(drive.grid);
                     let mut buffer = Vec::new();
                     for block in run.blocks.clone() {
-                        drive.survey_block(run.file, block, &mut buffer, &mut collector)?;
+                        drive.survey_block((run.file, block), false, &mut buffer, &mut collector)?;
                     }
                     Ok(collector.finish())
                 })

@@ -39,7 +39,7 @@ pub(crate) fn svg(plan: &Plan, scene: &Scene, lattice: Lattice) -> String {
         let colour = COLOURS[number % COLOURS.len()];
         let _ = writeln!(
             svg,
-            "<path d=\"{path}\" fill=\"{colour}\" fill-opacity=\"0.55\"><title>tile {number}: chainage {:.0} to {:.0} m, \
+            "<path d=\"{path}\" fill=\"{colour}\" fill-opacity=\"0.55\" shape-rendering=\"crispEdges\"><title>tile {number}: chainage {:.0} to {:.0} m, \
              {} points</title></path>",
             tile.from_m, tile.to_m, tile.points
         );

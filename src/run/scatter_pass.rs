@@ -43,6 +43,17 @@ impl<'a> ScatterPass<'a> {
         Ok(Self { drive, owners, runs: drive.block_runs(), folder })
     }
 
+    /// Takes back finished units whose points were lost or cut.
+    pub(crate) fn forget_lost(&self, dir: &PassDir) -> Result<()> {
+        for (unit, run) in self.runs.iter().enumerate() {
+            let whole = run.points * STRIDE as u64;
+            if std::fs::metadata(self.path(unit)).map_or(true, |facts| facts.len() != whole) {
+                dir.invalidate(unit)?;
+            }
+        }
+        Ok(())
+    }
+
     fn path(&self, unit: usize) -> PathBuf {
         self.folder.join(format!("{unit:06}"))
     }

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
 use crate::store::PassDir;
-use crate::survey::{Collector, Survey};
+use crate::survey::{Collector, Survey, SurveyPart};
 
 pub(crate) struct SurveyPass<'a> {
     pub(crate) drive: &'a Drive,
@@ -40,20 +40,25 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
-        let run = &self.runs[unit];
-        let file = self.drive.file(run.file);
-        file.check_unchanged()?;
-        let mut collector = Collector::new(self.drive.grid);
-        let mut buffer = Vec::new();
-        for block in run.blocks.clone() {
-            self.drive.survey_block(run.file, block, &mut buffer, &mut collector)?;
-        }
-        self.drive.sync_positions(run.file)?;
-        codec::encode(&collector.finish())
+        let part = self.survey(unit, true)?;
+        self.drive.sync_positions(self.runs[unit].file)?;
+        codec::encode(&part)
     }
 }
 
 impl SurveyPass<'_> {
+    /// Surveys a unit; with `unpack` it also leaves the positions of a compressed file in their column.
+    pub(crate) fn survey(&self, unit: usize, unpack: bool) -> Result<SurveyPart> {
+        let run = &self.runs[unit];
+        self.drive.file(run.file).check_unchanged()?;
+        let mut collector = Collector::new(self.drive.grid);
+        let mut buffer = Vec::new();
+        for block in run.blocks.clone() {
+            self.drive.survey_block((run.file, block), unpack, &mut buffer, &mut collector)?;
+        }
+        Ok(collector.finish())
+    }
+
     /// The survey of the whole drive, from the finished pass.
     pub(crate) fn reduce(&self, dir: &PassDir) -> Result<Survey> {
         let mut survey = Survey::default();

@@ -26,6 +26,11 @@ pub(crate) struct Column<T> {
 impl<T: Pod + Default> Column<T> {
     const WIDTH: u64 = size_of::<T>() as u64;
 
+    /// Whether a column of `len` records is there.
+    pub(crate) fn is_whole(path: &Path, len: u64) -> bool {
+        std::fs::metadata(path).is_ok_and(|facts| facts.len() == len * Self::WIDTH)
+    }
+
     /// Opens or creates the column of a file with `len` records. New records are zero and take no space.
     pub(crate) fn open(path: &Path, len: u64) -> io::Result<Self> {
         let file = File::options().read(true).write(true).create(true).truncate(false).open(path)?;

@@ -15,6 +15,9 @@ use crate::store::{Fingerprint, Inputs, StaleReason, StoreError, atomic};
 /// Name of the folder with the state inside the output directory.
 pub const STATE_FOLDER: &str = ".chainage";
 
+/// Name of the record of the files that were written beside the state.
+const OUTPUTS: &str = "outputs.json";
+
 /// Which program began the run.
 #[derive(Debug, Serialize, Deserialize)]
 struct Identity {
@@ -76,11 +79,11 @@ impl RunDir {
         })
     }
 
-    /// Removes everything of the state but the lock.
+    /// Removes everything of the state but the lock and the names of the outputs, which stay ours.
     fn discard(&self) -> Result<(), StoreError> {
         for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
             let path = entry.map_err(StoreError::io("read", &self.state))?.path();
-            if path.file_name().is_some_and(|name| name == "lock") {
+            if path.file_name().is_some_and(|name| name == "lock" || name == OUTPUTS) {
                 continue;
             }
             let removed =
@@ -100,6 +103,26 @@ impl RunDir {
     #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.state.join(name)
+    }
+
+    /// Names of the files beside the state that this and earlier runs have written or were about to write: what else is
+    /// there is foreign.
+    ///
+    /// # Errors
+    /// When the record cannot be read.
+    pub fn own_outputs(&self) -> Result<Vec<String>, StoreError> {
+        Ok(self.read_json(OUTPUTS)?.unwrap_or_default())
+    }
+
+    /// Records that files of these names are about to be written.
+    ///
+    /// # Errors
+    /// When the record cannot be written.
+    pub fn claim_outputs(&self, names: &[String]) -> Result<(), StoreError> {
+        let mut all = self.own_outputs()?;
+        let before = all.len();
+        all.extend(names.iter().filter(|name| !all.contains(name)).cloned().collect::<Vec<_>>());
+        if all.len() == before { Ok(()) } else { self.write_json(OUTPUTS, &all) }
     }
 
     /// Reads a small JSON file of the state; `None` when there is none.
@@ -154,7 +177,8 @@ impl RunDir {
         PassDir { folder: self.state.join(folder), fingerprint: inputs.fingerprint(), inputs }
     }
 
-    /// A column with one value per record of file number `file`, which has `records`.
+    /// A column with one value per record of file number `file`, which has `records`. The pass in folder `writer`
+    /// fills it: where the column was lost or cut, that pass has nothing to show for its finished units and loses them.
     ///
     /// # Errors
     /// When it cannot be opened or created.
@@ -163,10 +187,14 @@ impl RunDir {
         name: &str,
         file: usize,
         records: u64,
+        writer: &str,
     ) -> Result<Column<T>, StoreError> {
         let folder = self.state.join(name);
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         let path = folder.join(format!("{file:05}"));
+        if !Column::<T>::is_whole(&path, records) {
+            self.pass(writer, Inputs::new()).clear()?;
+        }
         Column::open(&path, records).map_err(StoreError::io("open", &path))
     }
 }

@@ -140,10 +140,11 @@ impl Axis {
     pub fn marks(&self, spacing_m: f64) -> impl Iterator<Item = ([f64; 2], f64)> {
         let mut due = 0.0;
         self.vertices.iter().zip(&self.chainage).filter_map(move |(vertex, &chainage)| {
-            if chainage < due {
+            // Half a vertex early at most: chainage is a sum of steps and 50 m may be 49.9999999.
+            if chainage + 0.5 * VERTEX_SPACING_M < due {
                 return None;
             }
-            due = (chainage / spacing_m).floor() * spacing_m + spacing_m;
+            due += spacing_m * ((chainage - due) / spacing_m).floor().max(0.0) + spacing_m;
             Some((*vertex, chainage))
         })
     }
@@ -217,7 +218,7 @@ fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
         walked += step;
     }
     let last = positions[positions.len() - 1];
-    if vertices[vertices.len() - 1] != last {
+    if distance(vertices[vertices.len() - 1], last) > 0.0 {
         vertices.push(last);
     }
     Some(vertices)

@@ -150,7 +150,7 @@ impl Collector {
     fn time(&mut self, bytes: &[u8], point: [i64; 3]) -> Option<f64> {
         let time = f64::from_le_bytes(bytes.try_into().ok()?);
         // Beyond 10^15 s a double does not resolve half a second any more.
-        if !(time.abs() < 1e15) {
+        if !time.is_finite() || time.abs() >= 1e15 {
             self.part.bad_times += 1;
             return None;
         }

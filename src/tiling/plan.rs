@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::{Area, Cell, CellGrid, CellMap};
 
-/// Largest extent of a core in cells: stray points far outside get tiles of their own, so that local coordinates
-/// stay small.
-const CORE_EXTENT_CELLS: i64 = 60_000;
+/// Largest extent of a core in lattice units (60 km at 1 mm): stray points far outside get tiles of their own, so that
+/// local coordinates fit 31 bits and methods can index their cells, whatever the edge of a cell of the raster.
+const CORE_EXTENT_UNITS: i64 = 60_000_000;
 
 /// How long a tile is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -71,8 +71,9 @@ impl Plan {
             let (cell, points) = request.cells[at];
             let (grown_lo, grown_hi) = (min(lo, cell), max(hi, cell));
             let full = tiles.last().is_none_or(|tile| {
-                let too_wide =
-                    (0..2).any(|k| i64::from(grown_hi[k]) - i64::from(grown_lo[k]) >= CORE_EXTENT_CELLS);
+                let extent =
+                    |k: usize| (i64::from(grown_hi[k]) - i64::from(grown_lo[k])) * request.grid.edge();
+                let too_wide = (0..2).any(|k| extent(k) >= CORE_EXTENT_UNITS);
                 too_wide
                     || match request.size {
                         TileSize::Points(most) => tile.points + u64::from(points) > most,

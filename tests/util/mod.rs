@@ -1,8 +1,12 @@
-//! What several integration tests need: the optional data folder.
+//! What several integration tests need: the optional data folder, small drives and how to run them, references.
 
+pub(crate) mod drive;
+pub(crate) mod las;
 pub(crate) mod oracle;
 pub(crate) mod peaks_oracle;
+pub(crate) mod program;
 pub(crate) mod staged;
+pub(crate) mod street;
 
 use std::path::{Path, PathBuf};
 
@@ -17,6 +21,11 @@ pub(crate) fn shared_data() -> Option<PathBuf> {
     }
     println!("skipped: no shared test data in {} (set CHAINAGE_SHARED_DATA)", folder.display());
     None
+}
+
+/// A file that ships with the project, by its path from the root.
+pub(crate) fn shipped(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
 /// Every LAS and LAZ file below a folder, sorted.

@@ -3,8 +3,6 @@
 //! here: thresholds on the sums belong to the reduction.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    clippy::cast_sign_loss,
     reason = "points of a tile fit u32; radii are validated settings of a few metres"
 )]
 

@@ -1,8 +1,6 @@
 //! Voxels as sorted columns with global indices, and how they touch; knows no points and no densities.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    clippy::cast_sign_loss,
     reason = "voxels of a tile fit u32 (VoxelIndex), differences of indices are small"
 )]
 

@@ -168,10 +168,8 @@ impl Window {
     fn around(cells: impl Iterator<Item = Cell>) -> Self {
         let mut window = Self { lo: [i32::MAX; 2], hi: [i32::MIN; 2] };
         for cell in cells {
-            for axis in 0..2 {
-                window.lo[axis] = window.lo[axis].min(cell[axis]);
-                window.hi[axis] = window.hi[axis].max(cell[axis]);
-            }
+            window.lo = [0, 1].map(|axis| window.lo[axis].min(cell[axis]));
+            window.hi = [0, 1].map(|axis| window.hi[axis].max(cell[axis]));
         }
         window
     }

@@ -2,7 +2,6 @@
 //! neighbours. Searches only; what is done with them is not known here.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
     clippy::cast_sign_loss,
     reason = "points of a tile fit u32 and local coordinates i32, see TileCloud and VoxelIndex"
 )]

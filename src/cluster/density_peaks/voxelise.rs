@@ -5,7 +5,6 @@
 //! far around the tile that it sees all points of its columns, and of the columns beside them.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
     reason = "counts of a tile fit u32 and edges are at most 2 m (VoxelIndex, validated settings)"
 )]
 

@@ -1,0 +1,99 @@
+#!/usr/bin/env bash
+# Tiled equals untiled, on real and simulated streets: byte for byte over tile lengths and threads and memory, record
+# for record between LAS and LAZ, point for point between one file, five files and shuffled records.
+#
+#     scripts/exactness.sh [FOLDER-OF-SHARED-DATA] [SCENE...]
+#
+# Needs a release build (target/release/chainage, or CHAINAGE); scenes that are not there are skipped with a line, and so
+# is the comparison of shuffled and split files where python3 has no laspy. Exit code 1: something differs.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+program=${CHAINAGE:-target/release/chainage}
+data=${1:-${CHAINAGE_SHARED_DATA:-../shared/data}}
+shift || true
+scenes=("$@")
+[ ${#scenes[@]} -gt 0 ] || scenes=(real/lille_street.laz real/kitti_street_22.laz sim/downtown_ts2.laz sim/avenue_road60.laz)
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/exactness.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+failed=0
+runs=0
+python=
+if python3 -c 'import laspy, lazrs' 2>/dev/null; then python=python3; else
+    echo "skipped: shuffled and split files (python3 with laspy[lazrs] is not there)"
+fi
+
+run() { # OUT FILES... -- OPTIONS...
+    local out=$1; shift
+    local files=()
+    while [ "$1" != -- ]; do files+=("$1"); shift; done
+    shift
+    if ! "$program" run "${files[@]}" -o "$out" --progress none "$@" >/dev/null 2>"$scratch/errors"; then
+        cat "$scratch/errors"
+        exit 1
+    fi
+    runs=$((runs + 1))
+}
+
+same() { # ONE OTHER WHAT
+    local file
+    for file in "$1"/*; do
+        [ "$(basename "$file")" = report.json ] && continue
+        if ! cmp -s "$file" "$2/$(basename "$file")"; then
+            echo "DIFFERS: $3: $(basename "$file")"
+            failed=1
+        fi
+    done
+}
+
+for scene in "${scenes[@]}"; do
+    if [ ! -f "$data/$scene" ]; then
+        echo "skipped: $data/$scene is not there"
+        continue
+    fi
+    began=$SECONDS
+    name=$(basename "$scene" .laz)
+    laz=$scratch/in/$name.laz
+    mkdir -p "$scratch/in"
+    cp "$data/$scene" "$laz"
+
+    run "$scratch/whole" "$laz" -- --tile-length 1000000 --threads 1
+    for tiles in "5 2" "20 1" "20 4" "60 2"; do
+        set -- $tiles
+        run "$scratch/tiled" "$laz" -- --tile-length "$1" --threads "$2"
+        same "$scratch/whole" "$scratch/tiled" "$name, tiles of $1 m, $2 threads"
+        rm -rf "$scratch/tiled"
+    done
+    run "$scratch/tiled" "$laz" -- --memory 64M --threads 2
+    same "$scratch/whole" "$scratch/tiled" "$name, as the memory allows"
+    rm -rf "$scratch/tiled"
+
+    # The same points as LAS: labelled as LAS, they must be the labelled LAZ unpacked, whatever the tiles were.
+    run "$scratch/unpacked" "$laz" -- --output-format las --keep-classification --tile-length 60
+    mkdir -p "$scratch/las-in"
+    mv "$scratch/unpacked/$name.las" "$scratch/las-in/$name.las"
+    run "$scratch/las" "$scratch/las-in/$name.las" -- --tile-length 20
+    run "$scratch/las-whole" "$scratch/las-in/$name.las" -- --tile-length 1000000 --no-mmap
+    same "$scratch/las-whole" "$scratch/las" "$name as LAS, tiles of 20 m"
+    run "$scratch/laz-as-las" "$laz" -- --output-format las --tile-length 5
+    if ! cmp -s "$scratch/laz-as-las/$name.las" "$scratch/las/$name.las"; then
+        echo "DIFFERS: $name, LAZ in and LAS in"
+        failed=1
+    fi
+
+    if [ -n "$python" ]; then
+        python3 scripts/compare_orders.py write "$laz" "$scratch/orders"
+        run "$scratch/shuffled" "$scratch/orders/shuffled.las" -- --tile-length 20
+        run "$scratch/split" "$scratch"/orders/split_?.las -- --tile-length 20
+        if ! python3 scripts/compare_orders.py compare "$scratch/whole/$name.laz" "$scratch/orders/order.npy" \
+            "$scratch/shuffled/shuffled.las" "$scratch"/split/split_?.las; then
+            failed=1
+        fi
+    fi
+    rm -rf "${scratch:?}"/*
+    echo "$name: compared in $((SECONDS - began)) s"
+done
+if [ $failed -ne 0 ]; then
+    echo "exactness: FAILED"
+    exit 1
+fi
+echo "exactness: passed ($runs runs)"

@@ -1,0 +1,61 @@
+#!/usr/bin/env bash
+# Peak memory stays flat over any length of drive: a scene once, 4 and 16 times in a row, with one memory budget.
+#
+#     scripts/flat_memory.sh [SCENE.laz] [MEMORY-MIB] [COPIES...]
+#
+# Prints points, time and peak resident set (mapped pages included) of each; exit code 1 when the largest exceeds the
+# smallest by more than 10 %, or the budget by more than 150 MiB. Needs a release build (or CHAINAGE), python3 with
+# laspy[lazrs] and, for 16 copies of the default scene, 12 GB of disk.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+program=${CHAINAGE:-target/release/chainage}
+data=${CHAINAGE_SHARED_DATA:-../shared/data}
+scene=${1:-$data/sim/avenue_road60.laz}
+memory=${2:-300}
+shift $(($# < 2 ? $# : 2))
+copies=("$@")
+[ ${#copies[@]} -gt 0 ] || copies=(1 4 16)
+if [ ! -f "$scene" ]; then
+    echo "skipped: $scene is not there"
+    exit 0
+fi
+if ! python3 -c 'import laspy, lazrs' 2>/dev/null; then
+    echo "skipped: python3 with laspy[lazrs] is not there"
+    exit 0
+fi
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/flat.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+
+smallest=0 largest=0
+for count in "${copies[@]}"; do
+    python3 scripts/repeat_scene.py "$scene" "$scratch/drive.las" "$count"
+    before=$(date +%s%N)
+    if [ -x /usr/bin/time ]; then
+        /usr/bin/time -f %M -o "$scratch/rss" "$program" run "$scratch/drive.las" -o "$scratch/out" \
+            --memory "${memory}M" --threads 2 --progress none >/dev/null
+        peak_kib=$(tail -n 1 "$scratch/rss")
+    else
+        "$program" run "$scratch/drive.las" -o "$scratch/out" --memory "${memory}M" --threads 2 --progress none >/dev/null
+        peak_kib=0
+    fi
+    took_ms=$((($(date +%s%N) - before) / 1000000))
+    reported=$(python3 -c "
+import json, sys
+result = json.load(open(sys.argv[1]))['result']
+print(result['points'], result['tiles'], result['peak_resident_bytes'] // 1024)" "$scratch/out/report.json")
+    set -- $reported
+    [ "$peak_kib" -gt "$3" ] || peak_kib=$3
+    echo "$count copies: $1 points, $2 tiles, $((took_ms / 1000)) s, peak $((peak_kib / 1024)) MiB (reported $(($3 / 1024)) MiB)"
+    [ $smallest -ne 0 ] && [ $smallest -le "$peak_kib" ] || smallest=$peak_kib
+    [ $largest -ge "$peak_kib" ] || largest=$peak_kib
+    rm -rf "$scratch/out" "$scratch/drive.las"
+done
+if [ $((largest * 100)) -gt $((smallest * 110)) ]; then
+    echo "flat_memory: FAILED, peaks of $((smallest / 1024)) to $((largest / 1024)) MiB differ by more than 10 %"
+    exit 1
+fi
+if [ $((largest / 1024)) -gt $((memory + 150)) ]; then
+    echo "flat_memory: FAILED, the peak of $((largest / 1024)) MiB exceeds the budget of $memory MiB by more than 150 MiB"
+    exit 1
+fi
+echo "flat_memory: passed"

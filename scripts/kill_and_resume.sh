@@ -1,0 +1,81 @@
+#!/usr/bin/env bash
+# Kills a run at random moments (SIGKILL, seeded), again and again, lets it finish, and compares every output but the
+# report with those of an undisturbed run, byte for byte; for LAZ and for LAS.
+#
+#     scripts/kill_and_resume.sh [SCENE.laz] [KILLS] [TILE-LENGTH]
+#
+# Without a scene: downtown_ts2.laz of the shared data if it is there, else the shipped sample. A run that is finished
+# before all kills are spent is compared, and another one begun. Needs a release build (or CHAINAGE). Exit code 1: an
+# output differs.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+program=${CHAINAGE:-target/release/chainage}
+data=${CHAINAGE_SHARED_DATA:-../shared/data}
+scene=${1:-$data/sim/downtown_ts2.laz}
+if [ ! -f "$scene" ]; then
+    echo "skipped: $scene is not there, the shipped sample is used"
+    scene=tests/data/tree_road_sweep.laz
+fi
+kills=${2:-50}
+tile=${3:-5}
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/kill.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+RANDOM=20
+
+name=$(basename "$scene" .laz)
+mkdir -p "$scratch/laz" "$scratch/las"
+cp "$scene" "$scratch/laz/$name.laz"
+"$program" run "$scratch/laz/$name.laz" -o "$scratch/unpacked" --output-format las --keep-classification --progress none >/dev/null
+mv "$scratch/unpacked/$name.las" "$scratch/las/$name.las"
+
+same() {
+    local file
+    for file in "$scratch/undisturbed"/*; do
+        [ "$(basename "$file")" = report.json ] && continue
+        if ! cmp "$file" "$scratch/killed/$(basename "$file")"; then
+            echo "kill_and_resume: FAILED for $1"
+            exit 1
+        fi
+    done
+}
+
+for kind in laz las; do
+    input=$scratch/$kind/$name.$kind
+    run() { # OUT THREADS
+        local code=0
+        "$program" run "$input" -o "$scratch/$1" --tile-length "$tile" --progress none --threads "$2" \
+            >/dev/null 2>"$scratch/errors" || code=$?
+        grep -v '^warning' "$scratch/errors" || true
+        return $code
+    }
+    began=$(date +%s%N)
+    run undisturbed 2
+    whole_ms=$((($(date +%s%N) - began) / 1000000))
+    # Most moments early, so that one run takes many kills; a few late, so that the last steps are hit as well.
+    shortest=5
+    longest=$((whole_ms / 8 + 20))
+    spent=0 hit=0 finished=0
+    while [ $spent -lt "$kills" ]; do
+        run killed $((RANDOM % 2 + 1)) &
+        child=$!
+        span=$longest
+        [ $((spent % 5)) -eq 4 ] && span=$((whole_ms + 50))
+        sleep "$(awk "BEGIN { print ($shortest + $RANDOM % $span) / 1000 }")"
+        # The program is the child of the function's shell.
+        worker=$(pgrep -P $child || true)
+        kill -9 ${worker:-$child} 2>/dev/null || true
+        spent=$((spent + 1))
+        if wait $child 2>/dev/null; then
+            same "$kind, finished after $spent kills"
+            rm -rf "$scratch/killed"
+            finished=$((finished + 1))
+        else
+            hit=$((hit + 1))
+        fi
+    done
+    run killed 2
+    same "$kind"
+    rm -rf "$scratch/killed" "$scratch/undisturbed"
+    echo "$name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) runs came to the same bytes"
+done
+echo "kill_and_resume: passed"

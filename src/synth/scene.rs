@@ -1,0 +1,192 @@
+//! Models, their placed copies, and the closest hit of a ray among them: a hierarchy of bounding boxes over the
+//! copies, and one inside every model. Knows nothing of streets.
+//!
+//! Of the kept crates, `obvhs` (two-child hierarchy) and `parry3d` (PLOC) trace a tree-lined test scene at the same
+//! 0.19 microseconds per ray; `obvhs` builds 4 times as fast and brings a third of the dependencies.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use glam::{Affine3A, Vec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::{Boundable, BvhBuildParams};
+
+use super::ground::Ground;
+use super::shape::{MISS, Primitive, Surface};
+
+/// Primitives in a frame of their own, built once and placed often.
+pub(super) struct Model {
+    primitives: Vec<Primitive>,
+    bvh: Bvh2,
+    bounds: Aabb,
+}
+
+impl fmt::Debug for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Model of {} primitives", self.primitives.len())
+    }
+}
+
+/// Builds over boxes that are already known.
+struct Boxed(Aabb);
+
+impl Boundable for Boxed {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+fn hierarchy(boxes: &[Boxed]) -> Bvh2 {
+    build_bvh2(boxes, BvhBuildParams::fast_build(), &mut Duration::default())
+}
+
+impl Model {
+    /// A model of at least one primitive.
+    pub(super) fn new(primitives: Vec<Primitive>) -> Self {
+        let boxes: Vec<Boxed> = primitives.iter().map(|primitive| Boxed(primitive.shape.bounds())).collect();
+        let bvh = hierarchy(&boxes);
+        let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(&one.0));
+        // In leaf order, so that a leaf reads neighbours.
+        let primitives =
+            bvh.primitive_indices.iter().map(|&index| primitives[index as usize].clone()).collect();
+        Self { primitives, bvh, bounds }
+    }
+
+    /// Height of the highest point over the model's origin.
+    pub(super) fn height(&self) -> f32 {
+        self.bounds.max.z
+    }
+}
+
+/// Axis-aligned box after an affine map.
+fn moved(bounds: &Aabb, map: &Affine3A) -> Aabb {
+    let (low, high) = (bounds.min, bounds.max);
+    let corner = |i: usize| {
+        let pick = |bit: usize, axis: usize| if i & bit == 0 { low[axis] } else { high[axis] };
+        map.transform_point3a(Vec3A::new(pick(1, 0), pick(2, 1), pick(4, 2)))
+    };
+    Aabb::from_points(&[0, 1, 2, 3, 4, 5, 6, 7].map(corner))
+}
+
+/// A copy of a model.
+#[derive(Debug, Clone)]
+pub(super) struct Placed {
+    pub(super) model: Arc<Model>,
+    /// From the model's frame to the cell's.
+    pub(super) map: Affine3A,
+    /// Index of the object within its cell; `None` for the ground.
+    pub(super) object: Option<u32>,
+}
+
+/// A copy within a window.
+#[derive(Debug)]
+pub(super) struct Item {
+    model: Arc<Model>,
+    to_window: Affine3A,
+    to_model: Affine3A,
+    /// Number of the object in the drive, 0 for the ground.
+    pub(super) id: u32,
+    /// Class code of the object.
+    pub(super) class: u8,
+    /// The ground this item is, if it is ground.
+    pub(super) ground: Option<Arc<Ground>>,
+}
+
+/// Everything within range of the scanner.
+pub(super) struct Window {
+    /// World coordinates of the window's origin, relative to the street's.
+    pub(super) origin: [f64; 3],
+    pub(super) items: Vec<Item>,
+    bvh: Bvh2,
+}
+
+/// The closest hit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    pub(super) t: f32,
+    /// Index into the items of the window.
+    pub(super) item: u32,
+    primitive: u32,
+}
+
+impl Item {
+    /// A copy of `placed`, whose cell's origin is at `shift` in the window.
+    pub(super) fn new(placed: &Placed, shift: Vec3, id: u32, class: u8, ground: Option<Arc<Ground>>) -> Self {
+        let to_window = Affine3A::from_translation(shift) * placed.map;
+        Self { model: Arc::clone(&placed.model), to_window, to_model: to_window.inverse(), id, class, ground }
+    }
+}
+
+impl Window {
+    pub(super) fn new(origin: [f64; 3], items: Vec<Item>) -> Self {
+        let boxes: Vec<Boxed> =
+            items.iter().map(|item| Boxed(moved(&item.model.bounds, &item.to_window))).collect();
+        let bvh = hierarchy(&boxes);
+        Self { origin, items, bvh }
+    }
+
+    /// The first surface along the ray, if any.
+    pub(super) fn hit(&self, origin: Vec3A, direction: Vec3A, near: f32, far: f32) -> Option<Hit> {
+        let mut best = Hit { t: MISS, item: 0, primitive: 0 };
+        let ray = Ray::new(origin, direction, near, far);
+        self.bvh.ray_traverse(ray, &mut RayHit::none(), |ray, slot| {
+            let index = self.bvh.primitive_indices[slot];
+            let item = &self.items[index as usize];
+            let local = Ray::new(
+                item.to_model.transform_point3a(ray.origin),
+                item.to_model.transform_vector3a(ray.direction),
+                ray.tmin,
+                ray.tmax,
+            );
+            let mut hit = RayHit::none();
+            item.model.bvh.ray_traverse(local, &mut hit, |ray, i| item.model.primitives[i].shape.hit(ray));
+            if hit.t < ray.tmax {
+                best = Hit { t: hit.t, item: index, primitive: hit.primitive_id };
+            }
+            hit.t
+        });
+        (best.t < far).then_some(best)
+    }
+
+    /// The surface at a hit, with its normal in the window's frame and its point in the model's.
+    pub(super) fn surface(&self, hit: &Hit, origin: Vec3A, direction: Vec3A) -> (Surface, Vec3) {
+        let item = &self.items[hit.item as usize];
+        let point = Vec3::from(item.to_model.transform_point3a(origin + direction * hit.t));
+        let mut surface = item.model.primitives[hit.primitive as usize].surface(point);
+        // Normals follow the transposed inverse.
+        let normal = item.to_model.matrix3.transpose() * Vec3A::from(surface.normal);
+        surface.normal = Vec3::from(normal.normalize_or(Vec3A::Z));
+        (surface, point)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::material::Material;
+    use super::super::shape::Shape;
+    use super::*;
+
+    #[test]
+    fn a_placed_and_stretched_copy_is_hit_where_it_stands() {
+        let block = Shape::Block { low: Vec3::splat(-1.0), high: Vec3::splat(1.0) };
+        let model = Arc::new(Model::new(vec![Primitive { shape: block, material: Material::Metal }]));
+        // Twice as high, turned by 90 degrees, 10 m to the east; in a cell 5 m north of the window's origin.
+        let map = Affine3A::from_translation(Vec3::X * 10.0)
+            * Affine3A::from_rotation_z(std::f32::consts::FRAC_PI_2)
+            * Affine3A::from_scale(Vec3::new(1.0, 1.0, 2.0));
+        let placed = Placed { model, map, object: Some(0) };
+        let window = Window::new([0.0; 3], vec![Item::new(&placed, Vec3::Y * 5.0, 7, 4, None)]);
+        let (o, d) = (Vec3A::new(10.0, 5.0, 10.0), Vec3A::NEG_Z);
+        let hit = window.hit(o, d, 0.0, 100.0).unwrap();
+        assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
+        let (surface, point) = window.surface(&hit, o, d);
+        assert!((surface.normal - Vec3::Z).length() < 1e-5 && (point.z - 1.0).abs() < 1e-5);
+        assert_eq!(window.items[hit.item as usize].id, 7);
+        assert!(window.hit(o, d, 0.0, 7.9).is_none());
+        assert!(window.hit(o, Vec3A::Z, 0.0, 100.0).is_none());
+    }
+}

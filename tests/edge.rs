@@ -1,0 +1,465 @@
+//! Odd drives: nothing, next to nothing, everything in one place, points from elsewhere; and methods of one's own, good
+//! and bad.
+
+use std::path::{Path, PathBuf};
+
+use chainage::cluster::{ClusterEntry, Clusterer, Method};
+use chainage::error::AlgorithmError;
+use chainage::ground::{GroundEntry, GroundFilter};
+use chainage::input::InputError;
+use chainage::model::{Lattice, PointClass, Reach, TileCloud, TileView};
+use chainage::output::OutputError;
+use chainage::run::{CancelToken, Event, Observer, Registries, RunRequest, RunSummary, run};
+use chainage::survey::SurveyError;
+use chainage::{Error, ErrorKind, cluster, ground};
+
+use crate::util::drive::{Labelled, assert_same_outputs, config, drive, run_with, scratch, settings};
+use crate::util::las::{Point, Shape, geographic};
+use crate::util::street::{Course, Street, number};
+
+/// A drive in a folder of its own.
+struct Scratch(tempfile::TempDir);
+
+impl Scratch {
+    fn new() -> Self {
+        Self(scratch())
+    }
+
+    fn out(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn file(&self, name: &str, shape: &Shape, points: &[Point]) -> PathBuf {
+        let path = self.0.path().join(name);
+        shape.write(&path, points);
+        path
+    }
+}
+
+fn list(tile_m: f64, more: &[&str]) -> Vec<String> {
+    let mut list = settings(&["run.threads=2", "run.memory_mib=256"]);
+    list.push(format!("tiling.tile_length={tile_m}"));
+    list.extend(settings(more));
+    list
+}
+
+/// Runs one file and returns what it became.
+fn label(points: &[Point], tile_m: f64, more: &[&str]) -> (RunSummary, Labelled) {
+    let scratch = Scratch::new();
+    let files = vec![scratch.file("a.las", &Shape::default(), points)];
+    let summary = drive(&files, &scratch.out("out"), &list(tile_m, more)).unwrap();
+    let labelled = Labelled::read(&files, &scratch.out("out"));
+    assert_eq!(labelled.label.len(), points.len());
+    (summary, labelled)
+}
+
+#[test]
+fn a_drive_without_points_is_refused_and_an_empty_file_among_others_is_not() {
+    let scratch = Scratch::new();
+    let empty = scratch.file("empty.las", &Shape::default(), &[]);
+    let error = drive(std::slice::from_ref(&empty), &scratch.out("out"), &list(5.0, &[])).unwrap_err();
+    assert!(matches!(error, Error::Survey(SurveyError::Empty { files: 1 })), "{error}");
+    assert_eq!(error.kind(), ErrorKind::Input);
+    let points = Street::middling(1, Course::Straight).points();
+    let files = vec![
+        empty,
+        scratch.file("a.las", &Shape::default(), &points),
+        scratch.file("z.laz", &Shape::default(), &[]),
+    ];
+    let summary = drive(&files, &scratch.out("three"), &list(5.0, &[])).unwrap();
+    assert_eq!(summary.points, points.len() as u64);
+    let (_, alone) = label(&points, 5.0, &[]);
+    assert_eq!(Labelled::read(&files, &scratch.out("three")), alone);
+}
+
+#[test]
+fn one_point_is_noise_and_one_point_that_need_not_have_company_is_ground() {
+    let (summary, labelled) = label(&[Point::at([5, -5, 5])], 5.0, &[]);
+    assert_eq!((summary.objects, summary.tiles, &labelled.class[..]), (0, 1, &[7][..]));
+    let (_, labelled) = label(&[Point::at([5, -5, 5])], 5.0, &["noise.min_component_points=1"]);
+    assert_eq!(labelled.class, [2]);
+}
+
+#[test]
+fn ten_thousand_equal_points_are_one_place() {
+    let (summary, labelled) = label(&vec![Point::at([700, 800, 900]); 10_000], 1.0, &[]);
+    assert_eq!((summary.tiles, summary.counts.ground), (1, 10_000));
+    assert!(labelled.class.iter().all(|class| *class == 2));
+    // Above something low they are an object.
+    let mut points = vec![Point::at([700, 800, 5_900]); 10_000];
+    points.extend([Point::at([700, 800, 0]); 20]);
+    let (summary, labelled) = label(&points, 1.0, &[]);
+    assert_eq!((summary.objects, summary.counts.object), (1, 10_000));
+    assert!(labelled.label[..10_000].iter().all(|label| *label == 1));
+}
+
+#[test]
+fn points_kilometres_away_are_processed_like_any_other_and_change_nothing_here() {
+    let mut points = Street::middling(2, Course::Hairpin).points();
+    let (_, before) = label(&points, 5.0, &[]);
+    let count = points.len();
+    for away in [
+        [2_000_000_000, 0, 0],
+        [-900_000_000, 1_900_000_000, 0],
+        [5_000, 5_000, 1_500_000],
+        [5_000, 0, -400_000],
+    ] {
+        points.push(Point { time: points[count - 1].time, ..Point::at(away) });
+    }
+    number(&mut points);
+    for tile_m in [5.0, 1e6] {
+        let (summary, after) = label(&points, tile_m, &[]);
+        assert_eq!(after.class[..count], before.class[..]);
+        assert_eq!(after.label[..count], before.label[..]);
+        assert!(
+            after.class[count..].iter().all(|class| [7, 18].contains(class)),
+            "{:?}",
+            &after.class[count..]
+        );
+        assert!(
+            summary.warnings.iter().any(|text| text.contains("lie far from all others")),
+            "{:?}",
+            summary.warnings
+        );
+    }
+}
+
+/// Two clusters so far apart that a tile that held both could not count its extent in 31 bits.
+#[test]
+fn a_drive_as_wide_as_records_allow_keeps_its_objects() {
+    let shape = Shape { scale_tenths: 1, ..Shape::default() };
+    let block = |x: i64| {
+        (0..60_i64)
+            .flat_map(move |step| [[x + step * 10, 0, 5_000], [x + step % 5 * 100, 0, 0]].map(Point::at))
+    };
+    let points: Vec<Point> = block(-200_000_000).chain(block(0)).chain(block(200_000_000)).collect();
+    let run = |cell: &str| {
+        let scratch = Scratch::new();
+        let files = vec![scratch.file("wide.las", &shape, &points)];
+        let out = scratch.out("out");
+        let summary = drive(&files, &out, &list(0.0, &[cell])).unwrap();
+        let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
+        let ends: Vec<[f64; 2]> = table
+            .lines()
+            .skip(1)
+            .map(|row| [2, 5].map(|column| row.split(',').nth(column).unwrap().parse().unwrap()))
+            .collect();
+        (summary.objects, ends, Labelled::read(&files, &out))
+    };
+    let fine = run("tiling.cell=1.0");
+    assert_eq!(fine.0, 3);
+    // Smallest and largest x of each object.
+    assert_eq!(fine.1, [-200_000.0, 0.0, 200_000.0].map(|x| [x, x + 0.59]));
+    assert_eq!(run("tiling.cell=10.0"), fine);
+}
+
+#[test]
+fn heights_beyond_any_landscape_are_refused_with_both_ends() {
+    let scratch = Scratch::new();
+    let points = [Point::at([0; 3]), Point::at([0, 0, 2_000_000_000]), Point::at([0, 0, -2_000_000_000])];
+    let files = [scratch.file("high.las", &Shape::default(), &points)];
+    let error = drive(&files, &scratch.out("out"), &list(5.0, &[])).unwrap_err();
+    assert!(matches!(error, Error::Survey(SurveyError::Heights { .. })), "{error}");
+    assert!(error.to_string().contains("-2000000 m to 2000000 m"), "{error}");
+}
+
+#[test]
+fn times_that_are_no_numbers_are_counted_and_do_no_harm() {
+    let mut points = Street::middling(3, Course::Straight).points();
+    let (_, before) = label(&points, 5.0, &[]);
+    for (index, point) in points.iter_mut().enumerate().filter(|(index, _)| index % 3 == 0) {
+        point.time = [f64::NAN, f64::INFINITY, -1e300, f64::NEG_INFINITY][index % 4];
+    }
+    let (summary, after) = label(&points, 5.0, &[]);
+    assert_eq!((&after.class, &after.label), (&before.class, &before.label));
+    let bad = points.iter().filter(|point| !point.time.is_finite() || point.time.abs() >= 1e15).count();
+    assert!(
+        summary.warnings.contains(&format!("{bad} points have no finite GPS time")),
+        "{:?}",
+        summary.warnings
+    );
+    points.iter_mut().for_each(|point| point.time = f64::NAN);
+    let (_, after) = label(&points, 5.0, &[]);
+    assert_eq!((&after.class, &after.label), (&before.class, &before.label));
+}
+
+#[test]
+fn a_cut_file_degrees_and_equal_names_are_refused() {
+    let scratch = Scratch::new();
+    let points = Street::middling(4, Course::Loop).points();
+    let whole = scratch.file("a.las", &Shape::default(), &points);
+    let run = |files: &[PathBuf]| drive(files, &scratch.out("out"), &list(5.0, &[])).unwrap_err();
+
+    let bytes = std::fs::read(&whole).unwrap();
+    let cut = scratch.out("cut.las");
+    std::fs::write(&cut, &bytes[..bytes.len() - 100]).unwrap();
+    let error = run(&[cut]);
+    assert!(matches!(error, Error::Input(InputError::Truncated { .. })), "{error}");
+
+    let degrees =
+        scratch.file("degrees.las", &Shape { records: geographic(), ..Shape::default() }, &points[..9]);
+    let error = run(&[degrees]);
+    assert!(matches!(error, Error::Input(InputError::Geographic { .. })), "{error}");
+
+    std::fs::create_dir(scratch.out("b")).unwrap();
+    let same = scratch.out("b/A.LAS");
+    std::fs::copy(&whole, &same).unwrap();
+    let error = run(&[whole, same]);
+    assert!(matches!(error, Error::Output(OutputError::NameClash { .. })), "{error}");
+}
+
+#[test]
+fn two_hundred_tiny_files_are_one_drive() {
+    let scratch = Scratch::new();
+    let mut points = Street::middling(5, Course::Carriageways).points();
+    points.truncate(points.len() / 200 * 200);
+    let name = |part: usize| format!("part-{part:03}.{}", if part.is_multiple_of(2) { "las" } else { "laz" });
+    let parts = points.chunks(points.len() / 200).enumerate();
+    let files: Vec<PathBuf> =
+        parts.map(|(part, points)| scratch.file(&name(part), &Shape::default(), points)).collect();
+    assert_eq!(files.len(), 200);
+    drive(&files, &scratch.out("out"), &list(10.0, &[])).unwrap();
+    let (_, alone) = label(&points, 10.0, &[]);
+    assert_eq!(Labelled::read(&files, &scratch.out("out")), alone);
+}
+
+#[test]
+fn a_labelled_copy_fed_in_again_comes_out_as_it_is() {
+    let scratch = Scratch::new();
+    for name in ["a.las", "b.laz"] {
+        let points = Street::middling(6, Course::Straight).points();
+        let files = vec![scratch.file(name, &Shape::default(), &points)];
+        let [first, second] = ["first", "second"].map(|run| scratch.out(&format!("{run}-{name}")));
+        drive(&files, &first, &list(10.0, &[])).unwrap();
+        drive(&[first.join(name)], &second, &list(4.0, &[])).unwrap();
+        assert_same_outputs(&first, &second, name);
+    }
+}
+
+/// A ground filter as a newcomer would write it: everything below a height is ground.
+#[derive(Debug)]
+struct Below(i64);
+
+impl GroundFilter for Below {
+    fn name(&self) -> &'static str {
+        "below"
+    }
+    fn reach(&self, _: Lattice) -> Reach {
+        Reach::Exact { metres: 0.0 }
+    }
+    fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
+        let cloud = view.cloud();
+        for (index, class) in classes.iter_mut().enumerate().filter(|(_, class)| !class.is_noise()) {
+            if cloud.lattice_point(index)[2] < self.0 {
+                *class = PointClass::Ground;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A clustering method as a newcomer would write it: what is in one cube of a metre is one object.
+#[derive(Debug)]
+struct Cubes;
+
+impl Clusterer for Cubes {
+    fn name(&self) -> &'static str {
+        "cubes"
+    }
+    fn reach(&self, _: Lattice) -> Reach {
+        Reach::Exact { metres: 1.5 }
+    }
+    fn object_size(&self) -> std::ops::RangeInclusive<u64> {
+        2..=u64::MAX
+    }
+    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
+        let cube = |index: usize| cloud.lattice_point(index).map(|value| value.div_euclid(1_000));
+        let mut cubes: Vec<[i64; 3]> = (0..cloud.len()).map(cube).collect();
+        cubes.sort_unstable();
+        cubes.dedup();
+        for (index, label) in labels.iter_mut().enumerate() {
+            *label = 1 + u32::try_from(cubes.binary_search(&cube(index)).unwrap()).unwrap();
+        }
+        Ok(u32::try_from(cubes.len()).unwrap())
+    }
+}
+
+const BELOW: GroundEntry = GroundEntry {
+    name: "below",
+    summary: "below 1 m",
+    reference: "none",
+    build: |_| Ok(Box::new(Below(1_000))),
+};
+const CUBES: ClusterEntry = ClusterEntry {
+    name: "cubes",
+    summary: "cubes of a metre",
+    reference: "none",
+    build: |_| Ok(Method::Local(Box::new(Cubes))),
+};
+
+#[test]
+fn a_method_is_one_type_and_one_line() {
+    let scratch = Scratch::new();
+    let points = Street::middling(7, Course::Hairpin).points();
+    let files = vec![scratch.file("a.las", &Shape::default(), &points)];
+    let (mut filters, mut methods) = (ground::REGISTRY.to_vec(), cluster::REGISTRY.to_vec());
+    filters.push(BELOW);
+    methods.push(CUBES);
+    let registries = Registries { ground: &filters, cluster: &methods };
+    for tile_m in [3.0, 1e6] {
+        let out = scratch.out(&format!("{tile_m}"));
+        let list = list(tile_m, &["ground.method=below", "cluster.method=cubes", "noise.enabled=false"]);
+        run_with(&files, &out, &list, registries).unwrap();
+        let found = Labelled::read(&files, &out);
+        let cube = |index: usize| found.at[index].map(|value| value.div_euclid(1_000));
+        let partition = found.partition();
+        for (index, point) in points.iter().enumerate() {
+            assert_eq!(found.class[index] == 2, point.mm[2] < 1_000);
+            let first =
+                (0..points.len()).find(|&other| points[other].mm[2] >= 1_000 && cube(other) == cube(index));
+            let alone = (0..points.len()).filter(|&other| cube(other) == cube(index)).count() < 2;
+            assert_eq!(partition[index], first.filter(|_| point.mm[2] >= 1_000 && !alone), "point {index}");
+        }
+    }
+    assert_same_outputs(&scratch.out("3"), &scratch.out("1000000"), "cubes");
+}
+
+/// Fails where it sees one place, by an error or by a panic, and leaves everything else alone.
+#[derive(Debug)]
+struct Failing {
+    panics: bool,
+}
+
+/// The place, in lattice units: chainage 20 to 25 m of the street below.
+const BAD: std::ops::Range<i64> = 21_000..24_000;
+
+impl Clusterer for Failing {
+    fn name(&self) -> &'static str {
+        "failing"
+    }
+    fn reach(&self, _: Lattice) -> Reach {
+        Reach::Exact { metres: 0.0 }
+    }
+    fn object_size(&self) -> std::ops::RangeInclusive<u64> {
+        1..=u64::MAX
+    }
+    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
+        // As slow as a real tile, so that the engine has time to stop.
+        std::thread::sleep(std::time::Duration::from_millis(5));
+        if (0..cloud.len()).any(|index| BAD.contains(&cloud.lattice_point(index)[0])) {
+            assert!(!self.panics, "this method cannot count to three");
+            return Err(AlgorithmError::TooManyPoints { method: "failing", points: 5_000_000_000 });
+        }
+        labels.fill(0);
+        Ok(0)
+    }
+}
+
+const FAILING: ClusterEntry = ClusterEntry {
+    name: "failing",
+    summary: "fails at one place",
+    reference: "none",
+    build: |_| Ok(Method::Local(Box::new(Failing { panics: false }))),
+};
+const PANICKING: ClusterEntry =
+    ClusterEntry { build: |_| Ok(Method::Local(Box::new(Failing { panics: true }))), ..FAILING };
+
+/// Objects on ground every metre, over 40 m.
+fn row() -> Vec<Point> {
+    let mut points = Vec::new();
+    for x in 0..40_i64 {
+        points.extend((0..20).map(|step| Point::at([x * 1_000 + 500, step % 5 * 100, 0])));
+        points.extend((0..20).map(|step| Point::at([x * 1_000 + 500, 200, 2_000 + step * 100])));
+    }
+    points
+}
+
+#[derive(Default)]
+struct Failures(std::sync::Mutex<Vec<String>>);
+
+impl Observer for Failures {
+    fn event(&self, event: &Event<'_>) {
+        if let Event::UnitFailed { pass, unit, reason } = event {
+            self.0.lock().unwrap().push(format!("{pass} {unit}: {reason}"));
+        }
+    }
+}
+
+fn run_failing(files: &[PathBuf], out: &Path, entry: ClusterEntry, more: &[&str]) -> (Error, Vec<String>) {
+    let mut list = list(5.0, &["cluster.method=failing", "tiling.cell=0.5"]);
+    list.extend(settings(more));
+    let failures = Failures::default();
+    let registries = Registries { ground: ground::REGISTRY, cluster: &[entry] };
+    let request = RunRequest {
+        inputs: files.to_vec(),
+        out: out.to_owned(),
+        config: config(&list),
+        fresh: false,
+        registries,
+    };
+    let error = run(&request, &failures, &CancelToken::default()).unwrap_err();
+    (error, failures.0.into_inner().unwrap())
+}
+
+/// Tiles of a pass that have failed and that are done, by the files they left.
+fn units(out: &Path, pass: &str) -> (Vec<String>, usize) {
+    let names: Vec<String> = std::fs::read_dir(out.join(".chainage").join(pass))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    let mut failed: Vec<String> = names.iter().filter(|name| name.ends_with(".err.json")).cloned().collect();
+    failed.sort();
+    (failed, names.iter().filter(|name| name.ends_with(".bin")).count())
+}
+
+#[test]
+fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
+    let scratch = Scratch::new();
+    let files = vec![scratch.file("a.las", &Shape { format: 0, ..Shape::default() }, &row())];
+    for (entry, kind, text) in [
+        (FAILING, "Input", "failing: 5000000000 points in one tile, at most 4294967295 can be counted"),
+        (PANICKING, "Bug", "internal error: pass cluster, unit 4: this method cannot count to three"),
+    ] {
+        let out = scratch.out(kind);
+        let (error, told) = run_failing(&files, &out, entry, &[]);
+        let Error::UnitsFailed { pass, failed, total, first } = &error else { panic!("{error}") };
+        assert_eq!((pass.as_str(), *failed, *total), ("cluster", 1, 8), "{error}");
+        assert!(first.contains(text), "{first}");
+        assert_eq!(error.kind(), ErrorKind::UnitsFailed);
+        assert_eq!(told, [format!("cluster 4: {text}")]);
+        let (failed, done) = units(&out, "pass-03-cluster");
+        assert_eq!((failed, done), (vec!["unit-000004.err.json".to_owned()], 7));
+        let record: serde_json::Value = serde_json::from_slice(
+            &std::fs::read(out.join(".chainage/pass-03-cluster/unit-000004.err.json")).unwrap(),
+        )
+        .unwrap();
+        assert_eq!(
+            (&record["pass"], &record["unit"], &record["kind"]),
+            (&"cluster".into(), &4.into(), &kind.into())
+        );
+        assert_eq!(record["error"], text);
+        assert!(!out.join("a.las").exists(), "a copy that is not complete has its name");
+        // A method that does not fail there resumes: the one tile is done, and the record of the failure goes.
+        let mut list = list(5.0, &["cluster.method=failing", "tiling.cell=0.5"]);
+        list.push("run.threads=1".to_owned());
+        let good = ClusterEntry { build: |_| Ok(Method::Local(Box::new(Cubes))), ..FAILING };
+        let registries = Registries { ground: ground::REGISTRY, cluster: &[good] };
+        let summary = run_with(&files, &out, &list, registries).unwrap();
+        let figures = summary.passes.iter().find(|figures| figures.pass == "cluster").unwrap();
+        assert_eq!((figures.units, figures.resumed), (8, 7));
+        assert_eq!(units(&out, "pass-03-cluster"), (Vec::new(), 8));
+    }
+}
+
+#[test]
+fn fail_fast_stops_at_the_first_failure() {
+    let scratch = Scratch::new();
+    let files = vec![scratch.file("a.las", &Shape { format: 0, ..Shape::default() }, &row())];
+    let out = scratch.out("out");
+    let more = ["run.fail_fast=true", "run.threads=1", "tiling.tile_length=1"];
+    let (error, _) = run_failing(&files, &out, FAILING, &more);
+    // The bad place is three tiles wide, and tiles that were under way are finished.
+    assert!(matches!(error, Error::UnitsFailed { failed: 1..=3, total: 40, .. }), "{error}");
+    let (_, done) = units(&out, "pass-03-cluster");
+    assert!((20..27).contains(&done), "{done} tiles were done all the same");
+}

@@ -1,0 +1,527 @@
+//! The heart: however a drive is cut into tiles, files and threads, the result is that of the whole cloud by brute
+//! force; and what must not change it does not. Partitions, classes, ids and bytes are compared, never counts.
+
+use std::cell::Cell as Counter;
+use std::path::{Path, PathBuf};
+
+use chainage::cluster::{ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
+use chainage::error::AlgorithmError;
+use chainage::ground::{self, GroundEntry, GroundFilter, VoxelColumn, VoxelColumnConfig};
+use chainage::model::{Cell, CellGrid, Lattice, PointClass, Reach, TileCloud, TileView};
+use chainage::run::Registries;
+use chainage::tiling::{Plan, PlanRequest, Region, TileSize};
+use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
+
+use crate::util;
+use crate::util::drive::{Labelled, assert_same_outputs, drive, outputs, run_with, scratch, settings};
+use crate::util::las::{Point, Shape};
+use crate::util::oracle;
+use crate::util::street::{COURSES, Course, Street, number, permutation};
+
+/// Isolated noise in small scenes: fewer points are enough to be something.
+const SMALL: [&str; 4] =
+    ["noise.min_component_points=4", "noise.high=0.9", "euclidean.min_points=3", "run.memory_mib=256"];
+
+/// Settings of small scenes, tiles of so many metres, threads, and more.
+fn small(tile_m: f64, threads: usize, more: &[String]) -> Vec<String> {
+    let mut list = settings(&SMALL);
+    list.push(format!("tiling.tile_length={tile_m}"));
+    list.push(format!("run.threads={threads}"));
+    list.extend_from_slice(more);
+    list
+}
+
+/// Everything in one tile.
+const WHOLE_M: f64 = 1e6;
+
+/// Writes points cut into files of these shapes, in order; compressed if `chunk` says in chunks of how many records.
+fn write_files(folder: &Path, points: &[Point], shapes: &[Shape], chunk: Option<u32>) -> Vec<PathBuf> {
+    let bound = |part: usize| points.len() * part / shapes.len();
+    let write = |(part, shape): (usize, &Shape)| {
+        let path = folder.join(format!("part-{part}.{}", if chunk.is_some() { "laz" } else { "las" }));
+        shape.write_in_chunks(&path, &points[bound(part)..bound(part + 1)], chunk.unwrap_or(0));
+        path
+    };
+    shapes.iter().enumerate().map(write).collect()
+}
+
+fn one_file(folder: &Path, points: &[Point]) -> Vec<PathBuf> {
+    write_files(folder, points, &[Shape::default()], None)
+}
+
+/// Classes and object ids of the whole cloud by brute force.
+fn expected(
+    points: &[Point],
+    formats: &[u8],
+    d_t_mm: i64,
+    sizes: std::ops::RangeInclusive<usize>,
+) -> (Vec<u8>, Vec<u32>) {
+    let at: Vec<[i64; 3]> = points.iter().map(|point| point.mm).collect();
+    let noise = oracle::noise(&at, 300, 4, 900);
+    let hidden: Vec<bool> = noise.iter().map(|&code| code != 0).collect();
+    let ground = oracle::voxel_column(&at, &hidden, [300, 1_000, 500, 1_500]);
+    let object: Vec<usize> = (0..at.len()).filter(|&point| !hidden[point] && !ground[point]).collect();
+    let cloud: Vec<[i64; 3]> = object.iter().map(|&point| at[point]).collect();
+    let names = oracle::single_link(&cloud, d_t_mm);
+    let size = |name: usize| names.iter().filter(|&&other| other == name).count();
+    let mut label = vec![0; at.len()];
+    let mut next = 1;
+    for (index, &name) in names.iter().enumerate().filter(|(_, name)| sizes.contains(&size(**name))) {
+        if index == name {
+            label[object[index]] = next;
+            next += 1;
+        } else {
+            label[object[index]] = label[object[name]];
+        }
+    }
+    let class = (0..at.len()).map(|point| match (ground[point], noise[point]) {
+        (true, _) => 2,
+        (_, 2) => 7,
+        (_, 3) if formats[point] == 6 => 18,
+        (_, 3) => 7,
+        _ => 1,
+    });
+    (class.collect(), label)
+}
+
+/// One random case.
+#[derive(Debug, Clone)]
+struct Case {
+    street: Street,
+    shapes: Vec<Shape>,
+    tile_m: f64,
+    threads: usize,
+    d_t_mm: i64,
+    max_points: usize,
+    trajectory: bool,
+    shuffled: bool,
+    /// Records per chunk of compressed files; small, so that tiles read a few chunks and not the drive.
+    chunk: Option<u32>,
+}
+
+fn cases() -> impl Strategy<Value = Case> {
+    let base =
+        prop::sample::select(vec![[0; 3], [651_000_120, 5_423_000_990, 98_300], [-7_350, -120, -3_010]]);
+    let street = (
+        any::<u64>(),
+        prop::sample::select(COURSES.to_vec()),
+        prop_oneof![1 => 1..4_usize, 4 => 4..16_usize],
+        0..40_usize,
+        prop_oneof![1 => Just(0), 4 => 3..14_usize],
+        base,
+    )
+        .prop_map(|(seed, course, things, patches, strays, base_mm)| Street {
+            seed,
+            course,
+            things,
+            thing_points: 14,
+            patches,
+            strays,
+            base_mm,
+        });
+    let shape = (
+        prop::sample::select(vec![0_u8, 1, 6]),
+        prop::sample::select(vec![1_i64, 10, 10, 20, 100]),
+        0..5_000_i64,
+    );
+    let shapes = prop::collection::vec(shape, 1..=3);
+    let tile_m = prop_oneof![3 => 1.0..6.0, 1 => 6.0..60.0];
+    let chunk = prop_oneof![Just(None), (5..20_u32).prop_map(Some)];
+    let d_t = prop::sample::select(vec![300_i64, 450, 1_200]);
+    let flags = (any::<bool>(), prop::bool::weighted(0.3), prop::sample::select(vec![0_usize, 9]), chunk);
+    (street, shapes, tile_m, prop::sample::select(vec![1_usize, 2, 4]), d_t, flags).prop_map(
+        |(street, shapes, tile_m, threads, d_t_mm, (trajectory, shuffled, max_points, chunk))| {
+            let shape = |(format, scale_tenths, shift): (u8, i64, i64)| Shape {
+                format,
+                scale_tenths,
+                offset_mm: street.base_mm.map(|base| base + shift * 10),
+                records: Vec::new(),
+            };
+            let shapes = shapes.into_iter().map(shape).collect();
+            Case { street, shapes, tile_m, threads, d_t_mm, max_points, trajectory, shuffled, chunk }
+        },
+    )
+}
+
+impl Case {
+    fn points(&self) -> Vec<Point> {
+        let mut points = self.street.points();
+        if self.shuffled {
+            points =
+                permutation(points.len(), self.street.seed).into_iter().map(|index| points[index]).collect();
+            number(&mut points);
+        }
+        points
+    }
+
+    /// Format of the file that each of `count` points is in.
+    fn formats(&self, count: usize) -> Vec<u8> {
+        let mut formats = Vec::new();
+        for (part, shape) in self.shapes.iter().enumerate() {
+            formats.resize(count * (part + 1) / self.shapes.len(), shape.format);
+        }
+        formats
+    }
+}
+
+/// Any scene, cut any way, on any number of threads: what brute force says of the whole, and the bytes of one tile.
+#[test]
+fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte() {
+    let [cases_run, rich, by_block] = [0; 3].map(|zero: u32| Counter::new(zero));
+    let compare = |case: Case| {
+        let folder = scratch();
+        let points = case.points();
+        let files = write_files(folder.path(), &points, &case.shapes, case.chunk);
+        let mut more = vec![
+            format!("euclidean.d_t={}", case.d_t_mm as f64 / 1_000.0),
+            format!("euclidean.max_points={}", case.max_points),
+        ];
+        if case.trajectory {
+            let path = folder.path().join("trajectory.csv");
+            std::fs::write(&path, case.street.trajectory()).unwrap();
+            more.push(format!("axis.trajectory={:?}", path.display().to_string()));
+        }
+        let [tiled, whole] = ["tiled", "whole"].map(|name| folder.path().join(name));
+        let in_tiles = drive(&files, &tiled, &small(case.tile_m, case.threads, &more)).unwrap();
+        let summary = drive(&files, &whole, &small(WHOLE_M, 1, &more)).unwrap();
+        prop_assert_eq!(summary.tiles, 1);
+        assert_same_outputs(&tiled, &whole, "tiled against one tile");
+
+        let found = Labelled::read(&files, &tiled);
+        let most = if case.max_points == 0 { usize::MAX } else { case.max_points };
+        let (class, label) = expected(&points, &case.formats(points.len()), case.d_t_mm, 3..=most);
+        prop_assert_eq!(&found.class, &class);
+        prop_assert_eq!(&found.label, &label);
+        let has = |class: &[u8]| found.class.iter().any(|code| class.contains(code));
+        let count = |counter: &Counter<u32>, yes: bool| counter.set(counter.get() + u32::from(yes));
+        count(&cases_run, true);
+        count(&rich, in_tiles.tiles > 3 && summary.objects > 1 && has(&[2]) && has(&[7, 18]));
+        count(&by_block, in_tiles.tiles > 3 && in_tiles.passes.iter().all(|pass| pass.pass != "scatter"));
+        Ok(())
+    };
+    TestRunner::new(ProptestConfig::with_source_file(file!())).run(&cases(), compare).unwrap();
+    // Drives of one tile, without ground, noise or objects, prove little; and both ways to gather a tile must occur.
+    let counts = [rich, by_block].map(|counter| counter.get());
+    assert!(
+        counts[0] * 3 > cases_run.get() && counts[1] * 10 > cases_run.get(),
+        "{counts:?} of {}",
+        cases_run.get()
+    );
+}
+
+/// A street of a few thousand points per course, for tests that need no brute force.
+fn middling() -> impl Iterator<Item = (Course, Vec<Point>)> {
+    COURSES.into_iter().map(|course| (course, Street::middling(17, course).points()))
+}
+
+/// The labelled points of one file with these points, in tiles of 5 m.
+fn labelled(points: &[Point]) -> Labelled {
+    let folder = scratch();
+    let files = one_file(folder.path(), points);
+    let out = folder.path().join("out");
+    let summary = drive(&files, &out, &small(5.0, 2, &[])).unwrap();
+    assert!(
+        summary.tiles > 4 && summary.objects > 10,
+        "{} tiles, {} objects",
+        summary.tiles,
+        summary.objects
+    );
+    Labelled::read(&files, &out)
+}
+
+#[test]
+fn threads_and_tile_length_change_no_byte() {
+    for (course, points) in middling() {
+        let folder = scratch();
+        let files = write_files(
+            folder.path(),
+            &points,
+            &[Shape::default(), Shape { format: 1, ..Shape::default() }],
+            Some(300),
+        );
+        let whole = folder.path().join("whole");
+        drive(&files, &whole, &small(WHOLE_M, 1, &[])).unwrap();
+        for (tile_m, threads) in [(1.0, 2), (3.3, 1), (3.3, 4), (20.0, 2), (60.0, 1)] {
+            let out = folder.path().join(format!("{tile_m}-{threads}"));
+            drive(&files, &out, &small(tile_m, threads, &[])).unwrap();
+            assert_same_outputs(&whole, &out, &format!("{course:?}, tiles of {tile_m} m, {threads} threads"));
+        }
+    }
+}
+
+#[test]
+fn moving_the_drive_by_whole_voxels_and_cells_changes_no_label_and_no_class() {
+    let (_, points) = middling().nth(1).unwrap();
+    let before = labelled(&points);
+    // Voxels of 300 mm and cells of 1 m have common faces every 3 m.
+    for shift in [[3_000, 0, 0], [-651_000, 99_000, -300], [300_000_000, -300_000_000, 90_000]] {
+        let move_by =
+            |point: &Point| Point { mm: std::array::from_fn(|axis| point.mm[axis] + shift[axis]), ..*point };
+        let moved: Vec<Point> = points.iter().map(move_by).collect();
+        let after = labelled(&moved);
+        assert_eq!(after.label, before.label, "{shift:?}");
+        assert_eq!(after.class, before.class, "{shift:?}");
+    }
+}
+
+/// Compares points at new places in the file with what they were at their old ones.
+fn assert_reordered(points: &[Point], order: &[usize], before: &Labelled, what: &str) {
+    let moved: Vec<Point> = order.iter().map(|&index| points[index]).collect();
+    let after = labelled(&moved);
+    let picked = before.pick(order);
+    assert_eq!((&after.at, &after.mark), (&picked.at, &picked.mark), "{what}: the test itself");
+    assert_eq!(after.class, picked.class, "{what}");
+    assert_eq!(after.partition(), picked.partition(), "{what}");
+    // Ids follow the smallest point of an object, which is another one now.
+    let ids: Vec<u32> = {
+        let mut firsts: Vec<usize> = after.partition().into_iter().flatten().collect();
+        firsts.sort_unstable();
+        firsts.dedup();
+        firsts.iter().map(|&first| after.label[first]).collect()
+    };
+    assert_eq!(ids, (1..=u32::try_from(ids.len()).unwrap()).collect::<Vec<_>>(), "{what}");
+}
+
+#[test]
+fn the_order_of_records_changes_neither_partition_nor_classes() {
+    for (course, points) in middling() {
+        let before = labelled(&points);
+        let reversed: Vec<usize> = (0..points.len()).rev().collect();
+        assert_reordered(&points, &reversed, &before, &format!("{course:?} driven backwards"));
+        let shuffled = permutation(points.len(), 4);
+        assert_reordered(&points, &shuffled, &before, &format!("{course:?} shuffled"));
+    }
+}
+
+#[test]
+fn one_drive_in_five_files_is_the_same_drive() {
+    for (course, points) in middling() {
+        let folder = scratch();
+        let out = folder.path().join("out");
+        let files = write_files(folder.path(), &points, &vec![Shape::default(); 5], None);
+        drive(&files, &out, &small(5.0, 2, &[])).unwrap();
+        assert_eq!(Labelled::read(&files, &out), labelled(&points), "{course:?}");
+    }
+}
+
+#[test]
+fn points_beyond_reach_change_nothing_here() {
+    let (_, mut points) = middling().next().unwrap();
+    let before = labelled(&points);
+    let count = points.len();
+    let far: Vec<Point> = points
+        .iter()
+        .map(|point| Point {
+            mm: [point.mm[0] + 30_000, point.mm[1] + 240_030, point.mm[2] + 1_230],
+            ..*point
+        })
+        .collect();
+    points.extend(far);
+    let after = labelled(&points);
+    assert_eq!(after.class[..count], before.class[..]);
+    assert_eq!(after.label[..count], before.label[..]);
+    assert!(after.label[count..].iter().any(|&label| label != 0));
+}
+
+#[test]
+fn a_compressed_drive_has_the_records_of_the_uncompressed_one() {
+    for (course, points) in middling() {
+        for format in [1, 6] {
+            let folder = scratch();
+            let shapes = [Shape { format, ..Shape::default() }];
+            let las = write_files(folder.path(), &points, &shapes, None);
+            let laz = write_files(folder.path(), &points, &shapes, Some(700));
+            let [one, other] = ["las", "laz"].map(|name| folder.path().join(name));
+            drive(&las, &one, &small(5.0, 1, &[])).unwrap();
+            drive(&laz, &other, &small(7.0, 2, &[])).unwrap();
+            let found = Labelled::read(&las, &one);
+            assert_eq!(found, Labelled::read(&laz, &other), "{course:?}, format {format}");
+            assert_eq!(found.mark, points.iter().map(|point| point.mark).collect::<Vec<_>>());
+            let table = |out: &Path| {
+                let text = String::from_utf8(outputs(out).remove(0).1).unwrap();
+                text.replace("part-0.laz", "part-0.las")
+            };
+            assert_eq!(table(&one), table(&other));
+        }
+    }
+}
+
+/// A clusterer or filter that says it looks no further than a point.
+#[derive(Debug)]
+struct Shortsighted<T>(T);
+
+impl Clusterer for Shortsighted<Euclidean> {
+    fn name(&self) -> &'static str {
+        "shortsighted-links"
+    }
+    fn reach(&self, _: Lattice) -> Reach {
+        Reach::Exact { metres: 0.0 }
+    }
+    fn object_size(&self) -> std::ops::RangeInclusive<u64> {
+        self.0.object_size()
+    }
+    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
+        self.0.cluster(cloud, labels)
+    }
+}
+
+impl GroundFilter for Shortsighted<VoxelColumn> {
+    fn name(&self) -> &'static str {
+        "shortsighted-ground"
+    }
+    fn reach(&self, _: Lattice) -> Reach {
+        Reach::Exact { metres: 0.0 }
+    }
+    fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
+        self.0.classify(view, classes)
+    }
+}
+
+const FAR_LINKS: EuclideanConfig = EuclideanConfig { d_t: 3.5, min_points: 2, max_points: 0 };
+const FAR_GROUND: VoxelColumnConfig =
+    VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 6.0 };
+
+const SHORTSIGHTED_LINKS: ClusterEntry = ClusterEntry {
+    name: "shortsighted-links",
+    summary: "links over 3.5 m, and says 0",
+    reference: "none",
+    build: |_| Ok(Method::Local(Box::new(Shortsighted(Euclidean::new(&FAR_LINKS)?)))),
+};
+const HONEST_LINKS: ClusterEntry = ClusterEntry {
+    build: |_| Ok(Method::Local(Box::new(Euclidean::new(&FAR_LINKS)?))),
+    ..SHORTSIGHTED_LINKS
+};
+const SHORTSIGHTED_GROUND: GroundEntry = GroundEntry {
+    name: "shortsighted-ground",
+    summary: "looks 6 m far, and says 0",
+    reference: "none",
+    build: |_| Ok(Box::new(Shortsighted(VoxelColumn::new(&FAR_GROUND)?))),
+};
+const HONEST_GROUND: GroundEntry =
+    GroundEntry { build: |_| Ok(Box::new(VoxelColumn::new(&FAR_GROUND)?)), ..SHORTSIGHTED_GROUND };
+
+/// A row of posts 3 m apart on ground that rises by steps, over 60 m: linked and judged across every seam.
+fn posts() -> Vec<Point> {
+    let mut points = Vec::new();
+    for post in 0..20_i64 {
+        points.extend((0..30).map(|step| Point::at([post * 3_000, 500, 2_000 + step * 100])));
+        points.extend(
+            (0..40).map(|step| Point::at([post * 3_000 + step % 8 * 100, step / 8 * 300, post * 400])),
+        );
+    }
+    number(&mut points);
+    points
+}
+
+/// With a halo of nothing the comparison of tiled and whole must fail: if it did not, it would prove nothing.
+#[test]
+fn without_a_halo_the_comparison_fails() {
+    let run = |ground: &[GroundEntry], cluster: &[ClusterEntry], tile_m: f64| {
+        let folder = scratch();
+        let files = one_file(folder.path(), &posts());
+        let registries = Registries { ground, cluster };
+        let mut list = small(tile_m, 2, &[]);
+        // Noise off, and cells as small as they can be: the dilation of a core is never less than a cell.
+        list.extend(settings(&["noise.enabled=false", "noise.min_component_points=1", "tiling.cell=0.5"]));
+        list.push(format!("ground.method={:?}", ground[0].name));
+        list.push(format!("cluster.method={:?}", cluster[0].name));
+        // Sections must exist in the defaults; methods of a test have none, so they take no settings.
+        run_with(&files, &folder.path().join("out"), &list, registries).unwrap();
+        Labelled::read(&files, &folder.path().join("out"))
+    };
+    let honest = run(&[HONEST_GROUND], &[HONEST_LINKS], WHOLE_M);
+    let tiled = run(&[HONEST_GROUND], &[HONEST_LINKS], 5.0);
+    assert_eq!((&tiled.class, tiled.partition()), (&honest.class, honest.partition()));
+
+    let links = run(&[HONEST_GROUND], &[SHORTSIGHTED_LINKS], 5.0);
+    assert_eq!(links.class, honest.class);
+    assert_ne!(links.partition(), honest.partition(), "a lying reach of the clustering went unnoticed");
+    let ground = run(&[SHORTSIGHTED_GROUND], &[HONEST_LINKS], 5.0);
+    assert_ne!(ground.class, honest.class, "a lying reach of the ground filter went unnoticed");
+    assert_eq!(ground::REGISTRY.iter().filter(|entry| entry.name.starts_with("shortsighted")).count(), 0);
+}
+
+/// Occupied cells with points and chainages of any kind, ascending by cell.
+fn occupied() -> impl Strategy<Value = Vec<(Cell, u32, f64)>> {
+    let near = (-40..40_i32, -40..40_i32);
+    let any_cell = prop_oneof![9 => near, 1 => (any::<i32>(), any::<i32>())];
+    let chainage = prop_oneof![Just(0.0), -5.0..200.0, (0..40_i32).prop_map(|step| f64::from(step) * 5.0)];
+    prop::collection::btree_map(any_cell, (1..500_u32, chainage), 1..150).prop_map(|cells| {
+        cells.into_iter().map(|((i, j), (points, chainage))| ([i, j], points, chainage)).collect()
+    })
+}
+
+fn sizes() -> impl Strategy<Value = TileSize> {
+    prop_oneof![(1..20_000_u64).prop_map(TileSize::Points), (1.0..100.0).prop_map(TileSize::Metres)]
+}
+
+/// Border-to-border distance of two cells, squared, in lattice units.
+fn gap_squared(a: Cell, b: Cell, edge: i64) -> i128 {
+    let along = |axis: usize| {
+        i128::from((i64::from(a[axis]) - i64::from(b[axis])).abs() - 1).max(0) * i128::from(edge)
+    };
+    along(0).pow(2) + along(1).pow(2)
+}
+
+proptest! {
+    /// Every occupied cell is in the core of exactly one tile, and a region is the core and all that is near it.
+    #[test]
+    fn cores_are_complete_and_disjoint_and_halos_are_all_that_is_near(
+        drawn in occupied(), size in sizes(), reach in 0..4_000_i64,
+    ) {
+        let cells: Vec<(Cell, u32)> = drawn.iter().map(|cell| (cell.0, cell.1)).collect();
+        let chainage_m: Vec<f64> = drawn.iter().map(|cell| cell.2).collect();
+        let grid = CellGrid::new(700);
+        let plan = Plan::new(&PlanRequest { cells: &cells, chainage_m: &chainage_m, grid, size });
+        let mut owned: Vec<Cell> = plan.tiles.iter().flat_map(|tile| tile.cells.iter().copied()).collect();
+        owned.sort_unstable();
+        prop_assert_eq!(owned, cells.iter().map(|cell| cell.0).collect::<Vec<_>>());
+        for (number, tile) in plan.tiles.iter().enumerate() {
+            prop_assert!(!tile.cells.is_empty());
+            let region = plan.region(number, reach);
+            let mut points = 0;
+            for (cell, count) in &cells {
+                let owner = plan.owners().get(*cell) as usize;
+                let core = tile.cells.binary_search(cell).is_ok();
+                prop_assert_eq!(core, owner == number + 1);
+                let near = || tile.cells.iter().any(|own| gap_squared(*own, *cell, 700) <= i128::from(reach).pow(2));
+                let role = if core { Region::CORE } else if near() { Region::HALO } else { 0 };
+                prop_assert_eq!(region.roles.get(*cell), role, "tile {}, cell {:?}", number, cell);
+                points += if role == 0 { 0 } else { u64::from(*count) };
+            }
+            prop_assert_eq!(region.points, points);
+        }
+    }
+}
+
+/// The same on a real street, where it is there; `scripts/exactness.sh` does this on all scenes.
+#[test]
+fn a_real_street_is_the_same_in_any_tiles() {
+    let Some(data) = util::shared_data() else { return };
+    let folder = scratch();
+    let laz = vec![folder.path().join("street.laz")];
+    std::fs::copy(data.join("real/lille_street.laz"), &laz[0]).unwrap();
+    let list = |tile_m: f64, threads: usize| {
+        vec![
+            format!("tiling.tile_length={tile_m}"),
+            format!("run.threads={threads}"),
+            "run.memory_mib=512".to_owned(),
+        ]
+    };
+    let whole = folder.path().join("whole");
+    drive(&laz, &whole, &list(WHOLE_M, 1)).unwrap();
+    for (tile_m, threads) in [(5.0, 2), (20.0, 4)] {
+        let out = folder.path().join(format!("{tile_m}"));
+        drive(&laz, &out, &list(tile_m, threads)).unwrap();
+        assert_same_outputs(&whole, &out, &format!("tiles of {tile_m} m"));
+    }
+    let mut as_las = list(5.0, 2);
+    as_las.push("output.format=las".to_owned());
+    let copy = folder.path().join("copy");
+    drive(&laz, &copy, &as_las).unwrap();
+    let las = vec![copy.join("street.las")];
+    let again = folder.path().join("again");
+    drive(&las, &again, &list(7.0, 2)).unwrap();
+    assert_eq!(Labelled::read(&las, &again), Labelled::read(&laz, &whole), "LAS against LAZ");
+}

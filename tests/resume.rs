@@ -1,0 +1,508 @@
+//! Interruption: killed, cut off, out of space, damaged, changed under way; the same command goes on, recomputes what
+//! it must and nothing else, and the result is that of an undisturbed run, byte by byte.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::util::drive::{assert_same_outputs, outputs, scratch, touch};
+use crate::util::las::Shape;
+use crate::util::program::{ended, events, finished, run_command, run_to_the_end, shell, wait_until};
+use crate::util::shipped;
+use crate::util::street::{Course, Street};
+
+/// Many small units.
+const TILES: [&str; 4] = ["--tile-length", "4", "--memory", "256M"];
+
+fn options<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    TILES.iter().copied().chain(more.iter().copied()).collect()
+}
+
+/// A street of some 15,000 points.
+fn street() -> Street {
+    Street { things: 300, patches: 2_000, ..Street::middling(5, Course::Straight) }
+}
+
+/// A folder with a street as LAS and as LAZ, and a copy of the shipped sample.
+struct Inputs {
+    folder: tempfile::TempDir,
+}
+
+impl Inputs {
+    fn new() -> Self {
+        let folder = scratch();
+        let points = street().points();
+        Shape::default().write(&folder.path().join("street.las"), &points);
+        Shape::default().write_in_chunks(&folder.path().join("street.laz"), &points, 500);
+        std::fs::copy(shipped("tests/data/tree_road_sweep.laz"), folder.path().join("sweep.laz"))
+            .expect("copied");
+        Self { folder }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn list(&self, name: &str) -> Vec<PathBuf> {
+        vec![self.path(name)]
+    }
+
+    /// The output directory of an undisturbed run.
+    fn undisturbed(&self, input: &str, more: &[&str]) -> PathBuf {
+        let out = self.path(&format!("undisturbed-{input}"));
+        run_to_the_end(&self.list(input), &out, &options(more));
+        out
+    }
+}
+
+#[test]
+fn killed_at_random_moments_it_goes_on_to_the_same_bytes() {
+    let inputs = Inputs::new();
+    for (seed, input) in (0_u64..).zip(["sweep.laz", "street.las"]) {
+        let undisturbed = inputs.undisturbed(input, &[]);
+        let out = inputs.path("killed");
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut cut_short = 0;
+        for round in 0..8_u64 {
+            let threads = ["1", "2", "4"][random.random_range(0..3_usize)];
+            let mut child = run_command(&inputs.list(input), &out, &options(&["--threads", threads]))
+                .spawn()
+                .expect("starts");
+            std::thread::sleep(Duration::from_millis(random.random_range(0..40 + round * 10)));
+            // SIGKILL: nothing is flushed, nothing is said.
+            child.kill().expect("killed");
+            cut_short += u32::from(!child.wait().expect("ended").success());
+        }
+        run_to_the_end(&inputs.list(input), &out, &options(&[]));
+        assert_same_outputs(&undisturbed, &out, input);
+        assert!(cut_short > 0, "no run of {input} was killed in time");
+        std::fs::remove_dir_all(&out).expect("removed");
+    }
+}
+
+#[test]
+fn other_threads_recompute_nothing() {
+    let inputs = Inputs::new();
+    let out = inputs.undisturbed("street.laz", &["--threads", "2"]);
+    let (before, bytes) = (events(&out), outputs(&out));
+    assert!(finished(&before, "ground") > 15, "{} tiles", finished(&before, "ground"));
+    for more in [["--threads", "1"], ["--threads", "4"], ["--memory", "512M"]] {
+        // Memory is given twice, the later one counts: only for the first two.
+        let list =
+            if more[0] == "--memory" { vec!["--tile-length", "4", more[0], more[1]] } else { options(&more) };
+        run_to_the_end(&inputs.list("street.laz"), &out, &list);
+    }
+    let after = events(&out);
+    let units =
+        |list: &[serde_json::Value]| list.iter().filter(|event| event["event"] == "unit-finished").count();
+    assert_eq!(units(&after), units(&before), "something was computed again");
+    assert!(outputs(&out) == bytes);
+}
+
+#[test]
+fn a_tile_length_left_to_the_memory_keeps_its_tiles_when_threads_change() {
+    let inputs = Inputs::new();
+    let out = inputs.path("out");
+    run_to_the_end(&inputs.list("sweep.laz"), &out, &["--threads", "1", "--memory", "128M"]);
+    let before = events(&out).len();
+    run_to_the_end(&inputs.list("sweep.laz"), &out, &["--threads", "4", "--memory", "1G"]);
+    assert!(events(&out)[before..].iter().all(|event| event["event"] != "unit-finished"));
+}
+
+#[test]
+fn a_changed_distance_redoes_clusters_and_files_and_nothing_before() {
+    let inputs = Inputs::new();
+    let out = inputs.undisturbed("street.las", &[]);
+    let first = outputs(&out);
+    let before = events(&out).len();
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.d_t=0.5"]));
+    let after = &events(&out)[before..];
+    let counts = ["survey", "ground", "cluster", "export"].map(|pass| finished(after, pass));
+    assert_eq!(counts[..2], [0, 0], "survey and ground were computed again");
+    assert!(counts[2] > 15 && counts[3] > 0, "{counts:?}");
+    assert!(outputs(&out) != first, "another distance gives the same objects");
+    let direct = inputs.path("direct");
+    run_to_the_end(&inputs.list("street.las"), &direct, &options(&["--set", "euclidean.d_t=0.5"]));
+    assert_same_outputs(&direct, &out, "changed distance");
+    // And back again.
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
+    assert!(outputs(&out) == first);
+}
+
+/// Overwrites bytes in the middle of a file and gives it a new time, or keeps the old one.
+fn overwrite(path: &Path, at: u64, bytes: &[u8], keep_time: bool) {
+    use std::os::unix::fs::FileExt;
+    let file = std::fs::File::options().read(true).write(true).open(path).expect("the file");
+    let time = file.metadata().expect("facts").modified().expect("a time");
+    file.write_all_at(bytes, at).expect("written");
+    let later = time + Duration::from_secs(3);
+    file.set_modified(if keep_time { time } else { later }).expect("a time");
+}
+
+fn refused(inputs: &[PathBuf], out: &Path, more: &[&str], code: i32, texts: &[&str]) {
+    let output = run_command(inputs, out, &options(more)).output().expect("starts");
+    let (found, errors) = ended(&output);
+    assert_eq!(found, code, "{errors}");
+    for text in texts {
+        assert!(errors.contains(text), "{text:?} is not in:\n{errors}");
+    }
+}
+
+#[test]
+fn another_input_is_refused_and_a_touched_one_is_not() {
+    let inputs = Inputs::new();
+    for name in ["street.las", "street.laz"] {
+        let (path, out) = (inputs.path(name), inputs.undisturbed(name, &[]));
+        let bytes = outputs(&out);
+        touch(&path);
+        let before = events(&out).len();
+        run_to_the_end(&inputs.list(name), &out, &options(&[]));
+        assert_eq!(finished(&events(&out)[before..], "ground"), 0, "a touched {name} was computed again");
+        assert!(outputs(&out) == bytes);
+    }
+    let out = inputs.path("undisturbed-street.las");
+    // Another coordinate, same size: x of record 1,000.
+    overwrite(&inputs.path("street.las"), 375 + 1_000 * 30, &77_i32.to_le_bytes(), false);
+    refused(&inputs.list("street.las"), &out, &[], 6, &["the points of street.las have changed", "--fresh"]);
+    // Another name, more files, another size.
+    std::fs::copy(inputs.path("street.las"), inputs.path("other.las")).expect("copied");
+    refused(&inputs.list("other.las"), &out, &[], 6, &["file street.las then, other.las in its place now"]);
+    let two = vec![inputs.path("street.las"), inputs.path("other.las")];
+    refused(&two, &out, &[], 6, &["1 files then, 2 now"]);
+    let mut longer = std::fs::read(inputs.path("street.las")).expect("read");
+    longer.extend([0; 100]);
+    std::fs::write(inputs.path("street.las"), longer).expect("written");
+    refused(&inputs.list("street.las"), &out, &[], 6, &["bytes and", "then", "now"]);
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&["--fresh"]));
+}
+
+/// A compressed file is changed, refused, and restored with its old time: what was unpacked of the wrong one must not
+/// be used.
+#[test]
+fn a_refused_input_leaves_no_trace_in_the_state() {
+    let inputs = Inputs::new();
+    let path = inputs.path("street.laz");
+    let mut points = street().points();
+    let right = Shape::default().compressed(&points, 500);
+    points[2_000].mm[0] += 50_000;
+    points[2_001].mm[1] -= 50_000;
+    let wrong = Shape::default().compressed(&points, 500);
+    // Both get the same size: a file may hold anything after its points.
+    let size = right.len().max(wrong.len());
+    let time = std::time::SystemTime::now() - Duration::from_secs(100);
+    let put = |bytes: &[u8], since: u64| {
+        let mut bytes = bytes.to_vec();
+        bytes.resize(size, 0);
+        std::fs::write(&path, bytes).expect("written");
+        let file = std::fs::File::options().write(true).open(&path).expect("the file");
+        file.set_modified(time + Duration::from_secs(since)).expect("a time");
+    };
+    put(&right, 0);
+    // Tiles so long that they read the unpacked positions, and not points grouped by tile.
+    let long = ["--tile-length", "30"];
+    let out = inputs.path("out");
+    run_to_the_end(&inputs.list("street.laz"), &out, &long);
+    assert_eq!(finished(&events(&out), "scatter"), 0);
+    put(&wrong, 50);
+    let output = run_command(&inputs.list("street.laz"), &out, &long).output().expect("starts");
+    let (code, errors) = ended(&output);
+    assert!(code == 6 && errors.contains("the points of street.laz have changed"), "{code}: {errors}");
+    put(&right, 0);
+    let more = [long[0], long[1], "--set", "noise.min_component_points=5"];
+    run_to_the_end(&inputs.list("street.laz"), &out, &more);
+    let direct = inputs.path("direct");
+    run_to_the_end(&inputs.list("street.laz"), &direct, &more);
+    assert_same_outputs(&direct, &out, "after a refused input");
+}
+
+#[test]
+fn a_locked_directory_is_refused_and_says_who_holds_it() {
+    let inputs = Inputs::new();
+    let out = inputs.undisturbed("sweep.laz", &[]);
+    let lock =
+        std::fs::File::options().read(true).write(true).open(out.join(".chainage/lock")).expect("the lock");
+    lock.lock().expect("free");
+    refused(
+        &inputs.list("sweep.laz"),
+        &out,
+        &[],
+        7,
+        &["is in use by process", "hint: wait for the other run"],
+    );
+    lock.unlock().expect("held");
+    run_to_the_end(&inputs.list("sweep.laz"), &out, &options(&[]));
+}
+
+/// Every unit file of the state.
+fn unit_files(out: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for pass in std::fs::read_dir(out.join(".chainage")).expect("the state") {
+        let pass = pass.expect("an entry").path();
+        if pass.is_dir() {
+            let entries =
+                std::fs::read_dir(pass).expect("readable").map(|entry| entry.expect("an entry").path());
+            files.extend(entries.filter(|path| path.extension().is_some_and(|extension| extension == "bin")));
+        }
+    }
+    files.sort();
+    files
+}
+
+#[test]
+fn damaged_unit_files_are_noticed_and_computed_again() {
+    let inputs = Inputs::new();
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    for name in ["sweep.laz", "street.las"] {
+        let out = inputs.undisturbed(name, &[]);
+        let bytes = outputs(&out);
+        for damage in ["cut", "flipped", "emptied", "removed"] {
+            let files = unit_files(&out);
+            assert!(files.len() > 15, "{} unit files", files.len());
+            for path in &files {
+                let mut content = std::fs::read(path).expect("read");
+                let at = random.random_range(0..content.len());
+                match damage {
+                    "cut" => content.truncate(at),
+                    "flipped" => content[at] ^= 1 << random.random_range(0..8),
+                    "emptied" => content.clear(),
+                    _ => {
+                        std::fs::remove_file(path).expect("removed");
+                        continue;
+                    }
+                }
+                std::fs::write(path, content).expect("written");
+            }
+            std::fs::remove_file(out.join("objects.csv")).expect("removed");
+            let before = events(&out).len();
+            run_to_the_end(&inputs.list(name), &out, &options(&[]));
+            let after = &events(&out)[before..];
+            let again: usize =
+                ["survey", "scatter", "ground", "cluster"].iter().map(|pass| finished(after, pass)).sum();
+            assert_eq!(again, files.len(), "{damage}");
+            let refusals = after.iter().filter(|event| event["event"] == "refused").count();
+            assert_eq!(refusals, if damage == "removed" { 0 } else { files.len() }, "{damage}");
+            assert!(outputs(&out) == bytes, "{name} after unit files were {damage}");
+        }
+    }
+}
+
+/// What lies beside the unit files: values per point, positions, half-written copies. Without them a finished unit is
+/// not finished.
+#[test]
+fn lost_columns_are_noticed_and_computed_again() {
+    let inputs = Inputs::new();
+    let out = inputs.undisturbed("sweep.laz", &[]);
+    let bytes = outputs(&out);
+    for column in ["positions/00000", "scattered/000000", "classes/00000", "labels/00000"] {
+        for lost in [true, false] {
+            let path = out.join(".chainage").join(column);
+            if lost {
+                std::fs::remove_file(&path).expect("removed");
+            } else {
+                std::fs::File::options()
+                    .write(true)
+                    .open(&path)
+                    .expect("the column")
+                    .set_len(1_000)
+                    .expect("cut");
+            }
+            std::fs::remove_file(out.join("objects.csv")).expect("removed");
+            run_to_the_end(&inputs.list("sweep.laz"), &out, &options(&[]));
+            assert!(outputs(&out) == bytes, "{column}, lost: {lost}");
+        }
+    }
+}
+
+/// The copy is lost after its unit is done and before it has its name (a folder has it). Then the same with a copy
+/// that another call has begun with other settings.
+#[test]
+fn a_lost_half_written_copy_is_written_again() {
+    let inputs = Inputs::new();
+    let undisturbed = inputs.undisturbed("street.las", &[]);
+    let out = inputs.path("out");
+    let (state, copy) = (out.join(".chainage"), out.join("street.las"));
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.d_t=0.4"]));
+    for other in [None, Some("output.original_classification=true"), Some("euclidean.d_t=0.7")] {
+        std::fs::remove_file(&copy).expect("removed");
+        std::fs::create_dir_all(&copy).expect("a folder in the way");
+        refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write", "street.las"]);
+        assert!(state.join("pass-04-export/unit-000000.bin").exists(), "the unit was done");
+        match other {
+            None => std::fs::remove_file(state.join("export/00000.part")).expect("removed"),
+            Some(other) => refused(
+                &inputs.list("street.las"),
+                &out,
+                &["--set", other],
+                5,
+                &["cannot write", "street.las"],
+            ),
+        }
+        std::fs::remove_dir(&copy).expect("removed");
+        run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
+        assert_same_outputs(&undisturbed, &out, &format!("after {other:?}"));
+    }
+}
+
+/// Starting over where a run has finished is no danger to anything foreign.
+#[test]
+fn fresh_starts_over_in_the_same_directory() {
+    let inputs = Inputs::new();
+    let out = inputs.undisturbed("street.laz", &[]);
+    let bytes = outputs(&out);
+    let before = events(&out).len();
+    run_to_the_end(&inputs.list("street.laz"), &out, &options(&["--fresh"]));
+    assert!(before > 0 && finished(&events(&out), "ground") > 15, "nothing was computed again");
+    assert!(outputs(&out) == bytes);
+}
+
+/// A limit of file sizes stands for a full disk; the signal that comes with it is ignored.
+#[test]
+fn a_run_that_cannot_write_on_says_so_and_resumes() {
+    let inputs = Inputs::new();
+    let more = ["--output-format", "las", "--threads", "2"];
+    let undisturbed = inputs.undisturbed("sweep.laz", &more);
+    let out = inputs.path("limited");
+    // In 512-byte blocks: the positions do not fit; the columns fit, the labelled copy (2.4 MB) does not.
+    for blocks in [100, 1_000, 3_000] {
+        let command = run_command(&inputs.list("sweep.laz"), &out, &options(&more));
+        let limited = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
+        let output = std::process::Command::new("sh")
+            .args(["-c", &limited])
+            .arg(command.get_program())
+            .args(command.get_args())
+            .output()
+            .expect("a shell");
+        let (code, errors) = ended(&output);
+        assert_eq!(code, 5, "{blocks} blocks: {errors}");
+        assert!(errors.contains("error: cannot ") && errors.contains("caused by: "), "{errors}");
+        assert!(!out.join("sweep.las").exists(), "a copy that is not complete has its name");
+    }
+    run_to_the_end(&inputs.list("sweep.laz"), &out, &options(&more));
+    assert_same_outputs(&undisturbed, &out, "after the limit");
+}
+
+/// A small file system in memory, where the system lets us have one.
+struct SmallDisk(PathBuf);
+
+impl SmallDisk {
+    fn mount(path: PathBuf, kib: u32) -> Option<Self> {
+        std::fs::create_dir_all(&path).expect("a folder");
+        let mounted = shell(&format!("mount -t tmpfs -o size={kib}k tmpfs '{}'", path.display()));
+        mounted.then_some(Self(path))
+    }
+
+    fn resize(&self, kib: u32) {
+        assert!(shell(&format!("mount -o remount,size={kib}k '{}'", self.0.display())), "resized");
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        shell(&format!("umount '{}'", self.0.display()));
+    }
+}
+
+#[test]
+fn a_full_disk_ends_the_run_with_a_hint_and_room_lets_it_resume() {
+    let inputs = Inputs::new();
+    let Some(disk) = SmallDisk::mount(inputs.path("disk"), 800) else {
+        println!("skipped: no right to mount a small file system");
+        return;
+    };
+    let more = ["--output-format", "las"];
+    let undisturbed = inputs.undisturbed("sweep.laz", &more);
+    let out = disk.0.join("out");
+    for kib in [800, 1_300, 2_600] {
+        disk.resize(kib);
+        let output = run_command(&inputs.list("sweep.laz"), &out, &options(&more)).output().expect("starts");
+        let (code, errors) = ended(&output);
+        assert_eq!(code, 5, "{kib} KiB: {errors}");
+        assert!(errors.contains("hint: free some space and type the same command again"), "{errors}");
+    }
+    disk.resize(64 << 10);
+    let before = events(&out);
+    run_to_the_end(&inputs.list("sweep.laz"), &out, &options(&more));
+    let after = &events(&out)[before.len()..];
+    assert_eq!(finished(after, "ground"), 0, "the ground had been done");
+    assert_same_outputs(&undisturbed, &out, "after the disk was full");
+}
+
+#[test]
+fn ctrl_c_ends_with_130_and_the_same_command_resumes() {
+    let inputs = Inputs::new();
+    let more = ["--threads", "1", "--tile-length", "1", "--set", "tiling.cell=0.5"];
+    let run = |out: &Path| {
+        let mut command = run_command(&inputs.list("sweep.laz"), out, &more);
+        command.spawn().expect("starts")
+    };
+    let out = inputs.path("interrupted");
+    let child = run(&out);
+    wait_until("a tile of the ground pass", || finished(&events(&out), "ground") > 0);
+    assert!(shell(&format!("kill -INT {}", child.id())));
+    let (code, errors) = ended(&child.wait_with_output().expect("ended"));
+    assert_eq!(code, 130, "{errors}");
+    assert!(
+        errors.contains("error: interrupted with ") && errors.contains("hint: the same command resumes"),
+        "{errors}"
+    );
+    let done = finished(&events(&out), "ground");
+    let undisturbed = inputs.path("undisturbed");
+    run_to_the_end(&inputs.list("sweep.laz"), &undisturbed, &more);
+    run_to_the_end(&inputs.list("sweep.laz"), &out, &more);
+    let all = finished(&events(&undisturbed), "ground");
+    assert!(done < all, "all {all} tiles were done before the signal came");
+    assert_eq!(finished(&events(&out), "ground"), all, "tiles were done twice, or not at all");
+    assert_same_outputs(&undisturbed, &out, "after Ctrl-C");
+}
+
+#[test]
+fn nothing_foreign_is_overwritten_and_no_input_is_at_risk() {
+    let inputs = Inputs::new();
+    let out = inputs.path("out");
+    std::fs::create_dir(&out).expect("a folder");
+    std::fs::write(out.join("sweep.laz"), b"mine").expect("written");
+    refused(
+        &inputs.list("sweep.laz"),
+        &out,
+        &[],
+        5,
+        &["out/sweep.laz would be overwritten", "hint: choose another output"],
+    );
+    assert_eq!(std::fs::read(out.join("sweep.laz")).expect("still there"), b"mine");
+    for table in ["objects.csv", "objects.geojson", "report.json"] {
+        let out = inputs.path(&format!("out-{table}"));
+        std::fs::create_dir(&out).expect("a folder");
+        std::fs::write(out.join(table), b"mine").expect("written");
+        refused(&inputs.list("sweep.laz"), &out, &[], 5, &[table, "would be overwritten"]);
+        assert_eq!(std::fs::read(out.join(table)).expect("still there"), b"mine");
+    }
+    refused(&inputs.list("sweep.laz"), inputs.folder.path(), &[], 5, &["sweep.laz would be overwritten"]);
+    assert!(!inputs.path(".chainage").exists(), "state was begun beside the input");
+    // A link to the folder of the input is the folder of the input.
+    std::os::unix::fs::symlink(inputs.folder.path(), inputs.path("link")).expect("a link");
+    refused(&inputs.list("sweep.laz"), &inputs.path("link"), &[], 5, &["would be overwritten"]);
+}
+
+#[test]
+fn tables_and_copies_that_were_removed_or_cut_are_written_again() {
+    let inputs = Inputs::new();
+    for name in ["sweep.laz", "street.las"] {
+        let out = inputs.undisturbed(name, &[]);
+        let bytes = outputs(&out);
+        for (file, _) in &bytes {
+            std::fs::remove_file(out.join(file)).expect("removed");
+            run_to_the_end(&inputs.list(name), &out, &options(&[]));
+            assert!(outputs(&out) == bytes, "{file} was removed");
+            std::fs::File::options()
+                .write(true)
+                .open(out.join(file))
+                .expect("the file")
+                .set_len(2)
+                .expect("cut");
+            run_to_the_end(&inputs.list(name), &out, &options(&[]));
+            assert!(outputs(&out) == bytes, "{file} was cut");
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! `chainage::synth`: the bytes repeat, the truth is consistent with the points, the statistics are those of the
+//! labelled scenes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use chainage::synth::{Extent, Preset, Scanner, Settings, generate};
+
+/// A scanner that gives some ten thousand points in a second of driving.
+fn coarse() -> Scanner {
+    Scanner { pulse_rate_hz: 20_000.0, profiles_hz: 50.0, ..Scanner::default() }
+}
+
+fn small(preset: Preset) -> Settings {
+    let mut settings = Settings::new(preset);
+    settings.scanner = coarse();
+    settings.extent = Extent::Length(60.0);
+    settings
+}
+
+fn write(settings: &Settings, folder: &Path) -> chainage::synth::Summary {
+    generate(settings, folder, &mut |_| ()).unwrap()
+}
+
+/// One point as stored.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    position: [f64; 3],
+    nth: u8,
+    total: u8,
+    channel: u8,
+    source: u16,
+    time: f64,
+    instance: u32,
+    class: u8,
+}
+
+fn little<const N: usize>(record: &[u8], at: usize) -> [u8; N] {
+    record[at..at + N].try_into().unwrap()
+}
+
+/// The points of a file in point format 6 with the two truth dimensions.
+fn points(path: &Path) -> Vec<Point> {
+    let mut reader = las::Reader::from_path(path).unwrap();
+    let transforms = *reader.header().transforms();
+    let data = reader.read_all().unwrap();
+    let parse = |record: &[u8]| {
+        let axis = |at, transform: las::Transform| transform.direct(i32::from_le_bytes(little(record, at)));
+        Point {
+            position: [axis(0, transforms.x), axis(4, transforms.y), axis(8, transforms.z)],
+            nth: record[14] & 15,
+            total: record[14] >> 4,
+            channel: (record[15] >> 4) & 3,
+            source: u16::from_le_bytes(little(record, 20)),
+            time: f64::from_le_bytes(little(record, 22)),
+            instance: u32::from_le_bytes(little(record, 30)),
+            class: record[34],
+        }
+    };
+    data.raw_bytes().chunks_exact(35).map(parse).collect()
+}
+
+/// The point files of a folder, in order.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<PathBuf> =
+        entries.filter(|path| path.extension().is_some_and(|e| e == "laz" || e == "las")).collect();
+    files.sort();
+    files
+}
+
+fn all_points(folder: &Path) -> Vec<Point> {
+    files(folder).iter().flat_map(|file| points(file)).collect()
+}
+
+/// Rows of a CSV file as numbers where they are numbers, by column name.
+fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<String> = lines.next().unwrap().split(',').map(str::to_owned).collect();
+    let row = |line: &str| header.iter().cloned().zip(line.split(',').map(str::to_owned)).collect();
+    lines.map(row).collect()
+}
+
+fn number(row: &BTreeMap<String, String>, key: &str) -> f64 {
+    row[key].parse().unwrap()
+}
+
+#[test]
+fn same_seed_same_bytes_for_any_number_of_threads() {
+    let read = |threads: usize, seed: u64| {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = Settings { threads, seed, files_every_s: Some(2.0), ..small(Preset::Mixed) };
+        write(&settings, folder.path());
+        let mut names: Vec<PathBuf> =
+            std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+        names.sort();
+        names
+            .iter()
+            .map(|path| (path.file_name().unwrap().to_owned(), std::fs::read(path).unwrap()))
+            .collect::<Vec<_>>()
+    };
+    let one = read(1, 7);
+    assert!(one.len() >= 5, "three files of points and three of text: {}", one.len());
+    assert!(read(2, 7) == one, "2 threads give other bytes than 1");
+    assert!(read(4, 7) == one, "4 threads give other bytes than 1");
+    assert!(read(2, 8) != one, "another seed gives the same bytes");
+}
+
+#[test]
+fn the_reference_counts_the_points_of_every_preset() {
+    for preset in Preset::ALL {
+        let folder = tempfile::tempdir().unwrap();
+        let mut settings = small(preset);
+        if preset == Preset::Loop {
+            settings.extent = Extent::Length(1_100.0);
+            settings.scanner.pulse_rate_hz = 3_600.0;
+            settings.scanner.profiles_hz = 20.0;
+        }
+        let summary = write(&settings, folder.path());
+        let points = all_points(folder.path());
+        assert_eq!(points.len() as u64, summary.points);
+
+        let mut counted: BTreeMap<u32, (u8, u64, [f64; 3])> = BTreeMap::new();
+        for point in &points {
+            match (point.instance, point.class) {
+                (0, class) => assert!(class <= 1, "{preset}: class {class} without an object"),
+                (instance, class) => {
+                    let entry = counted.entry(instance).or_insert((class, 0, [f64::MAX; 3]));
+                    assert_eq!(entry.0, class, "{preset}: object {instance} has two classes");
+                    entry.1 += 1;
+                    entry.2 = [0, 1, 2].map(|axis| entry.2[axis].min(point.position[axis]));
+                }
+            }
+        }
+        let rows = table(&folder.path().join("reference.csv"));
+        let ids: Vec<f64> = rows.iter().map(|row| number(row, "instance")).collect();
+        assert!(ids.windows(2).all(|pair| pair[0] < pair[1]), "{preset}: numbers rise and are unique");
+        assert_eq!(rows.len(), counted.len(), "{preset}");
+        assert_eq!(rows.len() as u64, summary.objects);
+        for (row, (instance, (class, count, low))) in rows.iter().zip(&counted) {
+            assert_eq!(row["instance"], instance.to_string());
+            assert_eq!(row["class"], class.to_string());
+            assert_eq!(row["n_points"], count.to_string(), "{preset}: object {instance}");
+            for (axis, key) in ["xmin", "ymin", "zmin"].into_iter().enumerate() {
+                assert!((number(row, key) - low[axis]).abs() < 6e-4, "{preset}: object {instance} {key}");
+            }
+        }
+    }
+}
+
+#[test]
+fn returns_of_a_pulse_are_numbered_and_times_rise() {
+    let folder = tempfile::tempdir().unwrap();
+    write(&small(Preset::Avenue), folder.path());
+    let points = all_points(folder.path());
+    assert!(points.windows(2).all(|pair| pair[0].time <= pair[1].time));
+    let mut several = 0;
+    for pulse in points.chunk_by(|a, b| a.time.total_cmp(&b.time).is_eq() && a.channel == b.channel) {
+        for (index, point) in pulse.iter().enumerate() {
+            assert_eq!((usize::from(point.nth), usize::from(point.total)), (index + 1, pulse.len()));
+        }
+        several += usize::from(pulse.len() > 1);
+    }
+    let share = several as f64 / points.len() as f64;
+    assert!((0.01..0.15).contains(&share), "share of pulses with several returns in a dense avenue: {share}");
+}
+
+#[test]
+fn files_are_cut_by_time_and_points_at_a_profile() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut settings = small(Preset::Highway);
+    settings.files_every_s = Some(1.5);
+    settings.extent = Extent::Points(100_000);
+    settings.compressed = false;
+    let summary = write(&settings, folder.path());
+    let files = files(folder.path());
+    assert_eq!(summary.files as usize, files.len());
+    assert!(files.len() >= 3 && files[0].ends_with("highway_0001.las"));
+    let start = points(&files[0])[0].time;
+    for (index, file) in files.iter().enumerate() {
+        for point in points(file) {
+            assert_eq!(usize::from(point.source), index + 1);
+            let late = (point.time - start) / 1.5 - index as f64;
+            assert!((-0.01..1.01).contains(&late), "{late}");
+        }
+    }
+    // A profile of two heads is at most 2 x 400 pulses with some second returns.
+    assert!((100_000..100_900).contains(&summary.points), "{}", summary.points);
+}
+
+#[test]
+fn the_loop_comes_back_over_its_first_metres_in_the_other_direction() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut settings = small(Preset::Loop);
+    settings.extent = Extent::Length(1_200.0);
+    settings.scanner.pulse_rate_hz = 1_800.0;
+    settings.scanner.profiles_hz = 10.0;
+    write(&settings, folder.path());
+    let way = table(&folder.path().join("trajectory.csv"));
+    let (first, last) = (way.first().unwrap(), way.last().unwrap());
+    let apart = (number(first, "x") - number(last, "x")).hypot(number(first, "y") - number(last, "y"));
+    assert!(apart < 5.0, "ends beside its start, in the other lane: {apart} m");
+    let turn = (number(first, "heading") - number(last, "heading")).abs();
+    assert!((turn - 180.0).abs() < 6.0, "{turn} degrees");
+    let steps = way.windows(2).map(|pair| {
+        let [dx, dy, dz] = ["x", "y", "z"].map(|key| number(&pair[1], key) - number(&pair[0], key));
+        dx.hypot(dy).hypot(dz)
+    });
+    // 60 km/h are 0.167 m in 10 ms: no jump anywhere, the place where the loop closes included.
+    let longest = steps.fold(0.0, f64::max);
+    assert!(longest < 0.19, "{longest} m");
+}
+
+#[test]
+fn settings_and_folders_that_will_not_do_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = |settings: &Settings| generate(settings, folder.path(), &mut |_| ()).unwrap_err().to_string();
+    let mut settings = small(Preset::Loop);
+    assert_eq!(text(&settings), "length = 60: must be 1100 to 2000000 m");
+    settings = small(Preset::Suburb);
+    settings.scanner.heads = 3;
+    assert_eq!(text(&settings), "heads = 3: must be 1 to 2");
+    settings = small(Preset::Suburb);
+    std::fs::write(folder.path().join("notes.txt"), "mine").unwrap();
+    std::fs::write(folder.path().join("suburb_0009.laz"), "old").unwrap();
+    let error = generate(&settings, folder.path(), &mut |_| ()).unwrap_err();
+    assert!(error.to_string().ends_with("is not empty"));
+    assert!(error.hint().unwrap().contains("--force"));
+    settings.force = true;
+    write(&settings, folder.path());
+    assert!(folder.path().join("notes.txt").exists() && !folder.path().join("suburb_0009.laz").exists());
+}
+
+/// Ranges at which points and ground are compared, metres.
+const BANDS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
+
+/// What a scene looks like to a program that does not know where it is from.
+#[derive(Debug)]
+struct Look {
+    /// Share of the points within 45 m by range band, and share of ground among them.
+    by_range: Vec<(f64, f64)>,
+    ground: f64,
+    /// Share of half-metre cells between 2 and 9 m from the track without a point of ground: what is hidden there.
+    hidden: f64,
+    /// Median points of an object by class, per thousand points of a metre of drive.
+    per_object: BTreeMap<u8, f64>,
+}
+
+/// The cell of half a metre around a place of the plane.
+#[expect(clippy::cast_possible_truncation, reason = "UTM coordinates")]
+fn half_metre(x: f64, y: f64) -> (i64, i64) {
+    ((x * 2.0).floor() as i64, (y * 2.0).floor() as i64)
+}
+
+/// `points` of one pass, the trajectory and the objects of the scene.
+fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<String, String>]) -> Look {
+    let track: Vec<[f64; 4]> =
+        way.iter().map(|row| ["gps_time", "x", "y", "z"].map(|key| number(row, key))).collect();
+    let mut bands = vec![(0u64, 0u64); BANDS.len()];
+    let inside: Vec<u32> = objects
+        .iter()
+        .filter(|row| row["base_inside"] == "1")
+        .map(|row| row["instance"].parse().unwrap())
+        .collect();
+    let (mut near, mut ground) = (0u64, 0u64);
+    let mut objects: BTreeMap<(u8, u32), u64> = BTreeMap::new();
+    let mut seen: std::collections::BTreeSet<(i64, i64)> = std::collections::BTreeSet::new();
+    for point in points {
+        let index = track.partition_point(|pose| pose[0] <= point.time).clamp(1, track.len() - 1) - 1;
+        let pose = track[index];
+        let range = (0..3).map(|axis| (point.position[axis] - pose[axis + 1]).powi(2)).sum::<f64>().sqrt();
+        let is_ground = u64::from(point.class == 1);
+        if range < 45.0 {
+            near += 1;
+            ground += is_ground;
+            if let Some(band) = BANDS.iter().rposition(|low| range >= *low) {
+                bands[band].0 += 1;
+                bands[band].1 += is_ground;
+            }
+        }
+        if point.class == 1 {
+            seen.insert(half_metre(point.position[0], point.position[1]));
+        } else if inside.binary_search(&point.instance).is_ok() {
+            *objects.entry((point.class, point.instance)).or_default() += 1;
+        }
+    }
+    // Cells beside the track, away from its ends and turns.
+    let (mut cells, mut hidden) = (0u64, 0u64);
+    let bounds = |axis: usize| {
+        let values = points.iter().filter(|p| p.class == 1).map(move |p| p.position[axis]);
+        values.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
+    };
+    let ((x0, x1), (y0, y1)) = (bounds(0), bounds(1));
+    let mut driven = 0.0;
+    for pair in track.windows(2) {
+        let (dx, dy) = (pair[1][1] - pair[0][1], pair[1][2] - pair[0][2]);
+        driven += dx.hypot(dy);
+    }
+    for pose in track.windows(2).step_by(10) {
+        let (dx, dy) = (pose[1][1] - pose[0][1], pose[1][2] - pose[0][2]);
+        let length = dx.hypot(dy).max(1e-9);
+        for step in 4..18 {
+            for side in [-1.0, 1.0] {
+                let out = side * f64::from(step) * 0.5;
+                let [x, y] = [pose[0][1] - dy / length * out, pose[0][2] + dx / length * out];
+                if x < x0 + 15.0 || x > x1 - 15.0 || y < y0 || y > y1 || dx.abs() < 1e-9 {
+                    continue;
+                }
+                cells += 1;
+                hidden += u64::from(!seen.contains(&half_metre(x, y)));
+            }
+        }
+    }
+    let mut by_class: BTreeMap<u8, Vec<u64>> = BTreeMap::new();
+    for ((class, _), count) in objects {
+        by_class.entry(class).or_default().push(count);
+    }
+    let per_metre = near as f64 / driven / 1_000.0;
+    let median = |mut counts: Vec<u64>| {
+        counts.sort_unstable();
+        counts[counts.len() / 2] as f64 / per_metre / 1_000.0
+    };
+    Look {
+        by_range: bands
+            .iter()
+            .map(|(n, g)| (*n as f64 / near as f64, *g as f64 / (*n).max(1) as f64))
+            .collect(),
+        ground: ground as f64 / near as f64,
+        hidden: hidden as f64 / cells.max(1) as f64,
+        per_object: by_class.into_iter().map(|(class, counts)| (class, median(counts))).collect(),
+    }
+}
+
+/// Pictures are compared by eye; this keeps the figures behind them together. The factors state how different the
+/// scenes are allowed to be: these are other streets, but the same kind, seen by the same kind of scanner.
+#[test]
+fn statistics_are_those_of_the_labelled_scenes() {
+    let shared = std::env::var_os("CHAINAGE_SHARED_DATA")
+        .map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
+    let cases = [
+        // 44.13 kHz and 100 profiles per second at 35 km/h; 296 kHz and 150 at 30 km/h.
+        ("downtown_ts2", Preset::Downtown, 44_130.0, 100.0, (33.0, 37.0), 200.0),
+        ("avenue_road60", Preset::Avenue, 296_000.0, 150.0, (29.0, 31.0), 60.0),
+    ];
+    for (name, preset, pulse_rate_hz, profiles_hz, speed_kmh, length) in cases {
+        let scene = shared.join(format!("sim/{name}.laz"));
+        if !scene.exists() {
+            println!("skipped: {} is not there", scene.display());
+            return;
+        }
+        // One scene was driven through twice; one pass is compared.
+        let mut pass = points(&scene);
+        pass.retain(|point| point.source == 1);
+        let end = pass.iter().fold(f64::MIN, |end, point| end.max(point.time));
+        let side = |what: &str| table(&shared.join(format!("sim/{name}_{what}.csv")));
+        let mut way = side("trajectory");
+        way.retain(|row| number(row, "gps_time") <= end);
+        let theirs = look(&pass, &way, &side("reference"));
+        let folder = tempfile::tempdir().unwrap();
+        let scanner = Scanner { pulse_rate_hz, profiles_hz, ..Scanner::default() };
+        let extent = Extent::Length(length);
+        write(&Settings { scanner, speed_kmh, extent, ..Settings::new(preset) }, folder.path());
+        let side = |what: &str| table(&folder.path().join(what));
+        let ours = look(&all_points(folder.path()), &side("trajectory.csv"), &side("reference.csv"));
+        println!("{name}\n  theirs {theirs:.3?}\n  ours   {ours:.3?}");
+        let close = |what: &str, a: f64, b: f64, by: f64| {
+            assert!((a - b).abs() <= by, "{name}: {what} is {b:.3}, in the labelled scene {a:.3}");
+        };
+        close("ground share", theirs.ground, ours.ground, 0.07);
+        close("hidden share", theirs.hidden, ours.hidden, 0.12);
+        for (band, (a, b)) in BANDS.iter().zip(theirs.by_range.iter().zip(&ours.by_range)) {
+            close(&format!("share of points from {band} m"), a.0, b.0, 0.06);
+            // The labelled scenes are cut out of longer drives: too few points beyond 32 m to compare.
+            if *band < 32.0 {
+                close(&format!("ground share from {band} m"), a.1, b.1, 0.16);
+            }
+        }
+        // Trees, poles, low vegetation and fences: the same things at about the same distance. Cars (here on both
+        // sides), buildings (here shorter) and small things (here farther away) differ by more.
+        for class in [2, 3, 6] {
+            let (a, b) = (theirs.per_object[&class], ours.per_object[&class]);
+            assert!(
+                (0.4..2.5).contains(&(b / a)),
+                "{name}: class {class} has {b:.3} per object, there {a:.3}"
+            );
+        }
+        for class in [4, 5, 7] {
+            let pair = (theirs.per_object.get(&class), ours.per_object.get(&class));
+            if let (Some(a), Some(b)) = pair {
+                assert!((0.08..12.0).contains(&(b / a)), "{name}: class {class} has {b:.3}, there {a:.3}");
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The program itself: calling it, ending it, and what it left in its log.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// The program, without progress bars.
+pub(crate) fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_chainage"))
+}
+
+/// `chainage run` of these files with these options, silent.
+pub(crate) fn run_command(inputs: &[PathBuf], out: &Path, options: &[&str]) -> Command {
+    let mut command = program();
+    command.arg("run").args(inputs).arg("-o").arg(out).args(["--progress", "none"]).args(options);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// The exit code and what was said on standard error.
+pub(crate) fn ended(output: &Output) -> (i32, String) {
+    (output.status.code().unwrap_or(-1), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// Runs to the end and expects success.
+pub(crate) fn run_to_the_end(inputs: &[PathBuf], out: &Path, options: &[&str]) {
+    let output = run_command(inputs, out, options).output().expect("the program starts");
+    let (code, errors) = ended(&output);
+    assert_eq!(code, 0, "{errors}");
+}
+
+/// A shell command as root or not; whether it succeeded.
+pub(crate) fn shell(text: &str) -> bool {
+    let outcome = Command::new("sh").args(["-c", text]).stderr(Stdio::null()).status();
+    outcome.is_ok_and(|status| status.success())
+}
+
+/// The lines of the log of events.
+pub(crate) fn events(out: &Path) -> Vec<serde_json::Value> {
+    let text = std::fs::read_to_string(out.join(".chainage/events.jsonl")).unwrap_or_default();
+    text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+}
+
+/// Finished units of a pass among events.
+pub(crate) fn finished(events: &[serde_json::Value], pass: &str) -> usize {
+    let is = |event: &&serde_json::Value| event["event"] == "unit-finished" && event["pass"] == pass;
+    events.iter().filter(is).count()
+}
+
+/// Waits until `reached`, or says that it never was.
+pub(crate) fn wait_until(what: &str, reached: impl Fn() -> bool) {
+    let began = Instant::now();
+    while !reached() {
+        assert!(began.elapsed() < Duration::from_secs(60), "waited a minute for {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
