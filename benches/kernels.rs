@@ -10,7 +10,7 @@
 
 use std::hint::black_box;
 
-use chainage::cluster::{Clusterer, Euclidean, EuclideanConfig};
+use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant, Euclidean, EuclideanConfig};
 use chainage::ground::{GroundFilter, IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
 use chainage::model::{Lattice, ObjectPart, PointClass, TileCloud, TileView, VoxelIndex};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -173,6 +173,15 @@ fn run(criterion: &mut Criterion) -> Result<(), AnyError> {
     group.bench_function("euclidean", |bencher| {
         bencher.iter(|| euclidean.cluster(black_box(&objects), &mut labels))
     });
+    for (variant, min_points, name) in
+        [(DbscanVariant::Size, 50, "dbscan size"), (DbscanVariant::Core, 10, "dbscan core")]
+    {
+        let method = Dbscan::new(&DbscanConfig { variant, min_points, ..DbscanConfig::default() })?;
+        let mut labels = vec![0; objects.len()];
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| method.cluster(black_box(&objects), &mut labels))
+        });
+    }
     // As if the points came from two files.
     let half = cloud.len() as u64 / 2;
     let parts =

@@ -8,11 +8,14 @@
 use std::borrow::Cow;
 
 use crate::config::ConfigError;
+use crate::epsilon::EpsilonError;
 use crate::eval::EvalError;
 use crate::input::InputError;
 use crate::output::OutputError;
+use crate::space::SpaceError;
 use crate::store::StoreError;
 use crate::survey::SurveyError;
+use crate::table::TableError;
 
 /// What went wrong, with the object it went wrong with.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +39,15 @@ pub enum Error {
     /// A prediction and a reference cannot be compared.
     #[error(transparent)]
     Eval(#[from] EvalError),
+    /// Epsilon cannot be estimated.
+    #[error(transparent)]
+    Epsilon(#[from] EpsilonError),
+    /// Points of n dimensions cannot be clustered.
+    #[error(transparent)]
+    Space(#[from] SpaceError),
+    /// A table cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// The run was asked to stop; finished tiles are kept.
     #[error("interrupted with {done} of {total} units of pass {pass} done")]
     Interrupted {
@@ -100,7 +112,7 @@ impl Error {
             Self::Output(_) => ErrorKind::Output,
             Self::Store(error) => error.kind(),
             Self::Eval(error) => error.kind(),
-            Self::Algorithm(_) => ErrorKind::Input,
+            Self::Algorithm(_) | Self::Epsilon(_) | Self::Space(_) | Self::Table(_) => ErrorKind::Input,
             Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::UnitsFailed { .. } => ErrorKind::UnitsFailed,
             Self::Bug(_) => ErrorKind::Bug,
@@ -117,6 +129,9 @@ impl Error {
             Self::Output(error) => error.hint(),
             Self::Store(error) => error.hint(),
             Self::Eval(error) => error.hint(),
+            Self::Epsilon(error) => error.hint(),
+            Self::Space(error) => error.hint(),
+            Self::Table(error) => error.hint(),
             Self::Algorithm(_) => None,
             Self::Interrupted { .. } => Some("the same command resumes".into()),
             Self::UnitsFailed { .. } => Some("the same command tries the failed units again".into()),

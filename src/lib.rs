@@ -19,13 +19,19 @@ pub mod tiling;
 
 pub mod ground;
 
+pub mod epsilon;
+
 pub mod cluster;
+
+pub mod space;
 
 pub mod stitch;
 
 pub mod output;
 
 pub mod eval;
+
+pub mod table;
 
 pub mod store;
 

@@ -7,10 +7,14 @@ mod chunk_tables;
 #[cfg(test)]
 mod cli;
 #[cfg(test)]
+mod cluster_tables;
+#[cfg(test)]
 mod conformance;
 mod contracts;
 #[cfg(test)]
 mod damage;
+#[cfg(test)]
+mod dbscan;
 #[cfg(test)]
 mod density_peaks;
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use clap::{Parser, Subcommand};
 
 use crate::cli::bench::BenchArgs;
+use crate::cli::cluster::ClusterArgs;
 use crate::cli::eval::EvalArgs;
 use crate::cli::info::InfoArgs;
 use crate::cli::inspect::StatusArgs;
@@ -39,6 +40,8 @@ pub(crate) enum Command {
     Eval(EvalArgs),
     /// Make a labelled synthetic drive of any length
     Synth(SynthArgs),
+    /// Cluster the rows of a table with dbscan or p-linkage
+    Cluster(ClusterArgs),
     /// Run the main job on a small real sample that comes with the program
     Demo(DemoArgs),
     /// Measure throughput at one and two threads against the copy floor

@@ -201,7 +201,7 @@ impl EvalArgs {
 }
 
 /// Writes a result where it was asked for; whether that was standard output.
-fn deliver(
+pub(crate) fn deliver(
     to: Option<&Path>,
     content: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<bool, chainage::Error> {
@@ -212,7 +212,7 @@ fn deliver(
     }
 }
 
-fn is_standard_output(path: &Path) -> bool {
+pub(crate) fn is_standard_output(path: &Path) -> bool {
     path == Path::new("-")
 }
 

@@ -2,6 +2,7 @@
 
 mod args;
 mod bench;
+mod cluster;
 mod drive_args;
 mod eval;
 mod exit;
@@ -33,6 +34,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Synth(args) => args.run().map_err(CliError::from),
         Command::Demo(args) => args.run(),
         Command::Bench(args) => args.run(),
+        Command::Cluster(args) => args.run(),
         Command::Eval(args) => args.run().map_err(CliError::from),
         Command::Methods => pages::methods(),
         Command::Config => pages::config(),

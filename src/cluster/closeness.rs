@@ -55,8 +55,13 @@ impl Bounds {
     }
 
     /// Squared distance from the box to a point.
-    fn nearest_to(&self, point: &Point) -> i64 {
+    pub(super) fn nearest_to(&self, point: &Point) -> i64 {
         self.nearest(&Self { low: *point, high: *point })
+    }
+
+    /// Squared distance from the point of the box that is farthest from `point`.
+    pub(super) fn farthest_from(&self, point: &Point) -> i64 {
+        self.farthest(&Self { low: *point, high: *point })
     }
 
     /// The longest side and its axis.
@@ -66,7 +71,7 @@ impl Bounds {
     }
 }
 
-fn squared_distance(a: &Point, b: &Point) -> i64 {
+pub(super) fn squared_distance(a: &Point, b: &Point) -> i64 {
     let delta = |axis: usize| i64::from(a[axis]) - i64::from(b[axis]);
     delta(0).pow(2) + delta(1).pow(2) + delta(2).pow(2)
 }

@@ -107,47 +107,66 @@ impl Clusterer for Euclidean {
     }
 
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
-        let reach = cloud.lattice.units(self.config.d_t);
-        let index = VoxelIndex::build(NAME, cloud, cell_side(reach))?;
-        let cells = Cells::gather(&index, cloud);
-        let touch = |a: u32, b: u32| cells.touch(a as usize, b as usize, reach.pow(2));
-        let mut linker = Linker::new(&index);
-        for layer in layers(reach) {
-            for step in layer {
-                if step.offset == [0, 0] {
-                    linker.link_column(step.dk, touch);
-                } else {
-                    linker.link_beside(step.offset, &step.dk, touch);
-                }
-            }
-            linker.find_spans();
-        }
-        let mut sets = linker.into_sets();
-        let (cell_labels, clusters) = number_by_smallest_id(&index, cloud, &mut sets);
-        for (points, cell) in index.streaks() {
-            labels[points].fill(cell_labels[cell]);
-        }
-        Ok(clusters)
+        single_link(NAME, cloud, cloud.lattice.units(self.config.d_t), labels)
     }
+}
+
+/// Labels the points with their single-link cluster at a distance of `reach` lattice units, inclusive; returns the
+/// number of clusters.
+pub(super) fn single_link(
+    method: &'static str,
+    cloud: &TileCloud,
+    reach: i64,
+    labels: &mut [u32],
+) -> Result<u32, AlgorithmError> {
+    let index = VoxelIndex::build(method, cloud, cell_side(reach))?;
+    let cells = Cells::gather(&index, cloud);
+    let touch = |a: u32, b: u32| cells.touch(a as usize, b as usize, reach.pow(2));
+    let mut sets = link_cells(&index, reach, touch);
+    let (cell_labels, clusters) = number_by_smallest_id(&index, cloud, &mut sets);
+    for (points, cell) in index.streaks() {
+        labels[points].fill(cell_labels[cell]);
+    }
+    Ok(clusters)
+}
+
+/// Sets of cells, of those that can hold points within `reach` of each other and that `touch`.
+pub(super) fn link_cells(
+    index: &VoxelIndex,
+    reach: i64,
+    touch: impl Fn(u32, u32) -> bool + Copy,
+) -> DisjointSets {
+    let mut linker = Linker::new(index);
+    for layer in layers(reach) {
+        for step in layer {
+            if step.offset == [0, 0] {
+                linker.link_column(step.dk, touch);
+            } else {
+                linker.link_beside(step.offset, &step.dk, touch);
+            }
+        }
+        linker.find_spans();
+    }
+    linker.into_sets()
 }
 
 /// The largest side s of a cell, in lattice units, with 3 (s - 1)^2 <= reach^2: points of one cell differ by s
 /// - 1 at most on each axis.
-fn cell_side(reach: i64) -> u32 {
+pub(super) fn cell_side(reach: i64) -> u32 {
     u32::try_from((reach.pow(2) / 3).isqrt() + 1).unwrap_or(u32::MAX)
 }
 
 /// Cells at one column offset, and how far up or down.
 #[derive(Debug, PartialEq, Eq)]
-struct Step {
-    offset: [i64; 2],
-    dk: std::ops::RangeInclusive<i64>,
+pub(super) struct Step {
+    pub(super) offset: [i64; 2],
+    pub(super) dk: std::ops::RangeInclusive<i64>,
 }
 
 /// Half of the neighbours of a cell that can hold a point within `reach` of one of its own (the other half see
 /// it as their neighbour): its own column, then touching columns, then those further out. A cell further than 2
 /// away on an axis is beyond reach: its gap is more than 2 s, and s > reach / sqrt(3).
-fn layers(reach: i64) -> [Vec<Step>; 3] {
+pub(super) fn layers(reach: i64) -> [Vec<Step>; 3] {
     let side = i64::from(cell_side(reach));
     let gap_squared = |d: i64| if d == 0 { 0 } else { ((d.abs() - 1) * side + 1).pow(2) };
     let mut layers = [const { Vec::new() }; 3];

@@ -4,6 +4,8 @@
 //! files, no paths, no threads, no clock.
 
 mod closeness;
+mod core_points;
+mod dbscan;
 mod density_peaks;
 mod euclidean;
 mod staged;
@@ -12,6 +14,7 @@ use crate::config::ConfigError;
 use crate::error::AlgorithmError;
 use crate::model::{Lattice, Reach, TileCloud};
 
+pub use dbscan::{Dbscan, DbscanConfig, DbscanVariant};
 pub use density_peaks::{DensityPeaks, DensityPeaksConfig};
 pub use euclidean::{Euclidean, EuclideanConfig};
 pub use staged::{DriveSource, Grouped, Labelled, Mapped, Stage, StagedClusterer, TilePoints, TileSource};
@@ -34,6 +37,22 @@ pub trait Clusterer: std::fmt::Debug + Send + Sync {
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError>;
+
+    /// The same for a tile that owns the points where `core` is true. A method whose points can be in an object
+    /// without passing the connection on (border points of `dbscan`) gives such points a label only where the tile
+    /// owns them: what is around the others may lie outside, and a label they have elsewhere must not unite objects.
+    ///
+    /// # Errors
+    /// Those of [`Clusterer::cluster`].
+    fn cluster_tile(
+        &self,
+        cloud: &TileCloud,
+        core: &[bool],
+        labels: &mut [u32],
+    ) -> Result<u32, AlgorithmError> {
+        debug_assert_eq!(core.len(), cloud.len());
+        self.cluster(cloud, labels)
+    }
 }
 
 /// A method, as the engine has to run it.
@@ -88,4 +107,4 @@ pub struct ClusterEntry {
 }
 
 /// Every clustering method, in the order in which help lists them.
-pub static REGISTRY: &[ClusterEntry] = &[euclidean::ENTRY, density_peaks::ENTRY];
+pub static REGISTRY: &[ClusterEntry] = &[euclidean::ENTRY, density_peaks::ENTRY, dbscan::ENTRY];

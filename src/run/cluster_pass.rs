@@ -44,7 +44,7 @@ impl Pass for ClusterPass<'_> {
         let gathered = self.tiles.gather(unit, self.reach, Wanted::Objects)?;
         let (cloud, core) = (&gathered.cloud, &gathered.core);
         let mut labels = vec![0; cloud.len()];
-        let count = self.method.cluster(cloud, &mut labels)?;
+        let count = self.method.cluster_tile(cloud, core, &mut labels)?;
         let (drive, owners) = (self.tiles.drive, self.tiles.plan.owners());
         let owner = |point: usize| {
             let [x, y, _] = cloud.lattice_point(point);

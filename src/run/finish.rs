@@ -132,8 +132,26 @@ pub(crate) fn write_tables(
     Ok(())
 }
 
-/// Writes every chart as `NAME.svg`.
+/// Writes every chart as `NAME.svg`, and removes those that an earlier call with another method left.
 pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<()> {
+    let names: Vec<String> = charts.iter().map(|chart| format!("{}.svg", chart.name)).collect();
+    for name in run_dir.own_outputs()?.iter().filter(|name| name.ends_with(".svg") && !names.contains(name)) {
+        let path = run_dir.out().join(name);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(OutputError::Write { path, source: error }.into());
+            }
+            _ => {}
+        }
+    }
+    let ours = run_dir.own_outputs()?;
+    for name in names.iter().filter(|name| !ours.contains(name)) {
+        let path = run_dir.out().join(name);
+        if path.exists() {
+            return Err(StoreError::InTheWay { path }.into());
+        }
+    }
+    run_dir.claim_outputs(&names)?;
     for chart in charts {
         let svg = chart_svg(chart).map_err(|error| Error::Bug(error.to_string()))?;
         let name = format!("{}.svg", chart.name);

@@ -37,7 +37,8 @@ pub struct LocalLabels {
 
 impl LocalLabels {
     /// Keeps the labels of a tile that matter and numbers them anew from 1: those with a point in the core, unless
-    /// they are closed and their size is not in `size`. Rewrites `labels` (0: none). `owner` tells the owning tile
+    /// they are closed and smaller than `size` allows. Closed labels that are too large stay until objects are whole:
+    /// another tile may own border points of theirs, which this one gave no label. Rewrites `labels` (0: none). `owner` tells the owning tile
     /// of a halo point, `file` the file of a point id.
     pub fn collect(
         cloud: &TileCloud,
@@ -59,8 +60,8 @@ impl LocalLabels {
         let mut number = vec![0_u32; slots];
         let mut kept = 0;
         for slot in 1..slots {
-            let whole_and_wanted = size.contains(&points_in_core[slot]);
-            if points_in_core[slot] > 0 && (open[slot] || whole_and_wanted) {
+            let large_enough = points_in_core[slot] >= *size.start();
+            if points_in_core[slot] > 0 && (open[slot] || large_enough) {
                 kept += 1;
                 number[slot] = kept;
             }

@@ -60,6 +60,51 @@ pub(crate) fn single_link(points: &[[i64; 3]], distance: i64) -> Vec<usize> {
     })
 }
 
+/// `dbscan`, variant `size`, over all pairs: 0 for noise, clusters numbered by their smallest index. `near` is the
+/// squared distance of two points.
+pub(crate) fn dbscan_size(
+    count: usize,
+    near: impl Fn(usize, usize) -> i64,
+    limit: i64,
+    min_points: usize,
+    max_points: usize,
+) -> Vec<u32> {
+    let names = components(count, |a, b| near(a, b) <= limit);
+    numbered(&names.into_iter().map(Some).collect::<Vec<_>>(), min_points, max_points)
+}
+
+/// `dbscan`, variant `core`, over all pairs; border points go to the nearest core point, ties to the smaller index.
+pub(crate) fn dbscan_core(
+    count: usize,
+    near: impl Fn(usize, usize) -> i64,
+    limit: i64,
+    min_points: usize,
+    max_points: usize,
+) -> Vec<u32> {
+    let is_core: Vec<bool> =
+        (0..count).map(|a| (0..count).filter(|&b| near(a, b) <= limit).count() >= min_points).collect();
+    let names = components(count, |a, b| is_core[a] && is_core[b] && near(a, b) <= limit);
+    let name = |point: usize| {
+        let cores = (0..count).filter(|&core| is_core[core] && near(point, core) <= limit);
+        cores.min_by_key(|&core| (near(point, core), core)).map(|core| names[core])
+    };
+    numbered(&(0..count).map(name).collect::<Vec<_>>(), 1, max_points)
+}
+
+/// Names to numbers from 1 in the order of first appearance; names of too few or too many points to 0.
+fn numbered(names: &[Option<usize>], min_points: usize, max_points: usize) -> Vec<u32> {
+    let mut known: Vec<usize> = Vec::new();
+    let mut label = |name: &Option<usize>| {
+        let points = names.iter().filter(|other| *other == name).count();
+        let Some(name) = name.filter(|_| (min_points..=max_points).contains(&points)) else { return 0 };
+        if !known.contains(&name) {
+            known.push(name);
+        }
+        u32::try_from(known.iter().position(|other| *other == name).unwrap_or(0) + 1).unwrap_or(u32::MAX)
+    };
+    names.iter().map(&mut label).collect()
+}
+
 /// Squared horizontal distance of the centres of two columns.
 fn beside(a: [i64; 3], b: [i64; 3], voxel: i64) -> i64 {
     ((a[0] - b[0]) * voxel).pow(2) + ((a[1] - b[1]) * voxel).pow(2)

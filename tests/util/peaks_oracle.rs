@@ -124,6 +124,27 @@ fn curvature(points: &[[i64; 3]], labelled: &[usize], at: usize) -> (f64, f64) {
     (if sum > 0.0 { values.min().max(0.0) / sum } else { 0.0 }, farthest)
 }
 
+/// For each component the squared distance and id of the labelled point nearest to any of its points.
+fn nearest_labelled(
+    points: &[[i64; 3]],
+    halo: &[usize],
+    labelled: &[usize],
+    within: i64,
+    component: impl Fn(usize) -> Voxel,
+) -> BTreeMap<Voxel, (i64, usize)> {
+    let mut nearest = BTreeMap::new();
+    for &p in halo {
+        for &q in labelled {
+            let distance = squared(points[p], points[q]);
+            if distance <= within.pow(2) {
+                let best = nearest.entry(component(p)).or_insert((distance, q));
+                *best = (*best).min((distance, q));
+            }
+        }
+    }
+    nearest
+}
+
 /// The whole method; `ground[p]` says whether point p is ground.
 pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) -> Found {
     let voxel_of = |p: usize| points[p].map(|value| value.div_euclid(s.voxel));
@@ -174,16 +195,9 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
 
     let halo: BTreeSet<Voxel> = voxels.keys().filter(|voxel| !labels.contains_key(*voxel)).copied().collect();
     let component = components(&halo);
-    let mut nearest = BTreeMap::<Voxel, (i64, usize)>::new();
-    for p in (0..points.len()).filter(|&p| !ground[p] && halo.contains(&voxel_of(p))) {
-        for &q in &labelled {
-            let distance = squared(points[p], points[q]);
-            if distance <= s.reassign.pow(2) {
-                let best = nearest.entry(component[&voxel_of(p)]).or_insert((distance, q));
-                *best = (*best).min((distance, q));
-            }
-        }
-    }
+    let in_halo: Vec<usize> =
+        (0..points.len()).filter(|&p| !ground[p] && halo.contains(&voxel_of(p))).collect();
+    let nearest = nearest_labelled(points, &in_halo, &labelled, s.reassign, |p| component[&voxel_of(p)]);
     let joined = |voxel: &Voxel| {
         nearest.get(&component[voxel]).map(|(_, q)| segment[&cluster_of(*q).expect("labelled")])
     };

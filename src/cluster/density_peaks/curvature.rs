@@ -14,8 +14,8 @@ pub(super) fn curvature(places: &[[i64; 3]]) -> i64 {
         let products: i128 = places.iter().map(|place| i128::from(place[a]) * i128::from(place[b])).sum();
         (count * products - sums[a] * sums[b]) as f64
     };
-    // Symmetric bit for bit: a product of integers does not know the order of its factors.
-    let matrix: [[f64; 3]; 3] = std::array::from_fn(|a| std::array::from_fn(|b| moment(a, b)));
+    let (xy, xz, yz) = (moment(0, 1), moment(0, 2), moment(1, 2));
+    let matrix = [[moment(0, 0), xy, xz], [xy, moment(1, 1), yz], [xz, yz, moment(2, 2)]];
     let trace = matrix[0][0] + matrix[1][1] + matrix[2][2];
     if trace <= 0.0 {
         return 0;

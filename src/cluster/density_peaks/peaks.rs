@@ -168,8 +168,8 @@ impl Window {
     fn around(cells: impl Iterator<Item = Cell>) -> Self {
         let mut window = Self { lo: [i32::MAX; 2], hi: [i32::MIN; 2] };
         for cell in cells {
-            window.lo = [window.lo[0].min(cell[0]), window.lo[1].min(cell[1])];
-            window.hi = [window.hi[0].max(cell[0]), window.hi[1].max(cell[1])];
+            window.lo = [0, 1].map(|axis| window.lo[axis].min(cell[axis]));
+            window.hi = [0, 1].map(|axis| window.hi[axis].max(cell[axis]));
         }
         window
     }

@@ -1,0 +1,170 @@
+//! `dbscan` in n dimensions, both variants, and the curve that its epsilon is estimated from.
+//!
+//! Source: paper 002, algorithm 1 (`size`: single link at epsilon, clusters kept by their size) and Ester et al. 1996
+//! (`core`), whose border points go to the nearest core point here, ties to the smaller row, so that the order of the
+//! rows does not decide.
+
+use std::num::NonZero;
+
+use serde::{Deserialize, Serialize};
+
+use crate::epsilon::{Curve, CurveSums};
+use crate::model::DisjointSets;
+use crate::space::index::Index;
+use crate::space::{Points, SpaceError, labels};
+
+/// What makes points a cluster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DbscanVariant {
+    /// Points connected by steps of at most epsilon; clusters kept when their size is in range.
+    Size,
+    /// Core points (at least `min_points` within epsilon, itself included) connected by such steps, with the border
+    /// points around them.
+    Core,
+}
+
+/// Settings of `dbscan`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Dbscan {
+    /// The variant.
+    pub variant: DbscanVariant,
+    /// Radius of a neighbourhood, inclusive, in the unit of the points.
+    pub epsilon: f64,
+    /// `size`: points of the smallest cluster. `core`: points in the neighbourhood of a core point, itself included.
+    pub min_points: u64,
+    /// Points of the largest cluster; larger ones are noise. 0: no limit.
+    pub max_points: u64,
+}
+
+impl Dbscan {
+    /// Labels every point, 0 for noise, and tells the number of clusters.
+    ///
+    /// Cost: one query of radius epsilon per point (`core`: three); memory does not grow with epsilon.
+    ///
+    /// # Errors
+    /// [`SpaceError`] when the points cannot be indexed.
+    pub fn cluster(&self, points: &Points) -> Result<(Vec<u32>, u32), SpaceError> {
+        let index = Index::new(points)?;
+        let largest = if self.max_points == 0 { u64::MAX } else { self.max_points };
+        Ok(match self.variant {
+            DbscanVariant::Size => {
+                let names = self.connected(&index, &vec![true; points.len()]);
+                labels::number(&names, &(self.min_points..=largest))
+            }
+            DbscanVariant::Core => {
+                let core = self.core_points(&index, points.len());
+                let mut names = self.connected(&index, &core);
+                self.adopt_border(&index, &core, &mut names);
+                labels::number(&names, &(1..=largest))
+            }
+        })
+    }
+
+    /// Which points have `min_points` within epsilon.
+    fn core_points(&self, index: &Index<'_>, len: usize) -> Vec<bool> {
+        let is_core = |point: usize| {
+            let mut count = 0_u64;
+            index.within(point, self.epsilon, |_, _| count += 1);
+            count >= self.min_points
+        };
+        (0..len).map(is_core).collect()
+    }
+
+    /// Names of the connected sets of the points in `members`.
+    fn connected(&self, index: &Index<'_>, members: &[bool]) -> Vec<Option<u32>> {
+        let mut sets = DisjointSets::new(as_u32(members.len()));
+        for point in (0..members.len()).filter(|&point| members[point]) {
+            index.within(point, self.epsilon, |other, _| {
+                if other < point && members[other] {
+                    sets.union(as_u32(other), as_u32(point));
+                }
+            });
+        }
+        (0..members.len()).map(|point| members[point].then(|| sets.find(as_u32(point)))).collect()
+    }
+
+    /// Gives border points the name of their nearest core point.
+    fn adopt_border(&self, index: &Index<'_>, core: &[bool], names: &mut [Option<u32>]) {
+        for point in (0..core.len()).filter(|&point| !core[point]) {
+            let mut nearest: Option<(f64, usize)> = None;
+            index.within(point, self.epsilon, |other, squared| {
+                if core[other] && nearest.is_none_or(|best| (squared, other) < best) {
+                    nearest = Some((squared, other));
+                }
+            });
+            names[point] = nearest.and_then(|(_, other)| names[other]);
+        }
+    }
+}
+
+/// Mean distance to the 2nd to `k`-th nearest neighbours over all points; `k` is cut to the number of points.
+///
+/// # Errors
+/// [`SpaceError`] when the points cannot be indexed.
+pub fn neighbour_curve(points: &Points, k: usize) -> Result<Curve, SpaceError> {
+    let index = Index::new(points)?;
+    let k = k.min(points.len());
+    let mut sums = CurveSums::new(k, points.diagonal());
+    let mut distances = Vec::new();
+    if let Some(count) = NonZero::new(k) {
+        for point in 0..points.len() {
+            index.nearest(point, count, &mut distances);
+            sums.add(distances.iter().copied());
+        }
+    }
+    Ok(sums.curve(points.len() as u64))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "Points holds at most 2^32 - 1 points")]
+fn as_u32(point: usize) -> u32 {
+    point as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points on a line in the plane.
+    fn line(places: &[f64]) -> Points {
+        Points::new(2, places.iter().flat_map(|&x| [x, 3.0]).collect()).unwrap()
+    }
+
+    fn cluster(variant: DbscanVariant, min_points: u64, max_points: u64, points: &Points) -> Vec<u32> {
+        Dbscan { variant, epsilon: 1.0, min_points, max_points }.cluster(points).unwrap().0
+    }
+
+    #[test]
+    fn size_is_single_link_with_sizes_in_range() {
+        let points = line(&[0.0, 1.0, 2.0, 3.5, 4.5, 9.0]);
+        assert_eq!(cluster(DbscanVariant::Size, 1, 0, &points), [1, 1, 1, 2, 2, 3]);
+        assert_eq!(cluster(DbscanVariant::Size, 2, 2, &points), [0, 0, 0, 1, 1, 0]);
+    }
+
+    #[test]
+    fn border_points_go_to_the_nearest_core_point_and_ties_to_the_smaller_row() {
+        // Cores have 4 within 1: 0.0 and 0.5 of the left heap, 2.0 and 2.5 of the right one. 1.0 is exactly
+        // between 0.0.. and 2.0: core points 0.5 (0.5 away) and 2.0 (1.0 away). 1.25 is 0.75 from both 0.5 and 2.0.
+        let left = [-0.5, 0.0, 0.5, 0.2];
+        let right = [2.0, 2.3, 2.5, 3.0];
+        let places: Vec<f64> = right.iter().chain(&left).copied().chain([1.25]).collect();
+        let labels = cluster(DbscanVariant::Core, 4, 0, &line(&places));
+        assert_eq!(labels, [1, 1, 1, 1, 2, 2, 2, 2, 1]);
+        let swapped: Vec<f64> = left.iter().chain(&right).copied().chain([1.25]).collect();
+        assert_eq!(cluster(DbscanVariant::Core, 4, 0, &line(&swapped)), [1, 1, 1, 1, 2, 2, 2, 2, 1]);
+    }
+
+    #[test]
+    fn core_points_without_company_are_noise() {
+        assert_eq!(cluster(DbscanVariant::Core, 3, 0, &line(&[0.0, 1.0, 5.0, 6.0, 7.0])), [0, 0, 1, 1, 1]);
+        assert_eq!(cluster(DbscanVariant::Core, 3, 2, &line(&[5.0, 6.0, 7.0])), [0, 0, 0]);
+    }
+
+    #[test]
+    fn the_curve_is_the_mean_distance_to_each_neighbour() {
+        // 0, 1, 3: second neighbours at 1, 1, 2; third at 3, 2, 3.
+        let curve = neighbour_curve(&line(&[0.0, 1.0, 3.0]), 40).unwrap();
+        assert_eq!((curve.k(), curve.queries), (3, 3));
+        assert!((curve.mean[0] - 4.0 / 3.0).abs() < 1e-9 && (curve.mean[1] - 8.0 / 3.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,145 @@
+//! Neighbours in n dimensions; the only user of the kd-tree crate for them.
+//!
+//! The tree finds candidates, [`Points`] decides: distances are computed anew in one fixed order, so that the
+//! arithmetic of the tree (vector instructions, fused additions) never shows in a result.
+
+use std::num::NonZero;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+
+use crate::space::{Points, SpaceError};
+
+/// Slack of squared radii: candidates are looked for a little further away than is decided.
+const SLACK: f64 = 1.0 + 1e-12;
+
+/// What a method asks of a tree of any dimension.
+pub(super) trait Neighbours {
+    /// Calls `visit` for every candidate within a squared distance of about `limit` (> 0) of a point.
+    fn candidates(&self, point: usize, limit: f64, visit: &mut dyn FnMut(usize));
+    /// Puts the `count` points nearest to a point into `found`, itself included, in no promised order.
+    fn nearest(&self, point: usize, count: NonZero<usize>, found: &mut Vec<usize>);
+}
+
+struct Tree<const D: usize> {
+    tree: ImmutableKdTree<f64, D>,
+    rows: Vec<[f64; D]>,
+}
+
+impl<const D: usize> Neighbours for Tree<D> {
+    fn candidates(&self, point: usize, limit: f64, visit: &mut dyn FnMut(usize)) {
+        let query = self.tree.query(&self.rows[point]);
+        query.within::<SquaredEuclidean<f64>>(limit).unsorted().visit(|found| visit(found.item as usize));
+    }
+
+    fn nearest(&self, point: usize, count: NonZero<usize>, found: &mut Vec<usize>) {
+        let query = self.tree.query(&self.rows[point]);
+        let items = query.nearest_n::<SquaredEuclidean<f64>>(count).execute();
+        found.clear();
+        found.extend(items.iter().map(|item| item.item as usize));
+    }
+}
+
+fn tree<const D: usize>(points: &Points) -> Result<Box<dyn Neighbours>, SpaceError> {
+    let row = |row: &[f64]| std::array::from_fn(|axis| row[axis]);
+    let rows: Vec<[f64; D]> = points.rows().map(row).collect();
+    // Fails only for more points than u32 counts, which Points does not hold.
+    let tree = ImmutableKdTree::new_from_slice(&rows)
+        .map_err(|_| SpaceError::TooManyPoints { points: points.len() })?;
+    Ok(Box::new(Tree { tree, rows }))
+}
+
+/// Points that can be asked for their neighbours.
+pub(super) struct Index<'a> {
+    points: &'a Points,
+    tree: Box<dyn Neighbours>,
+}
+
+impl<'a> Index<'a> {
+    pub(super) fn new(points: &'a Points) -> Result<Self, SpaceError> {
+        let tree = match points.dimensions() {
+            2 => tree::<2>(points),
+            3 => tree::<3>(points),
+            4 => tree::<4>(points),
+            5 => tree::<5>(points),
+            6 => tree::<6>(points),
+            7 => tree::<7>(points),
+            8 => tree::<8>(points),
+            dimensions => Err(SpaceError::Dimensions { dimensions }),
+        }?;
+        Ok(Self { points, tree })
+    }
+
+    /// Calls `visit` with every point within `radius` of `point` (inclusive, itself too) and the squared distance, in
+    /// no promised order.
+    pub(super) fn within(&self, point: usize, radius: f64, mut visit: impl FnMut(usize, f64)) {
+        let limit = radius * radius;
+        self.tree.candidates(point, limit * SLACK + f64::MIN_POSITIVE, &mut |other| {
+            let squared = self.points.distance_squared(point, other);
+            if squared <= limit {
+                visit(other, squared);
+            }
+        });
+    }
+
+    /// Distances from `point` to its 2nd to `k`-th nearest points, ascending, itself being the first.
+    pub(super) fn nearest(&self, point: usize, k: NonZero<usize>, distances: &mut Vec<f64>) {
+        let mut found = Vec::with_capacity(k.get());
+        self.tree.nearest(point, k, &mut found);
+        distances.clear();
+        distances.extend(found.iter().map(|&other| self.points.distance_squared(point, other).sqrt()));
+        distances.sort_unstable_by(f64::total_cmp);
+        // The point itself, or one of its equals: 0 in any case.
+        distances.remove(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A fixed pseudo-random cloud with equal points in it.
+    fn cloud(dimensions: usize, count: usize) -> Points {
+        let mut state = 1_u64;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            f64::from(u32::try_from(state >> 33).unwrap() % 40) / 4.0
+        };
+        Points::new(dimensions, (0..count * dimensions).map(|_| next()).collect()).unwrap()
+    }
+
+    #[test]
+    fn neighbours_are_those_of_brute_force_in_every_dimension() {
+        for dimensions in DIMENSIONS_TESTED {
+            let points = cloud(dimensions, 300);
+            let index = Index::new(&points).unwrap();
+            for point in (0..300).step_by(7) {
+                let all: Vec<f64> = (0..300).map(|other| points.distance_squared(point, other)).collect();
+                for radius in [0.0, 0.25, 5.0, 8.0] {
+                    let mut found = Vec::new();
+                    index.within(point, radius, |other, squared| found.push((other, squared)));
+                    found.sort_unstable_by_key(|entry| entry.0);
+                    let expected: Vec<(usize, f64)> = (0..300)
+                        .map(|other| (other, all[other]))
+                        .filter(|e| e.1 <= radius * radius)
+                        .collect();
+                    assert_eq!(found, expected, "{dimensions} {point} {radius}");
+                }
+                let mut sorted: Vec<f64> = all.iter().map(|squared| squared.sqrt()).collect();
+                sorted.sort_unstable_by(f64::total_cmp);
+                let mut distances = Vec::new();
+                index.nearest(point, NonZero::new(41).unwrap(), &mut distances);
+                assert_eq!(distances, sorted[1..41], "{dimensions} {point}");
+            }
+        }
+    }
+
+    const DIMENSIONS_TESTED: std::ops::RangeInclusive<usize> = crate::space::DIMENSIONS;
+
+    #[test]
+    fn ten_thousand_equal_points_are_indexed() {
+        let points = Points::new(3, vec![1.5; 30_000]).unwrap();
+        let mut count = 0;
+        Index::new(&points).unwrap().within(17, 0.0, |_, _| count += 1);
+        assert_eq!(count, 10_000);
+    }
+}

@@ -1,0 +1,38 @@
+//! From sets of points to numbered clusters.
+
+use std::ops::RangeInclusive;
+
+/// Numbers the clusters of points 1, 2, ... by their smallest row; `name[i]` is any number that the points of a cluster
+/// share, `None` for noise. Clusters whose size is not in `size` become noise. Returns the labels (0: noise) and how
+/// many clusters there are.
+pub(super) fn number(names: &[Option<u32>], size: &RangeInclusive<u64>) -> (Vec<u32>, u32) {
+    let slots = names.iter().flatten().max().map_or(0, |&name| name as usize + 1);
+    let mut points = vec![0_u64; slots];
+    names.iter().flatten().for_each(|&name| points[name as usize] += 1);
+    let (mut label_of, mut clusters) = (vec![0_u32; slots], 0);
+    let label = |name: &Option<u32>| {
+        let Some(name) = name.map(|name| name as usize).filter(|&name| size.contains(&points[name])) else {
+            return 0;
+        };
+        if label_of[name] == 0 {
+            clusters += 1;
+            label_of[name] = clusters;
+        }
+        label_of[name]
+    };
+    let labels = names.iter().map(label).collect();
+    (labels, clusters)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clusters_are_numbered_by_their_first_row_and_sizes_decide() {
+        let names = [None, Some(7), Some(2), Some(7), Some(5), Some(2), Some(7)];
+        assert_eq!(number(&names, &(1..=u64::MAX)), (vec![0, 1, 2, 1, 3, 2, 1], 3));
+        assert_eq!(number(&names, &(2..=2)), (vec![0, 0, 1, 0, 0, 1, 0], 1));
+        assert_eq!(number(&[], &(1..=9)), (vec![], 0));
+    }
+}

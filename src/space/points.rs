@@ -1,0 +1,117 @@
+//! Points of n dimensions: rows of numbers, distances, standardisation.
+
+use std::ops::RangeInclusive;
+
+use crate::space::SpaceError;
+
+/// Dimensions that can be clustered; every one of them is compiled.
+pub const DIMENSIONS: RangeInclusive<usize> = 2..=8;
+
+/// Points of n dimensions; a point is known by its row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Points {
+    dimensions: usize,
+    values: Vec<f64>,
+}
+
+impl Points {
+    /// Points of `dimensions` numbers each, row by row; an incomplete last row is dropped.
+    ///
+    /// # Errors
+    /// [`SpaceError::Dimensions`], [`SpaceError::TooManyPoints`].
+    pub fn new(dimensions: usize, mut values: Vec<f64>) -> Result<Self, SpaceError> {
+        if !DIMENSIONS.contains(&dimensions) {
+            return Err(SpaceError::Dimensions { dimensions });
+        }
+        let points = values.len() / dimensions;
+        if u32::try_from(points).is_err() {
+            return Err(SpaceError::TooManyPoints { points });
+        }
+        values.truncate(points * dimensions);
+        Ok(Self { dimensions, values })
+    }
+
+    /// Numbers per point.
+    #[must_use]
+    pub fn dimensions(&self) -> usize {
+        self.dimensions
+    }
+
+    /// Number of points.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.values.len() / self.dimensions
+    }
+
+    /// Whether there are no points.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// All points in order.
+    pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.values.chunks_exact(self.dimensions)
+    }
+
+    /// Squared distance of two points: squares added in the order of the dimensions, so that every way to compute it
+    /// gives the same bits.
+    pub(super) fn distance_squared(&self, a: usize, b: usize) -> f64 {
+        let row = |point: usize| &self.values[point * self.dimensions..(point + 1) * self.dimensions];
+        row(a).iter().zip(row(b)).map(|(p, q)| (p - q) * (p - q)).sum()
+    }
+
+    /// Length of the diagonal of the bounding box: no distance is larger.
+    pub(super) fn diagonal(&self) -> f64 {
+        let extent = |axis: usize| {
+            let (low, high) = self
+                .rows()
+                .fold((f64::MAX, f64::MIN), |(low, high), row| (low.min(row[axis]), high.max(row[axis])));
+            (high - low).max(0.0)
+        };
+        (0..self.dimensions).map(|axis| extent(axis).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Subtracts the mean of each dimension and divides by its standard deviation (n - 1), times a weight (1 where
+    /// there is none): what `dbscan` does before fields of different units are one space (paper 002, section 3.1).
+    ///
+    /// # Errors
+    /// [`SpaceError::NoSpread`].
+    pub fn standardise(&mut self, weights: &[f64]) -> Result<(), SpaceError> {
+        let count = self.len() as f64;
+        for axis in 0..self.dimensions {
+            let mean = self.rows().map(|row| row[axis]).sum::<f64>() / count;
+            let squares = self.rows().map(|row| (row[axis] - mean).powi(2)).sum::<f64>();
+            let deviation = (squares / (count - 1.0)).sqrt();
+            if deviation.is_nan() || deviation <= 0.0 {
+                return Err(SpaceError::NoSpread { dimension: axis + 1 });
+            }
+            let factor = weights.get(axis).copied().unwrap_or(1.0) / deviation;
+            let column = self.values.iter_mut().skip(axis).step_by(self.dimensions);
+            column.for_each(|value| *value = (*value - mean) * factor);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dimensions_outside_2_to_8_are_refused() {
+        for (dimensions, accepted) in [(0, false), (1, false), (2, true), (8, true), (9, false)] {
+            assert_eq!(Points::new(dimensions, vec![0.0; 72]).is_ok(), accepted, "{dimensions}");
+        }
+    }
+
+    #[test]
+    fn standardised_fields_have_mean_0_and_deviation_1_times_the_weight() {
+        // Mean 2 and deviation 1; mean 40 and deviation 20.
+        let mut points = Points::new(2, vec![1.0, 20.0, 2.0, 40.0, 3.0, 60.0]).unwrap();
+        points.standardise(&[1.0, 0.5]).unwrap();
+        assert_eq!(points.values, [-1.0, -0.5, 0.0, 0.0, 1.0, 0.5]);
+        let mut flat = Points::new(2, vec![1.0, 7.0, 2.0, 7.0]).unwrap();
+        assert_eq!(flat.standardise(&[]), Err(SpaceError::NoSpread { dimension: 2 }));
+    }
+}

@@ -1,0 +1,259 @@
+//! A table read from text: its rows as they stand, and columns of numbers from them.
+
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use crate::table::TableError;
+use crate::table::split::{Separator, fields};
+
+/// Characters of a line that an error shows.
+const SHOWN: usize = 80;
+
+/// A table in memory: its text and where the rows are.
+#[derive(Debug)]
+pub struct Table {
+    path: PathBuf,
+    text: String,
+    pub(super) separator: Separator,
+    /// Names of the columns; their numbers from 1 where there is no header.
+    names: Vec<String>,
+    pub(super) header: Option<Range<usize>>,
+    /// Line number from 1, and the line without its end.
+    rows: Vec<(usize, Range<usize>)>,
+}
+
+impl Table {
+    /// Reads a table; `-` is standard input. Separated by commas, semicolons, tabs or blanks, whichever the first
+    /// line has. Empty lines are not rows.
+    ///
+    /// # Errors
+    /// [`TableError`] when the file cannot be read or has no rows, or has no header where one is expected.
+    pub fn read(path: &Path, has_header: bool) -> Result<Self, TableError> {
+        let text = if path == Path::new("-") {
+            let mut text = String::new();
+            std::io::stdin().lock().read_to_string(&mut text).map(|_| text)
+        } else {
+            fs_err::read_to_string(path)
+        };
+        let text = text.map_err(|source| TableError::Read { path: path.to_owned(), source })?;
+        Self::parse(path, text, has_header)
+    }
+
+    /// A table from its text; `path` is for errors.
+    ///
+    /// # Errors
+    /// Those of [`Table::read`].
+    pub fn parse(path: &Path, text: String, has_header: bool) -> Result<Self, TableError> {
+        let start = text.len() - text.trim_start_matches('\u{feff}').len();
+        let mut rows = Vec::new();
+        let mut at = start;
+        for (line, whole) in (1..).zip(text[start..].split_inclusive('\n')) {
+            let content = whole.trim_end_matches(['\n', '\r']);
+            if !content.trim().is_empty() {
+                rows.push((line, at..at + content.len()));
+            }
+            at += whole.len();
+        }
+        let empty = || TableError::Empty { path: path.to_owned() };
+        let (line, first) = rows.first().cloned().ok_or_else(empty)?;
+        let separator = Separator::of(&text[first.clone()]);
+        let found = fields(&text[first.clone()], separator)
+            .ok_or_else(|| TableError::Quote { path: path.to_owned(), line })?;
+        let mut table =
+            Self { path: path.to_owned(), text, separator, names: Vec::new(), header: None, rows };
+        if has_header {
+            if found.iter().all(|field| number(field).is_some()) {
+                let found = table.text[first].chars().take(SHOWN).collect();
+                return Err(TableError::NoHeader { path: path.to_owned(), found });
+            }
+            table.names = found;
+            table.header = Some(first);
+            table.rows.remove(0);
+        } else {
+            table.names = (1..=found.len()).map(|column| column.to_string()).collect();
+        }
+        if table.rows.is_empty() { Err(empty()) } else { Ok(table) }
+    }
+
+    /// Where the table was read from.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there are no rows, which no table that was read is.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Name of a column.
+    #[must_use]
+    pub fn name(&self, column: usize) -> &str {
+        &self.names[column]
+    }
+
+    /// Text of the header.
+    pub(super) fn header(&self) -> Option<&str> {
+        self.header.clone().map(|range| &self.text[range])
+    }
+
+    /// Text of each row.
+    pub(super) fn rows(&self) -> impl Iterator<Item = &str> {
+        self.rows.iter().map(|(_, range)| &self.text[range.clone()])
+    }
+
+    /// Checks that a column `name` can be added.
+    ///
+    /// # Errors
+    /// [`TableError::Taken`] when there is one in the header.
+    pub fn check_free(&self, name: &str) -> Result<(), TableError> {
+        if self.header.is_some() && self.names.iter().any(|known| known == name) {
+            return Err(TableError::Taken { path: self.path.clone(), name: name.to_owned() });
+        }
+        Ok(())
+    }
+
+    /// Indices of columns by name or by number from 1; a name wins over a number.
+    ///
+    /// # Errors
+    /// [`TableError::Column`].
+    pub fn columns(&self, wanted: &[String]) -> Result<Vec<usize>, TableError> {
+        let find = |column: &String| {
+            let by_name = self.names.iter().position(|name| name == column);
+            let by_number =
+                || column.parse::<usize>().ok()?.checked_sub(1).filter(|&at| at < self.names.len());
+            by_name.or_else(by_number).ok_or_else(|| TableError::Column {
+                path: self.path.clone(),
+                column: column.clone(),
+                known: self.names.join(", "),
+            })
+        };
+        wanted.iter().map(find).collect()
+    }
+
+    /// Indices of the columns that hold a finite number in every row.
+    ///
+    /// # Errors
+    /// When a row has other fields than the first line.
+    pub fn numeric_columns(&self) -> Result<Vec<usize>, TableError> {
+        let mut numeric = vec![true; self.names.len()];
+        self.each_row(|_, fields| {
+            for (flag, field) in numeric.iter_mut().zip(fields) {
+                *flag &= number(field).is_some();
+            }
+            Ok(())
+        })?;
+        Ok((0..numeric.len()).filter(|&column| numeric[column]).collect())
+    }
+
+    /// The numbers of some columns, row by row.
+    ///
+    /// # Errors
+    /// [`TableError::Number`], or when a row has other fields than the first line.
+    pub fn values(&self, columns: &[usize]) -> Result<Vec<f64>, TableError> {
+        let mut values = Vec::with_capacity(self.rows.len() * columns.len());
+        self.each_row(|line, fields| {
+            for &column in columns {
+                values.push(number(&fields[column]).ok_or_else(|| TableError::Number {
+                    path: self.path.clone(),
+                    line,
+                    column: self.names[column].clone(),
+                    found: fields[column].chars().take(SHOWN).collect(),
+                })?);
+            }
+            Ok(())
+        })?;
+        Ok(values)
+    }
+
+    fn each_row(
+        &self,
+        mut row: impl FnMut(usize, &[String]) -> Result<(), TableError>,
+    ) -> Result<(), TableError> {
+        for (line, range) in &self.rows {
+            let quote = || TableError::Quote { path: self.path.clone(), line: *line };
+            let fields = fields(&self.text[range.clone()], self.separator).ok_or_else(quote)?;
+            if fields.len() != self.names.len() {
+                return Err(TableError::Fields {
+                    path: self.path.clone(),
+                    line: *line,
+                    found: fields.len(),
+                    expected: self.names.len(),
+                });
+            }
+            row(*line, &fields)?;
+        }
+        Ok(())
+    }
+}
+
+fn number(field: &str) -> Option<f64> {
+    field.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(text: &str, has_header: bool) -> Result<Table, String> {
+        Table::parse(Path::new("t.csv"), text.to_owned(), has_header).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn columns_are_found_by_name_number_and_content() {
+        let table = table("\u{feff}x,name,y\r\n1,a,2\r\n\r\n3,b,4e1\r\n", true).unwrap();
+        assert_eq!((table.len(), table.name(2)), (2, "y"));
+        assert_eq!(table.numeric_columns().unwrap(), [0, 2]);
+        assert_eq!(table.columns(&["y".to_owned(), "1".to_owned()]).unwrap(), [2, 0]);
+        assert_eq!(table.values(&[2, 0]).unwrap(), [2.0, 1.0, 40.0, 3.0]);
+        let error = table.columns(&["z".to_owned()]).unwrap_err().to_string();
+        assert_eq!(error, "t.csv has no column z, there is: x, name, y");
+        let error = table.values(&[1]).unwrap_err().to_string();
+        assert_eq!(error, "line 2 of t.csv, column name: \"a\" is no finite number");
+    }
+
+    #[test]
+    fn a_table_without_a_header_numbers_its_columns() {
+        let table = table("1\t2\t3\n4\t5\t6", false).unwrap();
+        assert_eq!(
+            table.values(&table.columns(&["1".to_owned(), "2".to_owned()]).unwrap()).unwrap(),
+            [1.0, 2.0, 4.0, 5.0]
+        );
+    }
+
+    #[test]
+    fn a_column_is_not_added_twice() {
+        assert!(table("1,2", false).unwrap().check_free("1").is_ok());
+        let table = table("x,cluster_id\n1,2", true).unwrap();
+        assert!(table.check_free("y").is_ok());
+        let error = table.check_free("cluster_id").unwrap_err().to_string();
+        assert_eq!(error, "t.csv has a column cluster_id already");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        for (text, header, expected) in [
+            ("", true, "the table t.csv has no rows"),
+            ("x,y\n", true, "the table t.csv has no rows"),
+            ("1,2\n3,4", true, "the first line of t.csv holds only numbers, a header is expected: 1,2"),
+            ("x,\"y\n1,2", true, "line 1 of t.csv has a quote that is not closed"),
+        ] {
+            assert_eq!(table(text, header).unwrap_err(), expected);
+        }
+        for (text, expected) in [
+            ("x,y\n1,2\n3", "line 3 of t.csv has 1 fields, the first line has 2"),
+            ("x,y\n1,nan", "line 2 of t.csv, column y: \"nan\" is no finite number"),
+            ("x,y\n1,\"2", "line 2 of t.csv has a quote that is not closed"),
+        ] {
+            assert_eq!(table(text, true).unwrap().values(&[0, 1]).unwrap_err().to_string(), expected);
+        }
+    }
+}
