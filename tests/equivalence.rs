@@ -253,12 +253,21 @@ fn threads_and_tile_length_change_no_byte() {
 /// Every method that is registered, also one that was written after this test.
 #[test]
 fn every_method_gives_the_same_bytes_in_any_tiles_files_and_formats() {
-    for entry in cluster::REGISTRY {
+    // Small things have few points, and few and low voxels.
+    let peaks = &["density-peaks.rho_t=1.0", "density-peaks.delta_t=1.0"][..];
+    let core = &["dbscan.variant=core", "dbscan.min_points=4"][..];
+    let variants = |name: &str| match name {
+        "density-peaks" => vec![peaks],
+        "dbscan" => vec![&["dbscan.min_points=3"][..], core],
+        _ => vec![&[][..]],
+    };
+    let methods =
+        cluster::REGISTRY.iter().flat_map(|entry| variants(entry.name).into_iter().map(move |v| (entry, v)));
+    for (entry, variant) in methods {
         for (course, points) in middling() {
             let folder = scratch();
+            let mut more = settings(variant);
             let shapes = [Shape::default(), Shape::default()];
-            // Small things have few and low voxels.
-            let mut more = settings(&["density-peaks.rho_t=1.0", "density-peaks.delta_t=1.0"]);
             more.push(format!("cluster.method={:?}", entry.name));
             let las = write_files(folder.path(), &points, &shapes, None);
             let laz = write_files(folder.path(), &points, &shapes, Some(300));
