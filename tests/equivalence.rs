@@ -257,8 +257,9 @@ fn every_method_gives_the_same_bytes_in_any_tiles_files_and_formats() {
         for (course, points) in middling() {
             let folder = scratch();
             let shapes = [Shape::default(), Shape::default()];
-            // Small things have few and low voxels.
-            let mut more = settings(&["density-peaks.rho_t=1.0", "density-peaks.delta_t=1.0"]);
+            // Small things have few points, and few and low voxels.
+            let mut more =
+                settings(&["density-peaks.rho_t=1.0", "density-peaks.delta_t=1.0", "dbscan.min_points=3"]);
             more.push(format!("cluster.method={:?}", entry.name));
             let las = write_files(folder.path(), &points, &shapes, None);
             let laz = write_files(folder.path(), &points, &shapes, Some(300));
