@@ -15,7 +15,7 @@ use crate::stitch::{LocalObject, Stitcher};
 use crate::store::PassDir;
 use crate::tiling::Wanted;
 
-/// Bytes per point that a tile of a stage needs at its peak: points, ids, two sets of voxels, labels; measured.
+/// Bytes per point that a tile of a stage needs at its peak: points, ids, two sets of voxels, labels; estimated from their sizes, not yet measured.
 pub(crate) const BYTES_PER_POINT: u64 = 120;
 
 /// What the engine keeps of a tile after a stage.
