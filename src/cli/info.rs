@@ -54,9 +54,10 @@ fn page(facts: &DriveFacts) -> String {
     let mut text = print::table(&["file", "version", "format", "points", "size", "extra dimensions"], &rows);
     let span = |axis: usize| facts.max_m[axis] - facts.min_m[axis];
     text.push_str(&format!(
-        "\n  points    {} in {} files, {}\n",
+        "\n  points    {} in {} file{}, {}\n",
         print::count(facts.points),
         facts.files.len(),
+        if facts.files.len() == 1 { "" } else { "s" },
         print::bytes(facts.bytes)
     ));
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {

@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 
 use chainage::run::{Event, Observer};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::json;
 
 use crate::cli::print;
 
@@ -139,31 +138,12 @@ impl Observer for Progress {
         match self.kind {
             ProgressChoice::Auto | ProgressChoice::Bar => self.bar(&mut state, event),
             ProgressChoice::Plain => Self::plain(&mut state, event),
-            ProgressChoice::Json => line(&as_json(event).to_string()),
+            ProgressChoice::Json => line(&event.to_json().to_string()),
             ProgressChoice::None => match event {
                 Event::Warning { .. } | Event::UnitFailed { .. } => Self::plain(&mut state, event),
                 _ => {}
             },
         }
-    }
-}
-
-fn as_json(event: &Event<'_>) -> serde_json::Value {
-    match event {
-        Event::PassStarted { pass, units, done, points, points_done } => json!({
-            "event": "pass-started", "pass": pass, "units": units, "done": done, "points": points,
-            "points_done": points_done
-        }),
-        Event::UnitFinished { pass, unit, points, seconds } => {
-            json!({ "event": "unit-finished", "pass": pass, "unit": unit, "points": points, "seconds": seconds })
-        }
-        Event::UnitFailed { pass, unit, reason } => {
-            json!({ "event": "unit-failed", "pass": pass, "unit": unit, "reason": reason })
-        }
-        Event::PassFinished { pass, seconds } => {
-            json!({ "event": "pass-finished", "pass": pass, "seconds": seconds })
-        }
-        Event::Warning { text } => json!({ "event": "warning", "text": text }),
     }
 }
 

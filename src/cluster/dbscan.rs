@@ -1,6 +1,6 @@
 //! The clustering method `dbscan` for drives, on x, y and z in metres: settings, reach and sizes of its two variants.
 //!
-//! Source: paper 002, algorithm 1 (variant `size`), and Ester, Kriegel, Sander, Xu, "A density-based algorithm for
+//! Source: the paper on estimating epsilon, algorithm 1 (variant `size`), and Ester, Kriegel, Sander, Xu, "A density-based algorithm for
 //! discovering clusters" (1996) (variant `core`). `size` is single link at epsilon, as `euclidean` is, whose kernel it
 //! uses; `core` has its own, see `core_points`. Ours: border points go to the nearest core point, ties to the smaller
 //! id, so that no order of points decides.
@@ -25,7 +25,7 @@ const NAME: &str = "dbscan";
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
     summary: "connected points within epsilon, or core points with their border",
-    reference: "paper 002, algorithm 1; Ester et al. 1996",
+    reference: "the paper on estimating epsilon, algorithm 1; Ester et al. 1996",
     build: |table| Ok(crate::cluster::Method::Local(Box::new(Dbscan::new(&config::section(NAME, table)?)?))),
 };
 
@@ -43,7 +43,7 @@ pub enum DbscanVariant {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DbscanConfig {
-    /// The variant. Default `size`, which is what paper 002 prints.
+    /// The variant. Default `size`, which is what the paper on estimating epsilon prints.
     pub variant: DbscanVariant,
     /// Radius of a neighbourhood in metres, inclusive, 0.001 to 10. Default 0.3 (chosen: as `euclidean`).
     pub epsilon: f64,

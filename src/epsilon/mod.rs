@@ -1,7 +1,7 @@
 //! Estimation of epsilon, the radius of `dbscan`, from how far away neighbours are: the curve, its fit and the point
 //! where its slope is that of its chord. Knows distances only; no points, no files and no trees.
 //!
-//! Source: "DBSCAN with automatic estimation of epsilon" (paper 002 of the project's list), section 3.2.3, equations
+//! Source: "DBSCAN with automatic estimation of epsilon", section 3.2.3, equations
 //! 5 and 11 to 14. Ours: the point itself is the neighbour k = 1 (so that D_1 = 0 is not part of the curve), the
 //! polynomial is fitted in k scaled to [-1, 1], the smallest root is taken, and K grows to [`LARGEST_K`] at most.
 

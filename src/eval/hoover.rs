@@ -1,4 +1,4 @@
-//! Hoover's classes of detection (paper 002, section 4.1; Hoover et al. 1996, doi:10.1109/34.506791) at a tolerance T.
+//! Hoover's classes of detection (the paper on estimating epsilon, section 4.1; Hoover et al. 1996, doi:10.1109/34.506791) at a tolerance T.
 //!
 //! Tried in this order, the first that holds counts:
 //! * *correct*: a segment and the object overlap by at least T of both;

@@ -1,4 +1,4 @@
-//! Under- and over-segmentation of objects (paper 000, section 4.4). Not: rates, which are counts over objects.
+//! Under- and over-segmentation of objects (Li et al. 2017, section 4.4). Not: rates, which are counts over objects.
 //!
 //! S(o) is the segment that holds most of object o (ties: the smaller id).
 //! * o is *under-segmented* when S(o) also is S(o') of another evaluated object, or holds at least 20 % of one.
@@ -10,11 +10,11 @@
 
 use crate::eval::scene::{Overlap, Scene};
 
-/// Share of another object that makes its segment a shared one, in percent (paper 000, section 4.4).
+/// Share of another object that makes its segment a shared one, in percent (Li et al. 2017, section 4.4).
 const SHARED_PERCENT: u64 = 20;
-/// Share of an object in a second segment that makes it over-segmented, in percent (paper 000, section 4.4).
+/// Share of an object in a second segment that makes it over-segmented, in percent (Li et al. 2017, section 4.4).
 const SECOND_PERCENT: u64 = 10;
-/// Points of an object in a second segment that make it over-segmented (paper 000, section 4.4).
+/// Points of an object in a second segment that make it over-segmented (Li et al. 2017, section 4.4).
 const SECOND_POINTS: u64 = 30;
 
 /// What became of one object.

@@ -166,22 +166,7 @@ impl Engine<'_> {
     /// Tells the observer and the log.
     pub(crate) fn tell(&self, event: &Event<'_>) {
         self.observer.event(event);
-        let line = match event {
-            Event::PassStarted { pass, units, done, points, .. } => {
-                json!({ "event": "pass-started", "pass": pass, "units": units, "done": done, "points": points })
-            }
-            Event::UnitFinished { pass, unit, points, seconds } => {
-                json!({ "event": "unit-finished", "pass": pass, "unit": unit, "points": points, "seconds": seconds })
-            }
-            Event::UnitFailed { pass, unit, reason } => {
-                json!({ "event": "unit-failed", "pass": pass, "unit": unit, "reason": reason })
-            }
-            Event::PassFinished { pass, seconds } => {
-                json!({ "event": "pass-finished", "pass": pass, "seconds": seconds })
-            }
-            Event::Warning { text } => json!({ "event": "warning", "text": text }),
-        };
-        self.run_dir.log_event(&line.to_string());
+        self.run_dir.log_event(&event.to_json().to_string());
     }
 }
 

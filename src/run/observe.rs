@@ -1,5 +1,7 @@
 //! What a run tells whoever watches it: progress as a trait of the library, so that it never prints.
 
+use serde_json::json;
+
 /// Something that happened.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event<'a> {
@@ -48,6 +50,29 @@ pub enum Event<'a> {
         /// What.
         text: &'a str,
     },
+}
+
+impl Event<'_> {
+    /// The event as a JSON object, one line of a log.
+    #[must_use]
+    pub fn to_json(&self) -> serde_json::Value {
+        match self {
+            Self::PassStarted { pass, units, done, points, points_done } => json!({
+                "event": "pass-started", "pass": pass, "units": units, "done": done, "points": points,
+                "points_done": points_done
+            }),
+            Self::UnitFinished { pass, unit, points, seconds } => {
+                json!({ "event": "unit-finished", "pass": pass, "unit": unit, "points": points, "seconds": seconds })
+            }
+            Self::UnitFailed { pass, unit, reason } => {
+                json!({ "event": "unit-failed", "pass": pass, "unit": unit, "reason": reason })
+            }
+            Self::PassFinished { pass, seconds } => {
+                json!({ "event": "pass-finished", "pass": pass, "seconds": seconds })
+            }
+            Self::Warning { text } => json!({ "event": "warning", "text": text }),
+        }
+    }
 }
 
 /// Watches a run. Calls come from one thread at a time.

@@ -1,6 +1,6 @@
 //! `dbscan` in n dimensions, both variants, and the curve that its epsilon is estimated from.
 //!
-//! Source: paper 002, algorithm 1 (`size`: single link at epsilon, clusters kept by their size) and Ester et al. 1996
+//! Source: the paper on estimating epsilon, algorithm 1 (`size`: single link at epsilon, clusters kept by their size) and Ester et al. 1996
 //! (`core`), whose border points go to the nearest core point here, ties to the smaller row, so that the order of the
 //! rows does not decide.
 

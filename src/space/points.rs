@@ -73,7 +73,7 @@ impl Points {
     }
 
     /// Subtracts the mean of each dimension and divides by its standard deviation (n - 1), times a weight (1 where
-    /// there is none): what `dbscan` does before fields of different units are one space (paper 002, section 3.1).
+    /// there is none): what `dbscan` does before fields of different units are one space (the paper on estimating epsilon, section 3.1).
     ///
     /// # Errors
     /// [`SpaceError::NoSpread`].

@@ -103,7 +103,7 @@ impl StoreError {
             Self::Version { .. } | Self::OtherInput { .. } => {
                 Some("choose another output directory, or start over here with chainage run --fresh".into())
             }
-            Self::Damaged { .. } => Some("the same command computes it again".into()),
+            Self::Damaged { .. } => Some("start over here with chainage run --fresh".into()),
             Self::InTheWay { .. } => Some("choose another output directory".into()),
             Self::Io { .. } => None,
         }

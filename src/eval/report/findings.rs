@@ -68,7 +68,7 @@ pub struct HooverFindings {
     pub noise: Vec<Finding>,
 }
 
-/// IoU below which a match is listed: the tolerance of paper 002, chosen for want of another.
+/// IoU below which a match is listed: the tolerance of the paper on estimating epsilon, chosen for want of another.
 const POOR_IOU: f64 = 0.8;
 
 /// Collects what is behind the figures; `rows` are those of the judged objects.
