@@ -167,17 +167,6 @@ fn type_size(data_type: u8) -> usize {
     SINGLE[index % 10] * (index / 10 + 1)
 }
 
-/// The record coordinates of a record of any format.
-///
-/// # Panics
-/// When the record is shorter than 12 bytes; every point format has at least 20.
-#[inline]
-#[must_use]
-pub fn record_xyz(record: &[u8]) -> [i32; 3] {
-    let axis = |at: usize| i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
-    [axis(0), axis(4), axis(8)]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -197,6 +186,6 @@ mod tests {
         record[0] = 1;
         record[4..8].copy_from_slice(&(-2_i32).to_le_bytes());
         record[10] = 1;
-        assert_eq!(record_xyz(&record), [1, -2, 65_536]);
+        assert_eq!(crate::model::record_xyz(&record), [1, -2, 65_536]);
     }
 }

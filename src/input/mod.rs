@@ -16,12 +16,13 @@ pub(crate) mod mapped;
 pub(crate) mod vlr;
 mod wkt;
 
+pub use crate::model::record_xyz;
 pub use catalog::{Catalog, InputOptions};
 pub use chunks::Block;
 pub use crs::{Crs, CrsKind, LengthUnit};
 pub use error::{ChunkProblem, ChunkTableProblem, InputError};
 pub use file::InputFile;
-pub use layout::{ExtraDimension, RecordLayout, record_xyz};
+pub use layout::{ExtraDimension, RecordLayout};
 
 /// The fields of a record that a caller will look at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

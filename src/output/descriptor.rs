@@ -55,7 +55,7 @@ pub(crate) fn vlr(user: &str, record: u16, description: &str, payload: &[u8]) ->
 }
 
 /// `text` in a field of N bytes that ends in at least one zero.
-fn padded<const N: usize>(text: &str) -> [u8; N] {
+pub(crate) fn padded<const N: usize>(text: &str) -> [u8; N] {
     let mut field = [0; N];
     let length = text.len().min(N - 1);
     field[..length].copy_from_slice(&text.as_bytes()[..length]);

@@ -15,6 +15,7 @@ use laz::LazVlr;
 use rayon::prelude::*;
 
 use crate::output::OutputError;
+use crate::output::descriptor::padded;
 use crate::output::laz_chunk::{
     ChunkExtent, ChunkSize, TABLE_OFFSET_BYTES, chunk_table, compress_chunk, laz_vlr, laz_vlr_data,
 };
@@ -341,14 +342,6 @@ fn vlr(user: &str, record_id: u16, description: &str, data: Vec<u8>) -> Vlr {
         description: padded(description),
         data,
     }
-}
-
-/// `text` in a field of N bytes that ends in at least one zero.
-fn padded<const N: usize>(text: &str) -> [u8; N] {
-    let mut field = [0; N];
-    let length = text.len().min(N - 1);
-    field[..length].copy_from_slice(&text.as_bytes()[..length]);
-    field
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::stitch::{LocalLabels, Stitched, Stitcher};
 use crate::store::{PassDir, StoreError};
 use crate::tiling::Wanted;
 
-/// Bytes per object point that a tile of this pass needs at its peak, measured; see `benches/results`.
+/// Bytes per object point that a tile of this pass needs at its peak, estimated from the sizes of its columns.
 pub(crate) const BYTES_PER_POINT: u64 = 88;
 
 pub(crate) struct ClusterPass<'a> {
