@@ -8,6 +8,7 @@
 # else ../shared/data) and say that they skip what is not there.
 set -uo pipefail
 cd "$(dirname "$0")/.."
+exec </dev/null # a closed standard input would become the read end of the pipe below (see .ci/run)
 quick=${1:-}
 failed=()
 summary=
