@@ -3,6 +3,7 @@
 use crate::cluster::Clusterer;
 use crate::codec;
 use crate::error::{Error, Result};
+use crate::run::drive::sync_columns;
 use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
 use crate::stitch::{LocalLabels, Stitched, Stitcher};
@@ -60,6 +61,10 @@ impl Pass for ClusterPass<'_> {
             .unzip();
         drive.write_column(&drive.labels, &ids, &values)?;
         codec::encode(&local)
+    }
+
+    fn sync(&self) -> Result<()> {
+        sync_columns(&self.tiles.drive.labels)
     }
 }
 

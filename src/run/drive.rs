@@ -134,12 +134,9 @@ impl Drive {
         Ok(())
     }
 
-    /// Makes unpacked positions of a file survive a power cut.
-    pub(crate) fn sync_positions(&self, file: usize) -> Result<()> {
-        if let Some(positions) = &self.positions[file] {
-            positions.sync().map_err(StoreError::io("sync", positions.path()))?;
-        }
-        Ok(())
+    /// Makes all unpacked positions survive a power cut.
+    pub(crate) fn sync_positions(&self) -> Result<()> {
+        sync_columns(self.positions.iter().flatten())
     }
 
     /// The geometry of a block: from the mapped file, or from the unpacked positions of a compressed one.
@@ -187,7 +184,6 @@ impl Drive {
             records.extend(ids[start..end].iter().map(|id| id - first));
             let column = &columns[file];
             column.write(&records, &values[start..end]).map_err(StoreError::io("write", column.path()))?;
-            column.sync().map_err(StoreError::io("sync", column.path()))?;
             start = end;
         }
         Ok(())
@@ -200,4 +196,14 @@ impl Drive {
         }
         Ok(())
     }
+}
+
+/// Makes everything written to `columns` survive a power cut.
+pub(crate) fn sync_columns<'a, T: bytemuck::Pod + Default>(
+    columns: impl IntoIterator<Item = &'a Column<T>>,
+) -> Result<()> {
+    for column in columns {
+        column.sync().map_err(StoreError::io("sync", column.path()))?;
+    }
+    Ok(())
 }

@@ -1,9 +1,9 @@
 //! The engine: runs the units of one pass on worker threads, stores what they return, and resumes where it stopped.
 //!
 //! A pass is a pure function over its units (tiles, runs of blocks): files and small values in, a payload and column
-//! values out. A bounded channel hands units to workers in order; a worker reads, computes and stores its unit, so
-//! that finished work survives whatever comes next. Order is restored where it matters, in the reductions, which read
-//! the payloads in unit order.
+//! values out. A bounded channel hands units to workers in order; a worker reads and computes its unit, a keeper syncs
+//! what has come in meanwhile and then commits it, so that finished work survives whatever comes next and no worker
+//! waits for the disk. Order is restored where it matters, in the reductions, which read the payloads in unit order.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,8 +29,12 @@ pub(crate) trait Pass: Sync {
     fn bytes(&self, unit: usize) -> u64;
     /// Asks the system to read ahead what `unit` will need.
     fn prefetch(&self, _unit: usize) {}
-    /// Computes a unit; everything it wrote beside the payload is durable when it returns.
+    /// Computes a unit: returns its payload, and may write beside it what [`Pass::sync`] makes durable.
     fn run(&self, unit: usize) -> Result<Vec<u8>>;
+    /// Makes everything that finished units wrote beside their payloads survive a power cut.
+    fn sync(&self) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// Stops a run: finishes units in flight, keeps everything.
@@ -123,8 +127,9 @@ impl Engine<'_> {
                 scope.spawn(move || {
                     for unit in inbox {
                         let began = Instant::now();
-                        let result = run_unit(pass, dir, unit);
-                        if report.send((unit, began.elapsed().as_secs_f64(), result)).is_err() {
+                        let payload = run_unit(pass, dir, unit);
+                        let seconds = began.elapsed().as_secs_f64();
+                        if report.send(Computed { unit, seconds, payload }).is_err() {
                             break;
                         }
                     }
@@ -143,23 +148,48 @@ impl Engine<'_> {
                     }
                 }
             });
-            for (unit, seconds, result) in results {
-                match result {
-                    Ok(()) => {
-                        let points = pass.points(unit);
-                        self.tell(&Event::UnitFinished { pass: pass.name(), unit, points, seconds });
+            // One sync serves all units that have come in while the last one went on.
+            for first in &results {
+                let batch: Vec<Computed> = std::iter::once(first).chain(results.try_iter()).collect();
+                for (unit, error) in self.keep(pass, dir, batch) {
+                    let reason = error.to_string();
+                    self.tell(&Event::UnitFailed { pass: pass.name(), unit, reason: &reason });
+                    if self.fail_fast || is_fatal(&error) {
+                        stop.store(true, Ordering::Relaxed);
                     }
-                    Err(error) => {
-                        let reason = error.to_string();
-                        self.tell(&Event::UnitFailed { pass: pass.name(), unit, reason: &reason });
-                        if self.fail_fast || is_fatal(&error) {
-                            stop.store(true, Ordering::Relaxed);
-                        }
-                        failures.push((unit, error));
-                    }
+                    failures.push((unit, error));
                 }
             }
         });
+        failures
+    }
+
+    /// Commits computed units: first what they wrote beside their payloads must be on the disk, then the payloads.
+    fn keep(&self, pass: &dyn Pass, dir: &PassDir, batch: Vec<Computed>) -> Vec<(usize, Error)> {
+        let mut failures = Vec::new();
+        let mut done = Vec::new();
+        for Computed { unit, seconds, payload } in batch {
+            match payload {
+                Ok(payload) => done.push((unit, seconds, payload)),
+                Err(error) => failures.push((unit, error)),
+            }
+        }
+        if let Some(&(unit, ..)) = done.first()
+            && let Err(error) = pass.sync()
+        {
+            failures.push((unit, error));
+            return failures;
+        }
+        for (unit, seconds, payload) in done {
+            match dir.commit(unit, &payload) {
+                Ok(()) => {
+                    dir.clear_failure(unit);
+                    let points = pass.points(unit);
+                    self.tell(&Event::UnitFinished { pass: pass.name(), unit, points, seconds });
+                }
+                Err(error) => failures.push((unit, error.into())),
+            }
+        }
         failures
     }
 
@@ -170,21 +200,25 @@ impl Engine<'_> {
     }
 }
 
-/// Computes and stores one unit; a panic is caught here and counts as a bug of this unit.
-fn run_unit(pass: &dyn Pass, dir: &PassDir, unit: usize) -> Result<()> {
+/// A unit that a worker is done with.
+struct Computed {
+    unit: usize,
+    seconds: f64,
+    payload: Result<Vec<u8>>,
+}
+
+/// Computes one unit; a panic is caught here and counts as a bug of this unit.
+fn run_unit(pass: &dyn Pass, dir: &PassDir, unit: usize) -> Result<Vec<u8>> {
     // Values in columns are about to be overwritten: the old record of this unit must not vouch for them.
     dir.invalidate(unit)?;
-    let payload = catch_unwind(AssertUnwindSafe(|| pass.run(unit))).unwrap_or_else(|panic| {
+    catch_unwind(AssertUnwindSafe(|| pass.run(unit))).unwrap_or_else(|panic| {
         let text = panic
             .downcast_ref::<&str>()
             .map(ToString::to_string)
             .or_else(|| panic.downcast_ref::<String>().cloned())
             .unwrap_or_else(|| "panic without a text".to_owned());
         Err(Error::Bug(format!("pass {}, unit {unit}: {text}", pass.name())))
-    })?;
-    dir.commit(unit, &payload)?;
-    dir.clear_failure(unit);
-    Ok(())
+    })
 }
 
 /// Whether the other units would fail for the same reason: nothing can be written any more, or the input changed.

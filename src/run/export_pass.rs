@@ -5,6 +5,7 @@ use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 use crate::input::Fields;
@@ -16,6 +17,10 @@ use crate::store::{PassDir, RunDir, StoreError, publish};
 
 /// Points of one unit at most.
 const UNIT_POINTS: u64 = 1_000_000;
+
+/// Records that are labelled and written at a time to a file without chunks: what was just labelled is still in the
+/// core's own cache when the system copies it, with the lock of the file held.
+const PIECE_RECORDS: u64 = 8_192;
 
 /// Records of one file that one unit writes.
 struct Unit {
@@ -32,6 +37,8 @@ struct Target {
     chunks: Vec<Range<u64>>,
     /// Where an uncompressed file grows until it is complete.
     part: PathBuf,
+    /// Whether anything was written to it since the last sync began.
+    unsynced: AtomicBool,
 }
 
 pub(crate) struct ExportPass<'a> {
@@ -68,7 +75,7 @@ impl<'a> ExportPass<'a> {
                 start = end;
             }
             let part = folder.join(format!("{file:05}.part"));
-            pass.targets.push(Target { labelled, chunks, part });
+            pass.targets.push(Target { labelled, chunks, part, unsynced: AtomicBool::new(false) });
         }
         Ok(pass)
     }
@@ -108,8 +115,8 @@ impl<'a> ExportPass<'a> {
         Ok(())
     }
 
-    /// Puts the labelled records of one chunk on the desk.
-    fn chunk(&self, file: usize, records: &Range<u64>, desk: &mut Desk<'_>) -> Result<()> {
+    /// Puts the labelled records of a range on the desk.
+    fn label(&self, file: usize, records: &Range<u64>, desk: &mut Desk<'_>) -> Result<()> {
         let input = self.drive.file(file);
         let stride = input.layout().record_len;
         desk.out.clear();
@@ -133,7 +140,9 @@ impl<'a> ExportPass<'a> {
             self.labels(file, &(from..to), &view, desk)?;
             self.targets[file].labelled.label(bytes, &desk.labels, &desk.classes, &mut desk.out);
             desk.decoded = decoded;
-            input.release(block);
+            if to == run.first_record + u64::from(run.count) {
+                input.release(block);
+            }
         }
         Ok(())
     }
@@ -315,19 +324,31 @@ impl Pass for ExportPass<'_> {
         let mut desk = Desk::new(self.owners.cursor());
         let mut payload = Vec::new();
         let part = (!target.labelled.is_compressed()).then(|| open_part(target)).transpose()?;
-        for records in &target.chunks[unit.chunks.clone()] {
-            self.chunk(unit.file, records, &mut desk)?;
-            if let Some(part) = &part {
-                part.write_all_at(&desk.out, target.labelled.record_offset(records.start))
-                    .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
-            } else {
-                let count = u32::try_from(length(records)).unwrap_or(u32::MAX);
+        for chunk in &target.chunks[unit.chunks.clone()] {
+            let Some(part) = &part else {
+                self.label(unit.file, chunk, &mut desk)?;
+                let count = u32::try_from(length(chunk)).unwrap_or(u32::MAX);
                 pack(&mut payload, count, &target.labelled.compress(&desk.out)?);
+                continue;
+            };
+            let mut piece = chunk.start..chunk.start;
+            while piece.end < chunk.end {
+                piece = piece.end..chunk.end.min(piece.end + PIECE_RECORDS);
+                self.label(unit.file, &piece, &mut desk)?;
+                part.write_all_at(&desk.out, target.labelled.record_offset(piece.start))
+                    .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
             }
         }
-        if let Some(part) = &part {
-            part.sync_data().map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
-        }
+        target.unsynced.store(part.is_some(), Ordering::Release);
         Ok(payload)
+    }
+
+    fn sync(&self) -> Result<()> {
+        for target in self.targets.iter().filter(|target| target.unsynced.swap(false, Ordering::Acquire)) {
+            open_part(target)?
+                .sync_data()
+                .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
+        }
+        Ok(())
     }
 }

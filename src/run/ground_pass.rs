@@ -8,6 +8,7 @@ use crate::codec;
 use crate::error::Result;
 use crate::ground::{GroundFilter, IsolatedNoise};
 use crate::model::{Cell, PointClass, TileView};
+use crate::run::drive::sync_columns;
 use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
 use crate::tiling::Wanted;
@@ -115,5 +116,9 @@ impl Pass for GroundPass<'_> {
         payload.heights = heights.finish();
         self.tiles.drive.write_column(&self.tiles.drive.classes, &ids, &codes)?;
         codec::encode(&payload)
+    }
+
+    fn sync(&self) -> Result<()> {
+        sync_columns(&self.tiles.drive.classes)
     }
 }

@@ -9,6 +9,7 @@ use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{Lattice, ObjectPart, PointClass};
 use crate::run::clustered::Objects;
+use crate::run::drive::sync_columns;
 use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
 use crate::stitch::{LocalObject, Stitcher};
@@ -156,6 +157,10 @@ impl Pass for StagedPass<'_> {
             drive.write_column(&drive.labels, &ids, &values)?;
         }
         codec::encode(&Kept { payload, parts })
+    }
+
+    fn sync(&self) -> Result<()> {
+        sync_columns(&self.done.tiles.drive.labels)
     }
 }
 

@@ -40,9 +40,11 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
-        let part = self.survey(unit, true)?;
-        self.drive.sync_positions(self.runs[unit].file)?;
-        codec::encode(&part)
+        codec::encode(&self.survey(unit, true)?)
+    }
+
+    fn sync(&self) -> Result<()> {
+        self.drive.sync_positions()
     }
 }
 

@@ -6,6 +6,7 @@ use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytemuck::Pod;
 
@@ -20,6 +21,8 @@ pub(crate) struct Column<T> {
     len: u64,
     /// Held while a span is read, patched and written back, because neighbouring tiles own interleaved records.
     patching: Mutex<()>,
+    /// Whether anything was written since the last sync began.
+    unsynced: AtomicBool,
     value: std::marker::PhantomData<T>,
 }
 
@@ -42,6 +45,7 @@ impl<T: Pod + Default> Column<T> {
             file,
             len,
             patching: Mutex::new(()),
+            unsynced: AtomicBool::new(false),
             value: std::marker::PhantomData,
         })
     }
@@ -59,7 +63,10 @@ impl<T: Pod + Default> Column<T> {
 
     /// Writes the values of consecutive records.
     pub(crate) fn write_run(&self, first: u64, values: &[T]) -> io::Result<()> {
-        self.file.write_all_at(bytemuck::cast_slice(values), first * Self::WIDTH)
+        let written = self.file.write_all_at(bytemuck::cast_slice(values), first * Self::WIDTH);
+        // After the write: a sync that runs meanwhile must not count as the one that holds it.
+        self.unsynced.store(true, Ordering::Release);
+        written
     }
 
     /// Writes `values[i]` at `records[i]`; records ascend.
@@ -91,9 +98,10 @@ impl<T: Pod + Default> Column<T> {
         self.write_run(first, &page)
     }
 
-    /// Makes everything written so far survive a power cut.
+    /// Makes everything written so far survive a power cut; called by one thread at a time.
     pub(crate) fn sync(&self) -> io::Result<()> {
-        self.file.sync_data()
+        // Taken back before the sync, so that what is written while it goes on counts for the next one.
+        if self.unsynced.swap(false, Ordering::Acquire) { self.file.sync_data() } else { Ok(()) }
     }
 }
 
