@@ -51,15 +51,18 @@ for kind in laz las; do
     began=$(date +%s%N)
     run undisturbed
     whole_ms=$((($(date +%s%N) - began) / 1000000))
-    # Most moments early, so that one run takes many kills; a few late, so that the last steps are hit as well.
-    shortest=5
-    longest=$((whole_ms / 8 + 20))
+    began=$(date +%s%N)
+    run undisturbed # once more: what it takes to find that there is nothing to do
+    start_ms=$((($(date +%s%N) - began) / 1000000))
+    # Moments are uniform over what a start and twice an equal share of the work take: one run takes about all kills, and
+    # they fall into every pass, because what was finished stays.
+    shortest=$((start_ms / 2 + 1))
+    span=$((start_ms + 2 * whole_ms / kills + 1))
     spent=0 hit=0 finished=0
+    : >"$scratch/passes"
     while [ $spent -lt "$kills" ]; do
         "$program" run "$input" -o "$scratch/killed" "${options[@]}" --threads $((RANDOM % 2 + 1)) >/dev/null 2>&1 &
         child=$!
-        span=$longest
-        [ $((spent % 5)) -eq 4 ] && span=$((whole_ms + 50))
         sleep "$(awk "BEGIN { print ($shortest + $RANDOM % $span) / 1000 }")"
         kill -9 $child 2>/dev/null || true
         spent=$((spent + 1))
@@ -69,11 +72,14 @@ for kind in laz las; do
             finished=$((finished + 1))
         else
             hit=$((hit + 1))
+            { grep -o '"pass":"[a-z]*"' "$scratch/killed/.chainage/events.jsonl" || echo '"pass":"none"'; } 2>/dev/null |
+                tail -1 | cut -d'"' -f4 >>"$scratch/passes"
         fi
     done
     run killed
     same "$kind"
     rm -rf "$scratch/killed" "$scratch/undisturbed"
-    echo "$name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) runs came to the same bytes"
+    echo "$name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) run(s) came to the same bytes"
+    echo "  by the pass that was under way: $(sort "$scratch/passes" | uniq -c | awk '{ printf "%s %s  ", $2, $1 }')"
 done
 echo "kill_and_resume: passed"

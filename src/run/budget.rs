@@ -3,7 +3,7 @@
 use crate::config::RunConfig;
 
 /// Points of a tile at most: beyond this, larger tiles save hardly any halo and only delay balance and resuming.
-const LARGEST_TILE_POINTS: u64 = 4_000_000;
+const LARGEST_TILE_POINTS: u64 = 8_000_000;
 /// Points of a tile at least, however little memory there is: below this a tile is mostly halo.
 const SMALLEST_TILE_POINTS: u64 = 20_000;
 /// A small drive is cut so that workers share it, but not into tiles smaller than this.
@@ -31,10 +31,16 @@ impl Budget {
 
     /// Core points per tile to try first for a drive of `points`, when a point in flight takes `bytes_per_point`.
     pub(crate) fn tile_points(&self, points: u64, bytes_per_point: u64) -> u64 {
-        let threads = self.threads as u64;
+        let threads = (self.threads as u64).max(1);
         let fitting = self.memory / (threads * bytes_per_point).max(1);
-        let shared = (points / (2 * threads).max(1)).max(SHARED_TILE_POINTS);
-        fitting.min(shared).clamp(SMALLEST_TILE_POINTS, LARGEST_TILE_POINTS)
+        let most = fitting.clamp(SMALLEST_TILE_POINTS, LARGEST_TILE_POINTS);
+        let shared = (points / SHARED_TILE_POINTS).min(2 * threads);
+        let tiles = points.div_ceil(most).max(shared);
+        if tiles <= 1 {
+            return most;
+        }
+        // Tiles are about equal, so that with a multiple of the threads no thread waits for the last one.
+        points.div_ceil(tiles.next_multiple_of(threads)).max(SMALLEST_TILE_POINTS)
     }
 
     /// Core points per tile to try after tiles of `tried` points needed `needed` bytes each; `None` when they fit.
@@ -74,9 +80,11 @@ mod tests {
     #[test]
     fn tiles_fit_the_budget_and_share_small_drives() {
         let budget = Budget { threads: 2, memory: 400 << 20 };
-        assert_eq!(budget.tile_points(1_000_000_000, 100), (400 << 20) / 200);
+        // 2,097,152 points fit: 477 tiles, and one more for two threads.
+        assert_eq!(budget.tile_points(1_000_000_000, 100), 1_000_000_000_u64.div_ceil(478));
         assert_eq!(budget.tile_points(4_000_000, 100), 1_000_000);
-        assert_eq!(budget.tile_points(10, 100), SHARED_TILE_POINTS);
+        assert_eq!(budget.tile_points(1_000_000, 100), 500_000);
+        assert_eq!(budget.tile_points(10, 100), 2_097_152);
         assert_eq!(budget.smaller(1_000_000, 200 << 20), None);
         assert_eq!(budget.smaller(1_000_000, 400 << 20), Some(450_000));
     }

@@ -14,7 +14,7 @@ const CORE_EXTENT_UNITS: i64 = 60_000_000;
 /// How long a tile is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum TileSize {
-    /// At most about so many points in the core.
+    /// As few tiles of about equal points as have at most about so many in the core.
     Points(u64),
     /// So many metres of chainage.
     Metres(f64),
@@ -65,7 +65,13 @@ impl Plan {
         let mut order: Vec<usize> = (0..request.cells.len()).collect();
         let chainage = request.chainage_m;
         order.sort_by(|&a, &b| chainage[a].total_cmp(&chainage[b]).then(a.cmp(&b)));
+        let total: u64 = request.cells.iter().map(|(_, points)| u64::from(*points)).sum();
+        let share = match request.size {
+            TileSize::Points(most) => total.div_ceil(total.div_ceil(most.max(1)).max(1)).max(1),
+            TileSize::Metres(_) => u64::MAX,
+        };
         let mut tiles: Vec<Tile> = Vec::new();
+        let (mut before, mut taken) = (0_u64, 0_u64);
         let (mut lo, mut hi) = ([0_i32; 2], [0_i32; 2]);
         for at in order {
             let (cell, points) = request.cells[at];
@@ -76,13 +82,14 @@ impl Plan {
                 let too_wide = (0..2).any(|k| extent(k) >= CORE_EXTENT_UNITS);
                 too_wide
                     || match request.size {
-                        TileSize::Points(most) => tile.points + u64::from(points) > most,
+                        TileSize::Points(_) => before / share > taken,
                         TileSize::Metres(length) => {
                             (tile.from_m / length).floor() < (chainage[at] / length).floor()
                         }
                     }
             });
             if full {
+                taken = before / share;
                 tiles.push(Tile { cells: Vec::new(), points: 0, from_m: chainage[at], to_m: chainage[at] });
                 (lo, hi) = (cell, cell);
             } else {
@@ -93,6 +100,7 @@ impl Plan {
                 tile.points += u64::from(points);
                 tile.to_m = chainage[at];
             }
+            before += u64::from(points);
         }
         let (mut occupancy, mut owner) = (CellMap::default(), CellMap::default());
         for (cell, points) in request.cells {
@@ -236,6 +244,14 @@ mod tests {
                 assert!(tile.cells.iter().all(|cell| plan.owners().get(*cell) as usize == number + 1));
             }
         }
+    }
+
+    #[test]
+    fn tiles_by_points_are_few_and_about_equal() {
+        // 5,000 points in cells of 10: three tiles, of at most a third of them and a cell.
+        let points: Vec<u64> =
+            plan(&street(100), TileSize::Points(2_000)).tiles.iter().map(|tile| tile.points).collect();
+        assert_eq!(points, [1_670, 1_670, 1_660]);
     }
 
     #[test]
