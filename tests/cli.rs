@@ -290,6 +290,44 @@ fn a_state_that_does_not_match_ends_with_6() {
 }
 
 #[test]
+fn a_directory_in_use_ends_with_7() {
+    let folder = samples();
+    let run = ["run", "mls_profiles.las", "-o", "out", "--progress", "none"];
+    assert_eq!(call(folder.path(), &run).status.code(), Some(0));
+    let lock = std::fs::File::options()
+        .write(true)
+        .open(folder.path().join("out/.chainage/lock"))
+        .expect("the lock of the finished run");
+    lock.lock().expect("nobody holds it");
+    let text = told(&call(folder.path(), &run));
+    assert!(text.starts_with("exit code 7\n"), "{text}");
+    assert!(text.contains("out is in use by process"), "{text}");
+}
+
+#[test]
+fn damage_ends_with_4_or_a_warning() {
+    let folder = samples();
+    let path = folder.path().join("tree_road_sweep.laz");
+    let whole = std::fs::read(&path).expect("the sample");
+    let points_at = u32::from_le_bytes(whole[96..100].try_into().expect("four bytes")) as usize;
+    // The first layer of the first chunk claims to be longer than the chunk: 8 bytes to the chunk table, the first
+    // record (30 bytes), the count of points.
+    let mut bytes = whole;
+    bytes[points_at + 42..points_at + 46].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]);
+    std::fs::write(&path, &bytes).expect("written");
+    let run = ["run", "tree_road_sweep.laz", "-o", "out", "--progress", "none"];
+    insta::assert_snapshot!("input_damaged_chunk", told(&call(folder.path(), &run)));
+    // LAZ has no checksums: damage that still decodes shows at points outside the box of the header.
+    let path = folder.path().join("mls_profiles.las");
+    let mut bytes = std::fs::read(&path).expect("the sample");
+    let points_at = u32::from_le_bytes(bytes[96..100].try_into().expect("four bytes")) as usize;
+    bytes[points_at + 2] ^= 0x08;
+    std::fs::write(&path, &bytes).expect("written");
+    let text = told(&call(folder.path(), &["run", "mls_profiles.las", "-o", "other", "--progress", "none"]));
+    assert!(text.contains("outside the boxes that the headers give"), "{text}");
+}
+
+#[test]
 fn the_demo_runs() {
     let folder = scratch();
     let output = call(folder.path(), &["demo"]);

@@ -24,7 +24,7 @@ pub(crate) struct Program {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 bug, 2 usage, 3 configuration, 4 input, 5 writing, 6 state does not \
-match, 7 locked, 8 done but some tiles failed, 9 a check found a difference, 130 interrupted (state kept)";
+match, 7 locked, 8 some tiles failed (the others are kept), 9 a check found a difference, 130 interrupted (state kept)";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {

@@ -239,7 +239,7 @@ fn conclude(
     if let Some(fatal) = failures.iter().position(|failure| is_fatal(&failure.1)) {
         return Ok(Some(failures.swap_remove(fatal).1));
     }
-    if let Some((unit, first)) = failures.first() {
+    if !failures.is_empty() {
         for (unit, error) in &failures {
             let kind = format!("{:?}", error.kind());
             dir.record_failure(
@@ -247,6 +247,11 @@ fn conclude(
                 &json!({ "pass": pass.name(), "unit": unit, "kind": kind, "error": error.to_string() }),
             )?;
         }
+        // An input that cannot be read says so itself; the same command would fail again.
+        if failures.iter().all(|(_, error)| matches!(error, Error::Input(_) | Error::Survey(_))) {
+            return Ok(Some(failures.swap_remove(0).1));
+        }
+        let (unit, first) = &failures[0];
         return Ok(Some(Error::UnitsFailed {
             pass: pass.name().to_owned(),
             failed: failures.len(),

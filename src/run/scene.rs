@@ -41,6 +41,7 @@ impl Scene {
         let centre = |cell: Cell| cell.map(|index| (f64::from(index) + 0.5) * edge_m);
         let chainage_m = cells.iter().map(|(cell, _)| axis.chainage_m(centre(*cell))).collect();
         warn_of_strays(&survey, &cells, edge_m, &mut warnings);
+        warn_of_header_boxes(drive, &survey, &mut warnings);
         Ok(Self { survey, axis, cells, chainage_m, warnings })
     }
 
@@ -86,6 +87,36 @@ impl Scene {
     /// Smallest lattice z of the drive.
     pub(crate) fn lowest(&self) -> i64 {
         self.survey.extent.map_or(0, |(lo, _)| lo[2])
+    }
+}
+
+/// How far points may lie outside the boxes of the headers, in metres: less is rounding.
+const BOX_TOLERANCE_M: f64 = 0.01;
+
+/// LAZ has no checksums: damage that still decodes shows at points outside the box of the header.
+fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mut Vec<String>) {
+    let Some((lo, hi)) = survey.extent else { return };
+    let files = drive.catalog.files().iter().filter(|file| file.point_count() > 0);
+    let boxes: Vec<_> = files.map(|file| (file.header_extent(), file.units_m())).collect();
+    let outermost = |end: usize, axis: usize, pick: fn(f64, f64) -> f64| {
+        boxes
+            .iter()
+            .map(|(extent, units_m)| extent[end][axis] * units_m[axis])
+            .reduce(pick)
+            .unwrap_or(f64::NAN)
+    };
+    let beyond = (0..3)
+        .map(|axis| {
+            let below = outermost(0, axis, f64::min) - drive.lattice().metres(lo[axis]);
+            let above = drive.lattice().metres(hi[axis]) - outermost(1, axis, f64::max);
+            below.max(above)
+        })
+        .fold(0.0, f64::max);
+    if beyond > BOX_TOLERANCE_M {
+        warnings.push(format!(
+            "points lie up to {beyond:.2} m outside the boxes that the headers give: a header was not kept up to \
+             date, or records are damaged"
+        ));
     }
 }
 
