@@ -78,10 +78,13 @@ impl BenchArgs {
         let mut output_bytes = input_bytes;
         // One round more, first, that is not counted: it brings the input into the page cache.
         for round in 0..=self.rounds.max(1) {
+            settle();
             let floor = copy_floor(&paths, output_bytes, scratch, false)?;
+            settle();
             let durable = copy_floor(&paths, output_bytes, scratch, true)?;
             for (slot, threads) in [1, 2].into_iter().enumerate() {
                 let codec = codec_floor(&paths, &config, threads)?;
+                settle();
                 let measured = self.one_run(&paths, scratch, threads)?;
                 output_bytes = measured.output_bytes;
                 if round > 0 {
@@ -184,6 +187,12 @@ impl BenchArgs {
             "runs": configurations,
         })
     }
+}
+
+/// Waits until the system has written back what was measured before, so that it is not charged to what comes next.
+/// Where there is no `sync`, the figures are only less steady.
+fn settle() {
+    let _ = Command::new("sync").status();
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
