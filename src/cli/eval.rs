@@ -63,7 +63,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, help_heading = "Matching")]
     ignore_time: bool,
 
-    /// Folder for scratch files, 80 bytes per point when the orders differ [default: the system's]
+    /// Folder for scratch files, 32 bytes per point when the orders differ [default: the system's]
     #[arg(long, value_name = "DIR", help_heading = "Matching")]
     scratch: Option<PathBuf>,
 
