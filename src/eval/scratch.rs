@@ -117,7 +117,6 @@ impl Taken {
     }
 
     /// Sorts what was read: keys are hashes and spread evenly, so a digit of few bits leaves little to compare.
-    #[expect(clippy::cast_possible_truncation, reason = "a digit")]
     fn sort(&mut self) {
         const DIGIT_BITS: u32 = 8;
         let digit = |entry: &Entry| (entry.0 >> (u128::BITS - DIGIT_BITS)) as usize;

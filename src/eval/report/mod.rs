@@ -3,7 +3,6 @@
 
 mod findings;
 mod rows;
-mod save;
 mod text;
 
 use std::io::{self, Write};
@@ -16,7 +15,6 @@ use crate::eval::panoptic::SegmentRole;
 
 pub use findings::{Behind, Finding, HooverFindings};
 pub use rows::ObjectRow;
-pub use save::save;
 
 /// Version of the JSON form; raised when a key changes its meaning or goes away.
 const VERSION: u32 = 1;
