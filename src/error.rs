@@ -98,6 +98,8 @@ pub enum ErrorKind {
     Locked,
     /// Some units failed, the rest was finished.
     UnitsFailed,
+    /// Two things that should be the same are not.
+    Difference,
     /// Stopped on request.
     Interrupted,
 }

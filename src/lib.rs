@@ -8,6 +8,7 @@ pub mod error;
 pub mod model;
 
 mod codec;
+mod whole_file;
 
 pub mod config;
 

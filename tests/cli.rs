@@ -220,6 +220,9 @@ fn assert_told(name: &str, arguments: &[&str]) {
     let whole = Shape::default().bytes(&points);
     put("cut.las", &whole[..whole.len() - 30]);
     put("text.las", b"id,points\n1,50\n");
+    put("two.las", &whole);
+    put("moved.las", &Shape::default().bytes(&[points[0], Point::at([1_001; 3])]));
+    put("three.las", &Shape::default().bytes(&[points[0], points[1], Point::at([2_000; 3])]));
     put("bad.toml", b"[euclidean\nd_t = 1\n");
     put("track.csv", b"time,x,y\n1,2,3\n");
     std::fs::create_dir_all(folder.path().join("again")).expect("a folder");
@@ -325,6 +328,16 @@ fn damage_ends_with_4_or_a_warning() {
     std::fs::write(&path, &bytes).expect("written");
     let text = told(&call(folder.path(), &["run", "mls_profiles.las", "-o", "other", "--progress", "none"]));
     assert!(text.contains("outside the boxes that the headers give"), "{text}");
+}
+
+#[test]
+fn points_that_differ_end_with_9() {
+    let score = |name: &str, prediction: &str| {
+        let labels = ["--prediction-dim", "user_data", "--reference-dim", "user_data", "--class-dim", "none", "--scratch", "."];
+        assert_told(name, &[&["eval", prediction, "--reference", "two.las"], &labels[..]].concat());
+    };
+    score("eval_moved", "moved.las");
+    score("eval_longer", "three.las");
 }
 
 #[test]

@@ -349,7 +349,7 @@ fn one_point_that_differs_is_named() {
     write_prediction(&at("cut.laz"), &points[..60_000]);
 
     let error = compare(&[at("moved.las")], &[at("reference.las")]).unwrap_err();
-    assert_eq!(error.kind(), ErrorKind::Input);
+    assert_eq!(error.kind(), ErrorKind::Difference);
     let Error::Eval(EvalError::Unmatched { unmatched, prediction, reference, .. }) = &error else {
         panic!("{error}")
     };
@@ -366,7 +366,7 @@ fn one_point_that_differs_is_named() {
         };
         assert_eq!(reference.as_ref().map(|site| site.record), Some(first), "{name}");
         assert_eq!(prediction.as_ref().map(|site| site.record), (!ends).then_some(first), "{name}");
-        assert_eq!(error.kind(), ErrorKind::Input);
+        assert_eq!(error.kind(), ErrorKind::Difference);
     }
 }
 

@@ -52,11 +52,7 @@ impl BenchArgs {
         // What is left behind is only scratch; a failure to remove it does not change the figures.
         let _ = std::fs::remove_dir_all(&scratch);
         let report = result?;
-        if self.json {
-            print::json(&report)?
-        } else {
-            print::text(&page(&report))?
-        }
+        print::facts(&report, self.json, page)?;
         Ok(exit::DONE)
     }
 

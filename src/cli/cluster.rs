@@ -8,9 +8,9 @@ use chainage::space::{Dbscan, DbscanVariant, PLinkage, Points, SpaceError, neigh
 use chainage::table::{Table, TableError, write_with_column};
 use serde_json::{Value, json};
 
-use crate::cli::eval::{deliver, is_standard_output};
 use crate::cli::exit::CliError;
-use crate::cli::{Outcome, exit, print};
+use crate::cli::print::{self, deliver, is_standard_output};
+use crate::cli::{Outcome, exit};
 
 /// Clusters the rows of a table: points of 2 to 8 dimensions.
 ///

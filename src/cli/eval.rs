@@ -1,16 +1,18 @@
 //! `chainage eval`: arguments to settings, and results to files and terminal. Not: any figure.
 
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, Write};
+use std::path::PathBuf;
 
 use chainage::config::ConfigError;
 use chainage::eval::hoover::Tolerance;
-use chainage::eval::report::save;
 use chainage::eval::{
     self, Axis, ClassTable, CompareSettings, Counted, Evaluation, MetricSettings, Provenance, Report,
 };
 use chainage::input::{Catalog, InputOptions};
-use chainage::output::OutputError;
+
+use crate::cli::exit::CliError;
+use crate::cli::print::{self, deliver, is_standard_output};
+use crate::cli::{Outcome, exit};
 
 /// Scores a segmentation against reference labels.
 ///
@@ -63,7 +65,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, help_heading = "Matching")]
     ignore_time: bool,
 
-    /// Folder for scratch files, 80 bytes per point when the orders differ [default: the system's]
+    /// Folder for scratch files, 32 bytes per point when the orders differ [default: the system's]
     #[arg(long, value_name = "DIR", help_heading = "Matching")]
     scratch: Option<PathBuf>,
 
@@ -107,8 +109,13 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
 }
 
 impl EvalArgs {
-    /// Compares, and shows or writes what was asked for; the exit code of a comparison that could be made is 0.
-    pub(crate) fn run(&self) -> Result<u8, chainage::Error> {
+    /// Compares, and shows or writes what was asked for.
+    pub(crate) fn run(&self) -> Outcome {
+        self.show(&self.report()?)?;
+        Ok(exit::DONE)
+    }
+
+    fn report(&self) -> chainage::Result<Report> {
         self.one_standard_output()?;
         let options = InputOptions { mmap: !self.no_mmap, ..InputOptions::default() };
         let metrics = self.metrics()?;
@@ -129,8 +136,7 @@ impl EvalArgs {
         let axis = trajectory.unwrap_or_else(|| {
             Axis::principal(&evaluation.judged.scene.objects.iter().map(|o| o.centroid_m).collect::<Vec<_>>())
         });
-        self.show(&Report::new(&evaluation, &metrics, &axis, provenance))?;
-        Ok(0)
+        Ok(Report::new(&evaluation, &metrics, &axis, provenance))
     }
 
     fn one_standard_output(&self) -> Result<(), ConfigError> {
@@ -190,40 +196,10 @@ impl EvalArgs {
         }
     }
 
-    fn show(&self, report: &Report) -> Result<(), chainage::Error> {
+    fn show(&self, report: &Report) -> Result<(), CliError> {
         let json = deliver(self.json.as_deref(), |to| report.write_json(to))?;
         let objects = deliver(self.objects.as_deref(), |to| report.write_objects_csv(to))?;
-        if json || objects {
-            return Ok(());
-        }
-        print(|to| to.write_all(report.text(self.worst).as_bytes()))
-    }
-}
-
-/// Writes a result where it was asked for; whether that was standard output.
-pub(crate) fn deliver(
-    to: Option<&Path>,
-    content: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<bool, chainage::Error> {
-    match to {
-        Some(path) if is_standard_output(path) => print(content).map(|()| true),
-        Some(path) => Ok(save(path, content).map(|()| false)?),
-        None => Ok(false),
-    }
-}
-
-pub(crate) fn is_standard_output(path: &Path) -> bool {
-    path == Path::new("-")
-}
-
-/// Writes a result to standard output; a reader that has seen enough is no failure.
-fn print(content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), chainage::Error> {
-    let mut out = BufWriter::new(io::stdout().lock());
-    match content(&mut out).and_then(|()| out.flush()) {
-        Err(source) if source.kind() != io::ErrorKind::BrokenPipe => {
-            Err(OutputError::Write { path: "standard output".into(), source }.into())
-        }
-        _ => Ok(()),
+        if json || objects { Ok(()) } else { print::text(&report.text(self.worst)) }
     }
 }
 

@@ -13,6 +13,7 @@ pub(crate) const OUTPUT: u8 = 5;
 pub(crate) const STATE: u8 = 6;
 pub(crate) const LOCKED: u8 = 7;
 pub(crate) const UNITS_FAILED: u8 = 8;
+pub(crate) const DIFFERENCE: u8 = 9;
 pub(crate) const INTERRUPTED: u8 = 130;
 
 /// A command that did not do what was asked.
@@ -49,6 +50,7 @@ impl CliError {
                 ErrorKind::State => STATE,
                 ErrorKind::Locked => LOCKED,
                 ErrorKind::UnitsFailed => UNITS_FAILED,
+                ErrorKind::Difference => DIFFERENCE,
                 ErrorKind::Interrupted => INTERRUPTED,
             },
         }

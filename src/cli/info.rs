@@ -20,11 +20,7 @@ impl InfoArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&[])?;
         let facts = look_at(&self.inputs.files, &config)?;
-        if self.json {
-            print::json(&facts)?
-        } else {
-            print::text(&page(&facts))?
-        }
+        print::facts(&facts, self.json, page)?;
         Ok(exit::DONE)
     }
 }

@@ -29,11 +29,7 @@ impl StatusArgs {
             self.settings.resolve_over(file, &[])
         };
         let state = status(&self.out, &Registries::default(), resolve)?;
-        if self.json {
-            print::json(&state)?
-        } else {
-            print::text(&page(&state, self.why))?
-        }
+        print::facts(&state, self.json, |state| page(state, self.why))?;
         Ok(exit::DONE)
     }
 }

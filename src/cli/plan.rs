@@ -30,11 +30,7 @@ impl PlanArgs {
             std::fs::write(path, &plan.svg)
                 .map_err(|source| CliError::Write { target: path.display().to_string(), source })?;
         }
-        if self.json {
-            print::json(&plan)?
-        } else {
-            print::text(&page(&plan))?
-        }
+        print::facts(&plan, self.json, page)?;
         Ok(exit::DONE)
     }
 }

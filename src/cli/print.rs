@@ -1,21 +1,55 @@
 //! Printing results to standard output: tables for people, JSON for scripts.
 
-use std::io::Write;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
 
+use chainage::output::save;
 use serde::Serialize;
 
 use crate::cli::exit::CliError;
 
-/// Prints text as it is.
-pub(crate) fn text(text: &str) -> Result<(), CliError> {
-    let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(CliError::stdout)
+fn to_standard_output(content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), CliError> {
+    let mut out = BufWriter::new(io::stdout().lock());
+    content(&mut out).and_then(|()| out.flush()).map_err(CliError::stdout)
 }
 
-/// Prints a value as indented JSON.
-pub(crate) fn json(value: &impl Serialize) -> Result<(), CliError> {
-    let written = serde_json::to_string_pretty(value).map_err(|error| CliError::stdout(error.into()))?;
+/// Prints text as it is.
+pub(crate) fn text(text: &str) -> Result<(), CliError> {
+    to_standard_output(|out| out.write_all(text.as_bytes()))
+}
+
+/// Prints a value: as indented JSON, or as a page for people.
+pub(crate) fn facts<T: Serialize>(
+    facts: &T,
+    as_json: bool,
+    page: impl FnOnce(&T) -> String,
+) -> Result<(), CliError> {
+    if !as_json {
+        return text(&page(facts));
+    }
+    let written = serde_json::to_string_pretty(facts).map_err(|error| CliError::stdout(error.into()))?;
     text(&format!("{written}\n"))
+}
+
+/// Writes a result where it was asked for; whether that was standard output.
+pub(crate) fn deliver(
+    to: Option<&Path>,
+    content: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<bool, CliError> {
+    let Some(path) = to else { return Ok(false) };
+    if !is_standard_output(path) {
+        return Ok(save(path, content).map(|()| false).map_err(chainage::Error::from)?);
+    }
+    match to_standard_output(content) {
+        // A reader that has seen enough does not keep other results from being written.
+        Err(error) if !error.is_broken_pipe() => Err(error),
+        _ => Ok(true),
+    }
+}
+
+/// Whether a result is to go to standard output.
+pub(crate) fn is_standard_output(path: &Path) -> bool {
+    path == Path::new("-")
 }
 
 /// A table with a header; the first column is flush left, the others flush right.

@@ -81,11 +81,7 @@ impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&self.output.assignments())?;
         let summary = process(self.inputs.files.clone(), &self.out, config, self.fresh, self.show.progress)?;
-        if self.show.json {
-            print::json(&summary)?
-        } else {
-            print::text(&page(&summary, &self.out))?
-        }
+        print::facts(&summary, self.show.json, |summary| page(summary, &self.out))?;
         Ok(exit::DONE)
     }
 }

@@ -14,6 +14,8 @@ use chainage::synth::{Extent, Preset, Progress, Scanner, Settings, generate};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::{Outcome, exit, print};
+
 /// Write a labelled synthetic drive: a street, a vehicle and a scanner whose every pulse is traced.
 ///
 /// OUT gets PRESET_0001.laz ... (LAS 1.4, point format 6, extra bytes gt_instance and gt_class), reference.csv with
@@ -116,7 +118,7 @@ impl ValueEnum for PresetArg {
 
 impl SynthArgs {
     /// Writes the drive; 0 when it is complete.
-    pub(crate) fn run(&self) -> Result<u8, chainage::Error> {
+    pub(crate) fn run(&self) -> Outcome {
         let settings = self.settings();
         let bar =
             if std::io::stderr().is_terminal() { ProgressBar::new(1_000) } else { ProgressBar::hidden() };
@@ -134,17 +136,16 @@ impl SynthArgs {
         let summary = generate(&settings, &self.out, &mut show)?;
         bar.finish_and_clear();
         let seconds = start.elapsed().as_secs_f64();
-        let line = format!(
-            "{}: {} points in {} file(s), {} objects, {:.3} km, {seconds:.1} s, {:.2} M points/s",
+        print::text(&format!(
+            "{}: {} points in {} file(s), {} objects, {:.3} km, {seconds:.1} s, {:.2} M points/s\n",
             self.out.display(),
             summary.points,
             summary.files,
             summary.objects,
             summary.length_m / 1_000.0,
             summary.points as f64 / seconds / 1e6
-        );
-        bar.suspend(|| print_line(&line));
-        Ok(0)
+        ))?;
+        Ok(exit::DONE)
     }
 
     fn settings(&self) -> Settings {
@@ -171,12 +172,6 @@ impl SynthArgs {
         settings.force = self.force;
         settings
     }
-}
-
-/// One line on stdout; a reader that went away is no failure.
-fn print_line(line: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout(), "{line}");
 }
 
 /// A number with one of the units; the factor of the unit is applied.

@@ -111,8 +111,8 @@ pub fn count(
 
 fn by_key(pair: &Pair<'_>, settings: &CompareSettings, note: &dyn Fn(&str)) -> Result<Table> {
     let points = pair.prediction.catalog.point_count();
-    // 40 bytes per point and side, see scratch.rs.
-    let gigabytes = points as f64 * 80e-9;
+    // 16 bytes per point and side, see scratch.rs.
+    let gigabytes = points as f64 * 32e-9;
     note(&format!(
         "the two sides are in different orders: matching {points} points by {}, with up to {gigabytes:.1} GB of \
          scratch files in {}",

@@ -146,9 +146,8 @@ impl EvalError {
             Self::NoDimension { .. }
             | Self::DimensionType { .. }
             | Self::Label { .. }
-            | Self::PointCounts { .. }
-            | Self::Unmatched { .. }
             | Self::Trajectory { .. } => ErrorKind::Input,
+            Self::PointCounts { .. } | Self::Unmatched { .. } => ErrorKind::Difference,
             Self::Scratch { .. } => ErrorKind::Output,
         }
     }

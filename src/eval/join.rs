@@ -1,20 +1,26 @@
 //! Matching the points of both sides by coordinates and time where their orders differ, out of core.
 //!
-//! Both sides are sorted into buckets on disk by a 128-bit hash of the key (two different keys are taken for the same
-//! with a probability below 10^-21 at 200 million points); then one bucket after the other is joined in memory.
-//! Points of the same key are matched in their order of appearance. Memory: two buckets per thread; only points that
-//! all have one key cannot be parted. Disk: 40 bytes per point and side.
+//! Both sides are parted into buckets on disk by a hash of the key; then one bucket after the other is sorted and
+//! joined in memory. Points of the same key are matched in their order of appearance. Memory: four buckets per thread;
+//! only points that all have one key cannot be parted. Disk: 16 bytes per point and side.
+//!
+//! Two different keys are taken for the same when bucket and hash agree, in 64 bits for 200 million points: in one
+//! of a thousand such drives two points may exchange their labels.
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::error::Result;
 use crate::eval::error::EvalError;
+use crate::eval::labels::{Label, Met, Numbers, join_places};
 use crate::eval::order::{Pair, multiples};
-use crate::eval::scratch::{Buckets, Entry, ScratchFolder};
-use crate::eval::sides::{BlockReader, Files, Run, time_bits};
-use crate::eval::table::{Cell, Counter, Predicted, Table};
-use crate::input::{InputFile, record_xyz};
+use crate::eval::scratch::{Batch, Buckets, Entry, ScratchFolder, Taken};
+use crate::eval::sides::{BlockReader, Files, LabelFields, time_bits};
+use crate::eval::table::{Cell, Place, Predicted, Table, Tally};
+use crate::input::record_xyz;
+
+/// Buckets that a thread joins before its counts are merged with those of others, at least.
+const BUCKETS_AT_A_TIME: usize = 4;
 
 impl Pair<'_> {
     /// Counts the points of both sides, matched by coordinates and time.
@@ -26,15 +32,24 @@ impl Pair<'_> {
         let points = self.prediction.catalog.point_count();
         let left = Buckets::new(folder, "prediction", points);
         let right = Buckets::new(folder, "reference", points);
-        let places = self.part_prediction(&left)?.merge(self.part_reference(&right)?);
-        let join = |bucket| -> Result<(Table, Unmatched)> {
-            Ok(join(&left.take_sorted(bucket)?, &right.take_sorted(bucket)?))
-        };
-        let merge = |a: (Table, Unmatched), b: (Table, Unmatched)| Ok((a.0.merge(b.0), a.1.merge(b.1)));
-        let (table, unmatched) =
-            (0..left.count()).into_par_iter().map(join).try_reduce(Default::default, merge)?;
-        match (unmatched.count, unmatched.first) {
-            (count, [Some(prediction), Some(reference)]) => Err(EvalError::Unmatched {
+        let multiples = multiples(self.prediction.catalog, self.reference.catalog);
+        let predicted = self.part(&self.prediction, multiples.0, &left)?;
+        let referred = self.part(&self.reference, multiples.1, &right)?;
+        let worker = || (Joined::default(), Taken::default(), Taken::default());
+        let workers = (0..left.count()).into_par_iter().with_min_len(BUCKETS_AT_A_TIME).try_fold(
+            worker,
+            |(mut joined, mut ours, mut theirs), bucket| -> Result<_> {
+                left.take(bucket, &mut ours)?;
+                right.take(bucket, &mut theirs)?;
+                joined.join(ours.entries(), theirs.entries());
+                Ok((joined, ours, theirs))
+            },
+        );
+        let joined = workers
+            .map(|worker| worker.map(|worker| worker.0))
+            .try_reduce(Joined::default, |a, b| Ok(a.merge(b)))?;
+        match joined.unmatched {
+            Unmatched { count, first: [Some(prediction), Some(reference)] } => Err(EvalError::Unmatched {
                 unmatched: count,
                 points,
                 prediction: Box::new(self.prediction.site(prediction, self.with_time)?),
@@ -42,72 +57,119 @@ impl Pair<'_> {
             }
             .into()),
             // As many points on both sides: one side alone cannot have a point too many.
-            _ => Ok(table.merge(places)),
+            _ => Ok(table(joined.pairs, &predicted, &referred)),
         }
     }
 
-    fn part_prediction(&self, buckets: &Buckets<'_>) -> Result<Table> {
-        let multiple = multiples(self.prediction.catalog, self.reference.catalog).0;
-        self.part(&self.prediction, buckets, |run, record, index, counter| {
-            let label = self.prediction.fields[run.file].read(record);
-            let (id, predicted) = label.map_err(|label| self.prediction.wrong(run, index, label))?;
-            let file = self.prediction.file(run);
-            let at = file.transform().apply(record_xyz(record));
-            // Places are means on the lattice of the reference; the finer lattice divides without a remainder
-            // where the points of both sides are the same.
-            let on_reference = multiples(self.prediction.catalog, self.reference.catalog);
-            counter.add_segment(id, at.map(|units| units * on_reference.0 / on_reference.1));
-            Ok(Entry { key: self.key(file, record, at, multiple), index, id, class: predicted as u64 })
-        })
-    }
-
-    fn part_reference(&self, buckets: &Buckets<'_>) -> Result<Table> {
-        let multiple = multiples(self.prediction.catalog, self.reference.catalog).1;
-        self.part(&self.reference, buckets, |run, record, index, counter| {
-            let label = self.reference.fields[run.file].read(record);
-            let (id, class) = label.map_err(|label| self.reference.wrong(run, index, label))?;
-            let file = self.reference.file(run);
-            let at = file.transform().apply(record_xyz(record));
-            counter.add_object(id, at);
-            Ok(Entry { key: self.key(file, record, at, multiple), index, id, class: class.into() })
-        })
-    }
-
-    /// Sorts one side into buckets; returns the table of its places alone.
-    fn part<F: Sync>(
+    /// Parts one side into buckets, its lattice unit being `multiple` units of the finer lattice; returns its labels
+    /// by number, with their places.
+    fn part<F: LabelFields + Sync>(
         &self,
         files: &Files<'_, F>,
+        multiple: i64,
         buckets: &Buckets<'_>,
-        entry: impl Fn(&Run, &[u8], u64, &mut Counter) -> Result<Entry, EvalError> + Sync,
-    ) -> Result<Table> {
-        let part = |run: &Run| -> Result<Table> {
-            let (mut counter, mut reader) = (Counter::default(), BlockReader::default());
-            let file = files.file(run);
+    ) -> Result<Vec<(Label, Place)>> {
+        let of_reference = multiples(self.prediction.catalog, self.reference.catalog).1;
+        let numbers = Numbers::default();
+        let worker =
+            || Worker { reader: BlockReader::default(), met: Met::new(&numbers), batch: Batch::default() };
+        let workers = files.runs.par_iter().try_fold(worker, |mut worker, run| -> Result<_> {
+            let Worker { reader, met, batch } = &mut worker;
+            let (file, fields) = (files.file(run), &files.fields[run.file]);
+            let time = file.layout().gps_time.filter(|_| self.with_time);
             let records = reader.records(file, run)?.chunks_exact(file.layout().record_len);
-            let mut entries = records
-                .zip(run.first..)
-                .map(|(record, index)| entry(run, record, index, &mut counter))
-                .collect::<Result<Vec<_>, _>>()?;
-            buckets.add(&mut entries)?;
+            for (record, index) in records.zip(run.first..) {
+                let label = fields.label(record).map_err(|label| files.wrong(run, index, label))?;
+                let at = file.transform().apply(record_xyz(record)).map(|units| units * multiple);
+                // Places are means on the lattice of the reference; the finer lattice divides without a remainder
+                // where the points of both sides are the same.
+                let number = met.add(label, at.map(|units| units / of_reference));
+                let hash = hash(at, time.map_or(0, |offset| time_bits(record, offset)));
+                batch.push(buckets.of(hash), Entry::new(hash, index, number));
+            }
+            buckets.add(batch)?;
             file.release(run.block);
-            Ok(counter.finish())
-        };
-        files.runs.par_iter().map(part).try_reduce(Table::default, |a, b| Ok(a.merge(b)))
+            Ok(worker)
+        });
+        let places = workers
+            .map(|worker| worker.map(|worker| worker.met.into_places()))
+            .try_reduce(Vec::new, |a, b| Ok(join_places(a, b)))?;
+        Ok(numbers.into_labels().into_iter().zip(places).collect())
+    }
+}
+
+/// What a thread keeps from block to block while it parts a side.
+struct Worker<'a> {
+    reader: BlockReader,
+    met: Met<'a>,
+    batch: Batch,
+}
+
+/// Hash of what a point is recognised by: its coordinates in units of the finer lattice, and its time.
+fn hash(at: [i64; 3], time: u64) -> u128 {
+    let mut bytes = [0_u8; 32];
+    for (place, units) in bytes.chunks_exact_mut(8).zip(at) {
+        place.copy_from_slice(&units.to_le_bytes());
+    }
+    bytes[24..].copy_from_slice(&time.to_le_bytes());
+    xxh3_128(&bytes)
+}
+
+/// What a thread finds while it joins buckets.
+#[derive(Debug, Default)]
+struct Joined {
+    /// Points per pair of numbers of labels.
+    pairs: Tally<[u32; 2], u64>,
+    unmatched: Unmatched,
+}
+
+impl Joined {
+    /// Joins sorted entries of the prediction and of the reference.
+    fn join(&mut self, mut left: &[Entry], mut right: &[Entry]) {
+        while let Some(key) = left.first().into_iter().chain(right.first()).map(Entry::key).min() {
+            let (ours, rest) = left.split_at(run_length(left, key));
+            let (theirs, their_rest) = right.split_at(run_length(right, key));
+            for (predicted, referred) in ours.iter().zip(theirs) {
+                self.pairs.add([predicted.label(), referred.label()], 1);
+            }
+            let common = ours.len().min(theirs.len());
+            self.unmatched.note(0, &ours[common..]);
+            self.unmatched.note(1, &theirs[common..]);
+            (left, right) = (rest, their_rest);
+        }
     }
 
-    /// Hash of what a point is recognised by: its coordinates in units of the finer lattice, and its time.
-    #[expect(clippy::cast_possible_truncation, reason = "a hash is cut in two halves")]
-    fn key(&self, file: &InputFile, record: &[u8], at: [i64; 3], multiple: i64) -> [u64; 2] {
-        let mut bytes = [0_u8; 32];
-        for (place, units) in bytes.chunks_exact_mut(8).zip(at) {
-            place.copy_from_slice(&(units * multiple).to_le_bytes());
-        }
-        if let Some(offset) = file.layout().gps_time.filter(|_| self.with_time) {
-            bytes[24..].copy_from_slice(&time_bits(record, offset).to_le_bytes());
-        }
-        let hash = xxh3_128(&bytes);
-        [hash as u64, (hash >> 64) as u64]
+    fn merge(mut self, other: Self) -> Self {
+        other.pairs.into_sorted().into_iter().for_each(|(pair, points)| self.pairs.add(pair, points));
+        self.unmatched = self.unmatched.merge(other.unmatched);
+        self
     }
+}
+
+fn run_length(entries: &[Entry], key: u64) -> usize {
+    entries.iter().take_while(|entry| entry.key() == key).count()
+}
+
+/// The table of pairs of labels.
+fn table(pairs: Tally<[u32; 2], u64>, predicted: &[(Label, Place)], referred: &[(Label, Place)]) -> Table {
+    let codes = [Predicted::Other, Predicted::Ground, Predicted::Noise];
+    let cell = |[left, right]: [u32; 2]| {
+        let (ours, theirs) = (predicted[left as usize].0, referred[right as usize].0);
+        let predicted = codes.into_iter().find(|code| *code as u16 == ours.class).unwrap_or_default();
+        Cell { object: theirs.id, segment: ours.id, class: theirs.class, predicted }
+    };
+    let places = |labels: &[(Label, Place)]| {
+        let mut places = Tally::default();
+        labels
+            .iter()
+            .filter(|(label, _)| label.id > 0)
+            .for_each(|(label, place)| places.add(label.id, *place));
+        places.into_sorted()
+    };
+    let mut cells: Vec<_> =
+        pairs.into_sorted().into_iter().map(|(pair, points)| (cell(pair), points)).collect();
+    cells.sort_unstable_by_key(|entry| entry.0);
+    Table { cells, objects: places(referred), segments: places(predicted) }
 }
 
 /// Points without a counterpart: how many of the prediction, and the smallest index on each side.
@@ -121,7 +183,7 @@ impl Unmatched {
     fn note(&mut self, side: usize, entries: &[Entry]) {
         self.count += if side == 0 { entries.len() as u64 } else { 0 };
         if let Some(entry) = entries.first() {
-            self.first[side] = smaller(self.first[side], Some(entry.index));
+            self.first[side] = smaller(self.first[side], Some(entry.index()));
         }
     }
 
@@ -137,64 +199,49 @@ fn smaller(a: Option<u64>, b: Option<u64>) -> Option<u64> {
     a.into_iter().chain(b).min()
 }
 
-/// Joins two sorted buckets.
-fn join(mut left: &[Entry], mut right: &[Entry]) -> (Table, Unmatched) {
-    let (mut counter, mut unmatched) = (Counter::default(), Unmatched::default());
-    while let Some(key) = left.first().into_iter().chain(right.first()).map(|entry| entry.key).min() {
-        let (ours, rest) = left.split_at(run_length(left, key));
-        let (theirs, their_rest) = right.split_at(run_length(right, key));
-        for (predicted, referred) in ours.iter().zip(theirs) {
-            counter.cells.add(cell(predicted, referred), 1);
-        }
-        let common = ours.len().min(theirs.len());
-        unmatched.note(0, &ours[common..]);
-        unmatched.note(1, &theirs[common..]);
-        (left, right) = (rest, their_rest);
-    }
-    (counter.finish(), unmatched)
-}
-
-fn run_length(entries: &[Entry], key: [u64; 2]) -> usize {
-    entries.iter().take_while(|entry| entry.key == key).count()
-}
-
-fn cell(predicted: &Entry, referred: &Entry) -> Cell {
-    let codes = [Predicted::Other, Predicted::Ground, Predicted::Noise];
-    let predicted_class = codes.into_iter().find(|code| *code as u64 == predicted.class).unwrap_or_default();
-    Cell {
-        object: referred.id,
-        segment: predicted.id,
-        #[expect(clippy::cast_possible_truncation, reason = "it was made from a u16")]
-        class: referred.class as u16,
-        predicted: predicted_class,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn entry(key: u64, index: u64, id: i64) -> Entry {
-        Entry { key: [key, 0], index, id, class: 1 }
+    fn join(left: &[(u64, u64, u32)], right: &[(u64, u64, u32)]) -> Joined {
+        let entries = |side: &[(u64, u64, u32)]| -> Vec<Entry> {
+            side.iter().map(|&(key, index, label)| Entry::new(u128::from(key) << 72, index, label)).collect()
+        };
+        let mut joined = Joined::default();
+        joined.join(&entries(left), &entries(right));
+        joined
     }
 
     #[test]
     fn equal_keys_are_matched_in_order_of_appearance() {
-        let left = [entry(1, 4, 10), entry(2, 0, 20), entry(2, 9, 21)];
-        let right = [entry(1, 0, 5), entry(2, 2, 6), entry(2, 3, 7)];
-        let (table, unmatched) = join(&left, &right);
-        assert_eq!(unmatched, Unmatched::default());
-        let pairs: Vec<_> = table.cells.iter().map(|(cell, n)| (cell.object, cell.segment, *n)).collect();
-        assert_eq!(pairs, [(5, 10, 1), (6, 20, 1), (7, 21, 1)]);
+        let joined = join(&[(1, 4, 10), (2, 0, 20), (2, 9, 21)], &[(1, 0, 5), (2, 2, 6), (2, 3, 7)]);
+        assert_eq!(joined.unmatched, Unmatched::default());
+        assert_eq!(joined.pairs.into_sorted(), [([10, 5], 1), ([20, 6], 1), ([21, 7], 1)]);
     }
 
     #[test]
     fn points_without_counterpart_are_found_on_both_sides() {
-        // Key 1 only on the left (index 4), key 3 only on the right (index 2), key 2 once too often on the left.
-        let left = [entry(1, 4, 1), entry(2, 7, 1), entry(2, 8, 1)];
-        let right = [entry(2, 1, 1), entry(3, 2, 1), entry(4, 3, 1)];
-        let (_, unmatched) = join(&left, &right);
-        assert_eq!(unmatched, Unmatched { count: 2, first: [Some(4), Some(2)] });
-        assert_eq!(join(&[], &[]).1, Unmatched::default());
+        // Key 1 only on the left (index 4), keys 3 and 4 only on the right, key 2 once too often on the left.
+        let found = join(&[(1, 4, 1), (2, 7, 1), (2, 8, 1)], &[(2, 1, 1), (3, 2, 1), (4, 3, 1)]).unmatched;
+        assert_eq!(found, Unmatched { count: 2, first: [Some(4), Some(2)] });
+        assert_eq!(join(&[], &[]).unmatched, Unmatched::default());
+    }
+
+    #[test]
+    fn labels_of_one_object_with_two_classes_have_one_place() {
+        let label = |id, class| (Label { id, class }, Place::of([id + i64::from(class), 0, 0]));
+        let mut pairs = Tally::default();
+        pairs.add([0, 1], 3);
+        pairs.add([1, 0], 2);
+        let found = table(pairs, &[label(8, 1), label(0, 2)], &[label(5, 2), label(5, 4)]);
+        let cells: Vec<_> =
+            found.cells.iter().map(|(cell, n)| (cell.segment, cell.object, cell.class, *n)).collect();
+        assert_eq!(cells, [(0, 5, 2, 2), (8, 5, 4, 3)]);
+        assert_eq!(
+            (found.cells[1].0.predicted, found.cells[0].0.predicted),
+            (Predicted::Ground, Predicted::Noise)
+        );
+        assert_eq!(found.objects[0].1.sum[0], 7 + 9);
+        assert_eq!((found.objects.len(), found.segments.len()), (1, 1));
     }
 }

@@ -12,6 +12,7 @@ mod dims;
 mod error;
 pub mod hoover;
 mod join;
+mod labels;
 pub mod metrics;
 mod order;
 pub mod panoptic;

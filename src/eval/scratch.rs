@@ -1,4 +1,4 @@
-//! Scratch files that points are sorted into by a hash of their key, a bucket at a time in memory.
+//! Scratch files that points are parted into by a hash of their key, to be sorted a bucket at a time in memory.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -10,25 +10,119 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::eval::error::EvalError;
 
-/// Entries that a bucket should have: 16 MiB, of which every thread holds two.
-const BUCKET_ENTRIES: u64 = 1 << 19;
-/// Buckets at most; 500 million points have this many, and more points have larger buckets.
+/// Entries that a bucket should have: 4 MiB, of which every thread holds four.
+const BUCKET_ENTRIES: u64 = 1 << 18;
+/// Buckets at most; 250 million points have this many, and more points have larger buckets.
 const MAX_BUCKETS: u64 = 1024;
-/// Entries that are collected before a bucket's file is opened to append them.
+/// Entries that are collected before a bucket's file is opened to append them: 32 KiB.
 const FLUSH_ENTRIES: usize = 2048;
 
-/// A point in a bucket.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct Entry {
-    /// Hash of the key, 128 bits.
-    pub(super) key: [u64; 2],
+/// A point in a bucket, as one number that sorts by key, then by order of appearance: 56 bits of the hash of the key,
+/// 40 bits of the index among the points of its side, 32 bits of the number of its label.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+#[repr(transparent)]
+pub(super) struct Entry(u128);
+
+/// Bits of the index: a million million points.
+const INDEX_BITS: u32 = 40;
+
+#[expect(clippy::cast_possible_truncation, reason = "parts of a number are cut out of it")]
+impl Entry {
+    /// The entry of a point; the upper bits of `hash` count, the lower 64 choose its bucket.
+    pub(super) fn new(hash: u128, index: u64, label: u32) -> Self {
+        let index = u128::from(index & ((1 << INDEX_BITS) - 1));
+        Self((hash >> (32 + INDEX_BITS)) << (32 + INDEX_BITS) | index << 32 | u128::from(label))
+    }
+
+    /// What remains of the hash of the key.
+    pub(super) fn key(&self) -> u64 {
+        (self.0 >> (32 + INDEX_BITS)) as u64
+    }
+
     /// Index among the points of its side.
-    pub(super) index: u64,
-    /// Object or segment.
-    pub(super) id: i64,
-    /// Class of the reference, or code of what is predicted.
-    pub(super) class: u64,
+    pub(super) fn index(self) -> u64 {
+        (self.0 >> 32) as u64 & ((1 << INDEX_BITS) - 1)
+    }
+
+    /// Number of its label.
+    pub(super) fn label(self) -> u32 {
+        self.0 as u32
+    }
+}
+
+/// Entries by a digit of theirs, and where those of a digit end; kept for its memory.
+#[derive(Debug, Default)]
+struct ByDigit {
+    entries: Vec<Entry>,
+    ends: Vec<usize>,
+}
+
+impl ByDigit {
+    /// Takes entries with their digits below `count`; those of one digit stay in their order.
+    fn fill<'e>(&mut self, count: usize, from: impl Iterator<Item = (usize, &'e Entry)> + Clone) {
+        let Self { entries, ends } = self;
+        ends.clear();
+        ends.resize(count + 1, 0);
+        from.clone().for_each(|(digit, _)| ends[digit + 1] += 1);
+        (0..count).for_each(|digit| ends[digit + 1] += ends[digit]);
+        entries.resize(ends[count], Entry::zeroed());
+        for (digit, entry) in from {
+            // The start of a digit moves on to its end.
+            entries[ends[digit]] = *entry;
+            ends[digit] += 1;
+        }
+        ends.truncate(count);
+    }
+
+    /// The entries of every digit, in the order of the digits.
+    fn groups(&mut self) -> impl Iterator<Item = &mut [Entry]> {
+        let mut rest = &mut self.entries[..];
+        let mut start = 0;
+        self.ends.iter().map(move |&end| {
+            let group = rest.split_off_mut(..end - start).unwrap_or_default();
+            start = end;
+            group
+        })
+    }
+}
+
+/// Entries on their way to their buckets.
+#[derive(Debug, Default)]
+pub(super) struct Batch {
+    buckets: Vec<u16>,
+    entries: Vec<Entry>,
+    by_bucket: ByDigit,
+}
+
+impl Batch {
+    /// Adds an entry for a bucket.
+    #[inline]
+    pub(super) fn push(&mut self, bucket: u16, entry: Entry) {
+        self.buckets.push(bucket);
+        self.entries.push(entry);
+    }
+}
+
+/// The sorted entries of a bucket.
+#[derive(Debug, Default)]
+pub(super) struct Taken {
+    read: Vec<Entry>,
+    by_key: ByDigit,
+}
+
+impl Taken {
+    /// The entries by key and index.
+    pub(super) fn entries(&self) -> &[Entry] {
+        &self.by_key.entries
+    }
+
+    /// Sorts what was read: keys are hashes and spread evenly, so a digit of few bits leaves little to compare.
+    fn sort(&mut self) {
+        const DIGIT_BITS: u32 = 8;
+        let digit = |entry: &Entry| (entry.0 >> (u128::BITS - DIGIT_BITS)) as usize;
+        self.by_key.fill(1 << DIGIT_BITS, self.read.iter().map(|entry| (digit(entry), entry)));
+        self.by_key.groups().for_each(<[Entry]>::sort_unstable);
+    }
 }
 
 /// A folder for scratch files that goes away with this value.
@@ -84,16 +178,26 @@ impl<'a> Buckets<'a> {
         self.waiting.len()
     }
 
-    /// Adds entries to their buckets.
+    /// The bucket of the points with this hash of their key.
+    #[inline]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "half of a hash, and a remainder by the number of buckets"
+    )]
+    pub(super) fn of(&self, hash: u128) -> u16 {
+        (hash as u64 % self.waiting.len() as u64) as u16
+    }
+
+    /// Moves the entries of a batch to their buckets.
     ///
     /// # Errors
     /// [`EvalError::Scratch`].
-    #[expect(clippy::cast_possible_truncation, reason = "a remainder by the number of buckets")]
-    pub(super) fn add(&self, entries: &mut Vec<Entry>) -> Result<(), EvalError> {
-        let bucket_of = |entry: &Entry| (entry.key[0] % self.waiting.len() as u64) as usize;
-        entries.sort_unstable_by_key(bucket_of);
-        for group in entries.chunk_by(|a, b| bucket_of(a) == bucket_of(b)) {
-            let bucket = bucket_of(&group[0]);
+    pub(super) fn add(&self, batch: &mut Batch) -> Result<(), EvalError> {
+        let Batch { buckets, entries, by_bucket } = batch;
+        by_bucket.fill(self.waiting.len(), buckets.iter().map(|bucket| usize::from(*bucket)).zip(&*entries));
+        buckets.clear();
+        entries.clear();
+        for (bucket, group) in by_bucket.groups().enumerate() {
             let mut waiting = self.waiting[bucket].lock().unwrap_or_else(PoisonError::into_inner);
             waiting.extend_from_slice(group);
             if waiting.len() >= FLUSH_ENTRIES {
@@ -101,7 +205,6 @@ impl<'a> Buckets<'a> {
                 waiting.clear();
             }
         }
-        entries.clear();
         Ok(())
     }
 
@@ -119,34 +222,32 @@ impl<'a> Buckets<'a> {
             .map_err(|source| EvalError::Scratch { path, source })
     }
 
-    /// The entries of a bucket by key and index, and the end of its file.
+    /// Replaces what was `taken` by the entries of a bucket, sorted; the end of its file.
     ///
     /// # Errors
     /// [`EvalError::Scratch`].
-    pub(super) fn take_sorted(&self, bucket: usize) -> Result<Vec<Entry>, EvalError> {
+    pub(super) fn take(&self, bucket: usize, taken: &mut Taken) -> Result<(), EvalError> {
         let path = self.path(bucket);
         let mut waiting = self.waiting[bucket].lock().unwrap_or_else(PoisonError::into_inner);
-        let mut entries = match std::fs::File::open(&path) {
-            Ok(file) => {
-                read_entries(file).map_err(|source| EvalError::Scratch { path: path.clone(), source })?
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+        taken.read.clear();
+        match std::fs::File::open(&path) {
+            Ok(file) => read_entries(file, &mut taken.read)
+                .map_err(|source| EvalError::Scratch { path: path.clone(), source })?,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
             Err(source) => return Err(EvalError::Scratch { path, source }),
-        };
-        entries.append(&mut waiting);
-        entries.sort_unstable_by_key(|entry| (entry.key, entry.index));
+        }
+        taken.read.append(&mut waiting);
+        taken.sort();
         // The space is wanted back, but the folder goes away in any case.
         let _ = std::fs::remove_file(&path);
-        Ok(entries)
+        Ok(())
     }
 }
 
-fn read_entries(mut file: std::fs::File) -> std::io::Result<Vec<Entry>> {
+fn read_entries(mut file: std::fs::File, entries: &mut Vec<Entry>) -> std::io::Result<()> {
     let bytes = file.metadata()?.len();
-    let count = usize::try_from(bytes).unwrap_or(usize::MAX) / size_of::<Entry>();
-    let mut entries = vec![Entry::zeroed(); count];
-    std::io::Read::read_exact(&mut file, bytemuck::cast_slice_mut(&mut entries))?;
-    Ok(entries)
+    entries.resize(usize::try_from(bytes).unwrap_or(usize::MAX) / size_of::<Entry>(), Entry::zeroed());
+    std::io::Read::read_exact(&mut file, bytemuck::cast_slice_mut(entries))
 }
 
 #[cfg(test)]
@@ -154,19 +255,37 @@ mod tests {
     use super::*;
 
     #[test]
+    fn an_entry_holds_the_largest_values_and_sorts_by_key_then_index() {
+        let index = (1 << INDEX_BITS) - 1;
+        let entry = Entry::new(u128::MAX, index, u32::MAX);
+        assert_eq!((entry.key(), entry.index(), entry.label()), ((1 << 56) - 1, index, u32::MAX));
+        assert!(Entry::new(1 << 72, 0, 0) > Entry::new(0, index, 9));
+        assert!(Entry::new(0, 1, 0) > Entry::new(0, 0, 9));
+    }
+
+    #[test]
     fn buckets_give_back_every_entry_and_the_folder_goes_away() {
         let parent = tempfile::tempdir().unwrap();
         let folder = ScratchFolder::create(parent.path()).unwrap();
         let buckets = Buckets::new(&folder, "test", 3 * BUCKET_ENTRIES);
-        let all: Vec<Entry> =
-            (0..10_000).map(|i| Entry { key: [i * 7 % 1000, i], index: i, id: 1, class: 0 }).collect();
+        let all: Vec<(u128, Entry)> = (0..10_000_u64)
+            .map(|i| (u128::from(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)) << 64 | u128::from(i * 7 % 1000), i))
+            .map(|(hash, i)| (hash, Entry::new(hash, i, 1)))
+            .collect();
+        let mut batch = Batch::default();
         for part in all.chunks(3_000) {
-            buckets.add(&mut part.to_vec()).unwrap();
+            part.iter().for_each(|(hash, entry)| batch.push(buckets.of(*hash), *entry));
+            buckets.add(&mut batch).unwrap();
         }
         assert_eq!(buckets.count(), 3);
-        let mut found: Vec<Entry> = (0..3).flat_map(|bucket| buckets.take_sorted(bucket).unwrap()).collect();
-        found.sort_by_key(|entry| entry.index);
-        assert_eq!(found, all);
+        let (mut found, mut taken) = (Vec::new(), Taken::default());
+        for bucket in 0..3 {
+            buckets.take(bucket, &mut taken).unwrap();
+            assert!(taken.entries().len() > 3_000 && taken.entries().is_sorted());
+            found.extend_from_slice(taken.entries());
+        }
+        found.sort_by_key(|entry| entry.index());
+        assert!(found.iter().eq(all.iter().map(|(_, entry)| entry)));
         drop(folder);
         assert_eq!(parent.path().read_dir().unwrap().count(), 0);
     }

@@ -4,6 +4,7 @@ use crate::error::Result;
 use crate::eval::CompareSettings;
 use crate::eval::dims::{LabelField, WrongLabel};
 use crate::eval::error::{EvalError, PointSite, Side};
+use crate::eval::labels::Label;
 use crate::eval::table::Predicted;
 use crate::input::{Catalog, Fields, InputFile, record_xyz};
 
@@ -71,6 +72,26 @@ impl ReferenceFields {
             None => 0,
         };
         Ok((self.object.id(record)?, class))
+    }
+}
+
+/// Reads what one side says about a point.
+pub(super) trait LabelFields {
+    /// The label of a record.
+    fn label(&self, record: &[u8]) -> Result<Label, WrongLabel>;
+}
+
+impl LabelFields for PredictionFields {
+    #[inline]
+    fn label(&self, record: &[u8]) -> Result<Label, WrongLabel> {
+        self.read(record).map(|(id, predicted)| Label { id, class: predicted as u16 })
+    }
+}
+
+impl LabelFields for ReferenceFields {
+    #[inline]
+    fn label(&self, record: &[u8]) -> Result<Label, WrongLabel> {
+        self.read(record).map(|(id, class)| Label { id, class })
     }
 }
 

@@ -6,18 +6,34 @@ use crate::input::RecordLayout;
 pub(crate) const DESCRIPTOR: usize = 192;
 /// Data type of undocumented bytes; the options field then holds their number.
 const UNDOCUMENTED: u8 = 0;
-/// Data type of an unsigned byte.
-pub(crate) const U8: u8 = 1;
-/// Data type of an unsigned 32-bit integer.
-pub(crate) const U32: u8 = 5;
+
+/// Type of an extra-bytes dimension, with its code in the descriptor (LAS 1.4 R15, table 25).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum ExtraType {
+    /// Unsigned byte.
+    U8 = 1,
+    /// Unsigned 32-bit integer.
+    U32 = 5,
+}
+
+impl ExtraType {
+    /// Bytes of a value.
+    pub(crate) fn bytes(self) -> u16 {
+        match self {
+            Self::U8 => 1,
+            Self::U32 => 4,
+        }
+    }
+}
 
 /// The descriptor of an unsigned integer dimension.
 ///
 /// Scale 1 and offset 0 are written although the option bits that would make them valid stay unset: some readers
 /// multiply by the field without looking at the bits. Minimum, maximum and no-data stay unset.
-pub(crate) fn integer(name: &str, data_type: u8, description: &str) -> [u8; DESCRIPTOR] {
+pub(crate) fn integer(name: &str, kind: ExtraType, description: &str) -> [u8; DESCRIPTOR] {
     let mut bytes = [0; DESCRIPTOR];
-    bytes[2] = data_type;
+    bytes[2] = kind as u8;
     bytes[4..36].copy_from_slice(&padded::<32>(name));
     for slot in 0..3 {
         bytes[112 + 8 * slot..120 + 8 * slot].copy_from_slice(&1.0_f64.to_le_bytes());
@@ -68,7 +84,7 @@ mod tests {
 
     #[test]
     fn a_descriptor_has_its_fields_where_the_specification_says() {
-        let bytes = integer("cluster_id", U32, "object");
+        let bytes = integer("cluster_id", ExtraType::U32, "object");
         assert_eq!((bytes[2], bytes[3]), (5, 0));
         assert_eq!(&bytes[4..15], b"cluster_id\0");
         assert_eq!(bytes[112..120], 1.0_f64.to_le_bytes());

@@ -14,14 +14,14 @@ use serde::{Deserialize, Serialize};
 
 use super::edit::{self, Positions};
 use super::error::OutputError;
-use super::laz_chunk::{ChunkExtent, ChunkSize, TABLE_OFFSET_BYTES, chunk_table, compress_chunk};
+use super::laz_chunk::{
+    CHUNK_RECORDS, ChunkExtent, ChunkSize, TABLE_OFFSET_BYTES, chunk_table, compress_chunk,
+};
 use super::record::RecordPlan;
 use super::tail::{Tail, TailError};
 use crate::input::InputFile;
 use crate::input::decode::Chunking;
 
-/// Records of a chunk where the input has no chunks: LASzip's default, what most readers are tuned for.
-const CHUNK_RECORDS: u32 = 50_000;
 /// Bit of the global encoding: the waveforms are in a file of their own.
 const EXTERNAL_WAVEFORMS: u16 = 1 << 2;
 

@@ -10,6 +10,8 @@ use laz::{LazVlr, LazVlrBuilder};
 
 use crate::output::OutputError;
 
+/// Records of a chunk where nothing else decides: LASzip's default, what most readers are tuned for.
+pub(crate) const CHUNK_RECORDS: u32 = 50_000;
 /// Bytes in front of the first chunk, which hold the file offset of the chunk table (i64, little-endian).
 pub(crate) const TABLE_OFFSET_BYTES: u64 = 8;
 

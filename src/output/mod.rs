@@ -1,7 +1,7 @@
 //! Output: labelled copies of the input files, the object table, the report.
 
 mod chart;
-mod descriptor;
+pub(crate) mod descriptor;
 mod edit;
 mod error;
 mod labelled;
@@ -9,9 +9,11 @@ pub(crate) mod laz_chunk;
 pub(crate) mod new_file;
 mod objects;
 mod record;
+mod save;
 mod tail;
 
 pub use chart::{ChartError, chart_svg};
 pub use error::OutputError;
 pub use labelled::{LabelOptions, LabelledFile, OutputFormat, check_names};
 pub use objects::{ObjectRow, write_csv, write_geojson};
+pub use save::save;

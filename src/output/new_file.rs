@@ -5,50 +5,30 @@
 //! chunks are compressed by the threads of the current rayon pool and written in order, so the bytes do not depend
 //! on the number of threads.
 
-use std::io::{BufWriter, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::Path;
 
+use las::raw::Header;
 use las::raw::header::LargeFile;
-use las::raw::vlr::RecordLength;
-use las::raw::{Header, Vlr};
 use laz::LazVlr;
 use rayon::prelude::*;
 
+use crate::input::decode::LASZIP;
+use crate::input::layout::{EXTRA_BYTES, SPEC_USER};
 use crate::output::OutputError;
-use crate::output::descriptor::padded;
+use crate::output::descriptor::{self, DESCRIPTOR, ExtraType, padded};
 use crate::output::laz_chunk::{
-    ChunkExtent, ChunkSize, TABLE_OFFSET_BYTES, chunk_table, compress_chunk, laz_vlr, laz_vlr_data,
+    CHUNK_RECORDS, ChunkExtent, ChunkSize, TABLE_OFFSET_BYTES, chunk_table, compress_chunk, laz_vlr,
+    laz_vlr_data,
 };
+use crate::whole_file::WholeFile;
 
-/// Records per LAZ chunk: LASzip's default, what most readers are tuned for.
-const CHUNK_RECORDS: u32 = 50_000;
 /// Bytes of a LAS 1.4 header (specification 1.4 R15, table 3).
 const HEADER_BYTES: u16 = 375;
-/// Bytes in front of the data of a VLR.
-const VLR_HEADER_BYTES: usize = 54;
 
 /// Where the file offset of the chunk table goes; LASzip's -1 for "not known yet".
 #[expect(clippy::cast_possible_truncation, reason = "8 fits")]
 const TABLE_PLACE: [u8; TABLE_OFFSET_BYTES as usize] = [0xff; TABLE_OFFSET_BYTES as usize];
-
-/// Type of an extra-bytes dimension, with its code in the descriptor (LAS 1.4 R15, table 25).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub(crate) enum ExtraType {
-    /// Unsigned byte.
-    U8 = 1,
-    /// Unsigned 32-bit integer.
-    U32 = 5,
-}
-
-impl ExtraType {
-    fn bytes(self) -> u16 {
-        match self {
-            Self::U8 => 1,
-            Self::U32 => 4,
-        }
-    }
-}
 
 /// One dimension after the fields of the point format.
 #[derive(Debug, Clone, Copy)]
@@ -59,6 +39,12 @@ pub(crate) struct ExtraDimension {
     pub(crate) kind: ExtraType,
     /// Description, at most 31 bytes.
     pub(crate) description: &'static str,
+}
+
+impl ExtraDimension {
+    fn descriptor(&self) -> [u8; DESCRIPTOR] {
+        descriptor::integer(self.name, self.kind, self.description)
+    }
 }
 
 /// What the records of a new file look like, and where they are.
@@ -85,9 +71,7 @@ pub(crate) struct NewFileSchema {
 /// A LAS or LAZ file that is being written.
 #[derive(Debug)]
 pub(crate) struct NewFile {
-    path: PathBuf,
-    temporary: PathBuf,
-    file: BufWriter<fs_err::File>,
+    file: WholeFile,
     header: Header,
     laz: Option<LazVlr>,
     record_bytes: usize,
@@ -137,25 +121,21 @@ impl NewFile {
             .len();
         let chunk = ChunkSize::Fixed(CHUNK_RECORDS);
         let laz = compressed.then(|| laz_vlr(schema.point_format, extra_bytes, chunk)).transpose()?;
+        let extra: Vec<u8> = schema.extra.iter().flat_map(ExtraDimension::descriptor).collect();
+        let wkt = [schema.wkt.as_bytes(), &[0]].concat();
         let mut vlrs = vec![
-            vlr("LASF_Spec", 4, "Extra Bytes Record", schema.extra.iter().flat_map(descriptor).collect()),
-            vlr("LASF_Projection", 2112, "OGC Coordinate System WKT", [schema.wkt.as_bytes(), &[0]].concat()),
+            descriptor::vlr(SPEC_USER, EXTRA_BYTES, "Extra Bytes Record", &extra),
+            descriptor::vlr("LASF_Projection", 2112, "OGC Coordinate System WKT", &wkt),
         ];
         if let Some(laz) = &laz {
-            vlrs.push(vlr("laszip encoded", 22204, "https://laszip.org", laz_vlr_data(laz)?));
+            vlrs.push(descriptor::vlr(LASZIP.0, LASZIP.1, LazVlr::DESCRIPTION, &laz_vlr_data(laz)?));
         }
-        let data_offset =
-            usize::from(HEADER_BYTES) + vlrs.iter().map(|v| VLR_HEADER_BYTES + v.data.len()).sum::<usize>();
+        let data_offset = usize::from(HEADER_BYTES) + vlrs.iter().map(Vec::len).sum::<usize>();
         let header = header(schema, data_offset, vlrs.len(), base + extra_bytes, compressed);
 
-        let mut name = path.file_name().unwrap_or_default().to_os_string();
-        name.push(".part");
-        let temporary = path.with_file_name(name);
-        let failed = |source| OutputError::Write { path: path.to_owned(), source };
         let mut new = Self {
-            path: path.to_owned(),
-            file: BufWriter::with_capacity(1 << 20, fs_err::File::create(&temporary).map_err(failed)?),
-            temporary,
+            file: WholeFile::create(path)
+                .map_err(|source| OutputError::Write { path: path.to_owned(), source })?,
             header,
             laz,
             record_bytes: usize::from(base + extra_bytes),
@@ -165,9 +145,7 @@ impl NewFile {
             position: data_offset as u64,
         };
         new.write_header()?;
-        for vlr in &vlrs {
-            vlr.write_to(&mut new.file).map_err(las_error(path))?;
-        }
+        new.file.write_all(&vlrs.concat()).map_err(new.failed())?;
         if compressed {
             new.write(&TABLE_PLACE)?; // patched by `finish`
         }
@@ -211,12 +189,8 @@ impl NewFile {
         self.fill_totals();
         self.seek(0)?;
         self.write_header()?;
-        self.file.flush().map_err(self.failed())?;
-        self.file.get_ref().sync_all().map_err(self.failed())?;
-        fs_err::rename(&self.temporary, &self.path).map_err(self.failed())?;
-        if let Some(folder) = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            fs_err::File::open(folder).and_then(|folder| folder.sync_all()).map_err(self.failed())?;
-        }
+        let failed = self.failed();
+        self.file.finish().map_err(failed)?;
         Ok(self.totals.records)
     }
 
@@ -264,7 +238,8 @@ impl NewFile {
     }
 
     fn write_header(&mut self) -> Result<(), OutputError> {
-        self.header.write_to(&mut self.file).map_err(las_error(&self.path))
+        let failed = self.failed();
+        self.header.write_to(&mut self.file).map_err(|source| failed(std::io::Error::other(source)))
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), OutputError> {
@@ -277,21 +252,9 @@ impl NewFile {
     }
 
     fn failed(&self) -> impl FnOnce(std::io::Error) -> OutputError + use<> {
-        let path = self.path.clone();
+        let path = self.file.path().to_owned();
         move |source| OutputError::Write { path, source }
     }
-}
-
-impl Drop for NewFile {
-    fn drop(&mut self) {
-        // After `finish` there is nothing under this name; before, an unfinished file is of no use to anyone.
-        let _ = fs_err::remove_file(&self.temporary);
-    }
-}
-
-fn las_error(path: &Path) -> impl FnOnce(las::Error) -> OutputError + use<> {
-    let path = path.to_owned();
-    move |source| OutputError::Write { path, source: std::io::Error::other(source) }
 }
 
 fn header(schema: &NewFileSchema, data_offset: usize, vlrs: usize, record: u16, compressed: bool) -> Header {
@@ -319,28 +282,6 @@ fn header(schema: &NewFileSchema, data_offset: usize, vlrs: usize, record: u16, 
         large_file: Some(LargeFile::default()),
         evlr: Some(las::raw::header::Evlr::default()),
         ..Header::default()
-    }
-}
-
-/// Descriptor of one dimension (LAS 1.4 R15, table 24): 192 bytes. Scale 1 and offset 0 are written although the
-/// option bits are unset, because some readers apply the fields without looking at the bits.
-fn descriptor(dimension: &ExtraDimension) -> [u8; 192] {
-    let mut bytes = [0; 192];
-    bytes[2] = dimension.kind as u8;
-    bytes[4..36].copy_from_slice(&padded::<32>(dimension.name));
-    bytes[112..120].copy_from_slice(&1.0f64.to_le_bytes());
-    bytes[160..192].copy_from_slice(&padded::<32>(dimension.description));
-    bytes
-}
-
-fn vlr(user: &str, record_id: u16, description: &str, data: Vec<u8>) -> Vlr {
-    Vlr {
-        reserved: 0,
-        user_id: padded(user),
-        record_id,
-        record_length_after_header: RecordLength::Vlr(u16::try_from(data.len()).unwrap_or(u16::MAX)),
-        description: padded(description),
-        data,
     }
 }
 

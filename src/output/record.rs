@@ -1,6 +1,6 @@
 //! One record of a labelled copy: the original bytes, the label, the class. It knows nothing of files.
 
-use super::descriptor::{self, DESCRIPTOR};
+use super::descriptor::{self, DESCRIPTOR, ExtraType};
 use super::error::OutputError;
 use super::labelled::LabelOptions;
 use crate::input::{InputFile, RecordLayout};
@@ -38,22 +38,22 @@ impl RecordPlan {
         options: &LabelOptions,
     ) -> Result<(Self, Vec<[u8; DESCRIPTOR]>), OutputError> {
         let layout = input.layout();
-        let label = existing(input, &options.dimension, descriptor::U32)?;
-        let kept = existing(input, ORIGINAL_CLASS, descriptor::U8)?;
+        let label = existing(input, &options.dimension, ExtraType::U32)?;
+        let kept = existing(input, ORIGINAL_CLASS, ExtraType::U8)?;
         let keep = options.keep_original && kept.is_none();
         let mut descriptors = Vec::new();
         if label.is_none() || keep {
             descriptors.extend(descriptor::undescribed(layout));
         }
         let mut output_len = layout.record_len;
-        let mut append = |name: &str, data_type: u8, size: usize, description: &str| {
-            descriptors.push(descriptor::integer(name, data_type, description));
-            output_len += size;
-            output_len - size
+        let mut append = |name: &str, kind: ExtraType, description: &str| {
+            descriptors.push(descriptor::integer(name, kind, description));
+            let at = output_len;
+            output_len += usize::from(kind.bytes());
+            at
         };
-        let label =
-            label.unwrap_or_else(|| append(&options.dimension, descriptor::U32, 4, "object, 0: none"));
-        let original_class = keep.then(|| append(ORIGINAL_CLASS, descriptor::U8, 1, "class before chainage"));
+        let label = label.unwrap_or_else(|| append(&options.dimension, ExtraType::U32, "object, 0: none"));
+        let original_class = keep.then(|| append(ORIGINAL_CLASS, ExtraType::U8, "class before chainage"));
         if output_len > MAX_RECORD {
             return Err(OutputError::RecordLength {
                 path: input.path().to_owned(),
@@ -123,10 +123,10 @@ impl RecordPlan {
 }
 
 /// Where a dimension of an earlier run is; an error when its name is taken by something else.
-fn existing(input: &InputFile, name: &str, data_type: u8) -> Result<Option<usize>, OutputError> {
+fn existing(input: &InputFile, name: &str, kind: ExtraType) -> Result<Option<usize>, OutputError> {
     let Some(dimension) = input.layout().dimension(name) else { return Ok(None) };
     let plain = dimension.scale.is_none() && dimension.value_offset.is_none();
-    if dimension.data_type == data_type && plain {
+    if dimension.data_type == kind as u8 && plain {
         return Ok(Some(dimension.offset));
     }
     Err(OutputError::DimensionType {
@@ -134,6 +134,6 @@ fn existing(input: &InputFile, name: &str, data_type: u8) -> Result<Option<usize
         name: name.to_owned(),
         data_type: dimension.data_type,
         scaled: if plain { "" } else { " with a scale" },
-        expected: data_type,
+        expected: kind as u8,
     })
 }

@@ -13,7 +13,8 @@ use crate::model::{CellCursor, CellMap, PointClass, RecordView};
 use crate::output::{LabelledFile, OutputError};
 use crate::run::drive::Drive;
 use crate::run::engine::Pass;
-use crate::store::{PassDir, RunDir, StoreError, publish};
+use crate::store::{PassDir, RunDir, StoreError};
+use crate::whole_file::publish;
 
 /// Points of one unit at most.
 const UNIT_POINTS: u64 = 1_000_000;

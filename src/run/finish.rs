@@ -19,7 +19,8 @@ use crate::run::drive::Drive;
 use crate::run::ground_pass::GroundPayload;
 use crate::run::scene::{AxisFacts, Scene};
 use crate::stitch::Stitched;
-use crate::store::{PassDir, RunDir, StoreError, publish};
+use crate::store::{PassDir, RunDir, StoreError};
+use crate::whole_file::publish;
 
 /// How far from an object's centre ground is looked for, in metres (methods, section 5.1 has the same distance).
 const GROUND_SEARCH_M: f64 = 10.0;

@@ -1,13 +1,11 @@
 //! The run directory: lock, fingerprints, unit files, columns, atomic writes. Knows bytes and names; nothing of points.
 
-mod atomic;
 mod column;
 mod error;
 mod fingerprint;
 mod run_dir;
 mod unit_file;
 
-pub(crate) use atomic::publish;
 pub(crate) use column::Column;
 pub use error::StoreError;
 pub use fingerprint::{Fingerprint, Inputs, StaleReason};

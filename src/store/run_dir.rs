@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::store::column::Column;
 use crate::store::unit_file::{self, FORMAT_VERSION, Refusal};
-use crate::store::{Fingerprint, Inputs, StaleReason, StoreError, atomic};
+use crate::store::{Fingerprint, Inputs, StaleReason, StoreError};
+use crate::whole_file;
 
 /// Name of the folder with the state inside the output directory.
 pub const STATE_FOLDER: &str = ".chainage";
@@ -149,7 +150,7 @@ impl RunDir {
         let mut bytes = serde_json::to_vec_pretty(value)
             .map_err(|error| StoreError::Damaged { path: path.clone(), what: error.to_string() })?;
         bytes.push(b'\n');
-        atomic::write(&path, &bytes).map_err(StoreError::io("write", &path))
+        whole_file::write(&path, |to| to.write_all(&bytes)).map_err(StoreError::io("write", &path))
     }
 
     /// Writes a text file of the state.
@@ -158,7 +159,7 @@ impl RunDir {
     /// When it cannot be written.
     pub fn write_text(&self, name: &str, text: &str) -> Result<(), StoreError> {
         let path = self.path(name);
-        atomic::write(&path, text.as_bytes()).map_err(StoreError::io("write", &path))
+        whole_file::write(&path, |to| to.write_all(text.as_bytes())).map_err(StoreError::io("write", &path))
     }
 
     /// Appends a line to the log of events; a log that cannot be written does not stop a run.
@@ -291,7 +292,8 @@ impl PassDir {
             let path = self.folder.join("inputs.json");
             let text = serde_json::to_string_pretty(&self.inputs)
                 .map_err(|error| StoreError::Damaged { path: path.clone(), what: error.to_string() })?;
-            atomic::write(&path, text.as_bytes()).map_err(StoreError::io("write", &path))?;
+            whole_file::write(&path, |to| to.write_all(text.as_bytes()))
+                .map_err(StoreError::io("write", &path))?;
         }
         Ok(())
     }
@@ -398,7 +400,7 @@ impl PassDir {
     pub fn invalidate(&self, unit: usize) -> Result<(), StoreError> {
         let path = self.unit_path(unit);
         match fs_err::remove_file(&path) {
-            Ok(()) => atomic::sync_folder(&path).map_err(StoreError::io("sync", &self.folder)),
+            Ok(()) => whole_file::sync_folder(&path).map_err(StoreError::io("sync", &self.folder)),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
             Err(source) => Err(StoreError::Io { action: "remove", path, source }),
         }
@@ -411,7 +413,7 @@ impl PassDir {
     pub fn commit(&self, unit: usize, payload: &[u8]) -> Result<(), StoreError> {
         let path = self.unit_path(unit);
         let bytes = unit_file::encode(Self::number(unit), self.fingerprint, payload);
-        atomic::write(&path, &bytes).map_err(StoreError::io("write", &path))
+        whole_file::write(&path, |to| to.write_all(&bytes)).map_err(StoreError::io("write", &path))
     }
 
     /// Records why a unit failed, for people.
@@ -421,7 +423,7 @@ impl PassDir {
     pub fn record_failure(&self, unit: usize, failure: &serde_json::Value) -> Result<(), StoreError> {
         let path = self.folder.join(format!("unit-{unit:06}.err.json"));
         let text = format!("{failure:#}\n");
-        atomic::write(&path, text.as_bytes()).map_err(StoreError::io("write", &path))
+        whole_file::write(&path, |to| to.write_all(text.as_bytes())).map_err(StoreError::io("write", &path))
     }
 
     /// Removes the record of an earlier failure.

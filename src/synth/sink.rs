@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::output::OutputError;
-use crate::output::new_file::{ExtraDimension, ExtraType, NewFile, NewFileSchema};
+use crate::output::descriptor::ExtraType;
+use crate::output::new_file::{ExtraDimension, NewFile, NewFileSchema};
+use crate::output::{OutputError, save};
 
 use super::axis::LEAD;
 use super::scan::{RECORD_BYTES, Slice};
@@ -152,7 +153,7 @@ impl Sink {
         scene["files"] = summary.files.into();
         scene["objects"] = summary.objects.into();
         scene["driven_m"] = ((length_m * 1_000.0).round() / 1_000.0).into();
-        fs_err::write(&path, format!("{scene:#}\n")).map_err(|source| OutputError::Write { path, source })?;
+        save(&path, |to| writeln!(to, "{scene:#}"))?;
         Ok(summary)
     }
 }

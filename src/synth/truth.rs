@@ -1,10 +1,11 @@
 //! What is known besides the points: the table of objects, the trajectory, and what the scene was made from.
 
 use std::collections::BTreeMap;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::Path;
 
 use crate::output::OutputError;
+use crate::whole_file::WholeFile;
 
 use super::drive::Pose;
 use super::scan::{POSES_HZ, START_TIME};
@@ -55,32 +56,26 @@ fn class_name(class: u8) -> &'static str {
     }
 }
 
-/// A text file that is written line by line under a temporary name.
+/// A text file that is written line by line.
 #[derive(Debug)]
-struct Lines {
-    path: PathBuf,
-    temporary: PathBuf,
-    file: BufWriter<fs_err::File>,
-}
+struct Lines(WholeFile);
 
 impl Lines {
-    fn create(path: PathBuf, header: &str) -> Result<Self, OutputError> {
-        let temporary = path.with_extension("csv.part");
-        let failed = |source| OutputError::Write { path: path.clone(), source };
-        let file = BufWriter::new(fs_err::File::create(&temporary).map_err(failed)?);
-        let mut lines = Self { path, temporary, file };
+    fn create(path: &Path, header: &str) -> Result<Self, OutputError> {
+        let failed = |source| OutputError::Write { path: path.to_owned(), source };
+        let mut lines = Self(WholeFile::create(path).map_err(failed)?);
         lines.line(format_args!("{header}"))?;
         Ok(lines)
     }
 
     fn line(&mut self, line: std::fmt::Arguments<'_>) -> Result<(), OutputError> {
-        writeln!(self.file, "{line}").map_err(|source| OutputError::Write { path: self.path.clone(), source })
+        writeln!(self.0, "{line}")
+            .map_err(|source| OutputError::Write { path: self.0.path().to_owned(), source })
     }
 
-    fn finish(mut self) -> Result<(), OutputError> {
-        let done = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
-        done.and_then(|()| fs_err::rename(&self.temporary, &self.path))
-            .map_err(|source| OutputError::Write { path: self.path.clone(), source })
+    fn finish(self) -> Result<(), OutputError> {
+        let path = self.0.path().to_owned();
+        self.0.finish().map_err(|source| OutputError::Write { path, source })
     }
 }
 
@@ -97,7 +92,7 @@ impl Reference {
     pub(super) fn create(folder: &Path) -> Result<Self, OutputError> {
         let header = "instance,class,class_name,kind,base_x,base_y,base_z,xmin,ymin,zmin,xmax,ymax,zmax,n_points,\
                       height,model_height,base_inside";
-        let lines = Lines::create(folder.join("reference.csv"), header)?;
+        let lines = Lines::create(&folder.join("reference.csv"), header)?;
         Ok(Self { lines, tallies: BTreeMap::new(), rows: 0 })
     }
 
@@ -147,7 +142,7 @@ pub(super) struct Trajectory(Lines);
 impl Trajectory {
     pub(super) fn create(folder: &Path) -> Result<Self, OutputError> {
         let header = "gps_time,x,y,z,roll,pitch,heading";
-        Ok(Self(Lines::create(folder.join("trajectory.csv"), header)?))
+        Ok(Self(Lines::create(&folder.join("trajectory.csv"), header)?))
     }
 
     pub(super) fn add(&mut self, poses: &[(u64, Pose)]) -> Result<(), OutputError> {

@@ -3,7 +3,6 @@
 
 mod findings;
 mod rows;
-mod save;
 mod text;
 
 use std::io::{self, Write};
@@ -16,7 +15,6 @@ use crate::eval::panoptic::SegmentRole;
 
 pub use findings::{Behind, Finding, HooverFindings};
 pub use rows::ObjectRow;
-pub use save::save;
 
 /// Version of the JSON form; raised when a key changes its meaning or goes away.
 const VERSION: u32 = 1;
@@ -130,7 +128,8 @@ struct ScoreView {
 
 /// Six decimals: one point in a million.
 fn share(value: Option<f64>) -> Option<f64> {
-    value.map(|value| (value * 1e6).round() / 1e6)
+    // Plus zero: the sum of no IoU is -0.0 in Rust, and no figure is a negative zero.
+    value.map(|value| (value * 1e6).round() / 1e6 + 0.0)
 }
 
 /// Three decimals of metres.
@@ -262,5 +261,18 @@ impl Report {
     #[must_use]
     pub fn text(&self, worst: usize) -> String {
         text::text(self, worst)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_figure_is_a_negative_zero() {
+        for (value, written) in [(-0.0, "0.0"), (-4e-7, "0.0"), (-0.25, "-0.25"), (0.1234567, "0.123457")] {
+            assert_eq!(serde_json::to_string(&share(Some(value))).unwrap(), written);
+        }
+        assert_eq!(serde_json::to_string(&millimetres(-1e-9)).unwrap(), "0.0");
     }
 }

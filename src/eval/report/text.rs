@@ -14,7 +14,12 @@ pub(super) fn text(report: &Report, worst: usize) -> String {
 
 /// A share with three decimals, `-` where there is nothing to count.
 fn cell(share: Option<f64>) -> String {
-    share.map_or_else(|| "-".to_owned(), |share| format!("{share:.3}"))
+    match share.map(|share| format!("{share:.3}")) {
+        None => "-".to_owned(),
+        // An index a little below chance.
+        Some(zero) if zero == "-0.000" => "0.000".to_owned(),
+        Some(text) => text,
+    }
 }
 
 fn head(report: &Report) -> String {
@@ -124,4 +129,17 @@ fn worst_objects(report: &Report, worst: usize) -> String {
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_cell_is_a_negative_zero() {
+        for (share, shown) in [(-0.0, "0.000"), (-0.0004, "0.000"), (-0.0006, "-0.001"), (0.6, "0.600")] {
+            assert_eq!(cell(Some(share)), shown);
+        }
+        assert_eq!(cell(None), "-");
+    }
 }

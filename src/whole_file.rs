@@ -1,0 +1,104 @@
+//! Files that appear under their name only when they are complete, and survive a power cut once they do. It knows
+//! nothing of what is in them.
+
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Bytes that are collected before they are written.
+const BUFFER_BYTES: usize = 1 << 18;
+
+/// A file that grows under a temporary name in its folder. Dropped before it is finished, it is removed.
+#[derive(Debug)]
+pub(crate) struct WholeFile {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: BufWriter<fs_err::File>,
+}
+
+impl WholeFile {
+    /// Begins the file that is to be `path`.
+    pub(crate) fn create(path: &Path) -> io::Result<Self> {
+        let mut name = path.file_name().unwrap_or_default().to_os_string();
+        name.push(".part");
+        let temporary = path.with_file_name(name);
+        let file = BufWriter::with_capacity(BUFFER_BYTES, fs_err::File::create(&temporary)?);
+        Ok(Self { path: path.to_owned(), temporary, file })
+    }
+
+    /// What it is to be called.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Syncs the file and gives it its name.
+    pub(crate) fn finish(mut self) -> io::Result<()> {
+        self.file.flush()?;
+        self.file.get_ref().sync_all()?;
+        publish(&self.temporary, &self.path)
+    }
+}
+
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for WholeFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+impl Drop for WholeFile {
+    fn drop(&mut self) {
+        // Once it has its name there is nothing under this one; before, half a file is of no use to anyone, and a
+        // failure to remove it adds nothing to what went wrong.
+        let _ = fs_err::remove_file(&self.temporary);
+    }
+}
+
+/// Lets `content` write the file `path`.
+pub(crate) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut file = WholeFile::create(path)?;
+    content(&mut file)?;
+    file.finish()
+}
+
+/// Gives a complete and synced file its final name.
+pub(crate) fn publish(temporary: &Path, path: &Path) -> io::Result<()> {
+    fs_err::rename(temporary, path)?;
+    sync_folder(path)
+}
+
+/// Makes the directory entry of `path` durable.
+pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
+    match path.parent() {
+        // Only Unix lets a folder be opened and synced; elsewhere the rename itself has to do.
+        Some(folder) if cfg!(unix) => {
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            fs_err::File::open(folder)?.sync_all()
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("result.json");
+        write(&path, |to| to.write_all(b"one")).unwrap();
+        write(&path, |to| to.write_all(b"two")).unwrap();
+        write(&path, |to| to.write_all(b"half").and(Err(io::ErrorKind::StorageFull.into()))).unwrap_err();
+        assert_eq!(fs_err::read_to_string(&path).unwrap(), "two");
+        assert_eq!(folder.path().read_dir().unwrap().count(), 1);
+    }
+}
