@@ -72,7 +72,7 @@ impl Figures {
         // The order of tiles must not show.
         figures.centres.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
         for sum in sums.values() {
-            let mean = sum.curvature as f64 / (2 * sum.pairs) as f64 / ONE as f64;
+            let mean = sum.curvature as f64 / sum.sides as f64 / ONE as f64;
             let class = figures.curvatures.entry((mean / CURVATURE_CLASS) as u32).or_default();
             class[usize::from(merges(sum, threshold))] += 1;
         }

@@ -35,7 +35,7 @@ pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Res
         let payload = borders::load(drive, tile)?;
         for (one, other, sum) in payload.pairs {
             let total = sums.entry((one, other)).or_default();
-            total.pairs += sum.pairs;
+            total.sides += sum.sides;
             total.curvature += sum.curvature;
         }
         borders.push(payload.border);
@@ -58,7 +58,7 @@ pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Res
 /// Whether the mean over the pairs of the mean of both curvatures is below the threshold; in exact integers.
 pub(super) fn merges(sum: &PairSum, threshold: f64) -> bool {
     let limit = (threshold * ONE as f64).round() as i128;
-    sum.curvature < 2 * i128::from(sum.pairs) * limit
+    sum.curvature < i128::from(sum.sides) * limit
 }
 
 /// Segment (from 1) of every cluster (from 1; index 0 is none).
@@ -75,7 +75,7 @@ fn merge(clusters: u32, sums: &BTreeMap<(u32, u32), PairSum>, threshold: f64) ->
 /// Segment of every component of halo voxels of every tile, 0 where none is near; `components` names them over the
 /// drive.
 fn reassign(components: &[Vec<u32>], halos: &[Vec<Halo>], segments: &[u32]) -> (Vec<Vec<u32>>, Reassigned) {
-    let mut nearest = BTreeMap::<u32, (i64, u64, u32)>::new();
+    let mut nearest = BTreeMap::<u32, (u64, u64, u32)>::new();
     let all = || components.iter().flatten().zip(halos.iter().flatten());
     for (&component, halo) in all() {
         if let Some(found) = halo.nearest {
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     fn sum(pairs: u64, mean: f64) -> PairSum {
-        PairSum { pairs, curvature: i128::from(2 * pairs) * (mean * ONE as f64) as i128 }
+        PairSum { sides: 2 * pairs, curvature: i128::from(2 * pairs) * (mean * ONE as f64) as i128 }
     }
 
     #[test]
@@ -108,8 +108,8 @@ mod tests {
         let sums =
             BTreeMap::from([((1, 3), sum(10, 0.07)), ((3, 4), sum(1, 0.079)), ((2, 4), sum(5, 0.081))]);
         assert_eq!(merge(5, &sums, 0.08), [0, 1, 2, 1, 1, 5]);
-        assert!(!merges(&PairSum { pairs: 3, curvature: 6 * i128::from(ONE / 4) }, 0.25));
-        assert!(merges(&PairSum { pairs: 3, curvature: 6 * i128::from(ONE / 4) - 1 }, 0.25));
+        assert!(!merges(&PairSum { sides: 6, curvature: 6 * i128::from(ONE / 4) }, 0.25));
+        assert!(merges(&PairSum { sides: 6, curvature: 6 * i128::from(ONE / 4) - 1 }, 0.25));
     }
 
     #[test]

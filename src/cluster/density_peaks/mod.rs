@@ -27,6 +27,7 @@ mod borders;
 mod columns;
 mod curvature;
 mod figures;
+mod labelled;
 mod merge;
 mod peaks;
 mod surroundings;
