@@ -28,13 +28,14 @@ const SMALL: u64 = 1 << 25;
 
 /// n times the sum of the products of two coordinates, minus the product of their sums: n^2 times the covariance.
 fn moment_64(places: &[[i64; 3]], a: usize, b: usize) -> f64 {
-    let (mut products, mut of_a, mut of_b) = (0, 0, 0);
+    let (mut count, mut products, mut of_a, mut of_b) = (0_i64, 0, 0, 0);
     for place in places {
+        count += 1;
         products += place[a] * place[b];
         of_a += place[a];
         of_b += place[b];
     }
-    (places.len() as i64 * products - of_a * of_b) as f64
+    (count * products - of_a * of_b) as f64
 }
 
 /// The same for any coordinates.

@@ -11,10 +11,9 @@ use super::borders::{self, Halo, PairSum};
 use super::columns::join;
 use super::curvature::ONE;
 use super::figures::Figures;
-use super::peaks::PeaksGlobal;
+use super::peaks;
 use super::{DensityPeaksConfig, STAGE_PEAKS};
 use crate::cluster::{DriveSource, Grouped};
-use crate::codec;
 use crate::error::Result;
 use crate::model::DisjointSets;
 
@@ -28,7 +27,7 @@ pub(super) struct Reassigned {
 /// Which labels are one object.
 pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Result<Grouped> {
     let threshold = config.c_t;
-    let global: PeaksGlobal = codec::decode(drive.global(STAGE_PEAKS))?;
+    let clusters = peaks::clusters(drive.global(STAGE_PEAKS))?;
     let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
     let (mut borders, mut halos, mut labels) = (Vec::new(), Vec::new(), Vec::new());
     for tile in 0..drive.tiles() {
@@ -42,7 +41,7 @@ pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Res
         halos.push(payload.halos);
         labels.push(payload.clusters);
     }
-    let segments = merge(global.clusters, &sums, threshold);
+    let segments = merge(clusters, &sums, threshold);
     let (of_halo, reassigned) = reassign(&join(&borders), &halos, &segments);
     let groups = labels
         .into_iter()
@@ -51,7 +50,7 @@ pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Res
             clusters.iter().map(|&cluster| segments[cluster as usize]).chain(halos).collect()
         })
         .collect();
-    let figures = Figures::collect(drive, &global, &segments, &sums, threshold, reassigned)?;
+    let figures = Figures::collect(drive, clusters, &segments, &sums, threshold, reassigned)?;
     Ok(Grouped { groups, figures: figures.to_json(), charts: figures.charts(config) })
 }
 

@@ -30,6 +30,7 @@ mod figures;
 mod labelled;
 mod merge;
 mod peaks;
+mod sliced;
 mod surroundings;
 mod voxelise;
 

@@ -7,11 +7,10 @@
 use std::ops::Range;
 
 use super::columns::Columns;
-use super::peaks::{self, PeaksGlobal};
+use super::peaks;
 use super::voxelise::{self, global_indices};
 use super::{NAME, STAGE_PEAKS};
 use crate::cluster::{TilePoints, TileSource};
-use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::VoxelIndex;
 
@@ -41,19 +40,18 @@ impl Surroundings {
             voxel[range].fill(number as u32);
         }
         drop(index);
-        let global: PeaksGlobal = codec::decode(tile.global(STAGE_PEAKS))?;
         let mut cluster = vec![u32::MAX; voxels.len()];
         let mut owned = Vec::new();
         let mut finder = voxels.finder();
         // Points come by whole cells, and the owner of their voxel may be a cell further: at most two edges of each.
         for near in tile.near(reach + 2 * tile.cell_edge() + 2 * i64::from(edge)) {
             let payload = voxelise::load(tile, near)?;
-            let mut ends = peaks::load(tile, near)?.ends.into_iter();
-            let clusters = &global.ends[near as usize];
-            for (cell, stored) in payload.columns {
+            let ends = peaks::load(tile, near)?.ends;
+            let clusters = peaks::ends(tile.global(STAGE_PEAKS), near)?;
+            for (cell, stored) in payload.columns() {
                 let range = finder.column(cell);
                 let mut at = range.start;
-                for (stored, end) in stored.iter().zip(&mut ends) {
+                for (stored, &end) in payload.stored[stored.clone()].iter().zip(&ends[stored]) {
                     while at < range.end && voxels.heights()[at] < stored.k {
                         at += 1;
                     }
