@@ -6,9 +6,9 @@
 //! `cluster::density_peaks`, the others only here. Heights above ground are taken from the lowest voxel of the column:
 //! densities are a little different from those of a run, searches are not.
 //!
-//! - `column order` (taken): columns by their distance in the plane; in a column from the nearest voxel outwards to the
+//! - `column order`: columns by their distance in the plane; in a column from the nearest voxel outwards to the
 //!   first denser one; ends when the next column is further than what was found.
-//! - `column maxima`: the same, and columns whose densest voxel is not denser are passed over unseen.
+//! - `column maxima` (taken): the same, and columns whose densest voxel is not denser are passed over unseen.
 //! - `stencil`: all 9,000 steps within the ball by their length, a look-up in a hash map for each, to the first denser one.
 //! - `growing ball`: a kd-tree over the voxels, balls of 1.5, 3, 6 and 13 voxels until one holds a denser voxel.
 //! - `ball`: one ball of 13 voxels.

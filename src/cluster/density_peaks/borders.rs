@@ -187,7 +187,8 @@ fn pair_sums(
     labelled: &LabelledPoints<'_>,
 ) -> Result<Vec<(u32, u32, PairSum)>> {
     let edge = i64::from(lengths.edge);
-    let steps = (lengths.pair / edge + 1) as i32;
+    // Voxels n indices apart are further than n - 1 edges from each other.
+    let steps = ((lengths.pair - 1) / edge + 1) as i32;
     // Cells of representatives may cross borders of voxels: then those beside count as well.
     let cell = tile.lattice().units(REPRESENTATIVE_M);
     let beside = if edge % cell == 0 { 0 } else { (cell / edge + 1) as i32 };
@@ -200,7 +201,7 @@ fn pair_sums(
     let voxels = &around.voxels;
     let heights = voxels.heights();
     let mut finder = voxels.finder();
-    let mut others: Vec<(u32, Range<usize>)> = Vec::new();
+    let mut others: Vec<usize> = Vec::new();
     for (column, &[i, j]) in voxels.cells().iter().enumerate() {
         let cores = |voxel: usize| representatives.places.of(voxel).filter(|&a| representatives.core[a]);
         if voxels.voxels(column).all(|voxel| cores(voxel).next().is_none()) {
@@ -221,17 +222,17 @@ fn pair_sums(
                 let start =
                     range.start + heights[range.clone()].partition_point(|&height| height < k - steps);
                 let near = (start..range.end).take_while(|&near| heights[near] <= k + steps);
-                let near = near.filter(|&near| other(cluster, around.cluster[near]));
-                others.extend(near.map(|near| (around.cluster[near], representatives.places.of(near))));
+                others.extend(near.filter(|&near| other(cluster, around.cluster[near])));
             }
             for a in cores(voxel) {
                 let place = representatives.places.get(a);
                 let mut partners: Vec<(u32, u64)> = Vec::new();
-                for (cluster, stretch) in &others {
-                    let count = representatives.places.nearer(stretch.clone(), place, limit);
-                    match partners.iter_mut().find(|partner| partner.0 == *cluster) {
+                for &near in &others {
+                    let count = representatives.nearer(near, place, limit);
+                    let cluster = around.cluster[near];
+                    match partners.iter_mut().find(|partner| partner.0 == cluster) {
                         Some(partner) => partner.1 += count,
-                        None if count > 0 => partners.push((*cluster, count)),
+                        None if count > 0 => partners.push((cluster, count)),
                         None => {}
                     }
                 }
