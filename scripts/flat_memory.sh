@@ -1,15 +1,20 @@
 #!/usr/bin/env bash
 # Peak memory stays flat over any length of drive: a scene once, 4 and 16 times in a row, with one memory budget.
 #
-#     scripts/flat_memory.sh [SCENE.laz] [MEMORY-MIB] [COPIES...]
+#     scripts/flat_memory.sh [--method METHOD] [SCENE.laz] [MEMORY-MIB] [COPIES...]
 #
-# Prints points, time and peak resident set (mapped pages included) of each; exit code 1 when the largest exceeds the
+# METHOD is euclidean unless it is given. Prints points, time and peak resident set (mapped pages included) of each; exit code 1 when the largest exceeds the
 # smallest by more than 10 %, or the budget by more than 150 MiB. Needs a release build (or CHAINAGE), python3 with
 # laspy[lazrs] and, for 16 copies of the default scene, 12 GB of disk.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 program=${CHAINAGE:-target/release/chainage}
 data=${CHAINAGE_SHARED_DATA:-../shared/data}
+method=euclidean
+if [ "${1:-}" = --method ]; then
+    method=$2
+    shift 2
+fi
 scene=${1:-$data/sim/avenue_road60.laz}
 memory=${2:-300}
 shift $(($# < 2 ? $# : 2))
@@ -31,11 +36,12 @@ for count in "${copies[@]}"; do
     python3 scripts/repeat_scene.py "$scene" "$scratch/drive.las" "$count"
     before=$(date +%s%N)
     if [ -x /usr/bin/time ]; then
-        /usr/bin/time -f %M -o "$scratch/rss" "$program" run "$scratch/drive.las" -o "$scratch/out" \
+        /usr/bin/time -f %M -o "$scratch/rss" "$program" run "$scratch/drive.las" -o "$scratch/out" --method "$method" \
             --memory "${memory}M" --threads 2 --progress none >/dev/null
         peak_kib=$(tail -n 1 "$scratch/rss")
     else
-        "$program" run "$scratch/drive.las" -o "$scratch/out" --memory "${memory}M" --threads 2 --progress none >/dev/null
+        "$program" run "$scratch/drive.las" -o "$scratch/out" --method "$method" --memory "${memory}M" --threads 2 \
+            --progress none >/dev/null
         peak_kib=0
     fi
     took_ms=$((($(date +%s%N) - before) / 1000000))
@@ -45,7 +51,7 @@ result = json.load(open(sys.argv[1]))['result']
 print(result['points'], result['tiles'], result['peak_resident_bytes'] // 1024)" "$scratch/out/report.json")
     set -- $reported
     [ "$peak_kib" -gt "$3" ] || peak_kib=$3
-    echo "$count copies: $1 points, $2 tiles, $((took_ms / 1000)) s, peak $((peak_kib / 1024)) MiB (reported $(($3 / 1024)) MiB)"
+    echo "$method, $count copies: $1 points, $2 tiles, $((took_ms / 1000)) s, peak $((peak_kib / 1024)) MiB (reported $(($3 / 1024)) MiB)"
     [ $smallest -ne 0 ] && [ $smallest -le "$peak_kib" ] || smallest=$peak_kib
     [ $largest -ge "$peak_kib" ] || largest=$peak_kib
     rm -rf "$scratch/out" "$scratch/drive.las"

@@ -7,27 +7,36 @@ pub struct Chart {
     pub name: &'static str,
     /// What it shows.
     pub title: String,
-    /// The horizontal axis, with its unit.
-    pub x: &'static str,
-    /// The vertical axis, with its unit.
-    pub y: &'static str,
+    /// The horizontal axis.
+    pub x: ChartAxis,
+    /// The vertical axis.
+    pub y: ChartAxis,
     /// What is drawn, in this order.
     pub series: Vec<Series>,
-    /// Thresholds on the horizontal axis.
-    pub x_thresholds: Vec<f64>,
-    /// Thresholds on the vertical axis.
-    pub y_thresholds: Vec<f64>,
+}
+
+/// An axis of a chart. It begins at 0, or, when logarithmic, below the smallest positive value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChartAxis {
+    /// What is measured, with its unit.
+    pub name: String,
+    /// Whether it is logarithmic.
+    pub logarithmic: bool,
+    /// Values at which something is decided, and their names.
+    pub thresholds: Vec<(&'static str, f64)>,
 }
 
 /// One part of a chart.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Series {
-    /// Marks at (x, y).
+    /// Marks at (x, y), the larger the more there are.
     Points {
         /// What they are.
         name: String,
         /// Where they are.
         places: Vec<[f64; 2]>,
+        /// How many are there, in the same order.
+        counts: Vec<u64>,
     },
     /// Bars from (x, from) to (x + width, to).
     Bars {

@@ -17,7 +17,7 @@ mod voxels;
 mod zone;
 
 pub use cells::{Cell, CellCounter, CellCursor, CellGrid, CellMap};
-pub use chart::{Chart, Series};
+pub use chart::{Chart, ChartAxis, Series};
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
 pub use disjoint::DisjointSets;

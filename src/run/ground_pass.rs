@@ -13,8 +13,8 @@ use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
 use crate::tiling::Wanted;
 
-/// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting): estimated from their sizes;
-/// the peaks in `benches/results` stay well below what it allows.
+/// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting): `scripts/tile_memory.py` measured 46
+/// to 54 on streets and 62 in a forest, where few points share a voxel.
 pub(crate) const BYTES_PER_POINT: u64 = 72;
 
 pub(crate) struct GroundPass<'a> {

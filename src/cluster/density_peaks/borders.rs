@@ -11,9 +11,10 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::columns::{Border, Columns, Voxel, disc};
+use super::columns::Border;
 use super::curvature::curvature;
-use super::surroundings::{FineGrid, Neighbour, Surroundings};
+use super::labelled::{LabelledPoints, Neighbour, REPRESENTATIVE_M, Search};
+use super::surroundings::Surroundings;
 use super::voxelise::number;
 use super::{DensityPeaksConfig, STAGE_BORDERS};
 use crate::cluster::{DriveSource, Labelled, Mapped, TileSource};
@@ -31,14 +32,15 @@ pub(super) struct Halo {
     /// Voxels of it that the tile owns.
     pub(super) voxels: u64,
     /// The labelled point nearest to any point of the tile: squared distance, id and cluster.
-    pub(super) nearest: Option<(i64, u64, u32)>,
+    pub(super) nearest: Option<(u64, u64, u32)>,
 }
 
-/// The pairs of two clusters.
+/// The pairs of two clusters. Every pair is seen from both of its points, each by the tile that owns it.
 #[derive(Debug, Default, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct PairSum {
-    pub(super) pairs: u64,
-    /// Sum of both curvatures of all pairs, in steps of 2^-40.
+    /// Points that pairs are seen from: twice their number, over the whole drive.
+    pub(super) sides: u64,
+    /// Sum of the curvatures of these points, in steps of 2^-40.
     pub(super) curvature: i128,
 }
 
@@ -55,31 +57,38 @@ pub(super) struct BordersPayload {
 
 /// Lengths in lattice units.
 struct Lengths {
+    /// Edge of a voxel.
+    edge: u32,
     pair: i64,
     reassign: i64,
+    /// How far around the tile points have been read.
+    reach: i64,
 }
 
-/// How far around a tile points are read as a rule, in metres.
+/// How far around a tile points are read as a rule, in metres: neighbours, partners with all of their cells, and what
+/// halo voxels may join.
 pub(super) fn reach_m(config: &DensityPeaksConfig) -> f64 {
-    (config.d_th + FIRST_SEARCH_M).max(config.reassign).max(3.0 * config.voxel) + 0.01
+    let partners = config.d_th + 2.0 * REPRESENTATIVE_M;
+    FIRST_SEARCH_M.max(partners).max(config.reassign).max(3.0 * config.voxel) + 0.01
 }
 
 /// The payload of a tile, and the labels of its points.
 pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32) -> Result<Mapped> {
     let lattice = tile.lattice();
-    let lengths = Lengths { pair: lattice.units(config.d_th), reassign: lattice.units(config.reassign) };
-    let reach = lattice.units(reach_m(config));
-    let around = Surroundings::load(tile, edge, reach)?;
-    let search = lattice.units(FIRST_SEARCH_M).max(lengths.reassign);
-    let grid = FineGrid::new(&around, search)?;
-    let mut payload = BordersPayload {
-        pairs: pair_sums(tile, edge, reach, &lengths, &around, &grid)?,
-        ..BordersPayload::default()
+    let lengths = Lengths {
+        edge,
+        pair: lattice.units(config.d_th),
+        reassign: lattice.units(config.reassign),
+        reach: lattice.units(reach_m(config)),
     };
+    let around = Surroundings::load(tile, edge, lengths.reach)?;
+    let labelled = LabelledPoints::new(&around, edge);
+    let mut payload =
+        BordersPayload { pairs: pair_sums(tile, &lengths, &around, &labelled)?, ..BordersPayload::default() };
 
     let is_halo = |voxel: usize| around.cluster[voxel] == 0;
     let component = halos(&around, is_halo, &mut payload);
-    nearest_labelled(&around, &grid, &lengths, edge, &component, &mut payload.halos);
+    nearest_labelled(&around, &labelled, &lengths, &component, &mut payload.halos);
 
     let core = &around.points.core;
     payload.clusters =
@@ -136,17 +145,14 @@ fn halos(around: &Surroundings, is_halo: impl Fn(usize) -> bool, payload: &mut B
 /// with what is at least as near as the best so far.
 fn nearest_labelled(
     around: &Surroundings,
-    grid: &FineGrid,
+    labelled: &LabelledPoints<'_>,
     lengths: &Lengths,
-    edge: u32,
     component: &[u32],
     halos: &mut [Halo],
 ) {
-    let steps = (lengths.reassign / i64::from(edge) + 1) as i32;
-    let within =
-        around.near(steps, |voxel| around.cluster[voxel] == 0, |_, other| around.cluster[other] != 0);
-    let mut finder = grid.finder();
-    let mut found: Vec<Neighbour> = Vec::new();
+    let steps = (lengths.reassign / i64::from(lengths.edge) + 1) as i32;
+    let within = around.near(steps, |cluster| cluster == 0, |_, other| other != 0);
+    let mut search = labelled.search(lengths.reassign);
     let cloud = &around.points.cloud;
     for (point, &voxel) in around.voxel.iter().enumerate() {
         let voxel = voxel as usize;
@@ -154,154 +160,167 @@ fn nearest_labelled(
             continue;
         }
         let halo = &mut halos[component[voxel] as usize];
-        let limit = halo.nearest.map_or(lengths.reassign.pow(2), |nearest| nearest.0);
-        grid.nearest(&mut finder, cloud.lattice_point(point), 1, limit, &mut found);
-        if let Some(&(distance, id, other)) = found.first() {
-            let cluster = around.cluster_of(grid.source[other as usize] as usize);
-            let candidate = (distance, id, cluster);
+        let limit = halo.nearest.map_or(lengths.reassign.unsigned_abs().pow(2), |nearest| nearest.0);
+        let place = [cloud.x[point], cloud.y[point], cloud.z[point]];
+        if let Some(&(distance, other)) = search.nearest(place, 1, limit).first() {
+            let candidate = (distance, labelled.id(other), labelled.cluster(other));
             halo.nearest = Some(halo.nearest.map_or(candidate, |nearest| nearest.min(candidate)));
         }
     }
 }
 
-/// A representative near another cluster.
-struct Representative {
-    place: [i64; 3],
-    id: u64,
+/// A representative that has partners: its place, its cluster, and how many partners it has in which other clusters.
+struct Meeting {
+    place: [i32; 3],
     cluster: u32,
-    core: bool,
+    partners: Vec<(u32, u64)>,
 }
 
-/// The sums over the pairs whose smaller id is in the core.
+/// The sums over the pairs of representatives of different clusters, as seen from the points of the core.
+///
+/// A voxel's representatives are of one cluster, so that whole voxels are compared: those without another cluster
+/// near are passed over, and of the others one count goes through all places of a voxel.
 fn pair_sums(
     tile: &dyn TileSource,
-    edge: u32,
-    reach: i64,
     lengths: &Lengths,
     around: &Surroundings,
-    grid: &FineGrid,
+    labelled: &LabelledPoints<'_>,
 ) -> Result<Vec<(u32, u32, PairSum)>> {
-    let steps = (lengths.pair / i64::from(edge) + 1) as i32;
-    let cluster = &around.cluster;
-    let meets = |voxel: usize, other: usize| cluster[other] != 0 && cluster[other] != cluster[voxel];
-    let border = around.near(steps, |voxel| cluster[voxel] != 0, meets);
-    let cloud = &around.points.cloud;
-    let mut kept = grid.representatives(around);
-    kept.retain(|&(_, point)| border[around.voxel[point as usize] as usize]);
-    let columns = Columns::new(kept.iter().map(|entry| entry.0));
-    let representative = |&(_, point): &(Voxel, u32)| {
-        let point = point as usize;
-        let (place, id) = (cloud.lattice_point(point), cloud.id[point]);
-        Representative { place, id, cluster: around.cluster_of(point), core: around.points.core[point] }
-    };
-    let representatives: Vec<Representative> = kept.iter().map(representative).collect();
+    let edge = i64::from(lengths.edge);
+    // Voxels n indices apart are further than n - 1 edges from each other.
+    let steps = ((lengths.pair - 1) / edge + 1) as i32;
+    // Cells of representatives may cross borders of voxels: then those beside count as well.
+    let cell = tile.lattice().units(REPRESENTATIVE_M);
+    let beside = if edge % cell == 0 { 0 } else { (cell / edge + 1) as i32 };
+    let other = |cluster: u32, other: u32| other != 0 && other != cluster;
+    let border = around.near(steps + beside, |cluster| cluster != 0, other);
+    let representatives = labelled.representatives(&border);
 
-    let mut needed = vec![false; representatives.len()];
-    for_pairs(&columns, &representatives, grid, lengths.pair, |a, b| {
-        needed[a] = true;
-        needed[b] = true;
-    });
-    let curvatures = curvatures(tile, edge, reach, lengths, grid, &representatives, &needed)?;
-    let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
-    for_pairs(&columns, &representatives, grid, lengths.pair, |a, b| {
-        let (one, other) = (representatives[a].cluster, representatives[b].cluster);
-        let sum = sums.entry((one.min(other), one.max(other))).or_default();
-        sum.pairs += 1;
-        sum.curvature += i128::from(curvatures[a]) + i128::from(curvatures[b]);
-    });
-    Ok(sums.into_iter().map(|((one, other), sum)| (one, other, sum)).collect())
-}
-
-/// Visits the pairs of representatives of different clusters closer than `distance` whose smaller id is in the core.
-fn for_pairs(
-    columns: &Columns,
-    representatives: &[Representative],
-    grid: &FineGrid,
-    distance: i64,
-    mut visit: impl FnMut(usize, usize),
-) {
-    let reach = distance / grid.edge() + 1;
-    let steps: Vec<[i32; 2]> = disc(2 * reach.pow(2))
-        .into_iter()
-        .map(|step| step.1)
-        .filter(|step| step.iter().all(|d| i64::from(d.abs()) <= reach))
-        .collect();
-    let heights = columns.heights();
-    let mut finder = columns.finder();
-    let mut around: Vec<Range<usize>> = Vec::new();
-    for (column, &[i, j]) in columns.cells().iter().enumerate() {
-        if !columns.voxels(column).any(|a| representatives[a].core) {
+    let mut curvatures = Curvatures::new(tile, lengths, labelled);
+    let limit = lengths.pair.unsigned_abs().pow(2);
+    let voxels = &around.voxels;
+    let heights = voxels.heights();
+    let mut finder = voxels.finder();
+    let mut others: Vec<usize> = Vec::new();
+    for (column, &[i, j]) in voxels.cells().iter().enumerate() {
+        let cores = |voxel: usize| representatives.places.of(voxel).filter(|&a| representatives.core[a]);
+        if voxels.voxels(column).all(|voxel| cores(voxel).next().is_none()) {
             continue;
         }
-        around.clear();
-        around.extend(
-            steps.iter().map(|[di, dj]| finder.column([i + di, j + dj])).filter(|range| !range.is_empty()),
-        );
-        for a in columns.voxels(column).filter(|&a| representatives[a].core) {
-            let (one, k) = (&representatives[a], heights[a]);
-            for range in &around {
-                let low = k - reach as i32;
-                let start = range.start + heights[range.clone()].partition_point(|&other| other < low);
-                for b in (start..range.end).take_while(|&b| heights[b] <= k + reach as i32) {
-                    let other = &representatives[b];
-                    if other.cluster != one.cluster && other.id > one.id {
-                        let d = [0, 1, 2].map(|axis| one.place[axis] - other.place[axis]);
-                        if d.iter().map(|d| d * d).sum::<i64>() < distance.pow(2) {
-                            visit(a, b);
-                        }
+        let columns: Vec<Range<usize>> = (-steps..=steps)
+            .flat_map(|di| (-steps..=steps).map(move |dj| [i + di, j + dj]))
+            .map(|cell| finder.column(cell))
+            .filter(|range| !range.is_empty())
+            .collect();
+        for voxel in voxels.voxels(column) {
+            let (cluster, k) = (around.cluster[voxel], heights[voxel]);
+            if cores(voxel).next().is_none() {
+                continue;
+            }
+            others.clear();
+            for range in &columns {
+                let start =
+                    range.start + heights[range.clone()].partition_point(|&height| height < k - steps);
+                let near = (start..range.end).take_while(|&near| heights[near] <= k + steps);
+                others.extend(near.filter(|&near| other(cluster, around.cluster[near])));
+            }
+            for a in cores(voxel) {
+                let place = representatives.places.get(a);
+                let mut partners: Vec<(u32, u64)> = Vec::new();
+                for &near in &others {
+                    let count = representatives.nearer(near, place, limit);
+                    let cluster = around.cluster[near];
+                    match partners.iter_mut().find(|partner| partner.0 == cluster) {
+                        Some(partner) => partner.1 += count,
+                        None if count > 0 => partners.push((cluster, count)),
+                        None => {}
                     }
+                }
+                if !partners.is_empty() {
+                    curvatures.add(Meeting { place, cluster, partners });
                 }
             }
         }
     }
+    curvatures.finish()
 }
 
-/// Curvatures of the representatives that are `needed`. Where the nearest points may lie outside of what was read,
-/// twice as much is read for those representatives alone, until they certainly do not.
-fn curvatures(
-    tile: &dyn TileSource,
-    edge: u32,
-    reach: i64,
-    lengths: &Lengths,
-    grid: &FineGrid,
-    representatives: &[Representative],
-    needed: &[bool],
-) -> Result<Vec<i64>> {
-    let mut values = vec![0; representatives.len()];
-    let mut found: Vec<Neighbour> = Vec::new();
-    let mut finder = grid.finder();
-    let mut open: Vec<usize> = Vec::new();
-    let certain = (reach - lengths.pair).min(tile.lattice().units(FIRST_SEARCH_M)).pow(2);
-    for number in (0..representatives.len()).filter(|&number| needed[number]) {
-        let place = representatives[number].place;
-        grid.nearest(&mut finder, place, NEIGHBOURS, certain, &mut found);
-        if found.len() == NEIGHBOURS {
-            values[number] = of_neighbours(grid, &found, place);
-        } else {
-            open.push(number);
+/// Sums of curvatures, and the search for them.
+struct Curvatures<'a> {
+    tile: &'a dyn TileSource,
+    lengths: &'a Lengths,
+    labelled: &'a LabelledPoints<'a>,
+    search: Search<'a>,
+    /// Squared distance up to which every point around one of the core has been read.
+    certain: u64,
+    sums: BTreeMap<(u32, u32), PairSum>,
+    /// Those whose neighbours may lie outside of what was read.
+    open: Vec<Meeting>,
+}
+
+impl<'a> Curvatures<'a> {
+    fn new(tile: &'a dyn TileSource, lengths: &'a Lengths, labelled: &'a LabelledPoints<'a>) -> Self {
+        let first = lengths.reach.min(tile.lattice().units(FIRST_SEARCH_M));
+        Self {
+            tile,
+            lengths,
+            labelled,
+            search: labelled.search(first),
+            certain: first.unsigned_abs().pow(2),
+            sums: BTreeMap::new(),
+            open: Vec::new(),
         }
     }
-    let mut reach = reach;
-    while !open.is_empty() {
-        reach *= 2;
-        let around = Surroundings::load(tile, edge, reach)?;
-        let grid = FineGrid::new(&around, 0)?;
-        let certain = if around.points.whole { i64::MAX } else { (reach - lengths.pair).pow(2) };
-        open.retain(|&number| {
-            let place = representatives[number].place;
-            let found = grid.nearest_of_all(place, NEIGHBOURS, certain);
-            let enough = found.len() == NEIGHBOURS || around.points.whole;
-            if enough {
-                values[number] = of_neighbours(&grid, &found, place);
-            }
-            !enough
-        });
+
+    /// Adds what a representative contributes.
+    fn add(&mut self, meeting: Meeting) {
+        let found = self.search.nearest(meeting.place, NEIGHBOURS, self.certain);
+        if found.len() == NEIGHBOURS {
+            let curvature = of_neighbours(self.labelled, found, meeting.place);
+            self.sum(&meeting, curvature);
+        } else {
+            self.open.push(meeting);
+        }
     }
-    Ok(values)
+
+    fn sum(&mut self, meeting: &Meeting, curvature: i64) {
+        for &(cluster, count) in &meeting.partners {
+            let key = (cluster.min(meeting.cluster), cluster.max(meeting.cluster));
+            let sum = self.sums.entry(key).or_default();
+            sum.sides += count;
+            sum.curvature += i128::from(curvature) * i128::from(count);
+        }
+    }
+
+    /// The sums. Where the nearest points may lie outside of what was read, twice as much is read for those
+    /// representatives alone, until they certainly do not.
+    fn finish(mut self) -> Result<Vec<(u32, u32, PairSum)>> {
+        let mut reach = self.lengths.reach;
+        let mut open = std::mem::take(&mut self.open);
+        let origin = self.labelled.origin();
+        while !open.is_empty() {
+            reach *= 2;
+            let around = Surroundings::load(self.tile, self.lengths.edge, reach)?;
+            let labelled = LabelledPoints::new(&around, self.lengths.edge);
+            let whole = around.points.whole;
+            let certain = if whole { u64::MAX } else { reach.unsigned_abs().pow(2) };
+            let shift = [0, 1, 2].map(|axis| (origin[axis] - labelled.origin()[axis]) as i32);
+            open.retain(|meeting| {
+                let place = [0, 1, 2].map(|axis| meeting.place[axis] + shift[axis]);
+                let found = labelled.nearest_of_all(place, NEIGHBOURS, certain);
+                let enough = found.len() == NEIGHBOURS || whole;
+                if enough {
+                    self.sum(meeting, of_neighbours(&labelled, &found, place));
+                }
+                !enough
+            });
+        }
+        Ok(self.sums.into_iter().map(|((one, other), sum)| (one, other, sum)).collect())
+    }
 }
 
-fn of_neighbours(grid: &FineGrid, found: &[Neighbour], place: [i64; 3]) -> i64 {
-    let places: Vec<[i64; 3]> = found.iter().map(|neighbour| grid.relative(neighbour.2, place)).collect();
+fn of_neighbours(labelled: &LabelledPoints<'_>, found: &[Neighbour], place: [i32; 3]) -> i64 {
+    let places: Vec<[i64; 3]> = found.iter().map(|neighbour| labelled.relative(neighbour.1, place)).collect();
     curvature(&places)
 }
 

@@ -134,10 +134,13 @@ impl Finder<'_> {
     /// The voxels at (i, j); empty where there are none.
     #[inline]
     pub(super) fn column(&mut self, cell: Cell) -> Range<usize> {
-        match self.places.get(cell) {
-            0 => 0..0,
-            place => self.columns.voxels(place as usize - 1),
-        }
+        self.number(cell).map_or(0..0, |number| self.columns.voxels(number))
+    }
+
+    /// The number of the column at (i, j).
+    #[inline]
+    pub(super) fn number(&mut self, cell: Cell) -> Option<usize> {
+        self.places.get(cell).checked_sub(1).map(|number| number as usize)
     }
 }
 

@@ -13,16 +13,29 @@ use serde_json::json;
 use super::borders::PairSum;
 use super::curvature::ONE;
 use super::merge::{Reassigned, merges};
-use super::peaks::{self, PeaksGlobal};
-use super::voxelise::{self, VoxelGlobal};
+use super::peaks;
+use super::voxelise;
 use super::{DensityPeaksConfig, STAGE_VOXELS};
 use crate::cluster::DriveSource;
-use crate::codec;
 use crate::error::Result;
-use crate::model::{Chart, Series};
+use crate::model::{Chart, ChartAxis, Series};
 
 /// Width of a class of the histogram of curvatures.
 const CURVATURE_CLASS: f64 = 0.005;
+
+/// Bits of a density that its class leaves out: what is left are the exponent and three bits, eight classes to an octave.
+const CLASS_BITS: u32 = 49;
+
+/// The class of a density (never negative) in the decision graph.
+pub(super) fn density_class(rho: f64) -> u32 {
+    (rho.to_bits() >> CLASS_BITS) as u32
+}
+
+/// The middle of a class.
+fn class_density(class: u32) -> f64 {
+    let edge = |class: u32| f64::from_bits(u64::from(class) << CLASS_BITS);
+    f64::midpoint(edge(class), edge(class + 1))
+}
 
 /// Figures of all stages.
 #[derive(Debug, Default)]
@@ -36,7 +49,7 @@ pub(super) struct Figures {
     merged: usize,
     pairs: usize,
     reassigned: Reassigned,
-    /// Voxels by density (in quarters) and squared delta.
+    /// Voxels by class of density and squared delta.
     graph: BTreeMap<(u32, u32), u64>,
     /// Density and squared delta of every centre.
     centres: Vec<(f64, u32)>,
@@ -48,7 +61,7 @@ impl Figures {
     /// From what the stages keep.
     pub(super) fn collect(
         drive: &dyn DriveSource,
-        global: &PeaksGlobal,
+        clusters: u32,
         segments: &[u32],
         sums: &BTreeMap<(u32, u32), PairSum>,
         threshold: f64,
@@ -56,13 +69,16 @@ impl Figures {
     ) -> Result<Self> {
         let own_name = |(cluster, segment): &(usize, &u32)| *cluster == **segment as usize;
         let merged = segments.iter().enumerate().skip(1).filter(own_name).count();
-        let mut figures =
-            Self { clusters: global.clusters, merged, pairs: sums.len(), reassigned, ..Self::default() };
+        let mut figures = Self { clusters, merged, pairs: sums.len(), reassigned, ..Self::default() };
+        let voxels = drive.global(STAGE_VOXELS);
+        figures.most = voxelise::most(voxels)?;
+        let mut components: Vec<u32> = Vec::new();
         for tile in 0..drive.tiles() {
+            components.extend(voxelise::components(voxels, tile)?);
             let payload = voxelise::load(drive, tile)?;
             figures.points += payload.points;
             figures.voxels += payload.voxels;
-            figures.of_objects += payload.columns.iter().map(|(_, voxels)| voxels.len() as u64).sum::<u64>();
+            figures.of_objects += payload.stored.len() as u64;
             let payload = peaks::load(drive, tile)?;
             for (rho, delta, count) in payload.graph {
                 *figures.graph.entry((rho, delta)).or_default() += count;
@@ -72,13 +88,10 @@ impl Figures {
         // The order of tiles must not show.
         figures.centres.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
         for sum in sums.values() {
-            let mean = sum.curvature as f64 / (2 * sum.pairs) as f64 / ONE as f64;
+            let mean = sum.curvature as f64 / sum.sides as f64 / ONE as f64;
             let class = figures.curvatures.entry((mean / CURVATURE_CLASS) as u32).or_default();
             class[usize::from(merges(sum, threshold))] += 1;
         }
-        let voxels: VoxelGlobal = codec::decode(drive.global(STAGE_VOXELS))?;
-        figures.most = voxels.most;
-        let mut components: Vec<u32> = voxels.components.into_iter().flatten().collect();
         components.sort_unstable();
         components.dedup();
         figures.components = components.len();
@@ -105,47 +118,78 @@ impl Figures {
 
     /// The decision graph and the histogram of curvatures.
     pub(super) fn charts(&self, config: &DensityPeaksConfig) -> Vec<Chart> {
-        let root = |delta: u32| f64::from(delta).sqrt();
-        let voxels =
-            self.graph.keys().map(|&(rho, delta)| [f64::from(rho) / 4.0 + 0.125, root(delta)]).collect();
-        let centres = self.centres.iter().map(|&(rho, delta)| [rho, root(delta)]).collect();
-        let decision = Chart {
+        vec![self.decision_graph(config), self.histogram(config)]
+    }
+
+    /// Densities span three powers of ten, most of them below the threshold: hence the logarithm.
+    fn decision_graph(&self, config: &DensityPeaksConfig) -> Chart {
+        let points = |name: &str, classes: &BTreeMap<(u32, u32), u64>| Series::Points {
+            name: name.to_owned(),
+            places: classes
+                .keys()
+                .map(|&(rho, delta)| [class_density(rho), f64::from(delta).sqrt()])
+                .collect(),
+            counts: classes.values().copied().collect(),
+        };
+        let mut centres = BTreeMap::new();
+        for &(rho, delta) in &self.centres {
+            *centres.entry((density_class(rho), delta)).or_default() += 1;
+        }
+        let farthest = config.d_neighbor;
+        Chart {
             name: "density-peaks-decision",
             title: format!("Decision graph: {} voxels, {} centres", self.of_objects, self.clusters),
-            x: "local density rho (voxels; classes of 0.25)",
-            y: "distance delta to the nearest denser voxel (voxels)",
-            series: vec![
-                Series::Points { name: "voxels".to_owned(), places: voxels },
-                Series::Points { name: "centres".to_owned(), places: centres },
-            ],
-            x_thresholds: vec![config.rho_t],
-            y_thresholds: vec![config.delta_t],
-        };
+            x: ChartAxis {
+                name: "local density rho (voxels)".to_owned(),
+                logarithmic: true,
+                thresholds: vec![("rho_t", config.rho_t)],
+            },
+            y: ChartAxis {
+                name: format!("distance delta to the nearest denser voxel (voxels; {farthest}: none)"),
+                logarithmic: false,
+                thresholds: vec![("delta_t", config.delta_t)],
+            },
+            series: vec![points("voxels (1, 10, 100, ...)", &self.graph), points("centres", &centres)],
+        }
+    }
+
+    /// Numbers of pairs differ a hundredfold: hence the logarithm.
+    fn histogram(&self, config: &DensityPeaksConfig) -> Chart {
         let left = |class: u32| f64::from(class) * CURVATURE_CLASS;
         let merged = self.curvatures.iter().map(|(&class, n)| [left(class), 0.0, n[1] as f64]);
         let apart =
             self.curvatures.iter().map(|(&class, n)| [left(class), n[1] as f64, (n[0] + n[1]) as f64]);
-        let filled = |bars: &mut dyn Iterator<Item = [f64; 3]>| bars.filter(|bar| bar[1] < bar[2]).collect();
-        let curvature = Chart {
+        let bars = |name: &str, bars: &mut dyn Iterator<Item = [f64; 3]>| Series::Bars {
+            name: name.to_owned(),
+            width: CURVATURE_CLASS,
+            bars: bars.filter(|bar| bar[1] < bar[2]).collect(),
+        };
+        Chart {
             name: "density-peaks-curvature",
             title: format!("Mean curvature (CNS) of {} pairs of clusters", self.pairs),
-            x: "mean curvature over the pairs of points (share)",
-            y: "pairs of clusters",
-            series: vec![
-                Series::Bars {
-                    name: "unmerged".to_owned(),
-                    width: CURVATURE_CLASS,
-                    bars: filled(&mut { apart }),
-                },
-                Series::Bars {
-                    name: "merged".to_owned(),
-                    width: CURVATURE_CLASS,
-                    bars: filled(&mut { merged }),
-                },
-            ],
-            x_thresholds: vec![config.c_t],
-            y_thresholds: Vec::new(),
-        };
-        vec![decision, curvature]
+            x: ChartAxis {
+                name: format!("mean curvature over the pairs of points (classes of {CURVATURE_CLASS})"),
+                logarithmic: false,
+                thresholds: vec![("c_t", config.c_t)],
+            },
+            y: ChartAxis { name: "pairs of clusters".to_owned(), logarithmic: true, thresholds: Vec::new() },
+            series: vec![bars("unmerged", &mut { apart }), bars("merged", &mut { merged })],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn classes_of_densities_are_eighths_of_octaves() {
+        for (rho, middle) in [(1.0, 1.0625), (1.124, 1.0625), (1.125, 1.1875), (4.1, 4.25), (0.05, 0.0507812)]
+        {
+            let class = density_class(rho);
+            assert!((class_density(class) - middle).abs() < 1e-6, "{rho}: {}", class_density(class));
+            assert!((class_density(class) / rho - 1.0).abs() < 0.07);
+        }
+        assert!(density_class(0.3) < density_class(0.5) && density_class(0.5) < density_class(100.0));
     }
 }

@@ -11,10 +11,9 @@ use super::borders::{self, Halo, PairSum};
 use super::columns::join;
 use super::curvature::ONE;
 use super::figures::Figures;
-use super::peaks::PeaksGlobal;
+use super::peaks;
 use super::{DensityPeaksConfig, STAGE_PEAKS};
 use crate::cluster::{DriveSource, Grouped};
-use crate::codec;
 use crate::error::Result;
 use crate::model::DisjointSets;
 
@@ -28,21 +27,21 @@ pub(super) struct Reassigned {
 /// Which labels are one object.
 pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Result<Grouped> {
     let threshold = config.c_t;
-    let global: PeaksGlobal = codec::decode(drive.global(STAGE_PEAKS))?;
+    let clusters = peaks::clusters(drive.global(STAGE_PEAKS))?;
     let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
     let (mut borders, mut halos, mut labels) = (Vec::new(), Vec::new(), Vec::new());
     for tile in 0..drive.tiles() {
         let payload = borders::load(drive, tile)?;
         for (one, other, sum) in payload.pairs {
             let total = sums.entry((one, other)).or_default();
-            total.pairs += sum.pairs;
+            total.sides += sum.sides;
             total.curvature += sum.curvature;
         }
         borders.push(payload.border);
         halos.push(payload.halos);
         labels.push(payload.clusters);
     }
-    let segments = merge(global.clusters, &sums, threshold);
+    let segments = merge(clusters, &sums, threshold);
     let (of_halo, reassigned) = reassign(&join(&borders), &halos, &segments);
     let groups = labels
         .into_iter()
@@ -51,14 +50,14 @@ pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Res
             clusters.iter().map(|&cluster| segments[cluster as usize]).chain(halos).collect()
         })
         .collect();
-    let figures = Figures::collect(drive, &global, &segments, &sums, threshold, reassigned)?;
+    let figures = Figures::collect(drive, clusters, &segments, &sums, threshold, reassigned)?;
     Ok(Grouped { groups, figures: figures.to_json(), charts: figures.charts(config) })
 }
 
 /// Whether the mean over the pairs of the mean of both curvatures is below the threshold; in exact integers.
 pub(super) fn merges(sum: &PairSum, threshold: f64) -> bool {
     let limit = (threshold * ONE as f64).round() as i128;
-    sum.curvature < 2 * i128::from(sum.pairs) * limit
+    sum.curvature < i128::from(sum.sides) * limit
 }
 
 /// Segment (from 1) of every cluster (from 1; index 0 is none).
@@ -75,7 +74,7 @@ fn merge(clusters: u32, sums: &BTreeMap<(u32, u32), PairSum>, threshold: f64) ->
 /// Segment of every component of halo voxels of every tile, 0 where none is near; `components` names them over the
 /// drive.
 fn reassign(components: &[Vec<u32>], halos: &[Vec<Halo>], segments: &[u32]) -> (Vec<Vec<u32>>, Reassigned) {
-    let mut nearest = BTreeMap::<u32, (i64, u64, u32)>::new();
+    let mut nearest = BTreeMap::<u32, (u64, u64, u32)>::new();
     let all = || components.iter().flatten().zip(halos.iter().flatten());
     for (&component, halo) in all() {
         if let Some(found) = halo.nearest {
@@ -100,7 +99,7 @@ mod tests {
     use super::*;
 
     fn sum(pairs: u64, mean: f64) -> PairSum {
-        PairSum { pairs, curvature: i128::from(2 * pairs) * (mean * ONE as f64) as i128 }
+        PairSum { sides: 2 * pairs, curvature: i128::from(2 * pairs) * (mean * ONE as f64) as i128 }
     }
 
     #[test]
@@ -108,8 +107,8 @@ mod tests {
         let sums =
             BTreeMap::from([((1, 3), sum(10, 0.07)), ((3, 4), sum(1, 0.079)), ((2, 4), sum(5, 0.081))]);
         assert_eq!(merge(5, &sums, 0.08), [0, 1, 2, 1, 1, 5]);
-        assert!(!merges(&PairSum { pairs: 3, curvature: 6 * i128::from(ONE / 4) }, 0.25));
-        assert!(merges(&PairSum { pairs: 3, curvature: 6 * i128::from(ONE / 4) - 1 }, 0.25));
+        assert!(!merges(&PairSum { sides: 6, curvature: 6 * i128::from(ONE / 4) }, 0.25));
+        assert!(merges(&PairSum { sides: 6, curvature: 6 * i128::from(ONE / 4) - 1 }, 0.25));
     }
 
     #[test]

@@ -14,21 +14,26 @@
 //! 1.5 m, the tile reads further around itself for those alone, at worst the whole drive.
 //!
 //! Cost: O(points) for voxels and labels; a search for a parent looks at columns in the order of their distance and
-//! stops at the first denser voxel, for nearly all voxels the one below; pairs are only enumerated where clusters meet.
-//! Memory beside the points: about 90 bytes per voxel; reductions hold the ends of chains and the borders of
-//! components of all tiles, and the pairs of clusters, not the voxels.
+//! stops at the first denser voxel, for nearly all voxels the one below; pairs are only counted where voxels of two
+//! clusters are near each other. A tile decodes its own slice of what holds for the drive and those of its neighbours.
+//! Memory beside the points: about 90 bytes per voxel (`BYTES_PER_POINT` of the staged pass is measured); reductions hold
+//! the ends of chains and 16 bytes per voxel along the borders of tiles, and the pairs of clusters, not the voxels.
 //!
-//! Known failures: a pole inside a crown has the crown's voxels as denser neighbours and is no centre; cars half a
-//! metre apart are one component with one centre; balconies start high above ground, are divided by their height and
-//! fall to the nearest segment, or stay without; a facade has centres every few metres, and rough borders (plants,
-//! recesses) keep them apart.
+//! Known failures, from the objects that lose most points (`benches/results/density-peaks-worst.md`): what begins high
+//! above ground (set-back storeys, balconies, wires) is divided by its height, has no centre, and stays without object
+//! when nothing labelled is within `reassign`; trees that touch a facade are merged with it, since the flat wall
+//! outweighs the crown in the mean curvature; a crown wider than the distance to the next stem is cut into the prisms
+//! above each stem, hedge and lamp pole below it, and a pole inside a crown takes that part of the crown with it; cars half
+//! a metre apart are one object.
 
 mod borders;
 mod columns;
 mod curvature;
 mod figures;
+mod labelled;
 mod merge;
 mod peaks;
+mod sliced;
 mod surroundings;
 mod voxelise;
 

@@ -8,13 +8,15 @@
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::columns::{Columns, Finder, Voxel, disc};
-use super::voxelise::{self, StoredVoxel, VoxelGlobal};
-use super::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
+use super::figures::density_class;
+use super::voxelise::{self, StoredVoxel};
+use super::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS, sliced};
 use crate::cluster::{DriveSource, Mapped, TileSource};
 use crate::codec;
 use crate::error::{Error, Result};
@@ -33,17 +35,19 @@ pub(super) struct PeaksPayload {
     pub(super) centres: Vec<(f64, u32)>,
     /// Voxels of other tiles at which chains leave: tile, and position among its voxels.
     exits: Vec<(u32, u32)>,
-    /// The decision graph, in bins: density in quarters, squared delta, number of voxels.
+    /// The decision graph: class of density, squared delta, number of voxels.
     pub(super) graph: Vec<(u32, u32, u64)>,
 }
 
-/// What holds for the drive.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct PeaksGlobal {
-    /// Number of clusters, which is that of centres.
-    pub(super) clusters: u32,
-    /// Cluster (from 1) of every end but 0 of every tile; 0 where the chain ends without a centre.
-    pub(super) ends: Vec<Vec<u32>>,
+/// Number of clusters, which is that of centres, from the global of this stage.
+pub(super) fn clusters(global: &[u8]) -> Result<u32> {
+    sliced::head(global)
+}
+
+/// Cluster (from 1) of every end but 0 of a tile, from the global of this stage; 0 where the chain ends without a
+/// centre.
+pub(super) fn ends(global: &[u8], tile: u32) -> Result<Vec<u32>> {
+    sliced::slice(global, tile)
 }
 
 /// Voxels of a tile and of everything around it, with all that the search for parents needs.
@@ -54,6 +58,8 @@ struct Neighbourhood {
     /// Tile, and position among its voxels.
     origin: Vec<(u32, u32)>,
     density: Vec<f64>,
+    /// Largest density of each column.
+    densest: Vec<f64>,
 }
 
 impl Neighbourhood {
@@ -63,41 +69,43 @@ impl Neighbourhood {
         let steps = config.d_neighbor.ceil() as i32;
         let ground_units = tile.lattice().units(GROUND_SEARCH_M);
         let ground_steps = (ground_units / units) as i32;
-        let global: VoxelGlobal = codec::decode(tile.global(STAGE_VOXELS))?;
+        let global = tile.global(STAGE_VOXELS);
         let own = voxelise::load(tile, tile.tile())?;
-        let window = Window::around(own.columns.iter().map(|column| column.0));
+        let window = Window::around(own.columns().map(|column| column.0));
         let voxel_window = window.grown(steps);
         let ground_window = voxel_window.grown(ground_steps);
-        let mut found: Vec<(Cell, Vec<StoredVoxel>, u32, u32)> = Vec::new();
+        // Column, tile, and where its voxels stand among those of the tile.
+        let mut found: Vec<(Cell, u32, Range<usize>)> = Vec::new();
+        let mut tiles = BTreeMap::<u32, (Vec<StoredVoxel>, Vec<u32>)>::new();
         let mut ground: Vec<(Cell, i32)> = Vec::new();
         for near in tile.near(i64::from(steps + 2 + ground_steps + 2) * units) {
             let payload = voxelise::load(tile, near)?;
-            ground.extend(payload.ground.into_iter().filter(|column| ground_window.holds(column.0)));
-            let mut position = 0;
-            for (cell, voxels) in payload.columns {
-                let first = position;
-                position += voxels.len() as u32;
-                if voxel_window.holds(cell) {
-                    found.push((cell, voxels, near, first));
-                }
+            ground.extend(payload.ground.iter().filter(|column| ground_window.holds(column.0)));
+            let before = found.len();
+            let columns = payload.columns().filter(|column| voxel_window.holds(column.0));
+            found.extend(columns.map(|(cell, voxels)| (cell, near, voxels)));
+            if found.len() > before {
+                tiles.insert(near, (payload.stored, voxelise::components(global, near)?));
             }
         }
         found.sort_unstable_by_key(|column| column.0);
-        let columns = Columns::new(
-            found
-                .iter()
-                .flat_map(|(cell, voxels, ..)| voxels.iter().map(|voxel| [cell[0], cell[1], voxel.k])),
-        );
+        let columns = Columns::new(found.iter().flat_map(|(cell, near, voxels)| {
+            tiles[near].0[voxels.clone()].iter().map(|voxel| [cell[0], cell[1], voxel.k])
+        }));
         let (mut stored, mut component, mut origin) = (Vec::new(), Vec::new(), Vec::new());
-        for (_, voxels, near, first) in found {
-            let components = &global.components[near as usize];
-            component.extend(voxels.iter().map(|voxel| components[voxel.component as usize]));
-            origin.extend((first..).zip(&voxels).map(|(position, _)| (near, position)));
-            stored.extend(voxels);
+        for (_, near, voxels) in found {
+            let (of_tile, components) = &tiles[&near];
+            let here = &of_tile[voxels.clone()];
+            component.extend(here.iter().map(|voxel| components[voxel.component as usize]));
+            origin.extend(voxels.map(|position| (near, position as u32)));
+            stored.extend_from_slice(here);
         }
+        drop(tiles);
         let base = Ground::new(&ground).below(&columns, ground_units.pow(2) / units.pow(2));
-        let density = densities(&columns, &stored, &base, global.most, config);
-        Ok(Self { columns, component, origin, density })
+        let density = densities(&columns, &stored, &base, voxelise::most(global)?, config);
+        let column = |column: usize| density[columns.voxels(column)].iter().copied();
+        let densest = (0..columns.cells().len()).map(|number| column(number).fold(0.0, f64::max)).collect();
+        Ok(Self { columns, component, origin, density, densest })
     }
 
     /// The order of densities: larger density first, ties by (k, j, i).
@@ -111,9 +119,10 @@ impl Neighbourhood {
     }
 
     /// The nearest denser voxel of the same component at a squared distance below `limit`, with that distance; of
-    /// several equally near the densest. Columns are looked at in the order of their distance, and within a column
-    /// voxels from the nearest outwards up to the first that is denser, so that the search ends at once where the
-    /// voxel below is the parent, as it is for most.
+    /// several equally near the densest. Columns are looked at in the order of their distance, those without any denser
+    /// voxel are passed over, and within a column voxels from the nearest outwards up to the first that is denser: so
+    /// the search ends at once where the voxel below is the parent, as it is for most. The bench `nearest_denser` holds
+    /// this against four other ways (`benches/results/nearest-denser.md`).
     fn parent(
         &self,
         finder: &mut Finder<'_>,
@@ -129,7 +138,11 @@ impl Neighbourhood {
                 break;
             }
             let cell = [at[0] + di, at[1] + dj];
-            let range = finder.column(cell);
+            let Some(column) = finder.number(cell) else { continue };
+            if self.densest[column] < self.density[number] {
+                continue;
+            }
+            let range = self.columns.voxels(column);
             let middle = range.start + heights[range.clone()].partition_point(|&k| k < at[2]);
             let mut see = |other: usize| {
                 let k = heights[other];
@@ -283,7 +296,7 @@ pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32)
     for voxel in own {
         let parent = around.parent(&mut finder, &steps, (voxel, indices[voxel]), limit);
         let (rho, delta) = (around.density[voxel], parent.map_or(limit, |parent| parent.0 as f64));
-        *graph.entry(((rho * 4.0) as u32, delta as u32)).or_default() += 1;
+        *graph.entry((density_class(rho), delta as u32)).or_default() += 1;
         let slot = around.origin[voxel].1 as usize;
         if rho > config.rho_t && delta > config.delta_t.powi(2) {
             payload.centres.push((rho, delta as u32));
@@ -360,7 +373,7 @@ pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
     for (ends, next) in ends.iter_mut().zip(next) {
         ends.iter_mut().zip(next).filter(|(end, _)| **end == 0).for_each(|(end, cluster)| *end = cluster);
     }
-    codec::encode(&PeaksGlobal { clusters, ends })
+    sliced::encode(&clusters, &ends)
 }
 
 /// The chains of a tile.

@@ -8,10 +8,12 @@
     reason = "counts of a tile fit u32 and edges are at most 2 m (VoxelIndex, validated settings)"
 )]
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use super::columns::{Border, Columns, Voxel, join};
-use super::{NAME, STAGE_VOXELS};
+use super::{NAME, STAGE_VOXELS, sliced};
 use crate::cluster::{DriveSource, Mapped, TileSource};
 use crate::codec;
 use crate::error::{AlgorithmError, Result};
@@ -30,8 +32,10 @@ pub(super) struct StoredVoxel {
 /// What a tile keeps.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct VoxelPayload {
-    /// Columns with voxels of objects, ascending, each from the lowest up.
-    pub(super) columns: Vec<(Cell, Vec<StoredVoxel>)>,
+    /// Columns with voxels of objects, ascending, and the number of these.
+    columns: Vec<(Cell, u32)>,
+    /// The voxels of objects, column by column from the lowest up.
+    pub(super) stored: Vec<StoredVoxel>,
     /// Lowest ground voxel of each column that has one, ascending.
     pub(super) ground: Vec<(Cell, i32)>,
     /// Points in all voxels, ground included.
@@ -41,13 +45,26 @@ pub(super) struct VoxelPayload {
     border: Border,
 }
 
-/// What holds for the drive.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct VoxelGlobal {
-    /// Most points of objects in one voxel.
-    pub(super) most: u32,
-    /// Component of the drive, by tile and component of the tile.
-    pub(super) components: Vec<Vec<u32>>,
+impl VoxelPayload {
+    /// Columns with voxels of objects, ascending, and where these stand in `stored`.
+    pub(super) fn columns(&self) -> impl Iterator<Item = (Cell, Range<usize>)> + '_ {
+        let mut end = 0;
+        self.columns.iter().map(move |&(cell, count)| {
+            let start = end;
+            end += count as usize;
+            (cell, start..end)
+        })
+    }
+}
+
+/// Most points of objects in one voxel of the drive, from the global of this stage.
+pub(super) fn most(global: &[u8]) -> Result<u32> {
+    sliced::head(global)
+}
+
+/// Component of the drive of each component of a tile, from the global of this stage.
+pub(super) fn components(global: &[u8], tile: u32) -> Result<Vec<u32>> {
+    sliced::slice(global, tile)
 }
 
 /// How far around a tile points matter to its columns and those beside them: two edges per axis.
@@ -131,12 +148,12 @@ pub(super) fn map(tile: &dyn TileSource, edge: u32) -> Result<Mapped> {
     for (column, &cell) in columns.cells().iter().enumerate() {
         let range = columns.voxels(column);
         if own[range.start] {
-            let stored = |voxel: usize| StoredVoxel {
+            payload.columns.push((cell, range.len() as u32));
+            payload.stored.extend(range.map(|voxel| StoredVoxel {
                 k: columns.heights()[voxel],
                 points: objects[voxels[voxel].1 as usize],
                 component: component[voxel],
-            };
-            payload.columns.push((cell, range.map(stored).collect()));
+            }));
         }
     }
     Ok(Mapped { payload: codec::encode(&payload)?, labelled: None })
@@ -169,11 +186,10 @@ pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
     let (mut most, mut borders) = (0, Vec::new());
     for tile in 0..drive.tiles() {
         let payload: VoxelPayload = load(drive, tile)?;
-        let points = payload.columns.iter().flat_map(|(_, voxels)| voxels).map(|voxel| voxel.points);
-        most = points.max().unwrap_or(0).max(most);
+        most = payload.stored.iter().map(|voxel| voxel.points).max().unwrap_or(0).max(most);
         borders.push(payload.border);
     }
-    codec::encode(&VoxelGlobal { most, components: join(&borders) })
+    sliced::encode(&most, &join(&borders))
 }
 
 /// The voxels of a tile.

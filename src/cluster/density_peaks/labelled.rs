@@ -1,0 +1,353 @@
+//! The points of clusters around a tile, grouped by voxel: the nearest of them to any place, and representatives of
+//! small cells. Searches only; what is done with what they find is not known here.
+//!
+//! Points stand voxel by voxel in columns of their own, so that the voxels above each other are one stretch of memory,
+//! and a search is a few loops over stretches that the compiler turns into vector code.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "points of a tile fit u32 and local coordinates i32, see TileCloud and VoxelIndex"
+)]
+
+use std::ops::Range;
+
+use super::columns::{Finder, Voxel};
+use super::surroundings::Surroundings;
+use crate::model::{Cell, VoxelGrid};
+
+/// Edge of the cells of representatives in metres (chosen: the spacing of points near the scanner is a few
+/// centimetres, and the pairs of two borders grow with the square of their points).
+pub(super) const REPRESENTATIVE_M: f64 = 0.1;
+
+/// A neighbour: squared distance in lattice units, and position among [`LabelledPoints`].
+pub(super) type Neighbour = (u64, u32);
+
+/// See the module.
+pub(super) struct LabelledPoints<'a> {
+    around: &'a Surroundings,
+    /// Edge of a voxel in lattice units.
+    edge: i64,
+    places: Places,
+    /// Position of each point among the surroundings.
+    source: Vec<u32>,
+}
+
+/// Places grouped by voxel.
+#[derive(Debug, Default)]
+pub(super) struct Places {
+    /// Local coordinates.
+    axes: [Vec<i32>; 3],
+    /// First place of each voxel, and the end.
+    first: Vec<u32>,
+}
+
+impl Places {
+    /// Those of a voxel.
+    pub(super) fn of(&self, voxel: usize) -> Range<usize> {
+        self.first[voxel] as usize..self.first[voxel + 1] as usize
+    }
+
+    /// Those of a stretch of voxels.
+    fn of_all(&self, voxels: Range<usize>) -> Range<usize> {
+        self.first[voxels.start] as usize..self.first[voxels.end] as usize
+    }
+
+    /// Local coordinates of one.
+    pub(super) fn get(&self, place: usize) -> [i32; 3] {
+        [0, 1, 2].map(|axis| self.axes[axis][place])
+    }
+
+    /// Squared distances of a stretch of places to one place, in order.
+    fn distances(&self, stretch: Range<usize>, to: [i32; 3]) -> impl Iterator<Item = u64> + '_ {
+        let [x, y, z] = [0, 1, 2].map(|axis| &self.axes[axis][stretch.clone()]);
+        // Unsigned differences: what the smallest vector units have a multiplication for.
+        let square = move |value: i32, axis: usize| u64::from(value.abs_diff(to[axis])).pow(2);
+        x.iter().zip(y).zip(z).map(move |((&x, &y), &z)| square(x, 0) + square(y, 1) + square(z, 2))
+    }
+}
+
+impl<'a> LabelledPoints<'a> {
+    /// The points of clusters of `around`, whose voxels have edges of `edge` lattice units.
+    pub(super) fn new(around: &'a Surroundings, edge: u32) -> Self {
+        let voxels = around.voxels.len();
+        let labelled = |voxel: u32| around.cluster[voxel as usize] != 0;
+        let mut first = vec![0_u32; voxels + 1];
+        for &voxel in around.voxel.iter().filter(|&&voxel| labelled(voxel)) {
+            first[voxel as usize + 1] += 1;
+        }
+        let mut total = 0;
+        for count in &mut first {
+            total += *count;
+            *count = total;
+        }
+        let mut next = first.clone();
+        let mut source = vec![0; total as usize];
+        for (point, &voxel) in (0_u32..).zip(&around.voxel).filter(|(_, voxel)| labelled(**voxel)) {
+            let slot = &mut next[voxel as usize];
+            source[*slot as usize] = point;
+            *slot += 1;
+        }
+        let cloud = &around.points.cloud;
+        let pick = |axis: &[i32]| source.iter().map(|&point| axis[point as usize]).collect();
+        let axes = [pick(&cloud.x), pick(&cloud.y), pick(&cloud.z)];
+        Self { around, edge: i64::from(edge), places: Places { axes, first }, source }
+    }
+
+    /// Lattice coordinates of local (0, 0, 0).
+    pub(super) fn origin(&self) -> [i64; 3] {
+        self.around.points.cloud.origin
+    }
+
+    /// Id of a point.
+    pub(super) fn id(&self, point: u32) -> u64 {
+        self.around.points.cloud.id[self.source[point as usize] as usize]
+    }
+
+    /// Cluster of a point.
+    pub(super) fn cluster(&self, point: u32) -> u32 {
+        self.around.cluster_of(self.source[point as usize] as usize)
+    }
+
+    /// Place of a point relative to a local place.
+    pub(super) fn relative(&self, point: u32, to: [i32; 3]) -> [i64; 3] {
+        let place = self.places.get(point as usize);
+        [0, 1, 2].map(|axis| i64::from(place[axis]) - i64::from(to[axis]))
+    }
+
+    /// The smallest id of each cell of [`REPRESENTATIVE_M`] and cluster, of the voxels that are `wanted`. Where cells
+    /// cross borders of voxels, `wanted` has to hold all voxels of a cluster that share a cell.
+    pub(super) fn representatives(&self, wanted: &[bool]) -> Representatives {
+        let cloud = &self.around.points.cloud;
+        let cell_edge = cloud.lattice.units(REPRESENTATIVE_M).max(1);
+        let grid = VoxelGrid::new(cloud.origin, cell_edge as u32);
+        let nested = self.edge % cell_edge == 0;
+        // Cell and cluster, id, voxel, point: for cells that several voxels share.
+        let mut shared: Vec<([u32; 4], u64, u32, u32)> = Vec::new();
+        let mut of_voxel: Vec<([u32; 3], u64, u32)> = Vec::new();
+        let mut result = Representatives::default();
+        result.places.first.push(0);
+        for (voxel, &wanted) in wanted.iter().enumerate() {
+            of_voxel.clear();
+            if wanted {
+                of_voxel.extend(self.places.of(voxel).map(|point| {
+                    let place = self.places.get(point);
+                    ([0, 1, 2].map(|axis| grid.index(axis, place[axis])), self.id(point as u32), point as u32)
+                }));
+                of_voxel.sort_unstable();
+                of_voxel.dedup_by_key(|entry| entry.0);
+            }
+            if nested {
+                self.choose(&mut result, of_voxel.iter().map(|entry| entry.2));
+            } else {
+                let cluster = self.around.cluster[voxel];
+                shared.extend(
+                    of_voxel
+                        .iter()
+                        .map(|&([i, j, k], id, point)| ([i, j, k, cluster], id, voxel as u32, point)),
+                );
+            }
+        }
+        if !nested {
+            shared.sort_unstable();
+            shared.dedup_by_key(|entry| entry.0);
+            shared.sort_unstable_by_key(|entry| (entry.2, entry.3));
+            let mut rest = &shared[..];
+            for voxel in 0..wanted.len() as u32 {
+                let (here, others) = rest.split_at(rest.partition_point(|entry| entry.2 <= voxel));
+                self.choose(&mut result, here.iter().map(|entry| entry.3));
+                rest = others;
+            }
+        }
+        result
+    }
+
+    /// Adds the representatives of the next voxel.
+    fn choose(&self, to: &mut Representatives, points: impl Iterator<Item = u32>) {
+        let mut bounds = [[i32::MAX; 3], [i32::MIN; 3]];
+        for point in points {
+            let place = self.places.get(point as usize);
+            bounds = [0, 1].map(|end| {
+                [0, 1, 2].map(|axis| match end {
+                    0 => bounds[end][axis].min(place[axis]),
+                    _ => bounds[end][axis].max(place[axis]),
+                })
+            });
+            for (axis, value) in to.places.axes.iter_mut().zip(place) {
+                axis.push(value);
+            }
+            to.core.push(self.around.points.core[self.source[point as usize] as usize]);
+        }
+        to.places.first.push(to.core.len() as u32);
+        to.bounds.push(bounds);
+    }
+
+    /// A search that goes `reach` lattice units far.
+    pub(super) fn search(&self, reach: i64) -> Search<'_> {
+        Search {
+            points: self,
+            finder: self.around.voxels.finder(),
+            farthest: (reach / self.edge + 1) as i32,
+            centre: None,
+            rings: Vec::new(),
+            found: Vec::new(),
+        }
+    }
+
+    /// The `most` nearest points to a local place at a squared distance of at most `limit`, by comparing with all.
+    pub(super) fn nearest_of_all(&self, place: [i32; 3], most: usize, limit: u64) -> Vec<Neighbour> {
+        let all = self.places.distances(0..self.source.len(), place).zip(0_u32..);
+        let mut found: Vec<Neighbour> = all.filter(|neighbour| neighbour.0 <= limit).collect();
+        self.keep_nearest(&mut found, most);
+        found
+    }
+
+    /// Leaves the `most` nearest, of equally near ones those with smaller ids, the last of them at the end.
+    fn keep_nearest(&self, found: &mut Vec<Neighbour>, most: usize) {
+        if found.len() > most {
+            let by_id = |a: &Neighbour, b: &Neighbour| self.id(a.1).cmp(&self.id(b.1));
+            found.select_nth_unstable_by(most - 1, |a, b| a.0.cmp(&b.0).then_with(|| by_id(a, b)));
+            found.truncate(most);
+        }
+    }
+}
+
+/// The points that stand for the cells near borders of clusters, by voxel.
+#[derive(Debug, Default)]
+pub(super) struct Representatives {
+    pub(super) places: Places,
+    /// Whether the tile owns the point.
+    pub(super) core: Vec<bool>,
+    /// Least and largest coordinates of each voxel.
+    bounds: Vec<[[i32; 3]; 2]>,
+}
+
+impl Representatives {
+    /// How many of a voxel are nearer to a place than the root of `limit`.
+    pub(super) fn nearer(&self, voxel: usize, place: [i32; 3], limit: u64) -> u64 {
+        let stretch = self.places.of(voxel);
+        let [least, most] = self.bounds[voxel];
+        let gap = |axis: usize| u64::from(place[axis].clamp(least[axis], most[axis]).abs_diff(place[axis]));
+        if stretch.is_empty() || gap(0).pow(2) + gap(1).pow(2) + gap(2).pow(2) >= limit {
+            return 0;
+        }
+        self.places.distances(stretch, place).map(|distance| u64::from(distance < limit)).sum()
+    }
+}
+
+/// A column of voxels around the place of a search.
+struct Beside {
+    step: [i32; 2],
+    voxels: Range<usize>,
+}
+
+/// A search for nearest points; remembers the columns around the last place.
+pub(super) struct Search<'a> {
+    points: &'a LabelledPoints<'a>,
+    finder: Finder<'a>,
+    farthest: i32,
+    centre: Option<Cell>,
+    /// Occupied columns by their distance in columns, as far as they were needed.
+    rings: Vec<Vec<Beside>>,
+    found: Vec<Neighbour>,
+}
+
+/// Neighbours that may be gathered beyond those wanted before the farther ones are thrown away.
+const SLACK: usize = 44;
+
+impl Search<'_> {
+    /// The `most` nearest points to a local place at a squared distance of at most `limit`, in no order; of equally
+    /// near ones those with smaller ids. `limit` must be within the reach of the search.
+    ///
+    /// Looks at shells of voxels around that of the place, until nothing in the next one can be near enough.
+    pub(super) fn nearest(&mut self, place: [i32; 3], most: usize, limit: u64) -> &[Neighbour] {
+        let edge = self.points.edge;
+        let origin = self.points.around.points.cloud.origin;
+        let global = [0, 1, 2].map(|axis| origin[axis] + i64::from(place[axis]));
+        let voxel: Voxel = global.map(|value| value.div_euclid(edge) as i32);
+        let within = global.map(|value| value.rem_euclid(edge));
+        // From the place to the nearest face of its voxel.
+        let margin = within.iter().map(|&value| (value + 1).min(edge - value)).min().unwrap_or(0);
+        let cell = [voxel[0], voxel[1]];
+        if self.centre != Some(cell) {
+            self.centre = Some(cell);
+            self.rings.clear();
+        }
+        self.found.clear();
+        let mut worst = limit;
+        for ring in 0..=self.farthest {
+            if ring > 0 && ((margin + i64::from(ring - 1) * edge) as u64).pow(2) > worst {
+                break;
+            }
+            if self.rings.len() <= ring as usize {
+                let beside = self.ring(cell, ring);
+                self.rings.push(beside);
+            }
+            for inner in 0..=ring {
+                for at in 0..self.rings[inner as usize].len() {
+                    worst = self.look_at([inner, ring], at, (place, voxel[2], within), most, worst);
+                }
+            }
+        }
+        self.points.keep_nearest(&mut self.found, most);
+        &self.found
+    }
+
+    /// Looks at what column number `at` of ring `inner` adds to the shell `ring`.
+    fn look_at(
+        &mut self,
+        [inner, ring]: [i32; 2],
+        at: usize,
+        (place, k, within): ([i32; 3], i32, [i64; 3]),
+        most: usize,
+        mut worst: u64,
+    ) -> u64 {
+        let points = self.points;
+        let Beside { step, voxels } = &self.rings[inner as usize][at];
+        let gap = |axis: usize| match step[axis] {
+            0 => 0,
+            by if by > 0 => (i64::from(by) * points.edge - within[axis]) as u64,
+            by => (within[axis] - i64::from(by + 1) * points.edge + 1) as u64,
+        };
+        if gap(0).pow(2) + gap(1).pow(2) > worst {
+            return worst;
+        }
+        let heights = &points.around.voxels.heights()[voxels.clone()];
+        let stretch = |low: i32, high: i32| {
+            let start = heights.partition_point(|&height| height < low);
+            let end = start + heights[start..].partition_point(|&height| height <= high);
+            points.places.of_all(voxels.start + start..voxels.start + end)
+        };
+        // A column of the ring itself is new as a whole; of others only the ends of the shell are.
+        let stretches = if inner == ring {
+            [stretch(k - ring, k + ring), 0..0]
+        } else {
+            [stretch(k - ring, k - ring), stretch(k + ring, k + ring)]
+        };
+        let before = self.found.len();
+        for stretch in stretches {
+            for (distance, point) in points.places.distances(stretch.clone(), place).zip(stretch) {
+                if distance <= worst {
+                    self.found.push((distance, point as u32));
+                    if self.found.len() >= most + SLACK {
+                        points.keep_nearest(&mut self.found, most);
+                        worst = self.found.last().map_or(worst, |last| worst.min(last.0));
+                    }
+                }
+            }
+        }
+        if self.found.len() != before && self.found.len() >= most {
+            points.keep_nearest(&mut self.found, most);
+            worst = self.found.iter().map(|neighbour| neighbour.0).max().map_or(worst, |far| worst.min(far));
+        }
+        worst
+    }
+
+    fn ring(&mut self, [i, j]: Cell, ring: i32) -> Vec<Beside> {
+        let steps = (-ring..=ring).flat_map(|di| (-ring..=ring).map(move |dj| [di, dj]));
+        steps
+            .filter(|step| step[0].abs().max(step[1].abs()) == ring)
+            .map(|step| Beside { step, voxels: self.finder.column([i + step[0], j + step[1]]) })
+            .filter(|beside| !beside.voxels.is_empty())
+            .collect()
+    }
+}
