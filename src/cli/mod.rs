@@ -4,6 +4,7 @@ mod args;
 mod bench;
 mod cluster;
 mod drive_args;
+mod estimate;
 mod eval;
 mod exit;
 mod info;
@@ -14,6 +15,7 @@ mod print;
 mod progress;
 mod run;
 mod synth;
+mod table_points;
 
 use std::process::ExitCode;
 
@@ -35,6 +37,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(args) => args.run(),
         Command::Bench(args) => args.run(),
         Command::Cluster(args) => args.run(),
+        Command::EstimateEpsilon(args) => args.run(),
         Command::Eval(args) => args.run().map_err(CliError::from),
         Command::Methods => pages::methods(),
         Command::Config => pages::config(),

@@ -107,7 +107,7 @@ fn process(
 }
 
 /// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume.
-fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
+pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
     let (cancel, asked) = (Arc::clone(cancel), AtomicBool::new(false));
     ctrlc::set_handler(move || {
         if asked.swap(true, Ordering::Relaxed) {

@@ -221,13 +221,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let budget = Budget::resolve(&config.run);
     let scene = Scene::new(&drive, survey(&drive, budget.threads)?, config)?;
     let (_, plan) = scene.fit_plan(&drive, config, &chain, &budget);
-    let view = Tiles {
-        drive: &drive,
-        plan: &plan,
-        zones: &scene.survey.zones,
-        lowest: scene.lowest(),
-        scattered: None,
-    };
+    let view = Tiles::of(&drive, &plan, &scene);
     let mut read = 0;
     let tiles: Vec<TileFacts> = (0..plan.tiles.len())
         .map(|number| {

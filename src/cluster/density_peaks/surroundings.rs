@@ -147,6 +147,7 @@ impl FineGrid {
             y: pick(&all.y),
             z: pick(&all.z),
             id: source.iter().map(|&point| all.id[point as usize]).collect(),
+            fields: Vec::new(),
         };
         let edge = all.lattice.units(REPRESENTATIVE_M);
         let index = VoxelIndex::build(NAME, &cloud, edge as u32)?;
