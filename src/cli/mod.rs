@@ -17,6 +17,7 @@ mod run;
 mod synth;
 mod table_points;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -27,7 +28,7 @@ use exit::CliError;
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
     exit::install_panic_text();
-    let program = Program::parse();
+    let program = Program::parse_from(arguments());
     let result = match &program.command {
         Command::Info(args) => args.run(),
         Command::Plan(args) => args.run(),
@@ -52,6 +53,19 @@ pub(crate) fn main() -> ExitCode {
             ExitCode::from(error.code())
         }
     }
+}
+
+/// The arguments, with `--json -` as the `--json=-` that it means everywhere: where `--json` may stand alone, what
+/// follows it is an argument of its own.
+fn arguments() -> Vec<OsString> {
+    let mut arguments: Vec<OsString> = Vec::new();
+    for argument in std::env::args_os() {
+        match arguments.last_mut() {
+            Some(last) if last == "--json" && argument == "-" => last.push("=-"),
+            _ => arguments.push(argument),
+        }
+    }
+    arguments
 }
 
 /// Result of a command: its exit code.

@@ -1,10 +1,41 @@
 //! Printing results to standard output: tables for people, JSON for scripts.
 
 use std::io::Write;
+use std::path::PathBuf;
 
 use serde::Serialize;
 
+use crate::cli::eval::{deliver, is_standard_output};
 use crate::cli::exit::CliError;
+
+/// Where a result goes as JSON, in commands that print a page.
+#[derive(Debug, clap::Args)]
+pub(crate) struct JsonOutput {
+    /// Print JSON instead of text, or write it to a file beside it: --json, --json=FILE (- for standard output)
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-")]
+    json: Option<PathBuf>,
+}
+
+impl JsonOutput {
+    /// Whether JSON goes anywhere.
+    pub(crate) fn is_asked_for(&self) -> bool {
+        self.json.is_some()
+    }
+
+    /// Prints the page, or JSON; writes JSON to a file.
+    pub(crate) fn show(&self, value: &impl Serialize, page: impl FnOnce() -> String) -> Result<(), CliError> {
+        match &self.json {
+            Some(path) if is_standard_output(path) => json(value),
+            path => {
+                deliver(path.as_deref(), |to| {
+                    serde_json::to_writer_pretty(&mut *to, value)?;
+                    to.write_all(b"\n")
+                })?;
+                text(&page())
+            }
+        }
+    }
+}
 
 /// Prints text as it is.
 pub(crate) fn text(text: &str) -> Result<(), CliError> {
@@ -13,7 +44,7 @@ pub(crate) fn text(text: &str) -> Result<(), CliError> {
 }
 
 /// Prints a value as indented JSON.
-pub(crate) fn json(value: &impl Serialize) -> Result<(), CliError> {
+fn json(value: &impl Serialize) -> Result<(), CliError> {
     let written = serde_json::to_string_pretty(value).map_err(|error| CliError::stdout(error.into()))?;
     text(&format!("{written}\n"))
 }
