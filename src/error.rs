@@ -134,10 +134,23 @@ impl Error {
             Self::Epsilon(error) => error.hint(),
             Self::Space(error) => error.hint(),
             Self::Table(error) => error.hint(),
-            Self::Algorithm(_) => None,
+            Self::Algorithm(error) => error.hint(),
             Self::Interrupted { .. } => Some("the same command resumes".into()),
             Self::UnitsFailed { .. } => Some("the same command tries the failed units again".into()),
             Self::Bug(_) => Some("please report this with the command line and report.json".into()),
+        }
+    }
+}
+
+impl AlgorithmError {
+    /// What to do next.
+    #[must_use]
+    pub fn hint(&self) -> Option<Cow<'static, str>> {
+        match self {
+            Self::ReachBeyondTile { .. } => Some(
+                "give x and y larger weights, or a smaller epsilon; or longer tiles with --tile-length or --memory".into(),
+            ),
+            Self::TooManyCells { .. } | Self::TooManyPoints { .. } => None,
         }
     }
 }
@@ -159,6 +172,18 @@ pub enum AlgorithmError {
         edge_units: u32,
         /// Cells that the index can hold.
         limit: u64,
+    },
+    /// Neighbours may lie further away than a tile is long: tiles would read each other over and over.
+    #[error(
+        "{method}: neighbours may be {reach_m:.1} m apart in the chosen fields, the longest tile has {longest_m:.1} m"
+    )]
+    ReachBeyondTile {
+        /// Name of the method.
+        method: &'static str,
+        /// Reach in metres.
+        reach_m: f64,
+        /// Length of the longest tile in metres.
+        longest_m: f64,
     },
     /// More points in one tile than its index can count.
     #[error("{method}: {points} points in one tile, at most {limit} can be counted", limit = u32::MAX)]

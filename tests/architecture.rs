@@ -130,8 +130,8 @@ fn layers_do_not_know_each_other_and_only_run_joins_them() {
             assert!(!used.contains("run") && !used.contains("store"), "src/{} uses {used:?}", source.path);
         }
         if module == "ground" || module == "cluster" {
-            // Codec: what stages keep is bytes.
-            let known = ["model", "config", "error", "codec", module.as_str()];
+            // Codec: what stages keep is bytes. Space: points of n dimensions in memory, without files.
+            let known = ["model", "config", "error", "codec", "space", module.as_str()];
             let foreign: Vec<&String> =
                 used.iter().filter(|name| !known.contains(&name.as_str()) && !name.is_empty()).collect();
             assert!(foreign.is_empty(), "src/{} uses {foreign:?}", source.path);
@@ -263,10 +263,11 @@ fn the_file_of_defaults_explains_every_key() {
         .iter()
         .map(|entry| entry.name)
         .chain(cluster::REGISTRY.iter().map(|entry| entry.name));
-    let known: BTreeSet<&str> = ["input", "axis", "tiling", "noise", "ground", "cluster", "output", "run"]
-        .into_iter()
-        .chain(methods)
-        .collect();
+    let known: BTreeSet<&str> =
+        ["input", "axis", "tiling", "noise", "ground", "cluster", "epsilon", "output", "run"]
+            .into_iter()
+            .chain(methods)
+            .collect();
     for line in DEFAULT_TOML.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
         if let Some(rest) = line.strip_prefix('[') {
             let name = rest.split(']').next().expect("a name");

@@ -90,6 +90,16 @@ fn json_of_info_plan_run_and_status_is_json_with_the_same_figures() {
     };
     let info = json(&["info", "--json", "tree_road_sweep.laz"]);
     assert_eq!(info["points"], 71_841);
+    // In every way to say it; a file leaves the page on standard output.
+    assert_eq!(json(&["info", "--json", "-", "tree_road_sweep.laz"]), info);
+    assert_eq!(json(&["info", "tree_road_sweep.laz", "--json=-"]), info);
+    assert_eq!(json(&["info", "tree_road_sweep.laz", "--json"]), info);
+    let page = stdout(&call(folder.path(), &["info", "--json=info.json", "tree_road_sweep.laz"]));
+    assert!(page.contains("71,841 in 1 file"), "{page}");
+    let written = std::fs::read(folder.path().join("info.json")).expect("written");
+    assert_eq!(serde_json::from_slice::<serde_json::Value>(&written).expect("JSON"), info);
+    let drawn = stdout(&call(folder.path(), &["plan", "tree_road_sweep.laz", "--svg", "-"]));
+    assert!(drawn.starts_with("<svg") && drawn.ends_with("</svg>\n"), "{drawn}");
     let plan = json(&with_fixed(&["plan", "--json", "tree_road_sweep.laz", "--tile-length", "20"]));
     let tiles = plan["tiles"].as_array().expect("tiles");
     assert_eq!(tiles.iter().map(|tile| tile["points"].as_u64().expect("a count")).sum::<u64>(), 71_841);
@@ -253,6 +263,7 @@ fn wrong_settings_end_with_3() {
     assert_told("config_no_file", &["plan", "mls_profiles.las", "-c", "none.toml"]);
     assert_told("config_syntax", &["plan", "mls_profiles.las", "-c", "bad.toml"]);
     assert_told("config_tile_length", &["plan", "mls_profiles.las", "--tile-length", "0.1"]);
+    assert_told("config_plan_outputs", &["plan", "mls_profiles.las", "--svg", "-", "--json"]);
     assert_told("config_format", &["run", "mls_profiles.las", "-o", "out", "--output-format", "shp"]);
 }
 
@@ -333,7 +344,16 @@ fn damage_ends_with_4_or_a_warning() {
 #[test]
 fn points_that_differ_end_with_9() {
     let score = |name: &str, prediction: &str| {
-        let labels = ["--prediction-dim", "user_data", "--reference-dim", "user_data", "--class-dim", "none", "--scratch", "."];
+        let labels = [
+            "--prediction-dim",
+            "user_data",
+            "--reference-dim",
+            "user_data",
+            "--class-dim",
+            "none",
+            "--scratch",
+            ".",
+        ];
         assert_told(name, &[&["eval", prediction, "--reference", "two.las"], &labels[..]].concat());
     };
     score("eval_moved", "moved.las");

@@ -148,6 +148,12 @@ fn the_program_repeats_the_rows_and_adds_a_column() {
 
     for (arguments, code, text) in [
         (&["-o", "-", "--json", "-"][..], 3, "--json = -: must be a file when --out is standard output"),
+        (
+            &["-o", "x.csv", "--svg", "-", "--json", "-"],
+            3,
+            "--svg = -: must be a file when --json is standard output",
+        ),
+        (&["-o", "x.csv", "--svg", "x.svg", "--epsilon", "2"], 3, "--svg = x.svg: must be left out unless"),
         (&["-o", "-", "--columns", "x,name"], 4, "line 2 of"),
         (&["-o", "-", "--columns", "x"], 4, "points of 1 dimensions cannot be clustered, only of 2 to 8"),
         (&["-o", "-", "--columns", "x,z"], 4, "has no column z, there is: name, x, y"),

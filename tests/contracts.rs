@@ -18,13 +18,13 @@ fn filters() -> impl Iterator<Item = Box<dyn GroundFilter>> {
 fn methods() -> impl Iterator<Item = Box<dyn cluster::Clusterer>> {
     cluster::REGISTRY.iter().filter_map(|entry| match (entry.build)(&toml::Table::new()).unwrap() {
         cluster::Method::Local(method) => Some(method),
-        cluster::Method::Staged(_) => None,
+        cluster::Method::Staged(_) | cluster::Method::Prepared(_) => None,
     })
 }
 
 fn staged() -> impl Iterator<Item = Box<dyn cluster::StagedClusterer>> {
     cluster::REGISTRY.iter().filter_map(|entry| match (entry.build)(&toml::Table::new()).unwrap() {
-        cluster::Method::Local(_) => None,
+        cluster::Method::Local(_) | cluster::Method::Prepared(_) => None,
         cluster::Method::Staged(method) => Some(method),
     })
 }

@@ -16,7 +16,14 @@ const REACH: i64 = 300;
 type Points = Vec<[i64; 3]>;
 
 fn method(variant: DbscanVariant, min_points: u64, max_points: u64) -> Dbscan {
-    Dbscan::new(&DbscanConfig { variant, epsilon: 0.3, min_points, max_points }).unwrap()
+    Dbscan::new(&DbscanConfig {
+        variant,
+        epsilon: 0.3.into(),
+        min_points,
+        max_points,
+        ..DbscanConfig::default()
+    })
+    .unwrap()
 }
 
 /// Points of a narrow street, 4 m long, sparse or dense, many at distances of exactly 300, some equal.

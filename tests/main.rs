@@ -22,6 +22,8 @@ mod density_peaks_run;
 #[cfg(test)]
 mod edge;
 #[cfg(test)]
+mod epsilon;
+#[cfg(test)]
 mod equivalence;
 #[cfg(test)]
 mod eval;

@@ -4,6 +4,7 @@ use clap::{Parser, Subcommand};
 
 use crate::cli::bench::BenchArgs;
 use crate::cli::cluster::ClusterArgs;
+use crate::cli::estimate::EstimateArgs;
 use crate::cli::eval::EvalArgs;
 use crate::cli::info::InfoArgs;
 use crate::cli::inspect::StatusArgs;
@@ -42,6 +43,8 @@ pub(crate) enum Command {
     Synth(SynthArgs),
     /// Cluster the rows of a table with dbscan or p-linkage
     Cluster(ClusterArgs),
+    /// Estimate the radius of dbscan from the points of a drive or a table
+    EstimateEpsilon(EstimateArgs),
     /// Run the main job on a small real sample that comes with the program
     Demo(DemoArgs),
     /// Measure throughput at one and two threads against the copy floor

@@ -9,8 +9,9 @@ use serde_json::{Value, json};
 
 use crate::cli::drive_args::Settings;
 use crate::cli::exit::CliError;
+use crate::cli::print::JsonOutput;
 use crate::cli::run::{SAMPLE, SAMPLE_NAME};
-use crate::cli::{Outcome, exit, print};
+use crate::cli::{Outcome, exit};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct BenchArgs {
@@ -23,9 +24,8 @@ pub(crate) struct BenchArgs {
     /// Folder for the outputs, which are removed again [default: the system's folder for temporary files]
     #[arg(long, value_name = "FOLDER")]
     scratch: Option<PathBuf>,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOutput,
     #[command(flatten)]
     settings: Settings,
 }
@@ -52,7 +52,7 @@ impl BenchArgs {
         // What is left behind is only scratch; a failure to remove it does not change the figures.
         let _ = std::fs::remove_dir_all(&scratch);
         let report = result?;
-        print::facts(&report, self.json, page)?;
+        self.json.show(&report, || page(&report))?;
         Ok(exit::DONE)
     }
 

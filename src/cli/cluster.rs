@@ -1,15 +1,16 @@
 //! `chainage cluster`: the rows of a table in, the same rows with a cluster number out. Not: any method.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use chainage::config::ConfigError;
-use chainage::epsilon::{self, Attempt, Estimate};
-use chainage::space::{Dbscan, DbscanVariant, PLinkage, Points, SpaceError, neighbour_curve};
-use chainage::table::{Table, TableError, write_with_column};
+use chainage::epsilon;
+use chainage::space::{Dbscan, DbscanVariant, PLinkage, Points, SpaceError};
+use chainage::table::write_with_column;
 use serde_json::{Value, json};
 
 use crate::cli::exit::CliError;
 use crate::cli::print::{self, deliver, is_standard_output};
+use crate::cli::table_points::{self, TablePoints};
 use crate::cli::{Outcome, exit};
 
 /// Clusters the rows of a table: points of 2 to 8 dimensions.
@@ -77,7 +78,7 @@ struct DbscanArgs {
     /// Rows of the largest cluster; 0: no limit
     #[arg(long, value_name = "N", default_value_t = 0)]
     max_points: u64,
-    /// Draw the curve that epsilon is estimated from
+    /// Draw the curve that epsilon is estimated from (- for standard output)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
 }
@@ -127,10 +128,11 @@ struct Found {
 impl ClusterArgs {
     pub(crate) fn run(&self) -> Outcome {
         self.one_standard_output().map_err(chainage::Error::from)?;
-        let table = Table::read(&self.table, !self.no_header).map_err(chainage::Error::from)?;
+        self.nothing_in_vain().map_err(chainage::Error::from)?;
+        let weights = self.standardise.then_some(&self.weights[..]);
+        let TablePoints { table, columns, points } =
+            TablePoints::read(&self.table, !self.no_header, &self.columns, weights)?;
         table.check_free(&self.id_column).map_err(chainage::Error::from)?;
-        let columns = self.columns(&table).map_err(chainage::Error::from)?;
-        let points = self.points(&table, &columns)?;
         let found = match self.method {
             Method::Dbscan => self.dbscan.cluster(&points)?,
             Method::PLinkage => self.p_linkage.cluster(&points).map_err(chainage::Error::from)?,
@@ -154,7 +156,8 @@ impl ClusterArgs {
             serde_json::to_writer_pretty(&mut *to, &report)?;
             to.write_all(b"\n")
         })?;
-        if !table_shown && !json_shown {
+        let svg_shown = self.dbscan.svg.as_deref().is_some_and(is_standard_output);
+        if !table_shown && !json_shown && !svg_shown {
             print::text(&format!(
                 "  {} rows of {}: {} clusters, {} rows in none\n  {}\n",
                 print::count(table.len() as u64),
@@ -167,29 +170,34 @@ impl ClusterArgs {
         Ok(exit::DONE)
     }
 
+    /// One output at most goes to standard output.
     fn one_standard_output(&self) -> Result<(), ConfigError> {
-        let to_stdout = |path: &Path| is_standard_output(path);
-        if to_stdout(&self.out) && self.json.as_deref().is_some_and(to_stdout) {
-            return Err(ConfigError::value("--json", "-", "a file when --out is standard output"));
+        let mut taken = is_standard_output(&self.out).then_some("--out");
+        for (flag, path) in [("--json", &self.json), ("--svg", &self.dbscan.svg)] {
+            if path.as_deref().is_some_and(is_standard_output) {
+                if let Some(first) = taken {
+                    return Err(ConfigError::value(
+                        flag,
+                        "-",
+                        format!("a file when {first} is standard output"),
+                    ));
+                }
+                taken = Some(flag);
+            }
         }
         Ok(())
     }
 
-    fn columns(&self, table: &Table) -> Result<Vec<usize>, TableError> {
-        if self.columns.is_empty() { table.numeric_columns() } else { table.columns(&self.columns) }
-    }
-
-    fn points(&self, table: &Table, columns: &[usize]) -> chainage::Result<Points> {
-        if !self.weights.is_empty() && self.weights.len() != columns.len() {
-            let (given, expected) =
-                (self.weights.len(), format!("one weight for each of {} columns", columns.len()));
-            return Err(ConfigError::value("--weights", format!("{given} weights"), expected).into());
+    /// A drawing of the estimate needs one.
+    fn nothing_in_vain(&self) -> Result<(), ConfigError> {
+        let estimated = self.method == Method::Dbscan && matches!(self.dbscan.epsilon, EpsilonChoice::Auto);
+        match &self.dbscan.svg {
+            Some(path) if !estimated => {
+                let expected = "left out unless --method dbscan estimates an epsilon (--epsilon auto)";
+                Err(ConfigError::value("--svg", path.display(), expected))
+            }
+            _ => Ok(()),
         }
-        let mut points = Points::new(columns.len(), table.values(columns)?)?;
-        if self.standardise {
-            points.standardise(&self.weights)?;
-        }
-        Ok(points)
     }
 }
 
@@ -205,7 +213,9 @@ impl Method {
 impl DbscanArgs {
     fn cluster(&self, points: &Points) -> Result<Found, CliError> {
         let estimate = match self.epsilon {
-            EpsilonChoice::Auto => Some(self.estimate(points)?),
+            EpsilonChoice::Auto => {
+                Some(table_points::estimate(points, usize::try_from(self.k).unwrap_or(usize::MAX))?)
+            }
             EpsilonChoice::Given(_) => None,
         };
         let epsilon = match (self.epsilon, &estimate) {
@@ -230,17 +240,6 @@ impl DbscanArgs {
         };
         let facts = json!({ "settings": dbscan, "estimate": estimate });
         Ok(Found { labels, clusters, facts, line })
-    }
-
-    fn estimate(&self, points: &Points) -> chainage::Result<Estimate> {
-        let (first, len) = (usize::try_from(self.k).unwrap_or(usize::MAX), points.len() as u64);
-        let mut k = first;
-        loop {
-            match epsilon::estimate(neighbour_curve(points, k)?, first, len)? {
-                Attempt::Found(estimate) => return Ok(*estimate),
-                Attempt::Longer(longer) => k = longer,
-            }
-        }
     }
 }
 

@@ -3,15 +3,15 @@
 use chainage::run::{DriveFacts, look_at};
 
 use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::print::JsonOutput;
 use crate::cli::{Outcome, exit, print};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct InfoArgs {
     #[command(flatten)]
     inputs: Inputs,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOutput,
     #[command(flatten)]
     settings: Settings,
 }
@@ -20,7 +20,7 @@ impl InfoArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&[])?;
         let facts = look_at(&self.inputs.files, &config)?;
-        print::facts(&facts, self.json, page)?;
+        self.json.show(&facts, || page(&facts))?;
         Ok(exit::DONE)
     }
 }

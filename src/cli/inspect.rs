@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use chainage::run::{Registries, RunStatus, status};
 
 use crate::cli::drive_args::Settings;
+use crate::cli::print::JsonOutput;
 use crate::cli::{Outcome, exit, print};
 
 #[derive(Debug, clap::Args)]
@@ -14,9 +15,8 @@ pub(crate) struct StatusArgs {
     /// Say what has changed since stored results were computed
     #[arg(long)]
     why: bool,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOutput,
     #[command(flatten)]
     settings: Settings,
 }
@@ -29,7 +29,7 @@ impl StatusArgs {
             self.settings.resolve_over(file, &[])
         };
         let state = status(&self.out, &Registries::default(), resolve)?;
-        print::facts(&state, self.json, |state| page(state, self.why))?;
+        self.json.show(&state, || page(&state, self.why))?;
         Ok(exit::DONE)
     }
 }

@@ -4,6 +4,7 @@ mod args;
 mod bench;
 mod cluster;
 mod drive_args;
+mod estimate;
 mod eval;
 mod exit;
 mod info;
@@ -14,7 +15,9 @@ mod print;
 mod progress;
 mod run;
 mod synth;
+mod table_points;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -25,7 +28,7 @@ use exit::CliError;
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
     exit::install_panic_text();
-    let program = Program::parse();
+    let program = Program::parse_from(arguments());
     let result = match &program.command {
         Command::Info(args) => args.run(),
         Command::Plan(args) => args.run(),
@@ -35,6 +38,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(args) => args.run(),
         Command::Bench(args) => args.run(),
         Command::Cluster(args) => args.run(),
+        Command::EstimateEpsilon(args) => args.run(),
         Command::Eval(args) => args.run(),
         Command::Methods => pages::methods(),
         Command::Config => pages::config(),
@@ -49,6 +53,19 @@ pub(crate) fn main() -> ExitCode {
             ExitCode::from(error.code())
         }
     }
+}
+
+/// The arguments, with `--json -` as the `--json=-` that it means everywhere: where `--json` may stand alone, what
+/// follows it is an argument of its own.
+fn arguments() -> Vec<OsString> {
+    let mut arguments: Vec<OsString> = Vec::new();
+    for argument in std::env::args_os() {
+        match arguments.last_mut() {
+            Some(last) if last == "--json" && argument == "-" => last.push("=-"),
+            _ => arguments.push(argument),
+        }
+    }
+    arguments
 }
 
 /// Result of a command: its exit code.

@@ -2,20 +2,21 @@
 
 use std::path::PathBuf;
 
+use chainage::config::ConfigError;
 use chainage::run::{PlanFacts, Registries, plan_of};
 
 use crate::cli::drive_args::{Inputs, Settings};
-use crate::cli::exit::CliError;
+use crate::cli::print::JsonOutput;
+use crate::cli::print::{deliver, is_standard_output};
 use crate::cli::{Outcome, exit, info, print};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct PlanArgs {
     #[command(flatten)]
     inputs: Inputs,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
-    /// Draw tiles, axis and chainage marks
+    #[command(flatten)]
+    json: JsonOutput,
+    /// Draw tiles, axis and chainage marks (- for standard output)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     #[command(flatten)]
@@ -24,13 +25,15 @@ pub(crate) struct PlanArgs {
 
 impl PlanArgs {
     pub(crate) fn run(&self) -> Outcome {
+        if self.svg.as_deref().is_some_and(is_standard_output) && self.json.is_asked_for() {
+            let refused = ConfigError::value("--svg", "-", "a file when --json is given");
+            return Err(chainage::Error::from(refused).into());
+        }
         let config = self.settings.resolve(&[])?;
         let plan = plan_of(&self.inputs.files, &config, &Registries::default())?;
-        if let Some(path) = &self.svg {
-            std::fs::write(path, &plan.svg)
-                .map_err(|source| CliError::Write { target: path.display().to_string(), source })?;
+        if !deliver(self.svg.as_deref(), |to| to.write_all(plan.svg.as_bytes()))? {
+            self.json.show(&plan, || page(&plan))?;
         }
-        print::facts(&plan, self.json, page)?;
         Ok(exit::DONE)
     }
 }

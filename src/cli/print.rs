@@ -1,7 +1,7 @@
 //! Printing results to standard output: tables for people, JSON for scripts.
 
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use chainage::output::save;
 use serde::Serialize;
@@ -18,17 +18,28 @@ pub(crate) fn text(text: &str) -> Result<(), CliError> {
     to_standard_output(|out| out.write_all(text.as_bytes()))
 }
 
-/// Prints a value: as indented JSON, or as a page for people.
-pub(crate) fn facts<T: Serialize>(
-    facts: &T,
-    as_json: bool,
-    page: impl FnOnce(&T) -> String,
-) -> Result<(), CliError> {
-    if !as_json {
-        return text(&page(facts));
+/// Where a result goes as JSON, in commands that print a page.
+#[derive(Debug, clap::Args)]
+pub(crate) struct JsonOutput {
+    /// Print JSON instead of text, or write it to a file beside it: --json, --json=FILE (- for standard output)
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-")]
+    json: Option<PathBuf>,
+}
+
+impl JsonOutput {
+    /// Whether JSON goes anywhere.
+    pub(crate) fn is_asked_for(&self) -> bool {
+        self.json.is_some()
     }
-    let written = serde_json::to_string_pretty(facts).map_err(|error| CliError::stdout(error.into()))?;
-    text(&format!("{written}\n"))
+
+    /// Prints the page, unless JSON is printed; writes JSON to a file.
+    pub(crate) fn show(&self, value: &impl Serialize, page: impl FnOnce() -> String) -> Result<(), CliError> {
+        let printed = deliver(self.json.as_deref(), |to| {
+            serde_json::to_writer_pretty(&mut *to, value)?;
+            to.write_all(b"\n")
+        })?;
+        if printed { Ok(()) } else { text(&page()) }
+    }
 }
 
 /// Writes a result where it was asked for; whether that was standard output.

@@ -9,6 +9,7 @@ use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, run};
 
 use crate::cli::drive_args::{Inputs, Settings};
 use crate::cli::exit::CliError;
+use crate::cli::print::JsonOutput;
 use crate::cli::progress::{Progress, ProgressChoice};
 use crate::cli::{Outcome, exit, print};
 
@@ -36,9 +37,8 @@ struct Show {
     /// How progress is shown on standard error
     #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
     progress: ProgressChoice,
-    /// Print the summary as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOutput,
 }
 
 #[derive(Debug, clap::Args)]
@@ -81,7 +81,7 @@ impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&self.output.assignments())?;
         let summary = process(self.inputs.files.clone(), &self.out, config, self.fresh, self.show.progress)?;
-        print::facts(&summary, self.show.json, |summary| page(summary, &self.out))?;
+        self.show.json.show(&summary, || page(&summary, &self.out))?;
         Ok(exit::DONE)
     }
 }
@@ -103,7 +103,7 @@ fn process(
 }
 
 /// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume.
-fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
+pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
     let (cancel, asked) = (Arc::clone(cancel), AtomicBool::new(false));
     ctrlc::set_handler(move || {
         if asked.swap(true, Ordering::Relaxed) {
@@ -139,6 +139,16 @@ fn page(summary: &RunSummary, out: &Path) -> String {
         share(counts.low_noise + counts.high_noise),
         share(counts.object)
     ));
+    if let Some(found) = &summary.epsilon {
+        text.push_str(&format!(
+            "  epsilon {:.5} {}, estimated over {} points at k0 = {:.3} of K = {}\n",
+            found.estimate.epsilon,
+            found.unit,
+            print::count(found.estimate.curve.queries),
+            found.estimate.k0,
+            found.estimate.k
+        ));
+    }
     let rate = summary.points as f64 / summary.seconds.max(1e-9) / 1e6;
     text.push_str(&format!("  {:.1} s, {rate:.2} M points/s", summary.seconds));
     if let Some(peak) = summary.peak_resident_bytes {

@@ -6,17 +6,20 @@
 mod closeness;
 mod core_points;
 mod dbscan;
+mod dbscan_fields;
 mod density_peaks;
 mod euclidean;
+mod prepared;
 mod staged;
 
 use crate::config::ConfigError;
 use crate::error::AlgorithmError;
 use crate::model::{Lattice, Reach, TileCloud};
 
-pub use dbscan::{Dbscan, DbscanConfig, DbscanVariant};
+pub use dbscan::{Auto, Dbscan, DbscanConfig, DbscanVariant, Epsilon};
 pub use density_peaks::{DensityPeaks, DensityPeaksConfig};
 pub use euclidean::{Euclidean, EuclideanConfig};
+pub use prepared::{EpsilonConfig, Needs, PreparedClusterer};
 pub use staged::{DriveSource, Grouped, Labelled, Mapped, Stage, StagedClusterer, TilePoints, TileSource};
 
 /// A method that joins points to objects, tile by tile.
@@ -62,6 +65,8 @@ pub enum Method {
     Local(Box<dyn Clusterer>),
     /// In several passes with barriers.
     Staged(Box<dyn StagedClusterer>),
+    /// In one pass, once something is known of the whole drive.
+    Prepared(Box<dyn PreparedClusterer>),
 }
 
 impl Method {
@@ -71,15 +76,17 @@ impl Method {
         match self {
             Self::Local(method) => method.name(),
             Self::Staged(method) => method.name(),
+            Self::Prepared(method) => method.name(),
         }
     }
 
-    /// How far around a tile points are read.
+    /// How far around a tile points are read, where that is known before anything is known of the drive.
     #[must_use]
-    pub fn reach(&self, lattice: Lattice) -> Reach {
+    pub fn reach(&self, lattice: Lattice) -> Option<Reach> {
         match self {
-            Self::Local(method) => method.reach(lattice),
-            Self::Staged(method) => method.reach(lattice),
+            Self::Local(method) => Some(method.reach(lattice)),
+            Self::Staged(method) => Some(method.reach(lattice)),
+            Self::Prepared(_) => None,
         }
     }
 
@@ -89,6 +96,7 @@ impl Method {
         match self {
             Self::Local(method) => method.object_size(),
             Self::Staged(method) => method.object_size(),
+            Self::Prepared(method) => method.object_size(),
         }
     }
 }

@@ -45,11 +45,13 @@ pub(super) fn overlay(base: &mut Table, upper: Table) -> Result<(), ConfigError>
     Ok(())
 }
 
-/// `value`, if it has the type of the default; an integer may stand for a real number.
+/// `value`, if it has the type of the default; an integer may stand for a real number, and so may `auto`, which the
+/// section then accepts or not.
 fn same_type(key: &str, default: &Value, value: Value) -> Result<Value, ConfigError> {
     match (default, value) {
         #[expect(clippy::cast_precision_loss, reason = "settings are small numbers")]
         (Value::Float(_), Value::Integer(number)) => Ok(Value::Float(number as f64)),
+        (Value::Float(_), Value::String(text)) if text == "auto" => Ok(Value::String(text)),
         (default, value) if default.same_type(&value) => Ok(value),
         (default, value) => {
             let article = if default.is_integer() { "an" } else { "a" };

@@ -4,13 +4,13 @@
 //! threads and the order of records change nothing. With the quantum at 2^-40 of the largest distance, a mean is
 //! off by 5e-13 of that distance at most, and sums of squares have room for 2^48 points.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Bits of a distance: a quantum is at least the largest distance divided by 2^40.
 const DISTANCE_BITS: i32 = 40;
 
 /// Sums of distances to the k-th nearest neighbours, mergeable in any order.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CurveSums {
     /// Exponent of the quantum: 2^exponent.
     exponent: i32,
@@ -44,7 +44,8 @@ impl CurveSums {
         let per_quantum = f64::from(-self.exponent).exp2();
         self.queries += 1;
         for (sum, distance) in self.sums.iter_mut().zip(distances) {
-            let quanta = (distance * per_quantum).round() as u64;
+            // Half up, by cutting off: `round` is a function call where the processor may be an old one.
+            let quanta = (distance * per_quantum + 0.5) as u64;
             sum[0] += u128::from(quanta);
             sum[1] += u128::from(quanta) * u128::from(quanta);
         }
@@ -86,7 +87,7 @@ impl CurveSums {
 }
 
 /// Mean distance to the k-th nearest neighbour for k = 2, 3, ..., K; the point itself is k = 1.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     /// Points whose neighbours were looked for.
     pub queries: u64,

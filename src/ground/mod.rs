@@ -31,6 +31,29 @@ pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError>;
 }
 
+/// No filter: no point is ground. For drives whose ground has been removed already.
+#[derive(Debug, Clone, Copy)]
+pub struct NoGround;
+
+impl NoGround {
+    /// What stands in the place of a filter's name.
+    pub const NAME: &'static str = "none";
+}
+
+impl GroundFilter for NoGround {
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
+
+    fn reach(&self, _: Lattice) -> Reach {
+        Reach::Exact { metres: 0.0 }
+    }
+
+    fn classify(&self, _: &mut TileView<'_>, _: &mut [PointClass]) -> Result<(), AlgorithmError> {
+        Ok(())
+    }
+}
+
 /// One line of the registry.
 #[derive(Debug, Clone, Copy)]
 pub struct GroundEntry {

@@ -154,6 +154,16 @@ pub enum InputError {
         /// The system of the later file.
         other_crs: String,
     },
+    /// A field that a method asks for is not in the records.
+    #[error("{path} has no {field}: its point format is {point_format}", path = path.display())]
+    NoField {
+        /// The file.
+        path: PathBuf,
+        /// Its point format.
+        point_format: u8,
+        /// The field.
+        field: &'static str,
+    },
     /// The file changed while it was being used.
     #[error("{path} changed during the run: {before} before, {now} now", path = path.display())]
     Changed {
@@ -307,6 +317,9 @@ impl InputError {
             }
             Self::CrsDiffers { .. } => {
                 "reproject the files to one system, or process them as separate drives"
+            }
+            Self::NoField { .. } => {
+                "leave the field out of dbscan.fields (--fields), or the file out of the drive"
             }
             Self::Changed { .. } => {
                 "let nothing write to the inputs during a run; start again when the files are complete"

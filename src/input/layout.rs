@@ -3,6 +3,7 @@
 use super::header::{self, Header};
 use super::mapped::ByteSource;
 use super::vlr;
+use crate::model::Field;
 
 /// Bytes of one extra-bytes descriptor (LAS 1.4 R15, table 24).
 pub(crate) const DESCRIPTOR: usize = 192;
@@ -92,6 +93,25 @@ impl RecordLayout {
             fits = fits && layout.describe(&bytes, warnings);
         }
         layout
+    }
+
+    /// Where a field that is no coordinate is (u16), if the format has it.
+    #[must_use]
+    pub fn field(&self, field: Field) -> Option<usize> {
+        let red = match self.point_format {
+            2 => Some(20),
+            3 | 5 => Some(28),
+            7 | 8 | 10 => Some(30),
+            _ => None,
+        };
+        match field {
+            Field::X | Field::Y | Field::Z => None,
+            Field::Intensity => Some(self.intensity),
+            Field::Red => red,
+            Field::Green => red.map(|red| red + 2),
+            Field::Blue => red.map(|red| red + 4),
+            Field::Nir => matches!(self.point_format, 8 | 10).then_some(36),
+        }
     }
 
     /// The extra bytes after the last described dimension.

@@ -1,6 +1,6 @@
 //! The points of one tile as a structure of arrays, and the voxel grid they are looked at through.
 
-use crate::model::Lattice;
+use crate::model::{Field, Lattice};
 
 /// The points of one tile (or of a whole small cloud), in local lattice units.
 ///
@@ -20,13 +20,16 @@ pub struct TileCloud {
     pub z: Vec<i32>,
     /// Index of every point in the drive; unique.
     pub id: Vec<u64>,
+    /// Further fields of every point, where a method asked for them.
+    pub fields: Vec<(Field, Vec<u16>)>,
 }
 
 impl TileCloud {
     /// A cloud without points.
     #[must_use]
     pub fn empty(lattice: Lattice) -> Self {
-        Self { lattice, origin: [0; 3], x: Vec::new(), y: Vec::new(), z: Vec::new(), id: Vec::new() }
+        let (x, y, z, id, fields) = (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { lattice, origin: [0; 3], x, y, z, id, fields }
     }
 
     /// Number of points.
@@ -39,6 +42,12 @@ impl TileCloud {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.x.is_empty()
+    }
+
+    /// A further field of every point, if it is there.
+    #[must_use]
+    pub fn field(&self, field: Field) -> Option<&[u16]> {
+        self.fields.iter().find(|(name, _)| *name == field).map(|(_, values)| &values[..])
     }
 
     /// Lattice coordinates of point `index`.

@@ -48,6 +48,7 @@ impl<'a> Clustered<'a> {
                 }
                 Ok(Self::Staged(done, method))
             }
+            Method::Prepared(method) => Err(crate::Error::Bug(format!("{} was not prepared", method.name()))),
         }
     }
 

@@ -1,24 +1,28 @@
 //! The flow of a run: survey, plan, passes over tiles, stitching, export; each step a pass and its reduction.
 
+use crate::cluster::Method;
 use crate::codec;
 use crate::config::Config;
 use crate::error::Result;
+use crate::model::FieldSpace;
 use crate::output::LabelledFile;
 use crate::run::budget::Budget;
 use crate::run::clustered::{Clustered, Objects};
 use crate::run::drive::Drive;
 use crate::run::engine::{Engine, PassFigures};
 use crate::run::export_pass::ExportPass;
+use crate::run::fields_pass::StoredFields;
 use crate::run::finish::{self, Counts, Finished};
 use crate::run::ground_pass::{GroundPass, GroundPayload};
 use crate::run::methods::Chain;
 use crate::run::observe::Event;
+use crate::run::prepare::{self, DriveEpsilon, Setting};
 use crate::run::scatter_pass::{ScatterPass, Scattered};
 use crate::run::scene::Scene;
 use crate::run::survey_pass::SurveyPass;
 use crate::run::tiles::Tiles;
 use crate::run::{identity, inputs};
-use crate::store::PassDir;
+use crate::store::{Inputs, PassDir};
 use crate::survey::SurveyError;
 use crate::tiling::{Plan, TileSize};
 
@@ -32,6 +36,15 @@ pub(crate) struct Outcome {
     pub(crate) nothing_to_do: bool,
     /// What the clustering method has to say about its stages.
     pub(crate) stages: Option<serde_json::Value>,
+    /// What was estimated for it.
+    pub(crate) epsilon: Option<DriveEpsilon>,
+}
+
+/// What a method had to know of the whole drive.
+struct Known {
+    space: FieldSpace,
+    fields: Option<StoredFields>,
+    epsilon: Option<DriveEpsilon>,
 }
 
 /// A run under way.
@@ -55,7 +68,7 @@ impl<'a> Flow<'a> {
         Self { engine, passes: Vec::new(), config, drive, chain, budget }
     }
 
-    fn pass_dir(&self, folder: &str, inputs: crate::store::Inputs) -> PassDir {
+    fn pass_dir(&self, folder: &str, inputs: Inputs) -> PassDir {
         self.engine.run_dir.pass(folder, inputs)
     }
 
@@ -114,6 +127,50 @@ impl<'a> Flow<'a> {
         Ok(Some(pass.reduce(&dir)?))
     }
 
+    /// Tells ground and noise from objects.
+    fn ground(&mut self, tiles: &Tiles<'_>, inputs: &Inputs) -> Result<PassDir> {
+        let dir = self.pass_dir(inputs::GROUND, inputs.clone());
+        let pass = GroundPass {
+            tiles,
+            noise: self.chain.noise.as_ref(),
+            filter: &*self.chain.filter,
+            reach: self.chain.ground_reach,
+        };
+        self.passes.push(self.engine.execute(&pass, &dir)?);
+        Ok(dir)
+    }
+
+    /// What the method has to know of the whole drive, if anything, after the ground pass.
+    fn know(
+        &mut self,
+        scene: &Scene,
+        tiles: &Tiles<'_>,
+        ground: &Inputs,
+        ground_dir: &PassDir,
+    ) -> Result<Option<Known>> {
+        let Method::Prepared(method) = &self.chain.method else { return Ok(None) };
+        let (needs, passes) = (method.needs(), &mut self.passes);
+        let setting = Setting { engine: &self.engine, config: self.config, scene, ground };
+        let (space, fields) = prepare::field_space(&setting, passes, tiles, needs)?;
+        let mut epsilon = None;
+        if needs.epsilon {
+            let population = prepare::object_points(tiles, ground_dir)?;
+            let tiles = Tiles { fields: fields.as_ref(), ..*tiles };
+            epsilon = Some(prepare::estimate(&setting, passes, &tiles, needs, &space, population)?);
+        }
+        Ok(Some(Known { space, fields, epsilon }))
+    }
+
+    /// Ground and epsilon, and nothing after that.
+    pub(crate) fn estimate(&mut self, scene: &Scene, plan: &Plan) -> Result<Option<DriveEpsilon>> {
+        let mut tiles = Tiles::of(self.drive, plan, scene);
+        let scattered = self.scatter(scene, &tiles)?;
+        tiles.scattered = scattered.as_ref();
+        let ground = inputs::ground(scene, plan, self.config, self.chain);
+        let ground_dir = self.ground(&tiles, &ground)?;
+        Ok(self.know(scene, &tiles, &ground, &ground_dir)?.and_then(|known| known.epsilon))
+    }
+
     /// Ground, clusters, stitching, labelled files and tables.
     pub(crate) fn tiles_to_files(
         &mut self,
@@ -121,14 +178,15 @@ impl<'a> Flow<'a> {
         plan: &Plan,
         labelled: Vec<LabelledFile>,
     ) -> Result<Outcome> {
-        let (zones, lowest) = (&scene.survey.zones[..], scene.lowest());
-        let mut tiles = Tiles { drive: self.drive, plan, zones, lowest, scattered: None };
+        let mut tiles = Tiles::of(self.drive, plan, scene);
         let scattered = self.scatter(scene, &tiles)?;
         tiles.scattered = scattered.as_ref();
         let ground_inputs = inputs::ground(scene, plan, self.config, self.chain);
         let cluster_inputs = inputs::clusters(&ground_inputs, self.config, &self.chain.method);
         let export_inputs = inputs::export(&cluster_inputs, scene, self.config, &self.chain.method);
-        let ground_dir = self.pass_dir(inputs::GROUND, ground_inputs);
+        let ground_dir = self.ground(&tiles, &ground_inputs)?;
+        let known = self.know(scene, &tiles, &ground_inputs, &ground_dir)?;
+        tiles.fields = known.as_ref().and_then(|known| known.fields.as_ref());
         let folders: Vec<&str> = cluster_inputs.iter().map(|(folder, _)| folder.as_str()).collect();
         // Every method writes the labels of points to one place.
         self.engine.run_dir.keep_passes(inputs::CLUSTER, &folders)?;
@@ -136,21 +194,29 @@ impl<'a> Flow<'a> {
             cluster_inputs.into_iter().map(|(folder, inputs)| self.pass_dir(&folder, inputs)).collect();
         let export_dir = self.pass_dir(inputs::EXPORT, export_inputs);
 
-        let ground = GroundPass {
-            tiles: &tiles,
-            noise: self.chain.noise.as_ref(),
-            filter: &*self.chain.filter,
-            reach: self.chain.ground_reach,
+        let ready = match (&self.chain.method, &known) {
+            (Method::Prepared(method), Some(known)) => {
+                Some(prepare::ready(&**method, &tiles, &known.space, known.epsilon.as_ref())?)
+            }
+            _ => None,
         };
-        self.passes.push(self.engine.execute(&ground, &ground_dir)?);
-        let (method, reach) = (&self.chain.method, self.chain.cluster_reach);
+        let (method, reach) = ready
+            .as_ref()
+            .map_or((&self.chain.method, self.chain.cluster_reach), |(method, reach)| (method, *reach));
+        let epsilon = known.as_ref().and_then(|known| known.epsilon.clone());
         let clustered = Clustered::run(&self.engine, &mut self.passes, &tiles, method, reach, cluster_dirs)?;
 
         let payloads = (0..plan.tiles.len())
             .map(|tile| -> Result<GroundPayload> { codec::decode(&ground_dir.payload(tile)?) });
         let (counts, terrain) = finish::terrain(payloads, self.drive)?;
         if let Some(finished) = finish::already_finished(self.engine.run_dir, &export_dir)? {
-            return Ok(Outcome { counts, objects: finished.objects, nothing_to_do: true, stages: None });
+            return Ok(Outcome {
+                counts,
+                objects: finished.objects,
+                nothing_to_do: true,
+                stages: None,
+                epsilon,
+            });
         }
         let started = std::time::Instant::now();
         let Objects { stitched, figures, charts } = clustered.objects()?;
@@ -171,6 +237,7 @@ impl<'a> Flow<'a> {
         finish::write_charts(self.engine.run_dir, &charts)?;
         let finished = Finished { objects: stitched.objects.len(), files: export.names() };
         finish::mark_finished(self.engine.run_dir, &export_dir, &finished)?;
-        Ok(Outcome { counts, objects: stitched.objects.len(), nothing_to_do: false, stages: figures })
+        let objects = stitched.objects.len();
+        Ok(Outcome { counts, objects, nothing_to_do: false, stages: figures, epsilon })
     }
 }

@@ -1,7 +1,8 @@
 //! What each pass depends on, by name: the lists behind fingerprints and behind `status --why`.
 
-use crate::cluster::Method;
+use crate::cluster::{EpsilonConfig, Method, Needs};
 use crate::config::Config;
+use crate::model::Field;
 use crate::run::drive::Drive;
 use crate::run::methods::{Chain, with_section};
 use crate::run::scene::Scene;
@@ -10,6 +11,7 @@ use crate::tiling::Plan;
 
 pub(crate) const SURVEY: &str = "pass-00-survey";
 pub(crate) const SCATTER: &str = "pass-01-scatter";
+pub(crate) const FIELDS: &str = "pass-01-fields";
 pub(crate) const GROUND: &str = "pass-02-ground";
 pub(crate) const CLUSTER: &str = "pass-03-cluster";
 pub(crate) const EXPORT: &str = "pass-04-export";
@@ -48,16 +50,47 @@ pub(crate) fn ground(scene: &Scene, plan: &Plan, config: &Config, chain: &Chain)
     with_section(with_section(inputs, config, "noise"), config, &config.ground.method)
 }
 
+/// The pass over fields depends on the content of the input and on which fields they are.
+pub(crate) fn fields(scene: &Scene, fields: &[Field]) -> Inputs {
+    let names: Vec<&str> = fields.iter().map(|field| field.name()).collect();
+    Inputs::new()
+        .with("algorithm epoch", ALGORITHM_EPOCH)
+        .with("input content", format!("{:016x}", scene.content_digest()))
+        .with("fields", names.join(" "))
+}
+
+/// The curve over K neighbours depends on the ground pass, the fields, and on which points are asked; every K has a folder of
+/// its own.
+pub(crate) fn epsilon(
+    ground: &Inputs,
+    needs: &Needs,
+    settings: &EpsilonConfig,
+    k: usize,
+) -> (String, Inputs) {
+    let names: Vec<&str> = needs.fields.iter().map(|field| field.name()).collect();
+    let inputs = Inputs::new()
+        .with("pass ground", ground.fingerprint())
+        .with("fields", names.join(" "))
+        .with("weights", format!("{:?}", needs.weights))
+        .with("epsilon.max_queries", settings.max_queries)
+        .with("epsilon.seed", settings.seed);
+    (format!("pass-02-epsilon-{k}"), inputs)
+}
+
 /// The folder of each pass of the clustering method and what it depends on: one pass on the ground pass and all
 /// settings, stages on what is before them and their own settings.
 pub(crate) fn clusters(ground: &Inputs, config: &Config, method: &Method) -> Vec<(String, Inputs)> {
     let after = |inputs: &Inputs| Inputs::new().with("pass before", inputs.fingerprint());
     match method {
-        Method::Local(_) => {
+        Method::Local(_) | Method::Prepared(_) => {
             let inputs = Inputs::new()
                 .with("pass ground", ground.fingerprint())
                 .with("cluster.method", &config.cluster.method);
-            vec![(CLUSTER.to_owned(), with_section(inputs, config, &config.cluster.method))]
+            let mut inputs = with_section(inputs, config, &config.cluster.method);
+            if matches!(method, Method::Prepared(method) if method.needs().epsilon) {
+                inputs = with_section(inputs, config, "epsilon");
+            }
+            vec![(CLUSTER.to_owned(), inputs)]
         }
         Method::Staged(method) => {
             let settings = config.method_table(method.name());

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::cluster::Method;
 use crate::config::{Config, ConfigError};
 use crate::error::{Error, Result};
 use crate::input::{Catalog, InputOptions, LengthUnit};
@@ -221,13 +222,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let budget = Budget::resolve(&config.run);
     let scene = Scene::new(&drive, survey(&drive, budget.threads)?, config)?;
     let (_, plan) = scene.fit_plan(&drive, config, &chain, &budget);
-    let view = Tiles {
-        drive: &drive,
-        plan: &plan,
-        zones: &scene.survey.zones,
-        lowest: scene.lowest(),
-        scattered: None,
-    };
+    let view = Tiles::of(&drive, &plan, &scene);
     let mut read = 0;
     let tiles: Vec<TileFacts> = (0..plan.tiles.len())
         .map(|number| {
@@ -262,6 +257,12 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
             largest >> 20,
             budget.memory >> 20
         ));
+    }
+    if matches!(&chain.method, Method::Prepared(_)) {
+        warnings.push(
+            "the halo of the clusters is known once the drive is: that of the estimate stands for it"
+                .to_owned(),
+        );
     }
     let lattice = drive.lattice();
     let svg = crate::run::map::svg(&plan, &scene, lattice);

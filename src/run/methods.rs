@@ -2,9 +2,9 @@
 
 use crate::cluster::{self, ClusterEntry, Method};
 use crate::config::{self, Config, ConfigError};
-use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoiseConfig};
-use crate::model::Lattice;
-use crate::run::{cluster_pass, ground_pass, staged_pass};
+use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoGround, NoiseConfig};
+use crate::model::{Lattice, Reach};
+use crate::run::{cluster_pass, curve_pass, ground_pass, prepare, staged_pass};
 use crate::store::Inputs;
 use crate::tiling::Plan;
 
@@ -44,12 +44,7 @@ impl Chain {
     ) -> Result<Self, ConfigError> {
         let noise_config: NoiseConfig = config::section("noise", &config.method_table("noise"))?;
         let noise = IsolatedNoise::new(&noise_config)?;
-        let name = &config.ground.method;
-        let entry = registries.ground.iter().find(|entry| entry.name == name).ok_or_else(|| {
-            let known = registries.ground.iter().map(|entry| entry.name.to_owned()).collect();
-            ConfigError::UnknownMethod { kind: "ground filter", name: name.clone(), known }
-        })?;
-        let filter = (entry.build)(&config.method_table(name))?;
+        let filter = ground_filter(config, registries)?;
         let name = &config.cluster.method;
         let entry = registries.cluster.iter().find(|entry| entry.name == name).ok_or_else(|| {
             let known = registries.cluster.iter().map(|entry| entry.name.to_owned()).collect();
@@ -61,7 +56,9 @@ impl Chain {
         let units = |metres: f64| (metres * f64::from(lattice.units_per_m())).ceil() as i64;
         let verdicts = noise.height_reach(lattice).metres().max(filter.reach(lattice).metres());
         let ground_reach = units(noise.reach(lattice).metres()) + units(verdicts);
-        let cluster_reach = units(method.reach(lattice).metres());
+        prepare::epsilon_settings(config)?;
+        // What is estimated is not known yet: the halo that it is estimated with stands for it in the plan.
+        let cluster_reach = units(method.reach(lattice).map_or(curve_pass::HALO_M, Reach::metres));
         Ok(Self { noise: noise_config.enabled.then_some(noise), filter, method, ground_reach, cluster_reach })
     }
 
@@ -74,6 +71,7 @@ impl Chain {
         match self.method {
             Method::Local(_) => cluster_pass::BYTES_PER_POINT,
             Method::Staged(_) => staged_pass::BYTES_PER_POINT,
+            Method::Prepared(_) => curve_pass::BYTES_PER_POINT.max(cluster_pass::BYTES_PER_POINT),
         }
     }
 
@@ -88,6 +86,20 @@ impl Chain {
     pub(crate) fn largest_tile_bytes(&self, plan: &Plan) -> u64 {
         (0..plan.tiles.len()).map(|tile| self.tile_bytes(plan, tile)).max().unwrap_or(0)
     }
+}
+
+/// The ground filter that the configuration names.
+fn ground_filter(config: &Config, registries: &Registries<'_>) -> Result<Box<dyn GroundFilter>, ConfigError> {
+    let name = &config.ground.method;
+    if name == NoGround::NAME {
+        return Ok(Box::new(NoGround));
+    }
+    let entry = registries.ground.iter().find(|entry| entry.name == name).ok_or_else(|| {
+        let mut known: Vec<String> = registries.ground.iter().map(|entry| entry.name.to_owned()).collect();
+        known.push(NoGround::NAME.to_owned());
+        ConfigError::UnknownMethod { kind: "ground filter", name: name.clone(), known }
+    })?;
+    (entry.build)(&config.method_table(name))
 }
 
 /// Adds every setting of a section to what a pass depends on.

@@ -4,19 +4,24 @@
 mod budget;
 mod cluster_pass;
 mod clustered;
+mod curve_pass;
 mod drive;
 mod engine;
+mod estimate;
 mod export_pass;
+mod fields_pass;
 mod finish;
 mod floor;
 mod flow;
 mod ground_pass;
+mod held;
 mod identity;
 mod inputs;
 mod look;
 mod map;
 mod methods;
 mod observe;
+mod prepare;
 mod scatter_pass;
 mod scene;
 mod staged_pass;
@@ -39,11 +44,13 @@ use flow::Flow;
 use methods::Chain;
 
 pub use engine::{CancelToken, PassFigures};
+pub use estimate::{EstimateRequest, estimate_epsilon};
 pub use finish::Counts;
 pub use floor::{codec_floor, copy_floor, files_of};
 pub use look::{DriveFacts, FileFacts, PlanFacts, TileFacts, look_at, plan_of};
 pub use methods::Registries;
 pub use observe::{Event, Observer, Silent};
+pub use prepare::{Cost, DriveEpsilon};
 pub use scene::AxisFacts;
 pub use status::{PassStatus, RunStatus, status};
 
@@ -80,6 +87,9 @@ pub struct RunSummary {
     /// Figures of the stages of the clustering method, where it has stages and they were reduced by this call.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stages: Option<serde_json::Value>,
+    /// The epsilon that was estimated, with its curve, where the method asked for one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub epsilon: Option<DriveEpsilon>,
     /// Passes with their times.
     pub passes: Vec<PassFigures>,
     /// What the user should know.
@@ -130,6 +140,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         seconds: started.elapsed().as_secs_f64(),
         nothing_to_do: outcome.nothing_to_do,
         stages: outcome.stages,
+        epsilon: outcome.epsilon,
         passes: flow.passes,
         warnings,
         peak_resident_bytes: budget::peak_resident_bytes(),

@@ -13,7 +13,7 @@ use crate::run::look::open_catalog;
 use crate::run::methods::{Chain, Registries};
 use crate::run::scene::Scene;
 use crate::run::survey_pass::SurveyPass;
-use crate::run::{finish, inputs};
+use crate::run::{finish, inputs, prepare};
 use crate::store::{PassDir, RunDir, StaleReason, UnitState};
 use crate::tiling::TileSize;
 
@@ -94,9 +94,22 @@ pub fn status(
         let clusters = inputs::clusters(&ground, &config, &chain.method);
         let export = inputs::export(&clusters, &scene, &config, &chain.method);
         let tiles = Some(plan.tiles.len());
-        status.passes.push(pass_status("ground", &run_dir.pass(inputs::GROUND, ground), tiles)?);
+        status.passes.push(pass_status("ground", &run_dir.pass(inputs::GROUND, ground.clone()), tiles)?);
+        if let Method::Prepared(method) = &chain.method {
+            let needs = method.needs();
+            if !needs.fields.is_empty() {
+                let dir = run_dir.pass(inputs::FIELDS, inputs::fields(&scene, &needs.fields));
+                status.passes.push(pass_status("fields", &dir, Some(pass.units()))?);
+            }
+            if needs.epsilon {
+                let settings = prepare::epsilon_settings(&config)?;
+                let first = usize::try_from(settings.k).unwrap_or(usize::MAX);
+                let (folder, inputs) = inputs::epsilon(&ground, needs, &settings, first);
+                status.passes.push(pass_status("epsilon", &run_dir.pass(&folder, inputs), tiles)?);
+            }
+        }
         let names: Vec<&'static str> = match &chain.method {
-            Method::Local(_) => vec!["cluster"],
+            Method::Local(_) | Method::Prepared(_) => vec!["cluster"],
             Method::Staged(method) => method.stages().iter().map(|stage| stage.name).collect(),
         };
         for (name, (folder, inputs)) in names.into_iter().zip(clusters) {

@@ -3,11 +3,14 @@
 use crate::error::{Error, Result};
 use crate::model::{BlockZone, RecordView};
 use crate::run::drive::Drive;
+use crate::run::fields_pass::StoredFields;
 use crate::run::scatter_pass::{STRIDE, Scattered};
+use crate::run::scene::Scene;
 use crate::store::StoreError;
 use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region, Wanted};
 
 /// Tiles over a drive.
+#[derive(Clone, Copy)]
 pub(crate) struct Tiles<'a> {
     pub(crate) drive: &'a Drive,
     pub(crate) plan: &'a Plan,
@@ -17,6 +20,22 @@ pub(crate) struct Tiles<'a> {
     pub(crate) lowest: i64,
     /// The points grouped by tile, where the order of the records is bad.
     pub(crate) scattered: Option<&'a Scattered>,
+    /// Further fields of the points, where a method asked for them.
+    pub(crate) fields: Option<&'a StoredFields>,
+}
+
+impl<'a> Tiles<'a> {
+    /// The tiles of a plan, reading whole blocks.
+    pub(crate) fn of(drive: &'a Drive, plan: &'a Plan, scene: &'a Scene) -> Self {
+        Self {
+            drive,
+            plan,
+            zones: &scene.survey.zones,
+            lowest: scene.lowest(),
+            scattered: None,
+            fields: None,
+        }
+    }
 }
 
 impl Tiles<'_> {
@@ -63,15 +82,23 @@ impl Tiles<'_> {
     /// The points of a tile and of everything within `reach` of it that are `wanted`; classes are those that the
     /// ground pass has found.
     pub(crate) fn gather(&self, tile: usize, reach: i64, wanted: Wanted) -> Result<Gathered> {
+        self.gather_region(&self.plan.region(tile, reach), wanted)
+    }
+
+    /// The `wanted` points of a region.
+    pub(crate) fn gather_region(&self, region: &Region, wanted: Wanted) -> Result<Gathered> {
         self.drive.check_unchanged()?;
-        let region = self.plan.region(tile, reach);
-        let mut gatherer = Gatherer::new(&region, self.drive.lattice(), self.lowest, wanted);
+        let mut gatherer = Gatherer::new(region, self.drive.lattice(), self.lowest, wanted);
         let classified = wanted != Wanted::All;
         match self.scattered {
-            Some(scattered) => self.gather_groups(scattered, &region, &mut gatherer, classified)?,
-            None => self.gather_blocks(&region, &mut gatherer, classified)?,
+            Some(scattered) => self.gather_groups(scattered, region, &mut gatherer, classified)?,
+            None => self.gather_blocks(region, &mut gatherer, classified)?,
         }
-        Ok(gatherer.finish())
+        let mut gathered = gatherer.finish();
+        if let Some(fields) = self.fields {
+            gathered.cloud.fields = fields.of_points(self.drive, &gathered.cloud.id)?;
+        }
+        Ok(gathered)
     }
 
     fn gather_blocks(&self, region: &Region, gatherer: &mut Gatherer<'_>, classified: bool) -> Result<()> {

@@ -4,14 +4,17 @@
 //! (`core`), whose border points go to the nearest core point here, ties to the smaller row, so that the order of the
 //! rows does not decide.
 
-use std::num::NonZero;
-
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::epsilon::{Curve, CurveSums};
 use crate::model::DisjointSets;
+use crate::space::crowd::Neighbours;
 use crate::space::index::Index;
 use crate::space::{Points, SpaceError, labels};
+
+/// Leaves that a thread takes at once, some thousands of points.
+const LEAVES_AT_ONCE: usize = 256;
 
 /// What makes points a cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,18 +48,39 @@ impl Dbscan {
     /// # Errors
     /// [`SpaceError`] when the points cannot be indexed.
     pub fn cluster(&self, points: &Points) -> Result<(Vec<u32>, u32), SpaceError> {
-        let index = Index::new(points)?;
         let largest = if self.max_points == 0 { u64::MAX } else { self.max_points };
+        let rows: Vec<u64> = (0..points.len() as u64).collect();
+        let names = self.names(points, &vec![true; points.len()], &rows)?;
         Ok(match self.variant {
-            DbscanVariant::Size => {
-                let names = self.connected(&index, &vec![true; points.len()]);
-                labels::number(&names, &(self.min_points..=largest))
-            }
+            DbscanVariant::Size => labels::number(&names, &(self.min_points..=largest)),
+            DbscanVariant::Core => labels::number(&names, &(1..=largest)),
+        })
+    }
+
+    /// The same for a part of the points that is read with what is around it: sets of any size, and border points only
+    /// where they are `own`. `ids` break ties and order the labels.
+    ///
+    /// # Errors
+    /// [`SpaceError`] when the points cannot be indexed.
+    pub(crate) fn connected_sets(
+        &self,
+        points: &Points,
+        own: &[bool],
+        ids: &[u64],
+    ) -> Result<(Vec<u32>, u32), SpaceError> {
+        let names = self.names(points, own, ids)?;
+        Ok(labels::number_by_id(&names, ids))
+    }
+
+    fn names(&self, points: &Points, own: &[bool], ids: &[u64]) -> Result<Vec<Option<u32>>, SpaceError> {
+        let index = Index::new(points)?;
+        Ok(match self.variant {
+            DbscanVariant::Size => self.connected(&index, &vec![true; points.len()]),
             DbscanVariant::Core => {
                 let core = self.core_points(&index, points.len());
                 let mut names = self.connected(&index, &core);
-                self.adopt_border(&index, &core, &mut names);
-                labels::number(&names, &(1..=largest))
+                self.adopt_border(&index, &core, own, ids, &mut names);
+                names
             }
         })
     }
@@ -84,16 +108,24 @@ impl Dbscan {
         (0..members.len()).map(|point| members[point].then(|| sets.find(as_u32(point)))).collect()
     }
 
-    /// Gives border points the name of their nearest core point.
-    fn adopt_border(&self, index: &Index<'_>, core: &[bool], names: &mut [Option<u32>]) {
-        for point in (0..core.len()).filter(|&point| !core[point]) {
-            let mut nearest: Option<(f64, usize)> = None;
+    /// Gives border points the name of their nearest core point, where they are `own`.
+    fn adopt_border(
+        &self,
+        index: &Index<'_>,
+        core: &[bool],
+        own: &[bool],
+        ids: &[u64],
+        names: &mut [Option<u32>],
+    ) {
+        for point in (0..core.len()).filter(|&point| !core[point] && own[point]) {
+            let mut nearest: Option<(f64, u64, usize)> = None;
             index.within(point, self.epsilon, |other, squared| {
-                if core[other] && nearest.is_none_or(|best| (squared, other) < best) {
-                    nearest = Some((squared, other));
+                let candidate = (squared, ids[other], other);
+                if core[other] && nearest.is_none_or(|best| candidate < best) {
+                    nearest = Some(candidate);
                 }
             });
-            names[point] = nearest.and_then(|(_, other)| names[other]);
+            names[point] = nearest.and_then(|(_, _, other)| names[other]);
         }
     }
 }
@@ -103,17 +135,26 @@ impl Dbscan {
 /// # Errors
 /// [`SpaceError`] when the points cannot be indexed.
 pub fn neighbour_curve(points: &Points, k: usize) -> Result<Curve, SpaceError> {
-    let index = Index::new(points)?;
     let k = k.min(points.len());
-    let mut sums = CurveSums::new(k, points.diagonal());
-    let mut distances = Vec::new();
-    if let Some(count) = NonZero::new(k) {
-        for point in 0..points.len() {
-            index.nearest(point, count, &mut distances);
-            sums.add(distances.iter().copied());
-        }
+    let population = points.len() as u64;
+    let none = CurveSums::new(k, points.diagonal());
+    if k == 0 {
+        return Ok(none.curve(population));
     }
-    Ok(sums.curve(points.len() as u64))
+    let neighbours = Neighbours::new(points)?;
+    let part = |leaves: &[u32]| {
+        let mut sums = none.clone();
+        neighbours.each_nearest(leaves, k, &|_| true, &mut |_, squared| {
+            sums.add(squared[1..].iter().map(|&bits| f64::from_bits(bits).sqrt()));
+        });
+        sums
+    };
+    let add = |mut sums: CurveSums, more: CurveSums| {
+        sums.merge(&more);
+        sums
+    };
+    let sums = neighbours.leaves().par_chunks(LEAVES_AT_ONCE).map(part).reduce(|| none.clone(), add);
+    Ok(sums.curve(population))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "Points holds at most 2^32 - 1 points")]

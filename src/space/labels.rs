@@ -24,6 +24,27 @@ pub(super) fn number(names: &[Option<u32>], size: &RangeInclusive<u64>) -> (Vec<
     (labels, clusters)
 }
 
+/// The same with all clusters, in the order of the smallest of the `ids` of their points.
+pub(super) fn number_by_id(names: &[Option<u32>], ids: &[u64]) -> (Vec<u32>, u32) {
+    let slots = names.iter().flatten().max().map_or(0, |&name| name as usize + 1);
+    let mut smallest = vec![u64::MAX; slots];
+    for (name, &id) in names.iter().zip(ids) {
+        if let Some(name) = *name {
+            smallest[name as usize] = smallest[name as usize].min(id);
+        }
+    }
+    let mut order: Vec<(u64, usize)> =
+        smallest.into_iter().zip(0..).filter(|(id, _)| *id != u64::MAX).collect();
+    order.sort_unstable();
+    let mut label_of = vec![0_u32; slots];
+    let mut clusters = 0;
+    for (_, name) in order {
+        clusters += 1;
+        label_of[name] = clusters;
+    }
+    (names.iter().map(|name| name.map_or(0, |name| label_of[name as usize])).collect(), clusters)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -34,5 +55,7 @@ mod tests {
         assert_eq!(number(&names, &(1..=u64::MAX)), (vec![0, 1, 2, 1, 3, 2, 1], 3));
         assert_eq!(number(&names, &(2..=2)), (vec![0, 0, 1, 0, 0, 1, 0], 1));
         assert_eq!(number(&[], &(1..=9)), (vec![], 0));
+        assert_eq!(number_by_id(&names, &[9, 8, 7, 6, 5, 4, 3]), (vec![0, 1, 2, 1, 3, 2, 1], 3));
+        assert_eq!(number_by_id(&names, &[9, 8, 7, 6, 1, 4, 9]), (vec![0, 3, 2, 3, 1, 2, 3], 3));
     }
 }

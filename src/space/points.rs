@@ -49,6 +49,12 @@ impl Points {
         self.values.is_empty()
     }
 
+    /// The numbers of a point.
+    #[must_use]
+    pub fn row(&self, point: usize) -> &[f64] {
+        &self.values[point * self.dimensions..(point + 1) * self.dimensions]
+    }
+
     /// All points in order.
     pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
         self.values.chunks_exact(self.dimensions)
@@ -57,8 +63,7 @@ impl Points {
     /// Squared distance of two points: squares added in the order of the dimensions, so that every way to compute it
     /// gives the same bits.
     pub(super) fn distance_squared(&self, a: usize, b: usize) -> f64 {
-        let row = |point: usize| &self.values[point * self.dimensions..(point + 1) * self.dimensions];
-        row(a).iter().zip(row(b)).map(|(p, q)| (p - q) * (p - q)).sum()
+        self.row(a).iter().zip(self.row(b)).map(|(p, q)| (p - q) * (p - q)).sum()
     }
 
     /// Length of the diagonal of the bounding box: no distance is larger.
@@ -80,8 +85,11 @@ impl Points {
     pub fn standardise(&mut self, weights: &[f64]) -> Result<(), SpaceError> {
         let count = self.len() as f64;
         for axis in 0..self.dimensions {
-            let mean = self.rows().map(|row| row[axis]).sum::<f64>() / count;
-            let squares = self.rows().map(|row| (row[axis] - mean).powi(2)).sum::<f64>();
+            // Sums in ascending order, so that the order of the rows does not change them.
+            let mut values: Vec<f64> = self.rows().map(|row| row[axis]).collect();
+            values.sort_unstable_by(f64::total_cmp);
+            let mean = values.iter().sum::<f64>() / count;
+            let squares = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
             let deviation = (squares / (count - 1.0)).sqrt();
             if deviation.is_nan() || deviation <= 0.0 {
                 return Err(SpaceError::NoSpread { dimension: axis + 1 });
@@ -111,6 +119,15 @@ mod tests {
         let mut points = Points::new(2, vec![1.0, 20.0, 2.0, 40.0, 3.0, 60.0]).unwrap();
         points.standardise(&[1.0, 0.5]).unwrap();
         assert_eq!(points.values, [-1.0, -0.5, 0.0, 0.0, 1.0, 0.5]);
+        // In another order the same bits.
+        let rows = [0.1, 0.7, 0.2, 1e9, 0.3, -3.3, 0.4, 1e-9];
+        let scaled = |order: [usize; 4]| {
+            let values = order.iter().flat_map(|&row| rows[2 * row..2 * row + 2].to_vec()).collect();
+            let mut points = Points::new(2, values).unwrap();
+            points.standardise(&[]).unwrap();
+            order.iter().position(|&row| row == 0).map(|at| points.row(at).to_vec())
+        };
+        assert_eq!(scaled([0, 1, 2, 3]), scaled([3, 1, 0, 2]));
         let mut flat = Points::new(2, vec![1.0, 7.0, 2.0, 7.0]).unwrap();
         assert_eq!(flat.standardise(&[]), Err(SpaceError::NoSpread { dimension: 2 }));
     }

@@ -125,6 +125,12 @@ impl Plan {
         &self.owner
     }
 
+    /// Points in a cell.
+    #[must_use]
+    pub fn points_of(&self, cell: Cell) -> u32 {
+        self.occupancy.get(cell)
+    }
+
     /// Points that tile number `tile` reads with a reach of `reach` lattice units.
     #[must_use]
     pub fn region_points(&self, tile: usize, reach: i64) -> u64 {
@@ -176,6 +182,18 @@ impl Plan {
                 }
             }
         }
+        self.members(members, roles)
+    }
+
+    /// What reading some cells means, whoever owns them; none of them is a core.
+    #[must_use]
+    pub fn region_of(&self, cells: Vec<Cell>) -> Region {
+        let mut roles = CellMap::<u8>::default();
+        cells.iter().for_each(|&cell| *roles.entry(cell) = Region::HALO);
+        self.members(cells, roles)
+    }
+
+    fn members(&self, mut members: Vec<Cell>, roles: CellMap<u8>) -> Region {
         members.sort_unstable();
         let mut tiles: Vec<u32> =
             members.iter().map(|cell| self.owner.get(*cell).saturating_sub(1)).collect();

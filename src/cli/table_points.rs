@@ -1,0 +1,57 @@
+//! The rows of a table as points: which columns, and whether they are standardised; and epsilon over them.
+
+use std::path::Path;
+
+use chainage::config::ConfigError;
+use chainage::epsilon::{self, Attempt, Estimate};
+use chainage::space::{Points, neighbour_curve};
+use chainage::table::Table;
+
+/// A table and the points that its rows are.
+pub(crate) struct TablePoints {
+    pub(crate) table: Table,
+    /// The columns that are the coordinates.
+    pub(crate) columns: Vec<usize>,
+    pub(crate) points: Points,
+}
+
+impl TablePoints {
+    /// Reads a table; `columns` by name or number, all numeric ones where none are named. With weights (one per column, or
+    /// none for all 1) columns are standardised.
+    pub(crate) fn read(
+        path: &Path,
+        header: bool,
+        columns: &[String],
+        weights: Option<&[f64]>,
+    ) -> chainage::Result<Self> {
+        let table = Table::read(path, header)?;
+        let columns = if columns.is_empty() { table.numeric_columns()? } else { table.columns(columns)? };
+        let given = weights.map_or(0, <[f64]>::len);
+        if given != 0 && given != columns.len() {
+            let expected = format!("one weight for each of {} columns", columns.len());
+            return Err(ConfigError::value("--weights", format!("{given} weights"), expected).into());
+        }
+        let mut points = Points::new(columns.len(), table.values(&columns)?)?;
+        if let Some(weights) = weights {
+            points.standardise(weights)?;
+        }
+        Ok(Self { table, columns, points })
+    }
+}
+
+/// Whether the name of a file is that of a table.
+pub(crate) fn is_table(path: &Path) -> bool {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    matches!(extension.as_deref(), Some("csv" | "txt" | "tsv"))
+}
+
+/// Estimates epsilon, with `first` neighbours or as many more as it takes.
+pub(crate) fn estimate(points: &Points, first: usize) -> chainage::Result<Estimate> {
+    let mut k = first;
+    loop {
+        match epsilon::estimate(neighbour_curve(points, k)?, first, points.len() as u64)? {
+            Attempt::Found(estimate) => return Ok(*estimate),
+            Attempt::Longer(longer) => k = longer,
+        }
+    }
+}

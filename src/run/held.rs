@@ -1,0 +1,191 @@
+//! Which cells of the drive have been looked at for a set of points, and how far around a cell that is everything there is.
+//!
+//! A neighbour at a known distance is certain when no occupied cell that has not been looked at is nearer. Distances
+//! between cells are those of their borders, so that no point of another cell is nearer than they say.
+
+use std::collections::BTreeMap;
+
+use crate::model::{Cell, CellMap};
+use crate::tiling::{Plan, Region};
+
+/// Rings of cells that are looked at around a cell before the list of all cells is.
+const RINGS: i32 = 48;
+/// Largest extent of the cells that are read at once, in lattice units: as for the core of a tile.
+const EXTENT_UNITS: i64 = 60_000_000;
+
+/// The cells that have been looked at.
+pub(crate) struct Held<'a> {
+    plan: &'a Plan,
+    /// All occupied cells with their points, ascending.
+    occupied: &'a [(Cell, u32)],
+    base: &'a CellMap<u8>,
+    added: CellMap<u8>,
+    /// Distances that have been asked for.
+    known: BTreeMap<Cell, i64>,
+}
+
+impl<'a> Held<'a> {
+    /// Everything in a region has been looked at.
+    pub(crate) fn of(plan: &'a Plan, occupied: &'a [(Cell, u32)], region: &'a Region) -> Self {
+        Self { plan, occupied, base: &region.roles, added: CellMap::default(), known: BTreeMap::new() }
+    }
+
+    fn is_missing(&self, cell: Cell) -> bool {
+        self.base.get(cell) == 0 && self.added.get(cell) == 0 && self.plan.owners().get(cell) != 0
+    }
+
+    fn gap_squared(&self, by: [i64; 2]) -> i128 {
+        let gap = |steps: i64| i128::from((steps.abs() - 1).max(0)) * i128::from(self.plan.grid().edge());
+        gap(by[0]).pow(2) + gap(by[1]).pow(2)
+    }
+
+    fn between(&self, a: Cell, b: Cell) -> i128 {
+        self.gap_squared([0, 1].map(|k| i64::from(a[k]) - i64::from(b[k])))
+    }
+
+    /// Distance in lattice units within which everything around any point of `cell` has been looked at.
+    pub(crate) fn clear_around(&mut self, cell: Cell) -> i64 {
+        if let Some(&distance) = self.known.get(&cell) {
+            return distance;
+        }
+        let distance = self.find_missing(cell);
+        self.known.insert(cell, distance);
+        distance
+    }
+
+    fn find_missing(&self, cell: Cell) -> i64 {
+        let mut least = None::<i128>;
+        for ring in 0..=RINGS {
+            // No cell of this ring or further out is nearer than that.
+            let ring_gap = self.gap_squared([i64::from(ring), 0]);
+            if let Some(least) = least.filter(|&least| least <= ring_gap) {
+                return root(least);
+            }
+            for step in -ring..=ring {
+                for by in [[-ring, step], [ring, step], [step, -ring], [step, ring]] {
+                    if self.is_missing([cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])]) {
+                        let squared = self.gap_squared(by.map(i64::from));
+                        least = Some(least.map_or(squared, |least| least.min(squared)));
+                    }
+                }
+            }
+        }
+        let far = self.occupied.iter().filter(|(other, _)| self.is_missing(*other));
+        far.map(|(other, _)| self.between(cell, *other)).min().map_or(i64::MAX, root)
+    }
+
+    /// Occupied cells that have not been looked at and lie within a distance of some cell, ascending; `around` has
+    /// cells and distances in lattice units.
+    pub(crate) fn missing_within(&self, around: &BTreeMap<Cell, i64>) -> Vec<(Cell, u32)> {
+        let farthest = around.values().copied().max().unwrap_or(0);
+        let near =
+            |other: Cell, cell: Cell, reach: i64| self.between(cell, other) <= i128::from(reach).pow(2);
+        if farthest / self.plan.grid().edge() > i64::from(RINGS) {
+            let wanted = |(other, _): &&(Cell, u32)| {
+                self.is_missing(*other) && around.iter().any(|(cell, reach)| near(*other, *cell, *reach))
+            };
+            return self.occupied.iter().filter(wanted).copied().collect();
+        }
+        let disc = self.plan.grid().disc(farthest);
+        let mut found = Vec::new();
+        for (&cell, &reach) in around {
+            for by in &disc {
+                let other = [cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])];
+                if self.is_missing(other) && near(other, cell, reach) {
+                    found.push((other, self.plan.points_of(other)));
+                }
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// These cells have been looked at now.
+    pub(crate) fn add(&mut self, cells: &[(Cell, u32)]) {
+        for (cell, _) in cells {
+            *self.added.entry(*cell) = Region::HALO;
+        }
+        self.known.clear();
+    }
+
+    /// Cells cut into pieces of about `most` points that can be read at once.
+    pub(crate) fn pieces(&self, cells: &[(Cell, u32)], most: u64) -> Vec<Vec<Cell>> {
+        let mut pieces: Vec<Vec<Cell>> = Vec::new();
+        let (mut points, mut lo, mut hi) = (0, [0; 2], [0; 2]);
+        for &(cell, count) in cells {
+            let grown = [0, 1].map(|k| (cell[k].min(lo[k]), cell[k].max(hi[k])));
+            let extent = |(lo, hi): (i32, i32)| (i64::from(hi) - i64::from(lo)) * self.plan.grid().edge();
+            points += u64::from(count);
+            match pieces.last_mut() {
+                Some(piece) if points <= most && grown.iter().all(|&ends| extent(ends) < EXTENT_UNITS) => {
+                    piece.push(cell);
+                    (lo, hi) = (grown.map(|ends| ends.0), grown.map(|ends| ends.1));
+                }
+                _ => {
+                    pieces.push(vec![cell]);
+                    (points, lo, hi) = (u64::from(count), cell, cell);
+                }
+            }
+        }
+        pieces
+    }
+}
+
+/// The root of a squared distance, downwards; distances are whole, so that nothing within an asked one is forgotten.
+fn root(squared: i128) -> i64 {
+    i64::try_from(squared.isqrt()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::CellGrid;
+    use crate::tiling::{PlanRequest, TileSize};
+
+    fn plan(cells: &[(Cell, u32)]) -> Plan {
+        let chainage_m: Vec<f64> = cells.iter().map(|(cell, _)| f64::from(cell[0])).collect();
+        let size = TileSize::Metres(10.0);
+        Plan::new(&PlanRequest { cells, chainage_m: &chainage_m, grid: CellGrid::new(1_000), size })
+    }
+
+    #[test]
+    fn clear_is_what_lies_before_the_nearest_cell_not_looked_at() {
+        let mut cells: Vec<(Cell, u32)> = (0..40).map(|i| ([i, 0], 5)).collect();
+        cells.push(([400, 0], 1));
+        let plan = plan(&cells);
+        // Cells 10 to 19 and, two metres further, 8 to 21 and those touching them (border to border 2 m): 7 and 22.
+        let region = plan.region(1, 2_000);
+        let mut held = Held::of(&plan, &cells, &region);
+        assert_eq!([10, 15, 19].map(|i| held.clear_around([i, 0])), [3_000, 7_000, 3_000]);
+        let around = BTreeMap::from([([19, 0], 4_000)]);
+        assert_eq!(held.missing_within(&around), [([23, 0], 5), ([24, 0], 5)]);
+        held.add(&cells[23..25]);
+        assert_eq!(held.clear_around([19, 0]), 5_000);
+        let all = held.missing_within(&BTreeMap::from([([19, 0], 1_000_000)]));
+        assert_eq!(all.len(), 7 + 15 + 1);
+        held.add(&all[..22]);
+        assert_eq!(held.clear_around([19, 0]), 380_000);
+        held.add(&all);
+        assert_eq!(held.clear_around([19, 0]), i64::MAX);
+        // Over the corner: what was not within reach is further away than reach.
+        let corner = [([0, 0], 1), ([20, 20], 1)];
+        let plan = self::plan(&corner);
+        let region = plan.region(0, 1_000);
+        let mut held = Held::of(&plan, &corner, &region);
+        let clear = held.clear_around([0, 0]);
+        assert_eq!(clear, 26_870);
+        assert!(held.missing_within(&BTreeMap::from([([0, 0], clear)])).is_empty());
+        assert_eq!(held.missing_within(&BTreeMap::from([([0, 0], clear + 1)])).len(), 1);
+    }
+
+    #[test]
+    fn pieces_hold_about_so_many_points() {
+        let all: Vec<(Cell, u32)> = (0..23).map(|i| ([i, 0], 5)).collect();
+        let plan = plan(&all);
+        let region = plan.region(0, 0);
+        let held = Held::of(&plan, &all, &region);
+        let sizes: Vec<usize> = held.pieces(&all, 50).iter().map(Vec::len).collect();
+        assert_eq!(sizes, [10, 10, 3]);
+    }
+}
