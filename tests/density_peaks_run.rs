@@ -152,3 +152,28 @@ fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
     }
     assert!(run_in(&out, &base).nothing_to_do);
 }
+
+#[test]
+fn every_configuration_that_ships_is_accepted_and_says_what_the_defaults_are() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
+    let mut seen = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        // Names of classes, for `eval`.
+        if name == "classes.toml" {
+            continue;
+        }
+        let config = Config::resolve(Some(&path), &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
+        for entry in chainage::cluster::REGISTRY {
+            (entry.build)(&config.method_table(entry.name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        }
+        if name == "density-peaks.toml" {
+            let default = Config::resolve(None, &["cluster.method=density-peaks".to_owned()]).unwrap();
+            assert_eq!(config.to_json(), default.to_json());
+        }
+        seen.push(name);
+    }
+    seen.sort_unstable();
+    assert_eq!(seen, ["default.toml", "dense-trees.toml", "density-peaks.toml"]);
+}
