@@ -4,13 +4,17 @@ use crate::cluster::Clusterer;
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::run::engine::Pass;
+use crate::run::fields_pass::StoredFields;
 use crate::run::tiles::Tiles;
 use crate::stitch::{LocalLabels, Stitched, Stitcher};
 use crate::store::{PassDir, StoreError};
 use crate::tiling::Wanted;
 
-/// Bytes per object point that a tile of this pass needs at its peak, estimated from the sizes of its columns.
-pub(crate) const BYTES_PER_POINT: u64 = 88;
+/// Bytes per object point that a tile of this pass needs at its peak, estimated from the sizes of its columns; in a space
+/// of so many fields (0: none beside coordinates) the places of the points and a tree come on top.
+pub(crate) fn bytes_per_point(fields: usize) -> u64 {
+    88 + 32 * fields as u64
+}
 
 pub(crate) struct ClusterPass<'a> {
     pub(crate) tiles: &'a Tiles<'a>,
@@ -33,7 +37,8 @@ impl Pass for ClusterPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        self.tiles.plan.region_points(unit, self.reach) * BYTES_PER_POINT
+        self.tiles.plan.region_points(unit, self.reach)
+            * bytes_per_point(self.tiles.fields.map_or(0, StoredFields::dimensions))
     }
 
     fn prefetch(&self, unit: usize) {
