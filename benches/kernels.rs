@@ -1,4 +1,5 @@
-//! Time per point of the kernels, one thread: voxels, isolated noise, ground, clusters, object parts.
+//! Time per point of the kernels, one thread: voxels, isolated noise, ground, clusters, object parts; and of the curve
+//! that epsilon is estimated from (K = 40, tree included), on all cores (`RAYON_NUM_THREADS=1` for one).
 //!
 //! `CHAINAGE_BENCH_FILE=scan.laz cargo bench --bench kernels` takes the points of that file; without it, a
 //! synthetic street of 1.2 million points in the order of a profile scanner. Throughput is per point *given to
@@ -11,8 +12,10 @@
 use std::hint::black_box;
 
 use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant, Euclidean, EuclideanConfig};
+use chainage::epsilon::FIRST_K;
 use chainage::ground::{IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
 use chainage::model::{ObjectPart, PointClass, TileCloud, VoxelIndex};
+use chainage::space::{Points, neighbour_curve};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
 use common::{AnyError, classify, objects};
@@ -88,6 +91,11 @@ fn run(criterion: &mut Criterion) -> Result<(), AnyError> {
             bencher.iter(|| method.cluster(black_box(&objects), &mut labels))
         });
     }
+    let xyz = |at: usize| objects.lattice_point(at).map(|value| value as f64 / 1_000.0);
+    let points = Points::new(3, (0..objects.len()).flat_map(xyz).collect())?;
+    group.bench_function("curve", |bencher| {
+        bencher.iter(|| neighbour_curve(black_box(&points), FIRST_K).map(|curve| curve.queries))
+    });
     // As if the points came from two files.
     let half = cloud.len() as u64 / 2;
     let parts =

@@ -156,7 +156,6 @@ fn the_curve_is_that_of_the_whole_cloud_however_it_is_cut() {
     let test = std::cell::RefCell::new(test);
     let config = ProptestConfig { cases: 48, ..ProptestConfig::default() };
     TestRunner::new(config).run(&cases(), |case| (test.borrow_mut())(case)).unwrap();
-    drop(test);
     assert!(asked > 0, "no point asked for more: the test does not see it");
 }
 
@@ -342,6 +341,15 @@ fn only_what_depends_on_a_change_is_estimated_again() {
     };
     assert_eq!(counts(&[]), [true, true, true]);
     assert_eq!(counts(&["--threads", "3"]), [false, false, false]);
+    let status = program().args(["status", "--json"]).arg(&out).output().expect("starts");
+    let status: serde_json::Value = serde_json::from_slice(&status.stdout).expect("JSON");
+    let row = status["passes"]
+        .as_array()
+        .expect("passes")
+        .iter()
+        .find(|pass| pass["pass"] == "epsilon")
+        .expect("a row");
+    assert_eq!((&status["finished"], &row["done"], &row["stale"]), (&true.into(), &row["units"], &0.into()));
     assert_eq!(counts(&["--set", "dbscan.min_points=9"]), [false, false, true]);
     assert_eq!(counts(&["--set", "epsilon.max_queries=500"]), [false, true, true]);
     assert_eq!(counts(&["--set", "epsilon.seed=8"]), [false, true, true]);

@@ -5,14 +5,18 @@ use crate::codec;
 use crate::error::{Error, Result};
 use crate::run::drive::sync_columns;
 use crate::run::engine::Pass;
+use crate::run::fields_pass::StoredFields;
 use crate::run::tiles::Tiles;
 use crate::stitch::{LocalLabels, Stitched, Stitcher};
 use crate::store::{PassDir, StoreError};
 use crate::tiling::Wanted;
 
 /// Bytes per point that a tile of this pass needs at its peak: `scripts/tile_memory.py` measured 25 to 50 on streets and 93 in
-/// a forest, where nearly all points are of objects.
-pub(crate) const BYTES_PER_POINT: u64 = 96;
+/// a forest, where nearly all points are of objects. In a space of so many fields (0: none beside coordinates) the places of
+/// the points and a tree come on top, estimated from their sizes.
+pub(crate) fn bytes_per_point(fields: usize) -> u64 {
+    96 + 32 * fields as u64
+}
 
 pub(crate) struct ClusterPass<'a> {
     pub(crate) tiles: &'a Tiles<'a>,
@@ -35,7 +39,8 @@ impl Pass for ClusterPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        self.tiles.plan.region_points(unit, self.reach) * BYTES_PER_POINT
+        self.tiles.plan.region_points(unit, self.reach)
+            * bytes_per_point(self.tiles.fields.map_or(0, StoredFields::dimensions))
     }
 
     fn prefetch(&self, unit: usize) {

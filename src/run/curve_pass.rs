@@ -22,9 +22,13 @@ use crate::space::{Neighbours, Points};
 use crate::store::PassDir;
 use crate::tiling::Wanted;
 
-/// Bytes per point that a tile of this pass needs at its peak: 28 of the cloud, 24 and 32 of its places while the tree
-/// is built (three dimensions), and what it reads for points that ask for more; estimated from these sizes.
-pub(crate) const BYTES_PER_POINT: u64 = 120;
+/// Bytes per point that a tile of this pass needs at its peak with so many fields: 29 of the cloud, 8 per field of its
+/// places, 8 per field and 8 while the tree is built, and what is read for points that ask for more; estimated from these
+/// sizes.
+pub(crate) fn bytes_per_point(fields: usize) -> u64 {
+    60 + 20 * fields as u64
+}
+
 /// Halo of this pass in metres: most points of a street have their 40 nearest neighbours within it (chosen; the share
 /// that asks for more is reported).
 pub(crate) const HALO_M: f64 = 2.0;
@@ -224,7 +228,7 @@ impl Pass for CurvePass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        self.tiles.plan.region_points(unit, self.halo()) * BYTES_PER_POINT
+        self.tiles.plan.region_points(unit, self.halo()) * bytes_per_point(self.space.axes.len())
     }
 
     fn prefetch(&self, unit: usize) {

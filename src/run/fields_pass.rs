@@ -16,6 +16,8 @@ const PAGE: u64 = 65_536;
 /// Columns of further fields.
 #[derive(Debug)]
 pub(crate) struct StoredFields {
+    /// Fields in all, coordinates among them.
+    dimensions: usize,
     /// For each field a column per file.
     columns: Vec<(Field, Vec<Column<u16>>)>,
 }
@@ -39,7 +41,12 @@ impl StoredFields {
             }
             columns.push((field, files));
         }
-        Ok(Self { columns })
+        Ok(Self { dimensions: fields.len(), columns })
+    }
+
+    /// Fields in all, coordinates among them.
+    pub(crate) fn dimensions(&self) -> usize {
+        self.dimensions
     }
 
     /// The fields of points by their ids, which ascend mostly.

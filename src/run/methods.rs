@@ -68,10 +68,13 @@ impl Chain {
     }
 
     fn cluster_bytes_per_point(&self) -> u64 {
-        match self.method {
-            Method::Local(_) => cluster_pass::BYTES_PER_POINT,
+        match &self.method {
+            Method::Local(_) => cluster_pass::bytes_per_point(0),
             Method::Staged(_) => staged_pass::BYTES_PER_POINT,
-            Method::Prepared(_) => curve_pass::BYTES_PER_POINT.max(cluster_pass::BYTES_PER_POINT),
+            Method::Prepared(method) => {
+                let fields = method.needs().fields.len();
+                curve_pass::bytes_per_point(fields.max(3)).max(cluster_pass::bytes_per_point(fields))
+            }
         }
     }
 

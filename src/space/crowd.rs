@@ -1,6 +1,6 @@
 //! The K nearest neighbours of very many points of one cloud: distances only, for the curve that epsilon is estimated
-//! from. Own tree and not the one of `index`, because all points of a leaf are asked at once (measured with the bench
-//! `curve` of `benches/kernels.rs`: several times the queries per second of one look-up after the other).
+//! from. Own tree and not the one of `index`, because all points of a leaf are asked at once, which saves most look-ups.
+//! The bench is `curve` of `benches/kernels.rs`; `scripts/compare_speed_dbscan.py` holds it against the kd-tree of scipy.
 //!
 //! A kd-tree that halves the points at the median of the longest side, until a leaf has [`LEAF_POINTS`] at most. Points
 //! of a leaf are neighbours, so that what one of them needs all of them nearly need: the distance of the leaf's centre
@@ -12,7 +12,7 @@ use std::cmp::Ordering;
 
 use crate::space::{Points, SpaceError};
 
-/// Points of a leaf at most: fewer cost more look-ups, more cost distances in vain (measured: 12 to 24 are alike).
+/// Points of a leaf at most (chosen: fewer cost more look-ups, more cost distances in vain).
 const LEAF_POINTS: usize = 16;
 /// Slack of bounds that come from the triangle inequality, far above the rounding of a few operations.
 const SLACK: f64 = 1.0 + 1e-9;
