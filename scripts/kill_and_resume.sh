@@ -2,7 +2,7 @@
 # Kills a run at random moments (SIGKILL, seeded), again and again, lets it finish, and compares every output but the
 # report with those of an undisturbed run, byte for byte; for LAZ and for LAS.
 #
-#     scripts/kill_and_resume.sh [SCENE.laz] [KILLS] [TILE-LENGTH]
+#     scripts/kill_and_resume.sh [--method METHOD] [SCENE.laz] [KILLS] [TILE-LENGTH]
 #
 # Without a scene: downtown_ts2.laz of the shared data if it is there, else the shipped sample. A run that is finished
 # before all kills are spent is compared, and another one begun. Needs a release build (or CHAINAGE). Exit code 1: an
@@ -11,6 +11,11 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 program=${CHAINAGE:-target/release/chainage}
 data=${CHAINAGE_SHARED_DATA:-../shared/data}
+method=euclidean
+if [ "${1:-}" = --method ]; then
+    method=$2
+    shift 2
+fi
 scene=${1:-$data/sim/downtown_ts2.laz}
 if [ ! -f "$scene" ]; then
     echo "skipped: $scene is not there, the shipped sample is used"
@@ -41,7 +46,7 @@ same() {
 
 for kind in laz las; do
     input=$scratch/$kind/$name.$kind
-    options=(--tile-length "$tile" --progress none)
+    options=(--tile-length "$tile" --method "$method" --progress none)
     run() { # OUT
         if ! "$program" run "$input" -o "$scratch/$1" "${options[@]}" >/dev/null 2>"$scratch/errors"; then
             cat "$scratch/errors"
@@ -79,7 +84,7 @@ for kind in laz las; do
     run killed
     same "$kind"
     rm -rf "$scratch/killed" "$scratch/undisturbed"
-    echo "$name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) run(s) came to the same bytes"
+    echo "$method, $name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) run(s) came to the same bytes"
     echo "  by the pass that was under way: $(sort "$scratch/passes" | uniq -c | awk '{ printf "%s %s  ", $2, $1 }')"
 done
 echo "kill_and_resume: passed"

@@ -4,6 +4,7 @@
 #
 #     scripts/score.sh [METHOD,...] [LENGTH] [FOLDER]        euclidean,density-peaks 300m
 #
+# A METHOD that ends in .toml is a configuration, and named after its file: euclidean,config/dense-trees.toml.
 # FOLDER keeps report.json and the evaluation of every run, and runs that are there already are not done again. Needs a
 # release build (or CHAINAGE) and python3; the labelled scenes are left out where they are not there.
 set -euo pipefail
@@ -18,12 +19,20 @@ kept=${3:-$scratch/kept}
 mkdir -p "$kept"
 drives=()
 
+names=
+for method in ${methods//,/ }; do names=$names,$(basename "$method" .toml); done
+names=${names#,}
+
 score() { # NAME INPUT
-    local method
-    for method in ${methods//,/ }; do
+    local method chosen
+    for chosen in ${methods//,/ }; do
+        method=$(basename "$chosen" .toml)
         [ ! -f "$kept/$1.$method.eval.json" ] || continue
         rm -rf "$scratch/out"
-        "$program" run "$2" -o "$scratch/out" --method "$method" --progress none >/dev/null
+        case $chosen in
+        *.toml) "$program" run "$2" -o "$scratch/out" -c "$chosen" --progress none >/dev/null ;;
+        *) "$program" run "$2" -o "$scratch/out" --method "$chosen" --progress none >/dev/null ;;
+        esac
         cp "$scratch/out/report.json" "$kept/$1.$method.report.json"
         "$program" eval "$scratch/out" --json "$kept/$1.$method.eval.json" >/dev/null
     done
@@ -40,10 +49,10 @@ for preset in suburb downtown avenue highway mixed loop; do
     name="synth $preset, $far"
     drives+=("$name")
     missing=0
-    for method in ${methods//,/ }; do [ -f "$kept/$name.$method.eval.json" ] || missing=1; done
+    for method in ${names//,/ }; do [ -f "$kept/$name.$method.eval.json" ] || missing=1; done
     [ $missing -eq 1 ] || continue
     rm -rf "$scratch/drive" "$scratch/out"
     "$program" synth "$preset" -o "$scratch/drive" --length "$far" --las >/dev/null 2>&1
     score "$name" "$scratch/drive"
 done
-python3 scripts/score_tables.py "$kept" "$methods" "${drives[@]}"
+python3 scripts/score_tables.py "$kept" "$names" "${drives[@]}"

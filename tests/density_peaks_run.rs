@@ -127,6 +127,40 @@ fn a_run_stopped_in_any_pass_ends_in_the_same_bytes() {
     }
 }
 
+/// The last unit file of a pass: what its reduction has left.
+fn global_of(out: &Path, pass: &str) -> PathBuf {
+    let folder = std::fs::read_dir(out.join(".chainage")).unwrap().map(|entry| entry.unwrap().path());
+    let folder = folder.filter(|path| path.to_str().unwrap().ends_with(&format!("-{pass}"))).max().unwrap();
+    let units = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    units.filter(|path| path.extension().is_some_and(|extension| extension == "bin")).max().unwrap()
+}
+
+#[test]
+fn a_run_that_died_in_a_reduction_does_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = ["tiling.tile_length=20", "run.threads=2"];
+    let straight: PathBuf = folder.path().join("straight");
+    run_in(&straight, &settings);
+    let expected = results(&straight);
+    for (pass, next) in [("voxels", "peaks"), ("peaks", "borders")] {
+        for cut in [true, false] {
+            let out = folder.path().join(format!("{pass}-{cut}"));
+            assert!(interrupted_in(next, 0, &out, &settings).is_err());
+            let global = global_of(&out, pass);
+            let bytes = std::fs::read(&global).unwrap();
+            if cut {
+                std::fs::write(&global, &bytes[..bytes.len() / 2]).unwrap();
+            } else {
+                std::fs::remove_file(&global).unwrap();
+            }
+            let summary = run_in(&out, &settings);
+            assert!(resumed(&summary)[..order(next)].iter().all(|pass| pass.1), "{:?}", resumed(&summary));
+            assert_eq!(std::fs::read(&global).unwrap(), bytes, "{pass}");
+            assert_same(&out, &expected, &format!("reduction of {pass} lost, cut {cut}"));
+        }
+    }
+}
+
 #[test]
 fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
