@@ -184,7 +184,8 @@ mod tests {
 
     #[test]
     fn classes_of_densities_are_eighths_of_octaves() {
-        for (rho, middle) in [(1.0, 1.0625), (1.124, 1.0625), (1.125, 1.1875), (4.1, 4.25), (0.05, 0.0507812)]
+        for (rho, middle) in
+            [(1.0, 1.0625), (1.124, 1.0625), (1.125, 1.1875), (4.1, 4.25), (0.05, 0.048_828_125)]
         {
             let class = density_class(rho);
             assert!((class_density(class) - middle).abs() < 1e-6, "{rho}: {}", class_density(class));
