@@ -295,7 +295,16 @@ fn a_state_that_does_not_match_ends_with_6() {
 #[test]
 fn points_that_differ_end_with_9() {
     let score = |name: &str, prediction: &str| {
-        let labels = ["--prediction-dim", "user_data", "--reference-dim", "user_data", "--class-dim", "none", "--scratch", "."];
+        let labels = [
+            "--prediction-dim",
+            "user_data",
+            "--reference-dim",
+            "user_data",
+            "--class-dim",
+            "none",
+            "--scratch",
+            ".",
+        ];
         assert_told(name, &[&["eval", prediction, "--reference", "two.las"], &labels[..]].concat());
     };
     score("eval_moved", "moved.las");
