@@ -1,21 +1,29 @@
 #!/usr/bin/env python3
-"""Draws a labelled point cloud as a PNG, in parallel projection, nearest point per pixel.
+"""Draws a labelled point cloud as a PNG: in parallel projection, or in perspective from a place of the trajectory.
 
     scripts/render.py FILES.laz -o picture.png --by cluster_id [--azimuth 30] [--elevation 35] [--width 1600]
+    scripts/render.py FILES.laz -o picture.png --by gt_class --trajectory trajectory.csv --at 40 [--up 6] [--tilt 8]
 
---by takes cluster_id (or any integer dimension: one colour per value, 0 is grey), class (LAS classes),
-intensity, or height. --box xmin ymin xmax ymax cuts a window; --ground false leaves ground out; --tiles M draws
+--at is in metres along the trajectory; from there one looks along it, --up metres above it, --tilt degrees down. Nearer
+points are drawn larger, and edges of depth dark.
+
+--by takes cluster_id (or any integer dimension: one colour per value, 0 is grey), gt_class (classes of `chainage
+synth`), class (LAS classes), intensity, or height. --box xmin ymin xmax ymax cuts a window; --ground false leaves ground out; --tiles M draws
 every tile of M metres along x with ids of its own, as a tile-by-tile tool would number them (dimension is then
 `cluster_id` combined with the tile). Needs numpy, laspy[lazrs] and pillow.
 """
 
 import argparse
+import csv
 
 import laspy
 import numpy as np
 from PIL import Image
 
 CLASS_COLOURS = {2: (150, 130, 100), 7: (255, 0, 0), 18: (255, 0, 255)}
+# Noise, ground, tree, pole, car, building, fence or hedge, person or small furniture, wire.
+SYNTH_COLOURS = [(255, 0, 0), (176, 164, 146), (74, 146, 62), (226, 170, 30), (58, 96, 200), (190, 112, 92),
+                 (132, 186, 86), (214, 60, 170), (30, 30, 30)]
 
 
 def parse():
@@ -29,6 +37,12 @@ def parse():
     parser.add_argument("--size", type=int, default=1, help="pixels per point")
     parser.add_argument("--box", type=float, nargs=4, metavar=("XMIN", "YMIN", "XMAX", "YMAX"))
     parser.add_argument("--ground", choices=["true", "false"], default="true")
+    parser.add_argument("--trajectory", metavar="CSV", help="draw in perspective, from a place of this trajectory")
+    parser.add_argument("--at", type=float, default=20.0, help="metres along the trajectory")
+    parser.add_argument("--up", type=float, default=6.0, help="metres above it")
+    parser.add_argument("--tilt", type=float, default=8.0, help="degrees below the horizon in the middle")
+    parser.add_argument("--turn", type=float, default=0.0, help="degrees to the right of the way")
+    parser.add_argument("--view", type=float, default=75.0, help="degrees from the left edge to the right")
     return parser.parse_args()
 
 
@@ -73,10 +87,13 @@ def load(args):
             for code, colour in CLASS_COLOURS.items():
                 table[code] = colour
             colours = table[classes]
+        elif args.by == "gt_class":
+            colours = np.array(SYNTH_COLOURS, np.uint8)[np.asarray(las["gt_class"])]
         elif args.by == "intensity":
             values = np.asarray(las.intensity, float)
-            low, high = np.percentile(values, [2, 98])
-            grey = (np.clip((values - low) / max(high - low, 1), 0, 1) * 225 + 30).astype(np.uint8)
+            low, high = np.percentile(values, [1, 99])
+            # Square root: most of a street is dark asphalt far away.
+            grey = (np.sqrt(np.clip((values - low) / max(high - low, 1), 0, 1)) * 225 + 30).astype(np.uint8)
             colours = np.repeat(grey[:, None], 3, 1)
         elif args.by == "height":
             low, high = np.percentile(points[:, 2], [1, 99])
@@ -88,6 +105,60 @@ def load(args):
         xyz.append(points[keep])
         rgb.append(colours[keep])
     return np.concatenate(xyz), np.concatenate(rgb)
+
+
+def camera(args):
+    """Position, and the directions right, up and ahead, of someone on the trajectory who looks along it."""
+    with open(args.trajectory, newline="") as rows:
+        way = np.array([[float(row[axis]) for axis in "xyz"] for row in csv.DictReader(rows)])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T))])
+    here, there = (np.array([np.interp(s, along, way[:, k]) for k in range(3)]) for s in (args.at, args.at + 8.0))
+    course = np.arctan2(there[1] - here[1], there[0] - here[0]) - np.radians(args.turn)
+    tilt = np.radians(args.tilt)
+    ahead = np.array([np.cos(course) * np.cos(tilt), np.sin(course) * np.cos(tilt), -np.sin(tilt)])
+    right = np.array([np.sin(course), -np.cos(course), 0.0])
+    return here + [0.0, 0.0, args.up], right, np.cross(right, ahead), ahead
+
+
+def draw_perspective(xyz, rgb, args):
+    at, right, up, ahead = camera(args)
+    width, height = args.width, args.width * 9 // 16
+    focus = width / 2 / np.tan(np.radians(args.view) / 2)
+    depth = (xyz - at) @ ahead
+    seen = (depth > 2.0) & (depth < 400.0)
+    centred, rgb, depth = xyz[seen] - at, rgb[seen], depth[seen]
+    column = (width / 2 + focus * (centred @ right) / depth).astype(int)
+    row = (height / 2 - focus * (centred @ up) / depth).astype(int)
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    column, row, rgb, depth = column[inside], row[inside], rgb[inside], depth[inside]
+    # A point is some 4 cm wide: farther ones first, each as many pixels as it covers.
+    size = np.clip(0.04 * focus / depth, 1, 6).astype(int)
+    order = np.argsort(-depth, kind="stable")
+    image = np.full((height, width, 3), 255, np.uint8)
+    far = np.full((height, width), np.inf)
+    for pixels in range(1, 7):
+        of_size = order[size[order] == pixels]
+        for dx in range(pixels):
+            for dy in range(pixels):
+                y = np.clip(row[of_size] + dy - pixels // 2, 0, height - 1)
+                x = np.clip(column[of_size] + dx - pixels // 2, 0, width - 1)
+                nearer = depth[of_size] <= far[y, x]
+                y, x, points = y[nearer], x[nearer], of_size[nearer]
+                # The last assignment to a pixel is that of the nearest point.
+                image[y, x], far[y, x] = rgb[points], depth[points]
+    shaded = image * edges(far)[:, :, None]
+    Image.fromarray(shaded.astype(np.uint8)).quantize(160).save(args.out, optimize=True)
+    print(f"{args.out}: {width} x {height}, {len(xyz)} points")
+
+
+def edges(far):
+    """Eye-dome lighting: how much light a pixel keeps whose neighbours are nearer."""
+    filled = np.where(np.isinf(far), 500.0, far)
+    log = np.log2(filled)
+    drop = np.zeros_like(log)
+    for dy, dx in [(0, 2), (0, -2), (2, 0), (-2, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]:
+        drop += np.maximum(0.0, log - np.roll(log, (dy, dx), (0, 1)))
+    return np.where(np.isinf(far), 1.0, np.clip(np.exp(-2.5 * drop / 8 * 3), 0.25, 1.0))
 
 
 def draw(xyz, rgb, args):
@@ -117,4 +188,4 @@ def draw(xyz, rgb, args):
 
 if __name__ == "__main__":
     ARGS = parse()
-    draw(*load(ARGS), ARGS)
+    (draw_perspective if ARGS.trajectory else draw)(*load(ARGS), ARGS)

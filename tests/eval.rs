@@ -408,7 +408,8 @@ fn the_report_is_the_same_for_any_number_of_threads() {
                 matched_by,
                 chainage_along: "principal axis of the objects".into(),
             };
-            let report = Report::new(&evaluation, &settings(), &Axis::principal(&places), compared);
+            let (settings, axis) = (settings(), Axis::principal(&places));
+            let report = Report::new(&evaluation, &settings, &axis, compared);
             let (mut json, mut csv) = (Vec::new(), Vec::new());
             report.write_json(&mut json).unwrap();
             report.write_objects_csv(&mut csv).unwrap();
@@ -429,10 +430,36 @@ fn the_report_is_the_same_for_any_number_of_threads() {
     assert_eq!(ids("without_segment"), [13]);
     assert_eq!(ids("false_negatives"), [8, 9, 13]);
     assert_eq!(parsed["objects"].as_array().unwrap().len(), 40);
-    assert_eq!(csv.lines().count(), 41);
+    // A header, 40 objects, and two of one point each.
+    assert_eq!(csv.lines().count(), 43);
     assert!(csv.lines().all(|line| line.split(',').count() >= 24), "{csv}");
     assert!(csv.contains("segment 7 also holds 100.0 % of object 8 (building)"), "{csv}");
     insta::assert_snapshot!("eval_table", text);
+}
+
+#[test]
+fn objects_too_small_to_be_evaluated_are_listed_where_their_id_is() {
+    let (settings, axis) = (settings(), Axis::principal(&[]));
+    let evaluation = evaluate(&table(&[(1, 1, 29), (2, 2, 50), (3, 3, 12), (4, 4, 60), (9, 4, 1)]));
+    let compared = Provenance {
+        prediction: Vec::new(),
+        reference: Vec::new(),
+        prediction_dim: "p".into(),
+        reference_dim: "r".into(),
+        class_dim: None,
+        matched_by: "record order".into(),
+        chainage_along: "principal axis of the objects".into(),
+    };
+    let mut csv = Vec::new();
+    Report::new(&evaluation, &settings, &axis, compared).write_objects_csv(&mut csv).unwrap();
+    let csv = String::from_utf8(csv).unwrap();
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.iter().map(|row| row[0]).collect::<Vec<_>>(), ["object", "1", "2", "3", "4", "9"]);
+    assert!(rows.iter().all(|row| row.len() == rows[0].len()), "{csv}");
+    for (row, small) in rows[1..].iter().zip([true, false, true, false, true]) {
+        assert_eq!(row.last() == Some(&"fewer than 30 points: not evaluated"), small, "{csv}");
+        assert_eq!(row[13].is_empty(), small, "matched: {csv}");
+    }
 }
 
 fn chainage(arguments: &[&str], files: &[&Path]) -> std::process::Output {
@@ -459,7 +486,7 @@ fn the_program_writes_what_it_is_asked_for() {
     let first = &json["objects"][0];
     // Object 1 is around x = 2 m, and the trajectory starts at x = -100 m.
     assert!((first["chainage_m"].as_f64().unwrap() - 102.0).abs() < 0.3, "{first}");
-    assert_eq!(std::fs::read_to_string(at("objects.csv")).unwrap().lines().count(), 41);
+    assert_eq!(std::fs::read_to_string(at("objects.csv")).unwrap().lines().count(), 43);
 
     let table = String::from_utf8(run(&["--class-dim", "none"]).stdout).unwrap();
     assert!(table.contains("0 object") && table.contains("ground                             -"), "{table}");

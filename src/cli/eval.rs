@@ -111,11 +111,16 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
 impl EvalArgs {
     /// Compares, and shows or writes what was asked for.
     pub(crate) fn run(&self) -> Outcome {
-        self.show(&self.report()?)?;
+        let (counted, metrics, trajectory, provenance) = self.compare()?;
+        let evaluation = Evaluation::of(&counted.table, &metrics, counted.lattice);
+        let axis = trajectory.unwrap_or_else(|| {
+            Axis::principal(&evaluation.judged.scene.objects.iter().map(|o| o.centroid_m).collect::<Vec<_>>())
+        });
+        self.show(&Report::new(&evaluation, &metrics, &axis, provenance))?;
         Ok(exit::DONE)
     }
 
-    fn report(&self) -> chainage::Result<Report> {
+    fn compare(&self) -> chainage::Result<(Counted, MetricSettings, Option<Axis>, Provenance)> {
         self.one_standard_output()?;
         let options = InputOptions { mmap: !self.no_mmap, ..InputOptions::default() };
         let metrics = self.metrics()?;
@@ -131,12 +136,8 @@ impl EvalArgs {
             note(&format!("warning: {warning}"));
         }
         let counted = eval::count(&prediction, reference.as_ref(), &self.comparison(), &note)?;
-        let evaluation = Evaluation::of(&counted.table, &metrics, counted.lattice);
         let provenance = self.provenance(&prediction, reference.as_ref().unwrap_or(&prediction), &counted);
-        let axis = trajectory.unwrap_or_else(|| {
-            Axis::principal(&evaluation.judged.scene.objects.iter().map(|o| o.centroid_m).collect::<Vec<_>>())
-        });
-        Ok(Report::new(&evaluation, &metrics, &axis, provenance))
+        Ok((counted, metrics, trajectory, provenance))
     }
 
     fn one_standard_output(&self) -> Result<(), ConfigError> {
@@ -196,7 +197,7 @@ impl EvalArgs {
         }
     }
 
-    fn show(&self, report: &Report) -> Result<(), CliError> {
+    fn show(&self, report: &Report<'_>) -> Result<(), CliError> {
         let json = deliver(self.json.as_deref(), |to| report.write_json(to))?;
         let objects = deliver(self.objects.as_deref(), |to| report.write_objects_csv(to))?;
         if json || objects { Ok(()) } else { print::text(&report.text(self.worst)) }

@@ -87,26 +87,41 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// All segments by id.
     pub segments: Vec<Segment>,
-    /// Reference objects that are too small to be evaluated.
-    pub small_objects: u64,
+    /// Reference objects that are too small to be evaluated, by id.
+    pub small_objects: Vec<SmallObject>,
+}
+
+/// A reference object that is too small to be evaluated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SmallObject {
+    /// Id in the reference.
+    pub id: i64,
+    /// Class code of most of its points.
+    pub class: u16,
+    /// Its points.
+    pub points: u64,
+    /// Mean position in metres.
+    pub centroid_m: [f64; 3],
 }
 
 impl Scene {
     /// The scene of a table: objects of at least `min_points` points, positions in metres by `lattice`.
     #[must_use]
     pub fn build(table: &Table, classes: &ClassTable, lattice: Lattice, min_points: u64) -> Self {
-        let mut scene = Self { objects: Vec::new(), segments: segments(table, lattice), small_objects: 0 };
+        let mut scene =
+            Self { objects: Vec::new(), segments: segments(table, lattice), small_objects: Vec::new() };
         for cells in table.cells.chunk_by(|a, b| a.0.object == b.0.object) {
             let id = cells[0].0.object;
             let class = majority(cells);
             if id <= 0 || classes.is_ground(class) || classes.is_noise(class) {
                 continue;
             }
-            if total(cells) < min_points {
-                scene.small_objects += 1;
-                continue;
+            let (points, centroid_m) = (total(cells), metres(&table.objects, id, lattice));
+            if points < min_points {
+                scene.small_objects.push(SmallObject { id, class, points, centroid_m });
+            } else {
+                scene.add_object(cells, class, centroid_m);
             }
-            scene.add_object(cells, class, metres(&table.objects, id, lattice));
         }
         for segment in &mut scene.segments {
             // Stable: objects were added in the order of their ids.
@@ -227,7 +242,10 @@ pub(crate) mod tests {
     fn small_objects_and_objects_of_ground_are_unlabelled() {
         let scene = scene_of(&[(1, 5, 29), (2, 5, 30), (3, 5, 90)], |object| if object == 3 { 1 } else { 2 });
         assert_eq!(scene.objects.iter().map(|object| object.id).collect::<Vec<_>>(), [2]);
-        assert_eq!(scene.small_objects, 1);
+        assert_eq!(
+            scene.small_objects.iter().map(|small| (small.id, small.points)).collect::<Vec<_>>(),
+            [(1, 29)]
+        );
         assert!(scene.segments[0].mostly_unlabelled());
     }
 

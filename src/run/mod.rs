@@ -125,12 +125,13 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         cancel,
     };
     let mut flow = Flow::new(engine, config, &drive, &chain, budget);
-    let scene = flow.survey()?;
+    let mut scene = flow.survey()?;
     warnings.extend(scene.warnings.iter().cloned());
     for text in &warnings {
         flow.engine.tell(&Event::Warning { text });
     }
     let plan = flow.plan(&scene)?;
+    scene.forget_cells();
     let outcome = flow.tiles_to_files(&scene, &plan, labelled)?;
     let summary = RunSummary {
         points: scene.survey.points(),

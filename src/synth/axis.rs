@@ -5,6 +5,8 @@
 
 use std::f64::consts::{FRAC_PI_3, TAU};
 
+use serde::Deserialize;
+
 use super::random::Random;
 
 /// Length of a cell, metres.
@@ -35,7 +37,8 @@ impl Wave {
 }
 
 /// How winding and how hilly the land is.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Terrain {
     /// Amplitude of the heading, radians, and its wave length, metres.
     pub(super) bends: (f64, f64),

@@ -45,7 +45,7 @@ impl Builder {
     }
 
     pub(super) fn triangle(&mut self, a: Vec3, b: Vec3, c: Vec3, material: Material) {
-        self.add(Shape::Triangle { a, u: b - a, v: c - a }, material);
+        self.add(Shape::Sheet { a, u: b - a, v: c - a, half: true }, material);
     }
 
     /// The quadrilateral a, b, c, d as two triangles.
@@ -56,7 +56,7 @@ impl Builder {
 
     /// A sheet spanned by `u` and `v` at `a`.
     pub(super) fn sheet(&mut self, a: Vec3, u: Vec3, v: Vec3, material: Material) {
-        self.add(Shape::Quad { a, u, v }, material);
+        self.add(Shape::Sheet { a, u, v, half: false }, material);
     }
 
     /// A body whose outline in the x-z plane is `roof` over the level `floor`, mirrored in y; `half` is its half

@@ -1,6 +1,7 @@
 //! The cross-section of the street and the surface of the ground of one cell: height, mesh, and what lies where.
 
 use glam::{Affine3A, Vec3};
+use serde::Deserialize;
 
 use super::axis::{CELL, Frame, Land};
 use super::material::Material;
@@ -15,7 +16,8 @@ const FACE: f64 = 0.03;
 const BLEND: f64 = 25.0;
 
 /// Half of a cross-section; all widths are distances from the axis, metres, not falling from one to the next.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Section {
     /// Edge of the raised median; 0 for none.
     pub(super) median: f64,
@@ -57,27 +59,11 @@ impl Section {
     }
 
     /// Distances from the axis at which the profile bends.
-    fn breaks(&self) -> [f64; 15] {
+    fn breaks(&self) -> impl DoubleEndedIterator<Item = f64> + Clone {
         let (m, k, w) = (self.median, self.kerb, self.walk);
+        let street = [m, m + FACE, (m + k) * 0.5, k, k + FACE, self.verge.max(k + 2.0 * FACE), w, w + FACE];
         let beyond = [2.0, 5.0, 9.0, 15.0, 24.0, 36.0, 55.0].map(|d| w + d);
-        let [b0, b1, b2, b3, b4, b5, b6] = beyond;
-        [
-            m,
-            m + FACE,
-            (m + k) * 0.5,
-            k,
-            k + FACE,
-            self.verge.max(k + 2.0 * FACE),
-            w,
-            w + FACE,
-            b0,
-            b1,
-            b2,
-            b3,
-            b4,
-            b5,
-            b6,
-        ]
+        street.into_iter().chain(beyond)
     }
 
     /// Height over the axis at distance `d`, without land, dips and slopes: a camber of 2.5 %, kerbs, a pavement
@@ -168,7 +154,7 @@ impl Ground {
             let station = stations(s);
             sections.push(station.section);
             let right = station.section.breaks();
-            let offsets = right.iter().rev().map(|d| -d).chain(std::iter::once(0.0)).chain(right);
+            let offsets = right.clone().rev().map(|d| -d).chain([0.0]).chain(right);
             let vertex = |offset: f64| {
                 let [x, y] = frame.at(s).left(offset);
                 let own = station.height(land, frame, s, offset);
@@ -245,8 +231,10 @@ fn triangles(mesh: &[Vec<(Vec3, bool)>]) -> Vec<Primitive> {
             for [a, b, c] in [[a, b, c], [d, c, b]] {
                 let (u, v) = (b - a, c - a);
                 if u.cross(v).length_squared() > 1e-8 {
-                    primitives
-                        .push(Primitive { shape: Shape::Triangle { a, u, v }, material: Material::Asphalt });
+                    primitives.push(Primitive {
+                        shape: Shape::Sheet { a, u, v, half: true },
+                        material: Material::Asphalt,
+                    });
                 }
             }
         }

@@ -1,7 +1,10 @@
 //! How surfaces answer a pulse of near-infrared light; no geometry.
 
+use serde::Deserialize;
+
 /// What a surface is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum Material {
     Asphalt,
     Marking,

@@ -35,6 +35,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::config::ConfigError;
 use crate::error::Error;
@@ -58,16 +59,18 @@ const ROUND: usize = 24;
 const STRETCH: f64 = 25.0;
 
 /// How far to drive.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub enum Extent {
     /// This many metres.
+    #[serde(rename = "length_m")]
     Length(f64),
     /// Until there are this many points; the profile under way is completed.
+    #[serde(rename = "points")]
     Points(u64),
 }
 
 /// Everything that decides what is written.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Settings {
     /// Kind of street.
     pub preset: Preset,
@@ -84,8 +87,10 @@ pub struct Settings {
     /// LAZ, else LAS.
     pub compressed: bool,
     /// Worker threads; 0 for one per processor. Does not change the result.
+    #[serde(skip)]
     pub threads: usize,
     /// Replace what an earlier run left in the output folder.
+    #[serde(skip)]
     pub force: bool,
 }
 
@@ -334,32 +339,12 @@ impl<'a> Run<'a> {
 
     /// What the scene was made from.
     fn description(&self) -> serde_json::Value {
-        let Settings { preset, extent, seed, scanner, speed_kmh, files_every_s, compressed, .. } =
-            self.settings;
-        let (length_m, points) = match extent {
-            Extent::Length(length) => (Some(*length), None),
-            Extent::Points(points) => (None, Some(*points)),
-        };
         serde_json::json!({
             "generator": "chainage synth",
             "version": env!("CARGO_PKG_VERSION"),
-            "preset": preset.name(),
-            "seed": seed,
-            "asked": { "length_m": length_m, "points": points },
-            "speed_kmh": [speed_kmh.0, speed_kmh.1],
-            "files_every_s": files_every_s,
-            "compressed": compressed,
             "crs": "EPSG:25832",
             "lead_m": LEAD,
-            "scanner": {
-                "heads": scanner.heads,
-                "pulse_rate_hz": scanner.pulse_rate_hz,
-                "profiles_hz": 1.0 / scanner.profile_s(),
-                "range_m": scanner.range_m,
-                "noise_m": scanner.noise_m,
-                "divergence_mrad": scanner.divergence_mrad,
-                "strays": scanner.strays,
-            },
+            "settings": self.settings,
         })
     }
 }

@@ -1,14 +1,18 @@
-//! What the presets are made of: tables of widths, spacings and shares, and which table holds where along the street.
+//! The presets, and which of their tables (`presets.toml`) holds where along the street.
 
+use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::LazyLock;
 
-use super::axis::Terrain;
-use super::axis::{CELL, LEAD};
+use serde::{Deserialize, Serialize};
+
+use super::axis::{CELL, LEAD, Terrain};
 use super::ground::{Section, Station};
 use super::random::Random;
 
 /// A kind of street.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// Houses with gardens, two tree rows, lamp posts and overhead wires between the crowns.
     Suburb,
@@ -42,12 +46,11 @@ impl Preset {
         }
     }
 
+    /// How winding and how hilly the land is; where streets change, it is that of a suburb.
     pub(super) fn terrain(self) -> Terrain {
         match self {
-            Self::Suburb | Self::Mixed | Self::Loop => Terrain { bends: (0.45, 560.0), hills: (5.0, 800.0) },
-            Self::Downtown => Terrain { bends: (0.18, 900.0), hills: (2.0, 900.0) },
-            Self::Avenue => Terrain { bends: (0.22, 800.0), hills: (3.0, 900.0) },
-            Self::Highway => Terrain { bends: (0.5, 2_400.0), hills: (10.0, 1_800.0) },
+            Self::Mixed | Self::Loop => LAYOUTS.suburb.terrain,
+            other => Plan { preset: other, seed: 0 }.layout(0).terrain,
         }
     }
 }
@@ -59,14 +62,14 @@ impl fmt::Display for Preset {
 }
 
 /// A row of things along both sides.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Row {
     /// Kinds to choose from.
-    pub(super) kinds: &'static [&'static str],
-    /// Distance from the reference line outwards, metres.
-    pub(super) out: f64,
-    /// Line the row follows.
+    pub(super) kinds: Vec<String>,
     pub(super) line: Line,
+    /// Distance from the line outwards, metres.
+    pub(super) out: f64,
     /// Distance along the axis, metres, and how much of it is random.
     pub(super) every: f64,
     pub(super) jitter: f64,
@@ -75,7 +78,8 @@ pub(super) struct Row {
 }
 
 /// A line of the cross-section.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub(super) enum Line {
     /// The axis; a row there stands once, not on both sides.
     Axis,
@@ -86,7 +90,8 @@ pub(super) enum Line {
 }
 
 /// Buildings along both sides; a lot is a whole fraction of a cell.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Buildings {
     pub(super) lots_per_cell: usize,
     pub(super) share: f32,
@@ -99,180 +104,49 @@ pub(super) struct Buildings {
 }
 
 /// One kind of street, all in metres.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Layout {
+    terrain: Terrain,
     pub(super) section: Section,
     pub(super) paved: bool,
     pub(super) buildings: Option<Buildings>,
-    pub(super) rows: &'static [Row],
+    pub(super) rows: Vec<Row>,
     pub(super) wires: bool,
     /// Share of cells with a zebra crossing and signals on a gantry.
     pub(super) crossing: f32,
     /// Share of cells with an overpass or gantry of signs.
     pub(super) overpass: f32,
-    pub(super) bridge_every: Option<f64>,
+    bridge_every: Option<f64>,
 }
 
-const fn row(
-    kinds: &'static [&'static str],
-    line: Line,
-    out: f64,
-    every: f64,
-    jitter: f64,
-    share: f32,
-) -> Row {
-    Row { kinds, out, line, every, jitter, share }
+/// The tables of `presets.toml`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Layouts {
+    /// Kinds that rows name together.
+    groups: BTreeMap<String, Vec<String>>,
+    suburb: Layout,
+    downtown: Layout,
+    avenue: Layout,
+    highway: Layout,
 }
 
-const CARS: &[&str] = &["car_sedan", "car_hatch", "car_wagon", "car_suv", "car_van"];
-const PEOPLE: &[&str] = &["person_walking", "person_standing"];
-const STREET_TREES: &[&str] = &["tree_round", "tree_vase", "tree_beech", "tree_columnar", "tree_apple"];
-const DENSE_TREES: &[&str] =
-    &["tree_round", "tree_round", "tree_vase", "tree_vase", "tree_beech", "tree_birch"];
-
-static SUBURB: Layout = Layout {
-    section: Section {
-        median: 0.0,
-        lanes: 3.3,
-        kerb: 5.5,
-        verge: 7.4,
-        walk: 9.2,
-        kerb_height: 0.12,
-        slopes: 1.2,
-        lane: 3.3,
-    },
-    paved: false,
-    buildings: Some(Buildings {
-        lots_per_cell: 2,
-        share: 0.85,
-        setback: (5.0, 8.0),
-        floors: (1, 3),
-        front: (0.40, 0.62),
-        depth: 9.0,
-        house: true,
-    }),
-    rows: &[
-        row(&["lamp"], Line::Kerb, 0.8, 32.0, 3.0, 1.0),
-        row(STREET_TREES, Line::Kerb, 1.1, 9.0, 1.5, 0.9),
-        row(&["hedge", "hedge", "fence", "fence", "wall"], Line::Walk, 0.5, 25.0, 0.0, 0.8),
-        row(STREET_TREES, Line::Walk, 3.6, 21.0, 9.0, 0.7),
-        row(&["bush"], Line::Walk, 2.2, 8.0, 6.0, 0.5),
-        row(CARS, Line::Parking, 0.0, 5.2, 0.15, 0.25),
-        row(&["sign"], Line::Kerb, 0.45, 45.0, 20.0, 0.8),
-        row(&["hydrant", "box", "bin"], Line::Kerb, 0.7, 40.0, 30.0, 0.7),
-        row(PEOPLE, Line::Walk, -0.9, 24.0, 20.0, 0.5),
-    ],
-    wires: true,
-    crossing: 0.1,
-    overpass: 0.0,
-    bridge_every: Some(900.0),
-};
-
-static DOWNTOWN: Layout = Layout {
-    section: Section {
-        median: 0.0,
-        lanes: 6.4,
-        kerb: 8.7,
-        verge: 10.0,
-        walk: 13.0,
-        kerb_height: 0.14,
-        slopes: 0.0,
-        lane: 3.2,
-    },
-    paved: true,
-    buildings: Some(Buildings {
-        lots_per_cell: 1,
-        share: 0.93,
-        setback: (0.1, 1.5),
-        floors: (4, 9),
-        front: (0.78, 0.98),
-        depth: 16.0,
-        house: false,
-    }),
-    rows: &[
-        row(&["lamp"], Line::Kerb, 0.6, 26.0, 1.0, 1.0),
-        row(STREET_TREES, Line::Kerb, 0.9, 8.5, 1.0, 0.72),
-        row(CARS, Line::Parking, 0.0, 5.1, 0.1, 0.3),
-        row(&["sign"], Line::Kerb, 0.4, 24.0, 10.0, 0.9),
-        row(&["bollard"], Line::Kerb, 0.35, 9.0, 6.0, 0.5),
-        row(&["bench", "bin", "box", "hydrant"], Line::Kerb, 1.7, 14.0, 8.0, 0.6),
-        row(&["hedge", "bush", "bush"], Line::Kerb, 2.0, 30.0, 8.0, 0.4),
-        row(PEOPLE, Line::Walk, -1.3, 11.0, 9.0, 0.5),
-    ],
-    wires: false,
-    crossing: 0.35,
-    overpass: 0.0,
-    bridge_every: None,
-};
-
-static AVENUE: Layout = Layout {
-    section: Section {
-        median: 2.0,
-        lanes: 8.6,
-        kerb: 10.1,
-        verge: 12.9,
-        walk: 15.7,
-        kerb_height: 0.14,
-        slopes: 1.0,
-        lane: 3.3,
-    },
-    paved: false,
-    buildings: Some(Buildings {
-        lots_per_cell: 1,
-        share: 0.35,
-        setback: (16.0, 24.0),
-        floors: (3, 6),
-        front: (0.5, 0.8),
-        depth: 14.0,
-        house: false,
-    }),
-    rows: &[
-        row(&["lamp"], Line::Kerb, 0.7, 24.0, 0.8, 1.0),
-        row(DENSE_TREES, Line::Kerb, 1.4, 5.6, 0.8, 0.97),
-        row(&["tree_sago", "tree_sago", "tree_palm"], Line::Axis, 0.0, 4.2, 0.8, 0.85),
-        row(DENSE_TREES, Line::Walk, 2.4, 7.5, 3.0, 0.85),
-        row(&["hedge"], Line::Walk, 0.6, 25.0, 0.0, 0.75),
-        row(&["bush"], Line::Walk, 6.0, 9.0, 8.0, 0.6),
-        row(&["sign"], Line::Kerb, 0.4, 30.0, 12.0, 0.9),
-        row(&["bench", "bin"], Line::Kerb, 3.2, 22.0, 12.0, 0.7),
-        row(PEOPLE, Line::Walk, 5.0, 26.0, 24.0, 0.5),
-        row(PEOPLE, Line::Kerb, 3.4, 15.0, 12.0, 0.6),
-    ],
-    wires: false,
-    crossing: 0.15,
-    overpass: 0.0,
-    bridge_every: None,
-};
-
-static HIGHWAY: Layout = Layout {
-    section: Section {
-        median: 1.6,
-        lanes: 9.1,
-        kerb: 11.6,
-        verge: 12.4,
-        walk: 12.5,
-        kerb_height: 0.0,
-        slopes: 4.0,
-        lane: 3.75,
-    },
-    paved: false,
-    buildings: None,
-    rows: &[
-        row(&["rail"], Line::Axis, 0.0, 25.0, 0.0, 1.0),
-        row(&["rail", "rail", "rail", "wall"], Line::Kerb, 0.6, 25.0, 0.0, 0.8),
-        row(&["lamp_double"], Line::Axis, 0.9, 40.0, 0.0, 0.5),
-        row(&["tree_conifer", "tree_beech", "tree_birch"], Line::Walk, 9.0, 8.0, 6.0, 0.6),
-        row(&["tree_round", "tree_conifer"], Line::Walk, 17.0, 9.0, 7.0, 0.6),
-        row(&["bush"], Line::Walk, 4.5, 7.0, 6.0, 0.5),
-        row(&["sign"], Line::Kerb, 1.3, 50.0, 30.0, 0.7),
-        row(&["bollard"], Line::Kerb, 0.25, 50.0, 0.0, 1.0),
-        row(&["car_van", "car_sedan"], Line::Parking, 0.0, 120.0, 90.0, 0.25),
-    ],
-    wires: false,
-    crossing: 0.0,
-    overpass: 0.12,
-    bridge_every: Some(700.0),
-};
+#[expect(
+    clippy::expect_used,
+    reason = "the text is part of the program, and every test of a preset parses it"
+)]
+static LAYOUTS: LazyLock<Layouts> = LazyLock::new(|| {
+    let mut all: Layouts =
+        toml::from_str(include_str!("presets.toml")).expect("the shipped tables are valid");
+    let Layouts { groups, suburb, downtown, avenue, highway } = &mut all;
+    for row in [suburb, downtown, avenue, highway].into_iter().flat_map(|layout| &mut layout.rows) {
+        let kinds =
+            row.kinds.iter().map(|kind| groups.get(kind).cloned().unwrap_or_else(|| vec![kind.clone()]));
+        row.kinds = kinds.collect::<Vec<_>>().concat();
+    }
+    all
+});
 
 /// Cells in a row with one layout in the `mixed` preset: 350 m.
 const STRETCH: usize = 7;
@@ -290,14 +164,14 @@ impl Plan {
     /// The layout of a cell.
     pub(super) fn layout(&self, cell: usize) -> &'static Layout {
         match self.preset {
-            Preset::Suburb | Preset::Loop => &SUBURB,
-            Preset::Downtown => &DOWNTOWN,
-            Preset::Avenue => &AVENUE,
-            Preset::Highway => &HIGHWAY,
+            Preset::Suburb | Preset::Loop => &LAYOUTS.suburb,
+            Preset::Downtown => &LAYOUTS.downtown,
+            Preset::Avenue => &LAYOUTS.avenue,
+            Preset::Highway => &LAYOUTS.highway,
             Preset::Mixed => {
                 let stretch = cell / STRETCH;
                 // Every street of four stretches has each layout once, in an order of its own.
-                let mut order = [&SUBURB, &DOWNTOWN, &AVENUE, &HIGHWAY];
+                let mut order = [&LAYOUTS.suburb, &LAYOUTS.downtown, &LAYOUTS.avenue, &LAYOUTS.highway];
                 let mut random = Random::new(self.seed, 3, (stretch / 4) as u64);
                 for last in (1..4).rev() {
                     order.swap(last, (random.next() % (last as u64 + 1)) as usize);

@@ -5,6 +5,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3A};
+use serde::Serialize;
 
 use super::axis::{CELL, Frame};
 use super::drive::{Drive, Pose};
@@ -37,7 +38,7 @@ const FAINTEST: f32 = 0.06;
 
 /// The scanner; the defaults are close to a RIEGL VMX-450 (two VQ-450 heads of 550 kHz and 200 profiles/s, 8 mm
 /// accuracy, 0.3 mrad).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Scanner {
     /// Profile heads, 1 or 2.
     pub heads: u8,

@@ -35,16 +35,12 @@ pub(super) struct Facade {
 /// A primitive.
 #[derive(Debug, Clone)]
 pub(super) enum Shape {
-    Triangle {
+    /// Parallelogram, or the half of it that is the triangle of its first three corners.
+    Sheet {
         a: Vec3,
         u: Vec3,
         v: Vec3,
-    },
-    /// Parallelogram.
-    Quad {
-        a: Vec3,
-        u: Vec3,
-        v: Vec3,
+        half: bool,
     },
     /// Axis-aligned box.
     Block {
@@ -93,8 +89,9 @@ impl Shape {
     pub(super) fn hit(&self, ray: &Ray) -> f32 {
         let (o, d) = (ray.origin, ray.direction);
         let t = match self {
-            Self::Triangle { a, u, v } => hit_plane(o, d, (*a).into(), (*u).into(), (*v).into(), 1.0),
-            Self::Quad { a, u, v } => hit_plane(o, d, (*a).into(), (*u).into(), (*v).into(), 2.0),
+            Self::Sheet { a, u, v, half } => {
+                hit_plane(o, d, (*a).into(), (*u).into(), (*v).into(), if *half { 1.0 } else { 2.0 })
+            }
             Self::Block { low, high } => return hit_block(ray, (*low).into(), (*high).into()),
             Self::Cone { base, axis, r0, r1 } => {
                 return hit_cone(ray, (*base).into(), (*axis).into(), *r0, *r1);
@@ -117,8 +114,9 @@ impl Shape {
         let around =
             |points: &[Vec3]| Aabb::from_points(&points.iter().map(|p| Vec3A::from(*p)).collect::<Vec<_>>());
         match self {
-            Self::Triangle { a, u, v } => around(&[*a, *a + *u, *a + *v]),
-            Self::Quad { a, u, v } => around(&[*a, *a + *u, *a + *v, *a + *u + *v]),
+            Self::Sheet { a, u, v, half } => {
+                around(&[*a, *a + *u, *a + *v, if *half { *a } else { *a + *u + *v }])
+            }
             Self::Block { low, high } => around(&[*low, *high]),
             Self::Cone { base, axis, r0, r1 } => {
                 // Half extents of a disc with unit normal n and radius r: r sqrt(1 - n_i^2) per axis.
@@ -147,7 +145,7 @@ impl Primitive {
     pub(super) fn surface(&self, point: Vec3) -> Surface {
         let mut surface = Surface { normal: Vec3::Z, material: self.material, rim: MISS };
         surface.normal = match &self.shape {
-            Shape::Triangle { u, v, .. } | Shape::Quad { u, v, .. } => u.cross(*v).normalize(),
+            Shape::Sheet { u, v, .. } => u.cross(*v).normalize(),
             Shape::Block { low, high } => {
                 let from_centre = (point - (*low + *high) * 0.5) / (*high - *low);
                 let size = from_centre.abs();
@@ -310,8 +308,8 @@ mod tests {
     #[test]
     fn triangles_and_parallelograms() {
         let (a, u, v) = (Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 2.0);
-        let triangle = Shape::Triangle { a, u, v };
-        let quad = Shape::Quad { a, u, v };
+        let triangle = Shape::Sheet { a, u, v, half: true };
+        let quad = Shape::Sheet { a, u, v, half: false };
         check(&triangle, [0.5, 0.5, 5.0], [0.0, 0.0, -1.0], 5.0);
         check(&triangle, [0.5, 0.5, 5.0], [0.0, 0.0, -2.0], 2.5); // t counts in directions, not metres
         check(&triangle, [1.5, 1.5, 5.0], [0.0, 0.0, -1.0], MISS); // beyond the diagonal

@@ -48,7 +48,7 @@ pub(super) struct Cell {
 pub(super) struct Street {
     pub(super) plan: Plan,
     pub(super) axis: Axis,
-    library: BTreeMap<&'static str, Vec<Arc<Model>>>,
+    library: BTreeMap<String, Vec<Arc<Model>>>,
     /// Number of the first object of every cell made so far, and of the next.
     first_ids: Vec<u32>,
 }
@@ -70,7 +70,7 @@ fn class_of(kind: &str) -> u8 {
 struct Site<'a> {
     plan: Plan,
     axis: &'a Axis,
-    library: &'a BTreeMap<&'static str, Vec<Arc<Model>>>,
+    library: &'a BTreeMap<String, Vec<Arc<Model>>>,
     here: Frame,
     next: Frame,
     /// Other parts of the street within reach.
@@ -97,7 +97,7 @@ enum Facing {
 impl Street {
     /// The street of a plan; `loop_drive` is the length of a drive that closes.
     pub(super) fn new(plan: Plan, loop_drive: Option<f64>) -> Self {
-        let mut library: BTreeMap<&'static str, Vec<Arc<Model>>> = BTreeMap::new();
+        let mut library: BTreeMap<String, Vec<Arc<Model>>> = BTreeMap::new();
         for (kind, model) in tree::models(plan.seed).into_iter().chain(things::models()) {
             library.entry(kind).or_default().push(Arc::new(model));
         }
@@ -206,13 +206,13 @@ impl Site<'_> {
         if layout.wires {
             self.wires();
         }
-        if let Some(buildings) = layout.buildings {
-            self.buildings(&buildings);
+        if let Some(buildings) = &layout.buildings {
+            self.buildings(buildings);
         }
         self.ground(layout, zebra)
     }
 
-    fn ground(&mut self, layout: &Layout, zebra: Option<f64>) -> Ground {
+    fn ground(&mut self, layout: &'static Layout, zebra: Option<f64>) -> Ground {
         let soft = if layout.paved { Material::Paving } else { Material::Grass };
         let surfacing = Surfacing { verge: soft, yard: soft, zebra };
         let land = &self.axis.land;
@@ -353,7 +353,7 @@ impl Site<'_> {
         }
     }
 
-    fn row(&mut self, number: u64, row: &Row, zebra: Option<f64>) {
+    fn row(&mut self, number: u64, row: &'static Row, zebra: Option<f64>) {
         let start = self.here.start();
         let first = (start / row.every).ceil() as usize;
         let sides: &[f64] = if row.line == Line::Axis { &[1.0] } else { &[1.0, -1.0] };
@@ -369,7 +369,7 @@ impl Site<'_> {
                     Line::Kerb => section.kerb,
                     Line::Walk => section.walk,
                 };
-                let kind = *random.pick(row.kinds);
+                let kind = random.pick(&row.kinds).as_str();
                 let offset = side * (line + row.out);
                 let r = match class_of(kind) {
                     2 => 0.45,

@@ -67,20 +67,20 @@ fn habits() -> [Habit; 7] {
 }
 
 /// Three trees of every habit, palms, hedges and bushes, by kind.
-pub(super) fn models(seed: u64) -> Vec<(&'static str, Model)> {
+pub(super) fn models(seed: u64) -> Vec<(String, Model)> {
     let mut all = Vec::new();
     for (number, habit) in habits().iter().enumerate() {
         for variant in 0..3 {
             let mut random = Random::new(seed, 10 + number as u64, variant);
-            all.push((habit.kind, tree(habit, &mut random)));
+            all.push((habit.kind.to_owned(), tree(habit, &mut random)));
         }
     }
     for variant in 0..2 {
         let mut random = Random::new(seed, 30, variant);
-        all.push(("tree_palm", palm([5.6, 2.1, 0.12], 15, &mut random)));
-        all.push(("tree_sago", palm([0.6, 1.75, 0.26], 32, &mut random)));
-        all.push(("hedge", hedge(&mut random)));
-        all.push(("bush", bush(&mut random)));
+        all.push(("tree_palm".to_owned(), palm([5.6, 2.1, 0.12], 15, &mut random)));
+        all.push(("tree_sago".to_owned(), palm([0.6, 1.75, 0.26], 32, &mut random)));
+        all.push(("hedge".to_owned(), hedge(&mut random)));
+        all.push(("bush".to_owned(), bush(&mut random)));
     }
     all
 }

@@ -108,6 +108,7 @@ impl Plan {
         }
         for (number, tile) in (1_u32..).zip(&mut tiles) {
             tile.cells.sort_unstable();
+            tile.cells.shrink_to_fit();
             tile.cells.iter().for_each(|cell| *owner.entry(*cell) = number);
         }
         Self { tiles, grid: request.grid, occupancy, owner }

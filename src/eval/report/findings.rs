@@ -1,6 +1,9 @@
-//! The objects and segments behind each figure: id, class, place and what went wrong.
+//! The objects and segments behind each figure: id, class, place and what went wrong. Lists hold numbers; what there is
+//! to say of each is put into words when it is written, so that a report of a long drive stays small.
 
-use serde::Serialize;
+use std::sync::Arc;
+
+use serde::{Serialize, Serializer};
 
 use crate::eval::axis::Axis;
 use crate::eval::metrics::{Judged, MetricSettings};
@@ -31,73 +34,103 @@ pub struct Finding {
     pub what: String,
 }
 
+/// A list of findings.
+#[derive(Debug, Clone)]
+pub struct Findings<'a> {
+    collect: Collect<'a>,
+    /// Indices of objects, or of segments.
+    of: Vec<usize>,
+    segments: bool,
+}
+
+impl Findings<'_> {
+    /// The findings in the order of their ids.
+    pub fn iter(&self) -> impl Iterator<Item = Finding> {
+        let one =
+            |&index| if self.segments { self.collect.segment(index) } else { self.collect.object(index) };
+        self.of.iter().map(one)
+    }
+}
+
+impl Serialize for Findings<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.iter())
+    }
+}
+
 /// Per figure, what lowers it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Behind {
+#[derive(Debug, Clone, Serialize)]
+pub struct Behind<'a> {
     /// USR: under-segmented objects.
-    pub under_segmented: Vec<Finding>,
+    pub under_segmented: Findings<'a>,
     /// OSR: over-segmented objects.
-    pub over_segmented: Vec<Finding>,
+    pub over_segmented: Findings<'a>,
     /// Objects that USR and OSR do not see, because no segment holds a point of them.
-    pub without_segment: Vec<Finding>,
+    pub without_segment: Findings<'a>,
     /// F1, PQ, RQ: objects without a match.
-    pub false_negatives: Vec<Finding>,
+    pub false_negatives: Findings<'a>,
     /// F1, PQ, RQ: segments without a match.
-    pub false_positives: Vec<Finding>,
+    pub false_positives: Findings<'a>,
     /// SQ: objects that are matched with an IoU below 0.8.
-    pub matched_poorly: Vec<Finding>,
+    pub matched_poorly: Findings<'a>,
     /// Segments that PQ leaves out because more than half of them belongs to no object.
-    pub mostly_unlabelled: Vec<Finding>,
+    pub mostly_unlabelled: Findings<'a>,
     /// Hoover's classes, one entry per tolerance.
-    pub hoover: Vec<HooverFindings>,
+    pub hoover: Vec<HooverFindings<'a>>,
 }
 
 /// What is behind Hoover's classes at one tolerance.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct HooverFindings {
+#[derive(Debug, Clone, Serialize)]
+pub struct HooverFindings<'a> {
     /// The tolerance.
     pub tolerance: f64,
     /// Objects in several segments.
-    pub over: Vec<Finding>,
+    pub over: Findings<'a>,
     /// Objects that share a segment.
-    pub under: Vec<Finding>,
+    pub under: Findings<'a>,
     /// Objects that are missed.
-    pub missed: Vec<Finding>,
+    pub missed: Findings<'a>,
     /// Segments of no object that have as many points as an object needs; smaller ones are only counted, there can
     /// be millions of them.
-    pub noise: Vec<Finding>,
+    pub noise: Findings<'a>,
 }
 
 /// IoU below which a match is listed: the tolerance of the paper on estimating epsilon, chosen for want of another.
 const POOR_IOU: f64 = 0.8;
 
 /// Collects what is behind the figures; `rows` are those of the judged objects.
-pub(super) fn behind(judged: &Judged, settings: &MetricSettings, axis: &Axis, rows: &[ObjectRow]) -> Behind {
-    let collect = Collect { judged, settings, axis, rows };
+pub(super) fn behind<'a>(
+    judged: &'a Judged,
+    settings: &'a MetricSettings,
+    axis: &'a Axis,
+    rows: &Arc<Vec<ObjectRow>>,
+) -> Behind<'a> {
+    let collect = Collect { judged, settings, axis, rows: Arc::clone(rows) };
     let role = |role| collect.segments(|index| judged.panoptic.segments[index] == role);
     Behind {
-        under_segmented: collect.objects(|_, row| row.under_segmented),
-        over_segmented: collect.objects(|_, row| row.over_segmented),
-        without_segment: collect.objects(|_, row| row.segment.is_none()),
-        false_negatives: collect.objects(|_, row| !row.matched),
+        under_segmented: collect.objects(|row| row.under_segmented),
+        over_segmented: collect.objects(|row| row.over_segmented),
+        without_segment: collect.objects(|row| row.segment.is_none()),
+        false_negatives: collect.objects(|row| !row.matched),
         false_positives: role(SegmentRole::FalsePositive),
-        matched_poorly: collect.objects(|_, row| row.matched && row.best_iou < POOR_IOU),
+        matched_poorly: collect.objects(|row| row.matched && row.best_iou < POOR_IOU),
         mostly_unlabelled: role(SegmentRole::Unlabelled),
         hoover: (0..judged.hoover.len()).map(|at| collect.hoover(at)).collect(),
     }
 }
 
+#[derive(Debug, Clone)]
 struct Collect<'a> {
     judged: &'a Judged,
     settings: &'a MetricSettings,
     axis: &'a Axis,
-    rows: &'a [ObjectRow],
+    rows: Arc<Vec<ObjectRow>>,
 }
 
-impl Collect<'_> {
-    fn hoover(&self, at: usize) -> HooverFindings {
+impl<'a> Collect<'a> {
+    fn hoover(&self, at: usize) -> HooverFindings<'a> {
         let hoover = &self.judged.hoover[at];
-        let of_word = |word: &str| self.objects(|_, row| row.hoover[at] == word);
+        let of_word = |word: &str| self.objects(|row| row.hoover[at] == word);
         HooverFindings {
             tolerance: hoover.tolerance.share(),
             over: of_word("over"),
@@ -109,12 +142,13 @@ impl Collect<'_> {
         }
     }
 
-    fn objects(&self, holds: impl Fn(usize, &ObjectRow) -> bool) -> Vec<Finding> {
-        let found = self.rows.iter().enumerate().filter(|(index, row)| holds(*index, row));
-        found.map(|(_, row)| self.object(row)).collect()
+    fn objects(&self, holds: impl Fn(&ObjectRow) -> bool) -> Findings<'a> {
+        let of = (0..self.rows.len()).filter(|&index| holds(&self.rows[index])).collect();
+        Findings { collect: self.clone(), of, segments: false }
     }
 
-    fn object(&self, row: &ObjectRow) -> Finding {
+    fn object(&self, index: usize) -> Finding {
+        let row = &self.rows[index];
         Finding {
             object: Some(row.object),
             segment: None,
@@ -127,11 +161,9 @@ impl Collect<'_> {
         }
     }
 
-    fn segments(&self, holds: impl Fn(usize) -> bool) -> Vec<Finding> {
-        (0..self.judged.scene.segments.len())
-            .filter(|&index| holds(index))
-            .map(|at| self.segment(at))
-            .collect()
+    fn segments(&self, holds: impl Fn(usize) -> bool) -> Findings<'a> {
+        let of = (0..self.judged.scene.segments.len()).filter(|&index| holds(index)).collect();
+        Findings { collect: self.clone(), of, segments: true }
     }
 
     fn segment(&self, index: usize) -> Finding {

@@ -6,15 +6,16 @@ mod rows;
 mod text;
 
 use std::io::{self, Write};
+use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::eval::axis::Axis;
 use crate::eval::metrics::{Evaluation, Figures, MetricSettings, PointScore};
 use crate::eval::panoptic::SegmentRole;
 
-pub use findings::{Behind, Finding, HooverFindings};
-pub use rows::ObjectRow;
+pub use findings::{Behind, Finding, Findings, HooverFindings};
+pub use rows::{ObjectRow, SmallRow};
 
 /// Version of the JSON form; raised when a key changes its meaning or goes away.
 const VERSION: u32 = 1;
@@ -40,7 +41,7 @@ pub struct Provenance {
 
 /// The result of an evaluation, in the order in which the JSON has it.
 #[derive(Debug, Clone, Serialize)]
-pub struct Report {
+pub struct Report<'a> {
     format: &'static str,
     version: u32,
     compared: Provenance,
@@ -51,9 +52,12 @@ pub struct Report {
     ground: ScoreView,
     noise: ScoreView,
     /// The objects and segments behind every figure.
-    pub behind: Behind,
+    pub behind: Behind<'a>,
     /// Every evaluated object.
-    pub objects: Vec<ObjectRow>,
+    #[serde(serialize_with = "all_rows")]
+    pub objects: Arc<Vec<ObjectRow>>,
+    /// Every reference object with too few points to be evaluated.
+    pub small_objects: Vec<SmallRow>,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -197,7 +201,7 @@ impl CountsView {
         Self {
             points: evaluation.points,
             objects: scene.objects.len() as u64,
-            objects_too_small: scene.small_objects,
+            objects_too_small: scene.small_objects.len() as u64,
             segments: scene.segments.len() as u64,
             segments_too_small: of_role(SegmentRole::Small),
             segments_mostly_unlabelled: of_role(SegmentRole::Unlabelled),
@@ -206,16 +210,20 @@ impl CountsView {
     }
 }
 
-impl Report {
+fn all_rows<S: Serializer>(rows: &Arc<Vec<ObjectRow>>, serializer: S) -> Result<S::Ok, S::Error> {
+    rows.as_slice().serialize(serializer)
+}
+
+impl<'a> Report<'a> {
     /// The report of an evaluation; chainages along `axis`.
     #[must_use]
     pub fn new(
-        evaluation: &Evaluation,
-        settings: &MetricSettings,
-        axis: &Axis,
+        evaluation: &'a Evaluation,
+        settings: &'a MetricSettings,
+        axis: &'a Axis,
         compared: Provenance,
     ) -> Self {
-        let objects = rows::rows(&evaluation.judged, settings, axis);
+        let objects = Arc::new(rows::rows(&evaluation.judged, settings, axis));
         let class = |(code, figures): &(u16, Figures)| ClassView {
             class: *code,
             name: settings.classes.name(*code),
@@ -237,6 +245,7 @@ impl Report {
             noise: ScoreView::new(&evaluation.noise),
             behind: findings::behind(&evaluation.judged, settings, axis, &objects),
             objects,
+            small_objects: rows::small_rows(&evaluation.judged, settings, axis),
         }
     }
 
@@ -249,12 +258,13 @@ impl Report {
         to.write_all(b"\n")
     }
 
-    /// Writes every evaluated object with its outcome under each metric, as CSV.
+    /// Writes every reference object with its outcome under each metric, as CSV by id; objects that are too small to be
+    /// evaluated have none.
     ///
     /// # Errors
     /// What `to` answers.
     pub fn write_objects_csv(&self, to: &mut dyn Write) -> io::Result<()> {
-        rows::write_csv(&self.objects, &self.settings.hoover_tolerances, to)
+        rows::write_csv(self, to)
     }
 
     /// The figures for a person, with the `worst` objects of smallest best IoU below.

@@ -1,4 +1,4 @@
-//! One row per evaluated object: where it is and what became of it under each metric.
+//! One row per reference object: where it is and what became of it under each metric.
 
 use std::io::{self, Write};
 
@@ -7,7 +7,8 @@ use serde::Serialize;
 
 use crate::eval::axis::Axis;
 use crate::eval::metrics::{Judged, MetricSettings};
-use crate::eval::report::{millimetres, share};
+use crate::eval::report::{Report, millimetres, share};
+use crate::eval::scene::SmallObject;
 
 /// What became of one object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,7 +61,37 @@ pub struct ObjectRow {
     pub what: String,
 }
 
-/// The rows of all objects, by id.
+/// A reference object with too few points to be evaluated.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SmallRow {
+    /// Id in the reference.
+    pub object: i64,
+    /// Class code.
+    pub class: u16,
+    /// What the class is called.
+    pub class_name: String,
+    /// Distance along the axis, in metres.
+    pub chainage_m: f64,
+    /// Mean position, in metres.
+    pub at_m: [f64; 3],
+    /// Points of the object.
+    pub points: u64,
+}
+
+/// The rows of the objects that are too small, by id.
+pub(super) fn small_rows(judged: &Judged, settings: &MetricSettings, axis: &Axis) -> Vec<SmallRow> {
+    let row = |object: &SmallObject| SmallRow {
+        object: object.id,
+        class: object.class,
+        class_name: settings.classes.name(object.class),
+        chainage_m: millimetres(axis.chainage_m(object.centroid_m)),
+        at_m: object.centroid_m.map(millimetres),
+        points: object.points,
+    };
+    judged.scene.small_objects.iter().map(row).collect()
+}
+
+/// The rows of all evaluated objects, by id.
 pub(super) fn rows(judged: &Judged, settings: &MetricSettings, axis: &Axis) -> Vec<ObjectRow> {
     (0..judged.scene.objects.len()).into_par_iter().map(|index| row(judged, settings, axis, index)).collect()
 }
@@ -148,18 +179,42 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
     phrases
 }
 
-/// Writes the rows as CSV, one column of Hoover's classes per tolerance.
-pub(super) fn write_csv(rows: &[ObjectRow], tolerances: &[f64], to: &mut dyn Write) -> io::Result<()> {
+/// Writes the rows as CSV by id, one column of Hoover's classes per tolerance.
+pub(super) fn write_csv(report: &Report<'_>, to: &mut dyn Write) -> io::Result<()> {
     write!(
         to,
         "object,class,class_name,chainage_m,x_m,y_m,z_m,points,segment,segment_points,points_in_segment,best_iou,\
          best_iou_segment,matched,under_segmented,shares_with,over_segmented,second_segment,"
     )?;
+    let tolerances = &report.settings.hoover_tolerances;
     for tolerance in tolerances {
         write!(to, "hoover_{tolerance:.2},")?;
     }
     writeln!(to, "points_without_segment,points_predicted_ground,points_predicted_noise,what")?;
-    rows.iter().try_for_each(|row| to.write_all(csv_line(row).as_bytes()))
+    let mut small = report.small_objects.iter().peekable();
+    let small_line = |row| small_csv_line(row, tolerances.len(), report.settings.min_points);
+    for row in report.objects.iter() {
+        while let Some(before) = small.next_if(|small| small.object < row.object) {
+            to.write_all(small_line(before).as_bytes())?;
+        }
+        to.write_all(csv_line(row).as_bytes())?;
+    }
+    small.try_for_each(|row| to.write_all(small_line(row).as_bytes()))
+}
+
+/// What is known of an object that is not evaluated, in the columns of one that is.
+fn small_csv_line(row: &SmallRow, tolerances: usize, min_points: u64) -> String {
+    let [x, y, z] = row.at_m;
+    // Ten columns up to those of the tolerances, three after them, and the words.
+    let empty = ",".repeat(10 + tolerances + 3 + 1);
+    format!(
+        "{},{},{},{:.3},{x:.3},{y:.3},{z:.3},{}{empty}fewer than {min_points} points: not evaluated\n",
+        row.object,
+        row.class,
+        quoted(&row.class_name),
+        row.chainage_m,
+        row.points
+    )
 }
 
 fn csv_line(row: &ObjectRow) -> String {

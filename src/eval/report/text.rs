@@ -7,7 +7,7 @@ use crate::eval::report::{FiguresView, Report, ScoreView};
 /// Width of the column of names.
 const NAME: usize = 26;
 
-pub(super) fn text(report: &Report, worst: usize) -> String {
+pub(super) fn text(report: &Report<'_>, worst: usize) -> String {
     let blocks = [head(report), shares(report), hoover(report), scores(report), worst_objects(report, worst)];
     blocks.into_iter().filter(|block| !block.is_empty()).collect::<Vec<_>>().join("\n")
 }
@@ -22,7 +22,7 @@ fn cell(share: Option<f64>) -> String {
     }
 }
 
-fn head(report: &Report) -> String {
+fn head(report: &Report<'_>) -> String {
     let counts = &report.counts;
     let min = report.settings.min_points;
     let mut text = format!(
@@ -43,13 +43,13 @@ fn head(report: &Report) -> String {
 }
 
 /// Class name and figures of every line of a table, the overall line last.
-fn lines(report: &Report) -> Vec<(String, &FiguresView)> {
+fn lines<'r>(report: &'r Report<'_>) -> Vec<(String, &'r FiguresView)> {
     let classes =
         report.classes.iter().map(|class| (format!("{} {}", class.class, class.name), &class.figures));
     classes.chain([("overall".to_owned(), &report.overall)]).collect()
 }
 
-fn shares(report: &Report) -> String {
+fn shares(report: &Report<'_>) -> String {
     let titles = ["USR", "OSR", "OA", "F1", "F1*", "PQ", "SQ", "RQ", "mIoU", "ARI"];
     let mut text = format!("{:NAME$} {:>7}", "class", "objects");
     titles.iter().for_each(|title| text += &format!(" {title:>6}"));
@@ -74,7 +74,7 @@ fn shares(report: &Report) -> String {
     text + "F1 counts false segments in the class of the object they hold most of, F1* counts none\n"
 }
 
-fn hoover(report: &Report) -> String {
+fn hoover(report: &Report<'_>) -> String {
     if report.settings.hoover_tolerances.is_empty() {
         return String::new();
     }
@@ -94,7 +94,7 @@ fn hoover(report: &Report) -> String {
     text + "\n"
 }
 
-fn scores(report: &Report) -> String {
+fn scores(report: &Report<'_>) -> String {
     let mut text =
         format!("{:NAME$} {:>9} {:>7} {:>6} {:>12}\n", "points", "precision", "recall", "IoU", "reference");
     let mut line = |name: &str, score: &ScoreView| {
@@ -109,7 +109,7 @@ fn scores(report: &Report) -> String {
 }
 
 /// The objects of smallest best IoU among those that are not matched.
-fn worst_objects(report: &Report, worst: usize) -> String {
+fn worst_objects(report: &Report<'_>, worst: usize) -> String {
     let mut rows: Vec<_> = report.objects.iter().filter(|row| !row.matched).collect();
     // Stable: equal values stay in the order of their ids.
     rows.sort_by(|a, b| a.best_iou.total_cmp(&b.best_iou));
