@@ -148,7 +148,7 @@ impl CurvePass<'_> {
             let [x, y, _] = cloud.lattice_point(point);
             // Gathered points lie in cells.
             let cell = drive.grid.cell(x, y).unwrap_or_default();
-            if needed <= self.halo() || needed <= held.clear_around(cell) {
+            if needed <= self.halo() || held.is_clear(cell, needed) {
                 return self.add(&mut payload.sums, found);
             }
             asking.push(Asking { place: points.row(point).to_vec(), cell, found: found.to_vec() });
@@ -190,7 +190,7 @@ impl CurvePass<'_> {
             }
             held.add(&cells);
             asking.retain(|point| {
-                let certain = self.needed(&point.found) <= held.clear_around(point.cell);
+                let certain = held.is_clear(point.cell, self.needed(&point.found));
                 if certain {
                     self.add(&mut payload.sums, &point.found);
                 }

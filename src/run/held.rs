@@ -20,8 +20,16 @@ pub(crate) struct Held<'a> {
     occupied: &'a [(Cell, u32)],
     base: &'a CellMap<u8>,
     added: CellMap<u8>,
-    /// Distances that have been asked for.
-    known: BTreeMap<Cell, i64>,
+    /// What has been asked for.
+    known: BTreeMap<Cell, Clear>,
+}
+
+/// How far around a cell everything has been looked at, in lattice units.
+#[derive(Debug, Clone, Copy)]
+struct Clear {
+    distance: i64,
+    /// Whether something that has not been looked at is that far away; else it may be further.
+    exact: bool,
 }
 
 impl<'a> Held<'a> {
@@ -43,23 +51,25 @@ impl<'a> Held<'a> {
         self.gap_squared([0, 1].map(|k| i64::from(a[k]) - i64::from(b[k])))
     }
 
-    /// Distance in lattice units within which everything around any point of `cell` has been looked at.
-    pub(crate) fn clear_around(&mut self, cell: Cell) -> i64 {
-        if let Some(&distance) = self.known.get(&cell) {
-            return distance;
+    /// Whether everything within a distance in lattice units of any point of `cell` has been looked at.
+    pub(crate) fn is_clear(&mut self, cell: Cell, distance: i64) -> bool {
+        let known = self.known.get(&cell).copied();
+        let mut clear = known.unwrap_or_else(|| self.clear_nearby(cell));
+        if distance > clear.distance && !clear.exact {
+            clear = self.clear_far(cell);
         }
-        let distance = self.find_missing(cell);
-        self.known.insert(cell, distance);
-        distance
+        self.known.insert(cell, clear);
+        distance <= clear.distance
     }
 
-    fn find_missing(&self, cell: Cell) -> i64 {
+    /// How far around a cell everything has been looked at, by the rings of cells around it.
+    fn clear_nearby(&self, cell: Cell) -> Clear {
         let mut least = None::<i128>;
         for ring in 0..=RINGS {
             // No cell of this ring or further out is nearer than that.
             let ring_gap = self.gap_squared([i64::from(ring), 0]);
             if let Some(least) = least.filter(|&least| least <= ring_gap) {
-                return root(least);
+                return Clear { distance: root(least), exact: true };
             }
             for step in -ring..=ring {
                 for by in [[-ring, step], [ring, step], [step, -ring], [step, ring]] {
@@ -70,8 +80,15 @@ impl<'a> Held<'a> {
                 }
             }
         }
+        let rings = self.gap_squared([i64::from(RINGS) + 1, 0]);
+        Clear { distance: root(least.map_or(rings, |least| least.min(rings))), exact: false }
+    }
+
+    /// The same by all cells there are.
+    fn clear_far(&self, cell: Cell) -> Clear {
         let far = self.occupied.iter().filter(|(other, _)| self.is_missing(*other));
-        far.map(|(other, _)| self.between(cell, *other)).min().map_or(i64::MAX, root)
+        let distance = far.map(|(other, _)| self.between(cell, *other)).min().map_or(i64::MAX, root);
+        Clear { distance, exact: true }
     }
 
     /// Occupied cells that have not been looked at and lie within a distance of some cell, ascending; `around` has
@@ -157,26 +174,30 @@ mod tests {
         // Cells 10 to 19 and, two metres further, 8 to 21 and those touching them (border to border 2 m): 7 and 22.
         let region = plan.region(1, 2_000);
         let mut held = Held::of(&plan, &cells, &region);
-        assert_eq!([10, 15, 19].map(|i| held.clear_around([i, 0])), [3_000, 7_000, 3_000]);
+        let clear = |held: &mut Held<'_>, i: i32, distance: i64| {
+            held.is_clear([i, 0], distance) && !held.is_clear([i, 0], distance + 1)
+        };
+        assert!(clear(&mut held, 10, 3_000) && clear(&mut held, 15, 7_000) && clear(&mut held, 19, 3_000));
         let around = BTreeMap::from([([19, 0], 4_000)]);
         assert_eq!(held.missing_within(&around), [([23, 0], 5), ([24, 0], 5)]);
         held.add(&cells[23..25]);
-        assert_eq!(held.clear_around([19, 0]), 5_000);
+        assert!(clear(&mut held, 19, 5_000));
         let all = held.missing_within(&BTreeMap::from([([19, 0], 1_000_000)]));
         assert_eq!(all.len(), 7 + 15 + 1);
         held.add(&all[..22]);
-        assert_eq!(held.clear_around([19, 0]), 380_000);
+        assert!(
+            held.is_clear([19, 0], 10_000) && clear(&mut held, 19, 380_000) && held.is_clear([19, 0], 10_000)
+        );
         held.add(&all);
-        assert_eq!(held.clear_around([19, 0]), i64::MAX);
+        assert!(held.is_clear([19, 0], i64::MAX));
         // Over the corner: what was not within reach is further away than reach.
         let corner = [([0, 0], 1), ([20, 20], 1)];
         let plan = self::plan(&corner);
         let region = plan.region(0, 1_000);
         let mut held = Held::of(&plan, &corner, &region);
-        let clear = held.clear_around([0, 0]);
-        assert_eq!(clear, 26_870);
-        assert!(held.missing_within(&BTreeMap::from([([0, 0], clear)])).is_empty());
-        assert_eq!(held.missing_within(&BTreeMap::from([([0, 0], clear + 1)])).len(), 1);
+        assert!(clear(&mut held, 0, 26_870));
+        assert!(held.missing_within(&BTreeMap::from([([0, 0], 26_870)])).is_empty());
+        assert_eq!(held.missing_within(&BTreeMap::from([([0, 0], 26_871)])).len(), 1);
     }
 
     #[test]
