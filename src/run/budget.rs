@@ -29,6 +29,12 @@ impl Budget {
         Self { threads, memory }
     }
 
+    /// What is left of the budget beside `held` bytes that grow with the drive, so that the whole does not; half of it at
+    /// least, since without tiles in flight nothing gets done.
+    pub(crate) fn beside(self, held: u64) -> Self {
+        Self { memory: self.memory.saturating_sub(held).max(self.memory / 2), ..self }
+    }
+
     /// Core points per tile to try first for a drive of `points`, when a point in flight takes `bytes_per_point`.
     pub(crate) fn tile_points(&self, points: u64, bytes_per_point: u64) -> u64 {
         let threads = (self.threads as u64).max(1);
@@ -85,6 +91,8 @@ mod tests {
         assert_eq!(budget.tile_points(4_000_000, 100), 1_000_000);
         assert_eq!(budget.tile_points(1_000_000, 100), 500_000);
         assert_eq!(budget.tile_points(10, 100), 2_097_152);
+        assert_eq!(budget.beside(100 << 20).memory, 300 << 20);
+        assert_eq!(budget.beside(900 << 20).memory, 200 << 20);
         assert_eq!(budget.smaller(1_000_000, 200 << 20), None);
         assert_eq!(budget.smaller(1_000_000, 400 << 20), Some(450_000));
     }

@@ -81,7 +81,10 @@ impl<'a> Flow<'a> {
         let pass = SurveyPass { drive: self.drive, runs: self.drive.block_runs() };
         identity::check_content(self.engine.run_dir, self.drive, &pass, &dir)?;
         self.passes.push(self.engine.execute(&pass, &dir)?);
-        Scene::new(self.drive, pass.reduce(&dir)?, self.config)
+        let scene = Scene::new(self.drive, pass.reduce(&dir)?, self.config)?;
+        self.budget = self.budget.beside(scene.held_bytes());
+        self.engine.memory = self.budget.memory;
+        Ok(scene)
     }
 
     /// The plan of an earlier call if it still serves, else one that fits the budget.

@@ -221,6 +221,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let chain = Chain::build(config, registries, drive.lattice())?;
     let budget = Budget::resolve(&config.run);
     let scene = Scene::new(&drive, survey(&drive, budget.threads)?, config)?;
+    let budget = budget.beside(scene.held_bytes());
     let (_, plan) = scene.fit_plan(&drive, config, &chain, &budget);
     let view = Tiles::of(&drive, &plan, &scene);
     let mut read = 0;
