@@ -11,7 +11,7 @@ use crate::store::{Column, RunDir, StoreError};
 use crate::survey::{Collector, SurveyError};
 
 /// Smallest and largest number of points of one unit of a pass over blocks.
-const UNIT_POINTS: (u64, u64) = (400_000, 8_000_000);
+const UNIT_POINTS: (u64, u64) = (200_000, 8_000_000);
 /// A drive is cut into about this many units by passes over blocks.
 const UNITS_PER_DRIVE: u64 = 256;
 
