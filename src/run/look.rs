@@ -219,9 +219,9 @@ pub fn look_at(inputs: &[PathBuf], config: &Config) -> Result<DriveFacts> {
 pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>) -> Result<PlanFacts> {
     let drive = Drive::without_columns(open_catalog(inputs, config)?, config);
     let chain = Chain::build(config, registries, drive.lattice())?;
-    let budget = Budget::resolve(&config.run);
-    let scene = Scene::new(&drive, survey(&drive, budget.threads)?, config)?;
-    let budget = budget.beside(scene.held_bytes());
+    let asked = Budget::resolve(&config.run);
+    let scene = Scene::new(&drive, survey(&drive, asked.threads)?, config)?;
+    let budget = asked.beside(scene.held_bytes());
     let (_, plan) = scene.fit_plan(&drive, config, &chain, &budget);
     let view = Tiles::of(&drive, &plan, &scene);
     let mut read = 0;
@@ -270,7 +270,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     Ok(PlanFacts {
         points,
         threads: budget.threads,
-        memory: budget.memory,
+        memory: asked.memory,
         memory_needed: largest * in_flight as u64,
         ground_reach_m: lattice.metres(chain.ground_reach),
         cluster_reach_m: lattice.metres(chain.cluster_reach),

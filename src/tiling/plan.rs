@@ -132,6 +132,12 @@ impl Plan {
         self.occupancy.get(cell)
     }
 
+    /// All occupied cells with their points, ascending.
+    #[must_use]
+    pub fn occupied(&self) -> Vec<(Cell, u32)> {
+        self.occupancy.entries()
+    }
+
     /// Points that tile number `tile` reads with a reach of `reach` lattice units.
     #[must_use]
     pub fn region_points(&self, tile: usize, reach: i64) -> u64 {
