@@ -5,9 +5,8 @@ use std::path::PathBuf;
 use crate::cluster::Method;
 use crate::config::{Config, ConfigError};
 use crate::error::Result;
-use crate::run::budget::Budget;
 use crate::run::drive::Drive;
-use crate::run::engine::{CancelToken, Engine, PassFigures};
+use crate::run::engine::{CancelToken, PassFigures};
 use crate::run::flow::Flow;
 use crate::run::methods::{Chain, Registries};
 use crate::run::observe::{Event, Observer};
@@ -46,20 +45,11 @@ pub fn estimate_epsilon(
         return Err(ConfigError::value("cluster.method", &config.cluster.method, expected).into());
     }
     let run_dir = RunDir::open(&request.out, false)?;
-    let budget = Budget::resolve(&config.run);
     identity::check_input(&run_dir, &catalog)?;
     status::record_request(&run_dir, &request.inputs, config)?;
     let warnings = catalog.warnings().to_vec();
     let drive = Drive::open(catalog, config, &run_dir)?;
-    let engine = Engine {
-        run_dir: &run_dir,
-        threads: budget.threads,
-        memory: budget.memory,
-        fail_fast: config.run.fail_fast,
-        observer,
-        cancel,
-    };
-    let mut flow = Flow::new(engine, config, &drive, &chain, budget);
+    let mut flow = Flow::new(&run_dir, config, &drive, &chain, observer, cancel);
     let scene = flow.survey()?;
     for text in warnings.iter().chain(&scene.warnings) {
         flow.engine.tell(&Event::Warning { text });

@@ -9,20 +9,20 @@ use crate::output::LabelledFile;
 use crate::run::budget::Budget;
 use crate::run::clustered::{Clustered, Objects};
 use crate::run::drive::Drive;
-use crate::run::engine::{Engine, PassFigures};
+use crate::run::engine::{CancelToken, Engine, PassFigures};
 use crate::run::export_pass::ExportPass;
 use crate::run::fields_pass::StoredFields;
 use crate::run::finish::{self, Counts, Finished};
 use crate::run::ground_pass::{GroundPass, GroundPayload};
 use crate::run::methods::Chain;
-use crate::run::observe::Event;
+use crate::run::observe::{Event, Observer};
 use crate::run::prepare::{self, DriveEpsilon, Setting};
 use crate::run::scatter_pass::{ScatterPass, Scattered};
 use crate::run::scene::Scene;
 use crate::run::survey_pass::SurveyPass;
 use crate::run::tiles::Tiles;
 use crate::run::{identity, inputs};
-use crate::store::{Inputs, PassDir};
+use crate::store::{Inputs, PassDir, RunDir};
 use crate::survey::SurveyError;
 use crate::tiling::{Plan, TileSize};
 
@@ -58,13 +58,24 @@ pub(crate) struct Flow<'a> {
 }
 
 impl<'a> Flow<'a> {
+    /// A flow in `run_dir`, with the threads and the memory that the settings ask for.
     pub(crate) fn new(
-        engine: Engine<'a>,
+        run_dir: &'a RunDir,
         config: &'a Config,
         drive: &'a Drive,
         chain: &'a Chain,
-        budget: Budget,
+        observer: &'a dyn Observer,
+        cancel: &'a CancelToken,
     ) -> Self {
+        let budget = Budget::resolve(&config.run);
+        let engine = Engine {
+            run_dir,
+            threads: budget.threads,
+            memory: budget.memory,
+            fail_fast: config.run.fail_fast,
+            observer,
+            cancel,
+        };
         Self { engine, passes: Vec::new(), config, drive, chain, budget }
     }
 

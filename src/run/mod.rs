@@ -37,9 +37,7 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::store::RunDir;
 
-use budget::Budget;
 use drive::Drive;
-use engine::Engine;
 use flow::Flow;
 use methods::Chain;
 
@@ -110,21 +108,12 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let run_dir = RunDir::open(&request.out, request.fresh)?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
     let (labelled, file_warnings) = finish::plan_files(&catalog, config, &run_dir)?;
-    let budget = Budget::resolve(&config.run);
     let mut warnings = catalog.warnings().to_vec();
     warnings.extend(file_warnings);
     identity::check_input(&run_dir, &catalog)?;
     status::record_request(&run_dir, &request.inputs, config)?;
     let drive = Drive::open(catalog, config, &run_dir)?;
-    let engine = Engine {
-        run_dir: &run_dir,
-        threads: budget.threads,
-        memory: budget.memory,
-        fail_fast: config.run.fail_fast,
-        observer,
-        cancel,
-    };
-    let mut flow = Flow::new(engine, config, &drive, &chain, budget);
+    let mut flow = Flow::new(&run_dir, config, &drive, &chain, observer, cancel);
     let mut scene = flow.survey()?;
     warnings.extend(scene.warnings.iter().cloned());
     for text in &warnings {
