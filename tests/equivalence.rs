@@ -3,11 +3,14 @@
 
 use std::cell::Cell as Counter;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use chainage::cluster::{self, ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
 use chainage::error::AlgorithmError;
 use chainage::ground::{self, GroundEntry, GroundFilter, VoxelColumn, VoxelColumnConfig};
-use chainage::model::{Cell, CellGrid, Lattice, PointClass, Reach, TileCloud, TileView};
+use chainage::model::{
+    Cell, CellGrid, CellMap, Lattice, PackedCells, PointClass, Reach, TileCloud, TileView,
+};
 use chainage::run::Registries;
 use chainage::tiling::{Plan, PlanRequest, Region, TileSize};
 use proptest::prelude::*;
@@ -519,22 +522,34 @@ proptest! {
         drawn in occupied(), size in sizes(), reach in 0..4_000_i64,
     ) {
         let cells: Vec<(Cell, u32)> = drawn.iter().map(|cell| (cell.0, cell.1)).collect();
-        let chainage_m: Vec<f64> = drawn.iter().map(|cell| cell.2).collect();
+        let mut chainage_m: Vec<f64> = drawn.iter().map(|cell| cell.2).collect();
+        chainage_m.sort_by(f64::total_cmp);
+        chainage_m.dedup();
+        let strip =
+            |chainage| u32::try_from(chainage_m.partition_point(|other| *other <= chainage)).unwrap();
+        let (mut points, mut strips) = (CellMap::default(), CellMap::default());
+        for (cell, count, chainage) in &drawn {
+            *points.entry(*cell) = *count;
+            *strips.entry(*cell) = strip(*chainage);
+        }
+        let (points, strips) = (Arc::new(PackedCells::from(points)), PackedCells::from(strips));
         let grid = CellGrid::new(700);
-        let plan = Plan::new(&PlanRequest { cells: &cells, chainage_m: &chainage_m, grid, size });
-        let mut owned: Vec<Cell> = plan.tiles.iter().flat_map(|tile| tile.cells.iter().copied()).collect();
+        let request = PlanRequest { cells: &points, strips: &strips, chainage_m: &chainage_m, grid, size };
+        let plan = Plan::new(&request);
+        let cores: Vec<Vec<Cell>> = (0..plan.tiles.len()).map(|tile| plan.core(tile)).collect();
+        let mut owned: Vec<Cell> = cores.concat();
         owned.sort_unstable();
         prop_assert_eq!(owned, cells.iter().map(|cell| cell.0).collect::<Vec<_>>());
-        for (number, tile) in plan.tiles.iter().enumerate() {
-            prop_assert!(!tile.cells.is_empty());
+        for (number, core) in cores.iter().enumerate() {
+            prop_assert!(!core.is_empty());
             let region = plan.region(number, reach);
             let mut points = 0;
             for (cell, count) in &cells {
                 let owner = plan.owners().get(*cell) as usize;
-                let core = tile.cells.binary_search(cell).is_ok();
-                prop_assert_eq!(core, owner == number + 1);
-                let near = || tile.cells.iter().any(|own| gap_squared(*own, *cell, 700) <= i128::from(reach).pow(2));
-                let role = if core { Region::CORE } else if near() { Region::HALO } else { 0 };
+                let own = core.binary_search(cell).is_ok();
+                prop_assert_eq!(own, owner == number + 1);
+                let near = || core.iter().any(|own| gap_squared(*own, *cell, 700) <= i128::from(reach).pow(2));
+                let role = if own { Region::CORE } else if near() { Region::HALO } else { 0 };
                 prop_assert_eq!(region.roles.get(*cell), role, "tile {}, cell {:?}", number, cell);
                 points += if role == 0 { 0 } else { u64::from(*count) };
             }

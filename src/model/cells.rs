@@ -69,7 +69,7 @@ impl CellGrid {
 /// Cells per page and axis.
 const PAGE: i32 = 64;
 const PAGE_BITS: u32 = PAGE.trailing_zeros();
-const PAGE_CELLS: usize = (PAGE * PAGE) as usize;
+pub(super) const PAGE_CELLS: usize = (PAGE * PAGE) as usize;
 
 /// A sparse map from cells to small values; cells that were never set hold the default.
 #[derive(Debug, Clone)]
@@ -84,15 +84,25 @@ impl<T: Copy + Default + PartialEq> Default for CellMap<T> {
     }
 }
 
+/// The page that holds `cell`.
 #[inline]
-fn page_of(cell: Cell) -> [i32; 2] {
+pub(super) fn page_of(cell: Cell) -> [i32; 2] {
     [cell[0] >> PAGE_BITS, cell[1] >> PAGE_BITS]
 }
 
+/// The place of `cell` in its page.
 #[inline]
 #[expect(clippy::cast_sign_loss, reason = "masked to 0..64")]
-fn slot_of(cell: Cell) -> usize {
+pub(super) fn slot_of(cell: Cell) -> usize {
     ((cell[0] & (PAGE - 1)) * PAGE + (cell[1] & (PAGE - 1))) as usize
+}
+
+/// The cell at a place of a page.
+#[inline]
+#[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "below 64 x 64")]
+pub(super) fn cell_of(page: [i32; 2], slot: usize) -> Cell {
+    let slot = slot as i32;
+    [(page[0] << PAGE_BITS) + slot / PAGE, (page[1] << PAGE_BITS) + slot % PAGE]
 }
 
 impl<T: Copy + Default + PartialEq> CellMap<T> {
@@ -123,15 +133,19 @@ impl<T: Copy + Default + PartialEq> CellMap<T> {
     pub fn entries(&self) -> Vec<(Cell, T)> {
         let mut entries = Vec::new();
         for (page, values) in &self.pages {
-            for (slot, &value) in (0_i32..).zip(values.iter()) {
+            for (slot, &value) in values.iter().enumerate() {
                 if value != T::default() {
-                    let cell = [(page[0] << PAGE_BITS) + slot / PAGE, (page[1] << PAGE_BITS) + slot % PAGE];
-                    entries.push((cell, value));
+                    entries.push((cell_of(*page, slot), value));
                 }
             }
         }
         entries.sort_unstable_by_key(|entry| entry.0);
         entries
+    }
+
+    /// The pages with the values of their cells.
+    pub(super) fn into_pages(self) -> impl Iterator<Item = ([i32; 2], Box<[T]>)> {
+        self.pages.into_iter()
     }
 
     /// A reader that remembers the last page: points come in scan order, so the next one is mostly on the same page.

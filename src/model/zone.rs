@@ -23,6 +23,12 @@ pub struct BlockZone {
 }
 
 impl BlockZone {
+    /// Bytes of memory that it takes.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        (size_of::<Self>() + self.coarse.capacity() * size_of::<Cell>()) as u64
+    }
+
     /// The coarse cell that holds `cell`.
     #[inline]
     #[must_use]

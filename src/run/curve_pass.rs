@@ -82,8 +82,6 @@ struct Payload {
 
 pub(crate) struct CurvePass<'a> {
     pub(crate) tiles: &'a Tiles<'a>,
-    /// All occupied cells with their points.
-    pub(crate) occupied: &'a [(Cell, u32)],
     pub(crate) space: &'a FieldSpace,
     pub(crate) sample: Sample,
     /// Neighbours per point, itself included; not more than there are points.
@@ -140,7 +138,7 @@ impl CurvePass<'_> {
         let neighbours = Neighbours::new(&points)?;
         let mut payload = Payload { sums: self.sums(), cost: AskingCost::default() };
         payload.cost.gathered = cloud.len() as u64;
-        let mut held = Held::of(plan, self.occupied, &region);
+        let mut held = Held::of(plan, &region);
         let (mut asking, mut failure) = (Vec::new(), None);
         let wanted = |point: usize| core[point] && self.sample.takes(cloud.id[point]);
         neighbours.each_nearest(&neighbours.leaves(), self.k, &wanted, &mut |point, found| {
@@ -153,13 +151,13 @@ impl CurvePass<'_> {
             }
             asking.push(Asking { place: points.row(point).to_vec(), cell, found: found.to_vec() });
             if asking.len() >= ASKING_AT_ONCE && failure.is_none() {
-                let around = Held::of(plan, self.occupied, &region);
+                let around = Held::of(plan, &region);
                 failure = self.answer(std::mem::take(&mut asking), around, &mut payload).err();
             }
         });
         match failure {
             Some(error) => return Err(error),
-            None => self.answer(asking, Held::of(plan, self.occupied, &region), &mut payload)?,
+            None => self.answer(asking, Held::of(plan, &region), &mut payload)?,
         }
         Ok(payload)
     }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 use crate::input::Fields;
-use crate::model::{CellCursor, CellMap, PointClass, RecordView};
+use crate::model::{PackedCells, PackedCursor, PointClass, RecordView};
 use crate::output::{LabelledFile, OutputError};
 use crate::run::drive::Drive;
 use crate::run::engine::Pass;
@@ -44,7 +44,7 @@ struct Target {
 
 pub(crate) struct ExportPass<'a> {
     drive: &'a Drive,
-    owners: &'a CellMap<u32>,
+    owners: &'a PackedCells,
     /// Object id of label 1, 2, ... of each tile.
     ids: &'a [Vec<u32>],
     targets: Vec<Target>,
@@ -54,7 +54,7 @@ pub(crate) struct ExportPass<'a> {
 impl<'a> ExportPass<'a> {
     pub(crate) fn new(
         drive: &'a Drive,
-        owners: &'a CellMap<u32>,
+        owners: &'a PackedCells,
         ids: &'a [Vec<u32>],
         labelled: Vec<LabelledFile>,
         run_dir: &RunDir,
@@ -241,7 +241,7 @@ impl<'a> ExportPass<'a> {
 
 /// Buffers of one worker, kept from chunk to chunk: fresh ones would have to be zeroed by the system every time.
 struct Desk<'a> {
-    owners: CellCursor<'a, u32>,
+    owners: PackedCursor<'a>,
     labels: Vec<u32>,
     classes: Vec<u8>,
     /// Block whose records are in `decoded`.
@@ -252,7 +252,7 @@ struct Desk<'a> {
 }
 
 impl<'a> Desk<'a> {
-    fn new(owners: CellCursor<'a, u32>) -> Self {
+    fn new(owners: PackedCursor<'a>) -> Self {
         let (labels, classes, decoded, out) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self { owners, labels, classes, block: None, decoded, out }
     }

@@ -16,8 +16,6 @@ const EXTENT_UNITS: i64 = 60_000_000;
 /// The cells that have been looked at.
 pub(crate) struct Held<'a> {
     plan: &'a Plan,
-    /// All occupied cells with their points, ascending.
-    occupied: &'a [(Cell, u32)],
     base: &'a CellMap<u8>,
     added: CellMap<u8>,
     /// What has been asked for.
@@ -34,12 +32,12 @@ struct Clear {
 
 impl<'a> Held<'a> {
     /// Everything in a region has been looked at.
-    pub(crate) fn of(plan: &'a Plan, occupied: &'a [(Cell, u32)], region: &'a Region) -> Self {
-        Self { plan, occupied, base: &region.roles, added: CellMap::default(), known: BTreeMap::new() }
+    pub(crate) fn of(plan: &'a Plan, region: &'a Region) -> Self {
+        Self { plan, base: &region.roles, added: CellMap::default(), known: BTreeMap::new() }
     }
 
     fn is_missing(&self, cell: Cell) -> bool {
-        self.base.get(cell) == 0 && self.added.get(cell) == 0 && self.plan.owners().get(cell) != 0
+        self.base.get(cell) == 0 && self.added.get(cell) == 0 && self.plan.cells().get(cell) != 0
     }
 
     fn gap_squared(&self, by: [i64; 2]) -> i128 {
@@ -86,8 +84,8 @@ impl<'a> Held<'a> {
 
     /// The same by all cells there are.
     fn clear_far(&self, cell: Cell) -> Clear {
-        let far = self.occupied.iter().filter(|(other, _)| self.is_missing(*other));
-        let distance = far.map(|(other, _)| self.between(cell, *other)).min().map_or(i64::MAX, root);
+        let far = self.plan.cells().iter().filter(|(other, _)| self.is_missing(*other));
+        let distance = far.map(|(other, _)| self.between(cell, other)).min().map_or(i64::MAX, root);
         Clear { distance, exact: true }
     }
 
@@ -98,10 +96,12 @@ impl<'a> Held<'a> {
         let near =
             |other: Cell, cell: Cell, reach: i64| self.between(cell, other) <= i128::from(reach).pow(2);
         if farthest / self.plan.grid().edge() > i64::from(RINGS) {
-            let wanted = |(other, _): &&(Cell, u32)| {
+            let wanted = |(other, _): &(Cell, u32)| {
                 self.is_missing(*other) && around.iter().any(|(cell, reach)| near(*other, *cell, *reach))
             };
-            return self.occupied.iter().filter(wanted).copied().collect();
+            let mut found: Vec<(Cell, u32)> = self.plan.cells().iter().filter(wanted).collect();
+            found.sort_unstable();
+            return found;
         }
         let disc = self.plan.grid().disc(farthest);
         let mut found = Vec::new();
@@ -109,7 +109,7 @@ impl<'a> Held<'a> {
             for by in &disc {
                 let other = [cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])];
                 if self.is_missing(other) && near(other, cell, reach) {
-                    found.push((other, self.plan.points_of(other)));
+                    found.push((other, self.plan.cells().get(other)));
                 }
             }
         }
@@ -156,14 +156,21 @@ fn root(squared: i128) -> i64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
-    use crate::model::CellGrid;
+    use crate::model::{CellGrid, PackedCells};
     use crate::tiling::{PlanRequest, TileSize};
 
+    /// Tiles of ten cells whose chainage is their first index, 0 to 400.
     fn plan(cells: &[(Cell, u32)]) -> Plan {
-        let chainage_m: Vec<f64> = cells.iter().map(|(cell, _)| f64::from(cell[0])).collect();
-        let size = TileSize::Metres(10.0);
-        Plan::new(&PlanRequest { cells, chainage_m: &chainage_m, grid: CellGrid::new(1_000), size })
+        let mut map = CellMap::default();
+        cells.iter().for_each(|(cell, points)| *map.entry(*cell) = *points);
+        let counts = Arc::new(PackedCells::from(map));
+        let strips = counts.map(|cell, _| cell[0].unsigned_abs() + 1);
+        let chainage_m: Vec<f64> = (0..=400).map(f64::from).collect();
+        let (grid, size) = (CellGrid::new(1_000), TileSize::Metres(10.0));
+        Plan::new(&PlanRequest { cells: &counts, strips: &strips, chainage_m: &chainage_m, grid, size })
     }
 
     #[test]
@@ -173,7 +180,7 @@ mod tests {
         let plan = plan(&cells);
         // Cells 10 to 19 and, two metres further, 8 to 21 and those touching them (border to border 2 m): 7 and 22.
         let region = plan.region(1, 2_000);
-        let mut held = Held::of(&plan, &cells, &region);
+        let mut held = Held::of(&plan, &region);
         let clear = |held: &mut Held<'_>, i: i32, distance: i64| {
             held.is_clear([i, 0], distance) && !held.is_clear([i, 0], distance + 1)
         };
@@ -194,7 +201,7 @@ mod tests {
         let corner = [([0, 0], 1), ([20, 20], 1)];
         let plan = self::plan(&corner);
         let region = plan.region(0, 1_000);
-        let mut held = Held::of(&plan, &corner, &region);
+        let mut held = Held::of(&plan, &region);
         assert!(clear(&mut held, 0, 26_870));
         assert!(held.missing_within(&BTreeMap::from([([0, 0], 26_870)])).is_empty());
         assert_eq!(held.missing_within(&BTreeMap::from([([0, 0], 26_871)])).len(), 1);
@@ -205,7 +212,7 @@ mod tests {
         let all: Vec<(Cell, u32)> = (0..23).map(|i| ([i, 0], 5)).collect();
         let plan = plan(&all);
         let region = plan.region(0, 0);
-        let held = Held::of(&plan, &all, &region);
+        let held = Held::of(&plan, &region);
         let sizes: Vec<usize> = held.pieces(&all, 50).iter().map(Vec::len).collect();
         assert_eq!(sizes, [10, 10, 3]);
     }

@@ -188,7 +188,7 @@ pub fn look_at(inputs: &[PathBuf], config: &Config) -> Result<DriveFacts> {
     let lattice = drive.lattice();
     let (lo, hi) = scene.survey.extent.unwrap_or_default();
     let cell_m2 = lattice.metres(drive.grid.edge()).powi(2);
-    let mut counts: Vec<u32> = scene.cells.iter().map(|cell| cell.1).collect();
+    let mut counts: Vec<u32> = scene.cells.iter().map(|(_, points)| points).collect();
     counts.sort_unstable();
     let density = |count: u32| f64::from(count) / cell_m2;
     let area_m2 = counts.len() as f64 * cell_m2;

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use crate::model::{Cell, Lattice};
+use crate::model::{Cell, Lattice, PackedCells};
+use crate::run::rows::Rows;
 use crate::run::scene::Scene;
 use crate::tiling::Plan;
 
@@ -28,7 +29,7 @@ pub(crate) fn svg(plan: &Plan, scene: &Scene, lattice: Lattice) -> String {
     );
     for (number, tile) in plan.tiles.iter().enumerate() {
         let mut path = String::new();
-        for (i, from, to) in strips(&tile.cells) {
+        for (i, from, to) in strips(&plan.core(number)) {
             if i < lo[0] || i > hi[0] || to < lo[1] || from > hi[1] {
                 continue;
             }
@@ -77,20 +78,14 @@ fn mark_spacing(length_m: f64) -> f64 {
 }
 
 /// The cells between the 0.5 % and 99.5 % quantiles on both axes, a little widened.
-fn window(cells: &[(Cell, u32)]) -> (Cell, Cell) {
-    let (mut lo, mut hi) = ([0; 2], [0; 2]);
-    for k in 0..2 {
-        let mut values: Vec<i32> = cells.iter().map(|entry| entry.0[k]).collect();
-        values.sort_unstable();
-        let last = values.len().saturating_sub(1);
-        let cut = last / 200;
-        let (low, high) =
-            (values.get(cut).copied().unwrap_or(0), values.get(last - cut).copied().unwrap_or(0));
+fn window(cells: &PackedCells) -> (Cell, Cell) {
+    let ends = [0, 1].map(|k| {
+        let rows = Rows::of(cells, k);
+        let [first, low, high, last] = [0.0, 0.005, 0.995, 1.0].map(|share| rows.quantile(share));
         let margin = ((high - low) / 10).clamp(5, 200);
-        lo[k] = values.first().copied().unwrap_or(0).max(low - margin);
-        hi[k] = values.last().copied().unwrap_or(0).min(high + margin);
-    }
-    (lo, hi)
+        (first.max(low - margin), last.min(high + margin))
+    });
+    (ends.map(|ends| ends.0), ends.map(|ends| ends.1))
 }
 
 /// Runs of cells with equal i and consecutive j: (i, first j, last j).

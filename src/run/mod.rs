@@ -22,6 +22,7 @@ mod map;
 mod methods;
 mod observe;
 mod prepare;
+mod rows;
 mod scatter_pass;
 mod scene;
 mod staged_pass;
@@ -114,13 +115,12 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     status::record_request(&run_dir, &request.inputs, config)?;
     let drive = Drive::open(catalog, config, &run_dir)?;
     let mut flow = Flow::new(&run_dir, config, &drive, &chain, observer, cancel);
-    let mut scene = flow.survey()?;
+    let scene = flow.survey()?;
     warnings.extend(scene.warnings.iter().cloned());
     for text in &warnings {
         flow.engine.tell(&Event::Warning { text });
     }
     let plan = flow.plan(&scene)?;
-    scene.forget_cells();
     let outcome = flow.tiles_to_files(&scene, &plan, labelled)?;
     let summary = RunSummary {
         points: scene.survey.points(),

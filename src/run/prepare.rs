@@ -99,12 +99,10 @@ pub(crate) fn estimate(
     let settings = epsilon_settings(setting.config)?;
     let first = usize::try_from(settings.k).unwrap_or(usize::MAX);
     let most = usize::try_from(population).unwrap_or(usize::MAX);
-    let occupied = tiles.plan.occupied();
     let mut k = first;
     loop {
         let pass = CurvePass {
             tiles,
-            occupied: &occupied,
             space,
             sample: Sample::new(settings.seed, settings.max_queries, population),
             k: k.min(most).max(1),

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::codec;
 use crate::error::Result;
-use crate::model::{CellMap, record_xyz};
+use crate::model::{PackedCells, record_xyz};
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
 use crate::store::{PassDir, RunDir, StoreError};
@@ -24,7 +24,7 @@ pub(crate) const STRIDE: usize = 16;
 
 pub(crate) struct ScatterPass<'a> {
     pub(crate) drive: &'a Drive,
-    pub(crate) owners: &'a CellMap<u32>,
+    pub(crate) owners: &'a PackedCells,
     pub(crate) runs: Vec<BlockRun>,
     folder: PathBuf,
 }
@@ -37,7 +37,7 @@ struct Groups {
 }
 
 impl<'a> ScatterPass<'a> {
-    pub(crate) fn new(drive: &'a Drive, owners: &'a CellMap<u32>, run_dir: &RunDir) -> Result<Self> {
+    pub(crate) fn new(drive: &'a Drive, owners: &'a PackedCells, run_dir: &RunDir) -> Result<Self> {
         let folder = run_dir.path("scattered");
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         Ok(Self { drive, owners, runs: drive.block_runs(), folder })

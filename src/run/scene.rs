@@ -1,21 +1,21 @@
 //! What is known of a drive before tiles are worked on: survey, axis, plan. Shared by `info`, `plan` and `run`.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use crate::config::{AxisChoice, Config};
 use crate::error::{Error, Result};
-use crate::model::Cell;
+use crate::model::{BlockZone, Cell, PackedCells};
 use crate::run::budget::Budget;
 use crate::run::drive::Drive;
 use crate::run::methods::Chain;
+use crate::run::rows::Rows;
 use crate::survey::{Axis, AxisSource, Survey, SurveyError, read_trajectory};
 use crate::tiling::{Plan, PlanRequest, TileSize};
 
 /// Heights of a drive fit local coordinates up to this extent in lattice units.
 const HEIGHT_LIMIT_UNITS: i64 = i32::MAX as i64;
-/// Bytes per occupied cell that are held while tiles are worked on (cells by tile, owners, points, and the pages of both
-/// maps that are not full): drives of 1 and 16 km, 200,000 cells per kilometre, differ by 26 bytes per cell.
-const BYTES_PER_CELL: u64 = 32;
 /// Plans tried until the largest tile fits the budget.
 const ATTEMPTS: usize = 12;
 
@@ -24,9 +24,10 @@ const ATTEMPTS: usize = 12;
 pub(crate) struct Scene {
     pub(crate) survey: Survey,
     pub(crate) axis: Axis,
-    pub(crate) cells: Vec<(Cell, u32)>,
-    /// Chainage of each cell in metres.
-    pub(crate) chainage_m: Vec<f64>,
+    /// Points of the occupied cells.
+    pub(crate) cells: Arc<PackedCells>,
+    /// Vertex of the axis that each of them is nearest to, counted from 1.
+    strips: PackedCells,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -35,34 +36,35 @@ impl Scene {
     pub(crate) fn new(drive: &Drive, mut survey: Survey, config: &Config) -> Result<Self> {
         let mut warnings = Vec::new();
         check_extent(drive, &survey)?;
-        let cells = std::mem::take(&mut survey.occupancy).entries();
+        let cells = Arc::new(PackedCells::from(std::mem::take(&mut survey.occupancy)));
         let axis = find_axis(drive, &survey, &cells, config, &mut warnings)?;
         if survey.bad_times > 0 {
             warnings.push(format!("{} points have no finite GPS time", survey.bad_times));
         }
         let edge_m = drive.lattice().metres(drive.grid.edge());
         let centre = |cell: Cell| cell.map(|index| (f64::from(index) + 0.5) * edge_m);
-        let chainage_m = cells.iter().map(|(cell, _)| axis.chainage_m(centre(*cell))).collect();
+        let strips = cells.map(|cell, _| u32::try_from(axis.nearest(centre(cell)) + 1).unwrap_or(u32::MAX));
         warn_of_strays(&survey, &cells, edge_m, &mut warnings);
         warn_of_header_boxes(drive, &survey, &mut warnings);
-        Ok(Self { survey, axis, cells, chainage_m, warnings })
+        Ok(Self { survey, axis, cells, strips, warnings })
     }
 
-    /// Gives the cells back, 20 bytes per occupied cell: nobody asks for them once there is a plan.
-    pub(crate) fn forget_cells(&mut self) {
-        self.cells = Vec::new();
-        self.chainage_m = Vec::new();
-    }
-
-    /// Bytes that the raster and the plan hold for as long as the run lasts.
+    /// Bytes that are held for as long as the run lasts and grow with the street: what is known of its cells (with the
+    /// plan, which needs less for the owners than the strips take), and of its blocks.
     pub(crate) fn held_bytes(&self) -> u64 {
-        self.cells.len() as u64 * BYTES_PER_CELL
+        let zones = self.survey.zones.iter().flatten();
+        self.cells.bytes() + 2 * self.strips.bytes() + zones.map(BlockZone::bytes).sum::<u64>()
     }
 
     /// The plan with tiles of `size`.
     pub(crate) fn plan(&self, drive: &Drive, size: TileSize) -> Plan {
-        let (cells, chainage_m) = (&self.cells[..], &self.chainage_m[..]);
-        Plan::new(&PlanRequest { cells, chainage_m, grid: drive.grid, size })
+        Plan::new(&PlanRequest {
+            cells: &self.cells,
+            strips: &self.strips,
+            chainage_m: self.axis.chainage_m(),
+            grid: drive.grid,
+            size,
+        })
     }
 
     /// The tile size that the configuration asks for or the budget allows, and its plan.
@@ -168,7 +170,7 @@ fn check_extent(drive: &Drive, survey: &Survey) -> Result<()> {
 fn find_axis(
     drive: &Drive,
     survey: &Survey,
-    cells: &[(Cell, u32)],
+    cells: &PackedCells,
     config: &Config,
     warnings: &mut Vec<String>,
 ) -> Result<Axis> {
@@ -195,30 +197,21 @@ fn find_axis(
 }
 
 /// Points far from all others are usually errors of the scanner or of a merge; they are processed like any other.
-fn warn_of_strays(survey: &Survey, cells: &[(Cell, u32)], edge_m: f64, warnings: &mut Vec<String>) {
+fn warn_of_strays(survey: &Survey, cells: &PackedCells, edge_m: f64, warnings: &mut Vec<String>) {
     let Some((lo, hi)) = survey.extent else { return };
-    let mut along: [Vec<i32>; 2] = [0, 1].map(|k| cells.iter().map(|entry| entry.0[k]).collect());
-    for values in &mut along {
-        values.sort_unstable();
-    }
-    let quantile = |k: usize, share: f64| {
-        let values = &along[k];
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index into the list")]
-        let at = ((values.len() - 1) as f64 * share).round() as usize;
-        f64::from(values[at]) * edge_m
-    };
     let mut far = 0;
     let reach = [0, 1].map(|k| {
-        let (low, high) = (quantile(k, 0.01), quantile(k, 0.99));
+        let rows = Rows::of(cells, k);
+        let [low, high] = [0.01, 0.99].map(|share| f64::from(rows.quantile(share)) * edge_m);
         let margin = (high - low).max(100.0) * 5.0;
         (low - margin, high + margin)
     });
-    for (cell, points) in cells {
+    for (cell, points) in cells.iter() {
         let out = (0..2).any(|k| {
             let at = f64::from(cell[k]) * edge_m;
             at < reach[k].0 || at > reach[k].1
         });
-        far += if out { u64::from(*points) } else { 0 };
+        far += if out { u64::from(points) } else { 0 };
     }
     if far > 0 {
         let extent = [0, 1].map(|k| (hi[k] - lo[k]) as f64 / 1e6);

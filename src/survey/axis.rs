@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 use serde::Serialize;
 
-use crate::model::{Cell, CellGrid, Lattice, NearestIndex};
+use crate::model::{Cell, CellGrid, Lattice, NearestIndex, PackedCells};
 use crate::survey::TimeBin;
 
 /// Distance between vertices of the axis in metres: chainage is resolved to this along tiles.
@@ -78,14 +78,14 @@ impl Axis {
 
     /// The principal axis of the occupied cells, every cell weighing the same so that dense spots do not turn it.
     #[must_use]
-    pub fn principal(cells: &[(Cell, u32)], grid: CellGrid, lattice: Lattice) -> Self {
+    pub fn principal(cells: &PackedCells, grid: CellGrid, lattice: Lattice) -> Self {
         let edge_m = lattice.metres(grid.edge());
         let centre = |cell: Cell| Vector2::new(f64::from(cell[0]) + 0.5, f64::from(cell[1]) + 0.5) * edge_m;
         let share = 1.0 / cells.len().max(1) as f64;
-        let mean: Vector2<f64> = cells.iter().map(|entry| centre(entry.0)).sum::<Vector2<f64>>() * share;
+        let mean = cells.iter().map(|entry| centre(entry.0)).sum::<Vector2<f64>>() * share;
         let mut covariance = Matrix2::zeros();
-        for (cell, _) in cells {
-            let arm = centre(*cell) - mean;
+        for (cell, _) in cells.iter() {
+            let arm = centre(cell) - mean;
             covariance += arm * arm.transpose();
         }
         let eigen = SymmetricEigen::new(covariance);
@@ -155,10 +155,16 @@ impl Axis {
         self.chainage.last().copied().unwrap_or(0.0)
     }
 
-    /// Chainage in metres of the vertex nearest to a place in metres.
+    /// Chainage of the vertices in metres, ascending.
     #[must_use]
-    pub fn chainage_m(&self, place: [f64; 2]) -> f64 {
-        self.index.nearest(place).map_or(0.0, |(vertex, _)| self.chainage[vertex])
+    pub fn chainage_m(&self) -> &[f64] {
+        &self.chainage
+    }
+
+    /// The vertex nearest to a place in metres; an axis has at least one.
+    #[must_use]
+    pub fn nearest(&self, place: [f64; 2]) -> usize {
+        self.index.nearest(place).map_or(0, |(vertex, _)| vertex)
     }
 
     /// Chainage of a place's foot on the axis, and its signed offset (left of the axis positive), in metres.
@@ -275,6 +281,7 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::CellMap;
 
     fn straight(from: f64, to: f64, y: f64) -> Vec<[f64; 2]> {
         let count = 50;
@@ -297,7 +304,7 @@ mod tests {
         let axis = Axis::from_positions(AxisSource::Trajectory, &there_and_back).unwrap();
         // The turn itself is driven once more for OWN_STRETCH_M.
         assert!(axis.length_m() < 200.0 + 2.0 * OWN_STRETCH_M, "{}", axis.length_m());
-        assert!((axis.chainage_m([20.0, 4.0]) - 20.0).abs() <= 1.0);
+        assert!((axis.chainage_m()[axis.nearest([20.0, 4.0])] - 20.0).abs() <= 1.0);
     }
 
     #[test]
@@ -312,11 +319,15 @@ mod tests {
 
     #[test]
     fn the_principal_axis_runs_along_the_cells() {
-        let cells: Vec<(Cell, u32)> = (0..100).flat_map(|i| [([i, 2 * i], 1), ([i, 2 * i + 1], 9)]).collect();
-        let axis = Axis::principal(&cells, CellGrid::new(1_000), Lattice::MILLIMETRE);
+        let principal = |cells: Vec<(Cell, u32)>| {
+            let mut map = CellMap::default();
+            cells.iter().for_each(|(cell, points)| *map.entry(*cell) = *points);
+            Axis::principal(&PackedCells::from(map), CellGrid::new(1_000), Lattice::MILLIMETRE)
+        };
+        let axis = principal((0..100).flat_map(|i| [([i, 2 * i], 1), ([i, 2 * i + 1], 9)]).collect());
         assert!((axis.length_m() - 224.0).abs() < 3.0, "{}", axis.length_m());
-        assert!(axis.chainage_m([1.0, 1.0]) < axis.chainage_m([90.0, 180.0]));
-        let one = Axis::principal(&[([5, 5], 1)], CellGrid::new(1_000), Lattice::MILLIMETRE);
+        assert!(axis.nearest([1.0, 1.0]) < axis.nearest([90.0, 180.0]));
+        let one = principal(vec![([5, 5], 1)]);
         assert!(one.length_m() <= 2.0);
     }
 }

@@ -3,9 +3,12 @@
 //! A core is a set of cells with neighbouring chainage. The halo is the dilation of the core in the plane by the
 //! reach of the method, never "chainage plus or minus": on a loop, tiles are neighbours that are far apart in time.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Area, Cell, CellGrid, CellMap};
+use crate::model::{Area, Cell, CellGrid, CellMap, PackedCells};
 
 /// Largest extent of a core in lattice units (60 km at 1 mm): stray points far outside get tiles of their own, so that
 /// local coordinates fit 31 bits and methods can index their cells, whatever the edge of a cell of the raster.
@@ -20,12 +23,14 @@ pub enum TileSize {
     Metres(f64),
 }
 
-/// What a plan is made from.
+/// What a plan is made from. The cells whose nearest vertex of the axis is the same are a strip across the street.
 #[derive(Debug)]
 pub struct PlanRequest<'a> {
-    /// Occupied cells with their points, ascending.
-    pub cells: &'a [(Cell, u32)],
-    /// Chainage of each of them in metres.
+    /// Points of the occupied cells.
+    pub cells: &'a Arc<PackedCells>,
+    /// The strip of each of them, counted from 1.
+    pub strips: &'a PackedCells,
+    /// Chainage of each strip in metres, not falling.
     pub chainage_m: &'a [f64],
     /// The raster.
     pub grid: CellGrid,
@@ -36,15 +41,15 @@ pub struct PlanRequest<'a> {
 /// One tile.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tile {
-    /// Cells it owns, ascending.
-    #[serde(skip)]
-    pub cells: Vec<Cell>,
     /// Points it owns.
     pub points: u64,
     /// Chainage of its first cell in metres.
     pub from_m: f64,
     /// Chainage of its last cell in metres.
     pub to_m: f64,
+    /// Where it begins: a strip, and where that is cut, a cell of it.
+    #[serde(skip)]
+    first: (u32, Cell),
 }
 
 /// The tiles of a run.
@@ -53,65 +58,142 @@ pub struct Plan {
     /// Tiles in order of chainage.
     pub tiles: Vec<Tile>,
     grid: CellGrid,
-    occupancy: CellMap<u32>,
+    /// Points of the occupied cells.
+    cells: Arc<PackedCells>,
     /// Tile that owns a cell, plus one.
-    owner: CellMap<u32>,
+    owners: PackedCells,
 }
 
-impl Plan {
-    /// Cuts the occupied cells into tiles.
-    #[must_use]
-    pub fn new(request: &PlanRequest<'_>) -> Self {
-        let mut order: Vec<usize> = (0..request.cells.len()).collect();
-        let chainage = request.chainage_m;
-        order.sort_by(|&a, &b| chainage[a].total_cmp(&chainage[b]).then(a.cmp(&b)));
-        let total: u64 = request.cells.iter().map(|(_, points)| u64::from(*points)).sum();
-        let share = match request.size {
+/// Cells that go to a tile together.
+#[derive(Debug, Clone, Copy)]
+struct Bunch {
+    points: u64,
+    lo: Cell,
+    hi: Cell,
+}
+
+impl Bunch {
+    const EMPTY: Self = Self { points: 0, lo: [i32::MAX; 2], hi: [i32::MIN; 2] };
+
+    fn of(cell: Cell, points: u32) -> Self {
+        Self { points: points.into(), lo: cell, hi: cell }
+    }
+
+    fn and(&self, other: &Self) -> Self {
+        let [i, j] = [0, 1].map(|k| (self.lo[k].min(other.lo[k]), self.hi[k].max(other.hi[k])));
+        Self { points: self.points + other.points, lo: [i.0, j.0], hi: [i.1, j.1] }
+    }
+
+    /// Its longer side in lattice units.
+    fn extent(&self, grid: CellGrid) -> i64 {
+        let side = |k: usize| (i64::from(self.hi[k]) - i64::from(self.lo[k])) * grid.edge();
+        side(0).max(side(1))
+    }
+}
+
+/// Cuts the street, which comes bunch by bunch in order of chainage.
+struct Cutter {
+    size: TileSize,
+    grid: CellGrid,
+    /// Points of a tile, where tiles go by points.
+    share: u64,
+    /// Points before the next bunch, and how many tiles they fill.
+    before: u64,
+    filled: u64,
+    tiles: Vec<Tile>,
+    /// What the last tile holds.
+    core: Bunch,
+}
+
+impl Cutter {
+    fn new(size: TileSize, grid: CellGrid, total: u64) -> Self {
+        let share = match size {
             TileSize::Points(most) => total.div_ceil(total.div_ceil(most.max(1)).max(1)).max(1),
             TileSize::Metres(_) => u64::MAX,
         };
-        let mut tiles: Vec<Tile> = Vec::new();
-        let (mut before, mut taken) = (0_u64, 0_u64);
-        let (mut lo, mut hi) = ([0_i32; 2], [0_i32; 2]);
-        for at in order {
-            let (cell, points) = request.cells[at];
-            let (grown_lo, grown_hi) = (min(lo, cell), max(hi, cell));
-            let full = tiles.last().is_none_or(|tile| {
-                let extent =
-                    |k: usize| (i64::from(grown_hi[k]) - i64::from(grown_lo[k])) * request.grid.edge();
-                let too_wide = (0..2).any(|k| extent(k) >= CORE_EXTENT_UNITS);
-                too_wide
-                    || match request.size {
-                        TileSize::Points(_) => before / share > taken,
-                        TileSize::Metres(length) => {
-                            (tile.from_m / length).floor() < (chainage[at] / length).floor()
-                        }
+        Self { size, grid, share, before: 0, filled: 0, tiles: Vec::new(), core: Bunch::EMPTY }
+    }
+
+    /// Whether a tile may have to begin within this bunch, which comes next.
+    fn may_cut(&self, before: u64, bunch: &Bunch) -> bool {
+        before / self.share < (before + bunch.points) / self.share
+            || bunch.extent(self.grid) >= CORE_EXTENT_UNITS / 2
+    }
+
+    /// Takes the next bunch, whose first cell is `first`.
+    fn take(&mut self, first: (u32, Cell), chainage_m: f64, bunch: &Bunch) {
+        let grown = self.core.and(bunch);
+        let full = self.tiles.last().is_none_or(|tile| {
+            grown.extent(self.grid) >= CORE_EXTENT_UNITS
+                || match self.size {
+                    TileSize::Points(_) => self.before / self.share > self.filled,
+                    TileSize::Metres(length) => {
+                        (tile.from_m / length).floor() < (chainage_m / length).floor()
                     }
-            });
-            if full {
-                taken = before / share;
-                tiles.push(Tile { cells: Vec::new(), points: 0, from_m: chainage[at], to_m: chainage[at] });
-                (lo, hi) = (cell, cell);
-            } else {
-                (lo, hi) = (grown_lo, grown_hi);
+                }
+        });
+        if full {
+            self.filled = self.before / self.share;
+            self.tiles.push(Tile { points: 0, from_m: chainage_m, to_m: chainage_m, first });
+        }
+        self.core = if full { *bunch } else { grown };
+        if let Some(tile) = self.tiles.last_mut() {
+            tile.points = self.core.points;
+            tile.to_m = chainage_m;
+        }
+        self.before += bunch.points;
+    }
+}
+
+impl Plan {
+    /// Cuts the occupied cells into tiles: by chainage, and within a strip by cell.
+    ///
+    /// Takes memory for the strips and for the cells of those strips that are cut, not for all cells.
+    #[must_use]
+    pub fn new(request: &PlanRequest<'_>) -> Self {
+        let cells = || {
+            let mut points = request.cells.cursor();
+            request.strips.iter().map(move |(cell, strip)| (cell, strip, points.get(cell)))
+        };
+        let mut strips = vec![Bunch::EMPTY; request.chainage_m.len()];
+        for (cell, strip, points) in cells() {
+            let bunch = &mut strips[strip as usize - 1];
+            *bunch = bunch.and(&Bunch::of(cell, points));
+        }
+        let total = strips.iter().map(|strip| strip.points).sum();
+        let mut cutter = Cutter::new(request.size, request.grid, total);
+        let mut before = 0;
+        let mut cut: BTreeMap<u32, Vec<(Cell, u32)>> = BTreeMap::new();
+        for (number, strip) in (1..).zip(&strips) {
+            if cutter.may_cut(before, strip) {
+                cut.insert(number, Vec::new());
             }
-            if let Some(tile) = tiles.last_mut() {
-                tile.cells.push(cell);
-                tile.points += u64::from(points);
-                tile.to_m = chainage[at];
+            before += strip.points;
+        }
+        for (cell, strip, points) in cells() {
+            if let Some(list) = cut.get_mut(&strip) {
+                list.push((cell, points));
             }
-            before += u64::from(points);
         }
-        let (mut occupancy, mut owner) = (CellMap::default(), CellMap::default());
-        for (cell, points) in request.cells {
-            *occupancy.entry(*cell) = *points;
+        for ((number, strip), &chainage_m) in (1..).zip(&strips).zip(request.chainage_m) {
+            match cut.get_mut(&number) {
+                Some(list) => {
+                    list.sort_unstable();
+                    for (cell, points) in list {
+                        cutter.take((number, *cell), chainage_m, &Bunch::of(*cell, *points));
+                    }
+                }
+                None if strip.points > 0 => cutter.take((number, [i32::MIN; 2]), chainage_m, strip),
+                None => {}
+            }
         }
-        for (number, tile) in (1_u32..).zip(&mut tiles) {
-            tile.cells.sort_unstable();
-            tile.cells.shrink_to_fit();
-            tile.cells.iter().for_each(|cell| *owner.entry(*cell) = number);
-        }
-        Self { tiles, grid: request.grid, occupancy, owner }
+        let tiles = cutter.tiles;
+        // Where tiles begin is ascending: a cell belongs to the last one that begins at it or before it.
+        let owners = request.strips.map(|cell, strip| {
+            let owner = tiles.partition_point(|tile| tile.first <= (strip, cell));
+            u32::try_from(owner).unwrap_or(u32::MAX)
+        });
+        Self { tiles, grid: request.grid, cells: Arc::clone(request.cells), owners }
     }
 
     /// The raster.
@@ -122,20 +204,20 @@ impl Plan {
 
     /// Tile that owns each cell, plus one; 0 where no point is.
     #[must_use]
-    pub fn owners(&self) -> &CellMap<u32> {
-        &self.owner
+    pub fn owners(&self) -> &PackedCells {
+        &self.owners
     }
 
-    /// Points in a cell.
+    /// The cells that tile number `tile` owns, ascending.
     #[must_use]
-    pub fn points_of(&self, cell: Cell) -> u32 {
-        self.occupancy.get(cell)
+    pub fn core(&self, tile: usize) -> Vec<Cell> {
+        self.owners.cells_with(owner_of(tile))
     }
 
-    /// All occupied cells with their points, ascending.
+    /// Points of the occupied cells.
     #[must_use]
-    pub fn occupied(&self) -> Vec<(Cell, u32)> {
-        self.occupancy.entries()
+    pub fn cells(&self) -> &PackedCells {
+        &self.cells
     }
 
     /// Points that tile number `tile` reads with a reach of `reach` lattice units.
@@ -148,12 +230,9 @@ impl Plan {
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
-        for tile in &self.tiles {
-            hasher.update(&(tile.cells.len() as u64).to_le_bytes());
-            for cell in &tile.cells {
-                hasher.update(&cell[0].to_le_bytes());
-                hasher.update(&cell[1].to_le_bytes());
-            }
+        for (cell, owner) in self.owners.iter() {
+            cell.iter().for_each(|index| hasher.update(&index.to_le_bytes()));
+            hasher.update(&owner.to_le_bytes());
         }
         hasher.digest()
     }
@@ -161,18 +240,18 @@ impl Plan {
     /// What tile number `tile` reads: its core and every occupied cell within `reach` lattice units of it.
     #[must_use]
     pub fn region(&self, tile: usize, reach: i64) -> Region {
-        let cells = &self.tiles[tile].cells;
-        let own = u32::try_from(tile + 1).unwrap_or(u32::MAX);
+        let cells = self.core(tile);
+        let own = owner_of(tile);
         let disc = self.grid.disc(reach);
         let mut roles = CellMap::<u8>::default();
-        let mut members = cells.clone();
-        for &cell in cells {
+        for &cell in &cells {
             *roles.entry(cell) = Region::CORE;
         }
-        let mut owners = self.owner.cursor();
+        let mut owners = self.owners.cursor();
+        let mut halo = Vec::new();
         let mut beside =
             |cell: Cell, by: [i32; 2]| owners.get([cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])]);
-        for &cell in cells {
+        for &cell in &cells {
             // Only a core cell with a foreign or empty neighbour can have a foreign cell within reach.
             if [[1, 0], [-1, 0], [0, 1], [0, -1]].iter().all(|by| beside(cell, *by) == own) {
                 continue;
@@ -184,12 +263,12 @@ impl Plan {
                     let role = roles.entry(near);
                     if *role == 0 {
                         *role = Region::HALO;
-                        members.push(near);
+                        halo.push(near);
                     }
                 }
             }
         }
-        self.members(members, roles)
+        self.members([cells, halo].concat(), roles)
     }
 
     /// What reading some cells means, whoever owns them; none of them is a core.
@@ -202,21 +281,17 @@ impl Plan {
 
     fn members(&self, mut members: Vec<Cell>, roles: CellMap<u8>) -> Region {
         members.sort_unstable();
-        let mut tiles: Vec<u32> =
-            members.iter().map(|cell| self.owner.get(*cell).saturating_sub(1)).collect();
-        tiles.sort_unstable();
-        tiles.dedup();
-        let points = members.iter().map(|cell| u64::from(self.occupancy.get(*cell))).sum();
+        let (mut owners, mut counts) = (self.owners.cursor(), self.cells.cursor());
+        let tiles: BTreeSet<u32> = members.iter().map(|cell| owners.get(*cell).saturating_sub(1)).collect();
+        let tiles = tiles.into_iter().collect();
+        let points = members.iter().map(|cell| u64::from(counts.get(*cell))).sum();
         Region { area: Area::of(members.into_iter()), roles, tiles, points, grid: self.grid }
     }
 }
 
-fn min(a: Cell, b: Cell) -> Cell {
-    [a[0].min(b[0]), a[1].min(b[1])]
-}
-
-fn max(a: Cell, b: Cell) -> Cell {
-    [a[0].max(b[0]), a[1].max(b[1])]
+/// How the owner of a cell is stored: 0 is no tile.
+fn owner_of(tile: usize) -> u32 {
+    u32::try_from(tile + 1).unwrap_or(u32::MAX)
 }
 
 /// The cells a tile reads, and what they are to it.
@@ -245,9 +320,17 @@ impl Region {
 mod tests {
     use super::*;
 
+    /// A plan of cells whose chainage is their first index.
     fn plan(cells: &[(Cell, u32)], size: TileSize) -> Plan {
-        let chainage: Vec<f64> = cells.iter().map(|(cell, _)| f64::from(cell[0])).collect();
-        Plan::new(&PlanRequest { cells, chainage_m: &chainage, grid: CellGrid::new(1_000), size })
+        let mut map = CellMap::<u32>::default();
+        cells.iter().for_each(|(cell, points)| *map.entry(*cell) = *points);
+        let counts = Arc::new(PackedCells::from(map));
+        let columns: BTreeSet<i32> = cells.iter().map(|(cell, _)| cell[0]).collect();
+        let chainage_m: Vec<f64> = columns.iter().copied().map(f64::from).collect();
+        let number: BTreeMap<i32, u32> = columns.into_iter().zip(1..).collect();
+        let strips = counts.map(|cell, _| number[&cell[0]]);
+        let grid = CellGrid::new(1_000);
+        Plan::new(&PlanRequest { cells: &counts, strips: &strips, chainage_m: &chainage_m, grid, size })
     }
 
     fn street(length: i32) -> Vec<(Cell, u32)> {
@@ -261,12 +344,14 @@ mod tests {
             [TileSize::Points(1), TileSize::Points(333), TileSize::Metres(7.0), TileSize::Points(1 << 40)]
         {
             let plan = plan(&cells, size);
-            let mut seen: Vec<Cell> = plan.tiles.iter().flat_map(|tile| tile.cells.clone()).collect();
+            let mut seen: Vec<Cell> = (0..plan.tiles.len()).flat_map(|tile| plan.core(tile)).collect();
             seen.sort_unstable();
             assert_eq!(seen, cells.iter().map(|entry| entry.0).collect::<Vec<_>>());
             assert_eq!(plan.tiles.iter().map(|tile| tile.points).sum::<u64>(), 5_000);
             for (number, tile) in plan.tiles.iter().enumerate() {
-                assert!(tile.cells.iter().all(|cell| plan.owners().get(*cell) as usize == number + 1));
+                let points =
+                    plan.core(number).iter().map(|cell| u64::from(plan.cells().get(*cell))).sum::<u64>();
+                assert!(points == tile.points && points > 0);
             }
         }
     }
