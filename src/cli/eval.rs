@@ -113,6 +113,8 @@ impl EvalArgs {
     pub(crate) fn run(&self) -> Outcome {
         let (counted, metrics, trajectory, provenance) = self.compare()?;
         let evaluation = Evaluation::of(&counted.table, &metrics, counted.lattice);
+        // What was counted is judged now, and the report takes as much memory again.
+        drop(counted);
         let axis = trajectory.unwrap_or_else(|| {
             Axis::principal(&evaluation.judged.scene.objects.iter().map(|o| o.centroid_m).collect::<Vec<_>>())
         });

@@ -17,14 +17,14 @@ impl NearestIndex {
         Self { tree }
     }
 
-    /// The place nearest to `query` and its distance in metres; of several equally near the first of the slice.
+    /// The place nearest to `query`; of several equally near the first of the slice.
     #[must_use]
-    pub fn nearest(&self, query: [f64; 2]) -> Option<(usize, f64)> {
+    pub fn nearest(&self, query: [f64; 2]) -> Option<usize> {
         let tree = self.tree.as_ref()?;
         let best = tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
         let ties = tree.query(&query).within::<SquaredEuclidean<f64>>(best.distance).unsorted().execute();
         let item = ties.iter().map(|tie| tie.item).min().unwrap_or(best.item);
-        Some((item as usize, best.distance.sqrt()))
+        Some(item as usize)
     }
 }
 
@@ -35,8 +35,8 @@ mod tests {
     #[test]
     fn the_first_of_equally_near_places_wins() {
         let index = NearestIndex::new(&[[4.0, 0.0], [0.0, 2.0], [2.0, 0.0], [0.0, 2.0]]);
-        assert_eq!(index.nearest([0.0, 0.0]), Some((1, 2.0)));
-        assert_eq!(index.nearest([3.5, 0.0]), Some((0, 0.5)));
+        assert_eq!(index.nearest([0.0, 0.0]), Some(1));
+        assert_eq!(index.nearest([3.5, 0.0]), Some(0));
         assert_eq!(NearestIndex::new(&[]).nearest([0.0, 0.0]), None);
     }
 }

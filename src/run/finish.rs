@@ -9,21 +9,18 @@ use serde_json::json;
 use crate::config::{ClassificationChoice, Config, ConfigError};
 use crate::error::{Error, Result};
 use crate::input::Catalog;
-use crate::model::{Cell, Chart, NearestIndex, ObjectPart};
+use crate::model::{Chart, ObjectPart};
 use crate::output::{
     LabelOptions, LabelledFile, ObjectRow, OutputError, OutputFormat, chart_svg, check_names, write_csv,
     write_geojson,
 };
 use crate::run::RunSummary;
 use crate::run::drive::Drive;
-use crate::run::ground_pass::GroundPayload;
 use crate::run::scene::{AxisFacts, Scene};
+use crate::run::terrain::Terrain;
 use crate::stitch::Stitched;
 use crate::store::{PassDir, RunDir, StoreError};
 use crate::whole_file::publish;
-
-/// How far from an object's centre ground is looked for, in metres (methods, section 5.1 has the same distance).
-const GROUND_SEARCH_M: f64 = 10.0;
 
 /// Points of a drive by class.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -36,48 +33,6 @@ pub struct Counts {
     pub low_noise: u64,
     /// Isolated noise high above.
     pub high_noise: u64,
-}
-
-/// Height of the ground by cell, for heights above ground.
-pub(crate) struct Terrain {
-    index: NearestIndex,
-    /// Mean lattice z of the ground points of each indexed cell.
-    heights: Vec<i64>,
-}
-
-impl Terrain {
-    /// Mean height of the ground in metres in the cell nearest to a place in metres; `None` beyond 10 m.
-    fn height_m(&self, place: [f64; 2], drive: &Drive) -> Option<f64> {
-        let (cell, away) = self.index.nearest(place)?;
-        (away <= GROUND_SEARCH_M).then(|| drive.lattice().metres(self.heights[cell]))
-    }
-}
-
-/// Counts and terrain from the payloads of the ground pass, in tile order.
-pub(crate) fn terrain(
-    payloads: impl Iterator<Item = Result<GroundPayload>>,
-    drive: &Drive,
-) -> Result<(Counts, Terrain)> {
-    let mut counts = [0; 4];
-    let mut cells: Vec<(Cell, u32, i64)> = Vec::new();
-    for payload in payloads {
-        let payload = payload?;
-        for (total, count) in counts.iter_mut().zip(payload.counts) {
-            *total += count;
-        }
-        cells.extend(payload.heights);
-    }
-    // By cell, so that ties between equally near cells do not depend on the tiles.
-    cells.sort_unstable();
-    let edge_m = drive.lattice().metres(drive.grid.edge());
-    let centres: Vec<[f64; 2]> =
-        cells.iter().map(|(cell, _, _)| cell.map(|index| (f64::from(index) + 0.5) * edge_m)).collect();
-    let heights = cells.iter().map(|(_, count, sum)| sum.div_euclid(i64::from((*count).max(1)))).collect();
-    let [object, ground, low_noise, high_noise] = counts;
-    Ok((
-        Counts { object, ground, low_noise, high_noise },
-        Terrain { index: NearestIndex::new(&centres), heights },
-    ))
 }
 
 /// The labelled copies to be written: names do not collide, and nothing foreign is in the place of any output.
@@ -194,7 +149,7 @@ fn row(id: u32, object: &ObjectPart, drive: &Drive, scene: &Scene, terrain: &Ter
     let centre = object.sum.map(|sum| (sum / i128::from(object.points.max(1))) as i64);
     let place = [lattice.metres(centre[0]), lattice.metres(centre[1])];
     let (chainage_m, offset_m) = scene.axis.locate(place);
-    let ground_m = terrain.height_m(place, drive);
+    let ground_m = terrain.height_m([centre[0], centre[1]]);
     let above = |z: i64| ground_m.map(|ground| lattice.metres(z) - ground);
     let hull: Vec<[f64; 2]> =
         object.hull.iter().map(|place| [0, 1].map(|k| lattice.metres(place[k]) / units_m[k])).collect();

@@ -20,6 +20,7 @@ use crate::run::prepare::{self, DriveEpsilon, Setting};
 use crate::run::scatter_pass::{ScatterPass, Scattered};
 use crate::run::scene::Scene;
 use crate::run::survey_pass::SurveyPass;
+use crate::run::terrain::Terrain;
 use crate::run::tiles::Tiles;
 use crate::run::{identity, inputs};
 use crate::store::{Inputs, PassDir, RunDir};
@@ -222,7 +223,8 @@ impl<'a> Flow<'a> {
 
         let payloads = (0..plan.tiles.len())
             .map(|tile| -> Result<GroundPayload> { codec::decode(&ground_dir.payload(tile)?) });
-        let (counts, terrain) = finish::terrain(payloads, self.drive)?;
+        let (grid, lattice) = (self.drive.grid, self.drive.lattice());
+        let (counts, terrain) = Terrain::collect(payloads, grid, lattice, scene.lowest())?;
         if let Some(finished) = finish::already_finished(self.engine.run_dir, &export_dir)? {
             return Ok(Outcome {
                 counts,

@@ -28,6 +28,7 @@ mod scene;
 mod staged_pass;
 mod status;
 mod survey_pass;
+mod terrain;
 mod tiles;
 
 use std::path::PathBuf;

@@ -164,13 +164,13 @@ impl Axis {
     /// The vertex nearest to a place in metres; an axis has at least one.
     #[must_use]
     pub fn nearest(&self, place: [f64; 2]) -> usize {
-        self.index.nearest(place).map_or(0, |(vertex, _)| vertex)
+        self.index.nearest(place).unwrap_or(0)
     }
 
     /// Chainage of a place's foot on the axis, and its signed offset (left of the axis positive), in metres.
     #[must_use]
     pub fn locate(&self, place: [f64; 2]) -> (f64, f64) {
-        let Some((vertex, _)) = self.index.nearest(place) else { return (0.0, 0.0) };
+        let Some(vertex) = self.index.nearest(place) else { return (0.0, 0.0) };
         let mut best = (f64::INFINITY, self.chainage[vertex], 0.0);
         for start in [vertex.checked_sub(1), Some(vertex)].into_iter().flatten() {
             if start + 1 >= self.vertices.len() || !self.joined[start] {
