@@ -181,6 +181,13 @@ impl DbscanConfig {
         self.fields == METRIC
     }
 
+    /// The reach, when points within epsilon are within `epsilon` lattice units in the plane: a point that joins a cluster
+    /// by a core point is within twice that of what makes it one.
+    pub(super) fn reach(&self, epsilon: i64, lattice: Lattice) -> Reach {
+        let units = if self.variant == DbscanVariant::Core { 2 * epsilon } else { epsilon };
+        Reach::Exact { metres: lattice.metres(units) }
+    }
+
     /// Smallest and largest number of points of an object.
     pub(super) fn object_size(&self) -> std::ops::RangeInclusive<u64> {
         let max = if self.max_points == 0 { u64::MAX } else { self.max_points };
@@ -276,9 +283,7 @@ impl Clusterer for Dbscan {
     }
 
     fn reach(&self, lattice: Lattice) -> Reach {
-        let epsilon = lattice.units(self.epsilon);
-        let units = if self.config.variant == DbscanVariant::Core { 2 * epsilon } else { epsilon };
-        Reach::Exact { metres: lattice.metres(units) }
+        self.config.reach(lattice.units(self.epsilon), lattice)
     }
 
     fn object_size(&self) -> std::ops::RangeInclusive<u64> {

@@ -33,9 +33,7 @@ impl Clusterer for FieldDbscan {
     }
 
     fn reach(&self, lattice: Lattice) -> Reach {
-        let once = self.space.horizontal(self.epsilon);
-        let units = if self.config.variant == DbscanVariant::Core { 2 * once } else { once };
-        Reach::Exact { metres: lattice.metres(units) }
+        self.config.reach(self.space.horizontal(self.epsilon), lattice)
     }
 
     fn object_size(&self) -> std::ops::RangeInclusive<u64> {

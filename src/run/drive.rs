@@ -105,6 +105,14 @@ impl Drive {
         runs
     }
 
+    /// Bytes of the largest block of a run, decoded, with `more` per record: what a unit takes that works block by block.
+    pub(crate) fn largest_block_bytes(&self, run: &BlockRun, more: u64) -> u64 {
+        let file = self.file(run.file);
+        let records =
+            run.blocks.clone().map(|block| u64::from(file.blocks()[block].count)).max().unwrap_or(0);
+        records * (file.layout().record_len as u64 + more)
+    }
+
     /// Surveys a block straight from the file (decoded, if compressed), and unpacks its positions if asked to.
     pub(crate) fn survey_block(
         &self,

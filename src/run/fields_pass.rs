@@ -137,12 +137,7 @@ impl Pass for FieldsPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // One block at a time.
-        let run = &self.runs[unit];
-        let file = self.drive.file(run.file);
-        let largest =
-            run.blocks.clone().map(|block| u64::from(file.blocks()[block].count)).max().unwrap_or(0);
-        largest * (file.layout().record_len as u64 + 2)
+        self.drive.largest_block_bytes(&self.runs[unit], 2)
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {

@@ -26,12 +26,8 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // One block at a time, decoded and its positions, and what is counted.
-        let run = &self.runs[unit];
-        let file = self.drive.file(run.file);
-        let largest =
-            run.blocks.clone().map(|block| u64::from(file.blocks()[block].count)).max().unwrap_or(0);
-        largest * (file.layout().record_len as u64 + 24) + (16 << 20)
+        // Positions, as stored and on the lattice, and what is counted.
+        self.drive.largest_block_bytes(&self.runs[unit], 24) + (16 << 20)
     }
 
     fn prefetch(&self, unit: usize) {
