@@ -14,6 +14,8 @@ import platform
 import subprocess
 import sys
 
+from charts import plots, save
+
 PRESETS = ("avenue", "mixed")
 LENGTH = "60m"
 SWEEPS = {
@@ -96,14 +98,9 @@ def page(results):
 
 def draw(path, results):
     """OA and F1* over each setting; nothing where matplotlib is absent."""
-    try:
-        import matplotlib
-    except ImportError as missing:
-        print(f"no drawing: {missing}")
+    plt = plots()
+    if plt is None:
         return
-    matplotlib.use("svg")
-    matplotlib.rcParams["svg.hashsalt"] = "chainage"
-    import matplotlib.pyplot as plt
     figure, axes = plt.subplots(2, len(results), figsize=(4 * len(results), 7), sharey="row")
     for column, (setting, by_drive) in enumerate(results.items()):
         for row, (measure, name) in enumerate((("oa", "OA"), ("f1_without_false_positives", "F1*"))):
@@ -120,7 +117,7 @@ def draw(path, results):
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False)
     figure.tight_layout(rect=(0, 0, 1, 0.95))
-    figure.savefig(path, metadata={"Date": None})
+    save(figure, path)
 
 
 def main():

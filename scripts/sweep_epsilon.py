@@ -13,6 +13,8 @@ import pathlib
 import subprocess
 import sys
 
+from charts import plots, save
+
 try:
     import laspy
     import numpy as np
@@ -93,14 +95,9 @@ def page(scene, points, found, rows):
 
 def draw(path, scene, found, rows):
     """Shares over epsilon, the estimate marked; nothing where matplotlib is absent."""
-    try:
-        import matplotlib
-    except ImportError as missing:
-        print(f"no drawing: {missing}")
+    plt = plots()
+    if plt is None:
         return
-    matplotlib.use("svg")
-    matplotlib.rcParams["svg.hashsalt"] = "chainage"
-    import matplotlib.pyplot as plt
     at = [row["epsilon"] for row in rows]
     figure, axes = plt.subplots(figsize=(8, 4.5))
     objects = rows[0]["overall"]["objects"]
@@ -112,7 +109,7 @@ def draw(path, scene, found, rows):
     axes.axvline(found["epsilon"], color="black", linestyle=":", label="estimate")
     axes.set(xlabel="epsilon in m", ylabel="share", title=scene.stem, ylim=(0, 1))
     axes.legend()
-    figure.savefig(path, metadata={"Date": None})
+    save(figure, path)
 
 
 main()
