@@ -363,33 +363,30 @@ fn statistics_are_those_of_the_labelled_scenes() {
         write(&Settings { scanner, speed_kmh, extent, ..Settings::new(preset) }, folder.path());
         let side = |what: &str| table(&folder.path().join(what));
         let ours = look(&all_points(folder.path()), &side("trajectory.csv"), &side("reference.csv"));
+        // Figures of benches/results/synth.md: cargo test statistics -- --nocapture
         println!("{name}\n  theirs {theirs:.3?}\n  ours   {ours:.3?}");
         let close = |what: &str, a: f64, b: f64, by: f64| {
             assert!((a - b).abs() <= by, "{name}: {what} is {b:.3}, in the labelled scene {a:.3}");
         };
-        close("ground share", theirs.ground, ours.ground, 0.07);
-        close("hidden share", theirs.hidden, ours.hidden, 0.12);
+        close("ground share", theirs.ground, ours.ground, 0.06);
+        close("hidden share", theirs.hidden, ours.hidden, 0.06);
         for (band, (a, b)) in BANDS.iter().zip(theirs.by_range.iter().zip(&ours.by_range)) {
-            close(&format!("share of points from {band} m"), a.0, b.0, 0.06);
+            close(&format!("share of points from {band} m"), a.0, b.0, 0.05);
             // The labelled scenes are cut out of longer drives: too few points beyond 32 m to compare.
             if *band < 32.0 {
-                close(&format!("ground share from {band} m"), a.1, b.1, 0.16);
+                close(&format!("ground share from {band} m"), a.1, b.1, 0.15);
             }
         }
-        // Trees, poles, low vegetation and fences: the same things at about the same distance. Cars (here on both
-        // sides), buildings (here shorter) and small things (here farther away) differ by more.
-        for class in [2, 3, 6] {
+        // Trees, poles, low vegetation and small things: the same at about the same distance. Cars stand on both sides
+        // here and mostly on the near one there, facades are longer there.
+        let factors = [(2, 2.5), (3, 2.5), (4, 5.0), (5, 2.5), (6, 2.6), (7, 2.0)];
+        for (class, factor) in factors.into_iter().filter(|(class, _)| theirs.per_object.contains_key(class))
+        {
             let (a, b) = (theirs.per_object[&class], ours.per_object[&class]);
             assert!(
-                (0.4..2.5).contains(&(b / a)),
+                (1.0 / factor..factor).contains(&(b / a)),
                 "{name}: class {class} has {b:.3} per object, there {a:.3}"
             );
-        }
-        for class in [4, 5, 7] {
-            let pair = (theirs.per_object.get(&class), ours.per_object.get(&class));
-            if let (Some(a), Some(b)) = pair {
-                assert!((0.08..12.0).contains(&(b / a)), "{name}: class {class} has {b:.3}, there {a:.3}");
-            }
         }
     }
 }
