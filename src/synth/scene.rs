@@ -9,11 +9,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use glam::{Affine3A, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray, RayHit};
-use obvhs::{Boundable, BvhBuildParams};
 
 use super::ground::Ground;
 use super::shape::{MISS, Primitive, Surface};
@@ -31,25 +31,16 @@ impl fmt::Debug for Model {
     }
 }
 
-/// Builds over boxes that are already known.
-struct Boxed(Aabb);
-
-impl Boundable for Boxed {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
-fn hierarchy(boxes: &[Boxed]) -> Bvh2 {
+fn hierarchy(boxes: &[Aabb]) -> Bvh2 {
     build_bvh2(boxes, BvhBuildParams::fast_build(), &mut Duration::default())
 }
 
 impl Model {
     /// A model of at least one primitive.
     pub(super) fn new(primitives: Vec<Primitive>) -> Self {
-        let boxes: Vec<Boxed> = primitives.iter().map(|primitive| Boxed(primitive.shape.bounds())).collect();
+        let boxes: Vec<Aabb> = primitives.iter().map(|primitive| primitive.shape.bounds()).collect();
         let bvh = hierarchy(&boxes);
-        let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(&one.0));
+        let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(one));
         // In leaf order, so that a leaf reads neighbours.
         let primitives =
             bvh.primitive_indices.iter().map(|&index| primitives[index as usize].clone()).collect();
@@ -60,16 +51,6 @@ impl Model {
     pub(super) fn height(&self) -> f32 {
         self.bounds.max.z
     }
-}
-
-/// Axis-aligned box after an affine map.
-fn moved(bounds: &Aabb, map: &Affine3A) -> Aabb {
-    let (low, high) = (bounds.min, bounds.max);
-    let corner = |i: usize| {
-        let pick = |bit: usize, axis: usize| if i & bit == 0 { low[axis] } else { high[axis] };
-        map.transform_point3a(Vec3A::new(pick(1, 0), pick(2, 1), pick(4, 2)))
-    };
-    Aabb::from_points(&[0, 1, 2, 3, 4, 5, 6, 7].map(corner))
 }
 
 /// A copy of a model.
@@ -119,12 +100,19 @@ impl Item {
         let to_window = Affine3A::from_translation(shift) * placed.map;
         Self { model: Arc::clone(&placed.model), to_window, to_model: to_window.inverse(), id, class, ground }
     }
+
+    /// The box around the box of the model as it stands in the window.
+    fn bounds(&self) -> Aabb {
+        let own = &self.model.bounds;
+        let middle = self.to_window.transform_point3a(own.center());
+        let half = self.to_window.matrix3.abs() * (own.diagonal() * 0.5);
+        Aabb::new(middle - half, middle + half)
+    }
 }
 
 impl Window {
     pub(super) fn new(origin: [f64; 3], items: Vec<Item>) -> Self {
-        let boxes: Vec<Boxed> =
-            items.iter().map(|item| Boxed(moved(&item.model.bounds, &item.to_window))).collect();
+        let boxes: Vec<Aabb> = items.iter().map(Item::bounds).collect();
         let bvh = hierarchy(&boxes);
         Self { origin, items, bvh }
     }
@@ -158,7 +146,7 @@ impl Window {
         let point = Vec3::from(item.to_model.transform_point3a(origin + direction * hit.t));
         let mut surface = item.model.primitives[hit.primitive as usize].surface(point);
         // Normals follow the transposed inverse.
-        let normal = item.to_model.matrix3.transpose() * Vec3A::from(surface.normal);
+        let normal = item.to_model.matrix3.mul_transpose_vec3a(surface.normal.into());
         surface.normal = Vec3::from(normal.normalize_or(Vec3A::Z));
         (surface, point)
     }
@@ -172,8 +160,8 @@ mod tests {
 
     #[test]
     fn a_placed_and_stretched_copy_is_hit_where_it_stands() {
-        let block = Shape::Block { low: Vec3::splat(-1.0), high: Vec3::splat(1.0) };
-        let model = Arc::new(Model::new(vec![Primitive { shape: block, material: Material::Metal }]));
+        let block = Shape::Block(Vec3::splat(-1.0), Vec3::splat(1.0)).of(Material::Metal);
+        let model = Arc::new(Model::new(vec![block]));
         // Twice as high, turned by 90 degrees, 10 m to the east; in a cell 5 m north of the window's origin.
         let map = Affine3A::from_translation(Vec3::X * 10.0)
             * Affine3A::from_rotation_z(std::f32::consts::FRAC_PI_2)

@@ -5,21 +5,21 @@ use std::collections::BTreeMap;
 use glam::{Vec3, vec3};
 use serde::Deserialize;
 
-use super::build::Builder;
 use super::material::Material;
 use super::scene::Model;
+use super::shape::{Primitive, Shape};
 
 /// One or more models of every kind; x along the street, y away from the road.
 pub(super) fn models() -> Vec<(String, Model)> {
     let Things { cars, things } = shipped();
     let mut all = Vec::new();
     for paint in [Material::Paint, Material::Paint, Material::DarkPaint] {
-        all.extend(cars.iter().map(|(kind, shape)| (kind.clone(), car(shape, paint))));
+        all.extend(cars.iter().map(|(kind, car)| (kind.clone(), car.parts(paint))));
     }
     for (kind, models) in things {
-        all.extend(models.iter().map(|thing| (kind.clone(), thing.build())));
+        all.extend(models.iter().map(|thing| (kind.clone(), thing.parts())));
     }
-    all.into_iter().map(|(kind, build)| (kind, Model::new(build.0))).collect()
+    all.into_iter().map(|(kind, parts)| (kind, Model::new(parts))).collect()
 }
 
 /// What `things.toml` holds, by kind.
@@ -37,28 +37,16 @@ struct Thing {
     parts: Vec<Part>,
 }
 
-/// A form that stands `times` times, each `step` further.
+/// A shape that stands `times` times, each `step` further.
 #[derive(Deserialize)]
 struct Part {
     of: Material,
     #[serde(flatten)]
-    form: Form,
+    shape: Shape,
     #[serde(default = "once")]
     times: u8,
     #[serde(default)]
-    step: [f32; 3],
-}
-
-/// The forms of parts; their values as [`Builder`] takes them.
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Form {
-    Stand([f32; 3], [f32; 3]),
-    Block([f32; 3], [f32; 3]),
-    Post(f32, [f32; 2]),
-    Rod([f32; 3], [f32; 3], [f32; 2]),
-    Disc([f32; 3], [f32; 3], f32),
-    Ball([f32; 3], [f32; 3]),
+    step: Vec3,
 }
 
 fn once() -> u8 {
@@ -74,25 +62,13 @@ fn shipped() -> Things {
 }
 
 impl Thing {
-    fn build(&self) -> Builder {
-        let mut build = Builder::default();
-        for Part { of, form, times, step } in &self.parts {
-            for copy in 0..*times {
-                let shift = Vec3::from(*step) * f32::from(copy);
-                let moved = |at: [f32; 3]| Vec3::from(at) + shift;
-                match *form {
-                    Form::Stand(at, size) => build.stand(moved(at).into(), size, *of),
-                    Form::Block(low, high) => build.block(moved(low).into(), moved(high).into(), *of),
-                    Form::Post(height, radii) => build.post(height, radii, *of),
-                    Form::Rod(from, to, radii) => build.rod(moved(from), moved(to), radii, *of),
-                    Form::Disc(centre, normal, radius) => {
-                        build.disc(moved(centre), normal.into(), radius, *of)
-                    }
-                    Form::Ball(centre, radii) => build.ball(moved(centre).into(), radii, *of),
-                }
-            }
-        }
-        build
+    fn parts(&self) -> Vec<Primitive> {
+        let copies = |part: &Part| {
+            let Part { of, ref shape, times, step } = *part;
+            let copy = |number: u8| shape.moved(step * f32::from(number)).of(of);
+            (0..times).map(copy).collect::<Vec<_>>()
+        };
+        self.parts.iter().flat_map(copies).collect()
     }
 }
 
@@ -107,27 +83,50 @@ struct Car {
     width: f32,
 }
 
-fn car(car: &Car, paint: Material) -> Builder {
-    let Car { ref outline, glass, belt, width } = *car;
-    let mut build = Builder::default();
-    let (length, top) = outline.iter().fold((0.0f32, 0.0f32), |(x, z), p| (x.max(p[0].abs()), z.max(p[1])));
-    // The greenhouse leans in by a quarter of its half width.
-    let half = |z: f32| width * 0.5 * (1.0 - 0.25 * ((z - belt) / (top - belt).max(0.3)).clamp(0.0, 1.0));
-    let skin = |i: usize| if glass.contains(&i) { Material::Glass } else { paint };
-    build.body(outline, 0.32, half, skin, belt, paint);
-    let (x, y) = (length - 0.1, width * 0.5 - 0.1);
-    build.block([-x, -y, 0.2], [x, y, 0.33], Material::Rubber);
-    for x in [-0.62 * length, 0.64 * length] {
-        for y in [-1.0f32, 1.0] {
-            let hub = vec3(x, y * (width * 0.5 - 0.19), 0.32);
-            build.rod(hub, hub + Vec3::Y * y * 0.2, [0.32, 0.32], Material::Rubber);
-            build.disc(hub + Vec3::Y * y * 0.2, Vec3::Y, 0.32, Material::Rubber);
+impl Car {
+    fn parts(&self, paint: Material) -> Vec<Primitive> {
+        let Self { ref outline, glass, belt, width } = *self;
+        let (length, top) =
+            outline.iter().fold((0.0f32, 0.0f32), |(x, z), p| (x.max(p[0].abs()), z.max(p[1])));
+        // The greenhouse leans in by a quarter of its half width.
+        let half = |z: f32| width * 0.5 * (1.0 - 0.25 * ((z - belt) / (top - belt).max(0.3)).clamp(0.0, 1.0));
+        let at = |x: f32, z: f32, side: f32| vec3(x, side * half(z), z);
+        let mut parts = Vec::new();
+        for (index, pair) in outline.windows(2).enumerate() {
+            let [[x, z], [next_x, next_z]] = [pair[0], pair[1]];
+            let mut span = |low: [f32; 2], high: [f32; 2], sides: [f32; 2], skin: Material| {
+                let corners = [
+                    at(x, low[0], sides[0]),
+                    at(next_x, low[1], sides[0]),
+                    at(next_x, high[1], sides[1]),
+                    at(x, high[0], sides[1]),
+                ];
+                parts.extend(Shape::quad(corners).map(|half| half.of(skin)));
+            };
+            let [floor, belt] = [[0.32; 2], [z.min(belt), next_z.min(belt)]];
+            let roof = [z, next_z];
+            span(roof, roof, [1.0, -1.0], if glass.contains(&index) { Material::Glass } else { paint });
+            for side in [1.0, -1.0] {
+                span(floor, belt, [side; 2], paint);
+                span(belt, roof, [side; 2], Material::Glass);
+            }
         }
+        let (x, y) = (length - 0.1, width * 0.5 - 0.1);
+        parts.push(Shape::Block(vec3(-x, -y, 0.2), vec3(x, y, 0.33)).of(Material::Rubber));
+        for x in [-0.62 * length, 0.64 * length] {
+            for y in [-1.0f32, 1.0] {
+                let hub = vec3(x, y * (width * 0.5 - 0.19), 0.32);
+                let rim = hub + Vec3::Y * y * 0.2;
+                parts.push(Shape::Rod(hub, rim, [0.32, 0.32]).of(Material::Rubber));
+                parts.push(Shape::Disc(rim, Vec3::Y, 0.32).of(Material::Rubber));
+            }
+        }
+        for x in [-length, length] {
+            let plate = Shape::Block(vec3(x - 0.015, -0.25, 0.5), vec3(x + 0.015, 0.25, 0.61));
+            parts.push(plate.of(Material::Retro));
+        }
+        parts
     }
-    for x in [-length, length] {
-        build.stand([x, 0.0, 0.5], [0.03, 0.5, 0.11], Material::Retro); // number plates
-    }
-    build
 }
 
 /// Height of the cross-arm of a `wood_pole`, and its insulators' places in y.
@@ -136,7 +135,7 @@ pub(super) const WIRE_PLACES: [f32; 3] = [-0.75, 0.0, 0.75];
 
 /// A wire of `span` metres along x from the origin to height `rise`, that sags by `sag`.
 pub(super) fn wire(span: f32, rise: f32, sag: f32) -> Model {
-    let mut build = Builder::default();
+    let mut parts = Vec::new();
     let pieces = 10;
     let point = |i: usize| {
         let u = i as f32 / pieces as f32;
@@ -146,8 +145,9 @@ pub(super) fn wire(span: f32, rise: f32, sag: f32) -> Model {
         for piece in 0..pieces {
             // Cables of 14 mm, seen by a beam of about as much: the radius that returns an echo is larger.
             let side = Vec3::Y * y;
-            build.rod(point(piece) + side, point(piece + 1) + side, [0.011, 0.011], Material::Metal);
+            let ends = (point(piece) + side, point(piece + 1) + side);
+            parts.push(Shape::Rod(ends.0, ends.1, [0.011, 0.011]).of(Material::Metal));
         }
     }
-    Model::new(build.0)
+    Model::new(parts)
 }

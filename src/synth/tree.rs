@@ -4,10 +4,10 @@ use std::f32::consts::PI;
 
 use glam::{Vec3, vec3};
 
-use super::build::Builder;
 use super::material::Material;
 use super::random::Random;
 use super::scene::Model;
+use super::shape::{Primitive, Shape};
 
 /// Habit of a tree; lengths in metres.
 #[derive(Debug, Clone, Copy)]
@@ -93,16 +93,25 @@ fn random_direction(random: &mut Random) -> Vec3 {
 }
 
 /// A cluster of `count` leaves about `centre`.
-fn leaves(build: &mut Builder, centre: Vec3, spread: f32, count: usize, size: f32, random: &mut Random) {
+fn leaves(
+    parts: &mut Vec<Primitive>,
+    centre: Vec3,
+    spread: f32,
+    count: usize,
+    size: f32,
+    random: &mut Random,
+) {
     for _ in 0..count {
         let offset = vec3(random.gauss(), random.gauss(), random.gauss() * 0.8) * spread;
         let radius = size * random.range(0.7, 1.25);
-        build.disc(centre + offset, random_direction(random), radius, Material::Leaf);
+        parts.push(
+            Shape::Disc(centre + offset, random_direction(random).normalize(), radius).of(Material::Leaf),
+        );
     }
 }
 
 fn tree(habit: &Habit, random: &mut Random) -> Model {
-    let mut build = Builder::default();
+    let mut parts = Vec::new();
     let girth = 0.012 * habit.height + 0.035;
     // The trunk wanders a little; `axis` gives its middle at a height.
     let lean = [random.range(-0.02, 0.02), random.range(-0.02, 0.02)];
@@ -117,7 +126,7 @@ fn tree(habit: &Habit, random: &mut Random) -> Model {
     for piece in 0..pieces {
         let (z0, z1) = (tip * piece as f32 / pieces as f32, tip * (piece + 1) as f32 / pieces as f32);
         let flare = if piece == 0 { 1.35 } else { 1.0 };
-        build.rod(axis(z0), axis(z1), [radius_at(z0) * flare, radius_at(z1)], Material::Bark);
+        parts.push(Shape::Rod(axis(z0), axis(z1), [radius_at(z0) * flare, radius_at(z1)]).of(Material::Bark));
     }
     let twigs = 4;
     let per_twig = habit.leaves / (habit.branches * twigs + 6);
@@ -133,28 +142,28 @@ fn tree(habit: &Habit, random: &mut Random) -> Model {
         let end = vec3(from.x + out * cos, from.y + out * sin, z);
         let knee = from.lerp(end, 0.5) + Vec3::Z * out * 0.08;
         let thick = (radius_at(from.z) * 0.5).min(0.012 + 0.02 * out);
-        build.rod(from, knee, [thick, thick * 0.6], Material::Bark);
-        build.rod(knee, end, [thick * 0.6, thick * 0.2], Material::Bark);
+        parts.push(Shape::Rod(from, knee, [thick, thick * 0.6]).of(Material::Bark));
+        parts.push(Shape::Rod(knee, end, [thick * 0.6, thick * 0.2]).of(Material::Bark));
         for twig in 0..twigs {
             let along = 0.42 + 0.58 * (twig as f32 + random.unit()) / twigs as f32;
             let start =
                 if along < 0.5 { from.lerp(knee, along * 2.0) } else { knee.lerp(end, along * 2.0 - 1.0) };
             let reach = random.range(0.2, 0.42) * (0.5 + out * 0.4);
             let stop = start + (random_direction(random) + vec3(cos, sin, 0.35) * 0.7).normalize() * reach;
-            build.rod(start, stop, [thick * 0.3, 0.004], Material::Bark);
+            parts.push(Shape::Rod(start, stop, [thick * 0.3, 0.004]).of(Material::Bark));
             let spread = 0.1 + 0.075 * out.min(3.0) + 0.05 * random.unit();
-            leaves(&mut build, stop, spread, per_twig, habit.leaf, random);
+            leaves(&mut parts, stop, spread, per_twig, habit.leaf, random);
         }
     }
-    leaves(&mut build, axis(tip) + Vec3::Z * 0.2, 0.3, per_twig * 6, habit.leaf, random);
-    Model::new(build.0)
+    leaves(&mut parts, axis(tip) + Vec3::Z * 0.2, 0.3, per_twig * 6, habit.leaf, random);
+    Model::new(parts)
 }
 
 /// A palm or a cycad: fronds with two rows of leaflets on a trunk.
 fn palm([trunk, frond, leaflet_width]: [f32; 3], fronds: usize, random: &mut Random) -> Model {
-    let mut build = Builder::default();
+    let mut parts = Vec::new();
     let radius = 0.1 + trunk * 0.012;
-    build.rod(Vec3::ZERO, vec3(0.05, 0.0, trunk), [radius * 1.25, radius], Material::Bark);
+    parts.push(Shape::Rod(Vec3::ZERO, vec3(0.05, 0.0, trunk), [radius * 1.25, radius]).of(Material::Bark));
     let top = vec3(0.05, 0.0, trunk);
     for index in 0..fronds {
         let azimuth = index as f32 * 2.4 + random.range(-0.2, 0.2);
@@ -169,25 +178,27 @@ fn palm([trunk, frond, leaflet_width]: [f32; 3], fronds: usize, random: &mut Ran
         for piece in 0..pieces {
             let (u0, u1) = (piece as f32 / pieces as f32, (piece + 1) as f32 / pieces as f32);
             let (a, b) = (point(u0), point(u1));
-            build.rod(a, b, [0.014, 0.010], Material::Leaf);
+            parts.push(Shape::Rod(a, b, [0.014, 0.010]).of(Material::Leaf));
             let length = frond * 0.24 * (PI * (0.12 + 0.82 * u1)).sin();
             for hand in [1.0, -1.0] {
                 let leaflet = (side * hand + vec3(cos, sin, 0.0) * 0.45) * length - Vec3::Z * length * 0.3;
                 // Two narrow leaflets with gaps: a frond lets half of the light through.
                 for start in [0.0, 0.5] {
-                    build.sheet(a.lerp(b, start), (b - a) * leaflet_width, leaflet, Material::Leaf);
+                    parts.push(
+                        Shape::Sheet(a.lerp(b, start), (b - a) * leaflet_width, leaflet).of(Material::Leaf),
+                    );
                 }
             }
         }
     }
-    Model::new(build.0)
+    Model::new(parts)
 }
 
 /// Two and a half metres of clipped hedge: an opaque core under a skin of leaves.
 fn hedge(random: &mut Random) -> Model {
-    let mut build = Builder::default();
+    let mut parts = Vec::new();
     let size = vec3(2.5, 0.75, 1.4);
-    build.block([-1.25, -0.22, 0.0], [1.25, 0.22, 1.18], Material::Leaf);
+    parts.push(Shape::Block(vec3(-1.25, -0.22, 0.0), vec3(1.25, 0.22, 1.18)).of(Material::Leaf));
     for _ in 0..900 {
         let mut point = vec3(random.unit(), random.unit(), random.unit()) - vec3(0.5, 0.5, 0.0);
         // On one of the long sides or the top, up to 15 cm deep.
@@ -198,18 +209,19 @@ fn hedge(random: &mut Random) -> Model {
             point.y = (0.5 - depth / size.y).copysign(point.y);
         }
         let radius = random.range(0.025, 0.05);
-        build.disc(point * size, random_direction(random), radius, Material::Leaf);
+        parts
+            .push(Shape::Disc(point * size, random_direction(random).normalize(), radius).of(Material::Leaf));
     }
-    Model::new(build.0)
+    Model::new(parts)
 }
 
 fn bush(random: &mut Random) -> Model {
-    let mut build = Builder::default();
+    let mut parts = Vec::new();
     for _ in 0..9 {
         let (sin, cos) = random.angle().sin_cos();
         let centre = vec3(cos * 0.42, sin * 0.42, random.range(0.45, 0.95));
-        build.rod(Vec3::ZERO, centre, [0.02, 0.008], Material::Bark);
-        leaves(&mut build, centre, 0.2, 70, 0.045, random);
+        parts.push(Shape::Rod(Vec3::ZERO, centre, [0.02, 0.008]).of(Material::Bark));
+        leaves(&mut parts, centre, 0.2, 70, 0.045, random);
     }
-    Model::new(build.0)
+    Model::new(parts)
 }
