@@ -8,10 +8,11 @@ use serde::Deserialize;
 use super::material::Material;
 use super::scene::Model;
 use super::shape::{Primitive, Shape};
+use super::shipped;
 
 /// One or more models of every kind; x along the street, y away from the road.
 pub(super) fn models() -> Vec<(String, Model)> {
-    let Things { cars, things } = shipped();
+    let Things { cars, things } = shipped(include_str!("things.toml"));
     let mut all = Vec::new();
     for paint in [Material::Paint, Material::Paint, Material::DarkPaint] {
         all.extend(cars.iter().map(|(kind, car)| (kind.clone(), car.parts(paint))));
@@ -51,14 +52,6 @@ struct Part {
 
 fn once() -> u8 {
     1
-}
-
-#[expect(
-    clippy::expect_used,
-    reason = "the text is part of the program, and every test of a preset parses it"
-)]
-fn shipped() -> Things {
-    toml::from_str(include_str!("things.toml")).expect("the shipped things are valid")
 }
 
 impl Thing {
