@@ -49,3 +49,13 @@ impl Material {
         OPTICS[&self]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_material_has_optics() {
+        assert_eq!(OPTICS.len(), Material::Wood as usize + 1);
+    }
+}

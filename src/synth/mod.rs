@@ -14,7 +14,6 @@
 )]
 
 mod axis;
-mod build;
 mod building;
 mod drive;
 mod ground;

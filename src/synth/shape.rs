@@ -7,6 +7,7 @@
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::ray::Ray;
+use obvhs::triangle::Triangle;
 use serde::Deserialize;
 
 use super::material::Material;
@@ -14,33 +15,12 @@ use super::material::Material;
 /// No hit.
 pub(super) const MISS: f32 = f32::INFINITY;
 
-/// A wall with rows of recessed openings.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Facade {
-    /// Lower left corner, seen from outside.
-    pub(super) corner: Vec3,
-    /// Unit vector to the right, horizontal; outside is `along` x up.
-    pub(super) along: Vec3,
-    /// Width and height of the wall, metres.
-    pub(super) size: [f32; 2],
-    /// Distance between openings, to the right and upwards.
-    pub(super) pitch: [f32; 2],
-    /// Width and height of an opening.
-    pub(super) opening: [f32; 2],
-    /// Height of the lower edge of an opening over that of its storey.
-    pub(super) sill: f32,
-    /// How far behind the wall the glass is.
-    pub(super) depth: f32,
-}
-
 /// A primitive: what models are built of, in code and in `things.toml`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Shape {
     /// Three corners.
     Triangle([Vec3; 3]),
-    /// Parallelogram: a corner and the edges there.
-    Sheet(Vec3, Vec3, Vec3),
     /// Axis-aligned box: low and high corner.
     Block(Vec3, Vec3),
     /// Side of a cylinder or truncated cone, open at its ends: middles and radii of the ends.
@@ -49,8 +29,6 @@ pub(super) enum Shape {
     Disc(Vec3, Vec3, f32),
     /// Ellipsoid: centre and radii along the axes.
     Ball(Vec3, Vec3),
-    #[serde(skip)]
-    Facade(Box<Facade>),
 }
 
 /// A primitive and what it is made of.
@@ -75,21 +53,14 @@ impl Shape {
         Primitive { shape: self, material }
     }
 
-    /// The quadrilateral of these corners, as two triangles.
-    pub(super) fn quad([a, b, c, d]: [Vec3; 4]) -> [Self; 2] {
-        [Self::Triangle([a, b, c]), Self::Triangle([a, c, d])]
-    }
-
-    /// The same, `by` further.
-    pub(super) fn moved(&self, by: Vec3) -> Self {
+    /// The same with its points elsewhere.
+    pub(super) fn map(&self, to: impl Fn(Vec3) -> Vec3) -> Self {
         match *self {
-            Self::Triangle(corners) => Self::Triangle(corners.map(|corner| corner + by)),
-            Self::Sheet(corner, u, v) => Self::Sheet(corner + by, u, v),
-            Self::Block(low, high) => Self::Block(low + by, high + by),
-            Self::Rod(from, to, radii) => Self::Rod(from + by, to + by, radii),
-            Self::Disc(centre, normal, radius) => Self::Disc(centre + by, normal, radius),
-            Self::Ball(centre, radii) => Self::Ball(centre + by, radii),
-            Self::Facade(ref facade) => Self::Facade(facade.clone()),
+            Self::Triangle(corners) => Self::Triangle(corners.map(to)),
+            Self::Block(low, high) => Self::Block(to(low), to(high)),
+            Self::Rod(start, end, radii) => Self::Rod(to(start), to(end), radii),
+            Self::Disc(centre, normal, radius) => Self::Disc(to(centre), normal, radius),
+            Self::Ball(centre, radii) => Self::Ball(to(centre), radii),
         }
     }
 
@@ -98,8 +69,10 @@ impl Shape {
     pub(super) fn hit(&self, ray: &Ray) -> f32 {
         let (o, d) = (ray.origin, ray.direction);
         let t = match *self {
-            Self::Triangle([a, b, c]) => hit_plane(o, d, a.into(), (b - a).into(), (c - a).into(), 1.0),
-            Self::Sheet(a, u, v) => hit_plane(o, d, a.into(), u.into(), v.into(), 2.0),
+            Self::Triangle(corners) => {
+                let [v0, v1, v2] = corners.map(Vec3A::from);
+                Triangle { v0, v1, v2 }.intersect(ray)
+            }
             Self::Block(low, high) => Aabb::new(low.into(), high.into()).intersect_ray(ray),
             Self::Rod(from, to, radii) => return hit_rod(ray, from.into(), (to - from).into(), radii),
             Self::Disc(centre, normal, radius) => {
@@ -108,7 +81,6 @@ impl Shape {
                 if (o + d * t - c).length_squared() <= radius * radius { t } else { MISS }
             }
             Self::Ball(centre, radii) => return hit_ball(ray, centre.into(), radii.into()),
-            Self::Facade(ref facade) => facade.hit(o, d),
         };
         if t > ray.tmin && t < ray.tmax { t } else { MISS }
     }
@@ -117,7 +89,6 @@ impl Shape {
     pub(super) fn bounds(&self) -> Aabb {
         match *self {
             Self::Triangle(corners) => around(corners),
-            Self::Sheet(a, u, v) => around([a, a + u, a + v, a + u + v]),
             Self::Block(low, high) => around([low, high]),
             Self::Rod(from, to, [r0, r1]) => {
                 let n = (to - from).normalize();
@@ -125,11 +96,6 @@ impl Shape {
             }
             Self::Disc(centre, normal, radius) => around_disc(centre, normal, radius),
             Self::Ball(centre, radii) => around([centre - radii, centre + radii]),
-            Self::Facade(ref f) => {
-                let (right, up) = (f.along * f.size[0], Vec3::Z * f.size[1]);
-                let inner = f.corner - f.outward() * f.depth;
-                around([f.corner, f.corner + right + up, inner, inner + right + up])
-            }
         }
     }
 }
@@ -146,10 +112,9 @@ fn around_disc(centre: Vec3, normal: Vec3, radius: f32) -> Aabb {
 impl Primitive {
     /// The surface at `point`, which is on it.
     pub(super) fn surface(&self, point: Vec3) -> Surface {
-        let mut surface = Surface { normal: Vec3::Z, material: self.material, rim: MISS };
-        surface.normal = match self.shape {
+        let mut rim = MISS;
+        let normal = match self.shape {
             Shape::Triangle([a, b, c]) => (b - a).cross(c - a).normalize(),
-            Shape::Sheet(_, u, v) => u.cross(v).normalize(),
             Shape::Block(low, high) => {
                 let from_centre = (point - (low + high) * 0.5) / (high - low);
                 Vec3::AXES[from_centre.abs().max_position()]
@@ -163,72 +128,12 @@ impl Primitive {
             }
             Shape::Ball(centre, radii) => ((point - centre) / (radii * radii)).normalize_or(Vec3::Z),
             Shape::Disc(centre, normal, radius) => {
-                surface.rim = radius - (point - centre).length();
+                rim = radius - (point - centre).length();
                 normal
             }
-            Shape::Facade(ref facade) => {
-                let depth = (facade.corner - point).dot(facade.outward());
-                if depth > facade.depth - 1e-3 {
-                    surface.material = Material::Glass;
-                }
-                facade.outward()
-            }
         };
-        surface
+        Surface { normal, material: self.material, rim }
     }
-}
-
-impl Facade {
-    fn outward(&self) -> Vec3 {
-        self.along.cross(Vec3::Z)
-    }
-
-    /// The wall, or through an opening its reveal or its glass.
-    fn hit(&self, o: Vec3A, d: Vec3A) -> f32 {
-        let (corner, along, outward) =
-            (Vec3A::from(self.corner), Vec3A::from(self.along), Vec3A::from(self.outward()));
-        let inward = -d.dot(outward);
-        if inward <= 0.0 {
-            return MISS;
-        }
-        let t = (o - corner).dot(outward) / inward;
-        let p = o + d * t - corner;
-        let (x, z) = (p.dot(along), p.z);
-        if x < 0.0 || x > self.size[0] || z < 0.0 || z > self.size[1] {
-            return MISS;
-        }
-        let x_in = x.rem_euclid(self.pitch[0]) - (self.pitch[0] - self.opening[0]) * 0.5;
-        let z_in = z.rem_euclid(self.pitch[1]) - self.sill;
-        // No opening is cut by the end of the wall.
-        let whole = x - x_in + self.opening[0] <= self.size[0] && z - z_in + self.opening[1] <= self.size[1];
-        if !whole || x_in < 0.0 || x_in > self.opening[0] || z_in < 0.0 || z_in > self.opening[1] {
-            return t;
-        }
-        let reach = |position: f32, size: f32, speed: f32| {
-            if speed > 0.0 {
-                (size - position) / speed
-            } else if speed < 0.0 {
-                -position / speed
-            } else {
-                MISS
-            }
-        };
-        let side = reach(x_in, self.opening[0], d.dot(along)).min(reach(z_in, self.opening[1], d.z));
-        t + side.min(self.depth / inward)
-    }
-}
-
-/// Triangle (`limit` 1: s + r <= 1) or parallelogram (`limit` 2); Möller and Trumbore 1997.
-#[inline]
-fn hit_plane(o: Vec3A, d: Vec3A, a: Vec3A, u: Vec3A, v: Vec3A, limit: f32) -> f32 {
-    let p = d.cross(v);
-    let scale = 1.0 / u.dot(p);
-    let from_a = o - a;
-    let s = from_a.dot(p) * scale;
-    let q = from_a.cross(u);
-    let r = d.dot(q) * scale;
-    // Written so that the NaN of a ray in the plane is a miss.
-    if s >= 0.0 && r >= 0.0 && s <= 1.0 && r <= 1.0 && s + r <= limit { v.dot(q) * scale } else { MISS }
 }
 
 /// The nearer root of a t^2 + 2 b t + c = 0 that `accept` takes, counted from `start`.
@@ -293,16 +198,13 @@ mod tests {
     }
 
     #[test]
-    fn triangles_and_parallelograms() {
-        let (a, u, v) = (Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 2.0);
-        let triangle = Shape::Triangle([a, u, v]);
-        let quad = Shape::Sheet(a, u, v);
+    fn triangles() {
+        let triangle = Shape::Triangle([Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 2.0]);
         check(&triangle, [0.5, 0.5, 5.0], [0.0, 0.0, -1.0], 5.0);
         check(&triangle, [0.5, 0.5, 5.0], [0.0, 0.0, -2.0], 2.5); // t counts in directions, not metres
         check(&triangle, [1.5, 1.5, 5.0], [0.0, 0.0, -1.0], MISS); // beyond the diagonal
-        check(&quad, [1.5, 1.5, 5.0], [0.0, 0.0, -1.0], 5.0);
-        check(&quad, [2.5, 1.5, 5.0], [0.0, 0.0, -1.0], MISS);
-        check(&quad, [1.0, 1.0, 5.0], [1.0, 0.0, 0.0], MISS); // parallel
+        check(&triangle, [2.5, 1.5, 5.0], [0.0, 0.0, -1.0], MISS);
+        check(&triangle, [0.5, 0.5, 5.0], [1.0, 0.0, 0.0], MISS); // parallel
     }
 
     #[test]
@@ -341,31 +243,5 @@ mod tests {
         check(&disc, [0.6, 0.0, 5.0], [0.0, 0.0, -1.0], MISS);
         let leaf = disc.of(Material::Leaf);
         assert!((leaf.surface(Vec3::new(0.4, 0.0, 2.0)).rim - 0.1).abs() < 1e-6);
-    }
-
-    #[test]
-    fn facades_have_walls_reveals_and_glass() {
-        // Outside is along x up = X x Z = -Y: the wall looks at the ray's start.
-        let facade = Facade {
-            corner: Vec3::ZERO,
-            along: Vec3::X,
-            size: [7.0, 6.0],
-            pitch: [3.0, 3.0],
-            opening: [1.0, 1.5],
-            sill: 1.0,
-            depth: 0.2,
-        };
-        let shape = Shape::Facade(Box::new(facade));
-        check(&shape, [0.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.0); // wall beside the first window, which is x 1..2
-        check(&shape, [1.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.2); // glass
-        check(&shape, [1.5, -5.0, 0.9], [0.0, 1.0, 0.0], 5.0); // below the sill
-        check(&shape, [4.5, -5.0, 4.5], [0.0, 1.0, 0.0], 5.2); // second window, second storey
-        check(&shape, [6.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.0); // the third would be cut: wall
-        check(&shape, [1.5, 5.0, 1.5], [0.0, -1.0, 0.0], MISS); // from behind
-        // 45 degrees: enters at x = 1.9 and meets the reveal at x = 2 after 0.1 more.
-        check(&shape, [-3.1, -5.0, 1.5], [1.0, 1.0, 0.0], 5.1);
-        let wall = shape.of(Material::Plaster);
-        assert_eq!(wall.surface(Vec3::new(1.5, 0.2, 1.5)).material, Material::Glass);
-        assert_eq!(wall.surface(Vec3::new(0.5, 0.0, 1.5)).material, Material::Plaster);
     }
 }
