@@ -23,15 +23,16 @@ pub(super) struct Model {
     bvh: Bvh2,
 }
 
-fn hierarchy(boxes: &[Aabb]) -> Bvh2 {
-    build_bvh2(boxes, BvhBuildParams::fast_build(), &mut Duration::default())
+fn hierarchy(boxes: &[Aabb], max_prims_per_leaf: u32) -> Bvh2 {
+    let params = BvhBuildParams { max_prims_per_leaf, ..BvhBuildParams::fast_build() };
+    build_bvh2(boxes, params, &mut Duration::default())
 }
 
 impl Model {
     /// A model of at least one primitive.
     pub(super) fn new(primitives: Vec<Primitive>) -> Self {
         let boxes: Vec<Aabb> = primitives.iter().map(|primitive| primitive.shape.bounds()).collect();
-        let bvh = hierarchy(&boxes);
+        let bvh = hierarchy(&boxes, 8);
         // In leaf order, so that a leaf reads neighbours.
         let primitives =
             bvh.primitive_indices.iter().map(|&index| primitives[index as usize].clone()).collect();
@@ -103,7 +104,8 @@ impl Item {
 impl Window {
     pub(super) fn new(origin: [f64; 3], items: Vec<Item>) -> Self {
         let boxes: Vec<Aabb> = items.iter().map(|item| item.bounds).collect();
-        Self { origin, items, bvh: hierarchy(&boxes) }
+        // A ray that meets a leaf is moved into the frame of every item there, so a leaf is one item.
+        Self { origin, items, bvh: hierarchy(&boxes, 1) }
     }
 
     /// The first surface along the ray, if any.
