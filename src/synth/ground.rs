@@ -231,10 +231,7 @@ fn triangles(mesh: &[Vec<(Vec3, bool)>]) -> Vec<Primitive> {
             for [a, b, c] in [[a, b, c], [d, c, b]] {
                 let (u, v) = (b - a, c - a);
                 if u.cross(v).length_squared() > 1e-8 {
-                    primitives.push(Primitive {
-                        shape: Shape::Sheet { a, u, v, half: true },
-                        material: Material::Asphalt,
-                    });
+                    primitives.push(Shape::Triangle([a, b, c]).of(Material::Asphalt));
                 }
             }
         }

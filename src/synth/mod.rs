@@ -14,7 +14,6 @@
 )]
 
 mod axis;
-mod build;
 mod building;
 mod drive;
 mod ground;
@@ -36,6 +35,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::config::ConfigError;
 use crate::error::Error;
@@ -50,6 +50,15 @@ use street::{Cell, Street};
 
 pub use preset::Preset;
 pub use scan::Scanner;
+
+/// The tables that this module brings along.
+#[expect(
+    clippy::expect_used,
+    reason = "the text is part of the program, and every test of a drive parses it"
+)]
+fn shipped<T: DeserializeOwned>(text: &str) -> T {
+    toml::from_str(text).expect("the shipped tables are valid")
+}
 
 /// Pulses of a slice, about: some ten milliseconds of work.
 const SLICE_PULSES: u64 = 32_768;

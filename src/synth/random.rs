@@ -1,6 +1,8 @@
 //! Numbers that look random and are pure functions of (seed, stream, index): any thread may ask for any of them.
 
-use std::f64::consts::TAU;
+use std::f32::consts::TAU;
+
+use glam::Vec3;
 
 /// A short sequence of pseudo-random numbers (SplitMix64: Steele, Lea, Flood 2014, "Fast splittable pseudorandom
 /// number generators"). Not for cryptography.
@@ -38,7 +40,13 @@ impl Random {
 
     /// Uniform angle in [0, 2 pi).
     pub(super) fn angle(&mut self) -> f32 {
-        self.unit() * TAU as f32
+        self.unit() * TAU
+    }
+
+    /// A unit vector, each as likely.
+    pub(super) fn direction(&mut self) -> Vec3 {
+        let z = self.range(-1.0, 1.0);
+        Vec3::X.rotate_z(self.angle()) * (1.0 - z * z).sqrt() + Vec3::Z * z
     }
 
     pub(super) fn chance(&mut self, probability: f32) -> bool {

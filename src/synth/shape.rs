@@ -7,63 +7,28 @@
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::ray::Ray;
+use obvhs::triangle::Triangle;
+use serde::Deserialize;
 
 use super::material::Material;
 
 /// No hit.
 pub(super) const MISS: f32 = f32::INFINITY;
 
-/// A wall with rows of recessed openings.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Facade {
-    /// Lower left corner, seen from outside.
-    pub(super) corner: Vec3,
-    /// Unit vector to the right, horizontal; outside is `along` x up.
-    pub(super) along: Vec3,
-    /// Width and height of the wall, metres.
-    pub(super) size: [f32; 2],
-    /// Distance between openings, to the right and upwards.
-    pub(super) pitch: [f32; 2],
-    /// Width and height of an opening.
-    pub(super) opening: [f32; 2],
-    /// Height of the lower edge of an opening over that of its storey.
-    pub(super) sill: f32,
-    /// How far behind the wall the glass is.
-    pub(super) depth: f32,
-}
-
-/// A primitive.
-#[derive(Debug, Clone)]
+/// A primitive: what models are built of, in code and in `things.toml`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum Shape {
-    /// Parallelogram, or the half of it that is the triangle of its first three corners.
-    Sheet {
-        a: Vec3,
-        u: Vec3,
-        v: Vec3,
-        half: bool,
-    },
-    /// Axis-aligned box.
-    Block {
-        low: Vec3,
-        high: Vec3,
-    },
-    /// Side of a cylinder or truncated cone from `base` to `base + axis`, open at its ends.
-    Cone {
-        base: Vec3,
-        axis: Vec3,
-        r0: f32,
-        r1: f32,
-    },
-    Ellipsoid {
-        centre: Vec3,
-        radii: Vec3,
-    },
-    Disc {
-        centre: Vec3,
-        normal: Vec3,
-        radius: f32,
-    },
-    Facade(Box<Facade>),
+    /// Three corners.
+    Triangle([Vec3; 3]),
+    /// Axis-aligned box: low and high corner.
+    Block(Vec3, Vec3),
+    /// Side of a cylinder or truncated cone, open at its ends: middles and radii of the ends.
+    Rod(Vec3, Vec3, [f32; 2]),
+    /// Centre, unit normal and radius.
+    Disc(Vec3, Vec3, f32),
+    /// Ellipsoid: centre and radii along the axes.
+    Ball(Vec3, Vec3),
 }
 
 /// A primitive and what it is made of.
@@ -84,164 +49,91 @@ pub(super) struct Surface {
 }
 
 impl Shape {
+    pub(super) fn of(self, material: Material) -> Primitive {
+        Primitive { shape: self, material }
+    }
+
+    /// The same with its points elsewhere.
+    pub(super) fn map(&self, to: impl Fn(Vec3) -> Vec3) -> Self {
+        match *self {
+            Self::Triangle(corners) => Self::Triangle(corners.map(to)),
+            Self::Block(low, high) => Self::Block(to(low), to(high)),
+            Self::Rod(start, end, radii) => Self::Rod(to(start), to(end), radii),
+            Self::Disc(centre, normal, radius) => Self::Disc(to(centre), normal, radius),
+            Self::Ball(centre, radii) => Self::Ball(to(centre), radii),
+        }
+    }
+
     /// Where `ray` first meets the surface.
     #[inline]
     pub(super) fn hit(&self, ray: &Ray) -> f32 {
         let (o, d) = (ray.origin, ray.direction);
-        let t = match self {
-            Self::Sheet { a, u, v, half } => {
-                hit_plane(o, d, (*a).into(), (*u).into(), (*v).into(), if *half { 1.0 } else { 2.0 })
+        let t = match *self {
+            Self::Triangle(corners) => {
+                let [v0, v1, v2] = corners.map(Vec3A::from);
+                Triangle { v0, v1, v2 }.intersect(ray)
             }
-            Self::Block { low, high } => return hit_block(ray, (*low).into(), (*high).into()),
-            Self::Cone { base, axis, r0, r1 } => {
-                return hit_cone(ray, (*base).into(), (*axis).into(), *r0, *r1);
-            }
-            Self::Ellipsoid { centre, radii } => {
-                return hit_ellipsoid(ray, (*centre).into(), (*radii).into());
-            }
-            Self::Disc { centre, normal, radius } => {
-                let (c, n) = (Vec3A::from(*centre), Vec3A::from(*normal));
+            Self::Block(low, high) => Aabb::new(low.into(), high.into()).intersect_ray(ray),
+            Self::Rod(from, to, radii) => return hit_rod(ray, from.into(), (to - from).into(), radii),
+            Self::Disc(centre, normal, radius) => {
+                let (c, n) = (Vec3A::from(centre), Vec3A::from(normal));
                 let t = (c - o).dot(n) / d.dot(n);
                 if (o + d * t - c).length_squared() <= radius * radius { t } else { MISS }
             }
-            Self::Facade(facade) => facade.hit(o, d),
+            Self::Ball(centre, radii) => return hit_ball(ray, centre.into(), radii.into()),
         };
         if t > ray.tmin && t < ray.tmax { t } else { MISS }
     }
 
     /// The box around the shape.
     pub(super) fn bounds(&self) -> Aabb {
-        let around =
-            |points: &[Vec3]| Aabb::from_points(&points.iter().map(|p| Vec3A::from(*p)).collect::<Vec<_>>());
-        match self {
-            Self::Sheet { a, u, v, half } => {
-                around(&[*a, *a + *u, *a + *v, if *half { *a } else { *a + *u + *v }])
+        match *self {
+            Self::Triangle(corners) => around(corners),
+            Self::Block(low, high) => around([low, high]),
+            Self::Rod(from, to, [r0, r1]) => {
+                let n = (to - from).normalize();
+                around_disc(from, n, r0).union(&around_disc(to, n, r1))
             }
-            Self::Block { low, high } => around(&[*low, *high]),
-            Self::Cone { base, axis, r0, r1 } => {
-                // Half extents of a disc with unit normal n and radius r: r sqrt(1 - n_i^2) per axis.
-                let n = axis.normalize();
-                let spread = (Vec3::ONE - n * n).max(Vec3::ZERO).map(f32::sqrt);
-                let top = *base + *axis;
-                around(&[*base - spread * *r0, *base + spread * *r0, top - spread * *r1, top + spread * *r1])
-            }
-            Self::Ellipsoid { centre, radii } => around(&[*centre - *radii, *centre + *radii]),
-            Self::Disc { centre, normal, radius } => {
-                let spread = (Vec3::ONE - *normal * *normal).max(Vec3::ZERO).map(f32::sqrt) * *radius;
-                around(&[*centre - spread, *centre + spread])
-            }
-            Self::Facade(f) => {
-                let (right, up) = (f.along * f.size[0], Vec3::Z * f.size[1]);
-                let inward = -f.outward() * f.depth;
-                let outer = [f.corner, f.corner + right, f.corner + up, f.corner + right + up];
-                around(&[outer, outer.map(|p| p + inward)].concat())
-            }
+            Self::Disc(centre, normal, radius) => around_disc(centre, normal, radius),
+            Self::Ball(centre, radii) => around([centre - radii, centre + radii]),
         }
     }
+}
+
+fn around<const N: usize>(points: [Vec3; N]) -> Aabb {
+    Aabb::from_points(&points.map(Vec3A::from))
+}
+
+fn around_disc(centre: Vec3, normal: Vec3, radius: f32) -> Aabb {
+    let spread = (Vec3::ONE - normal * normal).max(Vec3::ZERO).map(f32::sqrt) * radius;
+    around([centre - spread, centre + spread])
 }
 
 impl Primitive {
     /// The surface at `point`, which is on it.
     pub(super) fn surface(&self, point: Vec3) -> Surface {
-        let mut surface = Surface { normal: Vec3::Z, material: self.material, rim: MISS };
-        surface.normal = match &self.shape {
-            Shape::Sheet { u, v, .. } => u.cross(*v).normalize(),
-            Shape::Block { low, high } => {
-                let from_centre = (point - (*low + *high) * 0.5) / (*high - *low);
-                let size = from_centre.abs();
-                if size.x >= size.y && size.x >= size.z {
-                    Vec3::X
-                } else if size.y >= size.z {
-                    Vec3::Y
-                } else {
-                    Vec3::Z
-                }
+        let mut rim = MISS;
+        let normal = match self.shape {
+            Shape::Triangle([a, b, c]) => (b - a).cross(c - a).normalize(),
+            Shape::Block(low, high) => {
+                let from_centre = (point - (low + high) * 0.5) / (high - low);
+                Vec3::AXES[from_centre.abs().max_position()]
             }
-            Shape::Cone { base, axis, r0, r1 } => {
+            Shape::Rod(from, to, [r0, r1]) => {
+                let axis = to - from;
                 let height = axis.length();
-                let n = *axis / height;
-                let from_base = point - *base;
-                let radial = (from_base - n * from_base.dot(n)).normalize_or(Vec3::X);
+                let n = axis / height;
+                let radial = (point - from).reject_from_normalized(n).normalize_or(Vec3::X);
                 (radial + n * ((r0 - r1) / height)).normalize()
             }
-            Shape::Ellipsoid { centre, radii } => {
-                ((point - *centre) / (*radii * *radii)).normalize_or(Vec3::Z)
-            }
-            Shape::Disc { centre, normal, radius } => {
-                surface.rim = radius - (point - *centre).length();
-                *normal
-            }
-            Shape::Facade(facade) => {
-                let depth = (facade.corner - point).dot(facade.outward());
-                if depth > facade.depth - 1e-3 {
-                    surface.material = Material::Glass;
-                }
-                facade.outward()
+            Shape::Ball(centre, radii) => ((point - centre) / (radii * radii)).normalize_or(Vec3::Z),
+            Shape::Disc(centre, normal, radius) => {
+                rim = radius - (point - centre).length();
+                normal
             }
         };
-        surface
+        Surface { normal, material: self.material, rim }
     }
-}
-
-impl Facade {
-    fn outward(&self) -> Vec3 {
-        self.along.cross(Vec3::Z)
-    }
-
-    /// The wall, or through an opening its reveal or its glass.
-    fn hit(&self, o: Vec3A, d: Vec3A) -> f32 {
-        let (corner, along, outward) =
-            (Vec3A::from(self.corner), Vec3A::from(self.along), Vec3A::from(self.outward()));
-        let inward = -d.dot(outward);
-        if inward <= 0.0 {
-            return MISS;
-        }
-        let t = (o - corner).dot(outward) / inward;
-        let p = o + d * t - corner;
-        let (x, z) = (p.dot(along), p.z);
-        if x < 0.0 || x > self.size[0] || z < 0.0 || z > self.size[1] {
-            return MISS;
-        }
-        let x_in = x.rem_euclid(self.pitch[0]) - (self.pitch[0] - self.opening[0]) * 0.5;
-        let z_in = z.rem_euclid(self.pitch[1]) - self.sill;
-        // No opening is cut by the end of the wall.
-        let whole = x - x_in + self.opening[0] <= self.size[0] && z - z_in + self.opening[1] <= self.size[1];
-        if !whole || x_in < 0.0 || x_in > self.opening[0] || z_in < 0.0 || z_in > self.opening[1] {
-            return t;
-        }
-        let reach = |position: f32, size: f32, speed: f32| {
-            if speed > 0.0 {
-                (size - position) / speed
-            } else if speed < 0.0 {
-                -position / speed
-            } else {
-                MISS
-            }
-        };
-        let side = reach(x_in, self.opening[0], d.dot(along)).min(reach(z_in, self.opening[1], d.z));
-        t + side.min(self.depth / inward)
-    }
-}
-
-/// Triangle (`limit` 1: s + r <= 1) or parallelogram (`limit` 2); Möller and Trumbore 1997.
-#[inline]
-fn hit_plane(o: Vec3A, d: Vec3A, a: Vec3A, u: Vec3A, v: Vec3A, limit: f32) -> f32 {
-    let p = d.cross(v);
-    let scale = 1.0 / u.dot(p);
-    let from_a = o - a;
-    let s = from_a.dot(p) * scale;
-    let q = from_a.cross(u);
-    let r = d.dot(q) * scale;
-    // Written so that the NaN of a ray in the plane is a miss.
-    if s >= 0.0 && r >= 0.0 && s <= 1.0 && r <= 1.0 && s + r <= limit { v.dot(q) * scale } else { MISS }
-}
-
-fn hit_block(ray: &Ray, low: Vec3A, high: Vec3A) -> f32 {
-    let t0 = (low - ray.origin) * ray.inv_direction;
-    let t1 = (high - ray.origin) * ray.inv_direction;
-    let near = t0.min(t1).max_element();
-    let far = t0.max(t1).min_element();
-    if near <= far && near > ray.tmin && near < ray.tmax { near } else { MISS }
 }
 
 /// The nearer root of a t^2 + 2 b t + c = 0 that `accept` takes, counted from `start`.
@@ -261,7 +153,7 @@ fn root(ray: &Ray, start: f32, [a, b, c]: [f32; 3], accept: impl Fn(f32) -> bool
     MISS
 }
 
-fn hit_cone(ray: &Ray, base: Vec3A, axis: Vec3A, r0: f32, r1: f32) -> f32 {
+fn hit_rod(ray: &Ray, base: Vec3A, axis: Vec3A, [r0, r1]: [f32; 2]) -> f32 {
     let d = ray.direction;
     // Start at the point of the ray that is nearest to the middle: the square of a range of 100 m would drown the
     // square of a radius of 1 cm in f32.
@@ -277,7 +169,7 @@ fn hit_cone(ray: &Ray, base: Vec3A, axis: Vec3A, r0: f32, r1: f32) -> f32 {
     root(ray, start, [a, b, c], |t| (0.0..=1.0).contains(&(m + t * n)))
 }
 
-fn hit_ellipsoid(ray: &Ray, centre: Vec3A, radii: Vec3A) -> f32 {
+fn hit_ball(ray: &Ray, centre: Vec3A, radii: Vec3A) -> f32 {
     let d = ray.direction / radii;
     let from = (ray.origin - centre) / radii;
     let start = -from.dot(d) / d.length_squared();
@@ -306,81 +198,50 @@ mod tests {
     }
 
     #[test]
-    fn triangles_and_parallelograms() {
-        let (a, u, v) = (Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 2.0);
-        let triangle = Shape::Sheet { a, u, v, half: true };
-        let quad = Shape::Sheet { a, u, v, half: false };
+    fn triangles() {
+        let triangle = Shape::Triangle([Vec3::ZERO, Vec3::X * 2.0, Vec3::Y * 2.0]);
         check(&triangle, [0.5, 0.5, 5.0], [0.0, 0.0, -1.0], 5.0);
         check(&triangle, [0.5, 0.5, 5.0], [0.0, 0.0, -2.0], 2.5); // t counts in directions, not metres
         check(&triangle, [1.5, 1.5, 5.0], [0.0, 0.0, -1.0], MISS); // beyond the diagonal
-        check(&quad, [1.5, 1.5, 5.0], [0.0, 0.0, -1.0], 5.0);
-        check(&quad, [2.5, 1.5, 5.0], [0.0, 0.0, -1.0], MISS);
-        check(&quad, [1.0, 1.0, 5.0], [1.0, 0.0, 0.0], MISS); // parallel
+        check(&triangle, [2.5, 1.5, 5.0], [0.0, 0.0, -1.0], MISS);
+        check(&triangle, [0.5, 0.5, 5.0], [1.0, 0.0, 0.0], MISS); // parallel
     }
 
     #[test]
     fn blocks() {
-        let block = Shape::Block { low: Vec3::ZERO, high: Vec3::new(1.0, 2.0, 3.0) };
+        let block = Shape::Block(Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0));
         check(&block, [-4.0, 1.0, 1.0], [1.0, 0.0, 0.0], 4.0);
         check(&block, [-1.0, -1.0, 1.0], [1.0, 1.0, 0.0], 1.0); // exactly the edge
         check(&block, [-4.0, 2.5, 1.0], [1.0, 0.0, 0.0], MISS);
     }
 
     #[test]
-    fn cylinders_and_cones() {
-        let cylinder = Shape::Cone { base: Vec3::ZERO, axis: Vec3::Z * 4.0, r0: 0.5, r1: 0.5 };
+    fn rods() {
+        let cylinder = Shape::Rod(Vec3::ZERO, Vec3::Z * 4.0, [0.5, 0.5]);
         check(&cylinder, [-10.0, 0.0, 1.0], [1.0, 0.0, 0.0], 9.5);
         check(&cylinder, [-10.0, 0.3, 1.0], [1.0, 0.0, 0.0], 9.6); // sqrt(0.25 - 0.09) = 0.4
         check(&cylinder, [-10.0, 0.0, 4.5], [1.0, 0.0, 0.0], MISS); // above
         check(&cylinder, [0.0, 0.0, 9.0], [0.0, 0.0, -1.0], MISS); // open ends
-        let cone = Shape::Cone { base: Vec3::ZERO, axis: Vec3::Z * 2.0, r0: 1.0, r1: 0.0 };
+        let cone = Shape::Rod(Vec3::ZERO, Vec3::Z * 2.0, [1.0, 0.0]);
         check(&cone, [-10.0, 0.0, 1.0], [1.0, 0.0, 0.0], 9.5); // radius 0.5 half way up
         check(&cone, [-10.0, 0.0, -0.5], [1.0, 0.0, 0.0], MISS); // not the mirrored half
         // A wire of 8 mm radius from 80 m away: 80 - 0.008.
-        let wire =
-            Shape::Cone { base: Vec3::new(80.0, -20.0, 7.0), axis: Vec3::Y * 40.0, r0: 0.008, r1: 0.008 };
+        let wire = Shape::Rod(Vec3::new(80.0, -20.0, 7.0), Vec3::new(80.0, 20.0, 7.0), [0.008, 0.008]);
         check(&wire, [0.0, 0.0, 7.0], [1.0, 0.0, 0.0], 79.992);
         check(&wire, [0.0, 0.0, 7.009], [1.0, 0.0, 0.0], MISS);
     }
 
     #[test]
-    fn ellipsoids_and_discs() {
-        let ellipsoid =
-            Shape::Ellipsoid { centre: Vec3::new(5.0, 0.0, 0.0), radii: Vec3::new(1.0, 2.0, 0.5) };
+    fn balls_and_discs() {
+        let ellipsoid = Shape::Ball(Vec3::new(5.0, 0.0, 0.0), Vec3::new(1.0, 2.0, 0.5));
         check(&ellipsoid, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 4.0);
         check(&ellipsoid, [5.0, 0.0, 3.0], [0.0, 0.0, -1.0], 2.5);
         check(&ellipsoid, [5.0, 1.0, 3.0], [0.0, 0.0, -1.0], 3.0 - 0.5 * 0.75f32.sqrt()); // y/ry = 1/2
         check(&ellipsoid, [0.0, 0.0, 0.6], [1.0, 0.0, 0.0], MISS);
-        let disc = Shape::Disc { centre: Vec3::Z * 2.0, normal: Vec3::Z, radius: 0.5 };
+        let disc = Shape::Disc(Vec3::Z * 2.0, Vec3::Z, 0.5);
         check(&disc, [0.4, 0.0, 5.0], [0.0, 0.0, -1.0], 3.0);
         check(&disc, [0.6, 0.0, 5.0], [0.0, 0.0, -1.0], MISS);
-        let leaf = Primitive { shape: disc, material: Material::Leaf };
+        let leaf = disc.of(Material::Leaf);
         assert!((leaf.surface(Vec3::new(0.4, 0.0, 2.0)).rim - 0.1).abs() < 1e-6);
-    }
-
-    #[test]
-    fn facades_have_walls_reveals_and_glass() {
-        // Outside is along x up = X x Z = -Y: the wall looks at the ray's start.
-        let facade = Facade {
-            corner: Vec3::ZERO,
-            along: Vec3::X,
-            size: [7.0, 6.0],
-            pitch: [3.0, 3.0],
-            opening: [1.0, 1.5],
-            sill: 1.0,
-            depth: 0.2,
-        };
-        let shape = Shape::Facade(Box::new(facade));
-        check(&shape, [0.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.0); // wall beside the first window, which is x 1..2
-        check(&shape, [1.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.2); // glass
-        check(&shape, [1.5, -5.0, 0.9], [0.0, 1.0, 0.0], 5.0); // below the sill
-        check(&shape, [4.5, -5.0, 4.5], [0.0, 1.0, 0.0], 5.2); // second window, second storey
-        check(&shape, [6.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.0); // the third would be cut: wall
-        check(&shape, [1.5, 5.0, 1.5], [0.0, -1.0, 0.0], MISS); // from behind
-        // 45 degrees: enters at x = 1.9 and meets the reveal at x = 2 after 0.1 more.
-        check(&shape, [-3.1, -5.0, 1.5], [1.0, 1.0, 0.0], 5.1);
-        let wall = Primitive { shape, material: Material::Plaster };
-        assert_eq!(wall.surface(Vec3::new(1.5, 0.2, 1.5)).material, Material::Glass);
-        assert_eq!(wall.surface(Vec3::new(0.5, 0.0, 1.5)).material, Material::Plaster);
     }
 }

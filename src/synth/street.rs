@@ -13,12 +13,14 @@ use super::material::Material;
 use super::preset::{Buildings, Layout, Line, Plan, Row};
 use super::random::Random;
 use super::scene::{Item, Model, Placed, Window};
-use super::{things, tree};
+use super::things;
 
 /// Length of a piece of hedge, fence or rail, metres.
 const PIECE: f64 = 2.5;
 /// Distance between poles of the overhead line, metres.
 const POLES: f64 = 34.0;
+/// Height of the insulators on a `wood_pole` of `things.toml`.
+const WIRE_HEIGHT: f64 = 8.1;
 
 /// What there is to know of an object, beside its points.
 #[derive(Debug, Clone)]
@@ -32,7 +34,6 @@ pub(super) struct Object {
 }
 
 /// One cell of the street.
-#[derive(Debug)]
 pub(super) struct Cell {
     pub(super) frame: Frame,
     origin: [f64; 3],
@@ -44,7 +45,6 @@ pub(super) struct Cell {
 }
 
 /// The street of a drive.
-#[derive(Debug)]
 pub(super) struct Street {
     pub(super) plan: Plan,
     pub(super) axis: Axis,
@@ -97,10 +97,7 @@ enum Facing {
 impl Street {
     /// The street of a plan; `loop_drive` is the length of a drive that closes.
     pub(super) fn new(plan: Plan, loop_drive: Option<f64>) -> Self {
-        let mut library: BTreeMap<String, Vec<Arc<Model>>> = BTreeMap::new();
-        for (kind, model) in tree::models(plan.seed).into_iter().chain(things::models()) {
-            library.entry(kind).or_default().push(Arc::new(model));
-        }
+        let library = things::models(plan.seed);
         let axis = Axis::new(plan.seed, plan.preset.terrain(), loop_drive);
         Self { plan, axis, library, first_ids: vec![1] }
     }
@@ -421,7 +418,7 @@ impl Site<'_> {
             let s = place as f64 * POLES;
             let out = site.station(s).section.walk - 0.3;
             let [x, y] = site.frame(s).at(s).left(out);
-            (s, out, [x, y, site.height(s, out) + f64::from(things::WIRE_HEIGHT)])
+            (s, out, [x, y, site.height(s, out) + WIRE_HEIGHT])
         };
         for place in (first..).take_while(|k| (*k as f64) * POLES < start + CELL) {
             let mut random = Random::new(self.plan.seed, 7, place as u64);
@@ -437,8 +434,11 @@ impl Site<'_> {
             }
             let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
             let span = dx.hypot(dy);
-            let model = things::wire(span as f32, (b[2] - a[2]) as f32, random.range(0.35, 0.8));
-            let object = self.object("wire", s, out, things::WIRE_HEIGHT);
+            let climb = vec3(span as f32, 0.0, (b[2] - a[2]) as f32);
+            let to_next =
+                Affine3A::from_mat3(Mat3::from_cols(climb, Vec3::Y, Vec3::Z * random.range(0.35, 0.8)));
+            let model = Model::new(things::of("wires")[0].parts(&to_next, &mut random));
+            let object = self.object("wire", s, out, WIRE_HEIGHT as f32);
             let at = Vec3::from([0, 1, 2].map(|axis| (a[axis] - self.origin[axis]) as f32));
             let map = Affine3A::from_translation(at) * Affine3A::from_rotation_z(dy.atan2(dx) as f32);
             self.placed.push(Placed { model: Arc::new(model), map, object: Some(object) });

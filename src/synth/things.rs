@@ -1,153 +1,113 @@
-//! Cars, wires, and the other things of `things.toml`: poles, signs, street furniture, fences, people.
+//! The things of `things.toml`, from lamps to trees, as models; and the wires of an overhead line.
 
 use std::collections::BTreeMap;
+use std::sync::{Arc, LazyLock};
 
-use glam::{Vec3, vec3};
+use glam::{Affine3A, Vec3};
 use serde::Deserialize;
 
-use super::build::Builder;
 use super::material::Material;
+use super::random::Random;
 use super::scene::Model;
+use super::shape::{Primitive, Shape};
+use super::shipped;
+use super::tree::{self, Palm, Tree};
 
-/// One or more models of every kind; x along the street, y away from the road.
-pub(super) fn models() -> Vec<(String, Model)> {
-    let Things { cars, things } = shipped();
-    let mut all = Vec::new();
-    for paint in [Material::Paint, Material::Paint, Material::DarkPaint] {
-        all.extend(cars.iter().map(|(kind, shape)| (kind.clone(), car(shape, paint))));
-    }
-    for (kind, models) in things {
-        all.extend(models.iter().map(|thing| (kind.clone(), thing.build())));
-    }
-    all.into_iter().map(|(kind, build)| (kind, Model::new(build.0))).collect()
-}
+static THINGS: LazyLock<BTreeMap<String, Vec<Thing>>> =
+    LazyLock::new(|| shipped(include_str!("things.toml")));
 
-/// What `things.toml` holds, by kind.
-#[derive(Deserialize)]
-struct Things {
-    cars: BTreeMap<String, Car>,
-    #[serde(flatten)]
-    things: BTreeMap<String, Vec<Thing>>,
-}
-
-/// A model of `things.toml`.
+/// An entry of `things.toml`, which explains all of it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Thing {
+pub(super) struct Thing {
+    #[serde(default = "once")]
+    models: u8,
+    #[serde(default)]
     parts: Vec<Part>,
+    #[serde(default)]
+    hulls: Vec<Hull>,
+    tree: Option<Tree>,
+    palm: Option<Palm>,
 }
 
-/// A form that stands `times` times, each `step` further.
 #[derive(Deserialize)]
 struct Part {
     of: Material,
     #[serde(flatten)]
-    form: Form,
+    shape: Shape,
     #[serde(default = "once")]
     times: u8,
     #[serde(default)]
-    step: [f32; 3],
+    step: Vec3,
+    #[serde(default)]
+    leaves: u16,
 }
 
-/// The forms of parts; their values as [`Builder`] takes them.
 #[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Form {
-    Stand([f32; 3], [f32; 3]),
-    Block([f32; 3], [f32; 3]),
-    Post(f32, [f32; 2]),
-    Rod([f32; 3], [f32; 3], [f32; 2]),
-    Disc([f32; 3], [f32; 3], f32),
-    Ball([f32; 3], [f32; 3]),
+#[serde(deny_unknown_fields)]
+struct Hull {
+    of: Vec<Material>,
+    outline: Vec<Vec3>,
 }
 
 fn once() -> u8 {
     1
 }
 
-#[expect(
-    clippy::expect_used,
-    reason = "the text is part of the program, and every test of a preset parses it"
-)]
-fn shipped() -> Things {
-    toml::from_str(include_str!("things.toml")).expect("the shipped things are valid")
+/// One or more models of every kind; x along the street, y away from the road.
+pub(super) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
+    let mut library = BTreeMap::new();
+    for (stream, (kind, things)) in (10..).zip(THINGS.iter()) {
+        let mut random = Random::new(seed, stream, 0);
+        let entries = things.iter().flat_map(|thing| (0..thing.models).map(move |number| (thing, number)));
+        let models = entries.map(|(thing, number)| Arc::new(thing.model(number, &mut random)));
+        library.insert(kind.clone(), models.collect());
+    }
+    library
+}
+
+/// The entries of a kind, which there is.
+pub(super) fn of(kind: &str) -> &'static [Thing] {
+    &THINGS[kind]
 }
 
 impl Thing {
-    fn build(&self) -> Builder {
-        let mut build = Builder::default();
-        for Part { of, form, times, step } in &self.parts {
-            for copy in 0..*times {
-                let shift = Vec3::from(*step) * f32::from(copy);
-                let moved = |at: [f32; 3]| Vec3::from(at) + shift;
-                match *form {
-                    Form::Stand(at, size) => build.stand(moved(at).into(), size, *of),
-                    Form::Block(low, high) => build.block(moved(low).into(), moved(high).into(), *of),
-                    Form::Post(height, radii) => build.post(height, radii, *of),
-                    Form::Rod(from, to, radii) => build.rod(moved(from), moved(to), radii, *of),
-                    Form::Disc(centre, normal, radius) => {
-                        build.disc(moved(centre), normal.into(), radius, *of)
-                    }
-                    Form::Ball(centre, radii) => build.ball(moved(centre).into(), radii, *of),
+    fn model(&self, number: u8, random: &mut Random) -> Model {
+        let mut all = self.parts(&Affine3A::IDENTITY, random);
+        all.extend(self.hulls.iter().flat_map(|hull| hull.triangles(usize::from(number))));
+        all.extend(self.tree.iter().flat_map(|tree| tree.build(random)));
+        all.extend(self.palm.iter().flat_map(|palm| palm.build(random)));
+        Model::new(all)
+    }
+
+    /// Its parts, with their points moved into the frame of another model; radii and normals remain.
+    pub(super) fn parts(&self, map: &Affine3A, random: &mut Random) -> Vec<Primitive> {
+        let mut all = Vec::new();
+        for part in &self.parts {
+            for copy in 0..part.times {
+                let shape = part.shape.map(|point| map.transform_point3(point + part.step * f32::from(copy)));
+                if part.leaves > 0 {
+                    all.extend(tree::strew(&shape.bounds(), part.leaves, random));
+                } else {
+                    all.push(shape.of(part.of));
                 }
             }
         }
-        build
+        all
     }
 }
 
-/// Shape of a car: outline in x (front positive) and z from the rear bumper over the roof to the front, the two spans
-/// of it that are windscreens, height of the belt line, width.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Car {
-    outline: Vec<[f32; 2]>,
-    glass: [usize; 2],
-    belt: f32,
-    width: f32,
-}
-
-fn car(car: &Car, paint: Material) -> Builder {
-    let Car { ref outline, glass, belt, width } = *car;
-    let mut build = Builder::default();
-    let (length, top) = outline.iter().fold((0.0f32, 0.0f32), |(x, z), p| (x.max(p[0].abs()), z.max(p[1])));
-    // The greenhouse leans in by a quarter of its half width.
-    let half = |z: f32| width * 0.5 * (1.0 - 0.25 * ((z - belt) / (top - belt).max(0.3)).clamp(0.0, 1.0));
-    let skin = |i: usize| if glass.contains(&i) { Material::Glass } else { paint };
-    build.body(outline, 0.32, half, skin, belt, paint);
-    let (x, y) = (length - 0.1, width * 0.5 - 0.1);
-    build.block([-x, -y, 0.2], [x, y, 0.33], Material::Rubber);
-    for x in [-0.62 * length, 0.64 * length] {
-        for y in [-1.0f32, 1.0] {
-            let hub = vec3(x, y * (width * 0.5 - 0.19), 0.32);
-            build.rod(hub, hub + Vec3::Y * y * 0.2, [0.32, 0.32], Material::Rubber);
-            build.disc(hub + Vec3::Y * y * 0.2, Vec3::Y, 0.32, Material::Rubber);
-        }
+impl Hull {
+    /// The body between the outline and its mirror image, of the material for the model of this number.
+    fn triangles(&self, number: usize) -> Vec<Primitive> {
+        let of = self.of[number % self.of.len()];
+        let mirrored = |point: Vec3| point.with_y(-point.y);
+        let span = |ends: &[Vec3]| {
+            let [first, a, b] = [self.outline[0], ends[0], ends[1]];
+            let side = [first, a, b];
+            [side, side.map(mirrored), [a, b, mirrored(b)], [a, mirrored(b), mirrored(a)]]
+        };
+        let triangles = self.outline.windows(2).flat_map(span);
+        triangles.map(|corners| Shape::Triangle(corners).of(of)).collect()
     }
-    for x in [-length, length] {
-        build.stand([x, 0.0, 0.5], [0.03, 0.5, 0.11], Material::Retro); // number plates
-    }
-    build
-}
-
-/// Height of the cross-arm of a `wood_pole`, and its insulators' places in y.
-pub(super) const WIRE_HEIGHT: f32 = 8.1;
-pub(super) const WIRE_PLACES: [f32; 3] = [-0.75, 0.0, 0.75];
-
-/// A wire of `span` metres along x from the origin to height `rise`, that sags by `sag`.
-pub(super) fn wire(span: f32, rise: f32, sag: f32) -> Model {
-    let mut build = Builder::default();
-    let pieces = 10;
-    let point = |i: usize| {
-        let u = i as f32 / pieces as f32;
-        vec3(span * u, 0.0, rise * u - 4.0 * sag * u * (1.0 - u))
-    };
-    for y in WIRE_PLACES {
-        for piece in 0..pieces {
-            // Cables of 14 mm, seen by a beam of about as much: the radius that returns an echo is larger.
-            let side = Vec3::Y * y;
-            build.rod(point(piece) + side, point(piece + 1) + side, [0.011, 0.011], Material::Metal);
-        }
-    }
-    Model::new(build.0)
 }
