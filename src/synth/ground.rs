@@ -1,10 +1,14 @@
 //! The cross-section of the street and the surface of the ground of one cell: height, mesh, and what lies where.
 
-use glam::{Affine3A, Vec3};
+use std::array;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Affine3A, DVec2, DVec3, Vec3};
 use serde::Deserialize;
 
-use super::axis::{CELL, Frame, Land};
+use super::axis::{Axis, CELL, Frame, Land, Node};
 use super::material::Material;
+use super::preset::Plan;
 use super::scene::Model;
 use super::shape::{Primitive, Shape};
 
@@ -16,7 +20,8 @@ const FACE: f64 = 0.03;
 const BLEND: f64 = 25.0;
 
 /// Half of a cross-section; all widths are distances from the axis, metres, not falling from one to the next.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, Pod, Zeroable)]
+#[repr(C)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Section {
     /// Edge of the raised median; 0 for none.
@@ -35,22 +40,19 @@ pub(super) struct Section {
     pub(super) slopes: f64,
     /// Width of a lane.
     pub(super) lane: f64,
+    /// How far the land beside the pavement is below it: a bridge over a dip.
+    #[serde(skip)]
+    pub(super) dip: f64,
+    /// Height gained by the slopes on the left and on the right.
+    #[serde(skip)]
+    pub(super) rise: [f64; 2],
 }
 
 impl Section {
     /// Between two sections, `w` 0 to 1.
-    pub(super) fn between(&self, other: &Self, w: f64) -> Self {
-        let mix = |a: f64, b: f64| a + (b - a) * w;
-        Self {
-            median: mix(self.median, other.median),
-            lanes: mix(self.lanes, other.lanes),
-            kerb: mix(self.kerb, other.kerb),
-            verge: mix(self.verge, other.verge),
-            walk: mix(self.walk, other.walk),
-            kerb_height: mix(self.kerb_height, other.kerb_height),
-            slopes: mix(self.slopes, other.slopes),
-            lane: mix(self.lane, other.lane),
-        }
+    pub(super) fn between(self, other: Self, w: f64) -> Self {
+        let [a, b]: [[f64; 11]; 2] = [self, other].map(bytemuck::cast);
+        bytemuck::cast(array::from_fn::<f64, 11, _>(|i| a[i] + (b[i] - a[i]) * w))
     }
 
     /// Middle of the outermost lane: where the vehicle drives.
@@ -77,6 +79,16 @@ impl Section {
         let beyond = (d - self.kerb) / FACE;
         road + self.kerb_height * beyond.clamp(0.0, 1.0) + 0.02 * (d.min(self.walk) - self.kerb).max(0.0)
     }
+
+    /// Height of the ground at `offset` (left positive) from a point of the axis.
+    pub(super) fn height(&self, land: &Land, node: Node, offset: f64) -> f64 {
+        let d = offset.abs();
+        let beyond = d - self.walk;
+        let over = smooth(beyond / BLEND);
+        let base = land.height(node.point) * (1.0 - over) + land.height(node.left(offset)) * over;
+        let slope = self.rise[usize::from(offset < 0.0)] * smooth((beyond - 2.0) / 12.0);
+        base + self.profile(d) + slope - self.dip * (beyond / FACE).clamp(0.0, 1.0)
+    }
 }
 
 fn smooth(x: f64) -> f64 {
@@ -84,137 +96,124 @@ fn smooth(x: f64) -> f64 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// One station of the street, as far as the ground is concerned.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Station {
-    pub(super) section: Section,
-    /// How far the land beside the pavement is below it: a bridge over a dip, metres.
-    pub(super) dip: f64,
-    /// Height gained by the slopes on the left and on the right, metres.
-    pub(super) slopes: [f64; 2],
-}
-
-impl Station {
-    /// Height of the ground at `offset` (left positive) from the axis at chainage `s` of `frame`.
-    pub(super) fn height(&self, land: &Land, frame: &Frame, s: f64, offset: f64) -> f64 {
-        let node = frame.at(s);
-        let d = offset.abs();
-        let beyond = d - self.section.walk;
-        let [x, y] = node.left(offset);
-        let over = smooth(beyond / BLEND);
-        let base = land.height(node.x, node.y) * (1.0 - over) + land.height(x, y) * over;
-        let slope = self.slopes[usize::from(offset < 0.0)] * smooth((beyond - 2.0) / 12.0);
-        base + self.section.profile(d) + slope - self.dip * (beyond / FACE).clamp(0.0, 1.0)
-    }
-}
-
-/// What is painted on the road and laid beside it, in one cell.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Surfacing {
-    pub(super) verge: Material,
-    pub(super) yard: Material,
+/// The ground of one cell, and where other things are from it.
+#[derive(Debug)]
+pub(super) struct Ground {
+    pub(super) plan: Plan,
+    pub(super) cell: usize,
+    /// Chainage of the start of the cell, and that at which the whole street ends.
+    pub(super) start: f64,
+    pub(super) end: f64,
+    /// The axis in the cell and the next one.
+    pub(super) frame: Frame,
+    own: Frame,
+    /// Other parts of a street that comes back to itself, within reach.
+    foreign: Vec<Frame>,
+    /// Middle of the cell, metres from the street's origin, and direction of the axis there: the frame of the mesh.
+    pub(super) origin: DVec3,
+    turn: f64,
+    /// Sections along the rows of the mesh.
+    sections: Vec<Section>,
+    /// What lies between kerb and pavement, and beyond it.
+    pub(super) soft: Material,
     /// Chainage of a zebra crossing.
     pub(super) zebra: Option<f64>,
 }
 
-/// The ground of one cell.
-#[derive(Debug)]
-pub(super) struct Ground {
-    frame: Frame,
-    sections: Vec<Section>,
-    surfacing: Surfacing,
-    origin: [f64; 2],
-    turn: f64,
-}
-
-/// For a point of the plane: height of the ground and distance from the axis as another part of the street gives them.
-pub(super) type Elsewhere<'a> = &'a dyn Fn(f64, f64) -> Option<(f64, f64)>;
-
 impl Ground {
-    /// The ground of `frame` up to chainage `end`, its mesh, and the map from the mesh's frame to the cell's.
-    ///
-    /// Where `elsewhere` is nearer to its axis, its height counts.
-    pub(super) fn build(
-        land: &Land,
-        frame: &Frame,
-        origin: [f64; 3],
-        stations: &dyn Fn(f64) -> Station,
-        surfacing: Surfacing,
-        end: f64,
-        elsewhere: Elsewhere<'_>,
-    ) -> (Self, Model, Affine3A) {
-        let start = frame.start();
+    pub(super) fn new(plan: Plan, axis: &mut Axis, cell: usize) -> Self {
+        let (start, end) = (cell as f64 * CELL, axis.end());
+        let frame = axis.frame(cell..cell + 2);
+        let middle = frame.at(start + CELL * 0.5);
+        let cells = if end.is_finite() { (end / CELL).ceil() as usize } else { 0 };
+        let mut foreign: Vec<Frame> =
+            (0..cells).filter(|far| far.abs_diff(cell) > 2).map(|far| axis.frame(far..far + 1)).collect();
+        foreign.retain(|far| far.at(far.start + CELL * 0.5).point.distance(middle.point) < 180.0);
         let rows = (((end - start).min(CELL) / ROW).ceil() as usize).max(1);
-        let turn = frame.at(start + CELL * 0.5).heading;
-        let (sin, cos) = turn.sin_cos();
-        let mut sections = Vec::new();
-        let mut mesh: Vec<Vec<(Vec3, bool)>> = Vec::new();
-        for row in 0..=rows {
-            let s = start + row as f64 * ROW;
-            let station = stations(s);
-            sections.push(station.section);
-            let right = station.section.breaks();
-            let offsets = right.clone().rev().map(|d| -d).chain([0.0]).chain(right);
-            let vertex = |offset: f64| {
-                let [x, y] = frame.at(s).left(offset);
-                let own = station.height(land, frame, s, offset);
-                let other = elsewhere(x, y).filter(|(_, distance)| *distance < offset.abs());
-                let (z, far) = other.map_or((own, false), |(z, distance)| (z, offset.abs() > distance + 3.0));
-                let (dx, dy) = (x - origin[0], y - origin[1]);
-                let local = [dx * cos + dy * sin, dy * cos - dx * sin, z - origin[2]];
-                (Vec3::from(local.map(|v| v as f32)), far)
-            };
-            mesh.push(offsets.map(vertex).collect());
+        Self {
+            plan,
+            cell,
+            start,
+            end,
+            frame,
+            own: axis.frame(cell..cell + 1),
+            foreign,
+            origin: middle.point.extend(plan.land.height(middle.point)),
+            turn: middle.heading,
+            sections: (0..=rows).map(|row| plan.section(start + row as f64 * ROW)).collect(),
+            soft: if plan.layout(cell).paved { Material::Paving } else { Material::Grass },
+            zebra: None,
         }
-        let model = Model::new(triangles(&mesh));
-        let ground = Self { frame: frame.clone(), sections, surfacing, origin: [origin[0], origin[1]], turn };
-        (ground, model, Affine3A::from_rotation_z(turn as f32))
+    }
+
+    /// The point of the ground at chainage `s` and `offset` (left positive), metres from the street's origin.
+    pub(super) fn at(&self, s: f64, offset: f64) -> DVec3 {
+        self.frame.at(s).left(offset).extend(self.plan.height(&self.frame, s, offset))
+    }
+
+    /// Where a point is from the nearest other part of the street: chainage, offset, and the axis there.
+    pub(super) fn elsewhere(&self, point: DVec2) -> Option<(f64, f64, &Frame)> {
+        let places = self.foreign.iter().map(|frame| {
+            let (s, offset) = frame.nearest(point);
+            (s, offset, frame)
+        });
+        places.filter(|(s, ..)| *s <= self.end).min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+    }
+
+    /// The surface, and the map from its frame to the cell's. Where another part of the street is nearer to its axis, its
+    /// height counts.
+    pub(super) fn mesh(&self) -> (Model, Affine3A) {
+        let vertex = |row: usize, offset: f64| {
+            let s = self.start + row as f64 * ROW;
+            let own = self.own.at(s).left(offset).extend(self.plan.height(&self.own, s, offset));
+            let other = self.elsewhere(own.truncate()).filter(|(_, other, _)| other.abs() < offset.abs());
+            let (z, far) = other.map_or((own.z, false), |(s, other, frame)| {
+                (self.plan.height(frame, s, other), offset.abs() > other.abs() + 3.0)
+            });
+            let local = DVec2::from_angle(-self.turn).rotate(own.truncate() - self.origin.truncate());
+            (local.extend(z - self.origin.z).as_vec3(), far)
+        };
+        let mesh = self.sections.iter().enumerate().map(|(row, section)| {
+            let right = section.breaks();
+            let offsets = right.clone().rev().map(|d| -d).chain([0.0]).chain(right);
+            offsets.map(|offset| vertex(row, offset)).collect()
+        });
+        let model = Model::new(triangles(&mesh.collect::<Vec<_>>()));
+        (model, Affine3A::from_rotation_z(self.turn as f32))
     }
 
     /// The material at a point of the mesh, in the mesh's frame.
     pub(super) fn material(&self, point: Vec3) -> Material {
-        let (sin, cos) = self.turn.sin_cos();
-        let (px, py) = (f64::from(point.x), f64::from(point.y));
-        let (x, y) = (self.origin[0] + px * cos - py * sin, self.origin[1] + px * sin + py * cos);
-        let mut s = self.frame.start() + CELL * 0.5 + px;
-        let mut offset = 0.0;
+        let local = point.as_dvec3().truncate();
+        let point = self.origin.truncate() + DVec2::from_angle(self.turn).rotate(local);
+        let mut place = DVec2::new(self.start + CELL * 0.5 + local.x, 0.0);
         // Two steps of projection onto the tangent: enough for bends of more than 50 m radius.
         for _ in 0..2 {
-            let node = self.frame.at(s.clamp(self.frame.start(), self.frame.start() + CELL));
-            let (sin, cos) = node.heading.sin_cos();
-            let (dx, dy) = (x - node.x, y - node.y);
-            s = s.clamp(self.frame.start(), self.frame.start() + CELL) + dx * cos + dy * sin;
-            offset = dy * cos - dx * sin;
+            let s = place.x.clamp(self.start, self.start + CELL);
+            place = DVec2::new(s, 0.0) + self.own.at(s).local(point);
         }
-        let row = ((s - self.frame.start()) / ROW).max(0.0) as usize;
-        self.material_at(&self.sections[row.min(self.sections.len() - 1)], s, offset)
+        let row = ((place.x - self.start) / ROW).max(0.0) as usize;
+        self.material_at(&self.sections[row.min(self.sections.len() - 1)], place.x, place.y)
     }
 
     fn material_at(&self, section: &Section, s: f64, offset: f64) -> Material {
         let d = offset.abs();
-        if d < section.median {
-            return Material::Grass;
-        }
-        if d > section.kerb + 0.15 {
-            return match d {
-                d if d < section.verge => self.surfacing.verge,
-                d if d < section.walk => Material::Paving,
-                _ => self.surfacing.yard,
-            };
-        }
-        if d > section.kerb - 0.02 {
-            return Material::Paving;
-        }
-        let dash = |on: f64, period: f64| s.rem_euclid(period) < on;
         let near = |line: f64| (d - line).abs() < 0.07;
-        let zebra =
-            self.surfacing.zebra.is_some_and(|z| s > z && s < z + 3.6 && offset.rem_euclid(1.0) < 0.5);
+        let zebra = self.zebra.is_some_and(|z| s > z && s < z + 3.6 && offset.rem_euclid(1.0) < 0.5);
         let centre = section.median < 0.3 && (d - 0.13).abs() < 0.06;
         let edge = near(section.lanes - 0.1) || (section.median >= 0.3 && near(section.median + 0.3));
         let count = ((section.lanes - section.median) / section.lane).round() as i32;
-        let between =
-            dash(3.0, 9.0) && (1..count).any(|lane| near(section.median + f64::from(lane) * section.lane));
-        if zebra || centre || edge || between { Material::Marking } else { Material::Asphalt }
+        let mut between = (1..count).map(|lane| section.median + f64::from(lane) * section.lane);
+        match d {
+            d if d < section.median => Material::Grass,
+            d if d <= section.kerb - 0.02 => {
+                let painted = zebra || centre || edge || (s.rem_euclid(9.0) < 3.0 && between.any(near));
+                if painted { Material::Marking } else { Material::Asphalt }
+            }
+            d if d <= section.kerb + 0.15 => Material::Paving,
+            d if d >= section.verge && d < section.walk => Material::Paving,
+            _ => self.soft,
+        }
     }
 }
 

@@ -6,12 +6,12 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-use super::axis::{CELL, LEAD, Terrain};
-use super::ground::{Section, Station};
+use super::axis::{CELL, Frame, LEAD, Land, Terrain};
+use super::ground::Section;
 use super::random::Random;
 
 /// A kind of street.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// Houses with gardens, two tree rows, lamp posts and overhead wires between the crowns.
@@ -36,22 +36,7 @@ impl Preset {
     /// Name on the command line and in file names.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Suburb => "suburb",
-            Self::Downtown => "downtown",
-            Self::Avenue => "avenue",
-            Self::Highway => "highway",
-            Self::Mixed => "mixed",
-            Self::Loop => "loop",
-        }
-    }
-
-    /// How winding and how hilly the land is; where streets change, it is that of a suburb.
-    pub(super) fn terrain(self) -> Terrain {
-        match self {
-            Self::Mixed | Self::Loop => LAYOUTS.suburb.terrain,
-            other => Plan { preset: other, seed: 0 }.layout(0).terrain,
-        }
+        ["suburb", "downtown", "avenue", "highway", "mixed", "loop"][self as usize]
     }
 }
 
@@ -59,6 +44,50 @@ impl fmt::Display for Preset {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
+}
+
+/// What all things of a kind have in common; the kind is what stands in front of the underscore of a name.
+#[derive(Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Kind {
+    /// Class code, as in the labelled scenes.
+    pub(super) class: u8,
+    /// Distance kept from other things, metres.
+    pub(super) radius: f64,
+    pub(super) facing: Facing,
+    /// Whether it is inclined with the ground along it.
+    pub(super) inclined: bool,
+    /// Range of the factor by which models are scaled, and of that upwards where it is another.
+    pub(super) scale: Option<(f32, f32)>,
+    pub(super) tall: Option<(f32, f32)>,
+    /// For what stands as a line of pieces: share of the pieces that may be missing at its end.
+    pub(super) gap: Option<f32>,
+}
+
+impl Default for Kind {
+    fn default() -> Self {
+        Self {
+            class: 7,
+            radius: 0.35,
+            facing: Facing::Away,
+            inclined: false,
+            scale: None,
+            tall: None,
+            gap: None,
+        }
+    }
+}
+
+/// Which way the y axis of a model points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Facing {
+    /// Away from the road.
+    Away,
+    /// x in the direction of the traffic.
+    Traffic,
+    /// Anywhere.
+    Any,
 }
 
 /// A row of things along both sides.
@@ -123,30 +152,31 @@ pub(super) struct Layout {
 /// The tables of `presets.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Layouts {
+struct Tables {
     /// Kinds that rows name together.
     groups: BTreeMap<String, Vec<String>>,
-    suburb: Layout,
-    downtown: Layout,
-    avenue: Layout,
-    highway: Layout,
+    kinds: BTreeMap<String, Kind>,
+    streets: BTreeMap<Preset, Layout>,
 }
 
 #[expect(
     clippy::expect_used,
     reason = "the text is part of the program, and every test of a preset parses it"
 )]
-static LAYOUTS: LazyLock<Layouts> = LazyLock::new(|| {
-    let mut all: Layouts =
-        toml::from_str(include_str!("presets.toml")).expect("the shipped tables are valid");
-    let Layouts { groups, suburb, downtown, avenue, highway } = &mut all;
-    for row in [suburb, downtown, avenue, highway].into_iter().flat_map(|layout| &mut layout.rows) {
+static TABLES: LazyLock<Tables> = LazyLock::new(|| {
+    let mut all: Tables = toml::from_str(include_str!("presets.toml")).expect("the shipped tables are valid");
+    for row in all.streets.values_mut().flat_map(|layout| &mut layout.rows) {
         let kinds =
-            row.kinds.iter().map(|kind| groups.get(kind).cloned().unwrap_or_else(|| vec![kind.clone()]));
+            row.kinds.iter().map(|kind| all.groups.get(kind).cloned().unwrap_or_else(|| vec![kind.clone()]));
         row.kinds = kinds.collect::<Vec<_>>().concat();
     }
     all
 });
+
+/// What all things of a kind have in common.
+pub(super) fn kind(name: &str) -> &'static Kind {
+    &TABLES.kinds[name.split('_').next().unwrap_or(name)]
+}
 
 /// Cells in a row with one layout in the `mixed` preset: 350 m.
 const STRETCH: usize = 7;
@@ -156,47 +186,54 @@ const DIP: (f64, f64) = (32.0, 5.5);
 /// Which street there is at which chainage; a pure function of preset and seed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
-    pub(super) preset: Preset,
+    preset: Preset,
     pub(super) seed: u64,
+    pub(super) land: Land,
 }
 
 impl Plan {
+    pub(super) fn new(preset: Preset, seed: u64) -> Self {
+        // Where streets change, the land is that of a suburb.
+        let land = if matches!(preset, Preset::Mixed | Preset::Loop) { Preset::Suburb } else { preset };
+        Self { preset, seed, land: Land::new(seed, TABLES.streets[&land].terrain) }
+    }
+
     /// The layout of a cell.
     pub(super) fn layout(&self, cell: usize) -> &'static Layout {
-        match self.preset {
-            Preset::Suburb | Preset::Loop => &LAYOUTS.suburb,
-            Preset::Downtown => &LAYOUTS.downtown,
-            Preset::Avenue => &LAYOUTS.avenue,
-            Preset::Highway => &LAYOUTS.highway,
+        let street = match self.preset {
             Preset::Mixed => {
                 let stretch = cell / STRETCH;
                 // Every street of four stretches has each layout once, in an order of its own.
-                let mut order = [&LAYOUTS.suburb, &LAYOUTS.downtown, &LAYOUTS.avenue, &LAYOUTS.highway];
+                let mut order = [Preset::Suburb, Preset::Downtown, Preset::Avenue, Preset::Highway];
                 let mut random = Random::new(self.seed, 3, (stretch / 4) as u64);
                 for last in (1..4).rev() {
                     order.swap(last, (random.next() % (last as u64 + 1)) as usize);
                 }
                 order[stretch % 4]
             }
-        }
+            Preset::Loop => Preset::Suburb,
+            other => other,
+        };
+        &TABLES.streets[&street]
     }
 
-    /// The section at chainage `s`: that of the cell, blended from that of the cell before it over the first half.
-    fn section(&self, s: f64) -> Section {
+    /// The cross-section at chainage `s`: that of the cell, blended from that of the cell before it over the first
+    /// half.
+    pub(super) fn section(&self, s: f64) -> Section {
         let cell = (s / CELL).max(0.0) as usize;
-        let here = self.layout(cell).section;
-        let before = self.layout(cell.saturating_sub(1)).section;
-        before.between(&here, ((s - cell as f64 * CELL) / (CELL * 0.5)).clamp(0.0, 1.0))
-    }
-
-    /// Everything that shapes the ground at chainage `s`.
-    pub(super) fn station(&self, s: f64) -> Station {
-        let section = self.section(s);
-        let dip = self.bridge(s).map_or(0.0, |off| DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0));
+        let [before, here] = [cell.saturating_sub(1), cell].map(|cell| self.layout(cell).section);
+        let mut section = before.between(here, ((s - cell as f64 * CELL) / (CELL * 0.5)).clamp(0.0, 1.0));
+        section.dip = self.bridge(s).map_or(0.0, |off| DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0));
         let wave = |length: f64, phase: f64| (s / length + phase).sin();
         let phase = (self.seed % 1_000) as f64;
-        let slope = |turn: f64| section.slopes * (wave(46.0, phase + turn) + 0.5 * wave(19.0, turn * 3.0));
-        Station { section, dip, slopes: [slope(0.0), slope(2.1)] }
+        section.rise =
+            [0.0, 2.1].map(|turn| section.slopes * (wave(46.0, phase + turn) + 0.5 * wave(19.0, turn * 3.0)));
+        section
+    }
+
+    /// Height of the ground at chainage `s` and `offset` (left positive) from the axis in `frame`.
+    pub(super) fn height(&self, frame: &Frame, s: f64, offset: f64) -> f64 {
+        self.section(s).height(&self.land, frame.at(s), offset)
     }
 
     /// Distance along the axis to the middle of a bridge, if `s` is over its dip.

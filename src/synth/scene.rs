@@ -8,7 +8,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use glam::{Affine3A, Vec3, Vec3A};
+use glam::{Affine3A, DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
@@ -17,6 +17,7 @@ use obvhs::{Boundable, BvhBuildParams};
 
 use super::ground::Ground;
 use super::shape::{MISS, Primitive, Surface};
+use super::street::Object;
 
 /// Primitives in a frame of their own, built once and placed often.
 pub(super) struct Model {
@@ -78,8 +79,14 @@ pub(super) struct Placed {
     pub(super) model: Arc<Model>,
     /// From the model's frame to the cell's.
     pub(super) map: Affine3A,
-    /// Index of the object within its cell; `None` for the ground.
-    pub(super) object: Option<u32>,
+    pub(super) owner: Owner,
+}
+
+/// What a copy is a part of.
+#[derive(Debug, Clone)]
+pub(super) enum Owner {
+    Ground(Arc<Ground>),
+    Object(Arc<Object>),
 }
 
 /// A copy within a window.
@@ -88,18 +95,13 @@ pub(super) struct Item {
     model: Arc<Model>,
     to_window: Affine3A,
     to_model: Affine3A,
-    /// Number of the object in the drive, 0 for the ground.
-    pub(super) id: u32,
-    /// Class code of the object.
-    pub(super) class: u8,
-    /// The ground this item is, if it is ground.
-    pub(super) ground: Option<Arc<Ground>>,
+    pub(super) owner: Owner,
 }
 
 /// Everything within range of the scanner.
 pub(super) struct Window {
     /// World coordinates of the window's origin, relative to the street's.
-    pub(super) origin: [f64; 3],
+    pub(super) origin: DVec3,
     pub(super) items: Vec<Item>,
     bvh: Bvh2,
 }
@@ -115,14 +117,15 @@ pub(super) struct Hit {
 
 impl Item {
     /// A copy of `placed`, whose cell's origin is at `shift` in the window.
-    pub(super) fn new(placed: &Placed, shift: Vec3, id: u32, class: u8, ground: Option<Arc<Ground>>) -> Self {
-        let to_window = Affine3A::from_translation(shift) * placed.map;
-        Self { model: Arc::clone(&placed.model), to_window, to_model: to_window.inverse(), id, class, ground }
+    pub(super) fn new(placed: &Placed, shift: Vec3) -> Self {
+        let Placed { model, map, owner } = placed.clone();
+        let to_window = Affine3A::from_translation(shift) * map;
+        Self { model, to_window, to_model: to_window.inverse(), owner }
     }
 }
 
 impl Window {
-    pub(super) fn new(origin: [f64; 3], items: Vec<Item>) -> Self {
+    pub(super) fn new(origin: DVec3, items: Vec<Item>) -> Self {
         let boxes: Vec<Boxed> =
             items.iter().map(|item| Boxed(moved(&item.model.bounds, &item.to_window))).collect();
         let bvh = hierarchy(&boxes);
@@ -178,14 +181,15 @@ mod tests {
         let map = Affine3A::from_translation(Vec3::X * 10.0)
             * Affine3A::from_rotation_z(std::f32::consts::FRAC_PI_2)
             * Affine3A::from_scale(Vec3::new(1.0, 1.0, 2.0));
-        let placed = Placed { model, map, object: Some(0) };
-        let window = Window::new([0.0; 3], vec![Item::new(&placed, Vec3::Y * 5.0, 7, 4, None)]);
+        let object = Object { id: 7, class: 4, kind: "box", base: DVec3::ZERO, height: 2.0, s: 0.0 };
+        let placed = Placed { model, map, owner: Owner::Object(Arc::new(object)) };
+        let window = Window::new(DVec3::ZERO, vec![Item::new(&placed, Vec3::Y * 5.0)]);
         let (o, d) = (Vec3A::new(10.0, 5.0, 10.0), Vec3A::NEG_Z);
         let hit = window.hit(o, d, 0.0, 100.0).unwrap();
         assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
         let (surface, point) = window.surface(&hit, o, d);
         assert!((surface.normal - Vec3::Z).length() < 1e-5 && (point.z - 1.0).abs() < 1e-5);
-        assert_eq!(window.items[hit.item as usize].id, 7);
+        assert!(matches!(&window.items[hit.item as usize].owner, Owner::Object(object) if object.id == 7));
         assert!(window.hit(o, d, 0.0, 7.9).is_none());
         assert!(window.hit(o, Vec3A::Z, 0.0, 100.0).is_none());
     }
