@@ -39,7 +39,7 @@ use serde::Serialize;
 use crate::config::ConfigError;
 use crate::error::Error;
 
-use axis::{CELL, LEAD, STEM};
+use axis::{CELL, STEM};
 use drive::Drive;
 use preset::Plan;
 use scan::{Job, Scan};
@@ -203,7 +203,7 @@ struct Run<'a> {
     settings: &'a Settings,
     street: Street,
     drive: Drive,
-    scan: Scan,
+    scan: Scan<'a>,
     /// The cells within range.
     cells: BTreeMap<usize, Arc<Cell>>,
     /// The window of the last slice that was planned, by its stretch.
@@ -215,13 +215,13 @@ impl<'a> Run<'a> {
         let plan = Plan::new(settings.preset, settings.seed);
         let street = Street::new(plan, (settings.preset == Preset::Loop).then(|| settings.length()));
         let drive = Drive::new(plan, street.axis.end(), settings.speed_kmh);
-        let scan = Scan::new(settings.scanner.clone(), settings.seed, settings.files_every_s);
+        let scan = Scan::new(settings);
         Self { settings, street, drive, scan, cells: BTreeMap::new(), window: None }
     }
 
     fn drive(
         mut self,
-        mut sink: Sink,
+        mut sink: Sink<'_>,
         progress: &mut (dyn FnMut(Progress) + Send),
     ) -> Result<Summary, Error> {
         let scanner = &self.settings.scanner;
@@ -268,7 +268,7 @@ impl<'a> Run<'a> {
             progress(Progress { points, driven_m, share: share.min(1.0) });
         }
         sink.write(&batch, lowest)?;
-        Ok(sink.finish(driven_m, self.description())?)
+        Ok(sink.finish(driven_m)?)
     }
 
     /// The profiles `from..to`, and what there is about them.
@@ -307,16 +307,5 @@ impl<'a> Run<'a> {
             self.cells.entry(cell).or_insert_with(|| Arc::new(self.street.cell(cell)));
         }
         window(self.cells.values())
-    }
-
-    /// What the scene was made from.
-    fn description(&self) -> serde_json::Value {
-        serde_json::json!({
-            "generator": "chainage synth",
-            "version": env!("CARGO_PKG_VERSION"),
-            "crs": "EPSG:25832",
-            "lead_m": LEAD,
-            "settings": self.settings,
-        })
     }
 }

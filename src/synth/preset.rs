@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::axis::{CELL, Frame, LEAD, Land, Terrain};
 use super::ground::Section;
 use super::random::Random;
+use super::scan::Scanner;
 
 /// A kind of street.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -48,14 +49,16 @@ impl fmt::Display for Preset {
 
 /// What all things of a kind have in common; the kind is what stands in front of the underscore of a name.
 #[derive(Debug, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Kind {
     /// Class code, as in the labelled scenes.
     pub(super) class: u8,
     /// Distance kept from other things, metres.
     pub(super) radius: f64,
+    #[serde(default)]
     pub(super) facing: Facing,
     /// Whether it is inclined with the ground along it.
+    #[serde(default)]
     pub(super) inclined: bool,
     /// Range of the factor by which models are scaled, and of that upwards where it is another.
     pub(super) scale: Option<(f32, f32)>,
@@ -64,25 +67,12 @@ pub(super) struct Kind {
     pub(super) gap: Option<f32>,
 }
 
-impl Default for Kind {
-    fn default() -> Self {
-        Self {
-            class: 7,
-            radius: 0.35,
-            facing: Facing::Away,
-            inclined: false,
-            scale: None,
-            tall: None,
-            gap: None,
-        }
-    }
-}
-
 /// Which way the y axis of a model points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Facing {
     /// Away from the road.
+    #[default]
     Away,
     /// x in the direction of the traffic.
     Traffic,
@@ -155,6 +145,7 @@ pub(super) struct Layout {
 struct Tables {
     /// Kinds that rows name together.
     groups: BTreeMap<String, Vec<String>>,
+    scanner: Scanner,
     kinds: BTreeMap<String, Kind>,
     streets: BTreeMap<Preset, Layout>,
 }
@@ -172,6 +163,11 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     }
     all
 });
+
+/// The scanner if nothing else is asked for.
+pub(super) fn scanner() -> &'static Scanner {
+    &TABLES.scanner
+}
 
 /// What all things of a kind have in common.
 pub(super) fn kind(name: &str) -> &'static Kind {

@@ -7,12 +7,13 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3, IVec3, Vec3A};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::drive::{Pose, Track};
 use super::random::Random;
 use super::scene::{Hit, Owner, Window};
 use super::street::Object;
+use super::{Settings, preset};
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
@@ -35,7 +36,8 @@ const FAINTEST: f32 = 0.06;
 
 /// The scanner; the defaults are close to a RIEGL VMX-450 (two VQ-450 heads of 550 kHz and 200 profiles/s, 8 mm
 /// accuracy, 0.3 mrad).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Scanner {
     /// Profile heads, 1 or 2.
     pub heads: u8,
@@ -55,15 +57,7 @@ pub struct Scanner {
 
 impl Default for Scanner {
     fn default() -> Self {
-        Self {
-            heads: 2,
-            pulse_rate_hz: 550_000.0,
-            profiles_hz: 200.0,
-            range_m: 100.0,
-            noise_m: 0.005,
-            divergence_mrad: 0.3,
-            strays: 0.000_14,
-        }
+        preset::scanner().clone()
     }
 }
 
@@ -174,24 +168,23 @@ pub(super) struct Slice {
 }
 
 /// Everything that does not change during a drive.
-pub(super) struct Scan {
-    scanner: Scanner,
-    seed: u64,
+pub(super) struct Scan<'a> {
+    settings: &'a Settings,
     heads: Vec<Head>,
-    files_every_s: f64,
 }
 
-impl Scan {
-    pub(super) fn new(scanner: Scanner, seed: u64, files_every_s: Option<f64>) -> Self {
-        let pulses = scanner.pulses();
-        let heads = (0..scanner.heads).map(|number| Head::new(number, scanner.heads, pulses)).collect();
-        Self { scanner, seed, heads, files_every_s: files_every_s.unwrap_or(f64::INFINITY) }
+impl<'a> Scan<'a> {
+    pub(super) fn new(settings: &'a Settings) -> Self {
+        let Scanner { heads, .. } = settings.scanner;
+        let pulses = settings.scanner.pulses();
+        Self { settings, heads: (0..heads).map(|number| Head::new(number, heads, pulses)).collect() }
     }
 
     /// Time of a pulse, seconds since the start; the second head fires half a pulse later.
     pub(super) fn time(&self, profile: u64, pulse: u64, head: usize) -> f64 {
-        let count = profile * self.scanner.pulses() + pulse;
-        (count as f64 + head as f64 / self.heads.len() as f64) / self.scanner.pulse_rate_hz
+        let Scanner { pulse_rate_hz, .. } = self.settings.scanner;
+        let count = profile * self.settings.scanner.pulses() + pulse;
+        (count as f64 + head as f64 / self.heads.len() as f64) / pulse_rate_hz
     }
 
     /// Traces the profiles of a job until there are `enough` points.
@@ -199,7 +192,7 @@ impl Scan {
         let mut tracer = Tracer::new(self, &job.window);
         let mut to = job.from;
         while to < job.to && (tracer.records.len() as u64) < enough {
-            for pulse in 0..self.scanner.pulses() {
+            for pulse in 0..self.settings.scanner.pulses() {
                 for head in 0..self.heads.len() {
                     tracer.pulse(&job.track, to, pulse, head);
                 }
@@ -219,7 +212,7 @@ impl Scan {
 
 /// The state of a slice while it is traced.
 struct Tracer<'a> {
-    scan: &'a Scan,
+    scan: &'a Scan<'a>,
     window: &'a Window,
     records: Vec<Record>,
     /// Points by item of the window.
@@ -230,32 +223,32 @@ struct Tracer<'a> {
 }
 
 impl<'a> Tracer<'a> {
-    fn new(scan: &'a Scan, window: &'a Window) -> Self {
+    fn new(scan: &'a Scan<'a>, window: &'a Window) -> Self {
         let tallies = vec![Tally::NONE; window.items.len()];
         Self { scan, window, records: Vec::new(), tallies, before: [None; 2], echoes: Vec::new() }
     }
 
     fn pulse(&mut self, track: &Track, profile: u64, pulse: u64, number: usize) {
-        let scan = self.scan;
+        let (scan, scanner) = (self.scan, &self.scan.settings.scanner);
         let t = scan.time(profile, pulse, number);
         let head = &scan.heads[number];
         let vehicle: DMat4 = track.at(t);
         // The mirror is not locked to the laser: every profile starts at another fraction of a step.
-        let step = TAU / scan.scanner.pulses() as f64;
+        let step = TAU / scanner.pulses() as f64;
         let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
         let [body, turning] = head.pulses[pulse as usize];
         let direction = vehicle.transform_vector3(body + turning * (phase * step)).normalize();
         let angle = (((pulse as f64 + phase) * step - PI).to_degrees() / 0.006).round() as i16;
         let origin = vehicle.transform_point3(head.lever) - self.window.origin;
-        let count = profile * scan.scanner.pulses() + pulse;
-        let mut random = Random::new(scan.seed, 20 + number as u64, count);
+        let count = profile * scanner.pulses() + pulse;
+        let mut random = Random::new(scan.settings.seed, 20 + number as u64, count);
 
         self.echoes.clear();
         self.listen(origin.as_vec3a(), direction.as_vec3a(), &mut random);
         let first = self.echoes.first().copied();
         self.edge(number, &mut random);
         self.before[number] = first;
-        if random.chance(scan.scanner.strays as f32) {
+        if random.chance(scanner.strays as f32) {
             self.stray(&mut random);
         }
         let total = self.echoes.len().min(ECHOES);
@@ -268,7 +261,7 @@ impl<'a> Tracer<'a> {
 
     /// The echoes of the surfaces along the beam.
     fn listen(&mut self, origin: Vec3A, direction: Vec3A, random: &mut Random) {
-        let scanner = &self.scan.scanner;
+        let scanner = &self.scan.settings.scanner;
         let far = scanner.range_m as f32;
         // Nothing nearer than this: the vehicle itself is there.
         let mut near = 1.2;
@@ -294,7 +287,7 @@ impl<'a> Tracer<'a> {
 
     /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit.
     fn echo(&self, hit: &Hit, o: Vec3A, d: Vec3A, random: &mut Random) -> (Option<Echo>, f32) {
-        let scanner = &self.scan.scanner;
+        let scanner = &self.scan.settings.scanner;
         let (surface, point) = self.window.surface(hit, o, d);
         let item = &self.window.items[hit.item as usize];
         let material = match &item.owner {
@@ -328,7 +321,7 @@ impl<'a> Tracer<'a> {
         if jump.abs() < 0.05 || self.echoes.len() > 1 {
             return;
         }
-        let scanner = &self.scan.scanner;
+        let scanner = &self.scan.settings.scanner;
         let near = first.range.min(before.range);
         let beam = scanner.beam(near);
         let step = near * (TAU / scanner.pulses() as f64) as f32;
@@ -352,7 +345,7 @@ impl<'a> Tracer<'a> {
         let range = match ground {
             Some(echo) if random.chance(0.4) => echo.range + random.range(0.3, 3.0),
             Some(echo) => random.range(1.5, echo.range.max(2.0)),
-            None => random.range(2.0, self.scan.scanner.range_m as f32 * 0.5),
+            None => random.range(2.0, self.scan.settings.scanner.range_m as f32 * 0.5),
         };
         self.echoes.clear();
         self.echoes.push(Echo { range, item: None, intensity: random.range(40.0, 900.0) as u16 });
@@ -376,7 +369,7 @@ impl<'a> Tracer<'a> {
             flags: (head as u8) << 4,
             angle,
             // After 65,535 files, as many as the field can tell apart, the last one goes on.
-            file: (t / self.scan.files_every_s).min(65_534.0) as u16 + 1,
+            file: (t / self.scan.settings.files_every_s.unwrap_or(f64::INFINITY)).min(65_534.0) as u16 + 1,
             gps_time: START_TIME + t,
             instance,
             class,
@@ -401,9 +394,9 @@ mod tests {
 
     #[test]
     fn the_rates_of_the_default_are_those_of_the_data_sheet() {
-        let scanner = Scanner::default();
-        assert_eq!(scanner.pulses(), 2_750);
-        let scan = Scan::new(scanner, 1, None);
+        let settings = Settings::new(super::super::Preset::Suburb);
+        assert_eq!(settings.scanner.pulses(), 2_750);
+        let scan = Scan::new(&settings);
         assert!((scan.time(1, 0, 0) - 0.005).abs() < 1e-12);
     }
 }

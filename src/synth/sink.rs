@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -25,10 +25,9 @@ const CLASSES: [&str; 9] =
 
 /// The output folder while it is filled.
 #[derive(Debug)]
-pub(super) struct Sink {
-    folder: PathBuf,
-    prefix: &'static str,
-    compressed: bool,
+pub(super) struct Sink<'a> {
+    folder: &'a Path,
+    settings: &'a Settings,
     file: Option<(u16, NewFile)>,
     /// One row per object with at least one point, in the order of their numbers.
     reference: WholeFile,
@@ -66,17 +65,16 @@ fn is_ours(name: &str) -> bool {
         || matches!(end, "las" | "laz") && Preset::ALL.iter().any(points)
 }
 
-impl Sink {
-    pub(super) fn create(folder: &Path, settings: &Settings) -> Result<Self, OutputError> {
+impl<'a> Sink<'a> {
+    pub(super) fn create(folder: &'a Path, settings: &'a Settings) -> Result<Self, OutputError> {
         let table = |name: &str, columns: &str| {
             let path = folder.join(name);
             let begun = WholeFile::create(&path).and_then(|mut to| writeln!(to, "{columns}").map(|()| to));
             begun.map_err(|source| OutputError::Write { path, source })
         };
         Ok(Self {
-            folder: folder.to_owned(),
-            prefix: settings.preset.name(),
-            compressed: settings.compressed,
+            folder,
+            settings,
             file: None,
             reference: table(
                 "reference.csv",
@@ -101,7 +99,8 @@ impl Sink {
                 seen.1 = seen.1.with(*tally);
             }
         }
-        self.rows(slices, lowest).map_err(|source| OutputError::Write { path: self.folder.clone(), source })
+        self.rows(slices, lowest)
+            .map_err(|source| OutputError::Write { path: self.folder.to_owned(), source })
     }
 
     /// The open file, which is that of point source `number` from now on.
@@ -112,10 +111,11 @@ impl Sink {
                 if let Some((_, file)) = before {
                     file.finish()?;
                 }
-                let suffix = if self.compressed { "laz" } else { "las" };
-                let path = self.folder.join(format!("{}_{number:04}.{suffix}", self.prefix));
+                let Settings { preset, compressed, .. } = *self.settings;
+                let suffix = if compressed { "laz" } else { "las" };
+                let path = self.folder.join(format!("{preset}_{number:04}.{suffix}"));
                 self.summary.files += 1;
-                (number, NewFile::create(&path, &schema(number), self.compressed)?)
+                (number, NewFile::create(&path, &schema(number), compressed)?)
             }
         };
         Ok(&mut self.file.insert((current, file)).1)
@@ -148,24 +148,27 @@ impl Sink {
         Ok(())
     }
 
-    /// Completes all files. `length_m` is what was driven, `scene` the description.
-    pub(super) fn finish(
-        mut self,
-        length_m: f64,
-        mut scene: serde_json::Value,
-    ) -> Result<Summary, OutputError> {
+    /// Completes all files and says what they were made from. `length_m` is what was driven.
+    pub(super) fn finish(mut self, length_m: f64) -> Result<Summary, OutputError> {
         self.summary.length_m = length_m;
         self.write(&[], u32::MAX)?;
         if let Some((_, file)) = self.file.take() {
             file.finish()?;
         }
-        let (folder, summary) = (self.folder, self.summary);
+        let Self { folder, summary, .. } = self;
         let tables = self.reference.finish().and_then(|()| self.trajectory.finish());
-        tables.map_err(|source| OutputError::Write { path: folder.clone(), source })?;
-        scene["points"] = summary.points.into();
-        scene["files"] = summary.files.into();
-        scene["objects"] = summary.objects.into();
-        scene["driven_m"] = ((length_m * 1_000.0).round() / 1_000.0).into();
+        tables.map_err(|source| OutputError::Write { path: folder.to_owned(), source })?;
+        let scene = serde_json::json!({
+            "generator": "chainage synth",
+            "version": env!("CARGO_PKG_VERSION"),
+            "crs": "EPSG:25832",
+            "lead_m": LEAD,
+            "settings": self.settings,
+            "points": summary.points,
+            "files": summary.files,
+            "objects": summary.objects,
+            "driven_m": (length_m * 1_000.0).round() / 1_000.0,
+        });
         save(&folder.join("scene.json"), |to| writeln!(to, "{scene:#}"))?;
         Ok(summary)
     }
