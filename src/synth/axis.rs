@@ -4,7 +4,6 @@
 //! cut into cells of [`CELL`] metres; only the start of each cell is kept, 16 bytes per 50 m.
 
 use std::f64::consts::{FRAC_PI_3, TAU};
-use std::ops::Range;
 
 use glam::DVec2;
 use serde::Deserialize;
@@ -93,7 +92,7 @@ impl Node {
     }
 }
 
-/// The axis within some cells.
+/// The axis in a cell and the next one.
 #[derive(Debug, Clone)]
 pub(super) struct Frame {
     /// Chainage of the first node.
@@ -113,15 +112,18 @@ impl Frame {
         Node { point: a.point + chord * rest, heading: a.heading + turn * rest }
     }
 
+    /// The middle of the cell.
+    pub(super) fn middle(&self) -> Node {
+        self.at(self.start + CELL * 0.5)
+    }
+
     /// Chainage and signed offset (left positive) of the place of this axis that is nearest to a point.
     pub(super) fn nearest(&self, point: DVec2) -> (f64, f64) {
         let distance = |index: &usize| self.nodes[*index].point.distance_squared(point);
-        let last = self.nodes.len() - 1;
-        let index = (0..=last).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
+        let index = (0..self.nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
         let local = self.nodes[index].local(point);
         // Beyond the ends the distance counts, not the offset.
-        let beyond = (index == 0 || index == last) && local.x.abs() > STEP;
-        let offset = if beyond { local.length().copysign(local.y) } else { local.y };
+        let offset = if local.x.abs() > STEP { local.length().copysign(local.y) } else { local.y };
         (self.start + index as f64 * STEP + local.x.clamp(-STEP, STEP), offset)
     }
 }
@@ -129,61 +131,74 @@ impl Frame {
 /// The axis of the whole street.
 #[derive(Debug)]
 pub(super) struct Axis {
-    seed: u64,
     land: Land,
-    /// Radius of the loop at the end of the stem; `None` for an open street.
-    loop_radius: Option<f64>,
+    /// Radius of the loop at the end of the stem, infinite for an open street.
+    radius: f64,
+    /// Heading of the stem of a loop.
+    stem: f64,
     starts: Vec<DVec2>,
 }
 
 impl Axis {
     /// An open street, or one that comes back to its stem after `loop_drive` metres in all.
     pub(super) fn new(seed: u64, land: Land, loop_drive: Option<f64>) -> Self {
-        let loop_radius = loop_drive.map(|drive| (drive - 2.0 * STEM) / LOOP_LENGTH);
-        Self { seed, land, loop_radius, starts: vec![DVec2::ZERO] }
+        let radius = loop_drive.map_or(f64::INFINITY, |drive| (drive - 2.0 * STEM) / LOOP_LENGTH);
+        let stem = f64::from(Random::new(seed, 2, 0).unit()) * TAU;
+        Self { land, radius, stem, starts: vec![DVec2::ZERO] }
     }
 
     /// Chainage at which the street comes back to its stem, infinite if it does not.
     pub(super) fn end(&self) -> f64 {
-        self.loop_radius.map_or(f64::INFINITY, |radius| LEAD + STEM + radius * LOOP_LENGTH)
+        LEAD + STEM + self.radius * LOOP_LENGTH
     }
 
     fn heading(&self, s: f64) -> f64 {
-        let Some(radius) = self.loop_radius else {
+        if self.radius.is_infinite() {
             return self.land.bends.iter().map(|wave| wave.at(s)).sum();
-        };
+        }
         // A drop: 60 degrees to the left, 300 to the right, 60 to the left again, all with one radius, end where
         // they began, in the opposite direction.
-        let along = (s - LEAD - STEM).max(0.0) / radius;
-        let base = f64::from(Random::new(self.seed, 2, 0).unit()) * TAU;
-        base + if along < FRAC_PI_3 {
-            along
-        } else if along < 6.0 * FRAC_PI_3 {
-            2.0 * FRAC_PI_3 - along
-        } else {
-            (along - 10.0 * FRAC_PI_3).min(-3.0 * FRAC_PI_3)
-        }
+        let along = (s - LEAD - STEM).max(0.0) / self.radius;
+        let back = (along - 10.0 * FRAC_PI_3).min(-3.0 * FRAC_PI_3);
+        self.stem + along.min(2.0 * FRAC_PI_3 - along).max(back)
     }
 
-    /// The axis in `cells`; remembers the starts of all cells up to them.
-    pub(super) fn frame(&mut self, cells: Range<usize>) -> Frame {
-        for cell in self.starts.len()..=cells.start {
-            let end = self.nodes(cell - 1..cell)[STEPS].point;
-            self.starts.push(end);
+    /// The axis in `cell` and the next one; remembers the starts of all cells up to it.
+    pub(super) fn frame(&mut self, cell: usize) -> Frame {
+        for cell in self.starts.len()..=cell {
+            let next = self.nodes(cell - 1)[STEPS].point;
+            self.starts.push(next);
         }
-        Frame { start: cells.start as f64 * CELL, nodes: self.nodes(cells) }
+        Frame { start: cell as f64 * CELL, nodes: self.nodes(cell) }
     }
 
-    fn nodes(&self, cells: Range<usize>) -> Vec<Node> {
-        let mut next = self.starts[cells.start];
+    fn nodes(&self, cell: usize) -> Vec<Node> {
+        let mut next = self.starts[cell];
         let node = |step: usize| {
             let s = step as f64 * STEP;
             let node = Node { point: next, heading: self.heading(s) };
             next += DVec2::from_angle(self.heading(s + STEP * 0.5)) * STEP;
             node
         };
-        (cells.start * STEPS..=cells.end * STEPS).map(node).collect()
+        (cell * STEPS..=(cell + 2) * STEPS).map(node).collect()
     }
+
+    /// The cells whose middles are within `reach` of the axis at chainage `s`, in order.
+    pub(super) fn near(&mut self, s: f64, reach: f64) -> Vec<usize> {
+        let (here, span) = (cell_at(s), (reach / CELL) as usize + 1);
+        let cells = if self.end().is_finite() {
+            0..(self.end() / CELL).ceil() as usize
+        } else {
+            here.saturating_sub(span)..here + span + 1
+        };
+        let place = self.frame(here).at(s).point;
+        cells.filter(|cell| self.frame(*cell).middle().point.distance(place) < reach).collect()
+    }
+}
+
+/// The cell of a chainage; the first one in front of the street's start, too.
+pub(super) fn cell_at(s: f64) -> usize {
+    (s / CELL).max(0.0) as usize
 }
 
 #[cfg(test)]
@@ -195,8 +210,8 @@ mod tests {
     #[test]
     fn cells_join_without_a_gap_whatever_the_order_of_asking() {
         let mut axis = Axis::new(5, Land::new(5, FLAT), None);
-        let late = axis.frame(7..8);
-        let early = axis.frame(6..7);
+        let late = axis.frame(7);
+        let early = axis.frame(6);
         let (a, b) = (early.at(350.0), late.at(350.0));
         assert!(a.point.distance(b.point) < 1e-4 && (a.heading - b.heading).abs() < 1e-12);
     }
@@ -204,7 +219,7 @@ mod tests {
     #[test]
     fn nearest_inverts_left() {
         let mut axis = Axis::new(5, Land::new(5, FLAT), None);
-        let frame = axis.frame(3..4);
+        let frame = axis.frame(3);
         let point = frame.at(171.3).left(-7.5);
         let (s, offset) = frame.nearest(point);
         assert!((s - 171.3).abs() < 0.02 && (offset + 7.5).abs() < 0.01, "{s} {offset}");
@@ -215,8 +230,8 @@ mod tests {
         let mut axis = Axis::new(9, Land::new(9, FLAT), Some(1_400.0));
         let end = axis.end();
         assert!((end - 1_200.0).abs() < 1e-9); // 100 m of lead, 300 m of stem, 800 m of loop
-        let stem = axis.frame(7..8).at(400.0);
-        let closed = axis.frame(23..24).at(end);
+        let stem = axis.frame(7).at(400.0);
+        let closed = axis.frame(23).at(end);
         let gap = stem.point.distance(closed.point);
         assert!(gap < 0.5, "{gap}");
         let turn = closed.heading - stem.heading;

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DMat4, DVec3};
 
-use super::axis::{Axis, CELL, LEAD, STEM};
+use super::axis::{Axis, LEAD, STEM, cell_at};
 use super::preset::Plan;
 use super::random::Random;
 
@@ -112,8 +112,7 @@ impl Drive {
 
     fn pose(&self, axis: &mut Axis, t: f64) -> Pose {
         let (here, way) = self.place(t);
-        let cell = (here / CELL).max(0.0) as usize;
-        let frame = axis.frame(cell..cell + 1);
+        let frame = axis.frame(cell_at(here));
         let node = frame.at(here);
         let [p0, p1, p2, p3, p4, p5] = self.shake;
         // Counted along the drive, not along the street: no jump where the loop closes.

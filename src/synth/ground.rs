@@ -3,14 +3,15 @@
 use std::array;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Affine3A, DVec2, DVec3, Vec3};
+use glam::{DQuat, DVec2, DVec3, Mat3A, Vec3};
 use serde::Deserialize;
 
 use super::axis::{Axis, CELL, Frame, Land, Node};
+use super::build::Builder;
 use super::material::Material;
 use super::preset::Plan;
+use super::random::Random;
 use super::scene::Model;
-use super::shape::{Primitive, Shape};
 
 /// Distance between rows of the mesh, metres.
 const ROW: f64 = 2.0;
@@ -60,12 +61,13 @@ impl Section {
         self.lanes - self.lane * 0.5
     }
 
-    /// Distances from the axis at which the profile bends.
-    fn breaks(&self) -> impl DoubleEndedIterator<Item = f64> + Clone {
+    /// Offsets from the axis at which the profile bends, from right to left.
+    fn breaks(&self) -> impl Iterator<Item = f64> {
         let (m, k, w) = (self.median, self.kerb, self.walk);
         let street = [m, m + FACE, (m + k) * 0.5, k, k + FACE, self.verge.max(k + 2.0 * FACE), w, w + FACE];
         let beyond = [2.0, 5.0, 9.0, 15.0, 24.0, 36.0, 55.0].map(|d| w + d);
-        street.into_iter().chain(beyond)
+        let left = street.into_iter().chain(beyond);
+        left.clone().rev().map(|d| -d).chain([0.0]).chain(left)
     }
 
     /// Height over the axis at distance `d`, without land, dips and slopes: a camber of 2.5 %, kerbs, a pavement
@@ -104,10 +106,8 @@ pub(super) struct Ground {
     /// Chainage of the start of the cell, and that at which the whole street ends.
     pub(super) start: f64,
     pub(super) end: f64,
-    /// The axis in the cell and the next one.
     pub(super) frame: Frame,
-    own: Frame,
-    /// Other parts of a street that comes back to itself, within reach.
+    /// Other parts of the street within reach.
     foreign: Vec<Frame>,
     /// Middle of the cell, metres from the street's origin, and direction of the axis there: the frame of the mesh.
     pub(super) origin: DVec3,
@@ -115,34 +115,31 @@ pub(super) struct Ground {
     /// Sections along the rows of the mesh.
     sections: Vec<Section>,
     /// What lies between kerb and pavement, and beyond it.
-    pub(super) soft: Material,
-    /// Chainage of a zebra crossing.
+    soft: Material,
+    /// Chainage of the middle of a zebra crossing.
     pub(super) zebra: Option<f64>,
 }
 
 impl Ground {
     pub(super) fn new(plan: Plan, axis: &mut Axis, cell: usize) -> Self {
-        let (start, end) = (cell as f64 * CELL, axis.end());
-        let frame = axis.frame(cell..cell + 2);
-        let middle = frame.at(start + CELL * 0.5);
-        let cells = if end.is_finite() { (end / CELL).ceil() as usize } else { 0 };
-        let mut foreign: Vec<Frame> =
-            (0..cells).filter(|far| far.abs_diff(cell) > 2).map(|far| axis.frame(far..far + 1)).collect();
-        foreign.retain(|far| far.at(far.start + CELL * 0.5).point.distance(middle.point) < 180.0);
+        let (layout, frame, end) = (plan.layout(cell), axis.frame(cell), axis.end());
+        let (start, Node { point, heading }) = (frame.start, frame.middle());
+        let mut far = axis.near(start + CELL * 0.5, 180.0);
+        far.retain(|far| far.abs_diff(cell) > 2);
         let rows = (((end - start).min(CELL) / ROW).ceil() as usize).max(1);
+        let mut random = Random::new(plan.seed, 5, cell as u64);
         Self {
             plan,
             cell,
             start,
             end,
             frame,
-            own: axis.frame(cell..cell + 1),
-            foreign,
-            origin: middle.point.extend(plan.land.height(middle.point)),
-            turn: middle.heading,
+            foreign: far.into_iter().map(|far| axis.frame(far)).collect(),
+            origin: point.extend(plan.land.height(point)),
+            turn: heading,
             sections: (0..=rows).map(|row| plan.section(start + row as f64 * ROW)).collect(),
-            soft: if plan.layout(cell).paved { Material::Paving } else { Material::Grass },
-            zebra: None,
+            soft: if layout.paved { Material::Paving } else { Material::Grass },
+            zebra: random.chance(layout.crossing).then(|| start + f64::from(random.range(14.0, 40.0))),
         }
     }
 
@@ -160,26 +157,36 @@ impl Ground {
         places.filter(|(s, ..)| *s <= self.end).min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
     }
 
-    /// The surface, and the map from its frame to the cell's. Where another part of the street is nearer to its axis, its
-    /// height counts.
-    pub(super) fn mesh(&self) -> (Model, Affine3A) {
-        let vertex = |row: usize, offset: f64| {
+    /// A point of the mesh in its frame, and whether it lies well within another part of the street: where that is nearer
+    /// to its axis, its height counts.
+    fn vertex(&self, s: f64, offset: f64) -> (Vec3, bool) {
+        let mut point = self.at(s, offset);
+        let other = self.elsewhere(point.truncate()).filter(|(_, other, _)| other.abs() < offset.abs());
+        if let Some((s, other, frame)) = other {
+            point.z = self.plan.height(frame, s, other);
+        }
+        let local = DQuat::from_rotation_z(-self.turn) * (point - self.origin);
+        (local.as_vec3(), other.is_some_and(|(_, other, _)| other.abs() + 3.0 < offset.abs()))
+    }
+
+    /// The surface, and the turn from its frame to the street's.
+    pub(super) fn mesh(&self) -> (Model, Mat3A) {
+        let row = |(row, section): (usize, &Section)| {
             let s = self.start + row as f64 * ROW;
-            let own = self.own.at(s).left(offset).extend(self.plan.height(&self.own, s, offset));
-            let other = self.elsewhere(own.truncate()).filter(|(_, other, _)| other.abs() < offset.abs());
-            let (z, far) = other.map_or((own.z, false), |(s, other, frame)| {
-                (self.plan.height(frame, s, other), offset.abs() > other.abs() + 3.0)
-            });
-            let local = DVec2::from_angle(-self.turn).rotate(own.truncate() - self.origin.truncate());
-            (local.extend(z - self.origin.z).as_vec3(), far)
+            section.breaks().map(|offset| self.vertex(s, offset)).collect::<Vec<_>>()
         };
-        let mesh = self.sections.iter().enumerate().map(|(row, section)| {
-            let right = section.breaks();
-            let offsets = right.clone().rev().map(|d| -d).chain([0.0]).chain(right);
-            offsets.map(|offset| vertex(row, offset)).collect()
-        });
-        let model = Model::new(triangles(&mesh.collect::<Vec<_>>()));
-        (model, Affine3A::from_rotation_z(self.turn as f32))
+        let rows: Vec<_> = self.sections.iter().enumerate().map(row).collect();
+        let mut build = Builder::default();
+        for pair in rows.windows(2) {
+            for (here, next) in pair[0].windows(2).zip(pair[1].windows(2)) {
+                let corners = [here[1], here[0], next[0], next[1]];
+                // What lies well within another part of the street is that part's.
+                if !corners.iter().all(|(_, far)| *far) {
+                    build.quad(corners.map(|(point, _)| point), Material::Asphalt);
+                }
+            }
+        }
+        (Model::new(build.0), Mat3A::from_rotation_z(self.turn as f32))
     }
 
     /// The material at a point of the mesh, in the mesh's frame.
@@ -190,7 +197,7 @@ impl Ground {
         // Two steps of projection onto the tangent: enough for bends of more than 50 m radius.
         for _ in 0..2 {
             let s = place.x.clamp(self.start, self.start + CELL);
-            place = DVec2::new(s, 0.0) + self.own.at(s).local(point);
+            place = DVec2::new(s, 0.0) + self.frame.at(s).local(point);
         }
         let row = ((place.x - self.start) / ROW).max(0.0) as usize;
         self.material_at(&self.sections[row.min(self.sections.len() - 1)], place.x, place.y)
@@ -199,7 +206,7 @@ impl Ground {
     fn material_at(&self, section: &Section, s: f64, offset: f64) -> Material {
         let d = offset.abs();
         let near = |line: f64| (d - line).abs() < 0.07;
-        let zebra = self.zebra.is_some_and(|z| s > z && s < z + 3.6 && offset.rem_euclid(1.0) < 0.5);
+        let zebra = self.zebra.is_some_and(|zebra| (s - zebra).abs() < 1.8 && offset.rem_euclid(1.0) < 0.5);
         let centre = section.median < 0.3 && (d - 0.13).abs() < 0.06;
         let edge = near(section.lanes - 0.1) || (section.median >= 0.3 && near(section.median + 0.3));
         let count = ((section.lanes - section.median) / section.lane).round() as i32;
@@ -215,28 +222,4 @@ impl Ground {
             _ => self.soft,
         }
     }
-}
-
-/// Two triangles per mesh of the net; none where another part of the street owns all corners or where the area is 0.
-fn triangles(mesh: &[Vec<(Vec3, bool)>]) -> Vec<Primitive> {
-    let mut primitives = Vec::new();
-    for rows in mesh.windows(2) {
-        for column in 1..rows[0].len() {
-            let corners = [rows[0][column - 1], rows[0][column], rows[1][column - 1], rows[1][column]];
-            if corners.iter().all(|(_, far)| *far) {
-                continue;
-            }
-            let [a, b, c, d] = corners.map(|(point, _)| point);
-            for [a, b, c] in [[a, b, c], [d, c, b]] {
-                let (u, v) = (b - a, c - a);
-                if u.cross(v).length_squared() > 1e-8 {
-                    primitives.push(Primitive {
-                        shape: Shape::Sheet { a, u, v, half: true },
-                        material: Material::Asphalt,
-                    });
-                }
-            }
-        }
-    }
-    primitives
 }

@@ -39,13 +39,13 @@ use serde::Serialize;
 use crate::config::ConfigError;
 use crate::error::Error;
 
-use axis::{CELL, STEM};
+use axis::{CELL, STEM, cell_at};
 use drive::Drive;
 use preset::Plan;
 use scan::{Job, Scan};
-use scene::Window;
+use scene::{Placed, Window};
 use sink::Sink;
-use street::{Cell, Street, window};
+use street::{IDS, Street};
 
 pub use preset::Preset;
 pub use scan::Scanner;
@@ -205,7 +205,7 @@ struct Run<'a> {
     drive: Drive,
     scan: Scan<'a>,
     /// The cells within range.
-    cells: BTreeMap<usize, Arc<Cell>>,
+    cells: BTreeMap<usize, Vec<Placed>>,
     /// The window of the last slice that was planned, by its stretch.
     window: Option<(i64, Arc<Window>)>,
 }
@@ -261,8 +261,8 @@ impl<'a> Run<'a> {
                 }
             }
             // A street that closes comes back to its first cells.
-            let first = self.cells.values().next().filter(|_| self.street.axis.end().is_infinite());
-            lowest = first.map_or(0, |cell| cell.first_id);
+            let first = self.cells.keys().next().filter(|_| self.street.axis.end().is_infinite());
+            lowest = first.map_or(0, |cell| *cell as u32 * IDS);
             driven_m = self.drive.distance(scan.time(next, 0, 0));
             let share = (next as f64 / profiles as f64).max(points as f64 / limit as f64);
             progress(Progress { points, driven_m, share: share.min(1.0) });
@@ -289,23 +289,12 @@ impl<'a> Run<'a> {
     fn within_range(&mut self, s: f64) -> Window {
         // Half a stretch, half a cell, and what overhangs: objects belong to the cell of their middle.
         let reach = self.settings.scanner.range_m + STRETCH + CELL * 0.5 + 20.0;
-        let here = (s / CELL).max(0.0) as usize;
-        let axis = &mut self.street.axis;
-        let start = axis.frame(here..here + 1).at(s).point;
-        let cells = if axis.end().is_finite() {
-            0..(axis.end() / CELL).ceil() as usize
-        } else {
-            here.saturating_sub((reach / CELL) as usize + 1)..here + (reach / CELL) as usize + 2
-        };
-        let mut near: Vec<usize> = cells.collect();
-        near.retain(|cell| {
-            let middle = axis.frame(*cell..*cell + 1).at((*cell as f64 + 0.5) * CELL);
-            middle.point.distance(start) < reach
-        });
+        let near = self.street.axis.near(s, reach);
         self.cells.retain(|cell, _| near.contains(cell));
         for cell in near {
-            self.cells.entry(cell).or_insert_with(|| Arc::new(self.street.cell(cell)));
+            self.cells.entry(cell).or_insert_with(|| self.street.cell(cell));
         }
-        window(self.cells.values())
+        let place = self.street.axis.frame(cell_at(s)).at(s).point;
+        Window::new(place.extend(0.0), self.cells.values().flatten())
     }
 }

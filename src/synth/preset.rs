@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-use super::axis::{CELL, Frame, LEAD, Land, Terrain};
+use super::axis::{CELL, Frame, LEAD, Land, Terrain, cell_at};
 use super::ground::Section;
 use super::random::Random;
 use super::scan::Scanner;
@@ -48,64 +48,85 @@ impl fmt::Display for Preset {
 }
 
 /// What all things of a kind have in common; the kind is what stands in front of the underscore of a name.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub(super) struct Kind {
     /// Class code, as in the labelled scenes.
     pub(super) class: u8,
     /// Distance kept from other things, metres.
     pub(super) radius: f64,
-    #[serde(default)]
-    pub(super) facing: Facing,
+    /// Range of the angle by which models are turned from facing away from the road, degrees.
+    pub(super) turn: (f32, f32),
+    /// Share by which models are wider or narrower, taller or shorter.
+    pub(super) varies: f32,
     /// Whether it is inclined with the ground along it.
-    #[serde(default)]
     pub(super) inclined: bool,
-    /// Range of the factor by which models are scaled, and of that upwards where it is another.
-    pub(super) scale: Option<(f32, f32)>,
-    pub(super) tall: Option<(f32, f32)>,
+    /// Whether it cannot stand on a bridge.
+    pub(super) rooted: bool,
+    /// Whether wires lead from one to the next.
+    pub(super) wired: bool,
+    /// How many places of a row in succession are taken together or not at all, if more than one.
+    pub(super) together: u64,
     /// For what stands as a line of pieces: share of the pieces that may be missing at its end.
     pub(super) gap: Option<f32>,
 }
 
-/// Which way the y axis of a model points.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Facing {
-    /// Away from the road.
-    #[default]
-    Away,
-    /// x in the direction of the traffic.
-    Traffic,
-    /// Anywhere.
-    Any,
-}
-
-/// A row of things along both sides.
+/// A row of things along the street.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Row {
     /// Kinds to choose from.
     pub(super) kinds: Vec<String>,
-    pub(super) line: Line,
+    line: Line,
     /// Distance from the line outwards, metres.
-    pub(super) out: f64,
-    /// Distance along the axis, metres, and how much of it is random.
+    out: f64,
+    /// Distance of the places along the axis, metres, where they begin, and how much of it is random.
     pub(super) every: f64,
+    #[serde(default)]
+    pub(super) from: f64,
+    #[serde(default)]
     pub(super) jitter: f64,
     /// Share of the places that are taken.
     pub(super) share: f32,
+    /// Whether it stands on the left only.
+    #[serde(default)]
+    pub(super) once: bool,
+    pub(super) only: Option<Only>,
 }
 
 /// A line of the cross-section.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Line {
-    /// The axis; a row there stands once, not on both sides.
+enum Line {
     Axis,
     /// The middle between lanes and kerb, where cars are parked.
     Parking,
     Kerb,
     Walk,
+}
+
+/// The only places where a row stands.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Only {
+    /// On bridges, piece by piece.
+    Bridge,
+    /// `from` metres in front of zebra crossings, one per cell.
+    Crossing,
+}
+
+impl Row {
+    /// Distance from the axis, metres; `None` where the section has no room for the row.
+    pub(super) fn out(&self, section: &Section) -> Option<f64> {
+        let line = match self.line {
+            Line::Axis => 0.0,
+            Line::Parking if section.kerb - section.lanes < 1.9 => return None,
+            Line::Parking => (section.lanes + section.kerb) * 0.5,
+            Line::Kerb => section.kerb,
+            Line::Walk => section.walk,
+        };
+        Some(line + self.out)
+    }
 }
 
 /// Buildings along both sides; a lot is a whole fraction of a cell.
@@ -131,11 +152,8 @@ pub(super) struct Layout {
     pub(super) paved: bool,
     pub(super) buildings: Option<Buildings>,
     pub(super) rows: Vec<Row>,
-    pub(super) wires: bool,
-    /// Share of cells with a zebra crossing and signals on a gantry.
+    /// Share of cells with a zebra crossing.
     pub(super) crossing: f32,
-    /// Share of cells with an overpass or gantry of signs.
-    pub(super) overpass: f32,
     bridge_every: Option<f64>,
 }
 
@@ -216,7 +234,7 @@ impl Plan {
     /// The cross-section at chainage `s`: that of the cell, blended from that of the cell before it over the first
     /// half.
     pub(super) fn section(&self, s: f64) -> Section {
-        let cell = (s / CELL).max(0.0) as usize;
+        let cell = cell_at(s);
         let [before, here] = [cell.saturating_sub(1), cell].map(|cell| self.layout(cell).section);
         let mut section = before.between(here, ((s - cell as f64 * CELL) / (CELL * 0.5)).clamp(0.0, 1.0));
         section.dip = self.bridge(s).map_or(0.0, |off| DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0));
@@ -233,8 +251,8 @@ impl Plan {
     }
 
     /// Distance along the axis to the middle of a bridge, if `s` is over its dip.
-    pub(super) fn bridge(&self, s: f64) -> Option<f64> {
-        let every = self.layout((s / CELL).max(0.0) as usize).bridge_every?;
+    fn bridge(&self, s: f64) -> Option<f64> {
+        let every = self.layout(cell_at(s)).bridge_every?;
         // The first bridge stands well within the drive.
         let off = (s - LEAD - every * 0.4 + every * 0.5).rem_euclid(every) - every * 0.5;
         (off.abs() < DIP.0).then_some(off)

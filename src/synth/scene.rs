@@ -8,7 +8,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use glam::{Affine3A, DVec3, Vec3, Vec3A};
+use glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
@@ -77,8 +77,10 @@ fn moved(bounds: &Aabb, map: &Affine3A) -> Aabb {
 #[derive(Debug, Clone)]
 pub(super) struct Placed {
     pub(super) model: Arc<Model>,
-    /// From the model's frame to the cell's.
-    pub(super) map: Affine3A,
+    /// Where the model's origin is, metres from the street's origin.
+    pub(super) at: DVec3,
+    /// How it is turned and stretched.
+    pub(super) turn: Mat3A,
     pub(super) owner: Owner,
 }
 
@@ -116,16 +118,18 @@ pub(super) struct Hit {
 }
 
 impl Item {
-    /// A copy of `placed`, whose cell's origin is at `shift` in the window.
-    pub(super) fn new(placed: &Placed, shift: Vec3) -> Self {
-        let Placed { model, map, owner } = placed.clone();
-        let to_window = Affine3A::from_translation(shift) * map;
+    /// A copy of `placed` in a window about `origin`.
+    fn new(placed: &Placed, origin: DVec3) -> Self {
+        let Placed { model, at, turn, owner } = placed.clone();
+        let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
         Self { model, to_window, to_model: to_window.inverse(), owner }
     }
 }
 
 impl Window {
-    pub(super) fn new(origin: DVec3, items: Vec<Item>) -> Self {
+    /// The scene of all copies, about `origin`.
+    pub(super) fn new<'a>(origin: DVec3, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
+        let items: Vec<Item> = placed.into_iter().map(|placed| Item::new(placed, origin)).collect();
         let boxes: Vec<Boxed> =
             items.iter().map(|item| Boxed(moved(&item.model.bounds, &item.to_window))).collect();
         let bvh = hierarchy(&boxes);
@@ -177,13 +181,13 @@ mod tests {
     fn a_placed_and_stretched_copy_is_hit_where_it_stands() {
         let block = Shape::Block { low: Vec3::splat(-1.0), high: Vec3::splat(1.0) };
         let model = Arc::new(Model::new(vec![Primitive { shape: block, material: Material::Metal }]));
-        // Twice as high, turned by 90 degrees, 10 m to the east; in a cell 5 m north of the window's origin.
-        let map = Affine3A::from_translation(Vec3::X * 10.0)
-            * Affine3A::from_rotation_z(std::f32::consts::FRAC_PI_2)
-            * Affine3A::from_scale(Vec3::new(1.0, 1.0, 2.0));
+        // Twice as high, turned by 90 degrees, 10 m east and 5 m north of the window's origin.
+        let turn = Mat3A::from_rotation_z(std::f32::consts::FRAC_PI_2)
+            * Mat3A::from_diagonal(Vec3::new(1.0, 1.0, 2.0));
         let object = Object { id: 7, class: 4, kind: "box", base: DVec3::ZERO, height: 2.0, s: 0.0 };
-        let placed = Placed { model, map, owner: Owner::Object(Arc::new(object)) };
-        let window = Window::new(DVec3::ZERO, vec![Item::new(&placed, Vec3::Y * 5.0)]);
+        let at = DVec3::new(110.0, 5.0, 0.0);
+        let placed = Placed { model, at, turn, owner: Owner::Object(Arc::new(object)) };
+        let window = Window::new(DVec3::X * 100.0, vec![&placed]);
         let (o, d) = (Vec3A::new(10.0, 5.0, 10.0), Vec3A::NEG_Z);
         let hit = window.hit(o, d, 0.0, 100.0).unwrap();
         assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
