@@ -6,15 +6,13 @@
 use std::f64::consts::{FRAC_PI_3, TAU};
 
 use glam::DVec2;
-use serde::Deserialize;
 
 use super::random::Random;
 
 /// Length of a cell, metres.
 pub(super) const CELL: f64 = 50.0;
-/// Distance between the nodes of the axis, metres, and how many there are per cell.
-const STEP: f64 = 1.0;
-const STEPS: usize = 50;
+/// Nodes of the axis in a cell: one per metre.
+const NODES: usize = 50;
 /// Street in front of the start of the drive, so that the scanner sees something behind it, metres.
 pub(super) const LEAD: f64 = 100.0;
 /// Length of the stretch that the `loop` preset drives twice, metres.
@@ -36,16 +34,6 @@ impl Wave {
     }
 }
 
-/// How winding and how hilly the land is.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Terrain {
-    /// Amplitude of the heading, radians, and its wave length, metres.
-    bends: (f64, f64),
-    /// Amplitude of the hills, metres, and their wave length.
-    hills: (f64, f64),
-}
-
 /// The lie of the land: the waves of an open street's heading, and the hills, each across a direction of its own.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Land {
@@ -54,15 +42,16 @@ pub(super) struct Land {
 }
 
 impl Land {
-    pub(super) fn new(seed: u64, terrain: Terrain) -> Self {
+    /// `bends` are amplitude (radians) and wave length (metres) of the heading, `hills` those (metres) of the hills.
+    pub(super) fn new(seed: u64, bends: (f64, f64), hills: (f64, f64)) -> Self {
         let mut random = Random::new(seed, 1, 0);
         let mut wave = |(amplitude, length): (f64, f64), (a, l): (f64, f64)| Wave {
             amplitude: amplitude * a,
             frequency: TAU / (length * l),
             phase: f64::from(random.angle()),
         };
-        let bends = [(1.0, 1.0), (0.15, 0.37)].map(|part| wave(terrain.bends, part));
-        let hills = [(1.0, 1.0), (0.35, 0.43), (0.1, 0.15)].map(|part| wave(terrain.hills, part));
+        let bends = [(1.0, 1.0), (0.15, 0.37)].map(|part| wave(bends, part));
+        let hills = [(1.0, 1.0), (0.35, 0.43), (0.1, 0.15)].map(|part| wave(hills, part));
         Self { bends, hills: hills.map(|wave| (wave, DVec2::from_angle(wave.phase * 1.7))) }
     }
 
@@ -103,11 +92,11 @@ pub(super) struct Frame {
 impl Frame {
     /// The axis at chainage `s`, which is in the frame or close to it.
     pub(super) fn at(&self, s: f64) -> Node {
-        let along = (s - self.start) / STEP;
+        let along = s - self.start;
         let index = (along.max(0.0) as usize).min(self.nodes.len() - 2);
         let (a, b) = (self.nodes[index], self.nodes[index + 1]);
-        let rest = (along - index as f64) * STEP;
-        let turn = (b.heading - a.heading) / STEP;
+        let rest = along - index as f64;
+        let turn = b.heading - a.heading;
         let chord = DVec2::from_angle(a.heading + turn * rest * 0.5);
         Node { point: a.point + chord * rest, heading: a.heading + turn * rest }
     }
@@ -123,8 +112,8 @@ impl Frame {
         let index = (0..self.nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
         let local = self.nodes[index].local(point);
         // Beyond the ends the distance counts, not the offset.
-        let offset = if local.x.abs() > STEP { local.length().copysign(local.y) } else { local.y };
-        (self.start + index as f64 * STEP + local.x.clamp(-STEP, STEP), offset)
+        let offset = if local.x.abs() > 1.0 { local.length().copysign(local.y) } else { local.y };
+        (self.start + index as f64 + local.x.clamp(-1.0, 1.0), offset)
     }
 }
 
@@ -166,7 +155,7 @@ impl Axis {
     /// The axis in `cell` and the next one; remembers the starts of all cells up to it.
     pub(super) fn frame(&mut self, cell: usize) -> Frame {
         for cell in self.starts.len()..=cell {
-            let next = self.nodes(cell - 1)[STEPS].point;
+            let next = self.nodes(cell - 1)[NODES].point;
             self.starts.push(next);
         }
         Frame { start: cell as f64 * CELL, nodes: self.nodes(cell) }
@@ -174,13 +163,12 @@ impl Axis {
 
     fn nodes(&self, cell: usize) -> Vec<Node> {
         let mut next = self.starts[cell];
-        let node = |step: usize| {
-            let s = step as f64 * STEP;
-            let node = Node { point: next, heading: self.heading(s) };
-            next += DVec2::from_angle(self.heading(s + STEP * 0.5)) * STEP;
+        let node = |metre: usize| {
+            let node = Node { point: next, heading: self.heading(metre as f64) };
+            next += DVec2::from_angle(self.heading(metre as f64 + 0.5));
             node
         };
-        (cell * STEPS..=(cell + 2) * STEPS).map(node).collect()
+        (cell * NODES..=(cell + 2) * NODES).map(node).collect()
     }
 
     /// The cells whose middles are within `reach` of the axis at chainage `s`, in order.
@@ -205,11 +193,13 @@ pub(super) fn cell_at(s: f64) -> usize {
 mod tests {
     use super::*;
 
-    const FLAT: Terrain = Terrain { bends: (0.4, 600.0), hills: (4.0, 700.0) };
+    fn land(seed: u64) -> Land {
+        Land::new(seed, (0.4, 600.0), (4.0, 700.0))
+    }
 
     #[test]
     fn cells_join_without_a_gap_whatever_the_order_of_asking() {
-        let mut axis = Axis::new(5, Land::new(5, FLAT), None);
+        let mut axis = Axis::new(5, land(5), None);
         let late = axis.frame(7);
         let early = axis.frame(6);
         let (a, b) = (early.at(350.0), late.at(350.0));
@@ -218,7 +208,7 @@ mod tests {
 
     #[test]
     fn nearest_inverts_left() {
-        let mut axis = Axis::new(5, Land::new(5, FLAT), None);
+        let mut axis = Axis::new(5, land(5), None);
         let frame = axis.frame(3);
         let point = frame.at(171.3).left(-7.5);
         let (s, offset) = frame.nearest(point);
@@ -227,7 +217,7 @@ mod tests {
 
     #[test]
     fn the_loop_ends_where_the_stem_ends_in_the_opposite_direction() {
-        let mut axis = Axis::new(9, Land::new(9, FLAT), Some(1_400.0));
+        let mut axis = Axis::new(9, land(9), Some(1_400.0));
         let end = axis.end();
         assert!((end - 1_200.0).abs() < 1e-9); // 100 m of lead, 300 m of stem, 800 m of loop
         let stem = axis.frame(7).at(400.0);

@@ -41,7 +41,6 @@ impl Pose {
 /// Poses in a row.
 #[derive(Debug)]
 pub(super) struct Track {
-    first: u64,
     pub(super) poses: Vec<Pose>,
     maps: Vec<DMat4>,
 }
@@ -49,7 +48,7 @@ pub(super) struct Track {
 impl Track {
     /// The map of the vehicle's frame at time `t`, between those of the two poses about it.
     pub(super) fn at(&self, t: f64) -> DMat4 {
-        let along = t * POSES_HZ - self.first as f64;
+        let along = (t - self.poses[0].t) * POSES_HZ;
         let index = (along as usize).min(self.maps.len() - 2);
         let w = along - index as f64;
         self.maps[index] * (1.0 - w) + self.maps[index + 1] * w
@@ -104,10 +103,9 @@ impl Drive {
 
     /// The poses from the last one before `from` to the first ones after `to`.
     pub(super) fn track(&self, axis: &mut Axis, from: f64, to: f64) -> Track {
-        let first = (from * POSES_HZ).floor() as u64;
-        let last = (to * POSES_HZ).floor() as u64 + 2;
-        let poses: Vec<Pose> = (first..=last).map(|k| self.pose(axis, k as f64 / POSES_HZ)).collect();
-        Track { first, maps: poses.iter().map(Pose::map).collect(), poses }
+        let [first, last] = [from, to].map(|t| (t * POSES_HZ).floor() as u64);
+        let poses: Vec<Pose> = (first..last + 3).map(|k| self.pose(axis, k as f64 / POSES_HZ)).collect();
+        Track { maps: poses.iter().map(Pose::map).collect(), poses }
     }
 
     fn pose(&self, axis: &mut Axis, t: f64) -> Pose {

@@ -148,25 +148,26 @@ impl Ground {
         self.frame.at(s).left(offset).extend(self.plan.height(&self.frame, s, offset))
     }
 
-    /// Where a point is from the nearest other part of the street: chainage, offset, and the axis there.
-    pub(super) fn elsewhere(&self, point: DVec2) -> Option<(f64, f64, &Frame)> {
-        let places = self.foreign.iter().map(|frame| {
-            let (s, offset) = frame.nearest(point);
-            (s, offset, frame)
-        });
-        places.filter(|(s, ..)| *s <= self.end).min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+    /// The nearest other part of the street to a point, and its chainage and offset there.
+    pub(super) fn elsewhere(&self, point: DVec2) -> Option<(&Frame, (f64, f64))> {
+        let places = self.foreign.iter().map(|frame| (frame, frame.nearest(point)));
+        let there = places.filter(|(_, (s, _))| *s <= self.end);
+        there.min_by(|(_, (_, a)), (_, (_, b))| a.abs().total_cmp(&b.abs()))
     }
 
     /// A point of the mesh in its frame, and whether it lies well within another part of the street: where that is nearer
     /// to its axis, its height counts.
     fn vertex(&self, s: f64, offset: f64) -> (Vec3, bool) {
         let mut point = self.at(s, offset);
-        let other = self.elsewhere(point.truncate()).filter(|(_, other, _)| other.abs() < offset.abs());
-        if let Some((s, other, frame)) = other {
+        let mut nearer = 0.0;
+        if let Some((frame, (s, other))) = self.elsewhere(point.truncate())
+            && other.abs() < offset.abs()
+        {
             point.z = self.plan.height(frame, s, other);
+            nearer = offset.abs() - other.abs();
         }
         let local = DQuat::from_rotation_z(-self.turn) * (point - self.origin);
-        (local.as_vec3(), other.is_some_and(|(_, other, _)| other.abs() + 3.0 < offset.abs()))
+        (local.as_vec3(), nearer > 3.0)
     }
 
     /// The surface, and the turn from its frame to the street's.

@@ -141,15 +141,16 @@ impl Settings {
         }
     }
 
-    /// Metres to drive: as asked for, or guessed from the number of points.
-    fn length(&self) -> f64 {
+    /// Metres and points after which the drive ends; a loop has a length, even if only points were asked for.
+    fn ends(&self) -> (Option<f64>, u64) {
         match self.extent {
-            Extent::Length(length) => length,
+            Extent::Length(length) => (Some(length), u64::MAX),
             Extent::Points(points) => {
-                // 0.65 to 0.85 of the pulses return, by preset; the loop must close whatever the guess.
+                // 0.65 to 0.85 of the pulses return, by preset.
                 let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.75;
                 let speed = (self.speed_kmh.0 + self.speed_kmh.1) / 7.2;
-                (points as f64 / rate * speed).max(LEAST_LOOP)
+                let length = (points as f64 / rate * speed).max(LEAST_LOOP);
+                ((self.preset == Preset::Loop).then_some(length), points)
             }
         }
     }
@@ -213,7 +214,7 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn new(settings: &'a Settings) -> Self {
         let plan = Plan::new(settings.preset, settings.seed);
-        let street = Street::new(plan, (settings.preset == Preset::Loop).then(|| settings.length()));
+        let street = Street::new(plan, settings.ends().0.filter(|_| settings.preset == Preset::Loop));
         let drive = Drive::new(plan, street.axis.end(), settings.speed_kmh);
         let scan = Scan::new(settings);
         Self { settings, street, drive, scan, cells: BTreeMap::new(), window: None }
@@ -225,12 +226,9 @@ impl<'a> Run<'a> {
         progress: &mut (dyn FnMut(Progress) + Send),
     ) -> Result<Summary, Error> {
         let scanner = &self.settings.scanner;
-        let (limit, bounded) = match self.settings.extent {
-            Extent::Points(points) => (points, self.settings.preset == Preset::Loop),
-            Extent::Length(_) => (u64::MAX, true),
-        };
-        let end = self.drive.time(self.settings.length());
-        let profiles = if bounded { (end / self.scan.time(1, 0, 0)).ceil() as u64 } else { u64::MAX };
+        let (length, limit) = self.settings.ends();
+        let profile_s = self.scan.time(1, 0, 0);
+        let profiles = length.map_or(u64::MAX, |end| (self.drive.time(end) / profile_s).ceil() as u64);
         let per_slice = (SLICE_PULSES / scanner.pulses() / u64::from(scanner.heads)).max(1);
 
         let (mut next, mut points, mut driven_m) = (0, 0, 0.0);

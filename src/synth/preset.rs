@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-use super::axis::{CELL, Frame, LEAD, Land, Terrain, cell_at};
+use super::axis::{CELL, Frame, LEAD, Land, cell_at};
 use super::ground::Section;
 use super::random::Random;
 use super::scan::Scanner;
@@ -75,8 +75,8 @@ pub(super) struct Kind {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Row {
-    /// Kinds to choose from.
-    pub(super) kinds: Vec<String>,
+    /// Names of kinds, or of groups of them, to choose from.
+    kinds: Vec<String>,
     line: Line,
     /// Distance from the line outwards, metres.
     out: f64,
@@ -116,6 +116,12 @@ pub(super) enum Only {
 }
 
 impl Row {
+    /// The name of one of the kinds.
+    pub(super) fn pick(&self, random: &mut Random) -> &str {
+        let name = random.pick(&self.kinds);
+        TABLES.groups.get(name).map_or(name, |group| random.pick::<String>(group))
+    }
+
     /// Distance from the axis, metres; `None` where the section has no room for the row.
     pub(super) fn out(&self, section: &Section) -> Option<f64> {
         let line = match self.line {
@@ -147,7 +153,9 @@ pub(super) struct Buildings {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Layout {
-    terrain: Terrain,
+    /// Amplitude and wave length of the bends (radians; metres) and of the hills (metres).
+    bends: (f64, f64),
+    hills: (f64, f64),
     pub(super) section: Section,
     pub(super) paved: bool,
     pub(super) buildings: Option<Buildings>,
@@ -160,10 +168,10 @@ pub(super) struct Layout {
 /// The tables of `presets.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Tables {
+pub(super) struct Tables {
     /// Kinds that rows name together.
     groups: BTreeMap<String, Vec<String>>,
-    scanner: Scanner,
+    pub(super) scanner: Scanner,
     kinds: BTreeMap<String, Kind>,
     streets: BTreeMap<Preset, Layout>,
 }
@@ -172,20 +180,8 @@ struct Tables {
     clippy::expect_used,
     reason = "the text is part of the program, and every test of a preset parses it"
 )]
-static TABLES: LazyLock<Tables> = LazyLock::new(|| {
-    let mut all: Tables = toml::from_str(include_str!("presets.toml")).expect("the shipped tables are valid");
-    for row in all.streets.values_mut().flat_map(|layout| &mut layout.rows) {
-        let kinds =
-            row.kinds.iter().map(|kind| all.groups.get(kind).cloned().unwrap_or_else(|| vec![kind.clone()]));
-        row.kinds = kinds.collect::<Vec<_>>().concat();
-    }
-    all
-});
-
-/// The scanner if nothing else is asked for.
-pub(super) fn scanner() -> &'static Scanner {
-    &TABLES.scanner
-}
+pub(super) static TABLES: LazyLock<Tables> =
+    LazyLock::new(|| toml::from_str(include_str!("presets.toml")).expect("the shipped tables are valid"));
 
 /// What all things of a kind have in common.
 pub(super) fn kind(name: &str) -> &'static Kind {
@@ -209,7 +205,8 @@ impl Plan {
     pub(super) fn new(preset: Preset, seed: u64) -> Self {
         // Where streets change, the land is that of a suburb.
         let land = if matches!(preset, Preset::Mixed | Preset::Loop) { Preset::Suburb } else { preset };
-        Self { preset, seed, land: Land::new(seed, TABLES.streets[&land].terrain) }
+        let Layout { bends, hills, .. } = TABLES.streets[&land];
+        Self { preset, seed, land: Land::new(seed, bends, hills) }
     }
 
     /// The layout of a cell.

@@ -9,11 +9,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3, IVec3, Vec3A};
 use serde::{Deserialize, Serialize};
 
+use super::Settings;
 use super::drive::{Pose, Track};
+use super::preset::TABLES;
 use super::random::Random;
 use super::scene::{Hit, Owner, Window};
 use super::street::Object;
-use super::{Settings, preset};
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
@@ -57,7 +58,7 @@ pub struct Scanner {
 
 impl Default for Scanner {
     fn default() -> Self {
-        preset::scanner().clone()
+        TABLES.scanner.clone()
     }
 }
 
@@ -142,6 +143,10 @@ pub(super) struct Tally {
 impl Tally {
     pub(super) const NONE: Self = Self { points: 0, low: IVec3::MAX, high: IVec3::MIN };
 
+    fn add(&mut self, steps: IVec3) {
+        *self = self.with(Self { points: 1, low: steps, high: steps });
+    }
+
     /// Both together.
     pub(super) fn with(self, other: Self) -> Self {
         let points = self.points + other.points;
@@ -189,7 +194,14 @@ impl<'a> Scan<'a> {
 
     /// Traces the profiles of a job until there are `enough` points.
     pub(super) fn trace(&self, job: &Job, enough: u64) -> Slice {
-        let mut tracer = Tracer::new(self, &job.window);
+        let mut tracer = Tracer {
+            scan: self,
+            window: &job.window,
+            records: Vec::new(),
+            tallies: vec![Tally::NONE; job.window.items.len()],
+            before: [None; 2],
+            echoes: Vec::new(),
+        };
         let mut to = job.from;
         while to < job.to && (tracer.records.len() as u64) < enough {
             for pulse in 0..self.settings.scanner.pulses() {
@@ -222,12 +234,7 @@ struct Tracer<'a> {
     echoes: Vec<Echo>,
 }
 
-impl<'a> Tracer<'a> {
-    fn new(scan: &'a Scan<'a>, window: &'a Window) -> Self {
-        let tallies = vec![Tally::NONE; window.items.len()];
-        Self { scan, window, records: Vec::new(), tallies, before: [None; 2], echoes: Vec::new() }
-    }
-
+impl Tracer<'_> {
     fn pulse(&mut self, track: &Track, profile: u64, pulse: u64, number: usize) {
         let (scan, scanner) = (self.scan, &self.scan.settings.scanner);
         let t = scan.time(profile, pulse, number);
@@ -251,11 +258,30 @@ impl<'a> Tracer<'a> {
         if random.chance(scanner.strays as f32) {
             self.stray(&mut random);
         }
-        let total = self.echoes.len().min(ECHOES);
-        for index in 0..total {
+        self.echoes.truncate(ECHOES);
+        for index in 0..self.echoes.len() {
             let echo = self.echoes[index];
             let point = self.window.origin + origin + direction * f64::from(echo.range);
-            self.record(point, echo, [index + 1, total, number], angle, t);
+            let file = t / scan.settings.files_every_s.unwrap_or(f64::INFINITY);
+            let mut record = Record {
+                steps: (point / 0.001).round().as_ivec3().to_array(),
+                intensity: echo.intensity,
+                returns: (index + 1) as u8 | (self.echoes.len() as u8) << 4,
+                flags: (number as u8) << 4,
+                angle,
+                // After 65,535 files, as many as the field can tell apart, the last one goes on.
+                file: file.min(65_534.0) as u16 + 1,
+                gps_time: START_TIME + t,
+                ..Record::zeroed()
+            };
+            if let Some(item) = echo.item {
+                (record.instance, record.class) = match &self.window.items[item as usize].owner {
+                    Owner::Object(object) => (object.id, object.class),
+                    Owner::Ground(_) => (0, 1),
+                };
+                self.tallies[item as usize].add(record.steps.into());
+            }
+            self.records.push(record);
         }
     }
 
@@ -289,8 +315,7 @@ impl<'a> Tracer<'a> {
     fn echo(&self, hit: &Hit, o: Vec3A, d: Vec3A, random: &mut Random) -> (Option<Echo>, f32) {
         let scanner = &self.scan.settings.scanner;
         let (surface, point) = self.window.surface(hit, o, d);
-        let item = &self.window.items[hit.item as usize];
-        let material = match &item.owner {
+        let material = match &self.window.items[hit.item as usize].owner {
             Owner::Ground(ground) => ground.material(point),
             Owner::Object(_) => surface.material,
         };
@@ -317,23 +342,17 @@ impl<'a> Tracer<'a> {
     /// echoes. The chance is the share of the step between two pulses that the footprint covers.
     fn edge(&mut self, head: usize, random: &mut Random) {
         let (Some(first), Some(before)) = (self.echoes.first().copied(), self.before[head]) else { return };
-        let jump = before.range - first.range;
-        if jump.abs() < 0.05 || self.echoes.len() > 1 {
-            return;
-        }
+        let (jump, near) = (before.range - first.range, before.range.min(first.range));
         let scanner = &self.scan.settings.scanner;
-        let near = first.range.min(before.range);
-        let beam = scanner.beam(near);
         let step = near * (TAU / scanner.pulses() as f64) as f32;
-        if !random.chance((beam / step).min(0.5)) {
+        let alone = self.echoes.len() == 1 && jump.abs() >= 0.05;
+        if !alone || !random.chance((scanner.beam(near) / step).min(0.5)) {
             return;
         }
         if jump.abs() < SEPARATION {
             self.echoes[0].range += jump * random.unit();
-        } else if jump > 0.0 {
-            self.echoes.push(before);
         } else {
-            self.echoes.insert(0, before);
+            self.echoes.insert(usize::from(jump > 0.0), before);
         }
     }
 
@@ -349,32 +368,6 @@ impl<'a> Tracer<'a> {
         };
         self.echoes.clear();
         self.echoes.push(Echo { range, item: None, intensity: random.range(40.0, 900.0) as u16 });
-    }
-
-    fn record(&mut self, point: DVec3, echo: Echo, [nth, total, head]: [usize; 3], angle: i16, t: f64) {
-        let steps = (point / 0.001).round().as_ivec3();
-        if let Some(item) = echo.item {
-            let tally = &mut self.tallies[item as usize];
-            *tally = tally.with(Tally { points: 1, low: steps, high: steps });
-        }
-        let (instance, class) = match echo.item.map(|item| &self.window.items[item as usize].owner) {
-            Some(Owner::Object(object)) => (object.id, object.class),
-            Some(Owner::Ground(_)) => (0, 1),
-            None => (0, 0),
-        };
-        self.records.push(Record {
-            steps: steps.to_array(),
-            intensity: echo.intensity,
-            returns: (nth as u8) | ((total as u8) << 4),
-            flags: (head as u8) << 4,
-            angle,
-            // After 65,535 files, as many as the field can tell apart, the last one goes on.
-            file: (t / self.scan.settings.files_every_s.unwrap_or(f64::INFINITY)).min(65_534.0) as u16 + 1,
-            gps_time: START_TIME + t,
-            instance,
-            class,
-            ..Record::zeroed()
-        });
     }
 }
 

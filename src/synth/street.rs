@@ -104,7 +104,7 @@ impl Site<'_> {
             };
             let section = plan.section(s);
             let Some(out) = row.out(&section) else { continue };
-            let (offset, name) = (side * out, random.pick(&row.kinds).as_str());
+            let (offset, name) = (side * out, row.pick(&mut random));
             let kind = kind(name);
             let mut group = Random::new(plan.seed, stream + 1_000, place / kind.together.max(1));
             let grows = !kind.rooted || section.dip <= 0.0;
@@ -132,7 +132,7 @@ impl Site<'_> {
         let over_dip = offset.abs() > section.walk && section.dip > 0.2;
         let on_crossing = offset.abs() < section.kerb && zebra.is_some_and(|zebra| (s - zebra).abs() < 6.0);
         let elsewhere = self.ground.elsewhere(frame.at(s).left(offset));
-        let crowded = elsewhere.is_some_and(|(s, other, _)| {
+        let crowded = elsewhere.is_some_and(|(_, (s, other))| {
             other.abs() < plan.section(s).walk + r + 1.0 || other.abs() < offset.abs()
         });
         let place = DVec2::new(s, offset);
