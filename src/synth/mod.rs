@@ -243,11 +243,10 @@ impl<'a> Run<'a> {
             let scan = &self.scan;
             // The files of the last round are written while this one is traced.
             let (written, slices) = rayon::join(
-                || sink.write(&batch, lowest),
+                || sink.write(std::mem::take(&mut batch), lowest),
                 || jobs.par_iter().map(|job| scan.trace(job, limit)).collect::<Vec<_>>(),
             );
             written?;
-            batch.clear();
             for (job, slice) in jobs.iter().zip(slices) {
                 let left = limit - points;
                 let last = slice.records.len() as u64 >= left;
@@ -265,7 +264,7 @@ impl<'a> Run<'a> {
             let share = (next as f64 / profiles as f64).max(points as f64 / limit as f64);
             progress(Progress { points, driven_m, share: share.min(1.0) });
         }
-        sink.write(&batch, lowest)?;
+        sink.write(batch, lowest)?;
         Ok(sink.finish(driven_m)?)
     }
 

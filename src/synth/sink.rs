@@ -13,6 +13,7 @@ use crate::output::{OutputError, save};
 use crate::whole_file::WholeFile;
 
 use super::axis::LEAD;
+use super::drive::Pose;
 use super::scan::{START_TIME, Slice, Tally};
 use super::street::Object;
 use super::{Preset, Settings, Summary};
@@ -88,19 +89,25 @@ impl<'a> Sink<'a> {
     }
 
     /// Writes slices, after which objects with numbers below `lowest` get no more points.
-    pub(super) fn write(&mut self, slices: &[Slice], lowest: u32) -> Result<(), OutputError> {
-        for slice in slices {
-            for records in slice.records.chunk_by(|a, b| a.file == b.file) {
+    pub(super) fn write(&mut self, slices: Vec<Slice>, lowest: u32) -> Result<(), OutputError> {
+        let folder = self.folder;
+        let failed = |source| OutputError::Write { path: folder.to_owned(), source };
+        for Slice { records, tallies, poses, .. } in slices {
+            for records in records.chunk_by(|a, b| a.file == b.file) {
                 self.open(records[0].file)?.append(bytemuck::cast_slice(records))?;
             }
-            self.summary.points += slice.records.len() as u64;
-            for (object, tally) in &slice.tallies {
-                let seen = self.seen.entry(object.id).or_insert_with(|| (Arc::clone(object), Tally::NONE));
-                seen.1 = seen.1.with(*tally);
+            self.summary.points += records.len() as u64;
+            for (object, tally) in tallies {
+                let seen = self.seen.entry(object.id).or_insert((object, Tally::NONE));
+                seen.1 = seen.1.with(tally);
             }
+            poses.iter().try_for_each(|pose| self.pose(pose)).map_err(failed)?;
         }
-        self.rows(slices, lowest)
-            .map_err(|source| OutputError::Write { path: self.folder.to_owned(), source })
+        while let Some(entry) = self.seen.first_entry().filter(|entry| *entry.key() < lowest) {
+            let (object, tally) = entry.remove();
+            self.object(&object, tally).map_err(failed)?;
+        }
+        Ok(())
     }
 
     /// The open file, which is that of point source `number` from now on.
@@ -121,37 +128,35 @@ impl<'a> Sink<'a> {
         Ok(&mut self.file.insert((current, file)).1)
     }
 
-    /// Writes the rows of the poses, and those of the objects with numbers below `lowest`.
-    fn rows(&mut self, slices: &[Slice], lowest: u32) -> io::Result<()> {
-        for pose in slices.iter().flat_map(|slice| &slice.poses) {
-            let t = START_TIME + pose.t;
-            let [x, y, z] = (pose.position + WORLD).to_array();
-            let [roll, pitch, heading] = [pose.roll, pose.pitch, pose.heading].map(f64::to_degrees);
-            writeln!(self.trajectory, "{t:.4},{x:.4},{y:.4},{z:.4},{roll:.4},{pitch:.4},{heading:.4}")?;
-        }
-        while let Some(entry) = self.seen.first_entry().filter(|entry| *entry.key() < lowest) {
-            let (object, Tally { points, low, high }) = entry.remove();
-            let Object { id, class, kind, height, .. } = *object;
-            let name = CLASSES[usize::from(class)];
-            let [x, y, z] = (object.base + WORLD).to_array();
-            let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
-            let [x1, y1, z1] = (high.as_dvec3() * 0.001 + WORLD).to_array();
-            let (tall, inside) = (z1 - z0, LEAD..LEAD + self.summary.length_m);
-            let inside = u8::from(inside.contains(&object.s));
-            writeln!(
-                self.reference,
-                "{id},{class},{name},{kind},{x:.3},{y:.3},{z:.3},{x0:.3},{y0:.3},{z0:.3},{x1:.3},{y1:.3},{z1:.3},\
-                 {points},{tall:.3},{height:.3},{inside}"
-            )?;
-            self.summary.objects += 1;
-        }
-        Ok(())
+    /// Writes the row of a pose.
+    fn pose(&mut self, pose: &Pose) -> io::Result<()> {
+        let t = START_TIME + pose.t;
+        let [x, y, z] = (pose.position + WORLD).to_array();
+        let [roll, pitch, heading] = [pose.roll, pose.pitch, pose.heading].map(f64::to_degrees);
+        writeln!(self.trajectory, "{t:.4},{x:.4},{y:.4},{z:.4},{roll:.4},{pitch:.4},{heading:.4}")
+    }
+
+    /// Writes the row of an object.
+    fn object(&mut self, object: &Object, Tally { points, low, high }: Tally) -> io::Result<()> {
+        let Object { id, class, kind, base, height, s } = *object;
+        let name = CLASSES[usize::from(class)];
+        let [x, y, z] = (base + WORLD).to_array();
+        let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
+        let [x1, y1, z1] = (high.as_dvec3() * 0.001 + WORLD).to_array();
+        let (tall, driven) = (z1 - z0, LEAD..LEAD + self.summary.length_m);
+        let inside = u8::from(driven.contains(&s));
+        self.summary.objects += 1;
+        writeln!(
+            self.reference,
+            "{id},{class},{name},{kind},{x:.3},{y:.3},{z:.3},{x0:.3},{y0:.3},{z0:.3},{x1:.3},{y1:.3},{z1:.3},\
+             {points},{tall:.3},{height:.3},{inside}"
+        )
     }
 
     /// Completes all files and says what they were made from. `length_m` is what was driven.
     pub(super) fn finish(mut self, length_m: f64) -> Result<Summary, OutputError> {
         self.summary.length_m = length_m;
-        self.write(&[], u32::MAX)?;
+        self.write(Vec::new(), u32::MAX)?;
         if let Some((_, file)) = self.file.take() {
             file.finish()?;
         }
