@@ -1,10 +1,11 @@
 //! The vehicle: how far it is at a time, where it is and how it is turned. No scanner.
 
+use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DMat4, DVec3};
 
-use super::axis::{Axis, LEAD, STEM, cell_at};
+use super::axis::{Axis, Frame, LEAD, STEM, cell_at};
 use super::preset::Plan;
 use super::random::Random;
 
@@ -104,20 +105,26 @@ impl Drive {
     /// The poses from the last one before `from` to the first ones after `to`.
     pub(super) fn track(&self, axis: &mut Axis, from: f64, to: f64) -> Track {
         let [first, last] = [from, to].map(|t| (t * POSES_HZ).floor() as u64);
-        let poses: Vec<Pose> = (first..last + 3).map(|k| self.pose(axis, k as f64 / POSES_HZ)).collect();
+        let mut frames = BTreeMap::new();
+        let pose = |number: u64| {
+            let t = number as f64 / POSES_HZ;
+            let cell = cell_at(self.place(t).0);
+            self.pose(frames.entry(cell).or_insert_with(|| axis.frame(cell)), t)
+        };
+        let poses: Vec<Pose> = (first..last + 3).map(pose).collect();
         Track { maps: poses.iter().map(Pose::map).collect(), poses }
     }
 
-    fn pose(&self, axis: &mut Axis, t: f64) -> Pose {
+    /// The pose at time `t`; `frame` is the axis about the place.
+    fn pose(&self, frame: &Frame, t: f64) -> Pose {
         let (here, way) = self.place(t);
-        let frame = axis.frame(cell_at(here));
         let node = frame.at(here);
         let [p0, p1, p2, p3, p4, p5] = self.shake;
         // Counted along the drive, not along the street: no jump where the loop closes.
         let driven = self.distance(t);
         let wander = |s: f64| 0.15 * ((driven + (s - here) * way) * TAU / 70.0 + p0).sin();
         let offset = |s: f64| way * (wander(s) - self.plan.section(s).driving_line());
-        let height = |s: f64| self.plan.height(&frame, s, offset(s));
+        let height = |s: f64| self.plan.height(frame, s, offset(s));
         let slope = (height(here + 1.5) - height(here - 1.5)) / 3.0 * way;
         // Body movements of a car on its springs: some tenths of a degree at 0.3 to 1.4 Hz.
         let bounce = 0.008 * (TAU * 1.1 * t + p1).sin() + 0.006 * (TAU * 0.37 * t + p2).sin();

@@ -125,8 +125,8 @@ impl Ground {
         let (layout, frame, end) = (plan.layout(cell), axis.frame(cell), axis.end());
         let (start, Node { point, heading }) = (frame.start, frame.middle());
         let mut far = axis.near(start + CELL * 0.5, 180.0);
-        // A frame reaches into the next cell: none begins less than two cells from this one.
-        far.retain(|far| far + 3 < cell || *far > cell + 2);
+        // Only a street with an end comes back to itself. A frame reaches into the next cell: two cells lie between.
+        far.retain(|far| end.is_finite() && (far + 3 < cell || *far > cell + 2));
         let rows = (((end - start).min(CELL) / ROW).ceil() as usize).max(1);
         let mut random = Random::new(plan.seed, 5, cell as u64);
         Self {
