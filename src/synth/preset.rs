@@ -255,3 +255,24 @@ impl Plan {
         (off.abs() < DIP.0).then_some(off)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{things, tree};
+    use super::*;
+
+    #[test]
+    fn whatever_rows_name_has_models_and_is_of_a_kind() {
+        let models = tree::models(1).into_iter().chain(things::models());
+        let models: Vec<String> = models.map(|(name, _)| name).collect();
+        for row in TABLES.streets.values().flat_map(|layout| &layout.rows) {
+            for name in &row.kinds {
+                let names = TABLES.groups.get(name).cloned().unwrap_or_else(|| vec![name.clone()]);
+                for name in names {
+                    assert!(models.contains(&name), "there is no model of {name}");
+                    assert!(kind(&name).class > 1, "{name} is noise or ground");
+                }
+            }
+        }
+    }
+}
