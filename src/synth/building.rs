@@ -42,10 +42,11 @@ pub(super) fn model(measures: Measures, random: &mut Random) -> Model {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
+    use glam::{DVec3, Mat3A, Vec3A};
 
     use super::super::material::Material;
-    use super::super::scene::{Item, Placed, Window};
+    use super::super::scene::{Owner, Placed, Window};
+    use super::super::street::Object;
     use super::*;
 
     #[test]
@@ -53,8 +54,10 @@ mod tests {
         // The first kind of storey, stretched to 42 x 16 x 3 m: bays of 3 m, windows 1.4 m wide from 0.9 to 2.34 m.
         let parts = things::of("storey")[0]
             .parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut Random::new(1, 2, 3));
-        let placed = Placed { model: Model::new(parts).into(), map: Affine3A::IDENTITY, object: Some(0) };
-        let window = Window::new([0.0; 3], vec![Item::new(&placed, Vec3::ZERO, 1, 5, None)]);
+        let object = Object { id: 1, class: 5, kind: "building", base: DVec3::ZERO, height: 3.0, s: 0.0 };
+        let owner = Owner::Object(object.into());
+        let (model, at, turn) = (Model::new(parts).into(), DVec3::ZERO, Mat3A::IDENTITY);
+        let window = Window::new(DVec3::ZERO, &[Placed { model, at, turn, owner }]);
         for (origin, direction, t, material) in [
             ([1.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.2, Material::Glass), // middle of the first bay to the right
             ([0.0, -5.0, 1.5], [0.0, 1.0, 0.0], 5.0, Material::Plaster), // between windows

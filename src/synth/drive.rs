@@ -1,19 +1,26 @@
 //! The vehicle: how far it is at a time, where it is and how it is turned. No scanner.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::axis::{Frame, LEAD, Land, STEM};
+use glam::{DMat4, DVec3};
+
+use super::axis::{Axis, Frame, LEAD, STEM, cell_at};
 use super::preset::Plan;
 use super::random::Random;
 
 /// Height of the trajectory's point over the road, metres.
 const HEIGHT: f64 = 2.35;
+/// Poses per second; in between they are interpolated, so that the trajectory file says all there is.
+const POSES_HZ: f64 = 100.0;
 
 /// Position and attitude at a time; angles in radians.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pose {
+    /// Seconds since the start of the drive.
+    pub(super) t: f64,
     /// Metres east, north, up of the street's origin.
-    pub(super) position: [f64; 3],
+    pub(super) position: DVec3,
     /// Right side down positive.
     pub(super) roll: f64,
     /// Nose up positive.
@@ -23,23 +30,30 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    /// Forward, left and up of the vehicle as columns (east, north, up).
-    pub(super) fn columns(&self) -> [[f64; 3]; 3] {
-        let (sy, cy) = (FRAC_PI_2 - self.heading).sin_cos();
-        let (sp, cp) = self.pitch.sin_cos();
-        let (sr, cr) = self.roll.sin_cos();
-        let forward = [cy * cp, sy * cp, sp];
-        let (left, up) = ([-sy, cy, 0.0], [-cy * sp, -sy * sp, cp]);
-        let mix = |a: [f64; 3], p: f64, b: [f64; 3], q: f64| [0, 1, 2].map(|i| a[i] * p + b[i] * q);
-        [forward, mix(left, cr, up, sr), mix(up, cr, left, -sr)]
+    /// From the vehicle's frame (forward, left, up) to the street's (east, north, up).
+    fn map(&self) -> DMat4 {
+        DMat4::from_translation(self.position)
+            * DMat4::from_rotation_z(FRAC_PI_2 - self.heading)
+            * DMat4::from_rotation_y(-self.pitch)
+            * DMat4::from_rotation_x(self.roll)
     }
 }
 
-/// A place on the way: chainage, and whether it is driven towards growing chainage.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
-    pub(super) s: f64,
-    pub(super) forward: bool,
+/// Poses in a row.
+#[derive(Debug)]
+pub(super) struct Track {
+    pub(super) poses: Vec<Pose>,
+    maps: Vec<DMat4>,
+}
+
+impl Track {
+    /// The map of the vehicle's frame at time `t`, between those of the two poses about it.
+    pub(super) fn at(&self, t: f64) -> DMat4 {
+        let along = (t - self.poses[0].t) * POSES_HZ;
+        let index = (along as usize).min(self.maps.len() - 2);
+        let w = along - index as f64;
+        self.maps[index] * (1.0 - w) + self.maps[index + 1] * w
+    }
 }
 
 /// The drive as a function of time, seconds since its start.
@@ -50,20 +64,20 @@ pub(super) struct Drive {
     changes: [(f64, f64, f64); 2],
     shake: [f64; 6],
     plan: Plan,
-    land: Land,
-    /// Length of the street until it comes back to its stem, for the `loop` preset.
-    closing: Option<f64>,
+    /// Chainage at which the street comes back to its stem.
+    end: f64,
 }
 
 impl Drive {
-    /// A drive with speeds between the two of `speed_mps`.
-    pub(super) fn new(plan: Plan, land: Land, closing: Option<f64>, speed_mps: (f64, f64)) -> Self {
+    /// A drive with speeds between the two of `speed_kmh` along a street that ends at chainage `end`.
+    pub(super) fn new(plan: Plan, end: f64, speed_kmh: (f64, f64)) -> Self {
         let mut random = Random::new(plan.seed, 4, 0);
-        let half = (speed_mps.1 - speed_mps.0) * 0.5;
+        let (low, high) = (speed_kmh.0 / 3.6, speed_kmh.1 / 3.6);
+        let half = (high - low) * 0.5;
         let mut change = |share: f64, period: f64| (half * share, TAU / period, f64::from(random.angle()));
         let changes = [change(0.7, 47.0), change(0.3, 19.0)];
         let shake = [0; 6].map(|_| f64::from(random.angle()));
-        Self { speed: speed_mps.0 + half, changes, shake, plan, land, closing }
+        Self { speed: low + half, changes, shake, plan, end }
     }
 
     /// Metres driven at time `t`.
@@ -82,40 +96,44 @@ impl Drive {
         high
     }
 
-    /// Where on the street the vehicle is at time `t`.
-    pub(super) fn place(&self, t: f64) -> Place {
+    /// Chainage at time `t`, and 1 where it grows along the drive, -1 where it falls.
+    pub(super) fn place(&self, t: f64) -> (f64, f64) {
         let s = LEAD + self.distance(t);
-        match self.closing {
-            Some(end) if s > end => Place { s: LEAD + STEM - (s - end), forward: false },
-            _ => Place { s, forward: true },
-        }
+        if s > self.end { (LEAD + STEM - (s - self.end), -1.0) } else { (s, 1.0) }
+    }
+
+    /// The poses from the last one before `from` to the first ones after `to`.
+    pub(super) fn track(&self, axis: &mut Axis, from: f64, to: f64) -> Track {
+        let [first, last] = [from, to].map(|t| (t * POSES_HZ).floor() as u64);
+        let mut frames = BTreeMap::new();
+        let pose = |number: u64| {
+            let t = number as f64 / POSES_HZ;
+            let cell = cell_at(self.place(t).0);
+            self.pose(frames.entry(cell).or_insert_with(|| axis.frame(cell)), t)
+        };
+        let poses: Vec<Pose> = (first..last + 3).map(pose).collect();
+        Track { maps: poses.iter().map(Pose::map).collect(), poses }
     }
 
     /// The pose at time `t`; `frame` is the axis about the place.
-    pub(super) fn pose(&self, t: f64, frame: &Frame) -> Pose {
-        let place = self.place(t);
-        let way = if place.forward { 1.0 } else { -1.0 };
-        let node = frame.at(place.s);
+    fn pose(&self, frame: &Frame, t: f64) -> Pose {
+        let (here, way) = self.place(t);
+        let node = frame.at(here);
         let [p0, p1, p2, p3, p4, p5] = self.shake;
         // Counted along the drive, not along the street: no jump where the loop closes.
         let driven = self.distance(t);
-        let wander = |s: f64| 0.15 * ((driven + (s - place.s) * way) * TAU / 70.0 + p0).sin();
-        let offset = |s: f64| way * (wander(s) - self.plan.station(s).section.driving_line());
-        let height = |s: f64| self.plan.station(s).height(&self.land, frame, s, offset(s));
-        let [x, y] = node.left(offset(place.s));
-        let slope = (height(place.s + 1.5) - height(place.s - 1.5)) / 3.0 * way;
+        let wander = |s: f64| 0.15 * ((driven + (s - here) * way) * TAU / 70.0 + p0).sin();
+        let offset = |s: f64| way * (wander(s) - self.plan.section(s).driving_line());
+        let height = |s: f64| self.plan.height(frame, s, offset(s));
+        let slope = (height(here + 1.5) - height(here - 1.5)) / 3.0 * way;
         // Body movements of a car on its springs: some tenths of a degree at 0.3 to 1.4 Hz.
         let bounce = 0.008 * (TAU * 1.1 * t + p1).sin() + 0.006 * (TAU * 0.37 * t + p2).sin();
         let pitch = slope.atan() + 0.0030 * (TAU * 0.9 * t + p3).sin();
         let roll = 0.0045 * (TAU * 0.31 * t + p4).sin() + 0.0025 * (TAU * 1.37 * t + p5).sin();
-        let drift = (offset(place.s + 0.5) - offset(place.s - 0.5)).atan();
-        let course = node.heading + drift + if place.forward { 0.0 } else { PI };
-        Pose {
-            position: [x, y, height(place.s) + HEIGHT + bounce],
-            roll,
-            pitch,
-            heading: (FRAC_PI_2 - course).rem_euclid(TAU),
-        }
+        let drift = (offset(here + 0.5) - offset(here - 0.5)).atan();
+        let course = node.heading + drift + (1.0 - way) * FRAC_PI_2;
+        let position = node.left(offset(here)).extend(height(here) + HEIGHT + bounce);
+        Pose { t, position, roll, pitch, heading: (FRAC_PI_2 - course).rem_euclid(TAU) }
     }
 }
 
@@ -124,17 +142,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_a_right_handed_frame_with_the_stated_signs() {
+    fn the_map_is_a_right_handed_frame_with_the_stated_signs() {
         // Heading east, nose up by 0.1, right side down by 0.2.
-        let pose = Pose { position: [0.0; 3], roll: 0.2, pitch: 0.1, heading: FRAC_PI_2 };
-        let [forward, left, up] = pose.columns();
-        assert!(forward[0] > 0.99 && (forward[2] - 0.1f64.sin()).abs() < 1e-12);
-        assert!(left[1] > 0.97 && left[2] > 0.19, "the left side is up: {left:?}");
-        let cross = [
-            forward[1] * left[2] - forward[2] * left[1],
-            forward[2] * left[0] - forward[0] * left[2],
-            forward[0] * left[1] - forward[1] * left[0],
-        ];
-        assert!((0..3).all(|i| (cross[i] - up[i]).abs() < 1e-12));
+        let pose = Pose { t: 0.0, position: DVec3::ZERO, roll: 0.2, pitch: 0.1, heading: FRAC_PI_2 };
+        let [forward, left, up] = DVec3::AXES.map(|axis| pose.map().transform_vector3(axis));
+        assert!(forward.x > 0.99 && (forward.z - 0.1f64.sin()).abs() < 1e-12);
+        assert!(left.y > 0.97 && left.z > 0.19, "the left side is up: {left:?}");
+        assert!((forward.cross(left) - up).length() < 1e-12);
     }
 }

@@ -27,7 +27,6 @@ mod sink;
 mod street;
 mod things;
 mod tree;
-mod truth;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -40,13 +39,13 @@ use serde::de::DeserializeOwned;
 use crate::config::ConfigError;
 use crate::error::Error;
 
-use axis::{CELL, Frame, LEAD, STEM};
+use axis::{CELL, STEM, cell_at};
 use drive::Drive;
 use preset::Plan;
-use scan::{RECORD_BYTES, Scan};
-use scene::Window;
-use sink::{Batch, Sink};
-use street::{Cell, Street};
+use scan::{Job, Scan};
+use scene::{Placed, Window};
+use sink::Sink;
+use street::{IDS, Street};
 
 pub use preset::Preset;
 pub use scan::Scanner;
@@ -66,6 +65,9 @@ const SLICE_PULSES: u64 = 32_768;
 const ROUND: usize = 24;
 /// A window serves this stretch of chainage, metres.
 const STRETCH: f64 = 25.0;
+
+/// Shortest drive that comes back, metres.
+const LEAST_LOOP: f64 = 2.0 * STEM + 500.0;
 
 /// How far to drive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -121,38 +123,43 @@ impl Settings {
     }
 
     fn check(&self) -> Result<(), ConfigError> {
-        let scanner = &self.scanner;
-        let within = |key: &str, value: f64, low: f64, high: f64, unit: &str| {
-            let expected = format!("{low} to {high} {unit}").trim_end().to_owned();
-            if (low..=high).contains(&value) { Ok(()) } else { Err(ConfigError::value(key, value, expected)) }
-        };
-        within("heads", f64::from(scanner.heads), 1.0, 2.0, "")?;
-        within("pulse-rate", scanner.pulse_rate_hz, 1e3, 2e6, "Hz")?;
-        within("profiles", scanner.profiles_hz, 1.0, scanner.pulse_rate_hz / 36.0, "per second")?;
-        within("range", scanner.range_m, 10.0, 300.0, "m")?;
-        within("noise", scanner.noise_m, 0.0, 1.0, "m")?;
-        within("speed", self.speed_kmh.0, 1.0, 150.0, "km/h")?;
-        within("speed", self.speed_kmh.1, self.speed_kmh.0, 150.0, "km/h")?;
-        if let Some(every) = self.files_every_s {
-            within("files-every", every, 0.1, 1e6, "s")?;
-        }
+        let Self { scanner, speed_kmh: (slow, fast), .. } = self;
         // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
-        let least = if self.preset == Preset::Loop { 2.0 * STEM + 500.0 } else { 1.0 };
-        match self.extent {
-            Extent::Length(length) => within("length", length, least, 2e6, "m"),
-            Extent::Points(points) => within("points", points as f64, 1.0, 1e12, ""),
+        let least = if self.preset == Preset::Loop { LEAST_LOOP } else { 1.0 };
+        let extent = match self.extent {
+            Extent::Length(length) => ("length", length, least..=2e6, " m"),
+            Extent::Points(points) => ("points", points as f64, 1.0..=1e12, ""),
+        };
+        let ranges = [
+            ("heads", f64::from(scanner.heads), 1.0..=2.0, ""),
+            ("pulse-rate", scanner.pulse_rate_hz, 1e3..=2e6, " Hz"),
+            ("profiles", scanner.profiles_hz, 1.0..=scanner.pulse_rate_hz / 36.0, " per second"),
+            ("range", scanner.range_m, 10.0..=300.0, " m"),
+            ("noise", scanner.noise_m, 0.0..=1.0, " m"),
+            ("speed", *slow, 1.0..=150.0, " km/h"),
+            ("speed", *fast, *slow..=150.0, " km/h"),
+            ("files-every", self.files_every_s.unwrap_or(1.0), 0.1..=1e6, " s"),
+            extent,
+        ];
+        match ranges.into_iter().find(|(_, value, range, _)| !range.contains(value)) {
+            Some((key, value, range, unit)) => {
+                let expected = format!("{} to {}{unit}", range.start(), range.end());
+                Err(ConfigError::value(key, value, expected))
+            }
+            None => Ok(()),
         }
     }
 
-    /// Metres to drive: as asked for, or guessed from the number of points.
-    fn length(&self) -> f64 {
+    /// Metres and points after which the drive ends; a loop has a length, even if only points were asked for.
+    fn ends(&self) -> (Option<f64>, u64) {
         match self.extent {
-            Extent::Length(length) => length,
+            Extent::Length(length) => (Some(length), u64::MAX),
             Extent::Points(points) => {
-                // 0.65 to 0.85 of the pulses return, by preset; the loop must close whatever the guess.
+                // 0.65 to 0.85 of the pulses return, by preset.
                 let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.75;
                 let speed = (self.speed_kmh.0 + self.speed_kmh.1) / 7.2;
-                (points as f64 / rate * speed).max(2.0 * STEM + 500.0)
+                let length = (points as f64 / rate * speed).max(LEAST_LOOP);
+                ((self.preset == Preset::Loop).then_some(length), points)
             }
         }
     }
@@ -205,155 +212,95 @@ pub fn generate(
 struct Run<'a> {
     settings: &'a Settings,
     street: Street,
-    scan: Scan,
-    cells: BTreeMap<usize, Arc<Cell>>,
+    drive: Drive,
+    scan: Scan<'a>,
+    /// The cells within range.
+    cells: BTreeMap<usize, Vec<Placed>>,
     /// The window of the last slice that was planned, by its stretch.
-    window: Option<(i64, Arc<Stage>)>,
-    /// Objects of cells that are new since the last round.
-    fresh: Vec<(usize, u32, Vec<street::Object>)>,
-}
-
-/// A window with its axis.
-struct Stage {
-    window: Window,
-    frames: Vec<Frame>,
-    lowest: usize,
-}
-
-/// A slice to be traced.
-struct Job {
-    stage: Arc<Stage>,
-    from: u64,
-    to: u64,
+    window: Option<(i64, Arc<Window>)>,
 }
 
 impl<'a> Run<'a> {
     fn new(settings: &'a Settings) -> Self {
-        let plan = Plan { preset: settings.preset, seed: settings.seed };
-        let loop_drive = (settings.preset == Preset::Loop).then(|| settings.length());
-        let street = Street::new(plan, loop_drive);
-        let speed = (settings.speed_kmh.0 / 3.6, settings.speed_kmh.1 / 3.6);
-        let drive = Drive::new(plan, street.axis.land, street.axis.street_length(), speed);
-        let scan = Scan::new(settings.scanner.clone(), drive, settings.seed, settings.files_every_s);
-        Self { settings, street, scan, cells: BTreeMap::new(), window: None, fresh: Vec::new() }
+        let plan = Plan::new(settings.preset, settings.seed);
+        let street = Street::new(plan, settings.ends().0.filter(|_| settings.preset == Preset::Loop));
+        let drive = Drive::new(plan, street.axis.end(), settings.speed_kmh);
+        let scan = Scan::new(settings);
+        Self { settings, street, drive, scan, cells: BTreeMap::new(), window: None }
     }
 
     fn drive(
         mut self,
-        mut sink: Sink,
+        mut sink: Sink<'_>,
         progress: &mut (dyn FnMut(Progress) + Send),
     ) -> Result<Summary, Error> {
-        let profile_s = self.settings.scanner.profile_s();
-        let limit = match self.settings.extent {
-            Extent::Points(points) => points,
-            Extent::Length(_) => u64::MAX,
-        };
-        let bounded = limit == u64::MAX || self.settings.preset == Preset::Loop;
-        let length = self.settings.length();
-        let profiles =
-            if bounded { (self.scan.drive.time(length) / profile_s).ceil() as u64 } else { u64::MAX };
-        let per_slice =
-            (SLICE_PULSES / self.scan.scanner.pulses() / u64::from(self.scan.scanner.heads)).max(1);
+        let scanner = &self.settings.scanner;
+        let (length, limit) = self.settings.ends();
+        let profile_s = self.scan.time(1, 0, 0);
+        let profiles = length.map_or(u64::MAX, |end| (self.drive.time(end) / profile_s).ceil() as u64);
+        let per_slice = (SLICE_PULSES / scanner.pulses() / u64::from(scanner.heads)).max(1);
 
-        let (mut next, mut points, mut batch) = (0, 0u64, Batch::default());
+        let (mut next, mut points, mut driven_m) = (0, 0, 0.0);
+        let (mut batch, mut lowest) = (Vec::new(), 0);
         while next < profiles && points < limit {
             let mut jobs = Vec::with_capacity(ROUND);
             while jobs.len() < ROUND && next < profiles {
                 let to = (next + per_slice).min(profiles);
-                jobs.push(Job { stage: self.stage(next), from: next, to });
+                jobs.push(self.job(next, to));
                 next = to;
             }
             let scan = &self.scan;
-            let trace = |job: &Job| scan.trace(&job.stage.window, &job.stage.frames, job.from, job.to);
             // The files of the last round are written while this one is traced.
-            let (written, mut slices) =
-                rayon::join(|| sink.write(batch), || jobs.par_iter().map(trace).collect::<Vec<_>>());
+            let (written, slices) = rayon::join(
+                || sink.write(std::mem::take(&mut batch), lowest),
+                || jobs.par_iter().map(|job| scan.trace(job, limit)).collect::<Vec<_>>(),
+            );
             written?;
-            for (index, slice) in slices.iter().enumerate() {
-                let whole = points + (slice.records.len() / RECORD_BYTES) as u64;
-                if whole >= limit {
-                    let enough = slice.ends.iter().position(|end| points + *end as u64 >= limit);
-                    let to = jobs[index].from + enough.unwrap_or(slice.ends.len()) as u64 + 1;
-                    let last = Job { stage: Arc::clone(&jobs[index].stage), from: jobs[index].from, to };
-                    let last = trace(&last);
-                    points += (last.records.len() / RECORD_BYTES) as u64;
-                    slices.truncate(index);
-                    slices.push(last);
-                    next = to;
+            for (job, slice) in jobs.iter().zip(slices) {
+                let left = limit - points;
+                let last = slice.records.len() as u64 >= left;
+                let slice = if last { scan.trace(job, left) } else { slice };
+                (next, points) = (slice.to, points + slice.records.len() as u64);
+                batch.push(slice);
+                if last {
                     break;
                 }
-                points = whole;
             }
-            let lowest = jobs.iter().map(|job| job.stage.lowest).min().unwrap_or(0);
             // A street that closes comes back to its first cells.
-            let lowest = if self.street.axis.closes() { 0 } else { lowest };
-            batch = Batch { slices, cells: std::mem::take(&mut self.fresh), lowest };
-            let driven_m = self.scan.drive.distance(next as f64 * profile_s);
-            let share = if bounded { next as f64 / profiles as f64 } else { points as f64 / limit as f64 };
+            let first = self.cells.keys().next().filter(|_| self.street.axis.end().is_infinite());
+            lowest = first.map_or(0, |cell| *cell as u32 * IDS);
+            driven_m = self.drive.distance(scan.time(next, 0, 0));
+            let share = (next as f64 / profiles as f64).max(points as f64 / limit as f64);
             progress(Progress { points, driven_m, share: share.min(1.0) });
         }
-        sink.write(batch)?;
-        let driven = self.scan.drive.distance(next as f64 * profile_s);
-        Ok(sink.finish(driven, self.description())?)
+        sink.write(batch, lowest)?;
+        Ok(sink.finish(driven_m)?)
     }
 
-    /// The scene within range at the start of profile `profile`.
-    fn stage(&mut self, profile: u64) -> Arc<Stage> {
-        let t = profile as f64 * self.scan.scanner.profile_s();
-        let place = self.scan.drive.place(t);
-        let stretch = (place.s / STRETCH).floor() as i64;
-        if let Some((key, stage)) = &self.window
-            && *key == stretch
-        {
-            return Arc::clone(stage);
-        }
-        let stage = Arc::new(self.build_stage(place.s));
-        self.window = Some((stretch, Arc::clone(&stage)));
-        stage
+    /// The profiles `from..to`, and what there is about them.
+    fn job(&mut self, from: u64, to: u64) -> Job {
+        let [start, end] = [from, to].map(|profile| self.scan.time(profile, 0, 0));
+        let track = self.drive.track(&mut self.street.axis, start, end);
+        let (s, _) = self.drive.place(start);
+        let stretch = (s / STRETCH).floor() as i64;
+        let window = match self.window.take() {
+            Some((last, window)) if last == stretch => window,
+            _ => Arc::new(self.within_range(s)),
+        };
+        self.window = Some((stretch, Arc::clone(&window)));
+        Job { window, track, from, to }
     }
 
-    fn build_stage(&mut self, s: f64) -> Stage {
+    /// The scene within range of chainage `s`.
+    fn within_range(&mut self, s: f64) -> Window {
         // Half a stretch, half a cell, and what overhangs: objects belong to the cell of their middle.
         let reach = self.settings.scanner.range_m + STRETCH + CELL * 0.5 + 20.0;
-        let here = (s / CELL).max(0.0) as usize;
-        let start = self.street.axis.frame(here).at(s);
-        let cells = match self.street.axis.street_length() {
-            Some(length) => 0..(length / CELL).ceil() as usize,
-            None => here.saturating_sub((reach / CELL) as usize + 1)..here + (reach / CELL) as usize + 2,
-        };
-        let near: Vec<usize> = cells
-            .filter(|cell| {
-                let middle = self.street.axis.frame(*cell).at((*cell as f64 + 0.5) * CELL);
-                (middle.x - start.x).hypot(middle.y - start.y) < reach
-            })
-            .collect();
+        let near = self.street.axis.near(s, reach);
         self.cells.retain(|cell, _| near.contains(cell));
-        let cells: Vec<Arc<Cell>> = near.iter().map(|cell| self.cell(*cell)).collect();
-        Stage {
-            window: Street::window(&cells),
-            frames: cells.iter().map(|cell| cell.frame.clone()).collect(),
-            lowest: near.first().copied().unwrap_or(0),
+        for cell in near {
+            self.cells.entry(cell).or_insert_with(|| self.street.cell(cell));
         }
-    }
-
-    fn cell(&mut self, index: usize) -> Arc<Cell> {
-        if let Some(cell) = self.cells.get(&index) {
-            return Arc::clone(cell);
-        }
-        let cell = Arc::new(self.street.cell(index));
-        self.cells.insert(index, Arc::clone(&cell));
-        self.fresh.push((index, cell.first_id, cell.objects.clone()));
-        cell
-    }
-
-    /// What the scene was made from.
-    fn description(&self) -> serde_json::Value {
-        serde_json::json!({
-            "generator": "chainage synth",
-            "version": env!("CARGO_PKG_VERSION"),
-            "crs": "EPSG:25832",
-            "lead_m": LEAD,
-            "settings": self.settings,
-        })
+        let place = self.street.axis.frame(cell_at(s)).at(s).point;
+        Window::new(place.extend(0.0), self.cells.values().flatten())
     }
 }

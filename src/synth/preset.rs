@@ -6,12 +6,14 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-use super::axis::{CELL, LEAD, Terrain};
-use super::ground::{Section, Station};
+use super::axis::{CELL, Frame, LEAD, Land, cell_at};
+use super::ground::Section;
 use super::random::Random;
+use super::scan::Scanner;
+use super::shipped;
 
 /// A kind of street.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// Houses with gardens, two tree rows, lamp posts and overhead wires between the crowns.
@@ -36,22 +38,7 @@ impl Preset {
     /// Name on the command line and in file names.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Suburb => "suburb",
-            Self::Downtown => "downtown",
-            Self::Avenue => "avenue",
-            Self::Highway => "highway",
-            Self::Mixed => "mixed",
-            Self::Loop => "loop",
-        }
-    }
-
-    /// How winding and how hilly the land is; where streets change, it is that of a suburb.
-    pub(super) fn terrain(self) -> Terrain {
-        match self {
-            Self::Mixed | Self::Loop => LAYOUTS.suburb.terrain,
-            other => Plan { preset: other, seed: 0 }.layout(0).terrain,
-        }
+        ["suburb", "downtown", "avenue", "highway", "mixed", "loop"][self as usize]
     }
 }
 
@@ -61,32 +48,92 @@ impl fmt::Display for Preset {
     }
 }
 
-/// A row of things along both sides.
+/// What all things of a kind have in common; the kind is what stands in front of the underscore of a name.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Kind {
+    /// Class code, as in the labelled scenes.
+    pub(super) class: u8,
+    /// Distance kept from other things, metres.
+    pub(super) radius: f64,
+    /// Range of the angle by which models are turned from facing away from the road, degrees.
+    pub(super) turn: (f32, f32),
+    /// Share by which models are wider or narrower, taller or shorter.
+    pub(super) varies: f32,
+    /// Whether it is inclined with the ground along it.
+    pub(super) inclined: bool,
+    /// Whether it cannot stand on a bridge.
+    pub(super) rooted: bool,
+    /// Whether wires lead from one to the next.
+    pub(super) wired: bool,
+    /// How many places of a row in succession are taken together or not at all, if more than one.
+    pub(super) together: u64,
+    /// For what stands as a line of pieces: share of the pieces that may be missing at its end.
+    pub(super) gap: Option<f32>,
+}
+
+/// A row of things along the street.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Row {
-    /// Kinds to choose from.
-    pub(super) kinds: Vec<String>,
-    pub(super) line: Line,
+    /// Names of kinds, or of groups of them, to choose from.
+    kinds: Vec<String>,
+    line: Line,
     /// Distance from the line outwards, metres.
-    pub(super) out: f64,
-    /// Distance along the axis, metres, and how much of it is random.
+    out: f64,
+    /// Distance of the places along the axis, metres, where they begin, and how much of it is random.
     pub(super) every: f64,
+    #[serde(default)]
+    pub(super) from: f64,
+    #[serde(default)]
     pub(super) jitter: f64,
     /// Share of the places that are taken.
     pub(super) share: f32,
+    /// Whether it stands on the left only.
+    #[serde(default)]
+    pub(super) once: bool,
+    pub(super) only: Option<Only>,
 }
 
 /// A line of the cross-section.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Line {
-    /// The axis; a row there stands once, not on both sides.
+enum Line {
     Axis,
     /// The middle between lanes and kerb, where cars are parked.
     Parking,
     Kerb,
     Walk,
+}
+
+/// The only places where a row stands.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Only {
+    /// On bridges, piece by piece.
+    Bridge,
+    /// `from` metres in front of zebra crossings, one per cell.
+    Crossing,
+}
+
+impl Row {
+    /// The name of one of the kinds.
+    pub(super) fn pick(&self, random: &mut Random) -> &str {
+        let name = random.pick(&self.kinds);
+        TABLES.groups.get(name).map_or(name, |group| random.pick::<String>(group))
+    }
+
+    /// Distance from the axis, metres; `None` where the section has no room for the row.
+    pub(super) fn out(&self, section: &Section) -> Option<f64> {
+        let line = match self.line {
+            Line::Axis => 0.0,
+            Line::Parking if section.kerb - section.lanes < 1.9 => return None,
+            Line::Parking => (section.lanes + section.kerb) * 0.5,
+            Line::Kerb => section.kerb,
+            Line::Walk => section.walk,
+        };
+        Some(line + self.out)
+    }
 }
 
 /// Buildings along both sides; a lot is a whole fraction of a cell.
@@ -107,46 +154,35 @@ pub(super) struct Buildings {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Layout {
-    terrain: Terrain,
+    /// Amplitude and wave length of the bends (radians; metres) and of the hills (metres).
+    bends: (f64, f64),
+    hills: (f64, f64),
     pub(super) section: Section,
     pub(super) paved: bool,
     pub(super) buildings: Option<Buildings>,
     pub(super) rows: Vec<Row>,
-    pub(super) wires: bool,
-    /// Share of cells with a zebra crossing and signals on a gantry.
+    /// Share of cells with a zebra crossing.
     pub(super) crossing: f32,
-    /// Share of cells with an overpass or gantry of signs.
-    pub(super) overpass: f32,
     bridge_every: Option<f64>,
 }
 
 /// The tables of `presets.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Layouts {
+pub(super) struct Tables {
     /// Kinds that rows name together.
     groups: BTreeMap<String, Vec<String>>,
-    suburb: Layout,
-    downtown: Layout,
-    avenue: Layout,
-    highway: Layout,
+    pub(super) scanner: Scanner,
+    kinds: BTreeMap<String, Kind>,
+    streets: BTreeMap<Preset, Layout>,
 }
 
-#[expect(
-    clippy::expect_used,
-    reason = "the text is part of the program, and every test of a preset parses it"
-)]
-static LAYOUTS: LazyLock<Layouts> = LazyLock::new(|| {
-    let mut all: Layouts =
-        toml::from_str(include_str!("presets.toml")).expect("the shipped tables are valid");
-    let Layouts { groups, suburb, downtown, avenue, highway } = &mut all;
-    for row in [suburb, downtown, avenue, highway].into_iter().flat_map(|layout| &mut layout.rows) {
-        let kinds =
-            row.kinds.iter().map(|kind| groups.get(kind).cloned().unwrap_or_else(|| vec![kind.clone()]));
-        row.kinds = kinds.collect::<Vec<_>>().concat();
-    }
-    all
-});
+pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(|| shipped(include_str!("presets.toml")));
+
+/// What all things of a kind have in common.
+pub(super) fn kind(name: &str) -> &'static Kind {
+    &TABLES.kinds[name.split('_').next().unwrap_or(name)]
+}
 
 /// Cells in a row with one layout in the `mixed` preset: 350 m.
 const STRETCH: usize = 7;
@@ -156,54 +192,82 @@ const DIP: (f64, f64) = (32.0, 5.5);
 /// Which street there is at which chainage; a pure function of preset and seed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
-    pub(super) preset: Preset,
+    preset: Preset,
     pub(super) seed: u64,
+    pub(super) land: Land,
 }
 
 impl Plan {
+    pub(super) fn new(preset: Preset, seed: u64) -> Self {
+        // Where streets change, the land is that of a suburb.
+        let land = if matches!(preset, Preset::Mixed | Preset::Loop) { Preset::Suburb } else { preset };
+        let Layout { bends, hills, .. } = TABLES.streets[&land];
+        Self { preset, seed, land: Land::new(seed, bends, hills) }
+    }
+
     /// The layout of a cell.
     pub(super) fn layout(&self, cell: usize) -> &'static Layout {
-        match self.preset {
-            Preset::Suburb | Preset::Loop => &LAYOUTS.suburb,
-            Preset::Downtown => &LAYOUTS.downtown,
-            Preset::Avenue => &LAYOUTS.avenue,
-            Preset::Highway => &LAYOUTS.highway,
+        let street = match self.preset {
             Preset::Mixed => {
                 let stretch = cell / STRETCH;
                 // Every street of four stretches has each layout once, in an order of its own.
-                let mut order = [&LAYOUTS.suburb, &LAYOUTS.downtown, &LAYOUTS.avenue, &LAYOUTS.highway];
+                let mut order = [Preset::Suburb, Preset::Downtown, Preset::Avenue, Preset::Highway];
                 let mut random = Random::new(self.seed, 3, (stretch / 4) as u64);
                 for last in (1..4).rev() {
                     order.swap(last, (random.next() % (last as u64 + 1)) as usize);
                 }
                 order[stretch % 4]
             }
-        }
+            Preset::Loop => Preset::Suburb,
+            other => other,
+        };
+        &TABLES.streets[&street]
     }
 
-    /// The section at chainage `s`: that of the cell, blended from that of the cell before it over the first half.
-    fn section(&self, s: f64) -> Section {
-        let cell = (s / CELL).max(0.0) as usize;
-        let here = self.layout(cell).section;
-        let before = self.layout(cell.saturating_sub(1)).section;
-        before.between(&here, ((s - cell as f64 * CELL) / (CELL * 0.5)).clamp(0.0, 1.0))
-    }
-
-    /// Everything that shapes the ground at chainage `s`.
-    pub(super) fn station(&self, s: f64) -> Station {
-        let section = self.section(s);
-        let dip = self.bridge(s).map_or(0.0, |off| DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0));
+    /// The cross-section at chainage `s`: that of the cell, blended from that of the cell before it over the first
+    /// half.
+    pub(super) fn section(&self, s: f64) -> Section {
+        let cell = cell_at(s);
+        let [before, here] = [cell.saturating_sub(1), cell].map(|cell| self.layout(cell).section);
+        let mut section = before.between(here, ((s - cell as f64 * CELL) / (CELL * 0.5)).clamp(0.0, 1.0));
+        section.dip = self.bridge(s).map_or(0.0, |off| DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0));
         let wave = |length: f64, phase: f64| (s / length + phase).sin();
         let phase = (self.seed % 1_000) as f64;
-        let slope = |turn: f64| section.slopes * (wave(46.0, phase + turn) + 0.5 * wave(19.0, turn * 3.0));
-        Station { section, dip, slopes: [slope(0.0), slope(2.1)] }
+        section.rise =
+            [0.0, 2.1].map(|turn| section.slopes * (wave(46.0, phase + turn) + 0.5 * wave(19.0, turn * 3.0)));
+        section
+    }
+
+    /// Height of the ground at chainage `s` and `offset` (left positive) from the axis in `frame`.
+    pub(super) fn height(&self, frame: &Frame, s: f64, offset: f64) -> f64 {
+        self.section(s).height(&self.land, frame.at(s), offset)
     }
 
     /// Distance along the axis to the middle of a bridge, if `s` is over its dip.
-    pub(super) fn bridge(&self, s: f64) -> Option<f64> {
-        let every = self.layout((s / CELL).max(0.0) as usize).bridge_every?;
+    fn bridge(&self, s: f64) -> Option<f64> {
+        let every = self.layout(cell_at(s)).bridge_every?;
         // The first bridge stands well within the drive.
         let off = (s - LEAD - every * 0.4 + every * 0.5).rem_euclid(every) - every * 0.5;
         (off.abs() < DIP.0).then_some(off)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::things;
+    use super::*;
+
+    #[test]
+    fn whatever_rows_name_has_models_and_is_of_a_kind() {
+        let models = things::models(1);
+        for row in TABLES.streets.values().flat_map(|layout| &layout.rows) {
+            for name in &row.kinds {
+                let names = TABLES.groups.get(name).cloned().unwrap_or_else(|| vec![name.clone()]);
+                for name in names {
+                    assert!(models.contains_key(&name), "there is no model of {name}");
+                    assert!(kind(&name).class > 1, "{name} is noise or ground");
+                }
+            }
+        }
     }
 }

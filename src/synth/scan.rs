@@ -3,20 +3,19 @@
 //! A slice is a pure function of (settings, seed, window, profiles): slices may be traced by any thread.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
-use glam::{DVec3, Vec3A};
-use serde::Serialize;
+use bytemuck::{Pod, Zeroable};
+use glam::{DMat4, DVec3, IVec3, Vec3A};
+use serde::{Deserialize, Serialize};
 
-use super::axis::{CELL, Frame};
-use super::drive::{Drive, Pose};
+use super::Settings;
+use super::drive::{Pose, Track};
+use super::preset::TABLES;
 use super::random::Random;
-use super::scene::{Hit, Window};
-use super::truth::Tally;
+use super::scene::{Hit, Owner, Window};
+use super::street::Object;
 
-/// Bytes of a record: point format 6 with `gt_instance` and `gt_class`.
-pub(super) const RECORD_BYTES: usize = 35;
-/// Poses per second; in between they are interpolated, so that the trajectory file says all there is.
-pub(super) const POSES_HZ: f64 = 100.0;
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
 /// Heads of a pair look backwards and outwards: azimuth of the axis of rotation from straight back, and its
@@ -38,7 +37,8 @@ const FAINTEST: f32 = 0.06;
 
 /// The scanner; the defaults are close to a RIEGL VMX-450 (two VQ-450 heads of 550 kHz and 200 profiles/s, 8 mm
 /// accuracy, 0.3 mrad).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Scanner {
     /// Profile heads, 1 or 2.
     pub heads: u8,
@@ -58,15 +58,7 @@ pub struct Scanner {
 
 impl Default for Scanner {
     fn default() -> Self {
-        Self {
-            heads: 2,
-            pulse_rate_hz: 550_000.0,
-            profiles_hz: 200.0,
-            range_m: 100.0,
-            noise_m: 0.005,
-            divergence_mrad: 0.3,
-            strays: 0.000_14,
-        }
+        TABLES.scanner.clone()
     }
 }
 
@@ -76,9 +68,9 @@ impl Scanner {
         (self.pulse_rate_hz / self.profiles_hz).round().max(1.0) as u64
     }
 
-    /// Duration of a profile, seconds.
-    pub(super) fn profile_s(&self) -> f64 {
-        self.pulses() as f64 / self.pulse_rate_hz
+    /// Diameter of the beam at a range, metres.
+    fn beam(&self, range: f32) -> f32 {
+        0.004 + range * self.divergence_mrad as f32 * 1e-3
     }
 }
 
@@ -116,158 +108,191 @@ struct Echo {
     intensity: u16,
 }
 
+/// A point record of format 6 (LAS 1.4 R15, table 16) with `gt_instance` and `gt_class`, on a little-endian machine.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C, packed)]
+pub(super) struct Record {
+    /// Millimetres from the street's origin.
+    steps: [i32; 3],
+    intensity: u16,
+    /// Return number and number of returns.
+    returns: u8,
+    /// Scanner channel.
+    flags: u8,
+    classification: u8,
+    user_data: u8,
+    /// Scan angle in steps of 0.006 degrees.
+    angle: i16,
+    /// Point source: the number of the file.
+    pub(super) file: u16,
+    gps_time: f64,
+    instance: u32,
+    class: u8,
+}
+
+const _: () = assert!(cfg!(target_endian = "little"), "records are written as they are in memory");
+
+/// Points of an object: how many, and the box around them in steps of 1 mm from the street's origin.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tally {
+    pub(super) points: u64,
+    pub(super) low: IVec3,
+    pub(super) high: IVec3,
+}
+
+impl Tally {
+    pub(super) const NONE: Self = Self { points: 0, low: IVec3::MAX, high: IVec3::MIN };
+
+    fn add(&mut self, steps: IVec3) {
+        *self = self.with(Self { points: 1, low: steps, high: steps });
+    }
+
+    /// Both together.
+    pub(super) fn with(self, other: Self) -> Self {
+        let points = self.points + other.points;
+        Self { points, low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+}
+
+/// A slice of time to be traced: profiles `from..to` of all heads.
+pub(super) struct Job {
+    pub(super) window: Arc<Window>,
+    pub(super) track: Track,
+    pub(super) from: u64,
+    pub(super) to: u64,
+}
+
 /// What a slice of time gave.
 #[derive(Debug)]
 pub(super) struct Slice {
-    pub(super) records: Vec<u8>,
-    /// Records up to the end of every profile.
-    pub(super) ends: Vec<usize>,
-    /// Points by object.
-    pub(super) tallies: Vec<(u32, Tally)>,
-    /// Poses of the slice, each with its number.
-    pub(super) poses: Vec<(u64, Pose)>,
-}
-
-/// Poses about a slice, ready to be interpolated.
-struct Track {
-    first: u64,
-    nodes: Vec<(DVec3, [DVec3; 3])>,
-}
-
-impl Track {
-    /// Position and columns between the two poses about time `t`.
-    fn at(&self, t: f64) -> (DVec3, [DVec3; 3]) {
-        let along = t * POSES_HZ - self.first as f64;
-        let index = (along as usize).min(self.nodes.len() - 2);
-        let w = along - index as f64;
-        let (a, b) = (&self.nodes[index], &self.nodes[index + 1]);
-        (a.0.lerp(b.0, w), [0, 1, 2].map(|i| a.1[i].lerp(b.1[i], w)))
-    }
+    /// The profile after the last one that was traced.
+    pub(super) to: u64,
+    pub(super) records: Vec<Record>,
+    pub(super) tallies: Vec<(Arc<Object>, Tally)>,
+    pub(super) poses: Vec<Pose>,
 }
 
 /// Everything that does not change during a drive.
-pub(super) struct Scan {
-    pub(super) scanner: Scanner,
-    pub(super) drive: Drive,
-    seed: u64,
+pub(super) struct Scan<'a> {
+    settings: &'a Settings,
     heads: Vec<Head>,
-    files_every_s: f64,
 }
 
-impl Scan {
-    pub(super) fn new(scanner: Scanner, drive: Drive, seed: u64, files_every_s: Option<f64>) -> Self {
-        let pulses = scanner.pulses();
-        let heads = (0..scanner.heads).map(|number| Head::new(number, scanner.heads, pulses)).collect();
-        Self { scanner, drive, seed, heads, files_every_s: files_every_s.unwrap_or(f64::INFINITY) }
+impl<'a> Scan<'a> {
+    pub(super) fn new(settings: &'a Settings) -> Self {
+        let Scanner { heads, .. } = settings.scanner;
+        let pulses = settings.scanner.pulses();
+        Self { settings, heads: (0..heads).map(|number| Head::new(number, heads, pulses)).collect() }
     }
 
     /// Time of a pulse, seconds since the start; the second head fires half a pulse later.
-    fn time(&self, profile: u64, pulse: u64, head: usize) -> f64 {
-        let count = profile * self.scanner.pulses() + pulse;
-        (count as f64 + head as f64 / self.heads.len() as f64) / self.scanner.pulse_rate_hz
+    pub(super) fn time(&self, profile: u64, pulse: u64, head: usize) -> f64 {
+        let Scanner { pulse_rate_hz, .. } = self.settings.scanner;
+        let count = profile * self.settings.scanner.pulses() + pulse;
+        (count as f64 + head as f64 / self.heads.len() as f64) / pulse_rate_hz
     }
 
-    /// Traces the profiles `from..to` of all heads in `window`; `frames` are the cells of the axis in it.
-    pub(super) fn trace(&self, window: &Window, frames: &[Frame], from: u64, to: u64) -> Slice {
-        let (t0, t1) = (self.time(from, 0, 0), self.time(to, 0, 0));
-        let first = (t0 * POSES_HZ).floor() as u64;
-        let last = (t1 * POSES_HZ).floor() as u64 + 2;
-        let poses: Vec<(u64, Pose)> = (first..=last)
-            .map(|number| {
-                let t = number as f64 / POSES_HZ;
-                let cell = (self.drive.place(t).s / CELL).max(0.0) as usize;
-                let frame = frames.iter().min_by_key(|frame| frame.cell.abs_diff(cell));
-                (number, frame.map(|frame| self.drive.pose(t, frame)))
-            })
-            .filter_map(|(number, pose)| Some((number, pose?)))
-            .collect();
-        let nodes = poses
-            .iter()
-            .map(|(_, pose)| (DVec3::from(pose.position), pose.columns().map(DVec3::from)))
-            .collect();
-        let track = Track { first, nodes };
-
-        let mut tracer = Tracer::new(self, window);
-        let mut ends = Vec::with_capacity((to - from) as usize);
-        for profile in from..to {
-            for pulse in 0..self.scanner.pulses() {
+    /// Traces the profiles of a job until there are `enough` points.
+    pub(super) fn trace(&self, job: &Job, enough: u64) -> Slice {
+        let mut tracer = Tracer {
+            scan: self,
+            window: &job.window,
+            records: Vec::new(),
+            tallies: vec![Tally::NONE; job.window.items.len()],
+            before: [None; 2],
+            echoes: Vec::new(),
+        };
+        let mut to = job.from;
+        while to < job.to && (tracer.records.len() as u64) < enough {
+            for pulse in 0..self.settings.scanner.pulses() {
                 for head in 0..self.heads.len() {
-                    tracer.pulse(&track, profile, pulse, head);
+                    tracer.pulse(&job.track, to, pulse, head);
                 }
             }
-            ends.push(tracer.records.len() / RECORD_BYTES);
+            to += 1;
         }
-        let own = |number: &u64| (t0..t1).contains(&(*number as f64 / POSES_HZ));
-        let poses = poses.into_iter().filter(|(number, _)| own(number)).collect();
-        let tallies = tracer.tallies.into_iter().zip(&window.items);
-        let tallies = tallies.filter(|(tally, item)| item.id > 0 && tally.points > 0);
-        Slice {
-            records: tracer.records,
-            ends,
-            tallies: tallies.map(|(tally, item)| (item.id, tally)).collect(),
-            poses,
-        }
+        let time = self.time(job.from, 0, 0)..self.time(to, 0, 0);
+        let poses = job.track.poses.iter().filter(|pose| time.contains(&pose.t)).copied().collect();
+        let tallies = tracer.tallies.into_iter().zip(&job.window.items);
+        let tallies = tallies.filter_map(|(tally, item)| match &item.owner {
+            Owner::Object(object) if tally.points > 0 => Some((Arc::clone(object), tally)),
+            _ => None,
+        });
+        Slice { to, records: tracer.records, tallies: tallies.collect(), poses }
     }
 }
 
 /// The state of a slice while it is traced.
 struct Tracer<'a> {
-    scan: &'a Scan,
+    scan: &'a Scan<'a>,
     window: &'a Window,
-    records: Vec<u8>,
+    records: Vec<Record>,
+    /// Points by item of the window.
     tallies: Vec<Tally>,
     /// First echo of the previous pulse of every head.
     before: [Option<Echo>; 2],
     echoes: Vec<Echo>,
 }
 
-impl<'a> Tracer<'a> {
-    fn new(scan: &'a Scan, window: &'a Window) -> Self {
-        let tallies = vec![Tally::default(); window.items.len()];
-        Self { scan, window, records: Vec::new(), tallies, before: [None; 2], echoes: Vec::new() }
-    }
-
+impl Tracer<'_> {
     fn pulse(&mut self, track: &Track, profile: u64, pulse: u64, number: usize) {
-        let scan = self.scan;
+        let (scan, scanner) = (self.scan, &self.scan.settings.scanner);
         let t = scan.time(profile, pulse, number);
         let head = &scan.heads[number];
-        let (position, columns) = track.at(t);
-        let turn = |v: DVec3| columns[0] * v.x + columns[1] * v.y + columns[2] * v.z;
+        let vehicle: DMat4 = track.at(t);
         // The mirror is not locked to the laser: every profile starts at another fraction of a step.
-        let step = TAU / scan.scanner.pulses() as f64;
+        let step = TAU / scanner.pulses() as f64;
         let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
         let [body, turning] = head.pulses[pulse as usize];
-        let direction = turn(body + turning * (phase * step)).normalize();
+        let direction = vehicle.transform_vector3(body + turning * (phase * step)).normalize();
         let angle = (((pulse as f64 + phase) * step - PI).to_degrees() / 0.006).round() as i16;
-        let origin = position + turn(head.lever) - DVec3::from(self.window.origin);
-        let count = profile * scan.scanner.pulses() + pulse;
-        let mut random = Random::new(scan.seed, 20 + number as u64, count);
+        let origin = vehicle.transform_point3(head.lever) - self.window.origin;
+        let count = profile * scanner.pulses() + pulse;
+        let mut random = Random::new(scan.settings.seed, 20 + number as u64, count);
 
         self.echoes.clear();
         self.listen(origin.as_vec3a(), direction.as_vec3a(), &mut random);
         let first = self.echoes.first().copied();
         self.edge(number, &mut random);
         self.before[number] = first;
-        if random.chance(scan.scanner.strays as f32) {
+        if random.chance(scanner.strays as f32) {
             self.stray(&mut random);
         }
-        let total = self.echoes.len().min(ECHOES);
-        for index in 0..total {
+        self.echoes.truncate(ECHOES);
+        for index in 0..self.echoes.len() {
             let echo = self.echoes[index];
-            let point = DVec3::from(self.window.origin) + origin + direction * f64::from(echo.range);
-            self.record(point, echo, [index + 1, total, number], angle, t);
+            let point = self.window.origin + origin + direction * f64::from(echo.range);
+            let file = t / scan.settings.files_every_s.unwrap_or(f64::INFINITY);
+            let mut record = Record {
+                steps: (point / 0.001).round().as_ivec3().to_array(),
+                intensity: echo.intensity,
+                returns: (index + 1) as u8 | (self.echoes.len() as u8) << 4,
+                flags: (number as u8) << 4,
+                angle,
+                // After 65,535 files, as many as the field can tell apart, the last one goes on.
+                file: file.min(65_534.0) as u16 + 1,
+                gps_time: START_TIME + t,
+                ..Record::zeroed()
+            };
+            if let Some(item) = echo.item {
+                (record.instance, record.class) = match &self.window.items[item as usize].owner {
+                    Owner::Object(object) => (object.id, object.class),
+                    Owner::Ground(_) => (0, 1),
+                };
+                self.tallies[item as usize].add(record.steps.into());
+            }
+            self.records.push(record);
         }
     }
 
     /// The echoes of the surfaces along the beam.
     fn listen(&mut self, origin: Vec3A, direction: Vec3A, random: &mut Random) {
-        let scanner = &self.scan.scanner;
+        let scanner = &self.scan.settings.scanner;
         let far = scanner.range_m as f32;
         // Nothing nearer than this: the vehicle itself is there.
         let mut near = 1.2;
         while self.echoes.len() < ECHOES {
             let Some(hit) = self.window.hit(origin, direction, near, far) else { return };
-            let beam = 0.004 + hit.t * scanner.divergence_mrad as f32 * 1e-3;
             let (echo, rim) = self.echo(&hit, origin, direction, random);
             if let Some(echo) = echo {
                 match self.echoes.last_mut() {
@@ -279,7 +304,7 @@ impl<'a> Tracer<'a> {
                 }
             }
             // The part of the beam that passes the rim of a leaf goes on.
-            if rim > beam {
+            if rim > scanner.beam(hit.t) {
                 return;
             }
             near = hit.t + 0.02;
@@ -288,10 +313,12 @@ impl<'a> Tracer<'a> {
 
     /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit.
     fn echo(&self, hit: &Hit, o: Vec3A, d: Vec3A, random: &mut Random) -> (Option<Echo>, f32) {
-        let scanner = &self.scan.scanner;
+        let scanner = &self.scan.settings.scanner;
         let (surface, point) = self.window.surface(hit, o, d);
-        let item = &self.window.items[hit.item as usize];
-        let material = item.ground.as_ref().map_or(surface.material, |ground| ground.material(point));
+        let material = match &self.window.items[hit.item as usize].owner {
+            Owner::Ground(ground) => ground.material(point),
+            Owner::Object(_) => surface.material,
+        };
         let optics = material.optics();
         let cosine = d.dot(surface.normal.into()).abs().max(0.02);
         let reflectance = optics.reflectance * (1.0 + optics.speckle * random.gauss()).max(0.2);
@@ -301,7 +328,7 @@ impl<'a> Tracer<'a> {
             return (None, surface.rim);
         }
         // Along the beam, the roughness of a surface and the footprint on it are stretched by the incidence.
-        let footprint = 0.5 * (0.004 + hit.t * scanner.divergence_mrad as f32 * 1e-3);
+        let footprint = 0.5 * scanner.beam(hit.t);
         let stretch = (1.0 / (cosine * cosine) - 1.0).sqrt().min(8.0);
         let spread = optics.roughness.hypot(footprint * stretch * 0.3);
         let range = hit.t + random.gauss() * spread.hypot(scanner.noise_m as f32);
@@ -315,64 +342,32 @@ impl<'a> Tracer<'a> {
     /// echoes. The chance is the share of the step between two pulses that the footprint covers.
     fn edge(&mut self, head: usize, random: &mut Random) {
         let (Some(first), Some(before)) = (self.echoes.first().copied(), self.before[head]) else { return };
-        let jump = before.range - first.range;
-        if jump.abs() < 0.05 || self.echoes.len() > 1 {
-            return;
-        }
-        let scanner = &self.scan.scanner;
-        let near = first.range.min(before.range);
-        let beam = 0.004 + near * scanner.divergence_mrad as f32 * 1e-3;
+        let (jump, near) = (before.range - first.range, before.range.min(first.range));
+        let scanner = &self.scan.settings.scanner;
         let step = near * (TAU / scanner.pulses() as f64) as f32;
-        if !random.chance((beam / step).min(0.5)) {
+        let alone = self.echoes.len() == 1 && jump.abs() >= 0.05;
+        if !alone || !random.chance((scanner.beam(near) / step).min(0.5)) {
             return;
         }
         if jump.abs() < SEPARATION {
             self.echoes[0].range += jump * random.unit();
-        } else if jump > 0.0 {
-            self.echoes.push(before);
         } else {
-            self.echoes.insert(0, before);
+            self.echoes.insert(usize::from(jump > 0.0), before);
         }
     }
 
     /// An echo of nothing: a bird, dust, a second reflection that seems to come from below the ground.
     fn stray(&mut self, random: &mut Random) {
+        let owner = |echo: &Echo| echo.item.map(|item| &self.window.items[item as usize].owner);
         let ground =
-            self.echoes.first().copied().filter(|echo| {
-                echo.item.is_some_and(|item| self.window.items[item as usize].ground.is_some())
-            });
+            self.echoes.first().copied().filter(|echo| matches!(owner(echo), Some(Owner::Ground(_))));
         let range = match ground {
             Some(echo) if random.chance(0.4) => echo.range + random.range(0.3, 3.0),
             Some(echo) => random.range(1.5, echo.range.max(2.0)),
-            None => random.range(2.0, self.scan.scanner.range_m as f32 * 0.5),
+            None => random.range(2.0, self.scan.settings.scanner.range_m as f32 * 0.5),
         };
         self.echoes.clear();
         self.echoes.push(Echo { range, item: None, intensity: random.range(40.0, 900.0) as u16 });
-    }
-
-    fn record(&mut self, point: DVec3, echo: Echo, [nth, total, head]: [usize; 3], angle: i16, t: f64) {
-        let steps = (point / 0.001).round();
-        let (id, class) = echo.item.map_or((0, 0), |item| {
-            self.tallies[item as usize].add(steps.as_ivec3().to_array());
-            let item = &self.window.items[item as usize];
-            (item.id, item.class)
-        });
-        // LAS 1.4 R15, table 16.
-        let mut record = [0u8; RECORD_BYTES];
-        record[0..4].copy_from_slice(&(steps.x as i32).to_le_bytes());
-        record[4..8].copy_from_slice(&(steps.y as i32).to_le_bytes());
-        record[8..12].copy_from_slice(&(steps.z as i32).to_le_bytes());
-        record[12..14].copy_from_slice(&echo.intensity.to_le_bytes());
-        record[14] = (nth as u8) | ((total as u8) << 4);
-        record[15] = (head as u8) << 4;
-        record[18..20].copy_from_slice(&angle.to_le_bytes());
-        // After 65,535 files, as many as the field can tell apart, the last one goes on.
-        let file = (t / self.scan.files_every_s).min(65_534.0) as u16 + 1;
-        record[20..22].copy_from_slice(&file.to_le_bytes());
-        record[22..30].copy_from_slice(&(START_TIME + t).to_le_bytes());
-        record[30..34].copy_from_slice(&id.to_le_bytes());
-        record[34] = class;
-        self.records.extend_from_slice(&record);
     }
 }
 
@@ -392,8 +387,9 @@ mod tests {
 
     #[test]
     fn the_rates_of_the_default_are_those_of_the_data_sheet() {
-        let scanner = Scanner::default();
-        assert_eq!(scanner.pulses(), 2_750);
-        assert!((scanner.profile_s() - 0.005).abs() < 1e-12);
+        let settings = Settings::new(super::super::Preset::Suburb);
+        assert_eq!(settings.scanner.pulses(), 2_750);
+        let scan = Scan::new(&settings);
+        assert!((scan.time(1, 0, 0) - 0.005).abs() < 1e-12);
     }
 }

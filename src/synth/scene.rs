@@ -7,7 +7,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use glam::{Affine3A, Vec3, Vec3A};
+use glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -16,6 +16,7 @@ use obvhs::ray::{Ray, RayHit};
 
 use super::ground::Ground;
 use super::shape::{MISS, Primitive, Surface};
+use super::street::Object;
 
 /// Primitives in a frame of their own, built once and placed often.
 pub(super) struct Model {
@@ -53,10 +54,18 @@ impl Model {
 #[derive(Clone)]
 pub(super) struct Placed {
     pub(super) model: Arc<Model>,
-    /// From the model's frame to the cell's.
-    pub(super) map: Affine3A,
-    /// Index of the object within its cell; `None` for the ground.
-    pub(super) object: Option<u32>,
+    /// Where the model's origin is, metres from the street's origin.
+    pub(super) at: DVec3,
+    /// How it is turned and stretched.
+    pub(super) turn: Mat3A,
+    pub(super) owner: Owner,
+}
+
+/// What a copy is a part of.
+#[derive(Debug, Clone)]
+pub(super) enum Owner {
+    Ground(Arc<Ground>),
+    Object(Arc<Object>),
 }
 
 /// A copy within a window.
@@ -65,18 +74,13 @@ pub(super) struct Item {
     to_model: Affine3A,
     /// The box around the box of the model as it stands in the window.
     bounds: Aabb,
-    /// Number of the object in the drive, 0 for the ground.
-    pub(super) id: u32,
-    /// Class code of the object.
-    pub(super) class: u8,
-    /// The ground this item is, if it is ground.
-    pub(super) ground: Option<Arc<Ground>>,
+    pub(super) owner: Owner,
 }
 
 /// Everything within range of the scanner.
 pub(super) struct Window {
     /// World coordinates of the window's origin, relative to the street's.
-    pub(super) origin: [f64; 3],
+    pub(super) origin: DVec3,
     pub(super) items: Vec<Item>,
     bvh: Bvh2,
 }
@@ -91,18 +95,21 @@ pub(super) struct Hit {
 }
 
 impl Item {
-    /// A copy of `placed`, whose cell's origin is at `shift` in the window.
-    pub(super) fn new(placed: &Placed, shift: Vec3, id: u32, class: u8, ground: Option<Arc<Ground>>) -> Self {
-        let (model, to_window) = (Arc::clone(&placed.model), Affine3A::from_translation(shift) * placed.map);
+    /// A copy of `placed` in a window about `origin`.
+    fn new(placed: &Placed, origin: DVec3) -> Self {
+        let Placed { model, at, turn, owner } = placed.clone();
+        let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
         let middle = to_window.transform_point3a(model.bounds().center());
         let half = to_window.matrix3.abs() * (model.bounds().diagonal() * 0.5);
         let bounds = Aabb::new(middle - half, middle + half);
-        Self { model, to_model: to_window.inverse(), bounds, id, class, ground }
+        Self { model, to_model: to_window.inverse(), bounds, owner }
     }
 }
 
 impl Window {
-    pub(super) fn new(origin: [f64; 3], items: Vec<Item>) -> Self {
+    /// The scene of all copies, about `origin`.
+    pub(super) fn new<'a>(origin: DVec3, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
+        let items: Vec<Item> = placed.into_iter().map(|placed| Item::new(placed, origin)).collect();
         let boxes: Vec<Aabb> = items.iter().map(|item| item.bounds).collect();
         // A ray that meets a leaf is moved into the frame of every item there, so a leaf is one item.
         Self { origin, items, bvh: hierarchy(&boxes, 1) }
@@ -153,18 +160,19 @@ mod tests {
     fn a_placed_and_stretched_copy_is_hit_where_it_stands() {
         let block = Shape::Block(Vec3::splat(-1.0), Vec3::splat(1.0)).of(Material::Metal);
         let model = Arc::new(Model::new(vec![block]));
-        // Twice as high, turned by 90 degrees, 10 m to the east; in a cell 5 m north of the window's origin.
-        let map = Affine3A::from_translation(Vec3::X * 10.0)
-            * Affine3A::from_rotation_z(std::f32::consts::FRAC_PI_2)
-            * Affine3A::from_scale(Vec3::new(1.0, 1.0, 2.0));
-        let placed = Placed { model, map, object: Some(0) };
-        let window = Window::new([0.0; 3], vec![Item::new(&placed, Vec3::Y * 5.0, 7, 4, None)]);
+        // Twice as high, turned by 90 degrees, 10 m east and 5 m north of the window's origin.
+        let turn = Mat3A::from_rotation_z(std::f32::consts::FRAC_PI_2)
+            * Mat3A::from_diagonal(Vec3::new(1.0, 1.0, 2.0));
+        let object = Object { id: 7, class: 4, kind: "box", base: DVec3::ZERO, height: 2.0, s: 0.0 };
+        let at = DVec3::new(110.0, 5.0, 0.0);
+        let placed = Placed { model, at, turn, owner: Owner::Object(Arc::new(object)) };
+        let window = Window::new(DVec3::X * 100.0, vec![&placed]);
         let (o, d) = (Vec3A::new(10.0, 5.0, 10.0), Vec3A::NEG_Z);
         let hit = window.hit(o, d, 0.0, 100.0).unwrap();
         assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
         let (surface, point) = window.surface(&hit, o, d);
         assert!((surface.normal - Vec3::Z).length() < 1e-5 && (point.z - 1.0).abs() < 1e-5);
-        assert_eq!(window.items[hit.item as usize].id, 7);
+        assert!(matches!(&window.items[hit.item as usize].owner, Owner::Object(object) if object.id == 7));
         assert!(window.hit(o, d, 0.0, 7.9).is_none());
         assert!(window.hit(o, Vec3A::Z, 0.0, 100.0).is_none());
     }

@@ -1,42 +1,42 @@
 //! Where slices go, in order: the point files, the table of objects, the trajectory, the description of the scene.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
 
 use crate::output::descriptor::ExtraType;
 use crate::output::new_file::{ExtraDimension, NewFile, NewFileSchema};
 use crate::output::{OutputError, save};
+use crate::whole_file::WholeFile;
 
 use super::axis::LEAD;
-use super::scan::{RECORD_BYTES, Slice};
+use super::drive::Pose;
+use super::scan::{START_TIME, Slice, Tally};
 use super::street::Object;
-use super::truth::{Reference, Trajectory, WORLD};
-use super::{Settings, Summary};
+use super::{Preset, Settings, Summary};
 
-/// The slices of one round, and the cells that were made for them.
-#[derive(Debug, Default)]
-pub(super) struct Batch {
-    pub(super) slices: Vec<Slice>,
-    /// Cell, number of its first object, its objects.
-    pub(super) cells: Vec<(usize, u32, Vec<Object>)>,
-    /// No later slice sees a cell before this one.
-    pub(super) lowest: usize,
-}
+/// World coordinates of the street's origin: UTM zone 32 north, in the south of Germany.
+const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);
+/// Class codes by name, from 0, as in the labelled scenes.
+const CLASSES: [&str; 9] =
+    ["none", "ground", "tree", "pole", "car", "building", "fence_hedge_lowveg", "person_furniture", "wire"];
 
 /// The output folder while it is filled.
 #[derive(Debug)]
-pub(super) struct Sink {
-    folder: PathBuf,
-    prefix: &'static str,
-    compressed: bool,
+pub(super) struct Sink<'a> {
+    folder: &'a Path,
+    settings: &'a Settings,
     file: Option<(u16, NewFile)>,
-    files: u32,
-    points: u64,
-    reference: Reference,
-    trajectory: Trajectory,
-    /// Cells whose objects may get more points.
-    waiting: BTreeMap<usize, (u32, Vec<Object>)>,
-    length_m: f64,
+    /// One row per object with at least one point, in the order of their numbers.
+    reference: WholeFile,
+    /// One row per pose.
+    trajectory: WholeFile,
+    /// Objects that may get more points, by number.
+    seen: BTreeMap<u32, (Arc<Object>, Tally)>,
+    summary: Summary,
 }
 
 /// Makes sure `folder` is there and empty; with `force`, what an earlier run of this command left there is removed.
@@ -57,60 +57,60 @@ pub(super) fn prepare(folder: &Path, force: bool) -> Result<(), OutputError> {
 
 /// Whether this command writes files of that name.
 fn is_ours(name: &str) -> bool {
-    let name = name.strip_suffix(".part").unwrap_or(name);
-    if matches!(name, "reference.csv" | "trajectory.csv" | "scene.json") {
-        return true;
-    }
-    let stem = name.strip_suffix(".laz").or_else(|| name.strip_suffix(".las"));
-    let parts = stem.and_then(|stem| stem.rsplit_once('_'));
-    parts.is_some_and(|(preset, number)| {
-        super::Preset::ALL.iter().any(|known| known.name() == preset) && number.parse::<u16>().is_ok()
-    })
+    let (stem, end) = name.strip_suffix(".part").unwrap_or(name).rsplit_once('.').unwrap_or_default();
+    let points = |preset: &Preset| {
+        let number = stem.strip_prefix(preset.name()).and_then(|rest| rest.strip_prefix('_'));
+        number.is_some_and(|number| number.parse::<u16>().is_ok())
+    };
+    matches!((stem, end), ("reference" | "trajectory", "csv") | ("scene", "json"))
+        || matches!(end, "las" | "laz") && Preset::ALL.iter().any(points)
 }
 
-impl Sink {
-    pub(super) fn create(folder: &Path, settings: &Settings) -> Result<Self, OutputError> {
+impl<'a> Sink<'a> {
+    pub(super) fn create(folder: &'a Path, settings: &'a Settings) -> Result<Self, OutputError> {
+        let table = |name: &str, columns: &str| {
+            let path = folder.join(name);
+            let begun = WholeFile::create(&path).and_then(|mut to| writeln!(to, "{columns}").map(|()| to));
+            begun.map_err(|source| OutputError::Write { path, source })
+        };
         Ok(Self {
-            folder: folder.to_owned(),
-            prefix: settings.preset.name(),
-            compressed: settings.compressed,
+            folder,
+            settings,
             file: None,
-            files: 0,
-            points: 0,
-            reference: Reference::create(folder)?,
-            trajectory: Trajectory::create(folder)?,
-            waiting: BTreeMap::new(),
-            length_m: f64::INFINITY,
+            reference: table(
+                "reference.csv",
+                "instance,class,class_name,kind,base_x,base_y,base_z,xmin,ymin,zmin,xmax,ymax,zmax,n_points,height,\
+                 model_height,base_inside",
+            )?,
+            trajectory: table("trajectory.csv", "gps_time,x,y,z,roll,pitch,heading")?,
+            seen: BTreeMap::new(),
+            summary: Summary { points: 0, files: 0, objects: 0, length_m: f64::INFINITY },
         })
     }
 
-    /// Writes a round.
-    pub(super) fn write(&mut self, batch: Batch) -> Result<(), OutputError> {
-        for (cell, first, objects) in batch.cells {
-            self.waiting.insert(cell, (first, objects));
+    /// Writes slices, after which objects with numbers below `lowest` get no more points.
+    pub(super) fn write(&mut self, slices: Vec<Slice>, lowest: u32) -> Result<(), OutputError> {
+        let folder = self.folder;
+        let failed = |source| OutputError::Write { path: folder.to_owned(), source };
+        for Slice { records, tallies, poses, .. } in slices {
+            for records in records.chunk_by(|a, b| a.file == b.file) {
+                self.open(records[0].file)?.append(bytemuck::cast_slice(records))?;
+            }
+            self.summary.points += records.len() as u64;
+            for (object, tally) in tallies {
+                let seen = self.seen.entry(object.id).or_insert((object, Tally::NONE));
+                seen.1 = seen.1.with(tally);
+            }
+            poses.iter().try_for_each(|pose| self.pose(pose)).map_err(failed)?;
         }
-        for slice in &batch.slices {
-            self.records(&slice.records)?;
-            self.reference.add(&slice.tallies);
-            self.trajectory.add(&slice.poses)?;
-        }
-        self.retire(batch.lowest)
-    }
-
-    /// Appends records to the file whose number they carry as point source.
-    fn records(&mut self, mut records: &[u8]) -> Result<(), OutputError> {
-        self.points += (records.len() / RECORD_BYTES) as u64;
-        while let Some(first) = records.first_chunk::<RECORD_BYTES>() {
-            let number = u16::from_le_bytes([first[20], first[21]]);
-            let (all, _) = records.as_chunks::<RECORD_BYTES>();
-            let same = all.partition_point(|record| u16::from_le_bytes([record[20], record[21]]) <= number);
-            let (here, rest) = records.split_at(same * RECORD_BYTES);
-            self.open(number)?.append(here)?;
-            records = rest;
+        while let Some(entry) = self.seen.first_entry().filter(|entry| *entry.key() < lowest) {
+            let (object, tally) = entry.remove();
+            self.object(&object, tally).map_err(failed)?;
         }
         Ok(())
     }
 
+    /// The open file, which is that of point source `number` from now on.
     fn open(&mut self, number: u16) -> Result<&mut NewFile, OutputError> {
         let (current, file) = match self.file.take() {
             Some((current, file)) if current == number => (current, file),
@@ -118,42 +118,63 @@ impl Sink {
                 if let Some((_, file)) = before {
                     file.finish()?;
                 }
-                let suffix = if self.compressed { "laz" } else { "las" };
-                let path = self.folder.join(format!("{}_{number:04}.{suffix}", self.prefix));
-                self.files += 1;
-                (number, NewFile::create(&path, &schema(number), self.compressed)?)
+                let Settings { preset, compressed, .. } = *self.settings;
+                let suffix = if compressed { "laz" } else { "las" };
+                let path = self.folder.join(format!("{preset}_{number:04}.{suffix}"));
+                self.summary.files += 1;
+                (number, NewFile::create(&path, &schema(number), compressed)?)
             }
         };
         Ok(&mut self.file.insert((current, file)).1)
     }
 
-    /// Writes the rows of the objects of all cells before `lowest`.
-    fn retire(&mut self, lowest: usize) -> Result<(), OutputError> {
-        while let Some(entry) = self.waiting.first_entry().filter(|entry| *entry.key() < lowest) {
-            let (first, objects) = entry.remove();
-            self.reference.retire(first, &objects, LEAD..LEAD + self.length_m)?;
-        }
-        Ok(())
+    /// Writes the row of a pose.
+    fn pose(&mut self, pose: &Pose) -> io::Result<()> {
+        let t = START_TIME + pose.t;
+        let [x, y, z] = (pose.position + WORLD).to_array();
+        let [roll, pitch, heading] = [pose.roll, pose.pitch, pose.heading].map(f64::to_degrees);
+        writeln!(self.trajectory, "{t:.4},{x:.4},{y:.4},{z:.4},{roll:.4},{pitch:.4},{heading:.4}")
     }
 
-    /// Completes all files. `length_m` is what was driven, `scene` the description.
-    pub(super) fn finish(mut self, length_m: f64, scene: serde_json::Value) -> Result<Summary, OutputError> {
-        self.length_m = length_m;
-        self.retire(usize::MAX)?;
+    /// Writes the row of an object.
+    fn object(&mut self, object: &Object, Tally { points, low, high }: Tally) -> io::Result<()> {
+        let Object { id, class, kind, base, height, s } = *object;
+        let name = CLASSES[usize::from(class)];
+        let [x, y, z] = (base + WORLD).to_array();
+        let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
+        let [x1, y1, z1] = (high.as_dvec3() * 0.001 + WORLD).to_array();
+        let (tall, driven) = (z1 - z0, LEAD..LEAD + self.summary.length_m);
+        let inside = u8::from(driven.contains(&s));
+        self.summary.objects += 1;
+        writeln!(
+            self.reference,
+            "{id},{class},{name},{kind},{x:.3},{y:.3},{z:.3},{x0:.3},{y0:.3},{z0:.3},{x1:.3},{y1:.3},{z1:.3},\
+             {points},{tall:.3},{height:.3},{inside}"
+        )
+    }
+
+    /// Completes all files and says what they were made from. `length_m` is what was driven.
+    pub(super) fn finish(mut self, length_m: f64) -> Result<Summary, OutputError> {
+        self.summary.length_m = length_m;
+        self.write(Vec::new(), u32::MAX)?;
         if let Some((_, file)) = self.file.take() {
             file.finish()?;
         }
-        let summary =
-            Summary { points: self.points, files: self.files, objects: self.reference.rows, length_m };
-        self.reference.finish()?;
-        self.trajectory.finish()?;
-        let path = self.folder.join("scene.json");
-        let mut scene = scene;
-        scene["points"] = summary.points.into();
-        scene["files"] = summary.files.into();
-        scene["objects"] = summary.objects.into();
-        scene["driven_m"] = ((length_m * 1_000.0).round() / 1_000.0).into();
-        save(&path, |to| writeln!(to, "{scene:#}"))?;
+        let Self { folder, summary, .. } = self;
+        let tables = self.reference.finish().and_then(|()| self.trajectory.finish());
+        tables.map_err(|source| OutputError::Write { path: folder.to_owned(), source })?;
+        let scene = serde_json::json!({
+            "generator": "chainage synth",
+            "version": env!("CARGO_PKG_VERSION"),
+            "crs": "EPSG:25832",
+            "lead_m": LEAD,
+            "settings": self.settings,
+            "points": summary.points,
+            "files": summary.files,
+            "objects": summary.objects,
+            "driven_m": (length_m * 1_000.0).round() / 1_000.0,
+        });
+        save(&folder.join("scene.json"), |to| writeln!(to, "{scene:#}"))?;
         Ok(summary)
     }
 }
@@ -167,7 +188,7 @@ fn schema(number: u16) -> NewFileSchema {
             extra("gt_class", ExtraType::U8, "0 noise 1 ground 2 tree 3 pole"),
         ],
         scale: [0.001; 3],
-        offset: WORLD,
+        offset: WORLD.to_array(),
         wkt: include_str!("epsg25832.wkt").trim_ascii_end(),
         system: "simulated MLS",
         created: (2026, 166), // 15 June, the day of the drive: not the clock, so that bytes repeat
