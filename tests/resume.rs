@@ -508,7 +508,7 @@ fn nothing_foreign_is_overwritten_and_no_input_is_at_risk() {
 }
 
 #[test]
-fn tables_and_copies_that_were_removed_or_cut_are_written_again() {
+fn outputs_that_were_removed_or_cut_are_written_again() {
     let inputs = Inputs::new();
     for name in ["sweep.laz", "street.las"] {
         let out = inputs.undisturbed(name, &[]);
@@ -526,5 +526,14 @@ fn tables_and_copies_that_were_removed_or_cut_are_written_again() {
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             assert!(outputs(&out) == bytes, "{file} was cut");
         }
+        // The report has times in it, and is the last thing that is written: a run killed before it is not finished.
+        let report = || -> serde_json::Value {
+            serde_json::from_slice(&std::fs::read(out.join("report.json")).expect("the report"))
+                .expect("JSON")
+        };
+        let objects = report()["result"]["objects"].clone();
+        std::fs::remove_file(out.join("report.json")).expect("removed");
+        run_to_the_end(&inputs.list(name), &out, &options(&[]));
+        assert_eq!((&report()["result"]["objects"], outputs(&out) == bytes), (&objects, true));
     }
 }

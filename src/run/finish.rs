@@ -60,8 +60,7 @@ pub(crate) fn plan_files(
         files.push(labelled);
     }
     check_names(&files)?;
-    let names: Vec<String> =
-        files.iter().map(LabelledFile::name).chain(TABLES).chain([REPORT]).map(str::to_owned).collect();
+    let names: Vec<String> = files.iter().map(LabelledFile::name).chain(BESIDE).map(str::to_owned).collect();
     for name in names.iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
         if path.exists() {
@@ -192,15 +191,16 @@ struct Mark {
 /// What an earlier call finished under the same fingerprint, if all of it is still there.
 pub(crate) fn already_finished(run_dir: &RunDir, export: &PassDir) -> Result<Option<Finished>> {
     let Some(mark) = run_dir.read_json::<Mark>(FINISHED)? else { return Ok(None) };
-    let names = mark.files.iter().map(String::as_str).chain(TABLES);
+    let names = mark.files.iter().map(String::as_str).chain(BESIDE);
     let size = |name: &str| fs_err::metadata(run_dir.out().join(name)).map(|facts| facts.len()).ok();
     let whole = names.zip(&mark.bytes).all(|(name, &bytes)| size(name) == Some(bytes));
     let same = mark.fingerprint == export.fingerprint().to_string();
     Ok((same && whole).then_some(Finished { objects: mark.objects, files: mark.files }))
 }
 
-const TABLES: [&str; 2] = ["objects.csv", "objects.geojson"];
 const REPORT: &str = "report.json";
+/// What a finished run leaves beside the labelled copies.
+const BESIDE: [&str; 3] = ["objects.csv", "objects.geojson", REPORT];
 
 /// Takes the mark back before outputs are written anew. Units of the export whose files have already been named
 /// have nothing left to resume from, so they go too.
@@ -213,10 +213,10 @@ pub(crate) fn withdraw(run_dir: &RunDir, export: &PassDir) -> Result<()> {
     Ok(())
 }
 
-/// Marks the run as finished and removes what only an unfinished export needs.
+/// Marks the run, whose last output has been written, as finished and removes what only an unfinished export needs.
 pub(crate) fn mark_finished(run_dir: &RunDir, export: &PassDir, finished: &Finished) -> Result<()> {
     let mut bytes = Vec::new();
-    for name in finished.files.iter().map(String::as_str).chain(TABLES) {
+    for name in finished.files.iter().map(String::as_str).chain(BESIDE) {
         let path = run_dir.out().join(name);
         bytes.push(fs_err::metadata(&path).map_err(StoreError::io("read", &path))?.len());
     }

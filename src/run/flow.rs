@@ -34,7 +34,8 @@ const LARGEST_AMPLIFICATION: f64 = 3.0;
 pub(crate) struct Outcome {
     pub(crate) counts: Counts,
     pub(crate) objects: usize,
-    pub(crate) nothing_to_do: bool,
+    /// What is finished once the report is written; none when it had been before.
+    pub(crate) unmarked: Option<(PassDir, Finished)>,
     /// What the clustering method has to say about its stages.
     pub(crate) stages: Option<serde_json::Value>,
     /// What was estimated for it.
@@ -226,13 +227,7 @@ impl<'a> Flow<'a> {
         let (grid, lattice) = (self.drive.grid, self.drive.lattice());
         let (counts, terrain) = Terrain::collect(payloads, grid, lattice, scene.lowest())?;
         if let Some(finished) = finish::already_finished(self.engine.run_dir, &export_dir)? {
-            return Ok(Outcome {
-                counts,
-                objects: finished.objects,
-                nothing_to_do: true,
-                stages: None,
-                epsilon,
-            });
+            return Ok(Outcome { counts, objects: finished.objects, unmarked: None, stages: None, epsilon });
         }
         let started = std::time::Instant::now();
         let Objects { stitched, figures, charts } = clustered.objects()?;
@@ -251,9 +246,8 @@ impl<'a> Flow<'a> {
         export.reduce(&export_dir, self.engine.run_dir)?;
         finish::write_tables(self.engine.run_dir, self.drive, scene, &stitched, &terrain)?;
         finish::write_charts(self.engine.run_dir, &charts)?;
-        let finished = Finished { objects: stitched.objects.len(), files: export.names() };
-        finish::mark_finished(self.engine.run_dir, &export_dir, &finished)?;
         let objects = stitched.objects.len();
-        Ok(Outcome { counts, objects, nothing_to_do: false, stages: figures, epsilon })
+        let unmarked = Some((export_dir, Finished { objects, files: export.names() }));
+        Ok(Outcome { counts, objects, unmarked, stages: figures, epsilon })
     }
 }

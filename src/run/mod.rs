@@ -129,15 +129,16 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         objects: outcome.objects,
         tiles: plan.tiles.len(),
         seconds: started.elapsed().as_secs_f64(),
-        nothing_to_do: outcome.nothing_to_do,
+        nothing_to_do: outcome.unmarked.is_none(),
         stages: outcome.stages,
         epsilon: outcome.epsilon,
         passes: flow.passes,
         warnings,
         peak_resident_bytes: budget::peak_resident_bytes(),
     };
-    if !summary.nothing_to_do {
+    if let Some((export, finished)) = outcome.unmarked {
         finish::write_report(&run_dir, &drive, config, &scene, &summary)?;
+        finish::mark_finished(&run_dir, &export, &finished)?;
     }
     Ok(summary)
 }
