@@ -6,8 +6,9 @@
 use std::f64::consts::{FRAC_PI_3, TAU};
 
 use glam::DVec2;
+use rand::RngExt;
 
-use super::random::Random;
+use super::random::sequence;
 
 /// Length of a cell, metres.
 pub(super) const CELL: f64 = 50.0;
@@ -44,11 +45,11 @@ pub(super) struct Land {
 impl Land {
     /// `bends` are amplitude (radians) and wave length (metres) of the heading, `hills` those (metres) of the hills.
     pub(super) fn new(seed: u64, bends: (f64, f64), hills: (f64, f64)) -> Self {
-        let mut random = Random::new(seed, 1, 0);
+        let mut random = sequence(seed, 1, 0);
         let mut wave = |(amplitude, length): (f64, f64), (a, l): (f64, f64)| Wave {
             amplitude: amplitude * a,
             frequency: TAU / (length * l),
-            phase: f64::from(random.angle()),
+            phase: random.random_range(0.0..TAU),
         };
         let bends = [(1.0, 1.0), (0.15, 0.37)].map(|part| wave(bends, part));
         let hills = [(1.0, 1.0), (0.35, 0.43), (0.1, 0.15)].map(|part| wave(hills, part));
@@ -132,7 +133,7 @@ impl Axis {
     /// An open street, or one that comes back to its stem after `loop_drive` metres in all.
     pub(super) fn new(seed: u64, land: Land, loop_drive: Option<f64>) -> Self {
         let radius = loop_drive.map_or(f64::INFINITY, |drive| (drive - 2.0 * STEM) / LOOP_LENGTH);
-        let stem = f64::from(Random::new(seed, 2, 0).unit()) * TAU;
+        let stem = sequence(seed, 2, 0).random_range(0.0..TAU);
         Self { land, radius, stem, starts: vec![DVec2::ZERO] }
     }
 

@@ -1,8 +1,9 @@
 //! Buildings: what is at the bottom, storeys and a roof of `things.toml`, stacked and stretched to measure.
 
 use glam::{Affine3A, Mat3A, Vec3A, vec3};
+use rand::RngExt;
 
-use super::random::Random;
+use super::random::{Random, pick};
 use super::scene::Model;
 use super::things;
 
@@ -20,23 +21,23 @@ pub(super) struct Measures {
 pub(super) fn model(measures: Measures, random: &mut Random) -> Model {
     let Measures { width, depth, floors, house } = measures;
     let (bottom, ground, storey, storeys, roof, rise) = if house {
-        ("house_base", 0.4, "house_storey", floors, "gable", depth * random.range(0.3, 0.5))
+        ("house_base", 0.4, "house_storey", floors, "gable", depth * random.random_range(0.3..=0.5))
     } else {
         ("shops", 4.0, "storey", floors - 1, "flat_roof", 1.0)
     };
-    let height = random.range(2.8, 3.3);
+    let height = random.random_range(2.8..=3.3);
     // The place of a piece that begins at height `z` and is stretched by `rise`.
     let at = |z: f32, rise: f32| Affine3A {
         matrix3: Mat3A::from_diagonal(vec3(width, depth, rise)),
         translation: Vec3A::Z * z,
     };
-    let storey = random.pick(things::of(storey));
-    let mut parts = random.pick(things::of(bottom)).parts(&at(0.0, 1.0), random);
+    let storey = pick(things::of(storey), random);
+    let mut parts = pick(things::of(bottom), random).parts(&at(0.0, 1.0), random);
     for floor in 0..storeys {
         parts.extend(storey.parts(&at(ground + floor as f32 * height, height), random));
     }
     let eaves = ground + storeys as f32 * height;
-    parts.extend(random.pick(things::of(roof)).parts(&at(eaves, rise), random));
+    parts.extend(pick(things::of(roof), random).parts(&at(eaves, rise), random));
     Model::new(parts)
 }
 
@@ -53,7 +54,7 @@ mod tests {
     fn storeys_have_walls_reveals_and_glass() {
         // The first kind of storey, stretched to 42 x 16 x 3 m: bays of 3 m, windows 1.4 m wide from 0.9 to 2.34 m.
         let parts = things::of("storey")[0]
-            .parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut Random::new(1, 2, 3));
+            .parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut sequence(1, 2, 3));
         let object = Object { id: 1, class: 5, kind: "building", base: DVec3::ZERO, height: 3.0, s: 0.0 };
         let owner = Owner::Object(object.into());
         let (model, at, turn) = (Model::new(parts).into(), DVec3::ZERO, Mat3A::IDENTITY);

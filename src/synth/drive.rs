@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DMat4, DVec3};
+use rand::RngExt;
 
 use super::axis::{Axis, Frame, LEAD, STEM, cell_at};
 use super::preset::Plan;
-use super::random::Random;
+use super::random::sequence;
 
 /// Height of the trajectory's point over the road, metres.
 const HEIGHT: f64 = 2.35;
@@ -71,12 +72,13 @@ pub(super) struct Drive {
 impl Drive {
     /// A drive with speeds between the two of `speed_kmh` along a street that ends at chainage `end`.
     pub(super) fn new(plan: Plan, end: f64, speed_kmh: (f64, f64)) -> Self {
-        let mut random = Random::new(plan.seed, 4, 0);
+        let mut random = sequence(plan.seed, 4, 0);
         let (low, high) = (speed_kmh.0 / 3.6, speed_kmh.1 / 3.6);
         let half = (high - low) * 0.5;
-        let mut change = |share: f64, period: f64| (half * share, TAU / period, f64::from(random.angle()));
+        let mut change =
+            |share: f64, period: f64| (half * share, TAU / period, random.random_range(0.0..TAU));
         let changes = [change(0.7, 47.0), change(0.3, 19.0)];
-        let shake = [0; 6].map(|_| f64::from(random.angle()));
+        let shake = [0; 6].map(|_| random.random_range(0.0..TAU));
         Self { speed: low + half, changes, shake, plan, end }
     }
 

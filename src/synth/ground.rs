@@ -4,12 +4,13 @@ use std::array;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec2, DVec3, Mat3A, Vec3};
+use rand::RngExt;
 use serde::Deserialize;
 
 use super::axis::{Axis, CELL, Frame, Land, Node};
 use super::material::Material;
 use super::preset::Plan;
-use super::random::Random;
+use super::random::sequence;
 use super::scene::Model;
 use super::shape::Shape;
 
@@ -128,7 +129,7 @@ impl Ground {
         // Only a street with an end comes back to itself. A frame reaches into the next cell: two cells lie between.
         far.retain(|far| end.is_finite() && (far + 3 < cell || *far > cell + 2));
         let rows = (((end - start).min(CELL) / ROW).ceil() as usize).max(1);
-        let mut random = Random::new(plan.seed, 5, cell as u64);
+        let mut random = sequence(plan.seed, 5, cell as u64);
         Self {
             plan,
             cell,
@@ -140,7 +141,7 @@ impl Ground {
             turn: heading,
             sections: (0..=rows).map(|row| plan.section(start + row as f64 * ROW)).collect(),
             soft: if layout.paved { Material::Paving } else { Material::Grass },
-            zebra: random.chance(layout.crossing).then(|| start + f64::from(random.range(14.0, 40.0))),
+            zebra: random.random_bool(layout.crossing).then(|| start + random.random_range(14.0..=40.0)),
         }
     }
 

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::LazyLock;
 
+use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::axis::{CELL, Frame, LEAD, Land, cell_at};
 use super::ground::Section;
-use super::random::Random;
+use super::random::{Random, pick, sequence};
 use super::scan::Scanner;
 use super::shipped;
 
@@ -88,7 +89,7 @@ pub(super) struct Row {
     #[serde(default)]
     pub(super) jitter: f64,
     /// Share of the places that are taken.
-    pub(super) share: f32,
+    pub(super) share: f64,
     /// Whether it stands on the left only.
     #[serde(default)]
     pub(super) once: bool,
@@ -119,8 +120,8 @@ pub(super) enum Only {
 impl Row {
     /// The name of one of the kinds.
     pub(super) fn pick(&self, random: &mut Random) -> &str {
-        let name = random.pick(&self.kinds);
-        TABLES.groups.get(name).map_or(name, |group| random.pick::<String>(group))
+        let name = pick(&self.kinds, random);
+        TABLES.groups.get(name).map_or(name, |group| pick::<String>(group, random))
     }
 
     /// Distance from the axis, metres; `None` where the section has no room for the row.
@@ -141,11 +142,11 @@ impl Row {
 #[serde(deny_unknown_fields)]
 pub(super) struct Buildings {
     pub(super) lots_per_cell: usize,
-    pub(super) share: f32,
-    pub(super) setback: (f32, f32),
+    pub(super) share: f64,
+    pub(super) setback: (f64, f64),
     pub(super) floors: (u32, u32),
     /// Share of a lot's length that the front takes.
-    pub(super) front: (f32, f32),
+    pub(super) front: (f64, f64),
     pub(super) depth: f32,
     pub(super) house: bool,
 }
@@ -162,7 +163,7 @@ pub(super) struct Layout {
     pub(super) buildings: Option<Buildings>,
     pub(super) rows: Vec<Row>,
     /// Share of cells with a zebra crossing.
-    pub(super) crossing: f32,
+    pub(super) crossing: f64,
     bridge_every: Option<f64>,
 }
 
@@ -212,9 +213,9 @@ impl Plan {
                 let stretch = cell / STRETCH;
                 // Every street of four stretches has each layout once, in an order of its own.
                 let mut order = [Preset::Suburb, Preset::Downtown, Preset::Avenue, Preset::Highway];
-                let mut random = Random::new(self.seed, 3, (stretch / 4) as u64);
+                let mut random = sequence(self.seed, 3, (stretch / 4) as u64);
                 for last in (1..4).rev() {
-                    order.swap(last, (random.next() % (last as u64 + 1)) as usize);
+                    order.swap(last, random.random_range(0..=last));
                 }
                 order[stretch % 4]
             }

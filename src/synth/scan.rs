@@ -7,12 +7,13 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3, IVec3, Vec3A};
+use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::Settings;
 use super::drive::{Pose, Track};
 use super::preset::TABLES;
-use super::random::Random;
+use super::random::{Random, gauss, sequence};
 use super::scene::{Hit, Owner, Window};
 use super::street::Object;
 
@@ -248,14 +249,14 @@ impl Tracer<'_> {
         let angle = (((pulse as f64 + phase) * step - PI).to_degrees() / 0.006).round() as i16;
         let origin = vehicle.transform_point3(head.lever) - self.window.origin;
         let count = profile * scanner.pulses() + pulse;
-        let mut random = Random::new(scan.settings.seed, 20 + number as u64, count);
+        let mut random = sequence(scan.settings.seed, 20 + number as u64, count);
 
         self.echoes.clear();
         self.listen(origin.as_vec3a(), direction.as_vec3a(), &mut random);
         let first = self.echoes.first().copied();
         self.edge(number, &mut random);
         self.before[number] = first;
-        if random.chance(scanner.strays as f32) {
+        if random.random_bool(scanner.strays) {
             self.stray(&mut random);
         }
         self.echoes.truncate(ECHOES);
@@ -298,7 +299,7 @@ impl Tracer<'_> {
                 match self.echoes.last_mut() {
                     // Too close to tell apart: one echo, somewhere between the two.
                     Some(last) if echo.range - last.range < SEPARATION => {
-                        last.range += (echo.range - last.range) * random.unit() * 0.5;
+                        last.range += (echo.range - last.range) * random.random::<f32>() * 0.5;
                     }
                     _ => self.echoes.push(echo),
                 }
@@ -321,17 +322,17 @@ impl Tracer<'_> {
         };
         let optics = material.optics();
         let cosine = d.dot(surface.normal.into()).abs().max(0.02);
-        let reflectance = optics.reflectance * (1.0 + optics.speckle * random.gauss()).max(0.2);
+        let reflectance = optics.reflectance * (1.0 + optics.speckle * gauss(random)).max(0.2);
         let share = hit.t / scanner.range_m as f32;
-        let seen = reflectance * cosine > FAINTEST * share * share * random.range(0.6, 1.4);
-        if !seen || random.chance(optics.lost) {
+        let seen = reflectance * cosine > FAINTEST * share * share * random.random_range(0.6..=1.4);
+        if !seen || random.random_bool(f64::from(optics.lost)) {
             return (None, surface.rim);
         }
         // Along the beam, the roughness of a surface and the footprint on it are stretched by the incidence.
         let footprint = 0.5 * scanner.beam(hit.t);
         let stretch = (1.0 / (cosine * cosine) - 1.0).sqrt().min(8.0);
         let spread = optics.roughness.hypot(footprint * stretch * 0.3);
-        let range = hit.t + random.gauss() * spread.hypot(scanner.noise_m as f32);
+        let range = hit.t + gauss(random) * spread.hypot(scanner.noise_m as f32);
         let (white, fall, grazing) = BRIGHTNESS;
         let faded = (6.0 / hit.t).min(1.0).powf(fall);
         let intensity = (white * reflectance * cosine.powf(grazing) * faded).clamp(20.0, 65_535.0) as u16;
@@ -346,11 +347,11 @@ impl Tracer<'_> {
         let scanner = &self.scan.settings.scanner;
         let step = near * (TAU / scanner.pulses() as f64) as f32;
         let alone = self.echoes.len() == 1 && jump.abs() >= 0.05;
-        if !alone || !random.chance((scanner.beam(near) / step).min(0.5)) {
+        if !alone || !random.random_bool(f64::from((scanner.beam(near) / step).min(0.5))) {
             return;
         }
         if jump.abs() < SEPARATION {
-            self.echoes[0].range += jump * random.unit();
+            self.echoes[0].range += jump * random.random::<f32>();
         } else {
             self.echoes.insert(usize::from(jump > 0.0), before);
         }
@@ -362,12 +363,12 @@ impl Tracer<'_> {
         let ground =
             self.echoes.first().copied().filter(|echo| matches!(owner(echo), Some(Owner::Ground(_))));
         let range = match ground {
-            Some(echo) if random.chance(0.4) => echo.range + random.range(0.3, 3.0),
-            Some(echo) => random.range(1.5, echo.range.max(2.0)),
-            None => random.range(2.0, self.scan.settings.scanner.range_m as f32 * 0.5),
+            Some(echo) if random.random_bool(0.4) => echo.range + random.random_range(0.3..=3.0),
+            Some(echo) => random.random_range(1.5..=echo.range.max(2.0)),
+            None => random.random_range(2.0..=self.scan.settings.scanner.range_m as f32 * 0.5),
         };
         self.echoes.clear();
-        self.echoes.push(Echo { range, item: None, intensity: random.range(40.0, 900.0) as u16 });
+        self.echoes.push(Echo { range, item: None, intensity: random.random_range(40.0..=900.0) as u16 });
     }
 }
 

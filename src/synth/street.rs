@@ -5,12 +5,13 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{Affine3A, DVec2, DVec3, Mat3, Mat3A, Vec3, vec3};
+use rand::RngExt;
 
 use super::axis::{Axis, CELL, cell_at};
 use super::building::{self, Measures};
 use super::ground::Ground;
 use super::preset::{Buildings, Only, Plan, Row, kind};
-use super::random::Random;
+use super::random::{Random, pick, sequence};
 use super::scene::{Model, Owner, Placed};
 use super::things;
 
@@ -94,19 +95,19 @@ impl Site<'_> {
         let Ground { plan, start, zebra, .. } = self.ground;
         let [first, next] = [start, start + CELL].map(|s| (s / row.every).ceil() as u64);
         for place in first..next {
-            let mut random = Random::new(plan.seed, stream, place);
+            let mut random = sequence(plan.seed, stream, place);
             let s = match (row.only, zebra) {
                 (Some(Only::Crossing), None) => continue,
                 (Some(Only::Crossing), Some(zebra)) => zebra + side * row.from,
-                _ => place as f64 * row.every + row.from + row.jitter * f64::from(random.unit() - 0.5),
+                _ => place as f64 * row.every + row.from + row.jitter * random.random_range(-0.5..0.5),
             };
             let section = plan.section(s);
             let Some(out) = row.out(&section) else { continue };
             let (offset, name) = (side * out, row.pick(&mut random));
             let kind = kind(name);
-            let mut group = Random::new(plan.seed, stream + 1_000, place / kind.together.max(1));
+            let mut group = sequence(plan.seed, stream + 1_000, place / kind.together.max(1));
             let grows = !kind.rooted || section.dip <= 0.0;
-            if !group.chance(row.share) || !grows || !self.free(s, offset, kind.radius) {
+            if !group.random_bool(row.share) || !grows || !self.free(s, offset, kind.radius) {
                 continue;
             }
             let before = self.placed.len();
@@ -170,9 +171,9 @@ impl Site<'_> {
 
     /// Places one of the models of a kind.
     fn put(&mut self, name: &'static str, s: f64, offset: f64, random: &mut Random) {
-        let (kind, model) = (kind(name), Arc::clone(random.pick(&self.library[name])));
-        let turn = random.range(kind.turn.0, kind.turn.1).to_radians();
-        let [wide, tall] = [0; 2].map(|_| 1.0 + random.range(-kind.varies, kind.varies));
+        let (kind, model) = (kind(name), Arc::clone(pick(&self.library[name], random)));
+        let turn = random.random_range(kind.turn.0..=kind.turn.1).to_radians();
+        let [wide, tall] = [0; 2].map(|_| 1.0 + random.random_range(-kind.varies..=kind.varies));
         let object = self.object(name, s, offset, model.height() * tall);
         self.place(&object, model, s, offset, f64::from(turn), vec3(wide, wide, tall));
     }
@@ -180,7 +181,7 @@ impl Site<'_> {
     /// Pieces side by side up to the next place of a row, as one object; up to the share `gap` of them is missing.
     fn line(&mut self, row: &Row, name: &'static str, s: f64, offset: f64, gap: f32, random: &mut Random) {
         let pieces = (row.every / PIECE) as usize;
-        let missing = (random.unit() * pieces as f32 * gap) as usize;
+        let missing = (random.random::<f32>() * pieces as f32 * gap) as usize;
         let section = |s: f64| self.ground.plan.section(s);
         let stands = |s: &f64| self.free(*s, offset, 0.1) && (row.only.is_none() || section(*s).dip > 0.4);
         let places = (0..pieces - missing).map(|piece| s + PIECE * (piece as f64 + 0.5));
@@ -188,7 +189,7 @@ impl Site<'_> {
         let models = &self.library[name];
         let object = self.object(name, s, offset, models[0].height());
         for s in places {
-            self.place(&object, Arc::clone(random.pick(models)), s, offset, 0.0, Vec3::ONE);
+            self.place(&object, Arc::clone(pick(models, random)), s, offset, 0.0, Vec3::ONE);
         }
     }
 
@@ -200,7 +201,8 @@ impl Site<'_> {
         let Some(out) = row.out(&plan.section(t)).filter(|_| goes_on) else { return };
         let way = self.ground.at(t, out) - self.ground.at(s, offset);
         let climb = vec3(way.truncate().length() as f32, 0.0, way.z as f32);
-        let to_next = Affine3A::from_mat3(Mat3::from_cols(climb, Vec3::Y, Vec3::Z * random.range(0.35, 0.8)));
+        let to_next =
+            Affine3A::from_mat3(Mat3::from_cols(climb, Vec3::Y, Vec3::Z * random.random_range(0.35..=0.8)));
         let model = Model::new(things::of("wires")[0].parts(&to_next, random));
         let object = self.object("wire", s, offset, WIRE_HEIGHT as f32);
         let at = object.base + DVec3::Z * WIRE_HEIGHT;
@@ -213,23 +215,22 @@ impl Site<'_> {
         let lot = CELL / style.lots_per_cell as f64;
         for place in 0..style.lots_per_cell * 2 {
             let side = if place % 2 == 0 { 1.0 } else { -1.0 };
-            let mut random = Random::new(plan.seed, 8, (cell * 8 + place) as u64);
+            let mut random = sequence(plan.seed, 8, (cell * 8 + place) as u64);
             let s = start + lot * ((place / 2) as f64 + 0.5);
             let [a, b] = [s - lot * 0.5, s + lot * 0.5].map(|s| self.ground.frame.at(s).heading);
             // Towards the inside of a bend lots are shorter, and a straight front cuts the arc.
             let bend = (b - a) / lot * side;
-            let mut front = plan.section(s).walk + f64::from(random.range(style.setback.0, style.setback.1));
+            let mut front = plan.section(s).walk + random.random_range(style.setback.0..=style.setback.1);
             let length = lot * (1.0 - (bend * (front + f64::from(style.depth))).max(0.0)).max(0.2);
-            let width = length * f64::from(random.range(style.front.0, style.front.1));
+            let width = length * random.random_range(style.front.0..=style.front.1);
             front += width * width * bend.abs() / 8.0;
-            let floors =
-                style.floors.0 + (random.next() % u64::from(style.floors.1 - style.floors.0 + 1)) as u32;
+            let floors = random.random_range(style.floors.0..=style.floors.1);
             let measures = Measures { width: width as f32, depth: style.depth, floors, house: style.house };
             let corners = [(-0.5, 0.0), (0.5, 0.0), (-0.5, 1.0), (0.5, 1.0)];
             let stands = corners.iter().all(|(along, out)| {
                 self.free(s + along * width, side * (front + out * f64::from(style.depth)), 0.0)
             });
-            if width < 6.0 || !stands || !random.chance(style.share) {
+            if width < 6.0 || !stands || !random.random_bool(style.share) {
                 continue;
             }
             let model = Arc::new(building::model(measures, &mut random));

@@ -7,7 +7,7 @@ use glam::{Affine3A, Vec3};
 use serde::Deserialize;
 
 use super::material::Material;
-use super::random::Random;
+use super::random::{Random, sequence};
 use super::scene::Model;
 use super::shape::{Primitive, Shape};
 use super::shipped;
@@ -58,7 +58,7 @@ fn once() -> u8 {
 pub(super) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
     let mut library = BTreeMap::new();
     for (stream, (kind, things)) in (10..).zip(THINGS.iter()) {
-        let mut random = Random::new(seed, stream, 0);
+        let mut random = sequence(seed, stream, 0);
         let entries = things.iter().flat_map(|thing| (0..thing.models).map(move |number| (thing, number)));
         let models = entries.map(|(thing, number)| Arc::new(thing.model(number, &mut random)));
         library.insert(kind.clone(), models.collect());

@@ -1,13 +1,14 @@
 //! Trees and palms: trunks and branches of rods, leaves of discs in clusters; and leaves strewn over hedges.
 
-use std::f32::consts::PI;
+use std::f32::consts::{PI, TAU};
 
 use glam::{FloatExt, Vec3, vec3};
 use obvhs::aabb::Aabb;
+use rand::RngExt;
 use serde::Deserialize;
 
 use super::material::Material;
-use super::random::Random;
+use super::random::{Random, direction, gauss};
 use super::shape::{Primitive, Shape};
 
 /// Habit of a tree; explained in `things.toml`.
@@ -42,15 +43,15 @@ fn branch(from: Vec3, to: Vec3, radii: [f32; 2]) -> Primitive {
 }
 
 fn leaf(at: Vec3, size: f32, random: &mut Random) -> Primitive {
-    let radius = size * random.range(0.7, 1.25);
-    Shape::Disc(at, random.direction(), radius).of(Material::Leaf)
+    let radius = size * random.random_range(0.7..=1.25);
+    Shape::Disc(at, direction(random), radius).of(Material::Leaf)
 }
 
 /// `count` leaves within a box.
 pub(super) fn strew(within: &Aabb, count: u16, random: &mut Random) -> Vec<Primitive> {
     let (low, size) = (Vec3::from(within.min), Vec3::from(within.diagonal()));
     let leaf = |_| {
-        let place = vec3(random.unit(), random.unit(), random.unit());
+        let place = random.random::<Vec3>();
         leaf(low + size * place, 0.04, random)
     };
     (0..count).map(leaf).collect()
@@ -61,8 +62,8 @@ impl Tree {
         let mut parts = Vec::new();
         let &Self { height, crown, branches, leaves, .. } = self;
         // The trunk wanders a little; `axis` gives its middle at a height.
-        let lean = [random.range(-0.02, 0.02), random.range(-0.02, 0.02)];
-        let phase = random.angle();
+        let lean = [random.random_range(-0.02..=0.02), random.random_range(-0.02..=0.02)];
+        let phase = random.random_range(0.0..TAU);
         let axis = |z: f32| {
             let bow = 0.09 * ((z * 0.55 + phase).sin() - phase.sin());
             vec3(lean[0] * z + bow, lean[1] * z + bow * 0.6, z)
@@ -75,12 +76,12 @@ impl Tree {
             let flare = if piece == 0 { 1.35 } else { 1.0 };
             parts.push(branch(axis(low), axis(high), [girth(low) * flare, girth(high)]));
         }
-        let lumps = [random.angle(), random.angle()];
+        let lumps = [random.random_range(0.0..TAU), random.random_range(0.0..TAU)];
         for number in 0..branches {
-            let x = (f32::from(number) + random.unit()) / f32::from(branches);
-            let azimuth = f32::from(number) * TURN + random.range(-0.4, 0.4);
+            let x = (f32::from(number) + random.random::<f32>()) / f32::from(branches);
+            let azimuth = f32::from(number) * TURN + random.random_range(-0.4..=0.4);
             let lump = 0.86 + 0.14 * (2.0 * azimuth + lumps[0]).sin() * (5.0 * x + lumps[1]).cos();
-            let out = self.radius_at(x) * lump * random.range(0.7, 1.0).sqrt();
+            let out = self.radius_at(x) * lump * random.random_range(0.7f32..=1.0).sqrt();
             let z = crown + x * (height - crown);
             let from = axis((z - out * self.rise).clamp(crown * 0.8, tip));
             let outward = Vec3::X.rotate_z(azimuth);
@@ -92,12 +93,13 @@ impl Tree {
             parts.push(branch(knee, end, [thick * 0.6, thick * 0.2]));
             let twigs = 4u8;
             for twig in 0..twigs {
-                let start = along(0.42 + 0.58 * (f32::from(twig) + random.unit()) / f32::from(twigs));
-                let reach = random.range(0.2, 0.42) * (0.5 + out * 0.4);
-                let way = random.direction() + (outward + Vec3::Z * 0.35) * 0.7;
+                let start =
+                    along(0.42 + 0.58 * (f32::from(twig) + random.random::<f32>()) / f32::from(twigs));
+                let reach = random.random_range(0.2..=0.42) * (0.5 + out * 0.4);
+                let way = direction(random) + (outward + Vec3::Z * 0.35) * 0.7;
                 let stop = start + way.normalize() * reach;
                 parts.push(branch(start, stop, [thick * 0.3, 0.004]));
-                let spread = 0.1 + 0.075 * out.min(3.0) + 0.05 * random.unit();
+                let spread = 0.1 + 0.075 * out.min(3.0) + 0.05 * random.random::<f32>();
                 parts.extend(self.cluster(stop, spread, leaves, random));
             }
         }
@@ -115,7 +117,7 @@ impl Tree {
     /// `count` leaves about `centre`.
     fn cluster(&self, centre: Vec3, spread: f32, count: u16, random: &mut Random) -> Vec<Primitive> {
         let leaf = |_| {
-            let offset = vec3(random.gauss(), random.gauss(), random.gauss() * 0.8) * spread;
+            let offset = Vec3::from_array([1.0, 1.0, 0.8].map(|wide| wide * gauss(random))) * spread;
             leaf(centre + offset, self.leaf, random)
         };
         (0..count).map(leaf).collect()
@@ -129,9 +131,9 @@ impl Palm {
         let (top, radius) = (vec3(0.05, 0.0, trunk), 0.1 + trunk * 0.012);
         parts.push(branch(Vec3::ZERO, top, [radius * 1.25, radius]));
         for number in 0..fronds {
-            let azimuth = f32::from(number) * TURN + random.range(-0.2, 0.2);
+            let azimuth = f32::from(number) * TURN + random.random_range(-0.2..=0.2);
             let (outward, side) = (Vec3::X.rotate_z(azimuth), Vec3::Y.rotate_z(azimuth));
-            let steep = random.range(0.05, 1.25); // inner fronds stand up, outer ones hang
+            let steep = random.random_range(0.05..=1.25); // inner fronds stand up, outer ones hang
             let point = |u: f32| {
                 let out = u * (1.0 - 0.25 * u * (1.0 - steep * 0.5));
                 top + (outward * out + Vec3::Z * (steep * u - (0.55 + 0.35 * steep) * u * u)) * frond
