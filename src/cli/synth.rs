@@ -129,7 +129,11 @@ impl SynthArgs {
         let start = Instant::now();
         let mut show = |progress: Progress| {
             let rate = progress.points as f64 / start.elapsed().as_secs_f64();
-            bar.set_position((progress.share * 1_000.0) as u64);
+            let share = match settings.extent {
+                Extent::Length(length) => progress.driven_m / length,
+                Extent::Points(points) => progress.points as f64 / points as f64,
+            };
+            bar.set_position((share * 1_000.0) as u64);
             let (points, driven) = (progress.points as f64 / 1e6, progress.driven_m / 1_000.0);
             bar.set_message(format!("{driven:.2} km, {points:.1} M points, {:.2} M/s", rate / 1e6));
         };

@@ -1,69 +1,25 @@
-//! The axis of the street in plan and the land it runs over: pure functions of the seed. No cross-section.
+//! The axis of the street in plan: arcs in a row. No heights, no cross-section.
 //!
-//! Coordinates are metres from the street's origin, east and north; chainage `s` counts along the axis. The axis is
-//! cut into cells of [`CELL`] metres; only the start of each cell is kept, 16 bytes per 50 m.
+//! Coordinates are metres from the street's origin, east and north; chainage `s` counts along the axis. An arc of 50 m
+//! takes 56 bytes, which is all that grows with a drive.
 
-use std::f64::consts::{FRAC_PI_3, TAU};
+use std::f64::consts::FRAC_PI_6;
 
 use glam::DVec2;
-use rand::RngExt;
 
-use super::random::sequence;
+use super::random::{Waves, sequence};
 
-/// Length of a cell, metres.
+/// Length of a cell of the street, and of an arc of an open one, metres.
 pub(super) const CELL: f64 = 50.0;
-/// Nodes of the axis in a cell: one per metre.
-const NODES: usize = 50;
 /// Street in front of the start of the drive, so that the scanner sees something behind it, metres.
 pub(super) const LEAD: f64 = 100.0;
 /// Length of the stretch that the `loop` preset drives twice, metres.
 pub(super) const STEM: f64 = 300.0;
-/// Length of a `loop` around the stem's end for radius 1: two arcs of 60 degrees and one of 300.
-const LOOP_LENGTH: f64 = 7.0 * FRAC_PI_3;
-
-/// A sine wave.
-#[derive(Debug, Clone, Copy)]
-struct Wave {
-    amplitude: f64,
-    frequency: f64,
-    phase: f64,
-}
-
-impl Wave {
-    fn at(&self, s: f64) -> f64 {
-        self.amplitude * (s * self.frequency + self.phase).sin()
-    }
-}
-
-/// The lie of the land: the waves of an open street's heading, and the hills, each across a direction of its own.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Land {
-    bends: [Wave; 2],
-    hills: [(Wave, DVec2); 3],
-}
-
-impl Land {
-    /// `bends` are amplitude (radians) and wave length (metres) of the heading, `hills` those (metres) of the hills.
-    pub(super) fn new(seed: u64, bends: (f64, f64), hills: (f64, f64)) -> Self {
-        let mut random = sequence(seed, 1, 0);
-        let mut wave = |(amplitude, length): (f64, f64), (a, l): (f64, f64)| Wave {
-            amplitude: amplitude * a,
-            frequency: TAU / (length * l),
-            phase: random.random_range(0.0..TAU),
-        };
-        let bends = [(1.0, 1.0), (0.15, 0.37)].map(|part| wave(bends, part));
-        let hills = [(1.0, 1.0), (0.35, 0.43), (0.1, 0.15)].map(|part| wave(hills, part));
-        Self { bends, hills: hills.map(|wave| (wave, DVec2::from_angle(wave.phase * 1.7))) }
-    }
-
-    /// Height of the land, metres, before anything was built on it.
-    pub(super) fn height(&self, point: DVec2) -> f64 {
-        self.hills.iter().map(|(wave, across)| wave.at(point.dot(*across))).sum()
-    }
-}
+/// Curvature of what is called straight, 1/m: a radius that no street notices.
+const STRAIGHT: f64 = 1e-9;
 
 /// A point of the axis.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Node {
     pub(super) point: DVec2,
     /// Direction of growing chainage, radians from east to north.
@@ -77,111 +33,135 @@ impl Node {
     }
 
     /// How far a point is ahead and to the left.
-    pub(super) fn local(&self, point: DVec2) -> DVec2 {
+    fn local(&self, point: DVec2) -> DVec2 {
         DVec2::from_angle(-self.heading).rotate(point - self.point)
     }
 }
 
-/// The axis in a cell and the next one.
-#[derive(Debug, Clone)]
-pub(super) struct Frame {
-    /// Chainage of the first node.
-    pub(super) start: f64,
-    nodes: Vec<Node>,
+/// A piece of the axis with one curvature, positive to the left.
+#[derive(Debug, Clone, Copy)]
+struct Arc {
+    from: f64,
+    to: f64,
+    /// The axis at `from`.
+    node: Node,
+    curvature: f64,
 }
 
-impl Frame {
-    /// The axis at chainage `s`, which is in the frame or close to it.
+impl Arc {
+    fn at(&self, s: f64) -> Node {
+        let half = (s - self.from) * self.curvature * 0.5;
+        let chord = DVec2::from_angle(self.node.heading + half) * (2.0 * half.sin() / self.curvature);
+        Node { point: self.node.point + chord, heading: self.node.heading + 2.0 * half }
+    }
+
+    /// Chainage and signed offset (left positive) of the place that is nearest to a point; beyond the ends the distance
+    /// counts. Arcs are shorter than half a circle.
+    fn nearest(&self, point: DVec2) -> (f64, f64) {
+        // From the centre, in radii.
+        let local = self.node.local(point) * self.curvature;
+        let s = self.from + local.x.atan2(1.0 - local.y) / self.curvature;
+        if (self.from..=self.to).contains(&s) {
+            return (s, (1.0 - local.x.hypot(1.0 - local.y)) / self.curvature);
+        }
+        let end = s.clamp(self.from, self.to);
+        let local = self.at(end).local(point);
+        (end, local.length().copysign(local.y))
+    }
+}
+
+/// Arcs in the order of chainage.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Line(Vec<Arc>);
+
+impl Line {
+    /// The axis at chainage `s`, which is on the line or close to it.
     pub(super) fn at(&self, s: f64) -> Node {
-        let along = s - self.start;
-        let index = (along.max(0.0) as usize).min(self.nodes.len() - 2);
-        let (a, b) = (self.nodes[index], self.nodes[index + 1]);
-        let rest = along - index as f64;
-        let turn = b.heading - a.heading;
-        let chord = DVec2::from_angle(a.heading + turn * rest * 0.5);
-        Node { point: a.point + chord * rest, heading: a.heading + turn * rest }
+        self.0[self.0.partition_point(|arc| arc.to < s).min(self.0.len() - 1)].at(s)
     }
 
-    /// The middle of the cell.
-    pub(super) fn middle(&self) -> Node {
-        self.at(self.start + CELL * 0.5)
+    /// Chainage and signed offset of the place that is nearest to a point, if there is any line.
+    pub(super) fn nearest(&self, point: DVec2) -> Option<(f64, f64)> {
+        let places = self.0.iter().map(|arc| arc.nearest(point));
+        places.min_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))
     }
 
-    /// Chainage and signed offset (left positive) of the place of this axis that is nearest to a point.
-    pub(super) fn nearest(&self, point: DVec2) -> (f64, f64) {
-        let distance = |index: &usize| self.nodes[*index].point.distance_squared(point);
-        let index = (0..self.nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
-        let local = self.nodes[index].local(point);
-        // Beyond the ends the distance counts, not the offset.
-        let offset = if local.x.abs() > 1.0 { local.length().copysign(local.y) } else { local.y };
-        (self.start + index as f64 + local.x.clamp(-1.0, 1.0), offset)
+    /// The parts of this line within the ranges of chainage.
+    pub(super) fn parts(&self, ranges: &[(f64, f64)]) -> Self {
+        let cut = |&(from, to): &(f64, f64)| {
+            let within = move |arc: &Arc| {
+                let (from, to) = (arc.from.max(from), arc.to.min(to));
+                (from < to).then(|| Arc { from, to, node: arc.at(from), ..*arc })
+            };
+            self.0.iter().filter_map(within)
+        };
+        Self(ranges.iter().flat_map(cut).collect())
+    }
+
+    /// Chainage of the end.
+    fn end(&self) -> f64 {
+        self.0.last().map_or(0.0, |last| last.to)
+    }
+
+    fn extend(&mut self, length: f64, curvature: f64) {
+        let from = self.end();
+        let node = self.0.last().map_or_else(Node::default, |last| last.at(from));
+        let curvature = if curvature.abs() < STRAIGHT { STRAIGHT } else { curvature };
+        self.0.push(Arc { from, to: from + length, node, curvature });
     }
 }
 
 /// The axis of the whole street.
 #[derive(Debug)]
 pub(super) struct Axis {
-    land: Land,
-    /// Radius of the loop at the end of the stem, infinite for an open street.
-    radius: f64,
-    /// Heading of the stem of a loop.
-    stem: f64,
-    starts: Vec<DVec2>,
+    /// As far as it was laid.
+    pub(super) line: Line,
+    /// Heading of an open street.
+    heading: Waves<2>,
+    /// Chainage at which the street comes back to its stem, infinite if it does not.
+    pub(super) end: f64,
 }
 
 impl Axis {
-    /// An open street, or one that comes back to its stem after `loop_drive` metres in all.
-    pub(super) fn new(seed: u64, land: Land, loop_drive: Option<f64>) -> Self {
-        let radius = loop_drive.map_or(f64::INFINITY, |drive| (drive - 2.0 * STEM) / LOOP_LENGTH);
-        let stem = sequence(seed, 2, 0).random_range(0.0..TAU);
-        Self { land, radius, stem, starts: vec![DVec2::ZERO] }
-    }
-
-    /// Chainage at which the street comes back to its stem, infinite if it does not.
-    pub(super) fn end(&self) -> f64 {
-        LEAD + STEM + self.radius * LOOP_LENGTH
-    }
-
-    fn heading(&self, s: f64) -> f64 {
-        if self.radius.is_infinite() {
-            return self.land.bends.iter().map(|wave| wave.at(s)).sum();
+    /// An open street with bends of this amplitude (radians) and wave length, or one that comes back to its stem after
+    /// `loop_drive` metres in all.
+    pub(super) fn new(seed: u64, (turn, length): (f64, f64), loop_drive: Option<f64>) -> Self {
+        let parts = [(turn, length), (0.15 * turn, 0.37 * length)];
+        let heading = Waves::new(parts, &mut sequence(seed, 1, 0));
+        let mut axis = Self { line: Line::default(), heading, end: f64::INFINITY };
+        if let Some(drive) = loop_drive {
+            axis.line.extend(LEAD + STEM, 0.0);
+            // A drop: 60 degrees to the left, 300 to the right, 60 to the left again, all with one radius, end where
+            // they began, in the opposite direction.
+            let arc = (drive - 2.0 * STEM) / 14.0;
+            for steps in [2.0, -5.0, -5.0, 2.0f64] {
+                axis.line.extend(steps.abs() * arc, FRAC_PI_6.copysign(steps) / arc);
+            }
+            axis.end = axis.line.end();
         }
-        // A drop: 60 degrees to the left, 300 to the right, 60 to the left again, all with one radius, end where
-        // they began, in the opposite direction.
-        let along = (s - LEAD - STEM).max(0.0) / self.radius;
-        let back = (along - 10.0 * FRAC_PI_3).min(-3.0 * FRAC_PI_3);
-        self.stem + along.min(2.0 * FRAC_PI_3 - along).max(back)
+        axis
     }
 
-    /// The axis in `cell` and the next one; remembers the starts of all cells up to it.
-    pub(super) fn frame(&mut self, cell: usize) -> Frame {
-        for cell in self.starts.len()..=cell {
-            let next = self.nodes(cell - 1)[NODES].point;
-            self.starts.push(next);
+    /// Lays an open street up to chainage `s`.
+    pub(super) fn reach(&mut self, s: f64) {
+        while self.line.end() < s.min(self.end) {
+            let [here, next] = [0.0, CELL].map(|ahead| self.heading.along(self.line.end() + ahead));
+            self.line.extend(CELL, (next - here) / CELL);
         }
-        Frame { start: cell as f64 * CELL, nodes: self.nodes(cell) }
     }
 
-    fn nodes(&self, cell: usize) -> Vec<Node> {
-        let mut next = self.starts[cell];
-        let node = |metre: usize| {
-            let node = Node { point: next, heading: self.heading(metre as f64) };
-            next += DVec2::from_angle(self.heading(metre as f64 + 0.5));
-            node
-        };
-        (cell * NODES..=(cell + 2) * NODES).map(node).collect()
-    }
-
-    /// The cells whose middles are within `reach` of the axis at chainage `s`, in order.
+    /// The cells whose middles are within `reach` of the axis at chainage `s`, in order; the street is laid beyond them.
     pub(super) fn near(&mut self, s: f64, reach: f64) -> Vec<usize> {
-        let (here, span) = (cell_at(s), (reach / CELL) as usize + 1);
-        let cells = if self.end().is_finite() {
-            0..(self.end() / CELL).ceil() as usize
+        self.reach(s + reach + 3.0 * CELL);
+        // Only a street with an end comes back to itself.
+        let cells = if self.end.is_finite() {
+            0..(self.end / CELL).ceil() as usize
         } else {
-            here.saturating_sub(span)..here + span + 1
+            cell_at(s - reach - CELL)..cell_at(s + reach + CELL)
         };
-        let place = self.frame(here).at(s).point;
-        cells.filter(|cell| self.frame(*cell).middle().point.distance(place) < reach).collect()
+        let place = self.line.at(s).point;
+        let middle = |cell: &usize| self.line.at((*cell as f64 + 0.5) * CELL).point;
+        cells.filter(|cell| middle(cell).distance(place) < reach).collect()
     }
 }
 
@@ -194,38 +174,40 @@ pub(super) fn cell_at(s: f64) -> usize {
 mod tests {
     use super::*;
 
-    fn land(seed: u64) -> Land {
-        Land::new(seed, (0.4, 600.0), (4.0, 700.0))
+    fn street(reach: f64) -> Line {
+        let mut axis = Axis::new(5, (0.4, 600.0), None);
+        axis.reach(reach);
+        axis.line
     }
 
     #[test]
-    fn cells_join_without_a_gap_whatever_the_order_of_asking() {
-        let mut axis = Axis::new(5, land(5), None);
-        let late = axis.frame(7);
-        let early = axis.frame(6);
-        let (a, b) = (early.at(350.0), late.at(350.0));
-        assert!(a.point.distance(b.point) < 1e-4 && (a.heading - b.heading).abs() < 1e-12);
+    fn arcs_join_without_a_gap_and_do_not_depend_on_how_far_the_street_is_laid() {
+        let line = street(500.0);
+        let (a, b) = (line.at(350.0 - 1e-7), line.at(350.0 + 1e-7));
+        assert!(a.point.distance(b.point) < 1e-6 && (a.heading - b.heading).abs() < 1e-6);
+        assert_eq!(line.at(123.0).point, street(2_000.0).at(123.0).point);
     }
 
     #[test]
-    fn nearest_inverts_left() {
-        let mut axis = Axis::new(5, land(5), None);
-        let frame = axis.frame(3);
-        let point = frame.at(171.3).left(-7.5);
-        let (s, offset) = frame.nearest(point);
-        assert!((s - 171.3).abs() < 0.02 && (offset + 7.5).abs() < 0.01, "{s} {offset}");
+    fn nearest_inverts_left_on_arcs_and_on_straight_lines() {
+        let mut closed = Axis::new(5, (0.4, 600.0), Some(1_400.0)).line;
+        for line in [street(500.0), closed.clone(), closed.parts(&[(0.0, 40.0), (500.0, 600.0)])] {
+            for (s, offset) in [(20.0, 30.0), (571.3, -7.5), (571.3, 7.5)] {
+                let s = if line.end() < 560.0 { s * 0.7 } else { s };
+                let (s1, offset1) = line.nearest(line.at(s).left(offset)).unwrap();
+                assert!((s1 - s).abs() < 1e-5 && (offset1 - offset).abs() < 1e-5, "{s1} {offset1}");
+            }
+        }
+        closed = closed.parts(&[(0.0, 40.0)]);
+        assert_eq!(closed.nearest(closed.at(43.0).left(4.0)), Some((40.0, 5.0)), "3 m beyond the end");
     }
 
     #[test]
     fn the_loop_ends_where_the_stem_ends_in_the_opposite_direction() {
-        let mut axis = Axis::new(9, land(9), Some(1_400.0));
-        let end = axis.end();
-        assert!((end - 1_200.0).abs() < 1e-9); // 100 m of lead, 300 m of stem, 800 m of loop
-        let stem = axis.frame(7).at(400.0);
-        let closed = axis.frame(23).at(end);
-        let gap = stem.point.distance(closed.point);
-        assert!(gap < 0.5, "{gap}");
-        let turn = closed.heading - stem.heading;
-        assert!((turn + std::f64::consts::PI).abs() < 1e-6, "{turn}");
+        let axis = Axis::new(9, (0.4, 600.0), Some(1_400.0));
+        assert!((axis.end - 1_200.0).abs() < 1e-9); // 100 m of lead, 300 m of stem, 800 m of loop
+        let (stem, closed) = (axis.line.at(400.0), axis.line.at(axis.end));
+        assert!(stem.point.distance(closed.point) < 1e-6, "{stem:?} {closed:?}");
+        assert!((closed.heading - stem.heading + std::f64::consts::PI).abs() < 1e-6);
     }
 }

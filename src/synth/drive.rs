@@ -1,14 +1,12 @@
 //! The vehicle: how far it is at a time, where it is and how it is turned. No scanner.
 
-use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DMat4, DVec3};
-use rand::RngExt;
 
-use super::axis::{Axis, Frame, LEAD, STEM, cell_at};
+use super::axis::{LEAD, Line, STEM};
 use super::preset::Plan;
-use super::random::sequence;
+use super::random::{Waves, sequence};
 
 /// Height of the trajectory's point over the road, metres.
 const HEIGHT: f64 = 2.35;
@@ -58,34 +56,43 @@ impl Track {
 }
 
 /// The drive as a function of time, seconds since its start.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Drive {
-    speed: f64,
-    /// Amplitude (m/s), angular frequency and phase of the changes of speed.
-    changes: [(f64, f64, f64); 2],
-    shake: [f64; 6],
     plan: Plan,
     /// Chainage at which the street comes back to its stem.
     end: f64,
+    /// Mean speed, m/s, and how far ahead of it the vehicle is, metres over seconds.
+    speed: f64,
+    ahead: Waves<2>,
+    /// Metres to the left of the driving line, over metres driven.
+    wander: Waves<1>,
+    /// Movements of the body on its springs, over seconds: metres; radians.
+    bounce: Waves<2>,
+    pitch: Waves<1>,
+    roll: Waves<2>,
 }
 
 impl Drive {
     /// A drive with speeds between the two of `speed_kmh` along a street that ends at chainage `end`.
-    pub(super) fn new(plan: Plan, end: f64, speed_kmh: (f64, f64)) -> Self {
+    pub(super) fn new(plan: Plan, end: f64, (low, high): (f64, f64)) -> Self {
         let mut random = sequence(plan.seed, 4, 0);
-        let (low, high) = (speed_kmh.0 / 3.6, speed_kmh.1 / 3.6);
-        let half = (high - low) * 0.5;
-        let mut change =
-            |share: f64, period: f64| (half * share, TAU / period, random.random_range(0.0..TAU));
-        let changes = [change(0.7, 47.0), change(0.3, 19.0)];
-        let shake = [0; 6].map(|_| random.random_range(0.0..TAU));
-        Self { speed: low + half, changes, shake, plan, end }
+        let half = (high - low) / 7.2;
+        Self {
+            plan,
+            end,
+            speed: low / 3.6 + half,
+            ahead: Waves::new([(0.7, 47.0), (0.3, 19.0)].map(|(a, t)| (half * a * t / TAU, t)), &mut random),
+            wander: Waves::new([(0.15, 70.0)], &mut random),
+            // 0.3 to 1.4 Hz.
+            bounce: Waves::new([(0.008, 0.91), (0.006, 2.7)], &mut random),
+            pitch: Waves::new([(0.003, 1.11)], &mut random),
+            roll: Waves::new([(0.0045, 3.23), (0.0025, 0.73)], &mut random),
+        }
     }
 
     /// Metres driven at time `t`.
     pub(super) fn distance(&self, t: f64) -> f64 {
-        let change = |(a, w, phase): &(f64, f64, f64)| a / w * (phase.cos() - (w * t + phase).cos());
-        self.speed * t + self.changes.iter().map(change).sum::<f64>()
+        self.speed * t + self.ahead.along(t) - self.ahead.along(0.0)
     }
 
     /// When `distance` metres are driven, by bisection: the speed is never negative.
@@ -105,37 +112,31 @@ impl Drive {
     }
 
     /// The poses from the last one before `from` to the first ones after `to`.
-    pub(super) fn track(&self, axis: &mut Axis, from: f64, to: f64) -> Track {
+    pub(super) fn track(&self, axis: &Line, from: f64, to: f64) -> Track {
         let [first, last] = [from, to].map(|t| (t * POSES_HZ).floor() as u64);
-        let mut frames = BTreeMap::new();
-        let pose = |number: u64| {
-            let t = number as f64 / POSES_HZ;
-            let cell = cell_at(self.place(t).0);
-            self.pose(frames.entry(cell).or_insert_with(|| axis.frame(cell)), t)
-        };
-        let poses: Vec<Pose> = (first..last + 3).map(pose).collect();
+        let poses: Vec<Pose> = (first..last + 3).map(|n| self.pose(axis, n as f64 / POSES_HZ)).collect();
         Track { maps: poses.iter().map(Pose::map).collect(), poses }
     }
 
-    /// The pose at time `t`; `frame` is the axis about the place.
-    fn pose(&self, frame: &Frame, t: f64) -> Pose {
+    fn pose(&self, axis: &Line, t: f64) -> Pose {
         let (here, way) = self.place(t);
-        let node = frame.at(here);
-        let [p0, p1, p2, p3, p4, p5] = self.shake;
         // Counted along the drive, not along the street: no jump where the loop closes.
         let driven = self.distance(t);
-        let wander = |s: f64| 0.15 * ((driven + (s - here) * way) * TAU / 70.0 + p0).sin();
-        let offset = |s: f64| way * (wander(s) - self.plan.section(s).driving_line());
-        let height = |s: f64| self.plan.height(frame, s, offset(s));
+        let offset = |s: f64| {
+            let wander = self.wander.along(driven + (s - here) * way);
+            way * (wander - self.plan.section(s).driving_line())
+        };
+        let height = |s: f64| self.plan.height(axis.at(s), s, offset(s));
         let slope = (height(here + 1.5) - height(here - 1.5)) / 3.0 * way;
-        // Body movements of a car on its springs: some tenths of a degree at 0.3 to 1.4 Hz.
-        let bounce = 0.008 * (TAU * 1.1 * t + p1).sin() + 0.006 * (TAU * 0.37 * t + p2).sin();
-        let pitch = slope.atan() + 0.0030 * (TAU * 0.9 * t + p3).sin();
-        let roll = 0.0045 * (TAU * 0.31 * t + p4).sin() + 0.0025 * (TAU * 1.37 * t + p5).sin();
         let drift = (offset(here + 0.5) - offset(here - 0.5)).atan();
-        let course = node.heading + drift + (1.0 - way) * FRAC_PI_2;
-        let position = node.left(offset(here)).extend(height(here) + HEIGHT + bounce);
-        Pose { t, position, roll, pitch, heading: (FRAC_PI_2 - course).rem_euclid(TAU) }
+        let course = axis.at(here).heading + drift + (1.0 - way) * FRAC_PI_2;
+        Pose {
+            t,
+            position: axis.at(here).left(offset(here)).extend(height(here) + HEIGHT + self.bounce.along(t)),
+            roll: self.roll.along(t),
+            pitch: slope.atan() + self.pitch.along(t),
+            heading: (FRAC_PI_2 - course).rem_euclid(TAU),
+        }
     }
 }
 

@@ -1,13 +1,11 @@
 //! The cross-section of the street and the surface of the ground of one cell: height, mesh, and what lies where.
 
-use std::array;
-
 use bytemuck::{Pod, Zeroable};
-use glam::{DQuat, DVec2, DVec3, Mat3A, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use rand::RngExt;
 use serde::Deserialize;
 
-use super::axis::{Axis, CELL, Frame, Land, Node};
+use super::axis::{Axis, CELL, Line, Node};
 use super::material::Material;
 use super::preset::Plan;
 use super::random::sequence;
@@ -42,19 +40,13 @@ pub(super) struct Section {
     pub(super) slopes: f64,
     /// Width of a lane.
     pub(super) lane: f64,
-    /// How far the land beside the pavement is below it: a bridge over a dip.
-    #[serde(skip)]
-    pub(super) dip: f64,
-    /// Height gained by the slopes on the left and on the right.
-    #[serde(skip)]
-    pub(super) rise: [f64; 2],
 }
 
 impl Section {
     /// Between two sections, `w` 0 to 1.
     pub(super) fn between(self, other: Self, w: f64) -> Self {
-        let [a, b]: [[f64; 11]; 2] = [self, other].map(bytemuck::cast);
-        bytemuck::cast(array::from_fn::<f64, 11, _>(|i| a[i] + (b[i] - a[i]) * w))
+        let [a, b]: [[f64; 8]; 2] = [self, other].map(bytemuck::cast);
+        bytemuck::cast::<[f64; 8], _>(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * w))
     }
 
     /// Middle of the outermost lane: where the vehicle drives.
@@ -82,15 +74,18 @@ impl Section {
         let beyond = (d - self.kerb) / FACE;
         road + self.kerb_height * beyond.clamp(0.0, 1.0) + 0.02 * (d.min(self.walk) - self.kerb).max(0.0)
     }
+}
 
-    /// Height of the ground at `offset` (left positive) from a point of the axis.
-    pub(super) fn height(&self, land: &Land, node: Node, offset: f64) -> f64 {
-        let d = offset.abs();
-        let beyond = d - self.walk;
+impl Plan {
+    /// Height of the ground at `offset` (left positive) from the axis at chainage `s`, where it goes through `node`.
+    pub(super) fn height(&self, node: Node, s: f64, offset: f64) -> f64 {
+        let (section, d) = (self.section(s), offset.abs());
+        let beyond = d - section.walk;
         let over = smooth(beyond / BLEND);
-        let base = land.height(node.point) * (1.0 - over) + land.height(node.left(offset)) * over;
-        let slope = self.rise[usize::from(offset < 0.0)] * smooth((beyond - 2.0) / 12.0);
-        base + self.profile(d) + slope - self.dip * (beyond / FACE).clamp(0.0, 1.0)
+        let base = self.land.over(node.point) * (1.0 - over) + self.land.over(node.left(offset)) * over;
+        let slope = section.slopes * self.slopes[usize::from(offset < 0.0)].along(s);
+        let dip = self.dip(s) * (beyond / FACE).clamp(0.0, 1.0);
+        base + section.profile(d) + slope * smooth((beyond - 2.0) / 12.0) - dip
     }
 }
 
@@ -99,7 +94,7 @@ fn smooth(x: f64) -> f64 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// The ground of one cell, and where other things are from it.
+/// The ground of one cell, and where other parts of the street are from it.
 #[derive(Debug)]
 pub(super) struct Ground {
     pub(super) plan: Plan,
@@ -107,78 +102,66 @@ pub(super) struct Ground {
     /// Chainage of the start of the cell, and that at which the whole street ends.
     pub(super) start: f64,
     pub(super) end: f64,
-    pub(super) frame: Frame,
-    /// Other parts of the street within reach.
-    foreign: Vec<Frame>,
-    /// Middle of the cell, metres from the street's origin, and direction of the axis there: the frame of the mesh.
+    /// The axis in this cell and its neighbours, and where it is two cells away or more and may come back.
+    pub(super) line: Line,
+    foreign: Line,
+    /// Middle of the cell, metres from the street's origin: the origin of the mesh.
     pub(super) origin: DVec3,
-    turn: f64,
-    /// Sections along the rows of the mesh.
-    sections: Vec<Section>,
-    /// What lies between kerb and pavement, and beyond it.
-    soft: Material,
     /// Chainage of the middle of a zebra crossing.
     pub(super) zebra: Option<f64>,
 }
 
 impl Ground {
-    pub(super) fn new(plan: Plan, axis: &mut Axis, cell: usize) -> Self {
-        let (layout, frame, end) = (plan.layout(cell), axis.frame(cell), axis.end());
-        let (start, Node { point, heading }) = (frame.start, frame.middle());
-        let mut far = axis.near(start + CELL * 0.5, 180.0);
-        // Only a street with an end comes back to itself. A frame reaches into the next cell: two cells lie between.
-        far.retain(|far| end.is_finite() && (far + 3 < cell || *far > cell + 2));
-        let rows = (((end - start).min(CELL) / ROW).ceil() as usize).max(1);
+    /// The ground of a cell; the axis is laid beyond it.
+    pub(super) fn new(plan: Plan, axis: &Axis, cell: usize) -> Self {
+        let (start, end) = (cell as f64 * CELL, axis.end);
+        let point = axis.line.at(start + CELL * 0.5).point;
+        let far = [(0.0, start - 2.0 * CELL), (start + 3.0 * CELL, end)];
         let mut random = sequence(plan.seed, 5, cell as u64);
+        let crossing = random.random_bool(plan.layout(cell).crossing);
         Self {
             plan,
             cell,
             start,
             end,
-            frame,
-            foreign: far.into_iter().map(|far| axis.frame(far)).collect(),
-            origin: point.extend(plan.land.height(point)),
-            turn: heading,
-            sections: (0..=rows).map(|row| plan.section(start + row as f64 * ROW)).collect(),
-            soft: if layout.paved { Material::Paving } else { Material::Grass },
-            zebra: random.random_bool(layout.crossing).then(|| start + random.random_range(14.0..=40.0)),
+            line: axis.line.parts(&[(start - CELL, start + 2.0 * CELL)]),
+            foreign: if end.is_finite() { axis.line.parts(&far) } else { Line::default() },
+            origin: point.extend(plan.land.over(point)),
+            zebra: crossing.then(|| start + random.random_range(14.0..=40.0)),
         }
     }
 
     /// The point of the ground at chainage `s` and `offset` (left positive), metres from the street's origin.
     pub(super) fn at(&self, s: f64, offset: f64) -> DVec3 {
-        self.frame.at(s).left(offset).extend(self.plan.height(&self.frame, s, offset))
+        let node = self.line.at(s);
+        node.left(offset).extend(self.plan.height(node, s, offset))
     }
 
-    /// The nearest other part of the street to a point, and its chainage and offset there.
-    pub(super) fn elsewhere(&self, point: DVec2) -> Option<(&Frame, (f64, f64))> {
-        let places = self.foreign.iter().map(|frame| (frame, frame.nearest(point)));
-        let there = places.filter(|(_, (s, _))| *s <= self.end);
-        there.min_by(|(_, (_, a)), (_, (_, b))| a.abs().total_cmp(&b.abs()))
+    /// Chainage and offset of a point from another part of the street, if that is nearer than `offset`.
+    pub(super) fn elsewhere(&self, point: DVec2, offset: f64) -> Option<(f64, f64)> {
+        self.foreign.nearest(point).filter(|(_, other)| other.abs() < offset.abs())
     }
 
-    /// A point of the mesh in its frame, and whether it lies well within another part of the street: where that is nearer
-    /// to its axis, its height counts.
+    /// A point of the mesh, and whether it lies well within another part of the street: where that is nearer to its
+    /// axis, its height counts.
     fn vertex(&self, s: f64, offset: f64) -> (Vec3, bool) {
         let mut point = self.at(s, offset);
         let mut nearer = 0.0;
-        if let Some((frame, (s, other))) = self.elsewhere(point.truncate())
-            && other.abs() < offset.abs()
-        {
-            point.z = self.plan.height(frame, s, other);
+        if let Some((s, other)) = self.elsewhere(point.truncate(), offset) {
+            point.z = self.plan.height(self.foreign.at(s), s, other);
             nearer = offset.abs() - other.abs();
         }
-        let local = DQuat::from_rotation_z(-self.turn) * (point - self.origin);
-        (local.as_vec3(), nearer > 3.0)
+        ((point - self.origin).as_vec3(), nearer > 3.0)
     }
 
-    /// The surface, and the turn from its frame to the street's.
-    pub(super) fn mesh(&self) -> (Model, Mat3A) {
-        let row = |(row, section): (usize, &Section)| {
+    /// The surface.
+    pub(super) fn mesh(&self) -> Model {
+        let rows = ((self.end - self.start).min(CELL) / ROW).ceil() as usize;
+        let row = |row: usize| {
             let s = self.start + row as f64 * ROW;
-            section.breaks().map(|offset| self.vertex(s, offset)).collect::<Vec<_>>()
+            self.plan.section(s).breaks().map(|offset| self.vertex(s, offset)).collect::<Vec<_>>()
         };
-        let rows: Vec<_> = self.sections.iter().enumerate().map(row).collect();
+        let rows: Vec<_> = (0..=rows.max(1)).map(row).collect();
         let mut primitives = Vec::new();
         for pair in rows.windows(2) {
             for (here, next) in pair[0].windows(2).zip(pair[1].windows(2)) {
@@ -191,25 +174,14 @@ impl Ground {
                 }
             }
         }
-        (Model::new(primitives), Mat3A::from_rotation_z(self.turn as f32))
+        Model::new(primitives)
     }
 
-    /// The material at a point of the mesh, in the mesh's frame.
+    /// The material at a point of the mesh.
     pub(super) fn material(&self, point: Vec3) -> Material {
-        let local = point.as_dvec3().truncate();
-        let point = self.origin.truncate() + DVec2::from_angle(self.turn).rotate(local);
-        let mut place = DVec2::new(self.start + CELL * 0.5 + local.x, 0.0);
-        // Two steps of projection onto the tangent: enough for bends of more than 50 m radius.
-        for _ in 0..2 {
-            let s = place.x.clamp(self.start, self.start + CELL);
-            place = DVec2::new(s, 0.0) + self.frame.at(s).local(point);
-        }
-        let row = ((place.x - self.start) / ROW).max(0.0) as usize;
-        self.material_at(&self.sections[row.min(self.sections.len() - 1)], place.x, place.y)
-    }
-
-    fn material_at(&self, section: &Section, s: f64, offset: f64) -> Material {
-        let d = offset.abs();
+        let place = self.line.nearest((self.origin + point.as_dvec3()).truncate());
+        let (s, offset) = place.unwrap_or_default();
+        let (section, d) = (self.plan.section(s), offset.abs());
         let near = |line: f64| (d - line).abs() < 0.07;
         let zebra = self.zebra.is_some_and(|zebra| (s - zebra).abs() < 1.8 && offset.rem_euclid(1.0) < 0.5);
         let centre = section.median < 0.3 && (d - 0.13).abs() < 0.06;
@@ -224,7 +196,8 @@ impl Ground {
             }
             d if d <= section.kerb + 0.15 => Material::Paving,
             d if d >= section.verge && d < section.walk => Material::Paving,
-            _ => self.soft,
+            _ if self.plan.layout(self.cell).paved => Material::Paving,
+            _ => Material::Grass,
         }
     }
 }

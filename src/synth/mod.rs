@@ -39,13 +39,13 @@ use serde::de::DeserializeOwned;
 use crate::config::ConfigError;
 use crate::error::Error;
 
-use axis::{CELL, STEM, cell_at};
+use axis::{Axis, CELL, STEM};
 use drive::Drive;
 use preset::Plan;
 use scan::{Job, Scan};
 use scene::{Placed, Window};
 use sink::Sink;
-use street::{IDS, Street};
+use street::{IDS, Library};
 
 pub use preset::Preset;
 pub use scan::Scanner;
@@ -124,10 +124,12 @@ impl Settings {
 
     fn check(&self) -> Result<(), ConfigError> {
         let Self { scanner, speed_kmh: (slow, fast), .. } = self;
-        // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
-        let least = if self.preset == Preset::Loop { LEAST_LOOP } else { 1.0 };
         let extent = match self.extent {
-            Extent::Length(length) => ("length", length, least..=2e6, " m"),
+            // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
+            Extent::Length(length) if self.preset == Preset::Loop => {
+                ("length", length, LEAST_LOOP..=2e6, " m")
+            }
+            Extent::Length(length) => ("length", length, 1.0..=2e6, " m"),
             Extent::Points(points) => ("points", points as f64, 1.0..=1e12, ""),
         };
         let ranges = [
@@ -141,26 +143,24 @@ impl Settings {
             ("files-every", self.files_every_s.unwrap_or(1.0), 0.1..=1e6, " s"),
             extent,
         ];
-        match ranges.into_iter().find(|(_, value, range, _)| !range.contains(value)) {
-            Some((key, value, range, unit)) => {
-                let expected = format!("{} to {}{unit}", range.start(), range.end());
-                Err(ConfigError::value(key, value, expected))
-            }
-            None => Ok(()),
-        }
+        let wrong = ranges.into_iter().find(|(_, value, range, _)| !range.contains(value));
+        wrong.map_or(Ok(()), |(key, value, range, unit)| {
+            let expected = format!("{} to {}{unit}", range.start(), range.end());
+            Err(ConfigError::value(key, value, expected))
+        })
     }
 
     /// Metres and points after which the drive ends; a loop has a length, even if only points were asked for.
     fn ends(&self) -> (Option<f64>, u64) {
         match self.extent {
             Extent::Length(length) => (Some(length), u64::MAX),
-            Extent::Points(points) => {
-                // 0.65 to 0.85 of the pulses return, by preset.
+            Extent::Points(points) if self.preset == Preset::Loop => {
+                // Some three of four pulses return.
                 let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.75;
                 let speed = (self.speed_kmh.0 + self.speed_kmh.1) / 7.2;
-                let length = (points as f64 / rate * speed).max(LEAST_LOOP);
-                ((self.preset == Preset::Loop).then_some(length), points)
+                (Some((points as f64 / rate * speed).max(LEAST_LOOP)), points)
             }
+            Extent::Points(points) => (None, points),
         }
     }
 }
@@ -172,8 +172,6 @@ pub struct Progress {
     pub points: u64,
     /// Metres driven so far.
     pub driven_m: f64,
-    /// Share done, 0 to 1.
-    pub share: f64,
 }
 
 /// What was written.
@@ -211,7 +209,9 @@ pub fn generate(
 /// A drive under way.
 struct Run<'a> {
     settings: &'a Settings,
-    street: Street,
+    plan: Plan,
+    axis: Axis,
+    library: Library,
     drive: Drive,
     scan: Scan<'a>,
     /// The cells within range.
@@ -223,10 +223,11 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn new(settings: &'a Settings) -> Self {
         let plan = Plan::new(settings.preset, settings.seed);
-        let street = Street::new(plan, settings.ends().0.filter(|_| settings.preset == Preset::Loop));
-        let drive = Drive::new(plan, street.axis.end(), settings.speed_kmh);
-        let scan = Scan::new(settings);
-        Self { settings, street, drive, scan, cells: BTreeMap::new(), window: None }
+        let closes = settings.ends().0.filter(|_| settings.preset == Preset::Loop);
+        let axis = Axis::new(plan.seed, plan.bends, closes);
+        let drive = Drive::new(plan, axis.end, settings.speed_kmh);
+        let (library, scan) = (things::models(plan.seed), Scan::new(settings));
+        Self { settings, plan, axis, library, drive, scan, cells: BTreeMap::new(), window: None }
     }
 
     fn drive(
@@ -243,12 +244,8 @@ impl<'a> Run<'a> {
         let (mut next, mut points, mut driven_m) = (0, 0, 0.0);
         let (mut batch, mut lowest) = (Vec::new(), 0);
         while next < profiles && points < limit {
-            let mut jobs = Vec::with_capacity(ROUND);
-            while jobs.len() < ROUND && next < profiles {
-                let to = (next + per_slice).min(profiles);
-                jobs.push(self.job(next, to));
-                next = to;
-            }
+            let starts = (next..profiles).step_by(per_slice as usize).take(ROUND);
+            let jobs: Vec<Job> = starts.map(|from| self.job(from, profiles.min(from + per_slice))).collect();
             let scan = &self.scan;
             // The files of the last round are written while this one is traced.
             let (written, slices) = rayon::join(
@@ -256,22 +253,22 @@ impl<'a> Run<'a> {
                 || jobs.par_iter().map(|job| scan.trace(job, limit)).collect::<Vec<_>>(),
             );
             written?;
-            for (job, slice) in jobs.iter().zip(slices) {
+            for (job, mut slice) in jobs.iter().zip(slices) {
                 let left = limit - points;
-                let last = slice.records.len() as u64 >= left;
-                let slice = if last { scan.trace(job, left) } else { slice };
+                if slice.records.len() as u64 >= left {
+                    slice = scan.trace(job, left);
+                }
                 (next, points) = (slice.to, points + slice.records.len() as u64);
                 batch.push(slice);
-                if last {
+                if points >= limit {
                     break;
                 }
             }
             // A street that closes comes back to its first cells.
-            let first = self.cells.keys().next().filter(|_| self.street.axis.end().is_infinite());
+            let first = self.cells.keys().next().filter(|_| self.axis.end.is_infinite());
             lowest = first.map_or(0, |cell| *cell as u32 * IDS);
             driven_m = self.drive.distance(scan.time(next, 0, 0));
-            let share = (next as f64 / profiles as f64).max(points as f64 / limit as f64);
-            progress(Progress { points, driven_m, share: share.min(1.0) });
+            progress(Progress { points, driven_m });
         }
         sink.write(batch, lowest)?;
         Ok(sink.finish(driven_m)?)
@@ -280,7 +277,6 @@ impl<'a> Run<'a> {
     /// The profiles `from..to`, and what there is about them.
     fn job(&mut self, from: u64, to: u64) -> Job {
         let [start, end] = [from, to].map(|profile| self.scan.time(profile, 0, 0));
-        let track = self.drive.track(&mut self.street.axis, start, end);
         let (s, _) = self.drive.place(start);
         let stretch = (s / STRETCH).floor() as i64;
         let window = match self.window.take() {
@@ -288,19 +284,19 @@ impl<'a> Run<'a> {
             _ => Arc::new(self.within_range(s)),
         };
         self.window = Some((stretch, Arc::clone(&window)));
-        Job { window, track, from, to }
+        Job { window, track: self.drive.track(&self.axis.line, start, end), from, to }
     }
 
-    /// The scene within range of chainage `s`.
+    /// The scene within range of chainage `s`; the street is laid as far.
     fn within_range(&mut self, s: f64) -> Window {
         // Half a stretch, half a cell, and what overhangs: objects belong to the cell of their middle.
         let reach = self.settings.scanner.range_m + STRETCH + CELL * 0.5 + 20.0;
-        let near = self.street.axis.near(s, reach);
+        let near = self.axis.near(s, reach);
         self.cells.retain(|cell, _| near.contains(cell));
         for cell in near {
-            self.cells.entry(cell).or_insert_with(|| self.street.cell(cell));
+            let build = || street::cell(self.plan, &self.axis, &self.library, cell);
+            self.cells.entry(cell).or_insert_with(build);
         }
-        let place = self.street.axis.frame(cell_at(s)).at(s).point;
-        Window::new(place.extend(0.0), self.cells.values().flatten())
+        Window::new(self.axis.line.at(s).point.extend(0.0), self.cells.values().flatten())
     }
 }

@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::LazyLock;
 
-use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::axis::{CELL, Frame, LEAD, Land, cell_at};
+use super::axis::{CELL, LEAD, cell_at};
 use super::ground::Section;
-use super::random::{Random, pick, sequence};
+use super::random::{Random, Waves, pick, sequence};
 use super::scan::Scanner;
 use super::shipped;
 
@@ -58,7 +57,7 @@ pub(super) struct Kind {
     /// Distance kept from other things, metres.
     pub(super) radius: f64,
     /// Range of the angle by which models are turned from facing away from the road, degrees.
-    pub(super) turn: (f32, f32),
+    pub(super) turn: (f64, f64),
     /// Share by which models are wider or narrower, taller or shorter.
     pub(super) varies: f32,
     /// Whether it is inclined with the ground along it.
@@ -67,10 +66,6 @@ pub(super) struct Kind {
     pub(super) rooted: bool,
     /// Whether wires lead from one to the next.
     pub(super) wired: bool,
-    /// How many places of a row in succession are taken together or not at all, if more than one.
-    pub(super) together: u64,
-    /// For what stands as a line of pieces: share of the pieces that may be missing at its end.
-    pub(super) gap: Option<f32>,
 }
 
 /// A row of things along the street.
@@ -90,10 +85,21 @@ pub(super) struct Row {
     pub(super) jitter: f64,
     /// Share of the places that are taken.
     pub(super) share: f64,
+    /// How many places in succession are taken together or not at all.
+    #[serde(default = "one")]
+    pub(super) together: u64,
+    /// Where those together are one object: share of its pieces that may be missing at its end.
+    pub(super) joined: Option<f64>,
     /// Whether it stands on the left only.
     #[serde(default)]
     pub(super) once: bool,
     pub(super) only: Option<Only>,
+    /// Where the things are buildings: what they are like.
+    pub(super) building: Option<Building>,
+}
+
+fn one() -> u64 {
+    1
 }
 
 /// A line of the cross-section.
@@ -111,7 +117,7 @@ enum Line {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Only {
-    /// On bridges, piece by piece.
+    /// On bridges.
     Bridge,
     /// `from` metres in front of zebra crossings, one per cell.
     Crossing,
@@ -137,17 +143,17 @@ impl Row {
     }
 }
 
-/// Buildings along both sides; a lot is a whole fraction of a cell.
+/// Buildings in the middle of their lots, which are as long as the places of their row are apart.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Buildings {
-    pub(super) lots_per_cell: usize,
-    pub(super) share: f64,
-    pub(super) setback: (f64, f64),
+pub(super) struct Building {
+    /// How much farther than its row a front may stand back, metres.
+    pub(super) setback: f64,
     pub(super) floors: (u32, u32),
     /// Share of a lot's length that the front takes.
     pub(super) front: (f64, f64),
-    pub(super) depth: f32,
+    pub(super) depth: f64,
+    /// A house with a gabled roof and a porch, else a block with shops and a flat roof.
     pub(super) house: bool,
 }
 
@@ -159,8 +165,8 @@ pub(super) struct Layout {
     bends: (f64, f64),
     hills: (f64, f64),
     pub(super) section: Section,
+    /// Whether what is not road is paved, too.
     pub(super) paved: bool,
-    pub(super) buildings: Option<Buildings>,
     pub(super) rows: Vec<Row>,
     /// Share of cells with a zebra crossing.
     pub(super) crossing: f64,
@@ -195,30 +201,30 @@ const DIP: (f64, f64) = (32.0, 5.5);
 pub(super) struct Plan {
     preset: Preset,
     pub(super) seed: u64,
-    pub(super) land: Land,
+    pub(super) bends: (f64, f64),
+    /// Height of the land before anything was built on it.
+    pub(super) land: Waves<3>,
+    /// Slopes on the left and on the right, as a share of the section's.
+    pub(super) slopes: [Waves<2>; 2],
 }
 
 impl Plan {
     pub(super) fn new(preset: Preset, seed: u64) -> Self {
         // Where streets change, the land is that of a suburb.
         let land = if matches!(preset, Preset::Mixed | Preset::Loop) { Preset::Suburb } else { preset };
-        let Layout { bends, hills, .. } = TABLES.streets[&land];
-        Self { preset, seed, land: Land::new(seed, bends, hills) }
+        let Layout { bends, hills: (height, length), .. } = TABLES.streets[&land];
+        let mut random = sequence(seed, 3, 0);
+        let hills = [(1.0, 1.0), (0.35, 0.43), (0.1, 0.15)].map(|(a, l)| (a * height, l * length));
+        let land = Waves::new(hills, &mut random);
+        let slopes = [0; 2].map(|_| Waves::new([(1.0, 290.0), (0.5, 120.0)], &mut random));
+        Self { preset, seed, bends, land, slopes }
     }
 
     /// The layout of a cell.
     pub(super) fn layout(&self, cell: usize) -> &'static Layout {
         let street = match self.preset {
-            Preset::Mixed => {
-                let stretch = cell / STRETCH;
-                // Every street of four stretches has each layout once, in an order of its own.
-                let mut order = [Preset::Suburb, Preset::Downtown, Preset::Avenue, Preset::Highway];
-                let mut random = sequence(self.seed, 3, (stretch / 4) as u64);
-                for last in (1..4).rev() {
-                    order.swap(last, random.random_range(0..=last));
-                }
-                order[stretch % 4]
-            }
+            // All of them in turn; the seed says which is the first.
+            Preset::Mixed => Preset::ALL[(cell / STRETCH + (self.seed % 4) as usize) % 4],
             Preset::Loop => Preset::Suburb,
             other => other,
         };
@@ -230,26 +236,15 @@ impl Plan {
     pub(super) fn section(&self, s: f64) -> Section {
         let cell = cell_at(s);
         let [before, here] = [cell.saturating_sub(1), cell].map(|cell| self.layout(cell).section);
-        let mut section = before.between(here, ((s - cell as f64 * CELL) / (CELL * 0.5)).clamp(0.0, 1.0));
-        section.dip = self.bridge(s).map_or(0.0, |off| DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0));
-        let wave = |length: f64, phase: f64| (s / length + phase).sin();
-        let phase = (self.seed % 1_000) as f64;
-        section.rise =
-            [0.0, 2.1].map(|turn| section.slopes * (wave(46.0, phase + turn) + 0.5 * wave(19.0, turn * 3.0)));
-        section
+        before.between(here, ((s / CELL - cell as f64) * 2.0).clamp(0.0, 1.0))
     }
 
-    /// Height of the ground at chainage `s` and `offset` (left positive) from the axis in `frame`.
-    pub(super) fn height(&self, frame: &Frame, s: f64, offset: f64) -> f64 {
-        self.section(s).height(&self.land, frame.at(s), offset)
-    }
-
-    /// Distance along the axis to the middle of a bridge, if `s` is over its dip.
-    fn bridge(&self, s: f64) -> Option<f64> {
-        let every = self.layout(cell_at(s)).bridge_every?;
+    /// How far the land beside the pavement is below it at chainage `s`, metres: 0 but on bridges.
+    pub(super) fn dip(&self, s: f64) -> f64 {
         // The first bridge stands well within the drive.
-        let off = (s - LEAD - every * 0.4 + every * 0.5).rem_euclid(every) - every * 0.5;
-        (off.abs() < DIP.0).then_some(off)
+        let off = |every: f64| (s - LEAD + every * 0.1).rem_euclid(every) - every * 0.5;
+        let off = self.layout(cell_at(s)).bridge_every.map_or(f64::INFINITY, off);
+        DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0)
     }
 }
 

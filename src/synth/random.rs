@@ -1,7 +1,10 @@
 //! Numbers that look random and are pure functions of (seed, stream, index): any thread may ask for any of them.
 
-use glam::Vec3;
+use std::f64::consts::TAU;
+
+use glam::{DVec2, Vec3};
 use rand::{RngExt, SeedableRng};
+use rand_distr::{StandardNormal, UnitSphere};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// A short sequence of pseudo-random numbers. Not for cryptography.
@@ -14,17 +17,54 @@ pub(super) fn sequence(seed: u64, stream: u64, index: u64) -> Random {
 
 /// Normal, mean 0 and variance 1.
 pub(super) fn gauss(random: &mut Random) -> f32 {
-    random.sample(rand_distr::StandardNormal)
+    random.sample(StandardNormal)
 }
 
 /// A unit vector, each as likely.
 pub(super) fn direction(random: &mut Random) -> Vec3 {
-    random.sample::<[f32; 3], _>(rand_distr::UnitSphere).into()
+    random.sample::<[f32; 3], _>(UnitSphere).into()
 }
 
 /// One of `items`, each as likely; `items` is not empty.
 pub(super) fn pick<'a, T>(items: &'a [T], random: &mut Random) -> &'a T {
     &items[random.random_range(0..items.len())]
+}
+
+/// A sum of sine waves over time, a line or the plane: chance without corners.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Waves<const N: usize>([Wave; N]);
+
+#[derive(Debug, Clone, Copy)]
+struct Wave {
+    amplitude: f64,
+    frequency: f64,
+    phase: f64,
+    /// Where it goes in the plane.
+    way: DVec2,
+}
+
+impl<const N: usize> Waves<N> {
+    /// Waves of these amplitudes and lengths.
+    pub(super) fn new(parts: [(f64, f64); N], random: &mut Random) -> Self {
+        Self(parts.map(|(amplitude, length)| {
+            let [phase, way] = [0; 2].map(|_| random.random_range(0.0..TAU));
+            Wave { amplitude, frequency: TAU / length, phase, way: DVec2::from_angle(way) }
+        }))
+    }
+
+    pub(super) fn along(&self, x: f64) -> f64 {
+        self.0.iter().map(|wave| wave.at(x)).sum()
+    }
+
+    pub(super) fn over(&self, point: DVec2) -> f64 {
+        self.0.iter().map(|wave| wave.at(point.dot(wave.way))).sum()
+    }
+}
+
+impl Wave {
+    fn at(&self, x: f64) -> f64 {
+        self.amplitude * (x * self.frequency + self.phase).sin()
+    }
 }
 
 #[cfg(test)]
@@ -37,5 +77,12 @@ mod tests {
         assert_eq!(first(1, 2, 3), first(1, 2, 3));
         assert!(first(1, 2, 3) != first(2, 2, 3) && first(1, 2, 3) != first(1, 3, 3));
         assert!(first(1, 2, 3) != first(1, 2, 4));
+    }
+
+    #[test]
+    fn waves_repeat_after_their_length() {
+        let waves = Waves::new([(2.0, 50.0), (0.5, 12.5)], &mut sequence(1, 2, 3));
+        assert!((waves.along(7.0) - waves.along(57.0)).abs() < 1e-9);
+        assert!((waves.along(7.0) - waves.along(20.0)).abs() > 0.1 && waves.along(7.0).abs() <= 2.5);
     }
 }
