@@ -10,7 +10,7 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use chainage::synth::{Extent, Preset, Progress, Scanner, Settings, generate};
+use chainage::synth::{Preset, Scanner, Settings, Summary, generate};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -38,10 +38,10 @@ pub(crate) struct SynthArgs {
     force: bool,
 
     /// Metres to drive: 500m, 5km [default: 1km; loop: 1500m, at least 1100m]
-    #[arg(long, value_name = "LENGTH", value_parser = length, conflicts_with = "points", help_heading = "Drive")]
+    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Drive")]
     length: Option<f64>,
 
-    /// Drive until there are this many points: 500k, 2M, 1.5G
+    /// Points after which to stop: 500k, 2M, 1.5G; without --length, as far as it takes
     #[arg(long, value_name = "COUNT", value_parser = count, help_heading = "Drive")]
     points: Option<u64>,
 
@@ -127,14 +127,13 @@ impl SynthArgs {
         }
         bar.enable_steady_tick(Duration::from_millis(250));
         let start = Instant::now();
-        let mut show = |progress: Progress| {
+        let mut show = |progress: Summary| {
             let rate = progress.points as f64 / start.elapsed().as_secs_f64();
-            let share = match settings.extent {
-                Extent::Length(length) => progress.driven_m / length,
-                Extent::Points(points) => progress.points as f64 / points as f64,
-            };
+            let driven = settings.length_m.map_or(0.0, |length| progress.length_m / length);
+            let share =
+                settings.points.map_or(driven, |points| driven.max(progress.points as f64 / points as f64));
             bar.set_position((share * 1_000.0) as u64);
-            let (points, driven) = (progress.points as f64 / 1e6, progress.driven_m / 1_000.0);
+            let (points, driven) = (progress.points as f64 / 1e6, progress.length_m / 1_000.0);
             bar.set_message(format!("{driven:.2} km, {points:.1} M points, {:.2} M/s", rate / 1e6));
         };
         let summary = generate(&settings, &self.out, &mut show)?;
@@ -154,11 +153,8 @@ impl SynthArgs {
 
     fn settings(&self) -> Settings {
         let mut settings = Settings::new(self.preset.0);
-        if let Some(length) = self.length {
-            settings.extent = Extent::Length(length);
-        }
-        if let Some(points) = self.points {
-            settings.extent = Extent::Points(points);
+        if self.length.is_some() || self.points.is_some() {
+            (settings.length_m, settings.points) = (self.length, self.points);
         }
         settings.seed = self.seed;
         settings.speed_kmh = self.speed;

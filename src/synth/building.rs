@@ -46,6 +46,7 @@ mod tests {
     use glam::{DVec3, Mat3A, Vec3A};
 
     use super::super::material::Material;
+    use super::super::random::sequence;
     use super::super::scene::{Owner, Placed, Window};
     use super::super::street::Object;
     use super::*;

@@ -1,6 +1,7 @@
 //! The vehicle: how far it is at a time, where it is and how it is turned. No scanner.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::ops::Range;
 
 use glam::{DMat4, DVec3};
 
@@ -38,9 +39,10 @@ impl Pose {
     }
 }
 
-/// Poses in a row.
+/// The poses of a stretch of time and about it.
 #[derive(Debug)]
 pub(super) struct Track {
+    pub(super) time: Range<f64>,
     pub(super) poses: Vec<Pose>,
     maps: Vec<DMat4>,
 }
@@ -95,27 +97,17 @@ impl Drive {
         self.speed * t + self.ahead.along(t) - self.ahead.along(0.0)
     }
 
-    /// When `distance` metres are driven, by bisection: the speed is never negative.
-    pub(super) fn time(&self, distance: f64) -> f64 {
-        let (mut low, mut high) = (0.0, distance / self.speed + 60.0);
-        while high - low > 1e-6 {
-            let middle = (low + high) * 0.5;
-            if self.distance(middle) < distance { low = middle } else { high = middle }
-        }
-        high
-    }
-
     /// Chainage at time `t`, and 1 where it grows along the drive, -1 where it falls.
     pub(super) fn place(&self, t: f64) -> (f64, f64) {
         let s = LEAD + self.distance(t);
         if s > self.end { (LEAD + STEM - (s - self.end), -1.0) } else { (s, 1.0) }
     }
 
-    /// The poses from the last one before `from` to the first ones after `to`.
-    pub(super) fn track(&self, axis: &Line, from: f64, to: f64) -> Track {
-        let [first, last] = [from, to].map(|t| (t * POSES_HZ).floor() as u64);
+    /// The poses from the last one before `time` to the first ones after it.
+    pub(super) fn track(&self, axis: &Line, time: Range<f64>) -> Track {
+        let [first, last] = [time.start, time.end].map(|t| (t * POSES_HZ).floor() as u64);
         let poses: Vec<Pose> = (first..last + 3).map(|n| self.pose(axis, n as f64 / POSES_HZ)).collect();
-        Track { maps: poses.iter().map(Pose::map).collect(), poses }
+        Track { time, maps: poses.iter().map(Pose::map).collect(), poses }
     }
 
     fn pose(&self, axis: &Line, t: f64) -> Pose {

@@ -2,13 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
-use rand::RngExt;
 use serde::Deserialize;
 
 use super::axis::{Axis, CELL, Line, Node};
 use super::material::Material;
 use super::preset::Plan;
-use super::random::sequence;
 use super::scene::Model;
 use super::shape::Shape;
 
@@ -20,9 +18,9 @@ const FACE: f64 = 0.03;
 const BLEND: f64 = 25.0;
 
 /// Half of a cross-section; all widths are distances from the axis, metres, not falling from one to the next.
-#[derive(Debug, Clone, Copy, Deserialize, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, Pod, Zeroable)]
 #[repr(C)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub(super) struct Section {
     /// Edge of the raised median; 0 for none.
     pub(super) median: f64,
@@ -43,9 +41,14 @@ pub(super) struct Section {
 }
 
 impl Section {
+    /// All fields, in order.
+    pub(super) fn widths(&self) -> &[f64; 8] {
+        bytemuck::cast_ref(self)
+    }
+
     /// Between two sections, `w` 0 to 1.
-    pub(super) fn between(self, other: Self, w: f64) -> Self {
-        let [a, b]: [[f64; 8]; 2] = [self, other].map(bytemuck::cast);
+    pub(super) fn between(&self, other: &Self, w: f64) -> Self {
+        let (a, b) = (self.widths(), other.widths());
         bytemuck::cast::<[f64; 8], _>(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * w))
     }
 
@@ -107,8 +110,6 @@ pub(super) struct Ground {
     foreign: Line,
     /// Middle of the cell, metres from the street's origin: the origin of the mesh.
     pub(super) origin: DVec3,
-    /// Chainage of the middle of a zebra crossing.
-    pub(super) zebra: Option<f64>,
 }
 
 impl Ground {
@@ -117,8 +118,6 @@ impl Ground {
         let (start, end) = (cell as f64 * CELL, axis.end);
         let point = axis.line.at(start + CELL * 0.5).point;
         let far = [(0.0, start - 2.0 * CELL), (start + 3.0 * CELL, end)];
-        let mut random = sequence(plan.seed, 5, cell as u64);
-        let crossing = random.random_bool(plan.layout(cell).crossing);
         Self {
             plan,
             cell,
@@ -127,14 +126,13 @@ impl Ground {
             line: axis.line.parts(&[(start - CELL, start + 2.0 * CELL)]),
             foreign: if end.is_finite() { axis.line.parts(&far) } else { Line::default() },
             origin: point.extend(plan.land.over(point)),
-            zebra: crossing.then(|| start + random.random_range(14.0..=40.0)),
         }
     }
 
-    /// The point of the ground at chainage `s` and `offset` (left positive), metres from the street's origin.
-    pub(super) fn at(&self, s: f64, offset: f64) -> DVec3 {
-        let node = self.line.at(s);
-        node.left(offset).extend(self.plan.height(node, s, offset))
+    /// The point of the ground at a chainage and offset (left positive), metres from the street's origin.
+    pub(super) fn at(&self, place: DVec2) -> DVec3 {
+        let node = self.line.at(place.x);
+        node.left(place.y).extend(self.plan.height(node, place.x, place.y))
     }
 
     /// Chainage and offset of a point from another part of the street, if that is nearer than `offset`.
@@ -145,7 +143,7 @@ impl Ground {
     /// A point of the mesh, and whether it lies well within another part of the street: where that is nearer to its
     /// axis, its height counts.
     fn vertex(&self, s: f64, offset: f64) -> (Vec3, bool) {
-        let mut point = self.at(s, offset);
+        let mut point = self.at(DVec2::new(s, offset));
         let mut nearer = 0.0;
         if let Some((s, other)) = self.elsewhere(point.truncate(), offset) {
             point.z = self.plan.height(self.foreign.at(s), s, other);
@@ -183,7 +181,6 @@ impl Ground {
         let (s, offset) = place.unwrap_or_default();
         let (section, d) = (self.plan.section(s), offset.abs());
         let near = |line: f64| (d - line).abs() < 0.07;
-        let zebra = self.zebra.is_some_and(|zebra| (s - zebra).abs() < 1.8 && offset.rem_euclid(1.0) < 0.5);
         let centre = section.median < 0.3 && (d - 0.13).abs() < 0.06;
         let edge = near(section.lanes - 0.1) || (section.median >= 0.3 && near(section.median + 0.3));
         let count = ((section.lanes - section.median) / section.lane).round() as i32;
@@ -191,7 +188,7 @@ impl Ground {
         match d {
             d if d < section.median => Material::Grass,
             d if d <= section.kerb - 0.02 => {
-                let painted = zebra || centre || edge || (s.rem_euclid(9.0) < 3.0 && between.any(near));
+                let painted = centre || edge || (s.rem_euclid(9.0) < 3.0 && between.any(near));
                 if painted { Material::Marking } else { Material::Asphalt }
             }
             d if d <= section.kerb + 0.15 => Material::Paving,

@@ -42,7 +42,7 @@ use crate::error::Error;
 use axis::{Axis, CELL, STEM};
 use drive::Drive;
 use preset::Plan;
-use scan::{Job, Scan};
+use scan::{Scan, Slice};
 use scene::{Placed, Window};
 use sink::Sink;
 use street::{IDS, Library};
@@ -59,34 +59,22 @@ fn shipped<T: DeserializeOwned>(text: &str) -> T {
     toml::from_str(text).expect("the shipped tables are valid")
 }
 
-/// Pulses of a slice, about: some ten milliseconds of work.
-const SLICE_PULSES: u64 = 32_768;
-/// Slices of a round: the memory of two rounds is what a drive of any length takes.
-const ROUND: usize = 24;
-/// A window serves this stretch of chainage, metres.
-const STRETCH: f64 = 25.0;
+/// Slices of a round, and slices of a second, about: the memory of two rounds is what a drive of any length takes.
+const ROUND: u64 = 24;
+const SLICES_HZ: f64 = 40.0;
 
 /// Shortest drive that comes back, metres.
 const LEAST_LOOP: f64 = 2.0 * STEM + 500.0;
-
-/// How far to drive.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub enum Extent {
-    /// This many metres.
-    #[serde(rename = "length_m")]
-    Length(f64),
-    /// Until there are this many points; the profile under way is completed.
-    #[serde(rename = "points")]
-    Points(u64),
-}
 
 /// Everything that decides what is written.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
     /// Kind of street.
     pub preset: Preset,
-    /// How far to drive.
-    pub extent: Extent,
+    /// Metres to drive; `None` to drive until there are enough points.
+    pub length_m: Option<f64>,
+    /// Points after which the drive ends; `None` to drive the whole length.
+    pub points: Option<u64>,
     /// Same seed, same bytes.
     pub seed: u64,
     /// The scanner.
@@ -111,7 +99,8 @@ impl Settings {
     pub fn new(preset: Preset) -> Self {
         Self {
             preset,
-            extent: Extent::Length(if preset == Preset::Loop { 1_500.0 } else { 1_000.0 }),
+            length_m: Some(if preset == Preset::Loop { 1_500.0 } else { 1_000.0 }),
+            points: None,
             seed: 1,
             scanner: Scanner::default(),
             speed_kmh: (30.0, 60.0),
@@ -124,14 +113,8 @@ impl Settings {
 
     fn check(&self) -> Result<(), ConfigError> {
         let Self { scanner, speed_kmh: (slow, fast), .. } = self;
-        let extent = match self.extent {
-            // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
-            Extent::Length(length) if self.preset == Preset::Loop => {
-                ("length", length, LEAST_LOOP..=2e6, " m")
-            }
-            Extent::Length(length) => ("length", length, 1.0..=2e6, " m"),
-            Extent::Points(points) => ("points", points as f64, 1.0..=1e12, ""),
-        };
+        // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
+        let least = if self.preset == Preset::Loop { LEAST_LOOP } else { 1.0 };
         let ranges = [
             ("heads", f64::from(scanner.heads), 1.0..=2.0, ""),
             ("pulse-rate", scanner.pulse_rate_hz, 1e3..=2e6, " Hz"),
@@ -141,7 +124,8 @@ impl Settings {
             ("speed", *slow, 1.0..=150.0, " km/h"),
             ("speed", *fast, *slow..=150.0, " km/h"),
             ("files-every", self.files_every_s.unwrap_or(1.0), 0.1..=1e6, " s"),
-            extent,
+            ("length", self.length_m.unwrap_or(least), least..=2e6, " m"),
+            ("points", self.points.unwrap_or(1) as f64, 1.0..=1e12, ""),
         ];
         let wrong = ranges.into_iter().find(|(_, value, range, _)| !range.contains(value));
         wrong.map_or(Ok(()), |(key, value, range, unit)| {
@@ -150,32 +134,20 @@ impl Settings {
         })
     }
 
-    /// Metres and points after which the drive ends; a loop has a length, even if only points were asked for.
-    fn ends(&self) -> (Option<f64>, u64) {
-        match self.extent {
-            Extent::Length(length) => (Some(length), u64::MAX),
-            Extent::Points(points) if self.preset == Preset::Loop => {
-                // Some three of four pulses return.
-                let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.75;
-                let speed = (self.speed_kmh.0 + self.speed_kmh.1) / 7.2;
-                (Some((points as f64 / rate * speed).max(LEAST_LOOP)), points)
-            }
-            Extent::Points(points) => (None, points),
-        }
+    /// Metres after which the drive ends at the latest; a loop has a length, even if only points were asked for.
+    fn length(&self) -> f64 {
+        let enough = |points: u64| {
+            // Some three of four pulses return.
+            let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.75;
+            (points as f64 / rate * (self.speed_kmh.0 + self.speed_kmh.1) / 7.2).max(LEAST_LOOP)
+        };
+        let closed = self.points.filter(|_| self.preset == Preset::Loop);
+        self.length_m.unwrap_or(closed.map_or(f64::INFINITY, enough))
     }
 }
 
-/// How far a run is.
-#[derive(Debug, Clone, Copy)]
-pub struct Progress {
-    /// Points traced so far.
-    pub points: u64,
-    /// Metres driven so far.
-    pub driven_m: f64,
-}
-
 /// What was written.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Summary {
     /// Points in all files.
     pub points: u64,
@@ -187,7 +159,8 @@ pub struct Summary {
     pub length_m: f64,
 }
 
-/// Drives and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json` into `folder`.
+/// Drives and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json` into `folder`; `progress`
+/// hears now and then what there is so far.
 ///
 /// # Errors
 /// [`Error::Config`] for settings out of range; [`Error::Output`] when the folder is not empty (without `force`) or
@@ -195,7 +168,7 @@ pub struct Summary {
 pub fn generate(
     settings: &Settings,
     folder: &Path,
-    progress: &mut (dyn FnMut(Progress) + Send),
+    progress: &mut (dyn FnMut(Summary) + Send),
 ) -> Result<Summary, Error> {
     settings.check()?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -216,87 +189,77 @@ struct Run<'a> {
     scan: Scan<'a>,
     /// The cells within range.
     cells: BTreeMap<usize, Vec<Placed>>,
-    /// The window of the last slice that was planned, by its stretch.
-    window: Option<(i64, Arc<Window>)>,
 }
 
 impl<'a> Run<'a> {
     fn new(settings: &'a Settings) -> Self {
         let plan = Plan::new(settings.preset, settings.seed);
-        let closes = settings.ends().0.filter(|_| settings.preset == Preset::Loop);
+        let closes = Some(settings.length()).filter(|_| settings.preset == Preset::Loop);
         let axis = Axis::new(plan.seed, plan.bends, closes);
         let drive = Drive::new(plan, axis.end, settings.speed_kmh);
         let (library, scan) = (things::models(plan.seed), Scan::new(settings));
-        Self { settings, plan, axis, library, drive, scan, cells: BTreeMap::new(), window: None }
+        Self { settings, plan, axis, library, drive, scan, cells: BTreeMap::new() }
     }
 
     fn drive(
         mut self,
         mut sink: Sink<'_>,
-        progress: &mut (dyn FnMut(Progress) + Send),
+        progress: &mut (dyn FnMut(Summary) + Send),
     ) -> Result<Summary, Error> {
-        let scanner = &self.settings.scanner;
-        let (length, limit) = self.settings.ends();
-        let profile_s = self.scan.time(1, 0, 0);
-        let profiles = length.map_or(u64::MAX, |end| (self.drive.time(end) / profile_s).ceil() as u64);
-        let per_slice = (SLICE_PULSES / scanner.pulses() / u64::from(scanner.heads)).max(1);
-
-        let (mut next, mut points, mut driven_m) = (0, 0, 0.0);
+        let (length, limit) = (self.settings.length(), self.settings.points.unwrap_or(u64::MAX));
+        let (mut next, mut so_far) = (0, Summary::default());
         let (mut batch, mut lowest) = (Vec::new(), 0);
-        while next < profiles && points < limit {
-            let starts = (next..profiles).step_by(per_slice as usize).take(ROUND);
-            let jobs: Vec<Job> = starts.map(|from| self.job(from, profiles.min(from + per_slice))).collect();
-            let scan = &self.scan;
+        while so_far.length_m < length && so_far.points < limit {
+            let mut slices = self.slices(next, length);
             // The files of the last round are written while this one is traced.
-            let (written, slices) = rayon::join(
+            let (written, ()) = rayon::join(
                 || sink.write(std::mem::take(&mut batch), lowest),
-                || jobs.par_iter().map(|job| scan.trace(job, limit)).collect::<Vec<_>>(),
+                || slices.par_iter_mut().for_each(|slice| self.scan.trace(slice)),
             );
             written?;
-            for (job, mut slice) in jobs.iter().zip(slices) {
-                let left = limit - points;
-                if slice.records.len() as u64 >= left {
-                    slice = scan.trace(job, left);
-                }
-                (next, points) = (slice.to, points + slice.records.len() as u64);
-                batch.push(slice);
-                if points >= limit {
-                    break;
+            for mut slice in slices {
+                slice.records.truncate((limit - so_far.points) as usize);
+                if !slice.records.is_empty() || so_far.points < limit {
+                    so_far.points += slice.records.len() as u64;
+                    next = slice.profiles.end;
+                    batch.push(slice);
                 }
             }
             // A street that closes comes back to its first cells.
             let first = self.cells.keys().next().filter(|_| self.axis.end.is_infinite());
             lowest = first.map_or(0, |cell| *cell as u32 * IDS);
-            driven_m = self.drive.distance(scan.time(next, 0, 0));
-            progress(Progress { points, driven_m });
+            so_far.length_m = self.driven(next);
+            progress(so_far);
         }
         sink.write(batch, lowest)?;
-        Ok(sink.finish(driven_m)?)
+        Ok(sink.finish(so_far.length_m)?)
     }
 
-    /// The profiles `from..to`, and what there is about them.
-    fn job(&mut self, from: u64, to: u64) -> Job {
-        let [start, end] = [from, to].map(|profile| self.scan.time(profile, 0, 0));
-        let (s, _) = self.drive.place(start);
-        let stretch = (s / STRETCH).floor() as i64;
-        let window = match self.window.take() {
-            Some((last, window)) if last == stretch => window,
-            _ => Arc::new(self.within_range(s)),
-        };
-        self.window = Some((stretch, Arc::clone(&window)));
-        Job { window, track: self.drive.track(&self.axis.line, start, end), from, to }
+    /// Metres driven when a profile begins.
+    fn driven(&self, profile: u64) -> f64 {
+        self.drive.distance(self.scan.time(profile, 0, 0))
     }
 
-    /// The scene within range of chainage `s`; the street is laid as far.
-    fn within_range(&mut self, s: f64) -> Window {
-        // Half a stretch, half a cell, and what overhangs: objects belong to the cell of their middle.
-        let reach = self.settings.scanner.range_m + STRETCH + CELL * 0.5 + 20.0;
-        let near = self.axis.near(s, reach);
+    /// A round of slices from profile `from` on, to be traced, within `length` metres; all of them see the same window.
+    fn slices(&mut self, from: u64, length: f64) -> Vec<Slice> {
+        let step = (self.settings.scanner.profiles_hz / SLICES_HZ).ceil() as u64;
+        let (s, _) = self.drive.place(self.scan.time(from, 0, 0));
+        // Half a cell, and what overhangs: objects belong to the cell of their middle.
+        let ahead = self.driven(from + step * ROUND) - self.driven(from);
+        let near = self.axis.near(s, self.settings.scanner.range_m + ahead + CELL * 0.5 + 20.0);
         self.cells.retain(|cell, _| near.contains(cell));
         for cell in near {
             let build = || street::cell(self.plan, &self.axis, &self.library, cell);
             self.cells.entry(cell).or_insert_with(build);
         }
-        Window::new(self.axis.line.at(s).point.extend(0.0), self.cells.values().flatten())
+        let origin = self.axis.line.at(s).point.extend(0.0);
+        let window = Arc::new(Window::new(origin, self.cells.values().flatten()));
+        let starts = (0..ROUND).map(|number| from + number * step);
+        let slice = |from: u64| {
+            let time = self.scan.time(from, 0, 0)..self.scan.time(from + step, 0, 0);
+            let (window, track) = (Arc::clone(&window), self.drive.track(&self.axis.line, time));
+            Slice { window, track, profiles: from..from + step, records: Vec::new() }
+        };
+        starts.take_while(|start| self.driven(*start) < length).map(slice).collect()
     }
 }

@@ -1,14 +1,13 @@
 //! The presets, and which of their tables (`presets.toml`) holds where along the street.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
 use super::axis::{CELL, LEAD, cell_at};
 use super::ground::Section;
-use super::random::{Random, Waves, pick, sequence};
+use super::random::{Waves, sequence};
 use super::scan::Scanner;
 use super::shipped;
 
@@ -42,12 +41,6 @@ impl Preset {
     }
 }
 
-impl fmt::Display for Preset {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 /// What all things of a kind have in common; the kind is what stands in front of the underscore of a name.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -72,10 +65,12 @@ pub(super) struct Kind {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Row {
-    /// Names of kinds, or of groups of them, to choose from.
-    kinds: Vec<String>,
-    line: Line,
-    /// Distance from the line outwards, metres.
+    /// Names to choose from.
+    pub(super) names: Vec<String>,
+    /// The line of the cross-section along which it stands: as shares of the section's widths.
+    #[serde(default)]
+    at: Section,
+    /// Distance from there outwards, metres.
     out: f64,
     /// Distance of the places along the axis, metres, where they begin, and how much of it is random.
     pub(super) every: f64,
@@ -93,7 +88,9 @@ pub(super) struct Row {
     /// Whether it stands on the left only.
     #[serde(default)]
     pub(super) once: bool,
-    pub(super) only: Option<Only>,
+    /// Whether it stands on bridges only.
+    #[serde(default)]
+    pub(super) bridge: bool,
     /// Where the things are buildings: what they are like.
     pub(super) building: Option<Building>,
 }
@@ -102,44 +99,11 @@ fn one() -> u64 {
     1
 }
 
-/// A line of the cross-section.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Line {
-    Axis,
-    /// The middle between lanes and kerb, where cars are parked.
-    Parking,
-    Kerb,
-    Walk,
-}
-
-/// The only places where a row stands.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Only {
-    /// On bridges.
-    Bridge,
-    /// `from` metres in front of zebra crossings, one per cell.
-    Crossing,
-}
-
 impl Row {
-    /// The name of one of the kinds.
-    pub(super) fn pick(&self, random: &mut Random) -> &str {
-        let name = pick(&self.kinds, random);
-        TABLES.groups.get(name).map_or(name, |group| pick::<String>(group, random))
-    }
-
-    /// Distance from the axis, metres; `None` where the section has no room for the row.
-    pub(super) fn out(&self, section: &Section) -> Option<f64> {
-        let line = match self.line {
-            Line::Axis => 0.0,
-            Line::Parking if section.kerb - section.lanes < 1.9 => return None,
-            Line::Parking => (section.lanes + section.kerb) * 0.5,
-            Line::Kerb => section.kerb,
-            Line::Walk => section.walk,
-        };
-        Some(line + self.out)
+    /// Distance from the axis, metres.
+    pub(super) fn out(&self, section: &Section) -> f64 {
+        self.out
+            + self.at.widths().iter().zip(section.widths()).map(|(share, width)| share * width).sum::<f64>()
     }
 }
 
@@ -168,8 +132,6 @@ pub(super) struct Layout {
     /// Whether what is not road is paved, too.
     pub(super) paved: bool,
     pub(super) rows: Vec<Row>,
-    /// Share of cells with a zebra crossing.
-    pub(super) crossing: f64,
     bridge_every: Option<f64>,
 }
 
@@ -177,8 +139,6 @@ pub(super) struct Layout {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tables {
-    /// Kinds that rows name together.
-    groups: BTreeMap<String, Vec<String>>,
     pub(super) scanner: Scanner,
     kinds: BTreeMap<String, Kind>,
     streets: BTreeMap<Preset, Layout>,
@@ -235,7 +195,7 @@ impl Plan {
     /// half.
     pub(super) fn section(&self, s: f64) -> Section {
         let cell = cell_at(s);
-        let [before, here] = [cell.saturating_sub(1), cell].map(|cell| self.layout(cell).section);
+        let [before, here] = [cell.saturating_sub(1), cell].map(|cell| &self.layout(cell).section);
         before.between(here, ((s / CELL - cell as f64) * 2.0).clamp(0.0, 1.0))
     }
 
@@ -256,14 +216,9 @@ mod tests {
     #[test]
     fn whatever_rows_name_has_models_and_is_of_a_kind() {
         let models = things::models(1);
-        for row in TABLES.streets.values().flat_map(|layout| &layout.rows) {
-            for name in &row.kinds {
-                let names = TABLES.groups.get(name).cloned().unwrap_or_else(|| vec![name.clone()]);
-                for name in names {
-                    assert!(models.contains_key(&name), "there is no model of {name}");
-                    assert!(kind(&name).class > 1, "{name} is noise or ground");
-                }
-            }
+        for name in TABLES.streets.values().flat_map(|layout| &layout.rows).flat_map(|row| &row.names) {
+            assert!(name == "building" || models.contains_key(name), "there is no model of {name}");
+            assert!(kind(name).class > 1, "{name} is noise or ground");
         }
     }
 }

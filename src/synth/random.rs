@@ -30,40 +30,26 @@ pub(super) fn pick<'a, T>(items: &'a [T], random: &mut Random) -> &'a T {
     &items[random.random_range(0..items.len())]
 }
 
-/// A sum of sine waves over time, a line or the plane: chance without corners.
+/// A sum of sine waves over time, a line or the plane: chance without corners. Amplitude, angular frequency, phase and
+/// direction in the plane of each.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Waves<const N: usize>([Wave; N]);
-
-#[derive(Debug, Clone, Copy)]
-struct Wave {
-    amplitude: f64,
-    frequency: f64,
-    phase: f64,
-    /// Where it goes in the plane.
-    way: DVec2,
-}
+pub(super) struct Waves<const N: usize>([(f64, f64, f64, DVec2); N]);
 
 impl<const N: usize> Waves<N> {
     /// Waves of these amplitudes and lengths.
     pub(super) fn new(parts: [(f64, f64); N], random: &mut Random) -> Self {
         Self(parts.map(|(amplitude, length)| {
             let [phase, way] = [0; 2].map(|_| random.random_range(0.0..TAU));
-            Wave { amplitude, frequency: TAU / length, phase, way: DVec2::from_angle(way) }
+            (amplitude, TAU / length, phase, DVec2::from_angle(way))
         }))
     }
 
     pub(super) fn along(&self, x: f64) -> f64 {
-        self.0.iter().map(|wave| wave.at(x)).sum()
+        self.0.iter().map(|(amplitude, frequency, phase, _)| amplitude * (x * frequency + phase).sin()).sum()
     }
 
     pub(super) fn over(&self, point: DVec2) -> f64 {
-        self.0.iter().map(|wave| wave.at(point.dot(wave.way))).sum()
-    }
-}
-
-impl Wave {
-    fn at(&self, x: f64) -> f64 {
-        self.amplitude * (x * self.frequency + self.phase).sin()
+        self.0.iter().map(|wave| Waves([*wave]).along(point.dot(wave.3))).sum()
     }
 }
 

@@ -3,19 +3,19 @@
 //! A slice is a pure function of (settings, seed, window, profiles): slices may be traced by any thread.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat4, DVec3, IVec3, Vec3A};
+use glam::{DMat4, DVec3, Vec3A};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::Settings;
-use super::drive::{Pose, Track};
+use super::drive::Track;
 use super::preset::TABLES;
 use super::random::{Random, gauss, sequence};
 use super::scene::{Hit, Owner, Window};
-use super::street::Object;
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
@@ -78,25 +78,25 @@ impl Scanner {
 /// One profile head as mounted, in the vehicle's frame (forward, left, up).
 struct Head {
     lever: DVec3,
-    /// Direction of every pulse of a profile, and the direction in which it turns.
-    pulses: Vec<[DVec3; 2]>,
+    /// Directions of the pulses at scan angles of 0 and of 90 degrees.
+    down: DVec3,
+    across: DVec3,
 }
 
 impl Head {
-    fn new(number: u8, heads: u8, pulses: u64) -> Self {
-        // A single head looks back over the left shoulder.
+    /// The first or second head; a single one looks back over the left shoulder.
+    fn new(number: u8, heads: u8) -> Self {
         let side = if number == 0 { 1.0 } else { -1.0 };
-        let (elevation, azimuth) = (ELEVATION.to_radians(), AZIMUTH.to_radians() * side);
-        let axis =
-            DVec3::new(-azimuth.cos() * elevation.cos(), -azimuth.sin() * elevation.cos(), elevation.sin());
+        let back = DVec3::NEG_X.rotate_z(AZIMUTH.to_radians() * side);
+        let axis = back * ELEVATION.to_radians().cos() + DVec3::Z * ELEVATION.to_radians().sin();
         let down = (DVec3::NEG_Z + axis * axis.z).normalize();
-        let across = axis.cross(down);
-        let direction = |pulse: u64| {
-            let (sin, cos) = (TAU * pulse as f64 / pulses as f64 - PI).sin_cos();
-            [down * cos + across * sin, across * cos - down * sin]
-        };
         let spread = if heads > 1 { 0.35 * side } else { 0.0 };
-        Self { lever: DVec3::new(-0.4, spread, 0.0), pulses: (0..pulses).map(direction).collect() }
+        Self { lever: DVec3::new(-0.4, spread, 0.0), down, across: axis.cross(down) }
+    }
+
+    /// Direction of the pulse at a scan angle, radians.
+    fn direction(&self, angle: f64) -> DVec3 {
+        self.down * angle.cos() + self.across * angle.sin()
     }
 }
 
@@ -104,8 +104,9 @@ impl Head {
 #[derive(Debug, Clone, Copy)]
 struct Echo {
     range: f32,
-    /// Index of the item in the window; `None` for a stray.
-    item: Option<u32>,
+    /// Number and class of the object; of the ground 0 and 1, of a stray 0 and 0.
+    instance: u32,
+    class: u8,
     intensity: u16,
 }
 
@@ -114,7 +115,7 @@ struct Echo {
 #[repr(C, packed)]
 pub(super) struct Record {
     /// Millimetres from the street's origin.
-    steps: [i32; 3],
+    pub(super) steps: [i32; 3],
     intensity: u16,
     /// Return number and number of returns.
     returns: u8,
@@ -127,50 +128,21 @@ pub(super) struct Record {
     /// Point source: the number of the file.
     pub(super) file: u16,
     gps_time: f64,
-    instance: u32,
+    pub(super) instance: u32,
     class: u8,
 }
 
 const _: () = assert!(cfg!(target_endian = "little"), "records are written as they are in memory");
 
-/// Points of an object: how many, and the box around them in steps of 1 mm from the street's origin.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Tally {
-    pub(super) points: u64,
-    pub(super) low: IVec3,
-    pub(super) high: IVec3,
-}
-
-impl Tally {
-    pub(super) const NONE: Self = Self { points: 0, low: IVec3::MAX, high: IVec3::MIN };
-
-    fn add(&mut self, steps: IVec3) {
-        *self = self.with(Self { points: 1, low: steps, high: steps });
-    }
-
-    /// Both together.
-    pub(super) fn with(self, other: Self) -> Self {
-        let points = self.points + other.points;
-        Self { points, low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-}
-
-/// A slice of time to be traced: profiles `from..to` of all heads.
-pub(super) struct Job {
-    pub(super) window: Arc<Window>,
-    pub(super) track: Track,
-    pub(super) from: u64,
-    pub(super) to: u64,
-}
-
-/// What a slice of time gave.
-#[derive(Debug)]
+/// A slice of time, before and after it was traced.
 pub(super) struct Slice {
-    /// The profile after the last one that was traced.
-    pub(super) to: u64,
+    /// What there is about it.
+    pub(super) window: Arc<Window>,
+    /// The poses in it and about it.
+    pub(super) track: Track,
+    /// Profiles of all heads.
+    pub(super) profiles: Range<u64>,
     pub(super) records: Vec<Record>,
-    pub(super) tallies: Vec<(Arc<Object>, Tally)>,
-    pub(super) poses: Vec<Pose>,
 }
 
 /// Everything that does not change during a drive.
@@ -182,130 +154,107 @@ pub(super) struct Scan<'a> {
 impl<'a> Scan<'a> {
     pub(super) fn new(settings: &'a Settings) -> Self {
         let Scanner { heads, .. } = settings.scanner;
-        let pulses = settings.scanner.pulses();
-        Self { settings, heads: (0..heads).map(|number| Head::new(number, heads, pulses)).collect() }
+        Self { settings, heads: (0..heads).map(|number| Head::new(number, heads)).collect() }
     }
 
     /// Time of a pulse, seconds since the start; the second head fires half a pulse later.
     pub(super) fn time(&self, profile: u64, pulse: u64, head: usize) -> f64 {
-        let Scanner { pulse_rate_hz, .. } = self.settings.scanner;
         let count = profile * self.settings.scanner.pulses() + pulse;
-        (count as f64 + head as f64 / self.heads.len() as f64) / pulse_rate_hz
+        (count as f64 + head as f64 / self.heads.len() as f64) / self.settings.scanner.pulse_rate_hz
     }
 
-    /// Traces the profiles of a job until there are `enough` points.
-    pub(super) fn trace(&self, job: &Job, enough: u64) -> Slice {
-        let mut tracer = Tracer {
-            scan: self,
-            window: &job.window,
-            records: Vec::new(),
-            tallies: vec![Tally::NONE; job.window.items.len()],
-            before: [None; 2],
-            echoes: Vec::new(),
-        };
-        let mut to = job.from;
-        while to < job.to && (tracer.records.len() as u64) < enough {
-            for pulse in 0..self.settings.scanner.pulses() {
-                for head in 0..self.heads.len() {
-                    tracer.pulse(&job.track, to, pulse, head);
+    /// Traces the pulses of a slice.
+    pub(super) fn trace(&self, slice: &mut Slice) {
+        let Slice { window, track, profiles, records } = slice;
+        let scanner = &self.settings.scanner;
+        // First echo of the previous pulse of every head.
+        let mut before = [None; 2];
+        for profile in profiles {
+            for pulse in 0..scanner.pulses() {
+                for (number, head) in self.heads.iter().enumerate() {
+                    let t = self.time(profile, pulse, number);
+                    let vehicle: DMat4 = track.at(t);
+                    // The mirror is not locked to the laser: every profile starts at another fraction of a step.
+                    let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
+                    let angle = (pulse as f64 + phase) * TAU / scanner.pulses() as f64 - PI;
+                    let direction = vehicle.transform_vector3(head.direction(angle)).normalize();
+                    let origin = vehicle.transform_point3(head.lever) - window.origin;
+                    let key = (20 + number as u64, profile * scanner.pulses() + pulse);
+                    let mut beam = Beam {
+                        scanner,
+                        window,
+                        origin: origin.as_vec3a(),
+                        direction: direction.as_vec3a(),
+                        random: sequence(self.settings.seed, key.0, key.1),
+                        echoes: Vec::with_capacity(ECHOES),
+                    };
+                    before[number] = beam.fire(before[number]);
+                    let file = t / self.settings.files_every_s.unwrap_or(f64::INFINITY);
+                    for (index, echo) in beam.echoes.iter().enumerate() {
+                        let point = window.origin + origin + direction * f64::from(echo.range);
+                        records.push(Record {
+                            steps: (point / 0.001).round().as_ivec3().to_array(),
+                            intensity: echo.intensity,
+                            returns: (index + 1) as u8 | (beam.echoes.len() as u8) << 4,
+                            flags: (number as u8) << 4,
+                            angle: (angle.to_degrees() / 0.006).round() as i16,
+                            // After 65,535 files, as many as the field can tell apart, the last one goes on.
+                            file: file.min(65_534.0) as u16 + 1,
+                            gps_time: START_TIME + t,
+                            instance: echo.instance,
+                            class: echo.class,
+                            ..Record::zeroed()
+                        });
+                    }
                 }
             }
-            to += 1;
         }
-        let time = self.time(job.from, 0, 0)..self.time(to, 0, 0);
-        let poses = job.track.poses.iter().filter(|pose| time.contains(&pose.t)).copied().collect();
-        let tallies = tracer.tallies.into_iter().zip(&job.window.items);
-        let tallies = tallies.filter_map(|(tally, item)| match &item.owner {
-            Owner::Object(object) if tally.points > 0 => Some((Arc::clone(object), tally)),
-            _ => None,
-        });
-        Slice { to, records: tracer.records, tallies: tallies.collect(), poses }
     }
 }
 
-/// The state of a slice while it is traced.
-struct Tracer<'a> {
-    scan: &'a Scan<'a>,
+/// A pulse and its echoes, in the frame of the window.
+struct Beam<'a> {
+    scanner: &'a Scanner,
     window: &'a Window,
-    records: Vec<Record>,
-    /// Points by item of the window.
-    tallies: Vec<Tally>,
-    /// First echo of the previous pulse of every head.
-    before: [Option<Echo>; 2],
+    origin: Vec3A,
+    direction: Vec3A,
+    random: Random,
     echoes: Vec<Echo>,
 }
 
-impl Tracer<'_> {
-    fn pulse(&mut self, track: &Track, profile: u64, pulse: u64, number: usize) {
-        let (scan, scanner) = (self.scan, &self.scan.settings.scanner);
-        let t = scan.time(profile, pulse, number);
-        let head = &scan.heads[number];
-        let vehicle: DMat4 = track.at(t);
-        // The mirror is not locked to the laser: every profile starts at another fraction of a step.
-        let step = TAU / scanner.pulses() as f64;
-        let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
-        let [body, turning] = head.pulses[pulse as usize];
-        let direction = vehicle.transform_vector3(body + turning * (phase * step)).normalize();
-        let angle = (((pulse as f64 + phase) * step - PI).to_degrees() / 0.006).round() as i16;
-        let origin = vehicle.transform_point3(head.lever) - self.window.origin;
-        let count = profile * scanner.pulses() + pulse;
-        let mut random = sequence(scan.settings.seed, 20 + number as u64, count);
-
-        self.echoes.clear();
-        self.listen(origin.as_vec3a(), direction.as_vec3a(), &mut random);
+impl Beam<'_> {
+    /// Finds the echoes; `before` is the first one of the pulse before, the result the first one of this.
+    fn fire(&mut self, before: Option<Echo>) -> Option<Echo> {
+        self.listen();
         let first = self.echoes.first().copied();
-        self.edge(number, &mut random);
-        self.before[number] = first;
-        if random.random_bool(scanner.strays) {
-            self.stray(&mut random);
+        if let (Some(first), Some(before)) = (first, before) {
+            self.edge(first, before);
+        }
+        if self.random.random_bool(self.scanner.strays) {
+            self.stray();
         }
         self.echoes.truncate(ECHOES);
-        for index in 0..self.echoes.len() {
-            let echo = self.echoes[index];
-            let point = self.window.origin + origin + direction * f64::from(echo.range);
-            let file = t / scan.settings.files_every_s.unwrap_or(f64::INFINITY);
-            let mut record = Record {
-                steps: (point / 0.001).round().as_ivec3().to_array(),
-                intensity: echo.intensity,
-                returns: (index + 1) as u8 | (self.echoes.len() as u8) << 4,
-                flags: (number as u8) << 4,
-                angle,
-                // After 65,535 files, as many as the field can tell apart, the last one goes on.
-                file: file.min(65_534.0) as u16 + 1,
-                gps_time: START_TIME + t,
-                ..Record::zeroed()
-            };
-            if let Some(item) = echo.item {
-                (record.instance, record.class) = match &self.window.items[item as usize].owner {
-                    Owner::Object(object) => (object.id, object.class),
-                    Owner::Ground(_) => (0, 1),
-                };
-                self.tallies[item as usize].add(record.steps.into());
-            }
-            self.records.push(record);
-        }
+        first
     }
 
     /// The echoes of the surfaces along the beam.
-    fn listen(&mut self, origin: Vec3A, direction: Vec3A, random: &mut Random) {
-        let scanner = &self.scan.settings.scanner;
-        let far = scanner.range_m as f32;
+    fn listen(&mut self) {
         // Nothing nearer than this: the vehicle itself is there.
-        let mut near = 1.2;
-        while self.echoes.len() < ECHOES {
-            let Some(hit) = self.window.hit(origin, direction, near, far) else { return };
-            let (echo, rim) = self.echo(&hit, origin, direction, random);
-            if let Some(echo) = echo {
-                match self.echoes.last_mut() {
-                    // Too close to tell apart: one echo, somewhere between the two.
-                    Some(last) if echo.range - last.range < SEPARATION => {
-                        last.range += (echo.range - last.range) * random.random::<f32>() * 0.5;
-                    }
-                    _ => self.echoes.push(echo),
+        let (mut near, far) = (1.2, self.scanner.range_m as f32);
+        while self.echoes.len() < ECHOES
+            && let Some(hit) = self.window.hit(self.origin, self.direction, near, far)
+        {
+            let (echo, rim) = self.echo(&hit);
+            match (echo, self.echoes.last_mut()) {
+                (None, _) => {}
+                // Too close to tell apart: one echo, somewhere between the two.
+                (Some(echo), Some(last)) if echo.range - last.range < SEPARATION => {
+                    last.range += (echo.range - last.range) * self.random.random_range(0.0..0.5);
                 }
+                (Some(echo), _) => self.echoes.push(echo),
             }
             // The part of the beam that passes the rim of a leaf goes on.
-            if rim > scanner.beam(hit.t) {
+            if rim > self.scanner.beam(hit.t) {
                 return;
             }
             near = hit.t + 0.02;
@@ -313,62 +262,59 @@ impl Tracer<'_> {
     }
 
     /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit.
-    fn echo(&self, hit: &Hit, o: Vec3A, d: Vec3A, random: &mut Random) -> (Option<Echo>, f32) {
-        let scanner = &self.scan.settings.scanner;
-        let (surface, point) = self.window.surface(hit, o, d);
-        let material = match &self.window.items[hit.item as usize].owner {
-            Owner::Ground(ground) => ground.material(point),
-            Owner::Object(_) => surface.material,
+    fn echo(&mut self, hit: &Hit) -> (Option<Echo>, f32) {
+        let (surface, point) = self.window.surface(hit, self.origin, self.direction);
+        let (material, instance, class) = match &self.window.items[hit.item as usize].owner {
+            Owner::Ground(ground) => (ground.material(point), 0, 1),
+            Owner::Object(object) => (surface.material, object.id, object.class),
         };
-        let optics = material.optics();
-        let cosine = d.dot(surface.normal.into()).abs().max(0.02);
+        let (optics, random) = (material.optics(), &mut self.random);
+        let cosine = self.direction.dot(surface.normal.into()).abs().max(0.02);
         let reflectance = optics.reflectance * (1.0 + optics.speckle * gauss(random)).max(0.2);
-        let share = hit.t / scanner.range_m as f32;
+        let share = hit.t / self.scanner.range_m as f32;
         let seen = reflectance * cosine > FAINTEST * share * share * random.random_range(0.6..=1.4);
         if !seen || random.random_bool(f64::from(optics.lost)) {
             return (None, surface.rim);
         }
         // Along the beam, the roughness of a surface and the footprint on it are stretched by the incidence.
-        let footprint = 0.5 * scanner.beam(hit.t);
+        let footprint = 0.5 * self.scanner.beam(hit.t);
         let stretch = (1.0 / (cosine * cosine) - 1.0).sqrt().min(8.0);
         let spread = optics.roughness.hypot(footprint * stretch * 0.3);
-        let range = hit.t + gauss(random) * spread.hypot(scanner.noise_m as f32);
+        let range = hit.t + gauss(random) * spread.hypot(self.scanner.noise_m as f32);
         let (white, fall, grazing) = BRIGHTNESS;
         let faded = (6.0 / hit.t).min(1.0).powf(fall);
         let intensity = (white * reflectance * cosine.powf(grazing) * faded).clamp(20.0, 65_535.0) as u16;
-        (Some(Echo { range, item: Some(hit.item), intensity }), surface.rim)
+        (Some(Echo { range, instance, class, intensity }), surface.rim)
     }
 
     /// An edge between this pulse and the one before: the footprint that straddles it returns a mixed point or two
     /// echoes. The chance is the share of the step between two pulses that the footprint covers.
-    fn edge(&mut self, head: usize, random: &mut Random) {
-        let (Some(first), Some(before)) = (self.echoes.first().copied(), self.before[head]) else { return };
+    fn edge(&mut self, first: Echo, before: Echo) {
         let (jump, near) = (before.range - first.range, before.range.min(first.range));
-        let scanner = &self.scan.settings.scanner;
-        let step = near * (TAU / scanner.pulses() as f64) as f32;
+        let step = near * (TAU / self.scanner.pulses() as f64) as f32;
         let alone = self.echoes.len() == 1 && jump.abs() >= 0.05;
-        if !alone || !random.random_bool(f64::from((scanner.beam(near) / step).min(0.5))) {
+        if !alone || !self.random.random_bool(f64::from(self.scanner.beam(near) / step).min(0.5)) {
             return;
         }
         if jump.abs() < SEPARATION {
-            self.echoes[0].range += jump * random.random::<f32>();
+            self.echoes[0].range += jump * self.random.random::<f32>();
         } else {
             self.echoes.insert(usize::from(jump > 0.0), before);
         }
     }
 
     /// An echo of nothing: a bird, dust, a second reflection that seems to come from below the ground.
-    fn stray(&mut self, random: &mut Random) {
-        let owner = |echo: &Echo| echo.item.map(|item| &self.window.items[item as usize].owner);
-        let ground =
-            self.echoes.first().copied().filter(|echo| matches!(owner(echo), Some(Owner::Ground(_))));
-        let range = match ground {
-            Some(echo) if random.random_bool(0.4) => echo.range + random.random_range(0.3..=3.0),
-            Some(echo) => random.random_range(1.5..=echo.range.max(2.0)),
-            None => random.random_range(2.0..=self.scan.settings.scanner.range_m as f32 * 0.5),
+    fn stray(&mut self) {
+        let random = &mut self.random;
+        let range = match self.echoes.first() {
+            Some(echo) if echo.class == 1 && random.random_bool(0.4) => {
+                echo.range + random.random_range(0.3..=3.0)
+            }
+            Some(echo) if echo.class == 1 => random.random_range(1.5..=echo.range.max(2.0)),
+            _ => random.random_range(2.0..=self.scanner.range_m as f32 * 0.5),
         };
-        self.echoes.clear();
-        self.echoes.push(Echo { range, item: None, intensity: random.random_range(40.0..=900.0) as u16 });
+        let intensity = random.random_range(40..=900);
+        self.echoes = vec![Echo { range, instance: 0, class: 0, intensity }];
     }
 }
 
@@ -378,11 +324,11 @@ mod tests {
 
     #[test]
     fn heads_look_down_at_angle_zero_and_cross_each_other() {
-        let [left, right] = [0, 1].map(|number| Head::new(number, 2, 360));
-        let [down, _] = left.pulses[180];
+        let [left, right] = [0, 1].map(|number| Head::new(number, 2));
+        let down = left.direction(0.0);
         assert!(down.z < -0.9 && (down.length() - 1.0).abs() < 1e-12);
         // The planes of the two heads are mirror images: y changes sign, and with it the angle.
-        let (a, b) = (left.pulses[270][0], right.pulses[90][0]);
+        let (a, b) = (left.direction(1.5), right.direction(-1.5));
         assert!((a - DVec3::new(b.x, -b.y, b.z)).length() < 1e-9, "{a} {b}");
     }
 

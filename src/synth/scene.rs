@@ -115,6 +115,14 @@ impl Window {
         Self { origin, items, bvh: hierarchy(&boxes, 1) }
     }
 
+    /// The object with a number, if it is here.
+    pub(super) fn object(&self, id: u32) -> Option<Arc<Object>> {
+        self.items.iter().find_map(|item| match &item.owner {
+            Owner::Object(object) if object.id == id => Some(Arc::clone(object)),
+            _ => None,
+        })
+    }
+
     /// The first surface along the ray, if any.
     pub(super) fn hit(&self, origin: Vec3A, direction: Vec3A, near: f32, far: f32) -> Option<Hit> {
         let mut best = Hit { t: MISS, item: 0, primitive: 0 };

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
 use crate::output::descriptor::ExtraType;
 use crate::output::new_file::{ExtraDimension, NewFile, NewFileSchema};
@@ -14,7 +14,8 @@ use crate::whole_file::WholeFile;
 
 use super::axis::LEAD;
 use super::drive::Pose;
-use super::scan::{START_TIME, Slice, Tally};
+use super::scan::{Record, START_TIME, Slice};
+use super::scene::Window;
 use super::street::Object;
 use super::{Preset, Settings, Summary};
 
@@ -23,6 +24,16 @@ const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);
 /// Class codes by name, from 0, as in the labelled scenes.
 const CLASSES: [&str; 9] =
     ["none", "ground", "tree", "pole", "car", "building", "fence_hedge_lowveg", "person_furniture", "wire"];
+
+/// Points of an object: how many, and the box around them in steps of 1 mm from the street's origin.
+#[derive(Debug)]
+struct Tally {
+    /// `None` for ground and strays.
+    object: Option<Arc<Object>>,
+    points: u64,
+    low: IVec3,
+    high: IVec3,
+}
 
 /// The output folder while it is filled.
 #[derive(Debug)]
@@ -35,7 +46,7 @@ pub(super) struct Sink<'a> {
     /// One row per pose.
     trajectory: WholeFile,
     /// Objects that may get more points, by number.
-    seen: BTreeMap<u32, (Arc<Object>, Tally)>,
+    seen: BTreeMap<u32, Tally>,
     summary: Summary,
 }
 
@@ -55,15 +66,15 @@ pub(super) fn prepare(folder: &Path, force: bool) -> Result<(), OutputError> {
     Ok(())
 }
 
-/// Whether this command writes files of that name.
+/// Whether this command writes files of that name, or began one.
 fn is_ours(name: &str) -> bool {
-    let (stem, end) = name.strip_suffix(".part").unwrap_or(name).rsplit_once('.').unwrap_or_default();
-    let points = |preset: &Preset| {
-        let number = stem.strip_prefix(preset.name()).and_then(|rest| rest.strip_prefix('_'));
-        number.is_some_and(|number| number.parse::<u16>().is_ok())
-    };
-    matches!((stem, end), ("reference" | "trajectory", "csv") | ("scene", "json"))
-        || matches!(end, "las" | "laz") && Preset::ALL.iter().any(points)
+    match *name.trim_end_matches(".part").split(['_', '.']).collect::<Vec<_>>() {
+        [preset, number, "las" | "laz"] => {
+            number.parse::<u16>().is_ok() && Preset::ALL.iter().any(|known| known.name() == preset)
+        }
+        ["reference" | "trajectory", "csv"] | ["scene", "json"] => true,
+        _ => false,
+    }
 }
 
 impl<'a> Sink<'a> {
@@ -84,7 +95,7 @@ impl<'a> Sink<'a> {
             )?,
             trajectory: table("trajectory.csv", "gps_time,x,y,z,roll,pitch,heading")?,
             seen: BTreeMap::new(),
-            summary: Summary { points: 0, files: 0, objects: 0, length_m: f64::INFINITY },
+            summary: Summary { length_m: f64::INFINITY, ..Summary::default() },
         })
     }
 
@@ -92,22 +103,33 @@ impl<'a> Sink<'a> {
     pub(super) fn write(&mut self, slices: Vec<Slice>, lowest: u32) -> Result<(), OutputError> {
         let folder = self.folder;
         let failed = |source| OutputError::Write { path: folder.to_owned(), source };
-        for Slice { records, tallies, poses, .. } in slices {
+        for Slice { window, track, records, .. } in slices {
             for records in records.chunk_by(|a, b| a.file == b.file) {
                 self.open(records[0].file)?.append(bytemuck::cast_slice(records))?;
             }
             self.summary.points += records.len() as u64;
-            for (object, tally) in tallies {
-                let seen = self.seen.entry(object.id).or_insert((object, Tally::NONE));
-                seen.1 = seen.1.with(tally);
+            for records in records.chunk_by(|a, b| a.instance == b.instance) {
+                self.count(&window, records);
             }
-            poses.iter().try_for_each(|pose| self.pose(pose)).map_err(failed)?;
+            let mut poses = track.poses.iter().filter(|pose| track.time.contains(&pose.t));
+            poses.try_for_each(|pose| self.pose(pose)).map_err(failed)?;
         }
         while let Some(entry) = self.seen.first_entry().filter(|entry| *entry.key() < lowest) {
-            let (object, tally) = entry.remove();
-            self.object(&object, tally).map_err(failed)?;
+            let tally = entry.remove();
+            self.object(&tally).map_err(failed)?;
         }
         Ok(())
+    }
+
+    /// Counts points of one object that was seen in a window.
+    fn count(&mut self, window: &Window, records: &[Record]) {
+        let id = records[0].instance;
+        let new = || Tally { object: window.object(id), points: 0, low: IVec3::MAX, high: IVec3::MIN };
+        let tally = self.seen.entry(id).or_insert_with(new);
+        tally.points += records.len() as u64;
+        for steps in records.iter().map(|record| IVec3::from(record.steps)) {
+            (tally.low, tally.high) = (tally.low.min(steps), tally.high.max(steps));
+        }
     }
 
     /// The open file, which is that of point source `number` from now on.
@@ -120,7 +142,7 @@ impl<'a> Sink<'a> {
                 }
                 let Settings { preset, compressed, .. } = *self.settings;
                 let suffix = if compressed { "laz" } else { "las" };
-                let path = self.folder.join(format!("{preset}_{number:04}.{suffix}"));
+                let path = self.folder.join(format!("{}_{number:04}.{suffix}", preset.name()));
                 self.summary.files += 1;
                 (number, NewFile::create(&path, &schema(number), compressed)?)
             }
@@ -137,8 +159,9 @@ impl<'a> Sink<'a> {
     }
 
     /// Writes the row of an object.
-    fn object(&mut self, object: &Object, Tally { points, low, high }: Tally) -> io::Result<()> {
-        let Object { id, class, kind, base, height, s } = *object;
+    fn object(&mut self, tally: &Tally) -> io::Result<()> {
+        let &Tally { object: Some(ref object), points, low, high } = tally else { return Ok(()) };
+        let Object { id, class, kind, base, height, s } = **object;
         let name = CLASSES[usize::from(class)];
         let [x, y, z] = (base + WORLD).to_array();
         let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
@@ -169,10 +192,7 @@ impl<'a> Sink<'a> {
             "crs": "EPSG:25832",
             "lead_m": LEAD,
             "settings": self.settings,
-            "points": summary.points,
-            "files": summary.files,
-            "objects": summary.objects,
-            "driven_m": (length_m * 1_000.0).round() / 1_000.0,
+            "written": summary,
         });
         save(&folder.join("scene.json"), |to| writeln!(to, "{scene:#}"))?;
         Ok(summary)
