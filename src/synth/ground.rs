@@ -8,7 +8,7 @@ use rand::RngExt;
 use serde::Deserialize;
 
 use super::axis::{Axis, CELL, Frame, Land, Node};
-use super::material::Material;
+use super::material::{Material, material};
 use super::preset::Plan;
 use super::random::sequence;
 use super::scene::Model;
@@ -116,7 +116,7 @@ pub(super) struct Ground {
     /// Sections along the rows of the mesh.
     sections: Vec<Section>,
     /// What lies between kerb and pavement, and beyond it.
-    soft: Material,
+    soft: &'static str,
     /// Chainage of the middle of a zebra crossing.
     pub(super) zebra: Option<f64>,
 }
@@ -140,7 +140,7 @@ impl Ground {
             origin: point.extend(plan.land.height(point)),
             turn: heading,
             sections: (0..=rows).map(|row| plan.section(start + row as f64 * ROW)).collect(),
-            soft: if layout.paved { Material::Paving } else { Material::Grass },
+            soft: if layout.paved { "paving" } else { "grass" },
             zebra: random.random_bool(layout.crossing).then(|| start + random.random_range(14.0..=40.0)),
         }
     }
@@ -187,7 +187,7 @@ impl Ground {
                 if !corners.iter().all(|(_, far)| *far) {
                     let [a, b, c, d] = corners.map(|(point, _)| point);
                     let halves = [[a, b, c], [d, c, b]].map(Shape::Triangle);
-                    primitives.extend(halves.map(|half| half.of(Material::Asphalt)));
+                    primitives.extend(halves.map(|half| half.of("asphalt")));
                 }
             }
         }
@@ -195,7 +195,7 @@ impl Ground {
     }
 
     /// The material at a point of the mesh, in the mesh's frame.
-    pub(super) fn material(&self, point: Vec3) -> Material {
+    pub(super) fn material(&self, point: Vec3) -> &'static Material {
         let local = point.as_dvec3().truncate();
         let point = self.origin.truncate() + DVec2::from_angle(self.turn).rotate(local);
         let mut place = DVec2::new(self.start + CELL * 0.5 + local.x, 0.0);
@@ -205,10 +205,10 @@ impl Ground {
             place = DVec2::new(s, 0.0) + self.frame.at(s).local(point);
         }
         let row = ((place.x - self.start) / ROW).max(0.0) as usize;
-        self.material_at(&self.sections[row.min(self.sections.len() - 1)], place.x, place.y)
+        material(self.material_at(&self.sections[row.min(self.sections.len() - 1)], place.x, place.y))
     }
 
-    fn material_at(&self, section: &Section, s: f64, offset: f64) -> Material {
+    fn material_at(&self, section: &Section, s: f64, offset: f64) -> &'static str {
         let d = offset.abs();
         let near = |line: f64| (d - line).abs() < 0.07;
         let zebra = self.zebra.is_some_and(|zebra| (s - zebra).abs() < 1.8 && offset.rem_euclid(1.0) < 0.5);
@@ -217,13 +217,13 @@ impl Ground {
         let count = ((section.lanes - section.median) / section.lane).round() as i32;
         let mut between = (1..count).map(|lane| section.median + f64::from(lane) * section.lane);
         match d {
-            d if d < section.median => Material::Grass,
+            d if d < section.median => "grass",
             d if d <= section.kerb - 0.02 => {
                 let painted = zebra || centre || edge || (s.rem_euclid(9.0) < 3.0 && between.any(near));
-                if painted { Material::Marking } else { Material::Asphalt }
+                if painted { "marking" } else { "asphalt" }
             }
-            d if d <= section.kerb + 0.15 => Material::Paving,
-            d if d >= section.verge && d < section.walk => Material::Paving,
+            d if d <= section.kerb + 0.15 => "paving",
+            d if d >= section.verge && d < section.walk => "paving",
             _ => self.soft,
         }
     }

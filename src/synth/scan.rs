@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3, IVec3, Vec3A};
+use obvhs::ray::RayHit;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +15,7 @@ use super::Settings;
 use super::drive::{Pose, Track};
 use super::preset::TABLES;
 use super::random::{Random, gauss, sequence};
-use super::scene::{Hit, Owner, Window};
+use super::scene::{Owner, Window};
 use super::street::Object;
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
@@ -313,30 +314,29 @@ impl Tracer<'_> {
     }
 
     /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit.
-    fn echo(&self, hit: &Hit, o: Vec3A, d: Vec3A, random: &mut Random) -> (Option<Echo>, f32) {
+    fn echo(&self, hit: &RayHit, o: Vec3A, d: Vec3A, random: &mut Random) -> (Option<Echo>, f32) {
         let scanner = &self.scan.settings.scanner;
         let (surface, point) = self.window.surface(hit, o, d);
-        let material = match &self.window.items[hit.item as usize].owner {
+        let material = match &self.window.items[hit.instance_id as usize].owner {
             Owner::Ground(ground) => ground.material(point),
             Owner::Object(_) => surface.material,
         };
-        let optics = material.optics();
         let cosine = d.dot(surface.normal.into()).abs().max(0.02);
-        let reflectance = optics.reflectance * (1.0 + optics.speckle * gauss(random)).max(0.2);
+        let reflectance = material.reflectance * (1.0 + material.speckle * gauss(random)).max(0.2);
         let share = hit.t / scanner.range_m as f32;
         let seen = reflectance * cosine > FAINTEST * share * share * random.random_range(0.6..=1.4);
-        if !seen || random.random_bool(f64::from(optics.lost)) {
+        if !seen || random.random_bool(f64::from(material.lost)) {
             return (None, surface.rim);
         }
         // Along the beam, the roughness of a surface and the footprint on it are stretched by the incidence.
         let footprint = 0.5 * scanner.beam(hit.t);
         let stretch = (1.0 / (cosine * cosine) - 1.0).sqrt().min(8.0);
-        let spread = optics.roughness.hypot(footprint * stretch * 0.3);
+        let spread = material.roughness.hypot(footprint * stretch * 0.3);
         let range = hit.t + gauss(random) * spread.hypot(scanner.noise_m as f32);
         let (white, fall, grazing) = BRIGHTNESS;
         let faded = (6.0 / hit.t).min(1.0).powf(fall);
         let intensity = (white * reflectance * cosine.powf(grazing) * faded).clamp(20.0, 65_535.0) as u16;
-        (Some(Echo { range, item: Some(hit.item), intensity }), surface.rim)
+        (Some(Echo { range, item: Some(hit.instance_id), intensity }), surface.rim)
     }
 
     /// An edge between this pulse and the one before: the footprint that straddles it returns a mixed point or two

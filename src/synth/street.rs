@@ -8,7 +8,6 @@ use glam::{Affine3A, DVec2, DVec3, Mat3, Mat3A, Vec3, vec3};
 use rand::RngExt;
 
 use super::axis::{Axis, CELL, cell_at};
-use super::building::{self, Measures};
 use super::ground::Ground;
 use super::preset::{Buildings, Only, Plan, Row, kind};
 use super::random::{Random, pick, sequence};
@@ -225,7 +224,6 @@ impl Site<'_> {
             let width = length * random.random_range(style.front.0..=style.front.1);
             front += width * width * bend.abs() / 8.0;
             let floors = random.random_range(style.floors.0..=style.floors.1);
-            let measures = Measures { width: width as f32, depth: style.depth, floors, house: style.house };
             let corners = [(-0.5, 0.0), (0.5, 0.0), (-0.5, 1.0), (0.5, 1.0)];
             let stands = corners.iter().all(|(along, out)| {
                 self.free(s + along * width, side * (front + out * f64::from(style.depth)), 0.0)
@@ -233,7 +231,8 @@ impl Site<'_> {
             if width < 6.0 || !stands || !random.random_bool(style.share) {
                 continue;
             }
-            let model = Arc::new(building::model(measures, &mut random));
+            let model =
+                Arc::new(things::building([width as f32, style.depth], floors, style.house, &mut random));
             let object = self.object("building", s, side * front, model.height());
             self.place(&object, model, s, side * front, 0.0, Vec3::ONE);
         }
