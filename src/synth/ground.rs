@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3, Vec3};
 use serde::Deserialize;
 
 use super::axis::{Axis, CELL, Line, Node};
-use super::material::Material;
+use super::material::{Material, material};
 use super::preset::Plan;
 use super::scene::Model;
 use super::shape::Shape;
@@ -168,7 +168,7 @@ impl Ground {
                 if !corners.iter().all(|(_, far)| *far) {
                     let [a, b, c, d] = corners.map(|(point, _)| point);
                     let halves = [[a, b, c], [d, c, b]].map(Shape::Triangle);
-                    primitives.extend(halves.map(|half| half.of(Material::Asphalt)));
+                    primitives.extend(halves.map(|half| half.of("asphalt")));
                 }
             }
         }
@@ -176,7 +176,7 @@ impl Ground {
     }
 
     /// The material at a point of the mesh.
-    pub(super) fn material(&self, point: Vec3) -> Material {
+    pub(super) fn material(&self, point: Vec3) -> &'static Material {
         let place = self.line.nearest((self.origin + point.as_dvec3()).truncate());
         let (s, offset) = place.unwrap_or_default();
         let (section, d) = (self.plan.section(s), offset.abs());
@@ -185,16 +185,16 @@ impl Ground {
         let edge = near(section.lanes - 0.1) || (section.median >= 0.3 && near(section.median + 0.3));
         let count = ((section.lanes - section.median) / section.lane).round() as i32;
         let mut between = (1..count).map(|lane| section.median + f64::from(lane) * section.lane);
-        match d {
-            d if d < section.median => Material::Grass,
+        material(match d {
+            d if d < section.median => "grass",
             d if d <= section.kerb - 0.02 => {
                 let painted = centre || edge || (s.rem_euclid(9.0) < 3.0 && between.any(near));
-                if painted { Material::Marking } else { Material::Asphalt }
+                if painted { "marking" } else { "asphalt" }
             }
-            d if d <= section.kerb + 0.15 => Material::Paving,
-            d if d >= section.verge && d < section.walk => Material::Paving,
-            _ if self.plan.layout(self.cell).paved => Material::Paving,
-            _ => Material::Grass,
-        }
+            d if d <= section.kerb + 0.15 => "paving",
+            d if d >= section.verge && d < section.walk => "paving",
+            _ if self.plan.layout(self.cell).paved => "paving",
+            _ => "grass",
+        })
     }
 }

@@ -1,8 +1,8 @@
 //! A labelled synthetic drive of any length: a street, a vehicle that drives along it, and a scanner whose every
 //! pulse is traced.
 //!
-//! `preset` says what kind of street there is where, `street` builds it cell by cell from `axis`, `ground`, `tree`,
-//! `building` and `things`; `scene` finds the closest hit; `drive` and `scan` turn time into pulses and pulses into
+//! `preset` says what kind of street there is where, `street` builds it cell by cell from `axis`, `ground` and
+//! `things`; `scene` finds the closest hit; `drive` and `scan` turn time into pulses and pulses into
 //! echoes; `sink` writes. Every cell and every slice of time is a pure function of settings and seed, so the bytes
 //! do not depend on the number of threads, and memory does not depend on the length. The rest of the crate does not
 //! know this module.
@@ -14,7 +14,6 @@
 )]
 
 mod axis;
-mod building;
 mod drive;
 mod ground;
 mod material;

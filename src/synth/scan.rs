@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3, Vec3A};
+use obvhs::ray::RayHit;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +16,7 @@ use super::Settings;
 use super::drive::Track;
 use super::preset::TABLES;
 use super::random::{Random, gauss, sequence};
-use super::scene::{Hit, Owner, Window};
+use super::scene::{Owner, Window};
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
@@ -262,24 +263,24 @@ impl Beam<'_> {
     }
 
     /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit.
-    fn echo(&mut self, hit: &Hit) -> (Option<Echo>, f32) {
+    fn echo(&mut self, hit: &RayHit) -> (Option<Echo>, f32) {
         let (surface, point) = self.window.surface(hit, self.origin, self.direction);
-        let (material, instance, class) = match &self.window.items[hit.item as usize].owner {
+        let (material, instance, class) = match &self.window.items[hit.instance_id as usize].owner {
             Owner::Ground(ground) => (ground.material(point), 0, 1),
             Owner::Object(object) => (surface.material, object.id, object.class),
         };
-        let (optics, random) = (material.optics(), &mut self.random);
+        let random = &mut self.random;
         let cosine = self.direction.dot(surface.normal.into()).abs().max(0.02);
-        let reflectance = optics.reflectance * (1.0 + optics.speckle * gauss(random)).max(0.2);
+        let reflectance = material.reflectance * (1.0 + material.speckle * gauss(random)).max(0.2);
         let share = hit.t / self.scanner.range_m as f32;
         let seen = reflectance * cosine > FAINTEST * share * share * random.random_range(0.6..=1.4);
-        if !seen || random.random_bool(f64::from(optics.lost)) {
+        if !seen || random.random_bool(f64::from(material.lost)) {
             return (None, surface.rim);
         }
         // Along the beam, the roughness of a surface and the footprint on it are stretched by the incidence.
         let footprint = 0.5 * self.scanner.beam(hit.t);
         let stretch = (1.0 / (cosine * cosine) - 1.0).sqrt().min(8.0);
-        let spread = optics.roughness.hypot(footprint * stretch * 0.3);
+        let spread = material.roughness.hypot(footprint * stretch * 0.3);
         let range = hit.t + gauss(random) * spread.hypot(self.scanner.noise_m as f32);
         let (white, fall, grazing) = BRIGHTNESS;
         let faded = (6.0 / hit.t).min(1.0).powf(fall);

@@ -15,7 +15,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray, RayHit};
 
 use super::ground::Ground;
-use super::shape::{MISS, Primitive, Surface};
+use super::shape::{Primitive, Surface};
 use super::street::Object;
 
 /// Primitives in a frame of their own, built once and placed often.
@@ -72,8 +72,6 @@ pub(super) enum Owner {
 pub(super) struct Item {
     model: Arc<Model>,
     to_model: Affine3A,
-    /// The box around the box of the model as it stands in the window.
-    bounds: Aabb,
     pub(super) owner: Owner,
 }
 
@@ -85,32 +83,18 @@ pub(super) struct Window {
     bvh: Bvh2,
 }
 
-/// The closest hit.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Hit {
-    pub(super) t: f32,
-    /// Index into the items of the window.
-    pub(super) item: u32,
-    primitive: u32,
-}
-
-impl Item {
-    /// A copy of `placed` in a window about `origin`.
-    fn new(placed: &Placed, origin: DVec3) -> Self {
-        let Placed { model, at, turn, owner } = placed.clone();
-        let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
-        let middle = to_window.transform_point3a(model.bounds().center());
-        let half = to_window.matrix3.abs() * (model.bounds().diagonal() * 0.5);
-        let bounds = Aabb::new(middle - half, middle + half);
-        Self { model, to_model: to_window.inverse(), bounds, owner }
-    }
-}
-
 impl Window {
     /// The scene of all copies, about `origin`.
     pub(super) fn new<'a>(origin: DVec3, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
-        let items: Vec<Item> = placed.into_iter().map(|placed| Item::new(placed, origin)).collect();
-        let boxes: Vec<Aabb> = items.iter().map(|item| item.bounds).collect();
+        let (mut items, mut boxes) = (Vec::new(), Vec::new());
+        for Placed { model, at, turn, owner } in placed.into_iter().cloned() {
+            let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
+            // The box around the box of the model as it stands here.
+            let middle = to_window.transform_point3a(model.bounds().center());
+            let half = to_window.matrix3.abs() * (model.bounds().diagonal() * 0.5);
+            boxes.push(Aabb::new(middle - half, middle + half));
+            items.push(Item { model, to_model: to_window.inverse(), owner });
+        }
         // A ray that meets a leaf is moved into the frame of every item there, so a leaf is one item.
         Self { origin, items, bvh: hierarchy(&boxes, 1) }
     }
@@ -123,9 +107,9 @@ impl Window {
         })
     }
 
-    /// The first surface along the ray, if any.
-    pub(super) fn hit(&self, origin: Vec3A, direction: Vec3A, near: f32, far: f32) -> Option<Hit> {
-        let mut best = Hit { t: MISS, item: 0, primitive: 0 };
+    /// The closest hit along the ray, if any; its instance is the index of the item.
+    pub(super) fn hit(&self, origin: Vec3A, direction: Vec3A, near: f32, far: f32) -> Option<RayHit> {
+        let mut best = RayHit::none();
         let ray = Ray::new(origin, direction, near, far);
         self.bvh.ray_traverse(ray, &mut RayHit::none(), |ray, slot| {
             let index = self.bvh.primitive_indices[slot];
@@ -136,10 +120,10 @@ impl Window {
                 ray.tmin,
                 ray.tmax,
             );
-            let mut hit = RayHit::none();
+            let mut hit = RayHit { instance_id: index, ..RayHit::none() };
             item.model.bvh.ray_traverse(local, &mut hit, |ray, i| item.model.primitives[i].shape.hit(ray));
             if hit.t < ray.tmax {
-                best = Hit { t: hit.t, item: index, primitive: hit.primitive_id };
+                best = hit;
             }
             hit.t
         });
@@ -147,10 +131,10 @@ impl Window {
     }
 
     /// The surface at a hit, with its normal in the window's frame and its point in the model's.
-    pub(super) fn surface(&self, hit: &Hit, origin: Vec3A, direction: Vec3A) -> (Surface, Vec3) {
-        let item = &self.items[hit.item as usize];
+    pub(super) fn surface(&self, hit: &RayHit, origin: Vec3A, direction: Vec3A) -> (Surface, Vec3) {
+        let item = &self.items[hit.instance_id as usize];
         let point = Vec3::from(item.to_model.transform_point3a(origin + direction * hit.t));
-        let mut surface = item.model.primitives[hit.primitive as usize].surface(point);
+        let mut surface = item.model.primitives[hit.primitive_id as usize].surface(point);
         // Normals follow the transposed inverse.
         let normal = item.to_model.matrix3.mul_transpose_vec3a(surface.normal.into());
         surface.normal = Vec3::from(normal.normalize_or(Vec3A::Z));
@@ -160,13 +144,12 @@ impl Window {
 
 #[cfg(test)]
 mod tests {
-    use super::super::material::Material;
     use super::super::shape::Shape;
     use super::*;
 
     #[test]
     fn a_placed_and_stretched_copy_is_hit_where_it_stands() {
-        let block = Shape::Block(Vec3::splat(-1.0), Vec3::splat(1.0)).of(Material::Metal);
+        let block = Shape::Block(Vec3::splat(-1.0), Vec3::splat(1.0)).of("metal");
         let model = Arc::new(Model::new(vec![block]));
         // Twice as high, turned by 90 degrees, 10 m east and 5 m north of the window's origin.
         let turn = Mat3A::from_rotation_z(std::f32::consts::FRAC_PI_2)
@@ -180,7 +163,9 @@ mod tests {
         assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
         let (surface, point) = window.surface(&hit, o, d);
         assert!((surface.normal - Vec3::Z).length() < 1e-5 && (point.z - 1.0).abs() < 1e-5);
-        assert!(matches!(&window.items[hit.item as usize].owner, Owner::Object(object) if object.id == 7));
+        assert!(
+            matches!(&window.items[hit.instance_id as usize].owner, Owner::Object(object) if object.id == 7)
+        );
         assert!(window.hit(o, d, 0.0, 7.9).is_none());
         assert!(window.hit(o, Vec3A::Z, 0.0, 100.0).is_none());
     }

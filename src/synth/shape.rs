@@ -10,7 +10,7 @@ use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
 use serde::Deserialize;
 
-use super::material::Material;
+use super::material::{Material, material};
 
 /// No hit.
 pub(super) const MISS: f32 = f32::INFINITY;
@@ -35,7 +35,7 @@ pub(super) enum Shape {
 #[derive(Debug, Clone)]
 pub(super) struct Primitive {
     pub(super) shape: Shape,
-    pub(super) material: Material,
+    pub(super) material: &'static Material,
 }
 
 /// The surface at a hit.
@@ -43,14 +43,15 @@ pub(super) struct Primitive {
 pub(super) struct Surface {
     /// Unit normal, on either side.
     pub(super) normal: Vec3,
-    pub(super) material: Material,
+    pub(super) material: &'static Material,
     /// Distance to the rim of a leaf, metres; infinite for what is no leaf.
     pub(super) rim: f32,
 }
 
 impl Shape {
-    pub(super) fn of(self, material: Material) -> Primitive {
-        Primitive { shape: self, material }
+    /// The shape, of the material of this name.
+    pub(super) fn of(self, name: &str) -> Primitive {
+        Primitive { shape: self, material: material(name) }
     }
 
     /// The same with its points elsewhere.
@@ -120,11 +121,9 @@ impl Primitive {
                 Vec3::AXES[from_centre.abs().max_position()]
             }
             Shape::Rod(from, to, [r0, r1]) => {
-                let axis = to - from;
-                let height = axis.length();
-                let n = axis / height;
+                let n = (to - from).normalize();
                 let radial = (point - from).reject_from_normalized(n).normalize_or(Vec3::X);
-                (radial + n * ((r0 - r1) / height)).normalize()
+                (radial + n * ((r0 - r1) / from.distance(to))).normalize()
             }
             Shape::Ball(centre, radii) => ((point - centre) / (radii * radii)).normalize_or(Vec3::Z),
             Shape::Disc(centre, normal, radius) => {
@@ -138,19 +137,10 @@ impl Primitive {
 
 /// The nearer root of a t^2 + 2 b t + c = 0 that `accept` takes, counted from `start`.
 fn root(ray: &Ray, start: f32, [a, b, c]: [f32; 3], accept: impl Fn(f32) -> bool) -> f32 {
-    let discriminant = b * b - a * c;
-    if discriminant < 0.0 {
-        return MISS;
-    }
-    let spread = discriminant.sqrt();
+    let spread = (b * b - a * c).sqrt(); // not a number where there is no root, and then nothing is within the ray
     let (first, second) = ((-b - spread) / a, (-b + spread) / a);
-    for t in [first.min(second), first.max(second)] {
-        let whole = start + t;
-        if whole > ray.tmin && whole < ray.tmax && accept(t) {
-            return whole;
-        }
-    }
-    MISS
+    let within = |t: &f32| start + t > ray.tmin && start + t < ray.tmax && accept(*t);
+    [first.min(second), first.max(second)].into_iter().find(within).map_or(MISS, |t| start + t)
 }
 
 fn hit_rod(ray: &Ray, base: Vec3A, axis: Vec3A, [r0, r1]: [f32; 2]) -> f32 {
@@ -241,7 +231,7 @@ mod tests {
         let disc = Shape::Disc(Vec3::Z * 2.0, Vec3::Z, 0.5);
         check(&disc, [0.4, 0.0, 5.0], [0.0, 0.0, -1.0], 3.0);
         check(&disc, [0.6, 0.0, 5.0], [0.0, 0.0, -1.0], MISS);
-        let leaf = disc.of(Material::Leaf);
+        let leaf = disc.of("leaf");
         assert!((leaf.surface(Vec3::new(0.4, 0.0, 2.0)).rim - 0.1).abs() < 1e-6);
     }
 }

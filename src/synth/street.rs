@@ -8,7 +8,6 @@ use glam::{Affine3A, DVec2, DVec3, Mat3, Mat3A, Vec3, vec3};
 use rand::RngExt;
 
 use super::axis::{Axis, CELL, cell_at};
-use super::building::{self, Measures};
 use super::ground::Ground;
 use super::preset::{Building, Plan, Row, kind};
 use super::random::{Random, pick, sequence};
@@ -167,7 +166,7 @@ impl Site<'_> {
         let corners = [(-0.5, 0.0), (0.5, 0.0), (-0.5, 1.0), (0.5, 1.0)].map(DVec2::from);
         let stands = width >= 6.0 && corners.iter().all(|corner| self.free(*place + *corner * outwards, 0.0));
         let floors = random.random_range(style.floors.0..=style.floors.1);
-        let (width, depth) = (width as f32, style.depth as f32);
-        stands.then(|| building::model(Measures { width, depth, floors, house: style.house }, random))
+        let measures = [width as f32, style.depth as f32];
+        stands.then(|| things::building(measures, floors, style.house, random))
     }
 }

@@ -1,17 +1,17 @@
-//! The things of `things.toml`, from lamps to trees, as models; and the wires of an overhead line.
+//! The things of `things.toml`, from lamps to trees, as models; and buildings, stacked from the pieces there.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Vec3, vec3};
+use rand::RngExt;
 use serde::Deserialize;
 
-use super::material::Material;
-use super::random::{Random, sequence};
+use super::random::{Random, pick, sequence};
 use super::scene::Model;
 use super::shape::{Primitive, Shape};
 use super::shipped;
-use super::tree::{self, Palm, Tree};
+use super::tree::{self, Level};
 
 static THINGS: LazyLock<BTreeMap<String, Vec<Thing>>> =
     LazyLock::new(|| shipped(include_str!("things.toml")));
@@ -20,38 +20,31 @@ static THINGS: LazyLock<BTreeMap<String, Vec<Thing>>> =
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Thing {
-    #[serde(default = "once")]
-    models: u8,
+    models: Option<u8>,
     #[serde(default)]
     parts: Vec<Part>,
     #[serde(default)]
     hulls: Vec<Hull>,
-    tree: Option<Tree>,
-    palm: Option<Palm>,
+    #[serde(default)]
+    growth: Vec<Level>,
 }
 
 #[derive(Deserialize)]
 struct Part {
-    of: Material,
+    of: String,
     #[serde(flatten)]
     shape: Shape,
-    #[serde(default = "once")]
-    times: u8,
+    times: Option<u8>,
     #[serde(default)]
     step: Vec3,
-    #[serde(default)]
-    leaves: u16,
+    leaves: Option<u16>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Hull {
-    of: Vec<Material>,
+    of: Vec<String>,
     outline: Vec<Vec3>,
-}
-
-fn once() -> u8 {
-    1
 }
 
 /// One or more models of every kind; x along the street, y away from the road.
@@ -59,7 +52,9 @@ pub(super) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
     let mut library = BTreeMap::new();
     for (stream, (kind, things)) in (10..).zip(THINGS.iter()) {
         let mut random = sequence(seed, stream, 0);
-        let entries = things.iter().flat_map(|thing| (0..thing.models).map(move |number| (thing, number)));
+        let numbers =
+            |thing: &'static Thing| (0..thing.models.unwrap_or(1)).map(move |number| (thing, number));
+        let entries = things.iter().flat_map(numbers);
         let models = entries.map(|(thing, number)| Arc::new(thing.model(number, &mut random)));
         library.insert(kind.clone(), models.collect());
     }
@@ -71,12 +66,34 @@ pub(super) fn of(kind: &str) -> &'static [Thing] {
     &THINGS[kind]
 }
 
+/// A building of this width and depth, with a face of its own; its front is the line y = 0, in the middle of which is
+/// the origin. A house with a gabled roof and a porch, else a block with shops and a flat roof.
+pub(super) fn building([width, depth]: [f32; 2], floors: u32, house: bool, random: &mut Random) -> Model {
+    let storey = random.random_range(2.8..=3.3);
+    // Kind of the pieces, how many; how far the next one is above, and how far they are stretched upwards, metres.
+    let stack = if house {
+        let rise = depth * random.random_range(0.3..=0.5);
+        [("house_base", 1, 0.4, 1.0), ("house_storey", floors, storey, storey), ("gable", 1, rise, rise)]
+    } else {
+        [("shops", 1, 4.0, 1.0), ("storey", floors - 1, storey, storey), ("flat_roof", 1, 1.0, 1.0)]
+    };
+    let (mut parts, mut foot) = (Vec::new(), Vec3::ZERO);
+    for (kind, count, height, stretch) in stack {
+        let piece = pick(of(kind), random);
+        for _ in 0..count {
+            let place = Affine3A::from_translation(foot) * Affine3A::from_scale(vec3(width, depth, stretch));
+            parts.extend(piece.parts(&place, random));
+            foot.z += height;
+        }
+    }
+    Model::new(parts)
+}
+
 impl Thing {
     fn model(&self, number: u8, random: &mut Random) -> Model {
         let mut all = self.parts(&Affine3A::IDENTITY, random);
         all.extend(self.hulls.iter().flat_map(|hull| hull.triangles(usize::from(number))));
-        all.extend(self.tree.iter().flat_map(|tree| tree.build(random)));
-        all.extend(self.palm.iter().flat_map(|palm| palm.build(random)));
+        all.extend(tree::grow(&self.growth, &[Vec3::ZERO, Vec3::Z], random));
         Model::new(all)
     }
 
@@ -84,12 +101,11 @@ impl Thing {
     pub(super) fn parts(&self, map: &Affine3A, random: &mut Random) -> Vec<Primitive> {
         let mut all = Vec::new();
         for part in &self.parts {
-            for copy in 0..part.times {
+            for copy in 0..part.times.unwrap_or(1) {
                 let shape = part.shape.map(|point| map.transform_point3(point + part.step * f32::from(copy)));
-                if part.leaves > 0 {
-                    all.extend(tree::strew(&shape.bounds(), part.leaves, random));
-                } else {
-                    all.push(shape.of(part.of));
+                match part.leaves {
+                    Some(count) => all.extend(tree::strew(&shape.bounds(), count, random)),
+                    None => all.push(shape.of(&part.of)),
                 }
             }
         }
@@ -99,15 +115,50 @@ impl Thing {
 
 impl Hull {
     /// The body between the outline and its mirror image, of the material for the model of this number.
-    fn triangles(&self, number: usize) -> Vec<Primitive> {
-        let of = self.of[number % self.of.len()];
+    fn triangles(&self, number: usize) -> impl Iterator<Item = Primitive> {
         let mirrored = |point: Vec3| point.with_y(-point.y);
-        let span = |ends: &[Vec3]| {
+        let span = move |ends: &[Vec3]| {
             let [first, a, b] = [self.outline[0], ends[0], ends[1]];
             let side = [first, a, b];
             [side, side.map(mirrored), [a, b, mirrored(b)], [a, mirrored(b), mirrored(a)]]
         };
         let triangles = self.outline.windows(2).flat_map(span);
-        triangles.map(|corners| Shape::Triangle(corners).of(of)).collect()
+        triangles.map(move |corners| Shape::Triangle(corners).of(&self.of[number % self.of.len()]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Mat3A, Vec3A};
+
+    use super::super::material::material;
+    use super::super::scene::{Owner, Placed, Window};
+    use super::super::street::Object;
+    use super::*;
+
+    #[test]
+    fn storeys_have_walls_reveals_and_glass() {
+        // The first kind of storey, stretched to 42 x 16 x 3 m: bays of 3 m, windows 1.4 m wide from 0.9 to 2.34 m.
+        let parts =
+            of("storey")[0].parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut sequence(1, 2, 3));
+        let object = Object { id: 1, class: 5, kind: "building", base: DVec3::ZERO, height: 3.0, s: 0.0 };
+        let owner = Owner::Object(object.into());
+        let (model, at, turn) = (Model::new(parts).into(), DVec3::ZERO, Mat3A::IDENTITY);
+        let window = Window::new(DVec3::ZERO, &[Placed { model, at, turn, owner }]);
+        for (origin, direction, t, name) in [
+            ([1.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.2, "glass"), // middle of the first bay to the right
+            ([0.0, -5.0, 1.5], [0.0, 1.0, 0.0], 5.0, "plaster"), // between windows
+            ([1.5, -5.0, 0.8], [0.0, 1.0, 0.0], 5.0, "plaster"), // below the sill
+            ([1.5, -5.0, 2.5], [0.0, 1.0, 0.0], 5.0, "plaster"), // above the window
+            ([1.5, 21.0, 1.5], [0.0, -1.0, 0.0], 5.2, "glass"), // from the back
+            ([-26.0, 1.6, 1.5], [1.0, 0.0, 0.0], 5.2, "glass"), // from the side
+            ([-26.0, 0.3, 1.5], [1.0, 0.0, 0.0], 5.0, "plaster"), // its corner
+            ([-2.9, -5.0, 1.5], [1.0, 1.0, 0.0], 5.1, "plaster"), // at 45 degrees: the reveal at x = 2.2
+        ] {
+            let (o, d) = (Vec3A::from(origin), Vec3A::from(direction));
+            let hit = window.hit(o, d, 0.0, 100.0).unwrap();
+            assert!((hit.t - t).abs() < 0.03, "{origin:?}: {}", hit.t);
+            assert_eq!(*window.surface(&hit, o, d).0.material, *material(name), "{origin:?}");
+        }
     }
 }
