@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::eval::parts::Parts;
 use crate::eval::sides::{BlockReader, Files, PredictionFields, ReferenceFields, Run, time_bits};
 use crate::eval::table::{Cell, Counter, Table};
 use crate::input::{Catalog, InputFile, record_xyz};
@@ -21,18 +22,19 @@ pub(super) struct Pair<'a> {
     pub(super) with_time: bool,
 }
 
-/// What one thread found: the table of its part, or the index of the first point that is another.
-type Part = Result<Result<Table, u64>>;
+/// What one thread found: the table of its part; `None` when a point in it is another.
+type Part = Result<Option<Table>>;
 
 /// Counts every point of both labels in one set of files.
 ///
 /// # Errors
-/// A block that cannot be read, a label that is none.
+/// A block that cannot be read, a label that is none, [`EvalError::Scratch`](super::EvalError::Scratch).
 pub(super) fn count_same_files(
     prediction: &Files<'_, PredictionFields>,
     reference: &Files<'_, ReferenceFields>,
+    parts: Parts<'_>,
 ) -> Result<Table> {
-    let count = |runs: &[Run]| -> Result<Table> {
+    let count = |runs: &[Run]| -> Result<()> {
         let (mut counter, mut reader) = (Counter::default(), BlockReader::default());
         for run in runs {
             let file = prediction.file(run);
@@ -48,23 +50,25 @@ pub(super) fn count_same_files(
             }
             file.release(run.block);
         }
-        Ok(counter.finish())
+        parts.add(counter.finish())
     };
-    let parts = prediction.runs.par_chunks(BLOCKS_AT_A_TIME).map(count);
-    parts.try_reduce(Table::default, |left, right| Ok(left.merge(right)))
+    prediction.runs.par_chunks(BLOCKS_AT_A_TIME).try_for_each(count)?;
+    parts.finish()
 }
 
 impl Pair<'_> {
     /// Counts the points of both sides in order; `None` when they are in different orders, or different points.
     ///
     /// # Errors
-    /// A block that cannot be read, a label that is none.
-    pub(super) fn count_in_order(&self) -> Result<Option<Table>> {
-        let parts = self.prediction.runs.par_chunks(BLOCKS_AT_A_TIME).map(|runs| self.count_part(runs));
+    /// A block that cannot be read, a label that is none, [`EvalError::Scratch`](super::EvalError::Scratch).
+    pub(super) fn count_in_order(&self, parts: Parts<'_>) -> Result<Option<Table>> {
         // A difference stops the others like an error does.
-        let counted = parts.map(|part| part.map_err(Stop::Failed)?.map_err(|_| Stop::Differs));
-        match counted.try_reduce(Table::default, |left, right| Ok(left.merge(right))) {
-            Ok(table) => Ok(Some(table)),
+        let count = |runs: &[Run]| {
+            let part = self.count_part(runs).map_err(Stop::Failed)?.ok_or(Stop::Differs)?;
+            parts.add(part).map_err(Stop::Failed)
+        };
+        match self.prediction.runs.par_chunks(BLOCKS_AT_A_TIME).try_for_each(count) {
+            Ok(()) => parts.finish().map(Some),
             Err(Stop::Differs) => Ok(None),
             Err(Stop::Failed(error)) => Err(error),
         }
@@ -88,7 +92,7 @@ impl Pair<'_> {
             }
             Ok(None)
         })?;
-        Ok(different.map_or_else(|| Ok(counter.finish()), Err))
+        Ok(different.is_none().then(|| counter.finish()))
     }
 
     /// Index of the first point that is another, among those that both sides have; `None` when there is none.
