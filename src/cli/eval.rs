@@ -65,7 +65,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, help_heading = "Matching")]
     ignore_time: bool,
 
-    /// Folder for scratch files, 32 bytes per point when the orders differ [default: the system's]
+    /// Folder for scratch files: small, but 32 bytes per point when the orders differ [default: the system's]
     #[arg(long, value_name = "DIR", help_heading = "Matching")]
     scratch: Option<PathBuf>,
 
@@ -112,9 +112,7 @@ impl EvalArgs {
     /// Compares, and shows or writes what was asked for.
     pub(crate) fn run(&self) -> Outcome {
         let (counted, metrics, trajectory, provenance) = self.compare()?;
-        let evaluation = Evaluation::of(&counted.table, &metrics, counted.lattice);
-        // What was counted is judged now, and the report takes as much memory again.
-        drop(counted);
+        let evaluation = Evaluation::of(counted.table, &metrics, counted.lattice);
         let axis = trajectory.unwrap_or_else(|| {
             Axis::principal(&evaluation.judged.scene.objects.iter().map(|o| o.centroid_m).collect::<Vec<_>>())
         });

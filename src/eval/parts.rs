@@ -93,7 +93,10 @@ impl Waiting {
     fn push(&mut self, table: &Table) -> Result<()> {
         let bytes = codec::encode(table)?;
         self.sizes.push(bytes.len());
-        Ok(self.file.write_all(&bytes).map_err(|source| EvalError::Scratch { path: self.path.clone(), source })?)
+        Ok(self
+            .file
+            .write_all(&bytes)
+            .map_err(|source| EvalError::Scratch { path: self.path.clone(), source })?)
     }
 
     fn append_to(mut self, table: &mut Table) -> Result<()> {
