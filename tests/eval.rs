@@ -19,7 +19,7 @@ fn settings() -> MetricSettings {
 }
 
 fn evaluate(table: &Table) -> Evaluation {
-    Evaluation::of(table, &settings(), Lattice::MILLIMETRE)
+    Evaluation::of(table.clone(), &settings(), Lattice::MILLIMETRE)
 }
 
 /// The table of `(object, segment, points)`; objects take the classes 2 to 5 in turn, object 0 is ground.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::error::Result;
 use crate::eval::error::{EvalError, PointSite};
 use crate::eval::order::{self, Pair};
+use crate::eval::parts::Parts;
 use crate::eval::scratch::ScratchFolder;
 use crate::eval::sides::Files;
 use crate::eval::table::Table;
@@ -26,7 +27,7 @@ pub struct CompareSettings {
     pub noise_classes: Vec<u16>,
     /// Whether points are recognised by coordinates alone, though both sides have times.
     pub ignore_time: bool,
-    /// Folder for scratch files, used when the two sides are in different orders.
+    /// Folder for scratch files.
     pub scratch: PathBuf,
 }
 
@@ -93,16 +94,17 @@ pub fn count(
     settings: &CompareSettings,
     note: &dyn Fn(&str),
 ) -> Result<Counted> {
+    let parts = Parts::new(&settings.scratch);
     let predicted = Files::prediction(prediction, settings)?;
     let Some(reference) = reference else {
-        let table = order::count_same_files(&predicted, &Files::reference(prediction, settings)?)?;
+        let table = order::count_same_files(&predicted, &Files::reference(prediction, settings)?, parts)?;
         return Ok(Counted { table, lattice: prediction.lattice(), matching: Matching::SameRecords });
     };
     let referred = Files::reference(reference, settings)?;
     let with_time = predicted.has_time() && referred.has_time() && !settings.ignore_time;
     let pair = Pair { prediction: predicted, reference: referred, with_time };
     same_counts(&pair)?;
-    let (table, matching) = match pair.count_in_order()? {
+    let (table, matching) = match pair.count_in_order(parts)? {
         Some(table) => (table, Matching::RecordOrder),
         None => (by_key(&pair, settings, note)?, pair.matching_by_key()),
     };

@@ -112,6 +112,9 @@ impl LabelField {
     /// The value, when it is no whole number or too large.
     #[inline]
     pub(super) fn id(&self, record: &[u8]) -> Result<i64, WrongLabel> {
+        if let Some(id) = self.plain(record) {
+            return Ok(id.into());
+        }
         match self.value(record) {
             Value::Integer(id) if id <= 0 => Ok(0),
             Value::Integer(id) => i64::try_from(id).map_err(|_| self.wrong(Value::Integer(id), ID)),
@@ -126,6 +129,9 @@ impl LabelField {
     /// The value, when it is no whole number from 0 to 65,535.
     #[inline]
     pub(super) fn class(&self, record: &[u8]) -> Result<u16, WrongLabel> {
+        if let Some(code) = self.plain(record).and_then(|code| u16::try_from(code).ok()) {
+            return Ok(code);
+        }
         match self.value(record) {
             Value::Integer(code) => u16::try_from(code).map_err(|_| self.wrong(Value::Integer(code), CODE)),
             value @ Value::Real(_) => {
@@ -134,7 +140,20 @@ impl LabelField {
         }
     }
 
+    /// What is stored the way nearly all labels are: as a small unsigned integer, without a scale.
     #[inline]
+    fn plain(&self, record: &[u8]) -> Option<u32> {
+        let at = &record[self.offset..];
+        match self.storage {
+            _ if self.scaling.is_some() => None,
+            Storage::U8 => Some(at[0].into()),
+            Storage::Bits(mask) => Some((at[0] & mask).into()),
+            Storage::U16 => Some(u16::from_le_bytes(first(at)).into()),
+            Storage::U32 => Some(u32::from_le_bytes(first(at))),
+            _ => None,
+        }
+    }
+
     fn value(&self, record: &[u8]) -> Value {
         let at = &record[self.offset..];
         let stored = match self.storage {

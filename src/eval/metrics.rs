@@ -228,27 +228,19 @@ pub struct Evaluation {
 impl Evaluation {
     /// Evaluates a table; positions in metres by `lattice`.
     #[must_use]
-    pub fn of(table: &Table, settings: &MetricSettings, lattice: Lattice) -> Self {
+    pub fn of(table: Table, settings: &MetricSettings, lattice: Lattice) -> Self {
         let classes = &settings.classes;
-        let judged = Judged::of(Scene::build(table, classes, lattice, settings.min_points), settings);
-        Self {
-            points: table.points(),
-            classes: judged.codes().into_iter().map(|code| (code, judged.of_class(code))).collect(),
-            overall: judged.figures(|_| true, |_| true),
-            ground: PointScore::count(
-                table,
-                classes.has_ground(),
-                |code| classes.is_ground(code),
-                Predicted::Ground,
-            ),
-            noise: PointScore::count(
-                table,
-                classes.has_noise(),
-                |code| classes.is_noise(code),
-                Predicted::Noise,
-            ),
-            judged,
-        }
+        let points = table.points();
+        let is_ground = |code| classes.is_ground(code);
+        let is_noise = |code| classes.is_noise(code);
+        let ground = PointScore::count(&table, classes.has_ground(), is_ground, Predicted::Ground);
+        let noise = PointScore::count(&table, classes.has_noise(), is_noise, Predicted::Noise);
+        let scene = Scene::build(&table, classes, lattice, settings.min_points);
+        // What is judged takes as much memory again.
+        drop(table);
+        let judged = Judged::of(scene, settings);
+        let classes = judged.codes().into_iter().map(|code| (code, judged.of_class(code))).collect();
+        Self { points, classes, overall: judged.figures(|_| true, |_| true), ground, noise, judged }
     }
 
     /// Mean of PQ over the classes, as the paper reports it; each class counts the same.
@@ -285,7 +277,11 @@ impl Judged {
         let segments: Vec<usize> = indices(&self.scene.segments, &of_segment);
         let count =
             |holds: &dyn Fn(usize) -> bool| objects.iter().filter(|&&index| holds(index)).count() as u64;
-        let iou_sum = |ious: &[Option<Iou>]| objects.iter().filter_map(|&i| ious[i]).map(Iou::value).sum();
+        let iou_sum = |holds: &dyn Fn(usize) -> bool| {
+            let ious =
+                objects.iter().filter(|&&index| holds(index)).filter_map(|&index| self.panoptic.best[index]);
+            ious.map(Iou::value).sum()
+        };
         let is_false = |index: &&usize| self.panoptic.segments[**index] == SegmentRole::FalsePositive;
         Figures {
             objects: objects.len() as u64,
@@ -293,10 +289,10 @@ impl Judged {
             without_segment: count(&|index| self.scene.objects[index].overlaps.is_empty()),
             under: count(&|index| self.segmentation[index].is_under()),
             over: count(&|index| self.segmentation[index].is_over()),
-            true_positives: count(&|index| self.panoptic.matches[index].is_some()),
+            true_positives: count(&|index| self.panoptic.matched[index]),
             false_positives: segments.iter().filter(is_false).count() as u64,
-            iou_sum: iou_sum(&self.panoptic.matches),
-            best_iou_sum: iou_sum(&self.panoptic.best),
+            iou_sum: iou_sum(&|index| self.panoptic.matched[index]),
+            best_iou_sum: iou_sum(&|_| true),
             ari: adjusted_rand_index(&self.scene, &of_object),
             hoover: self.hoover.iter().map(|hoover| hoover_counts(hoover, &objects, &segments)).collect(),
         }

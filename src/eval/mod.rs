@@ -16,6 +16,7 @@ mod labels;
 pub mod metrics;
 mod order;
 pub mod panoptic;
+mod parts;
 pub mod rand_index;
 pub mod report;
 pub mod scene;

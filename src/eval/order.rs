@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::eval::sides::{BlockReader, Files, PredictionFields, ReferenceFields, Run, time_bits};
+use crate::eval::parts::Parts;
+use crate::eval::sides::{Files, Idle, PredictionFields, Readers, ReferenceFields, Run, time_bits};
 use crate::eval::table::{Cell, Counter, Table};
 use crate::input::{Catalog, InputFile, record_xyz};
 use crate::model::{AxisTransform, Lattice};
@@ -21,19 +22,20 @@ pub(super) struct Pair<'a> {
     pub(super) with_time: bool,
 }
 
-/// What one thread found: the table of its part, or the index of the first point that is another.
-type Part = Result<Result<Table, u64>>;
+/// What one thread found: the table of its part; `None` when a point in it is another.
+type Part = Result<Option<Table>>;
 
 /// Counts every point of both labels in one set of files.
 ///
 /// # Errors
-/// A block that cannot be read, a label that is none.
+/// A block that cannot be read, a label that is none, [`EvalError::Scratch`](super::EvalError::Scratch).
 pub(super) fn count_same_files(
     prediction: &Files<'_, PredictionFields>,
     reference: &Files<'_, ReferenceFields>,
+    parts: Parts<'_>,
 ) -> Result<Table> {
-    let count = |runs: &[Run]| -> Result<Table> {
-        let (mut counter, mut reader) = (Counter::default(), BlockReader::default());
+    let count = |runs: &[Run], [reader, _]: &mut Readers| -> Result<()> {
+        let mut counter = Counter::default();
         for run in runs {
             let file = prediction.file(run);
             let records = reader.records(file, run)?;
@@ -48,31 +50,39 @@ pub(super) fn count_same_files(
             }
             file.release(run.block);
         }
-        Ok(counter.finish())
+        parts.add(counter.finish())
     };
-    let parts = prediction.runs.par_chunks(BLOCKS_AT_A_TIME).map(count);
-    parts.try_reduce(Table::default, |left, right| Ok(left.merge(right)))
+    let idle = Idle::default();
+    let chunks = prediction.runs.par_chunks(BLOCKS_AT_A_TIME);
+    chunks.try_for_each(|runs| idle.lend(|readers| count(runs, readers)))?;
+    drop(idle);
+    parts.finish()
 }
 
 impl Pair<'_> {
     /// Counts the points of both sides in order; `None` when they are in different orders, or different points.
     ///
     /// # Errors
-    /// A block that cannot be read, a label that is none.
-    pub(super) fn count_in_order(&self) -> Result<Option<Table>> {
-        let parts = self.prediction.runs.par_chunks(BLOCKS_AT_A_TIME).map(|runs| self.count_part(runs));
+    /// A block that cannot be read, a label that is none, [`EvalError::Scratch`](super::EvalError::Scratch).
+    pub(super) fn count_in_order(&self, parts: Parts<'_>) -> Result<Option<Table>> {
         // A difference stops the others like an error does.
-        let counted = parts.map(|part| part.map_err(Stop::Failed)?.map_err(|_| Stop::Differs));
-        match counted.try_reduce(Table::default, |left, right| Ok(left.merge(right))) {
-            Ok(table) => Ok(Some(table)),
+        let idle = Idle::default();
+        let count = |runs: &[Run]| {
+            let part = idle.lend(|readers| self.count_part(runs, readers));
+            parts.add(part.map_err(Stop::Failed)?.ok_or(Stop::Differs)?).map_err(Stop::Failed)
+        };
+        let counted = self.prediction.runs.par_chunks(BLOCKS_AT_A_TIME).try_for_each(count);
+        drop(idle);
+        match counted {
+            Ok(()) => parts.finish().map(Some),
             Err(Stop::Differs) => Ok(None),
             Err(Stop::Failed(error)) => Err(error),
         }
     }
 
-    fn count_part(&self, runs: &[Run]) -> Part {
+    fn count_part(&self, runs: &[Run], readers: &mut Readers) -> Part {
         let mut counter = Counter::default();
-        let different = self.walk(runs, |stretch| {
+        let different = self.walk(runs, readers, |stretch| {
             let (predicted, referred) =
                 (&self.prediction.fields[stretch.runs.0.file], &self.reference.fields[stretch.runs.1.file]);
             let same = SamePoint::new(self, stretch.files);
@@ -88,7 +98,7 @@ impl Pair<'_> {
             }
             Ok(None)
         })?;
-        Ok(different.map_or_else(|| Ok(counter.finish()), Err))
+        Ok(different.is_none().then(|| counter.finish()))
     }
 
     /// Index of the first point that is another, among those that both sides have; `None` when there is none.
@@ -96,15 +106,14 @@ impl Pair<'_> {
     /// # Errors
     /// A block that cannot be read.
     pub(super) fn first_difference(&self) -> Result<Option<u64>> {
-        let find = |runs: &[Run]| {
-            self.walk(runs, |stretch| {
-                let same = SamePoint::new(self, stretch.files);
-                let mut pairs = stretch.records().zip(stretch.first..);
-                let different = pairs.find(|((left, right), _)| same.position(left, right).is_none());
-                Ok(different.map(|found| found.1))
-            })
-            .transpose()
+        let idle = Idle::default();
+        let difference = |stretch: &Stretch<'_>| {
+            let same = SamePoint::new(self, stretch.files);
+            let mut pairs = stretch.records().zip(stretch.first..);
+            let different = pairs.find(|((left, right), _)| same.position(left, right).is_none());
+            Ok(different.map(|found| found.1))
         };
+        let find = |runs: &[Run]| idle.lend(|readers| self.walk(runs, readers, difference)).transpose();
         self.prediction.runs.par_chunks(BLOCKS_AT_A_TIME).find_map_first(find).transpose()
     }
 
@@ -113,9 +122,9 @@ impl Pair<'_> {
     fn walk(
         &self,
         runs: &[Run],
+        [left, right]: &mut Readers,
         mut visit: impl FnMut(&Stretch<'_>) -> Result<Option<u64>>,
     ) -> Result<Option<u64>> {
-        let (mut left, mut right) = (BlockReader::default(), BlockReader::default());
         for run in runs {
             let file = self.prediction.file(run);
             let records = left.records(file, run)?;
@@ -189,6 +198,8 @@ pub(super) fn multiples(prediction: &Catalog, reference: &Catalog) -> (i64, i64)
 struct SamePoint<'b> {
     files: (&'b InputFile, &'b InputFile),
     multiples: (i64, i64),
+    /// Whether equal record coordinates are one position; the common case, and the fast one.
+    same_lattice: bool,
     /// Largest difference of coordinates, in units of the finer lattice.
     tolerance: [i64; 3],
     times: Option<(usize, usize)>,
@@ -198,22 +209,27 @@ impl<'b> SamePoint<'b> {
     fn new(pair: &Pair<'_>, files: (&'b InputFile, &'b InputFile)) -> Self {
         let multiples = multiples(pair.prediction.catalog, pair.reference.catalog);
         let axes = (files.0.transform().axes, files.1.transform().axes);
+        let same_lattice = axes.0 == axes.1 && multiples.0 == multiples.1;
         let tolerance =
             [0, 1, 2].map(|axis| tolerance((axes.0[axis], multiples.0), (axes.1[axis], multiples.1)));
         let times = files.0.layout().gps_time.zip(files.1.layout().gps_time).filter(|_| pair.with_time);
-        Self { files, multiples, tolerance, times }
+        Self { files, multiples, same_lattice, tolerance, times }
     }
 
     /// The position on the lattice of the reference, when both records are there at the same time.
     #[inline]
     fn position(&self, left: &[u8], right: &[u8]) -> Option<[i64; 3]> {
-        let at = self.files.1.transform().apply(record_xyz(right));
-        let other = self.files.0.transform().apply(record_xyz(left));
-        let near = (0..3).all(|axis| {
-            (at[axis] * self.multiples.1 - other[axis] * self.multiples.0).abs() <= self.tolerance[axis]
-        });
+        let stored = (record_xyz(left), record_xyz(right));
+        let at = self.files.1.transform().apply(stored.1);
+        let near = || {
+            let other = self.files.0.transform().apply(stored.0);
+            (0..3).all(|axis| {
+                (at[axis] * self.multiples.1 - other[axis] * self.multiples.0).abs() <= self.tolerance[axis]
+            })
+        };
+        let same_place = self.same_lattice && stored.0 == stored.1 || near();
         let same_time = self.times.is_none_or(|(from, to)| time_bits(left, from) == time_bits(right, to));
-        (near && same_time).then_some(at)
+        (same_place && same_time).then_some(at)
     }
 }
 

@@ -75,10 +75,10 @@ impl SegmentRole {
 /// The matches of a scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Panoptic {
-    /// Per object: the segment it was matched with.
-    pub matches: Vec<Option<Iou>>,
     /// Per object: the segment of the largest IoU, whatever its size (ties: more points in common, then smaller id).
     pub best: Vec<Option<Iou>>,
+    /// Per object: whether it is matched with that segment.
+    pub matched: Vec<bool>,
     /// Per segment.
     pub segments: Vec<SegmentRole>,
 }
@@ -88,7 +88,7 @@ pub struct Panoptic {
 pub fn judge(scene: &Scene, min_points: u64) -> Panoptic {
     let best: Vec<Option<Iou>> = scene.objects.iter().map(|object| best_iou(scene, object)).collect();
     let counts = |iou: &Iou| iou.is_match() && scene.segments[iou.segment].points >= min_points;
-    let matches: Vec<Option<Iou>> = best.iter().map(|iou| iou.filter(counts)).collect();
+    let matched: Vec<bool> = best.iter().map(|iou| iou.as_ref().is_some_and(counts)).collect();
     let mut segments: Vec<SegmentRole> = scene
         .segments
         .iter()
@@ -98,10 +98,10 @@ pub fn judge(scene: &Scene, min_points: u64) -> Panoptic {
             _ => SegmentRole::FalsePositive,
         })
         .collect();
-    for matched in matches.iter().flatten() {
-        segments[matched.segment] = SegmentRole::Matched;
+    for iou in best.iter().flatten().filter(|iou| counts(iou)) {
+        segments[iou.segment] = SegmentRole::Matched;
     }
-    Panoptic { matches, best, segments }
+    Panoptic { best, matched, segments }
 }
 
 fn best_iou(scene: &Scene, object: &Object) -> Option<Iou> {
@@ -117,7 +117,7 @@ mod tests {
     fn judged(parts: &[(i64, i64, u64)]) -> (Vec<bool>, Vec<&'static str>) {
         let panoptic = judge(&scene_of(parts, |_| 2), 30);
         let words = panoptic.segments.iter().map(|role| role.word()).collect();
-        (panoptic.matches.iter().map(Option::is_some).collect(), words)
+        (panoptic.matched, words)
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub fn adjusted_rand_index(scene: &Scene, counts: impl Fn(&Object) -> bool) -> O
         sums.rows += square(object.points);
         sums.cells += square(object.unassigned);
         unassigned += object.unassigned;
-        for overlap in &object.overlaps {
+        for overlap in object.overlaps.iter() {
             sums.cells += square(overlap.points);
             *columns.entry(overlap.index).or_default() += overlap.points;
         }

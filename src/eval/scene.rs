@@ -7,6 +7,7 @@
 //!   of no object at all.
 //! * The class of a segment is the class of the evaluated object of which it holds most points (ties: the smaller id).
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use crate::eval::classes::ClassTable;
@@ -40,7 +41,7 @@ pub struct Object {
     /// Mean position in metres.
     pub centroid_m: [f64; 3],
     /// Segments that hold points of it: most points first, ties by the smaller id.
-    pub overlaps: Vec<Overlap>,
+    pub overlaps: Box<[Overlap]>,
 }
 
 impl Object {
@@ -63,7 +64,7 @@ pub struct Segment {
     /// Mean position in metres.
     pub centroid_m: [f64; 3],
     /// Evaluated objects it holds points of: most points first, ties by the smaller id.
-    pub overlaps: Vec<Overlap>,
+    pub overlaps: Box<[Overlap]>,
 }
 
 impl Segment {
@@ -123,15 +124,11 @@ impl Scene {
                 scene.add_object(cells, class, centroid_m);
             }
         }
-        for segment in &mut scene.segments {
-            // Stable: objects were added in the order of their ids.
-            segment.overlaps.sort_by_key(|overlap| std::cmp::Reverse(overlap.points));
-        }
+        scene.add_overlaps_to_segments();
         scene
     }
 
     fn add_object(&mut self, cells: &[(Cell, u64)], class: u16, centroid_m: [f64; 3]) {
-        let index = self.objects.len();
         let called = |what: Predicted| cells.iter().filter(|c| c.0.predicted == what).map(|c| c.1).sum();
         let mut object = Object {
             id: cells[0].0.object,
@@ -141,21 +138,39 @@ impl Scene {
             predicted_ground: called(Predicted::Ground),
             predicted_noise: called(Predicted::Noise),
             centroid_m,
-            overlaps: Vec::new(),
+            overlaps: Box::default(),
         };
+        let mut overlaps = Vec::new();
         for part in cells.chunk_by(|a, b| a.0.segment == b.0.segment) {
             let points = total(part);
             match self.segments.binary_search_by_key(&part[0].0.segment, |segment| segment.id) {
-                Ok(found) => {
-                    object.overlaps.push(Overlap { index: found, points });
-                    self.segments[found].labelled += points;
-                    self.segments[found].overlaps.push(Overlap { index, points });
-                }
+                Ok(index) => overlaps.push(Overlap { index, points }),
                 Err(_) => object.unassigned += points,
             }
         }
-        object.overlaps.sort_by_key(|overlap| std::cmp::Reverse(overlap.points));
+        overlaps.sort_by_key(|overlap| Reverse(overlap.points));
+        object.overlaps = overlaps.into_boxed_slice();
         self.objects.push(object);
+    }
+
+    /// Tells the segments what their objects know.
+    fn add_overlaps_to_segments(&mut self) {
+        let of_object = |(index, object): (usize, &Object)| {
+            object
+                .overlaps
+                .iter()
+                .map(move |part| (part.index, Overlap { index, points: part.points }))
+                .collect::<Vec<_>>()
+        };
+        let mut overlaps: Vec<(usize, Overlap)> =
+            self.objects.iter().enumerate().flat_map(of_object).collect();
+        overlaps
+            .sort_unstable_by_key(|(segment, overlap)| (*segment, Reverse(overlap.points), overlap.index));
+        for of_segment in overlaps.chunk_by(|a, b| a.0 == b.0) {
+            let segment = &mut self.segments[of_segment[0].0];
+            segment.overlaps = of_segment.iter().map(|entry| entry.1).collect();
+            segment.labelled = segment.overlaps.iter().map(|overlap| overlap.points).sum();
+        }
     }
 
     /// Class of a segment; `None` when it holds no point of an evaluated object.
@@ -192,7 +207,7 @@ fn segments(table: &Table, lattice: Lattice) -> Vec<Segment> {
     }
     let segment = |(id, points)| {
         let centroid_m = metres(&table.segments, id, lattice);
-        Segment { id, points, labelled: 0, centroid_m, overlaps: Vec::new() }
+        Segment { id, points, labelled: 0, centroid_m, overlaps: Box::default() }
     };
     sizes.into_iter().map(segment).collect()
 }

@@ -149,6 +149,11 @@ impl ScratchFolder {
             }
         }
     }
+
+    /// Where a file of this name in it is.
+    pub(super) fn join(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
 }
 
 impl Drop for ScratchFolder {
@@ -209,7 +214,7 @@ impl<'a> Buckets<'a> {
     }
 
     fn path(&self, bucket: usize) -> PathBuf {
-        self.folder.path.join(format!("{}-{bucket:04}", self.name))
+        self.folder.join(&format!("{}-{bucket:04}", self.name))
     }
 
     fn append(&self, bucket: usize, entries: &[Entry]) -> Result<(), EvalError> {

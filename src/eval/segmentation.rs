@@ -20,8 +20,6 @@ const SECOND_POINTS: u64 = 30;
 /// What became of one object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Segmentation {
-    /// S(o) and its points of the object.
-    pub main: Option<Overlap>,
     /// The other object that makes it under-segmented, as index, and the points of it that S(o) holds.
     pub shared_with: Option<Overlap>,
     /// The second segment that makes it over-segmented, and its points of the object.
@@ -47,13 +45,13 @@ impl Segmentation {
 pub fn judge(scene: &Scene) -> Vec<Segmentation> {
     let claims = claims(scene);
     let judge_one = |(index, object): (usize, &crate::eval::scene::Object)| {
-        let main = object.main();
-        let shared_with =
-            main.and_then(|main| claims[main.index].into_iter().flatten().find(|claim| claim.index != index));
+        let shared_with = object
+            .main()
+            .and_then(|main| claims[main.index].into_iter().flatten().find(|claim| claim.index != index));
         let second = object.overlaps.get(1).copied().filter(|second| {
             100 * second.points >= SECOND_PERCENT * object.points && second.points >= SECOND_POINTS
         });
-        Segmentation { main, shared_with, second }
+        Segmentation { shared_with, second }
     };
     scene.objects.iter().enumerate().map(judge_one).collect()
 }

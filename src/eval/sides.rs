@@ -1,5 +1,7 @@
 //! The two sides of a comparison: their records in order, and where their labels are. Not: which record is which.
 
+use std::sync::{Mutex, PoisonError};
+
 use crate::error::Result;
 use crate::eval::CompareSettings;
 use crate::eval::dims::{LabelField, WrongLabel};
@@ -193,7 +195,7 @@ pub(super) fn time_bits(record: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(bytes)
 }
 
-/// Reads blocks one after the other and keeps the last one decoded.
+/// Reads blocks one after the other and keeps the last one.
 #[derive(Debug, Default)]
 pub(super) struct BlockReader {
     buffer: Vec<u8>,
@@ -206,17 +208,34 @@ impl BlockReader {
     /// # Errors
     /// When the block cannot be read.
     pub(super) fn records<'b>(&'b mut self, file: &'b InputFile, run: &Run) -> Result<&'b [u8]> {
-        let wanted = Some((run.file, run.block));
-        // Only compressed blocks cost anything to get again, and only they are in the buffer for certain.
-        if file.is_compressed() && self.held == wanted {
-            return Ok(&self.buffer);
-        }
-        self.held = None;
-        if !file.is_compressed() {
+        if file.is_in_place() {
             return Ok(file.records(run.block, Fields::All, &mut self.buffer)?);
         }
-        file.records(run.block, Fields::All, &mut self.buffer)?;
-        self.held = wanted;
+        let wanted = Some((run.file, run.block));
+        if self.held != wanted {
+            self.held = None;
+            file.records(run.block, Fields::All, &mut self.buffer)?;
+            self.held = wanted;
+        }
         Ok(&self.buffer)
+    }
+}
+
+/// Readers for the left and the right side.
+pub(super) type Readers = [BlockReader; 2];
+
+/// Readers that no thread uses at the moment. Their buffers are as large as blocks; made again and again, they would
+/// leave memory with the allocator that never becomes free.
+#[derive(Debug, Default)]
+pub(super) struct Idle(Mutex<Vec<Readers>>);
+
+impl Idle {
+    /// Lends readers to `work`.
+    pub(super) fn lend<T>(&self, work: impl FnOnce(&mut Readers) -> T) -> T {
+        let idle = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut readers = idle().pop().unwrap_or_default();
+        let result = work(&mut readers);
+        idle().push(readers);
+        result
     }
 }

@@ -1,15 +1,16 @@
 //! The sparse contingency table: how many points every combination of labels has. Not: what that means.
 //!
-//! It is the only thing that grows with the drive, and it grows with objects and segments, not with points.
+//! It grows with objects and segments, not with points; while it is counted, most of it waits on disk (`parts.rs`).
 //! Counts and sums are integers, so that no order of counting and no number of threads can change them.
 
 use std::hash::Hash;
 use std::ops::AddAssign;
 
 use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
 
 /// What the prediction says about a point besides its segment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub enum Predicted {
     /// Neither ground nor noise.
     #[default]
@@ -21,7 +22,7 @@ pub enum Predicted {
 }
 
 /// One combination of labels; ids of 0 mean none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub struct Cell {
     /// Reference object.
     pub object: i64,
@@ -34,7 +35,7 @@ pub struct Cell {
 }
 
 /// Number and coordinate sums of a set of points, in lattice units.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Place {
     /// Points.
     pub points: u64,
@@ -110,25 +111,17 @@ impl<K: Copy + Ord + Hash, V: Default + AddAssign> Tally<K, V> {
     }
 }
 
-/// Joins two sorted tallies; sums of equal keys are added.
-fn merge_sorted<K: Copy + Ord, V: AddAssign>(left: Vec<(K, V)>, right: Vec<(K, V)>) -> Vec<(K, V)> {
-    if left.is_empty() {
-        return right;
-    }
-    let mut merged: Vec<(K, V)> = Vec::with_capacity(left.len() + right.len());
-    let (mut left, mut right) = (left.into_iter().peekable(), right.into_iter().peekable());
-    while let Some(next) = match (left.peek(), right.peek()) {
-        (Some(a), Some(b)) if b.0 < a.0 => right.next(),
-        (None, _) => right.next(),
-        _ => left.next(),
-    } {
-        match merged.last_mut() {
-            Some(last) if last.0 == next.0 => last.1 += next.1,
-            _ => merged.push(next),
+/// Sorts entries and adds up those of one key.
+fn add_up<K: Copy + Ord, V: Copy + AddAssign>(entries: &mut Vec<(K, V)>) {
+    entries.sort_unstable_by_key(|entry| entry.0);
+    entries.dedup_by(|next, kept| {
+        let same = next.0 == kept.0;
+        if same {
+            kept.1 += next.1;
         }
-    }
-    merged.shrink_to_fit();
-    merged
+        same
+    });
+    entries.shrink_to_fit();
 }
 
 /// Counts points into a [`Table`].
@@ -179,7 +172,7 @@ impl Counter {
 }
 
 /// The sparse contingency table of a drive, sorted.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Table {
     /// Points per combination of labels.
     pub cells: Vec<(Cell, u64)>,
@@ -190,14 +183,23 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table of both parts together.
-    #[must_use]
-    pub fn merge(self, other: Self) -> Self {
-        Self {
-            cells: merge_sorted(self.cells, other.cells),
-            objects: merge_sorted(self.objects, other.objects),
-            segments: merge_sorted(self.segments, other.segments),
-        }
+    /// Appends the entries of another part; the table is one again after [`Table::add_up`].
+    pub(super) fn append(&mut self, mut other: Self) {
+        self.cells.append(&mut other.cells);
+        self.objects.append(&mut other.objects);
+        self.segments.append(&mut other.segments);
+    }
+
+    /// Sorts the entries and adds up those of the same labels.
+    pub(super) fn add_up(&mut self) {
+        add_up(&mut self.cells);
+        add_up(&mut self.objects);
+        add_up(&mut self.segments);
+    }
+
+    /// Entries in all.
+    pub(super) fn len(&self) -> usize {
+        self.cells.len() + self.objects.len() + self.segments.len()
     }
 
     /// Points in all.
@@ -225,8 +227,12 @@ mod tests {
         let whole = count(&points);
         for cut in 0..=points.len() {
             let (head, tail) = points.split_at(cut);
-            assert_eq!(count(head).merge(count(tail)), whole);
-            assert_eq!(count(tail).merge(count(head)), whole);
+            for (first, second) in [(head, tail), (tail, head)] {
+                let mut table = count(first);
+                table.append(count(second));
+                table.add_up();
+                assert_eq!(table, whole);
+            }
         }
         let of_1_and_5 = Cell { object: 1, segment: 5, ..Cell::default() };
         assert!(whole.cells.contains(&(of_1_and_5, 3)));

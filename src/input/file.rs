@@ -247,6 +247,11 @@ impl InputFile {
         &self.source
     }
 
+    /// Whether records are looked at where they are, in a mapped file that is not compressed.
+    pub(crate) fn is_in_place(&self) -> bool {
+        self.coding.is_none() && matches!(self.source, ByteSource::Mapped(_))
+    }
+
     /// How the points are coded, for the writers of labelled copies.
     pub(crate) fn coding(&self) -> Option<&Coding> {
         self.coding.as_ref()

@@ -1,15 +1,14 @@
 //! The objects and segments behind each figure: id, class, place and what went wrong. Lists hold numbers; what there is
 //! to say of each is put into words when it is written, so that a report of a long drive stays small.
 
-use std::sync::Arc;
-
 use serde::{Serialize, Serializer};
 
 use crate::eval::axis::Axis;
+use crate::eval::hoover::Detection;
 use crate::eval::metrics::{Judged, MetricSettings};
 use crate::eval::panoptic::SegmentRole;
 use crate::eval::report::millimetres;
-use crate::eval::report::rows::ObjectRow;
+use crate::eval::report::rows::ObjectRows;
 
 /// Something to go and look at.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -103,19 +102,20 @@ pub(super) fn behind<'a>(
     judged: &'a Judged,
     settings: &'a MetricSettings,
     axis: &'a Axis,
-    rows: &Arc<Vec<ObjectRow>>,
+    rows: &ObjectRows<'a>,
 ) -> Behind<'a> {
-    let collect = Collect { judged, settings, axis, rows: Arc::clone(rows) };
-    let role = |role| collect.segments(|index| judged.panoptic.segments[index] == role);
+    let collect = Collect { judged, settings, axis, rows: rows.clone() };
+    let Judged { scene, segmentation, panoptic, hoover } = judged;
+    let role = |role| collect.segments(|index| panoptic.segments[index] == role);
     Behind {
-        under_segmented: collect.objects(|row| row.under_segmented),
-        over_segmented: collect.objects(|row| row.over_segmented),
-        without_segment: collect.objects(|row| row.segment.is_none()),
-        false_negatives: collect.objects(|row| !row.matched),
+        under_segmented: collect.objects(|index| segmentation[index].is_under()),
+        over_segmented: collect.objects(|index| segmentation[index].is_over()),
+        without_segment: collect.objects(|index| scene.objects[index].overlaps.is_empty()),
+        false_negatives: collect.objects(|index| !panoptic.matched[index]),
         false_positives: role(SegmentRole::FalsePositive),
-        matched_poorly: collect.objects(|row| row.matched && row.best_iou < POOR_IOU),
+        matched_poorly: collect.objects(|index| panoptic.matched[index] && rows.best_iou(index) < POOR_IOU),
         mostly_unlabelled: role(SegmentRole::Unlabelled),
-        hoover: (0..judged.hoover.len()).map(|at| collect.hoover(at)).collect(),
+        hoover: (0..hoover.len()).map(|at| collect.hoover(at)).collect(),
     }
 }
 
@@ -124,40 +124,40 @@ struct Collect<'a> {
     judged: &'a Judged,
     settings: &'a MetricSettings,
     axis: &'a Axis,
-    rows: Arc<Vec<ObjectRow>>,
+    rows: ObjectRows<'a>,
 }
 
 impl<'a> Collect<'a> {
     fn hoover(&self, at: usize) -> HooverFindings<'a> {
         let hoover = &self.judged.hoover[at];
-        let of_word = |word: &str| self.objects(|row| row.hoover[at] == word);
+        let detected = |holds: fn(Detection) -> bool| self.objects(|index| holds(hoover.objects[index]));
         HooverFindings {
             tolerance: hoover.tolerance.share(),
-            over: of_word("over"),
-            under: of_word("under"),
-            missed: of_word("missed"),
+            over: detected(|detection| matches!(detection, Detection::Over { .. })),
+            under: detected(|detection| matches!(detection, Detection::Under { .. })),
+            missed: detected(|detection| detection == Detection::Missed),
             noise: self.segments(|index| {
                 hoover.noise[index] && self.judged.scene.segments[index].points >= self.settings.min_points
             }),
         }
     }
 
-    fn objects(&self, holds: impl Fn(&ObjectRow) -> bool) -> Findings<'a> {
-        let of = (0..self.rows.len()).filter(|&index| holds(&self.rows[index])).collect();
+    fn objects(&self, holds: impl Fn(usize) -> bool) -> Findings<'a> {
+        let of = (0..self.judged.scene.objects.len()).filter(|&index| holds(index)).collect();
         Findings { collect: self.clone(), of, segments: false }
     }
 
     fn object(&self, index: usize) -> Finding {
-        let row = &self.rows[index];
+        let row = self.rows.row(index);
         Finding {
             object: Some(row.object),
             segment: None,
             class: Some(row.class),
-            class_name: Some(row.class_name.clone()),
+            class_name: Some(row.class_name),
             chainage_m: row.chainage_m,
             at_m: [row.x_m, row.y_m, row.z_m],
             points: row.points,
-            what: row.what.clone(),
+            what: row.what,
         }
     }
 

@@ -6,16 +6,15 @@ mod rows;
 mod text;
 
 use std::io::{self, Write};
-use std::sync::Arc;
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use crate::eval::axis::Axis;
 use crate::eval::metrics::{Evaluation, Figures, MetricSettings, PointScore};
 use crate::eval::panoptic::SegmentRole;
 
 pub use findings::{Behind, Finding, Findings, HooverFindings};
-pub use rows::{ObjectRow, SmallRow};
+pub use rows::{ObjectRow, ObjectRows, SmallRow, SmallRows};
 
 /// Version of the JSON form; raised when a key changes its meaning or goes away.
 const VERSION: u32 = 1;
@@ -54,10 +53,9 @@ pub struct Report<'a> {
     /// The objects and segments behind every figure.
     pub behind: Behind<'a>,
     /// Every evaluated object.
-    #[serde(serialize_with = "all_rows")]
-    pub objects: Arc<Vec<ObjectRow>>,
+    pub objects: ObjectRows<'a>,
     /// Every reference object with too few points to be evaluated.
-    pub small_objects: Vec<SmallRow>,
+    pub small_objects: SmallRows<'a>,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -210,10 +208,6 @@ impl CountsView {
     }
 }
 
-fn all_rows<S: Serializer>(rows: &Arc<Vec<ObjectRow>>, serializer: S) -> Result<S::Ok, S::Error> {
-    rows.as_slice().serialize(serializer)
-}
-
 impl<'a> Report<'a> {
     /// The report of an evaluation; chainages along `axis`.
     #[must_use]
@@ -223,7 +217,8 @@ impl<'a> Report<'a> {
         axis: &'a Axis,
         compared: Provenance,
     ) -> Self {
-        let objects = Arc::new(rows::rows(&evaluation.judged, settings, axis));
+        let judged = &evaluation.judged;
+        let objects = ObjectRows::new(judged, settings, axis);
         let class = |(code, figures): &(u16, Figures)| ClassView {
             class: *code,
             name: settings.classes.name(*code),
@@ -243,9 +238,9 @@ impl<'a> Report<'a> {
             classes: evaluation.classes.iter().map(class).collect(),
             ground: ScoreView::new(&evaluation.ground),
             noise: ScoreView::new(&evaluation.noise),
-            behind: findings::behind(&evaluation.judged, settings, axis, &objects),
+            behind: findings::behind(judged, settings, axis, &objects),
             objects,
-            small_objects: rows::small_rows(&evaluation.judged, settings, axis),
+            small_objects: SmallRows { judged, settings, axis },
         }
     }
 

@@ -1,14 +1,18 @@
-//! One row per reference object: where it is and what became of it under each metric.
+//! One row per reference object: where it is and what became of it under each metric. Rows are made while they are
+//! written, so that a report of a long drive stays small.
 
 use std::io::{self, Write};
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::eval::axis::Axis;
 use crate::eval::metrics::{Judged, MetricSettings};
+use crate::eval::panoptic::Iou;
 use crate::eval::report::{Report, millimetres, share};
-use crate::eval::scene::SmallObject;
+use crate::eval::scene::{Object, SmallObject};
 
 /// What became of one object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -79,54 +83,103 @@ pub struct SmallRow {
 }
 
 /// The rows of the objects that are too small, by id.
-pub(super) fn small_rows(judged: &Judged, settings: &MetricSettings, axis: &Axis) -> Vec<SmallRow> {
-    let row = |object: &SmallObject| SmallRow {
-        object: object.id,
-        class: object.class,
-        class_name: settings.classes.name(object.class),
-        chainage_m: millimetres(axis.chainage_m(object.centroid_m)),
-        at_m: object.centroid_m.map(millimetres),
-        points: object.points,
-    };
-    judged.scene.small_objects.iter().map(row).collect()
+#[derive(Debug, Clone)]
+pub struct SmallRows<'a> {
+    pub(super) judged: &'a Judged,
+    pub(super) settings: &'a MetricSettings,
+    pub(super) axis: &'a Axis,
+}
+
+impl SmallRows<'_> {
+    /// The rows.
+    pub fn iter(&self) -> impl Iterator<Item = SmallRow> {
+        let row = |object: &SmallObject| SmallRow {
+            object: object.id,
+            class: object.class,
+            class_name: self.settings.classes.name(object.class),
+            chainage_m: millimetres(self.axis.chainage_m(object.centroid_m)),
+            at_m: object.centroid_m.map(millimetres),
+            points: object.points,
+        };
+        self.judged.scene.small_objects.iter().map(row)
+    }
+}
+
+impl Serialize for SmallRows<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.iter())
+    }
 }
 
 /// The rows of all evaluated objects, by id.
-pub(super) fn rows(judged: &Judged, settings: &MetricSettings, axis: &Axis) -> Vec<ObjectRow> {
-    (0..judged.scene.objects.len()).into_par_iter().map(|index| row(judged, settings, axis, index)).collect()
+#[derive(Debug, Clone)]
+pub struct ObjectRows<'a> {
+    judged: &'a Judged,
+    settings: &'a MetricSettings,
+    /// Per object; along a trajectory, each takes as long as a hundred rows.
+    chainages_m: Arc<[f64]>,
 }
 
-fn row(judged: &Judged, settings: &MetricSettings, axis: &Axis, index: usize) -> ObjectRow {
-    let scene = &judged.scene;
-    let object = &scene.objects[index];
-    let outcome = &judged.segmentation[index];
-    let best = judged.panoptic.best[index];
-    let segment_id = |segment: usize| scene.segments[segment].id;
-    let [x_m, y_m, z_m] = object.centroid_m.map(millimetres);
-    ObjectRow {
-        object: object.id,
-        class: object.class,
-        class_name: settings.classes.name(object.class),
-        chainage_m: millimetres(axis.chainage_m(object.centroid_m)),
-        x_m,
-        y_m,
-        z_m,
-        points: object.points,
-        segment: outcome.main.map(|main| segment_id(main.index)),
-        segment_points: outcome.main.map_or(0, |main| scene.segments[main.index].points),
-        points_in_segment: outcome.main.map_or(0, |main| main.points),
-        best_iou: share(best.map(|iou| iou.value())).unwrap_or(0.0),
-        best_iou_segment: best.map(|iou| segment_id(iou.segment)),
-        matched: judged.panoptic.matches[index].is_some(),
-        under_segmented: outcome.is_under(),
-        shares_with: outcome.shared_with.map(|other| scene.objects[other.index].id),
-        over_segmented: outcome.is_over(),
-        second_segment: outcome.second.map(|second| segment_id(second.index)),
-        hoover: judged.hoover.iter().map(|hoover| hoover.objects[index].word()).collect(),
-        points_without_segment: object.unassigned,
-        points_predicted_ground: object.predicted_ground,
-        points_predicted_noise: object.predicted_noise,
-        what: what_went_wrong(judged, settings, index).join("; "),
+impl<'a> ObjectRows<'a> {
+    pub(super) fn new(judged: &'a Judged, settings: &'a MetricSettings, axis: &Axis) -> Self {
+        let chainage_m = |object: &Object| millimetres(axis.chainage_m(object.centroid_m));
+        Self { judged, settings, chainages_m: judged.scene.objects.par_iter().map(chainage_m).collect() }
+    }
+
+    /// The rows.
+    pub fn iter(&self) -> impl Iterator<Item = ObjectRow> {
+        (0..self.judged.scene.objects.len()).map(|index| self.row(index))
+    }
+
+    /// Indices of the objects that are not matched.
+    pub(super) fn unmatched(&self) -> Vec<usize> {
+        (0..self.judged.scene.objects.len()).filter(|&index| !self.judged.panoptic.matched[index]).collect()
+    }
+
+    /// Largest IoU of an object with a segment; 0 without any.
+    pub(super) fn best_iou(&self, index: usize) -> f64 {
+        share(self.judged.panoptic.best[index].map(Iou::value)).unwrap_or(0.0)
+    }
+
+    /// The row of one object.
+    pub(super) fn row(&self, index: usize) -> ObjectRow {
+        let Self { judged, settings, chainages_m } = self;
+        let scene = &judged.scene;
+        let object = &scene.objects[index];
+        let (outcome, main) = (&judged.segmentation[index], object.main());
+        let segment_id = |segment: usize| scene.segments[segment].id;
+        let [x_m, y_m, z_m] = object.centroid_m.map(millimetres);
+        ObjectRow {
+            object: object.id,
+            class: object.class,
+            class_name: settings.classes.name(object.class),
+            chainage_m: chainages_m[index],
+            x_m,
+            y_m,
+            z_m,
+            points: object.points,
+            segment: main.map(|main| segment_id(main.index)),
+            segment_points: main.map_or(0, |main| scene.segments[main.index].points),
+            points_in_segment: main.map_or(0, |main| main.points),
+            best_iou: self.best_iou(index),
+            best_iou_segment: judged.panoptic.best[index].map(|iou| segment_id(iou.segment)),
+            matched: judged.panoptic.matched[index],
+            under_segmented: outcome.is_under(),
+            shares_with: outcome.shared_with.map(|other| scene.objects[other.index].id),
+            over_segmented: outcome.is_over(),
+            second_segment: outcome.second.map(|second| segment_id(second.index)),
+            hoover: judged.hoover.iter().map(|hoover| hoover.objects[index].word()).collect(),
+            points_without_segment: object.unassigned,
+            points_predicted_ground: object.predicted_ground,
+            points_predicted_noise: object.predicted_noise,
+            what: what_went_wrong(judged, settings, index).join("; "),
+        }
+    }
+}
+
+impl Serialize for ObjectRows<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.iter())
     }
 }
 
@@ -140,7 +193,7 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
     let object = &scene.objects[index];
     let outcome = &judged.segmentation[index];
     let mut phrases = Vec::new();
-    if let Some((main, other)) = outcome.main.zip(outcome.shared_with) {
+    if let Some((main, other)) = object.main().zip(outcome.shared_with) {
         let shared = &scene.objects[other.index];
         phrases.push(format!(
             "segment {} also holds {} of object {} ({})",
@@ -154,7 +207,7 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
         let id = scene.segments[second.index].id;
         phrases.push(format!("segment {id} holds {} of it", percent(second.points, object.points)));
     }
-    if judged.panoptic.matches[index].is_none() {
+    if !judged.panoptic.matched[index] {
         phrases.push(match judged.panoptic.best[index] {
             None => "no segment".to_owned(),
             Some(best) if best.is_match() => {
@@ -192,14 +245,14 @@ pub(super) fn write_csv(report: &Report<'_>, to: &mut dyn Write) -> io::Result<(
     }
     writeln!(to, "points_without_segment,points_predicted_ground,points_predicted_noise,what")?;
     let mut small = report.small_objects.iter().peekable();
-    let small_line = |row| small_csv_line(row, tolerances.len(), report.settings.min_points);
+    let small_line = |row: &SmallRow| small_csv_line(row, tolerances.len(), report.settings.min_points);
     for row in report.objects.iter() {
         while let Some(before) = small.next_if(|small| small.object < row.object) {
-            to.write_all(small_line(before).as_bytes())?;
+            to.write_all(small_line(&before).as_bytes())?;
         }
-        to.write_all(csv_line(row).as_bytes())?;
+        to.write_all(csv_line(&row).as_bytes())?;
     }
-    small.try_for_each(|row| to.write_all(small_line(row).as_bytes()))
+    small.try_for_each(|row| to.write_all(small_line(&row).as_bytes()))
 }
 
 /// What is known of an object that is not evaluated, in the columns of one that is.

@@ -110,19 +110,19 @@ fn scores(report: &Report<'_>) -> String {
 
 /// The objects of smallest best IoU among those that are not matched.
 fn worst_objects(report: &Report<'_>, worst: usize) -> String {
-    let mut rows: Vec<_> = report.objects.iter().filter(|row| !row.matched).collect();
+    let mut unmatched = report.objects.unmatched();
     // Stable: equal values stay in the order of their ids.
-    rows.sort_by(|a, b| a.best_iou.total_cmp(&b.best_iou));
-    let shown = rows.len().min(worst);
+    unmatched.sort_by(|&a, &b| report.objects.best_iou(a).total_cmp(&report.objects.best_iou(b)));
+    let shown = unmatched.len().min(worst);
     if shown == 0 {
         return String::new();
     }
     let mut text = format!(
         "{shown} of {} objects without a match, worst first (chainage along the {}; --objects lists all)\n",
-        rows.len(),
+        unmatched.len(),
         report.compared.chainage_along
     );
-    for row in &rows[..shown] {
+    for row in unmatched[..shown].iter().map(|&index| report.objects.row(index)) {
         text += &format!(
             "{:>8}  {:NAME$} at {:>10.1} m  {:>8} points  {}\n",
             row.object, row.class_name, row.chainage_m, row.points, row.what
