@@ -87,3 +87,44 @@ pub(super) fn grow(levels: &[Level], parent: &[Vec3], random: &mut Random) -> Ve
     }
     parts
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::sequence;
+    use super::*;
+
+    #[test]
+    fn stems_stand_on_stems_and_leaves_about_their_ends() {
+        #[derive(Deserialize)]
+        struct Habit {
+            growth: Vec<Level>,
+        }
+        // A trunk of 10 m, three level branches of 2 m in its upper half, four leaves at the end of each.
+        let text = r#"growth = [
+            { of = "bark", count = 1, along = [0, 0], turn = 0, rise = [90, 90, 90], length = [10, 10, 10], radius = [0.02, 0.01, 0], pieces = 2, bend = 0 },
+            { of = "bark", count = 3, along = [0.5, 1], turn = 120, rise = [0, 0, 0], length = [0.2, 0.2, 0.2], radius = [0.03, 0.02, 0.01], pieces = 1, bend = 0, leaves = [4, 0.05, 0] },
+        ]"#;
+        let Habit { growth } = toml::from_str(text).unwrap();
+        let parts = grow(&growth, &[Vec3::ZERO, Vec3::Z], &mut sequence(1, 2, 3));
+        assert_eq!(parts.len(), 2 + 3 * (1 + 4));
+        let Shape::Rod(foot, middle, [thick, half]) = parts[0].shape else { unreachable!() };
+        let Shape::Rod(joint, top, [_, thin]) = parts[1].shape else { unreachable!() };
+        // Chance turns a stem by 0.1 and shortens it by up to 16 %.
+        let height = 2.0 * foot.distance(middle);
+        assert!(foot == Vec3::ZERO && joint == middle && (8.4..=10.001).contains(&height) && top.z > 8.3);
+        // Radii of 2 % at the foot, 1 % half way: 0.25 * 0.02 + 0.5 * 0.01, nothing at the end.
+        assert!((thick / height - 0.02).abs() < 1e-5 && (half / height - 0.01).abs() < 1e-5 && thin == 0.0);
+        for branch in parts[2..].chunks(5) {
+            let Shape::Rod(from, to, _) = branch[0].shape else { unreachable!() };
+            let length = from.distance(to) / height;
+            assert!(
+                (0.49..1.0).contains(&(from.z / height)) && (0.168..=0.2001).contains(&length),
+                "{from} {to}"
+            );
+            assert!((to.z - from.z).abs() < 0.25 * from.distance(to), "{from} {to}");
+            for leaf in &branch[1..] {
+                assert!(matches!(leaf.shape, Shape::Disc(at, ..) if at == to));
+            }
+        }
+    }
+}
