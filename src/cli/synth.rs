@@ -41,7 +41,7 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Drive")]
     length: Option<f64>,
 
-    /// Points after which to stop: 500k, 2M, 1.5G; without --length, as far as it takes
+    /// Points after which to stop: 500k, 2M, 1.5G; without --length, as far as it takes (loop: about so many)
     #[arg(long, value_name = "COUNT", value_parser = count, help_heading = "Drive")]
     points: Option<u64>,
 

@@ -15,7 +15,7 @@ const ROW: f64 = 2.0;
 /// Width of a kerb's face or of another step, metres.
 const FACE: f64 = 0.03;
 /// How far from the axis the land over the axis has become the land itself, beyond the pavement, metres.
-const BLEND: f64 = 25.0;
+const BLEND: f64 = 10.0;
 
 /// Half of a cross-section; all widths are distances from the axis, metres, not falling from one to the next.
 #[derive(Debug, Clone, Copy, Default, Deserialize, Pod, Zeroable)]
@@ -85,8 +85,10 @@ impl Plan {
         let (section, d) = (self.section(s), offset.abs());
         let beyond = d - section.walk;
         let over = smooth(beyond / BLEND);
-        let base = self.land.over(node.point) * (1.0 - over) + self.land.over(node.left(offset)) * over;
-        let slope = section.slopes * self.slopes[usize::from(offset < 0.0)].along(s);
+        // Land and slopes belong to the place, not to the chainage: where a street comes back, both parts agree.
+        let (on_axis, here) = (node.point, node.left(offset));
+        let base = self.land.over(on_axis) * (1.0 - over) + self.land.over(here) * over;
+        let slope = section.slopes * self.slopes.over(here);
         let dip = self.dip(s) * (beyond / FACE).clamp(0.0, 1.0);
         base + section.profile(d) + slope * smooth((beyond - 2.0) / 12.0) - dip
     }

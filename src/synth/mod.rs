@@ -133,11 +133,11 @@ impl Settings {
         })
     }
 
-    /// Metres after which the drive ends at the latest; a loop has a length, even if only points were asked for.
+    /// Metres after which the drive ends at the latest; a loop has a length that gives about the points asked for.
     fn length(&self) -> f64 {
         let enough = |points: u64| {
-            // Some three of four pulses return.
-            let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.75;
+            // So many points there are per pulse in a suburb, about.
+            let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.62;
             (points as f64 / rate * (self.speed_kmh.0 + self.speed_kmh.1) / 7.2).max(LEAST_LOOP)
         };
         let closed = self.points.filter(|_| self.preset == Preset::Loop);

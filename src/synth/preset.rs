@@ -164,8 +164,8 @@ pub(super) struct Plan {
     pub(super) bends: (f64, f64),
     /// Height of the land before anything was built on it.
     pub(super) land: Waves<3>,
-    /// Slopes on the left and on the right, as a share of the section's.
-    pub(super) slopes: [Waves<2>; 2],
+    /// Slopes beside the street, as a share of the section's.
+    pub(super) slopes: Waves<2>,
 }
 
 impl Plan {
@@ -176,7 +176,7 @@ impl Plan {
         let mut random = sequence(seed, 3, 0);
         let hills = [(1.0, 1.0), (0.35, 0.43), (0.1, 0.15)].map(|(a, l)| (a * height, l * length));
         let land = Waves::new(hills, &mut random);
-        let slopes = [0; 2].map(|_| Waves::new([(1.0, 290.0), (0.5, 120.0)], &mut random));
+        let slopes = Waves::new([(1.0, 290.0), (0.5, 120.0)], &mut random);
         Self { preset, seed, bends, land, slopes }
     }
 
@@ -201,8 +201,8 @@ impl Plan {
 
     /// How far the land beside the pavement is below it at chainage `s`, metres: 0 but on bridges.
     pub(super) fn dip(&self, s: f64) -> f64 {
-        // The first bridge stands well within the drive.
-        let off = |every: f64| (s - LEAD + every * 0.1).rem_euclid(every) - every * 0.5;
+        // The first bridge stands well within the drive, and where it is driven twice within the stem of a loop.
+        let off = |every: f64| (s - LEAD + every * 0.3).rem_euclid(every) - every * 0.5;
         let off = self.layout(cell_at(s)).bridge_every.map_or(f64::INFINITY, off);
         DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0)
     }
