@@ -121,7 +121,7 @@ impl Drive {
         let height = |s: f64| self.plan.height(axis.at(s), s, offset(s));
         let slope = (height(here + 1.5) - height(here - 1.5)) / 3.0 * way;
         let drift = (offset(here + 0.5) - offset(here - 0.5)).atan();
-        let course = axis.at(here).heading + drift + (1.0 - way) * FRAC_PI_2;
+        let course = axis.at(here).way.to_angle() + drift + (1.0 - way) * FRAC_PI_2;
         Pose {
             t,
             position: axis.at(here).left(offset(here)).extend(height(here) + HEIGHT + self.bounce.along(t)),

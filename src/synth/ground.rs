@@ -110,15 +110,17 @@ pub(super) struct Ground {
     /// The axis in this cell and its neighbours, and where it is two cells away or more and may come back.
     pub(super) line: Line,
     foreign: Line,
-    /// Middle of the cell, metres from the street's origin: the origin of the mesh.
+    /// Middle of the cell, metres from the street's origin, and direction of the axis there: the frame of the
+    /// mesh, so that boxes are tight around its rows.
     pub(super) origin: DVec3,
+    pub(super) turn: DVec2,
 }
 
 impl Ground {
     /// The ground of a cell; the axis is laid beyond it.
     pub(super) fn new(plan: Plan, axis: &Axis, cell: usize) -> Self {
         let (start, end) = (cell as f64 * CELL, axis.end);
-        let point = axis.line.at(start + CELL * 0.5).point;
+        let Node { point, way } = axis.line.at(start + CELL * 0.5);
         let far = [(0.0, start - 2.0 * CELL), (start + 3.0 * CELL, end)];
         Self {
             plan,
@@ -128,6 +130,7 @@ impl Ground {
             line: axis.line.parts(&[(start - CELL, start + 2.0 * CELL)]),
             foreign: if end.is_finite() { axis.line.parts(&far) } else { Line::default() },
             origin: point.extend(plan.land.over(point)),
+            turn: way,
         }
     }
 
@@ -142,7 +145,7 @@ impl Ground {
         self.foreign.nearest(point).filter(|(_, other)| other.abs() < offset.abs())
     }
 
-    /// A point of the mesh, and whether it lies well within another part of the street: where that is nearer to its
+    /// A point of the mesh in its frame, and whether it lies well within another part of the street: where that is nearer to its
     /// axis, its height counts.
     fn vertex(&self, s: f64, offset: f64) -> (Vec3, bool) {
         let mut point = self.at(DVec2::new(s, offset));
@@ -151,7 +154,9 @@ impl Ground {
             point.z = self.plan.height(self.foreign.at(s), s, other);
             nearer = offset.abs() - other.abs();
         }
-        ((point - self.origin).as_vec3(), nearer > 3.0)
+        let arm = point - self.origin;
+        let local = DVec2::new(self.turn.dot(arm.truncate()), self.turn.perp_dot(arm.truncate()));
+        (local.extend(arm.z).as_vec3(), nearer > 3.0)
     }
 
     /// The surface.
@@ -177,10 +182,10 @@ impl Ground {
         Model::new(primitives)
     }
 
-    /// The material at a point of the mesh.
+    /// The material at a point of the mesh, in its frame.
     pub(super) fn material(&self, point: Vec3) -> &'static Material {
-        let place = self.line.nearest((self.origin + point.as_dvec3()).truncate());
-        let (s, offset) = place.unwrap_or_default();
+        let local = self.turn.rotate(point.as_dvec3().truncate());
+        let (s, offset) = self.line.nearest(self.origin.truncate() + local).unwrap_or_default();
         let (section, d) = (self.plan.section(s), offset.abs());
         let near = |line: f64| (d - line).abs() < 0.07;
         let centre = section.median < 0.3 && (d - 0.13).abs() < 0.06;

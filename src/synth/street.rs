@@ -49,7 +49,8 @@ struct Site<'a> {
 pub(super) fn cell(plan: Plan, axis: &Axis, library: &Library, index: usize) -> Vec<Placed> {
     let ground = Arc::new(Ground::new(plan, axis, index));
     let (model, owner) = (Arc::new(ground.mesh()), Owner::Ground(Arc::clone(&ground)));
-    let placed = vec![Placed { model, at: ground.origin, turn: Mat3A::IDENTITY, owner }];
+    let turn = Mat3A::from_rotation_z(ground.turn.to_angle() as f32);
+    let placed = vec![Placed { model, at: ground.origin, turn, owner }];
     let next_id = index as u32 * IDS + 1;
     let mut site = Site { library, ground, taken: Vec::new(), next_id, placed };
     for (number, row) in plan.layout(index).rows.iter().enumerate() {
@@ -129,7 +130,7 @@ impl Site<'_> {
             let [behind, ahead] = [-1.0, 1.0].map(|step| self.ground.at(place + DVec2::X * step).z);
             shear.x_axis.z = ((ahead - behind) * 0.5 * turn.cos()) as f32;
         }
-        let turn = Mat3A::from_rotation_z((self.ground.line.at(place.x).heading + turn) as f32);
+        let turn = Mat3A::from_rotation_z((self.ground.line.at(place.x).way.to_angle() + turn) as f32);
         let (at, owner) = (self.ground.at(place), Owner::Object(Arc::clone(object)));
         self.placed.push(Placed { model, at, turn: turn * shear * Mat3A::from_diagonal(scale), owner });
     }
@@ -155,9 +156,9 @@ impl Site<'_> {
 
     /// A building on a lot of length `lot` about a place, which is moved to its front; `None` where there is no room.
     fn building(&self, style: &Building, lot: f64, place: &mut DVec2, random: &mut Random) -> Option<Model> {
-        let [a, b] = [-0.5, 0.5].map(|end| self.ground.line.at(place.x + lot * end).heading);
+        let [a, b] = [-0.5, 0.5].map(|end| self.ground.line.at(place.x + lot * end).way);
         // Towards the inside of a bend lots are shorter, and a straight front cuts the arc.
-        let bend = (b - a) / lot * place.y.signum();
+        let bend = a.angle_to(b) / lot * place.y.signum();
         let front = place.y.abs() + random.random_range(0.0..=style.setback);
         let length = lot * (1.0 - (bend * (front + style.depth)).max(0.0)).max(0.2);
         let width = length * random.random_range(style.front.0..=style.front.1);
