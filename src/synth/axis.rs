@@ -88,16 +88,19 @@ impl Line {
         places.min_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))
     }
 
-    /// The parts of this line within the ranges of chainage.
-    pub(super) fn parts(&self, ranges: &[(f64, f64)]) -> Self {
-        let cut = |&(from, to): &(f64, f64)| {
-            let within = move |arc: &Arc| {
-                let (from, to) = (arc.from.max(from), arc.to.min(to));
-                (from < to).then(|| Arc { from, to, node: arc.at(from), ..*arc })
-            };
-            self.0.iter().filter_map(within)
+    /// The part of this line within a range of chainage.
+    pub(super) fn part(&self, from: f64, to: f64) -> Self {
+        let cut = |arc: &Arc| {
+            let (from, to) = (arc.from.max(from), arc.to.min(to));
+            (from < to).then(|| Arc { from, to, node: arc.at(from), ..*arc })
         };
-        Self(ranges.iter().flat_map(cut).collect())
+        Self(self.0.iter().filter_map(cut).collect())
+    }
+
+    /// This line and, after a gap, another one.
+    pub(super) fn and(mut self, other: Self) -> Self {
+        self.0.extend(other.0);
+        self
     }
 
     /// Chainage of the end.
@@ -190,14 +193,14 @@ mod tests {
     #[test]
     fn nearest_inverts_left_on_arcs_and_on_straight_lines() {
         let mut closed = Axis::new(5, (0.4, 600.0), Some(1_400.0)).line;
-        for line in [street(500.0), closed.clone(), closed.parts(&[(0.0, 40.0), (500.0, 600.0)])] {
+        for line in [street(500.0), closed.clone(), closed.part(0.0, 40.0).and(closed.part(500.0, 600.0))] {
             for (s, offset) in [(20.0, 30.0), (571.3, -7.5), (571.3, 7.5)] {
                 let s = if line.end() < 560.0 { s * 0.7 } else { s };
                 let (s1, offset1) = line.nearest(line.at(s).left(offset)).unwrap();
                 assert!((s1 - s).abs() < 1e-5 && (offset1 - offset).abs() < 1e-5, "{s1} {offset1}");
             }
         }
-        closed = closed.parts(&[(0.0, 40.0)]);
+        closed = closed.part(0.0, 40.0);
         let (s, offset) = closed.nearest(closed.at(43.0).left(4.0)).unwrap();
         assert!((s - 40.0).abs() < 1e-6 && (offset - 5.0).abs() < 1e-6, "3 m beyond the end: {s} {offset}");
     }

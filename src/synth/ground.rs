@@ -121,14 +121,14 @@ impl Ground {
     pub(super) fn new(plan: Plan, axis: &Axis, cell: usize) -> Self {
         let (start, end) = (cell as f64 * CELL, axis.end);
         let Node { point, way } = axis.line.at(start + CELL * 0.5);
-        let far = [(0.0, start - 2.0 * CELL), (start + 3.0 * CELL, end)];
+        let far = |from, to| if end.is_finite() { axis.line.part(from, to) } else { Line::default() };
         Self {
             plan,
             cell,
             start,
             end,
-            line: axis.line.parts(&[(start - CELL, start + 2.0 * CELL)]),
-            foreign: if end.is_finite() { axis.line.parts(&far) } else { Line::default() },
+            line: axis.line.part(start - CELL, start + 2.0 * CELL),
+            foreign: far(0.0, start - 2.0 * CELL).and(far(start + 3.0 * CELL, end)),
             origin: point.extend(plan.land.over(point)),
             turn: way,
         }

@@ -41,7 +41,7 @@ use crate::error::Error;
 use axis::{Axis, CELL, STEM};
 use drive::Drive;
 use preset::Plan;
-use scan::{Scan, Slice};
+use scan::Slice;
 use scene::{Placed, Window};
 use sink::Sink;
 use street::{IDS, Library};
@@ -159,7 +159,7 @@ pub struct Summary {
 }
 
 /// Drives and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json` into `folder`; `progress`
-/// hears now and then what there is so far.
+/// hears of the points and metres so far.
 ///
 /// # Errors
 /// [`Error::Config`] for settings out of range; [`Error::Output`] when the folder is not empty (without `force`) or
@@ -185,7 +185,6 @@ struct Run<'a> {
     axis: Axis,
     library: Library,
     drive: Drive,
-    scan: Scan<'a>,
     /// The cells within range.
     cells: BTreeMap<usize, Vec<Placed>>,
 }
@@ -196,8 +195,7 @@ impl<'a> Run<'a> {
         let closes = Some(settings.length()).filter(|_| settings.preset == Preset::Loop);
         let axis = Axis::new(plan.seed, plan.bends, closes);
         let drive = Drive::new(plan, axis.end, settings.speed_kmh);
-        let (library, scan) = (things::models(plan.seed), Scan::new(settings));
-        Self { settings, plan, axis, library, drive, scan, cells: BTreeMap::new() }
+        Self { settings, plan, axis, library: things::models(plan.seed), drive, cells: BTreeMap::new() }
     }
 
     fn drive(
@@ -213,16 +211,17 @@ impl<'a> Run<'a> {
             // The files of the last round are written while this one is traced.
             let (written, ()) = rayon::join(
                 || sink.write(std::mem::take(&mut batch), lowest),
-                || slices.par_iter_mut().for_each(|slice| self.scan.trace(slice)),
+                || slices.par_iter_mut().for_each(|slice| slice.trace(self.settings)),
             );
             written?;
             for mut slice in slices {
-                slice.records.truncate((limit - so_far.points) as usize);
-                if !slice.records.is_empty() || so_far.points < limit {
-                    so_far.points += slice.records.len() as u64;
-                    next = slice.profiles.end;
-                    batch.push(slice);
+                if so_far.points == limit {
+                    break;
                 }
+                slice.records.truncate((limit - so_far.points) as usize);
+                so_far.points += slice.records.len() as u64;
+                next = slice.profiles.end;
+                batch.push(slice);
             }
             // A street that closes comes back to its first cells.
             let first = self.cells.keys().next().filter(|_| self.axis.end.is_infinite());
@@ -236,13 +235,13 @@ impl<'a> Run<'a> {
 
     /// Metres driven when a profile begins.
     fn driven(&self, profile: u64) -> f64 {
-        self.drive.distance(self.scan.time(profile, 0, 0))
+        self.drive.distance(self.settings.scanner.time(profile, 0, 0))
     }
 
     /// A round of slices from profile `from` on, to be traced, within `length` metres; all of them see the same window.
     fn slices(&mut self, from: u64, length: f64) -> Vec<Slice> {
         let step = (self.settings.scanner.profiles_hz / SLICES_HZ).ceil() as u64;
-        let (s, _) = self.drive.place(self.scan.time(from, 0, 0));
+        let (s, _) = self.drive.place(self.settings.scanner.time(from, 0, 0));
         // Half a cell, and what overhangs: objects belong to the cell of their middle.
         let ahead = self.driven(from + step * ROUND) - self.driven(from);
         let near = self.axis.near(s, self.settings.scanner.range_m + ahead + CELL * 0.5 + 20.0);
@@ -255,8 +254,8 @@ impl<'a> Run<'a> {
         let window = Arc::new(Window::new(origin, self.cells.values().flatten()));
         let starts = (0..ROUND).map(|number| from + number * step);
         let slice = |from: u64| {
-            let time = self.scan.time(from, 0, 0)..self.scan.time(from + step, 0, 0);
-            let (window, track) = (Arc::clone(&window), self.drive.track(&self.axis.line, time));
+            let [start, end] = [from, from + step].map(|profile| self.settings.scanner.time(profile, 0, 0));
+            let (window, track) = (Arc::clone(&window), self.drive.track(&self.axis.line, start..end));
             Slice { window, track, profiles: from..from + step, records: Vec::new() }
         };
         starts.take_while(|start| self.driven(*start) < length).map(slice).collect()

@@ -70,6 +70,12 @@ impl Scanner {
         (self.pulse_rate_hz / self.profiles_hz).round().max(1.0) as u64
     }
 
+    /// Time of a pulse, seconds since the start; the second head fires half a pulse later.
+    pub(super) fn time(&self, profile: u64, pulse: u64, head: usize) -> f64 {
+        let count = profile * self.pulses() + pulse;
+        (count as f64 + head as f64 / f64::from(self.heads)) / self.pulse_rate_hz
+    }
+
     /// Diameter of the beam at a range, metres.
     fn beam(&self, range: f32) -> f32 {
         0.004 + range * self.divergence_mrad as f32 * 1e-3
@@ -146,34 +152,18 @@ pub(super) struct Slice {
     pub(super) records: Vec<Record>,
 }
 
-/// Everything that does not change during a drive.
-pub(super) struct Scan<'a> {
-    settings: &'a Settings,
-    heads: Vec<Head>,
-}
-
-impl<'a> Scan<'a> {
-    pub(super) fn new(settings: &'a Settings) -> Self {
-        let Scanner { heads, .. } = settings.scanner;
-        Self { settings, heads: (0..heads).map(|number| Head::new(number, heads)).collect() }
-    }
-
-    /// Time of a pulse, seconds since the start; the second head fires half a pulse later.
-    pub(super) fn time(&self, profile: u64, pulse: u64, head: usize) -> f64 {
-        let count = profile * self.settings.scanner.pulses() + pulse;
-        (count as f64 + head as f64 / self.heads.len() as f64) / self.settings.scanner.pulse_rate_hz
-    }
-
-    /// Traces the pulses of a slice.
-    pub(super) fn trace(&self, slice: &mut Slice) {
-        let Slice { window, track, profiles, records } = slice;
-        let scanner = &self.settings.scanner;
+impl Slice {
+    /// Traces its pulses.
+    pub(super) fn trace(&mut self, settings: &Settings) {
+        let Self { window, track, profiles, records } = self;
+        let scanner = &settings.scanner;
+        let heads: Vec<Head> = (0..scanner.heads).map(|number| Head::new(number, scanner.heads)).collect();
         // First echo of the previous pulse of every head.
         let mut before = [None; 2];
-        for profile in profiles {
+        for profile in profiles.clone() {
             for pulse in 0..scanner.pulses() {
-                for (number, head) in self.heads.iter().enumerate() {
-                    let t = self.time(profile, pulse, number);
+                for (number, head) in heads.iter().enumerate() {
+                    let t = scanner.time(profile, pulse, number);
                     let vehicle: DMat4 = track.at(t);
                     // The mirror is not locked to the laser: every profile starts at another fraction of a step.
                     let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
@@ -186,11 +176,11 @@ impl<'a> Scan<'a> {
                         window,
                         origin: origin.as_vec3a(),
                         direction: direction.as_vec3a(),
-                        random: sequence(self.settings.seed, key.0, key.1),
+                        random: sequence(settings.seed, key.0, key.1),
                         echoes: Vec::with_capacity(ECHOES),
                     };
                     before[number] = beam.fire(before[number]);
-                    let file = t / self.settings.files_every_s.unwrap_or(f64::INFINITY);
+                    let file = t / settings.files_every_s.unwrap_or(f64::INFINITY);
                     for (index, echo) in beam.echoes.iter().enumerate() {
                         let point = window.origin + origin + direction * f64::from(echo.range);
                         records.push(Record {
@@ -337,7 +327,6 @@ mod tests {
     fn the_rates_of_the_default_are_those_of_the_data_sheet() {
         let settings = Settings::new(super::super::Preset::Suburb);
         assert_eq!(settings.scanner.pulses(), 2_750);
-        let scan = Scan::new(&settings);
-        assert!((scan.time(1, 0, 0) - 0.005).abs() < 1e-12);
+        assert!((settings.scanner.time(1, 0, 0) - 0.005).abs() < 1e-12);
     }
 }
