@@ -221,14 +221,12 @@ fn settings_and_folders_that_will_not_do_are_refused() {
     settings.scanner.heads = 3;
     assert_eq!(text(&settings), "heads = 3: must be 1 to 2");
     settings = small(Preset::Suburb);
-    std::fs::write(folder.path().join("notes.txt"), "mine").unwrap();
-    std::fs::write(folder.path().join("suburb_0009.laz"), "old").unwrap();
+    let notes = folder.path().join("notes.txt");
+    std::fs::write(&notes, "mine").unwrap();
     let error = generate(&settings, folder.path(), &mut |_| ()).unwrap_err();
-    assert!(error.to_string().ends_with("is not empty"));
-    assert!(error.hint().unwrap().contains("--force"));
-    settings.force = true;
-    write(&settings, folder.path());
-    assert!(folder.path().join("notes.txt").exists() && !folder.path().join("suburb_0009.laz").exists());
+    assert!(error.to_string().ends_with("is not empty") && error.hint().unwrap().contains("another folder"));
+    assert_eq!(std::fs::read_to_string(notes).unwrap(), "mine");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
 /// Ranges at which points and ground are compared, metres.

@@ -33,10 +33,6 @@ pub(crate) struct SynthArgs {
     #[arg(short, long, value_name = "OUT")]
     out: PathBuf,
 
-    /// Replace what an earlier run left in OUT; other files there stay
-    #[arg(long)]
-    force: bool,
-
     /// Metres to drive: 500m, 5km [default: 1km; loop: 1500m, at least 1100m]
     #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Drive")]
     length: Option<f64>,
@@ -169,7 +165,6 @@ impl SynthArgs {
         settings.files_every_s = self.files_every;
         settings.compressed = self.laz || !self.las;
         settings.threads = self.threads;
-        settings.force = self.force;
         settings
     }
 }

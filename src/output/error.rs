@@ -126,9 +126,7 @@ impl OutputError {
             Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
                 Some("free some space and type the same command again: it resumes".into())
             }
-            Self::NotEmpty { .. } => {
-                Some("choose another folder, or replace what is there with --force".into())
-            }
+            Self::NotEmpty { .. } => Some("choose another folder, or empty this one first".into()),
             Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 Some("choose another name with output.dimension".into())
             }

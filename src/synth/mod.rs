@@ -87,9 +87,6 @@ pub struct Settings {
     /// Worker threads; 0 for one per processor. Does not change the result.
     #[serde(skip)]
     pub threads: usize,
-    /// Replace what an earlier run left in the output folder.
-    #[serde(skip)]
-    pub force: bool,
 }
 
 impl Settings {
@@ -106,7 +103,6 @@ impl Settings {
             files_every_s: None,
             compressed: true,
             threads: 0,
-            force: false,
         }
     }
 
@@ -162,8 +158,7 @@ pub struct Summary {
 /// hears of the points and metres so far.
 ///
 /// # Errors
-/// [`Error::Config`] for settings out of range; [`Error::Output`] when the folder is not empty (without `force`) or
-/// cannot be written.
+/// [`Error::Config`] for settings out of range; [`Error::Output`] when the folder is not empty or cannot be written.
 pub fn generate(
     settings: &Settings,
     folder: &Path,
@@ -174,7 +169,7 @@ pub fn generate(
         .num_threads(settings.threads)
         .build()
         .map_err(|error| Error::Bug(format!("no worker threads: {error}")))?;
-    sink::prepare(folder, settings.force)?;
+    sink::prepare(folder)?;
     pool.install(|| Run::new(settings).drive(Sink::create(folder, settings)?, progress))
 }
 

@@ -53,12 +53,10 @@ pub(super) struct Kind {
     pub(super) turn: (f64, f64),
     /// Share by which models are wider or narrower, taller or shorter.
     pub(super) varies: f32,
-    /// Whether it is inclined with the ground along it.
-    pub(super) inclined: bool,
+    /// Length along the street from end to end of which it leads, in plan and height, metres; 0: it stands level.
+    pub(super) span: f64,
     /// Whether it cannot stand on a bridge.
     pub(super) rooted: bool,
-    /// Whether wires lead from one to the next.
-    pub(super) wired: bool,
 }
 
 /// A row of things along the street.
@@ -81,8 +79,7 @@ pub(super) struct Row {
     /// Share of the places that are taken.
     pub(super) share: f64,
     /// How many places in succession are taken together or not at all.
-    #[serde(default = "one")]
-    pub(super) together: u64,
+    pub(super) together: Option<u64>,
     /// Where those together are one object: share of its pieces that may be missing at its end.
     pub(super) joined: Option<f64>,
     /// Whether it stands on the left only.
@@ -91,12 +88,8 @@ pub(super) struct Row {
     /// Whether it stands on bridges only.
     #[serde(default)]
     pub(super) bridge: bool,
-    /// Where the things are buildings: what they are like.
-    pub(super) building: Option<Building>,
-}
-
-fn one() -> u64 {
-    1
+    /// Where the things are buildings: how they stand on their lots.
+    pub(super) lot: Option<Lot>,
 }
 
 impl Row {
@@ -107,18 +100,15 @@ impl Row {
     }
 }
 
-/// Buildings in the middle of their lots, which are as long as the places of their row are apart.
+/// How buildings stand in the middle of their lots, which are as long as the places of their row are apart.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Building {
+pub(super) struct Lot {
     /// How much farther than its row a front may stand back, metres.
     pub(super) setback: f64,
-    pub(super) floors: (u32, u32),
     /// Share of a lot's length that the front takes.
     pub(super) front: (f64, f64),
     pub(super) depth: f64,
-    /// A house with a gabled roof and a porch, else a block with shops and a flat roof.
-    pub(super) house: bool,
 }
 
 /// One kind of street, all in metres.
@@ -217,7 +207,7 @@ mod tests {
     fn whatever_rows_name_has_models_and_is_of_a_kind() {
         let models = things::models(1);
         for name in TABLES.streets.values().flat_map(|layout| &layout.rows).flat_map(|row| &row.names) {
-            assert!(name == "building" || models.contains_key(name), "there is no model of {name}");
+            assert!(models.contains_key(name), "there is no model of {name}");
             assert!(kind(name).class > 1, "{name} is noise or ground");
         }
     }

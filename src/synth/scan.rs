@@ -82,29 +82,18 @@ impl Scanner {
     }
 }
 
-/// One profile head as mounted, in the vehicle's frame (forward, left, up).
-struct Head {
-    lever: DVec3,
-    /// Directions of the pulses at scan angles of 0 and of 90 degrees.
-    down: DVec3,
-    across: DVec3,
+/// From the frame of the first or second of so many profile heads to the vehicle's (forward, left, up): at scan angle 0 a
+/// head looks along its -z, at 90 degrees along its -y. A single one looks back over the left shoulder.
+fn mount(number: u8, heads: u8) -> DMat4 {
+    let side = if number == 0 { 1.0 } else { -1.0 };
+    let lever = DVec3::new(-0.4, if heads > 1 { 0.35 * side } else { 0.0 }, 0.0);
+    let tilt = DMat4::from_rotation_y(ELEVATION.to_radians());
+    DMat4::from_translation(lever) * DMat4::from_rotation_z(AZIMUTH.to_radians() * side) * tilt
 }
 
-impl Head {
-    /// The first or second head; a single one looks back over the left shoulder.
-    fn new(number: u8, heads: u8) -> Self {
-        let side = if number == 0 { 1.0 } else { -1.0 };
-        let back = DVec3::NEG_X.rotate_z(AZIMUTH.to_radians() * side);
-        let axis = back * ELEVATION.to_radians().cos() + DVec3::Z * ELEVATION.to_radians().sin();
-        let down = (DVec3::NEG_Z + axis * axis.z).normalize();
-        let spread = if heads > 1 { 0.35 * side } else { 0.0 };
-        Self { lever: DVec3::new(-0.4, spread, 0.0), down, across: axis.cross(down) }
-    }
-
-    /// Direction of the pulse at a scan angle, radians.
-    fn direction(&self, angle: f64) -> DVec3 {
-        self.down * angle.cos() + self.across * angle.sin()
-    }
+/// Direction of the pulse at a scan angle, radians, in the frame of its head.
+fn fan(angle: f64) -> DVec3 {
+    DVec3::new(0.0, -angle.sin(), -angle.cos())
 }
 
 /// An echo.
@@ -157,19 +146,19 @@ impl Slice {
     pub(super) fn trace(&mut self, settings: &Settings) {
         let Self { window, track, profiles, records } = self;
         let scanner = &settings.scanner;
-        let heads: Vec<Head> = (0..scanner.heads).map(|number| Head::new(number, scanner.heads)).collect();
+        let mounts: Vec<DMat4> = (0..scanner.heads).map(|number| mount(number, scanner.heads)).collect();
         // First echo of the previous pulse of every head.
         let mut before = [None; 2];
         for profile in profiles.clone() {
             for pulse in 0..scanner.pulses() {
-                for (number, head) in heads.iter().enumerate() {
+                for (number, mount) in mounts.iter().enumerate() {
                     let t = scanner.time(profile, pulse, number);
-                    let vehicle: DMat4 = track.at(t);
                     // The mirror is not locked to the laser: every profile starts at another fraction of a step.
                     let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
                     let angle = (pulse as f64 + phase) * TAU / scanner.pulses() as f64 - PI;
-                    let direction = vehicle.transform_vector3(head.direction(angle)).normalize();
-                    let origin = vehicle.transform_point3(head.lever) - window.origin;
+                    let head = track.at(t) * *mount;
+                    let direction = head.transform_vector3(fan(angle)).normalize();
+                    let origin = head.w_axis.truncate() - window.origin;
                     let key = (20 + number as u64, profile * scanner.pulses() + pulse);
                     let mut beam = Beam {
                         scanner,
@@ -314,12 +303,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn heads_look_down_at_angle_zero_and_cross_each_other() {
-        let [left, right] = [0, 1].map(|number| Head::new(number, 2));
-        let down = left.direction(0.0);
-        assert!(down.z < -0.9 && (down.length() - 1.0).abs() < 1e-12);
+    fn heads_look_down_and_back_at_angle_zero_and_cross_each_other() {
+        let look = |number, angle| mount(number, 2).transform_vector3(fan(angle));
+        let down = look(0, 0.0);
+        assert!(down.z < -0.9 && down.x < -0.2 && (down.length() - 1.0).abs() < 1e-12, "{down}");
         // The planes of the two heads are mirror images: y changes sign, and with it the angle.
-        let (a, b) = (left.direction(1.5), right.direction(-1.5));
+        let (a, b) = (look(0, 1.5), look(1, -1.5));
         assert!((a - DVec3::new(b.x, -b.y, b.z)).length() < 1e-9, "{a} {b}");
     }
 

@@ -17,7 +17,7 @@ use super::drive::Pose;
 use super::scan::{Record, START_TIME, Slice};
 use super::scene::Window;
 use super::street::Object;
-use super::{Preset, Settings, Summary};
+use super::{Settings, Summary};
 
 /// World coordinates of the street's origin: UTM zone 32 north, in the south of Germany.
 const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);
@@ -50,30 +50,13 @@ pub(super) struct Sink<'a> {
     summary: Summary,
 }
 
-/// Makes sure `folder` is there and empty; with `force`, what an earlier run of this command left there is removed.
-pub(super) fn prepare(folder: &Path, force: bool) -> Result<(), OutputError> {
-    let failed = |source| OutputError::Write { path: folder.to_owned(), source };
-    fs_err::create_dir_all(folder).map_err(failed)?;
-    for entry in fs_err::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        if !force {
-            return Err(OutputError::NotEmpty { path: folder.to_owned() });
-        }
-        if is_ours(&entry.file_name().to_string_lossy()) {
-            fs_err::remove_file(entry.path()).map_err(failed)?;
-        }
-    }
-    Ok(())
-}
-
-/// Whether this command writes files of that name, or began one.
-fn is_ours(name: &str) -> bool {
-    match *name.trim_end_matches(".part").split(['_', '.']).collect::<Vec<_>>() {
-        [preset, number, "las" | "laz"] => {
-            number.parse::<u16>().is_ok() && Preset::ALL.iter().any(|known| known.name() == preset)
-        }
-        ["reference" | "trajectory", "csv"] | ["scene", "json"] => true,
-        _ => false,
+/// Makes sure `folder` is there and empty.
+pub(super) fn prepare(folder: &Path) -> Result<(), OutputError> {
+    let entries = fs_err::create_dir_all(folder).and_then(|()| fs_err::read_dir(folder));
+    match entries.map(|mut entries| entries.next()) {
+        Ok(None) => Ok(()),
+        Ok(Some(_)) => Err(OutputError::NotEmpty { path: folder.to_owned() }),
+        Err(source) => Err(OutputError::Write { path: folder.to_owned(), source }),
     }
 }
 

@@ -1,4 +1,4 @@
-//! The things of `things.toml`, from lamps to trees, as models; and buildings, stacked from the pieces there.
+//! The things of `things.toml`, from lamps to trees and buildings, as models.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -27,6 +27,8 @@ pub(super) struct Thing {
     hulls: Vec<Hull>,
     #[serde(default)]
     growth: Vec<Level>,
+    #[serde(default)]
+    stack: Vec<Storeys>,
 }
 
 #[derive(Deserialize)]
@@ -47,6 +49,14 @@ struct Hull {
     outline: Vec<Vec3>,
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Storeys {
+    of: String,
+    count: (u8, u8),
+    height: (f32, f32),
+}
+
 /// One or more models of every kind; x along the street, y away from the road.
 pub(super) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
     let mut library = BTreeMap::new();
@@ -61,44 +71,25 @@ pub(super) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
     library
 }
 
-/// The entries of a kind, which there is.
-pub(super) fn of(kind: &str) -> &'static [Thing] {
-    &THINGS[kind]
-}
-
-/// A building of this width and depth, with a face of its own; its front is the line y = 0, in the middle of which is
-/// the origin. A house with a gabled roof and a porch, else a block with shops and a flat roof.
-pub(super) fn building([width, depth]: [f32; 2], floors: u32, house: bool, random: &mut Random) -> Model {
-    let storey = random.random_range(2.8..=3.3);
-    // Kind of the pieces, how many; how far the next one is above, and how far they are stretched upwards, metres.
-    let stack = if house {
-        let rise = depth * random.random_range(0.3..=0.5);
-        [("house_base", 1, 0.4, 1.0), ("house_storey", floors, storey, storey), ("gable", 1, rise, rise)]
-    } else {
-        [("shops", 1, 4.0, 1.0), ("storey", floors - 1, storey, storey), ("flat_roof", 1, 1.0, 1.0)]
-    };
-    let (mut parts, mut foot) = (Vec::new(), Vec3::ZERO);
-    for (kind, count, height, stretch) in stack {
-        let piece = pick(of(kind), random);
-        for _ in 0..count {
-            let place = Affine3A::from_translation(foot) * Affine3A::from_scale(vec3(width, depth, stretch));
-            parts.extend(piece.parts(&place, random));
-            foot.z += height;
-        }
-    }
-    Model::new(parts)
-}
-
 impl Thing {
     fn model(&self, number: u8, random: &mut Random) -> Model {
         let mut all = self.parts(&Affine3A::IDENTITY, random);
         all.extend(self.hulls.iter().flat_map(|hull| hull.triangles(usize::from(number))));
         all.extend(tree::grow(&self.growth, &[Vec3::ZERO, Vec3::Z], random));
+        let mut foot = 0.0;
+        for Storeys { of, count, height } in &self.stack {
+            let (piece, height) = (pick(&THINGS[of], random), random.random_range(height.0..=height.1));
+            for _ in 0..random.random_range(count.0..=count.1) {
+                let upwards = Affine3A::from_translation(Vec3::Z * foot);
+                all.extend(piece.parts(&(upwards * Affine3A::from_scale(vec3(1.0, 1.0, height))), random));
+                foot += height;
+            }
+        }
         Model::new(all)
     }
 
-    /// Its parts, with their points moved into the frame of another model; radii and normals remain.
-    pub(super) fn parts(&self, map: &Affine3A, random: &mut Random) -> Vec<Primitive> {
+    /// Its parts, with their points moved into the frame of another thing; radii and normals remain.
+    fn parts(&self, map: &Affine3A, random: &mut Random) -> Vec<Primitive> {
         let mut all = Vec::new();
         for part in &self.parts {
             for copy in 0..part.times.unwrap_or(1) {
@@ -140,7 +131,7 @@ mod tests {
     fn storeys_have_walls_reveals_and_glass() {
         // The first kind of storey, stretched to 42 x 16 x 3 m: bays of 3 m, windows 1.4 m wide from 0.9 to 2.34 m.
         let parts =
-            of("storey")[0].parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut sequence(1, 2, 3));
+            THINGS["storey"][0].parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut sequence(1, 2, 3));
         let object = Object { id: 1, class: 5, kind: "building", base: DVec3::ZERO, height: 3.0, s: 0.0 };
         let owner = Owner::Object(object.into());
         let (model, at, turn) = (Model::new(parts).into(), DVec3::ZERO, Mat3A::IDENTITY);
