@@ -62,6 +62,9 @@ fn shipped<T: DeserializeOwned>(text: &str) -> T {
 const ROUND: u64 = 24;
 const SLICES_HZ: f64 = 40.0;
 
+/// Length of the longest thing along the street, a facade, metres.
+const LONGEST: f64 = 75.0;
+
 /// Shortest drive that comes back, metres.
 const LEAST_LOOP: f64 = 2.0 * STEM + 500.0;
 
@@ -237,9 +240,9 @@ impl<'a> Run<'a> {
     fn slices(&mut self, from: u64, length: f64) -> Vec<Slice> {
         let step = (self.settings.scanner.profiles_hz / SLICES_HZ).ceil() as u64;
         let (s, _) = self.drive.place(self.settings.scanner.time(from, 0, 0));
-        // Half a cell, and what overhangs: objects belong to the cell of their middle.
+        // Objects belong to the cell of their middle, and what is half a cell or half a building away belongs here.
         let ahead = self.driven(from + step * ROUND) - self.driven(from);
-        let near = self.axis.near(s, self.settings.scanner.range_m + ahead + CELL * 0.5 + 20.0);
+        let near = self.axis.near(s, self.settings.scanner.range_m + ahead + (CELL + LONGEST) * 0.5);
         self.cells.retain(|cell, _| near.contains(cell));
         for cell in near {
             let build = || street::cell(self.plan, &self.axis, &self.library, cell);

@@ -63,7 +63,7 @@ impl Site<'_> {
     /// One side of a row, with random numbers of its own.
     fn row(&mut self, row: &'static Row, side: f64, stream: u64) {
         let Ground { plan, cell, start, end, .. } = *self.ground;
-        let [first, next] = [start, start + CELL].map(|s| (s / row.every).ceil() as u64);
+        let [first, next] = [start, start + CELL].map(|s| ((s - row.from) / row.every).ceil() as u64);
         let together = row.together.unwrap_or(1);
         let line = |s: f64| DVec2::new(s, side * row.out(&plan.section(s)));
         let on_street = |s: f64| s <= end && std::ptr::eq(plan.layout(cell_at(s)), plan.layout(cell));
