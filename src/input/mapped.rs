@@ -1,4 +1,4 @@
-//! The bytes of a read-only file, mapped or read: the only place with `unsafe` in the crate. It knows nothing of
+//! The bytes of a read-only file, mapped or read: the only place with `unsafe` in the library. It knows nothing of
 //! what the bytes mean.
 
 use std::fs::File;
