@@ -5,7 +5,7 @@
 //! and neighbours are found by merging sorted lists, so that a stray point kilometres away costs one voxel.
 //!
 //! Scanners write points in the order of measurement, so that many consecutive points share a voxel. Such a
-//! *streak* is what is sorted, not the point. Memory: 12 bytes per streak and 12 per voxel, while sorting 24
+//! *streak* is what is sorted, not the point. Memory: 12 bytes per streak and 12 per voxel, while sorting 16
 //! per streak more.
 #![expect(
     clippy::cast_possible_truncation,
@@ -58,8 +58,10 @@ impl VoxelIndex {
         let streak_bits = bits(keys.len() as u64);
         let mut index = Self::without_voxels(grid, streak_start, keys.len());
         if packing.total() + streak_bits <= u64::BITS {
-            // Key and streak in one word: a radix sort over the bits of the key alone.
-            let words = keys.iter().zip(0_u64..).map(|(key, streak)| (key << streak_bits) | streak).collect();
+            // Key and streak in one word, in the place of the keys (this is where a tile of the ground pass needs most memory):
+            // a radix sort over the bits of the key alone.
+            let mut words = keys;
+            words.iter_mut().zip(0_u64..).for_each(|(word, streak)| *word = (*word << streak_bits) | streak);
             let words = radix_sort(words, streak_bits, packing.total());
             let mask = (1_u64 << streak_bits) - 1;
             index.fill(&packing, words.into_iter().map(|word| (word >> streak_bits, (word & mask) as u32)));

@@ -11,9 +11,9 @@ use crate::stitch::{LocalLabels, Stitched, Stitcher};
 use crate::store::{PassDir, StoreError};
 use crate::tiling::Wanted;
 
-/// Bytes per point that a tile of this pass needs at its peak: `scripts/tile_memory.py` measured 25 to 50 on streets and 93 in
-/// a forest, where nearly all points are of objects. In a space of so many fields (0: none beside coordinates) the places of
-/// the points and a tree come on top, estimated from their sizes.
+/// Bytes per point that a tile of this pass needs at its peak: `scripts/tile_memory.py` measured 18 to 32 on streets. In a
+/// forest, where nearly all points are of objects, it was 93 when streets had 25 to 50. In a space of so many fields (0: none
+/// beside coordinates) the places of the points and a tree come on top, estimated from their sizes.
 pub(crate) fn bytes_per_point(fields: usize) -> u64 {
     96 + 32 * fields as u64
 }
