@@ -18,6 +18,8 @@ use crate::tiling::{Plan, PlanRequest, TileSize};
 const HEIGHT_LIMIT_UNITS: i64 = i32::MAX as i64;
 /// Plans tried until the largest tile fits the budget.
 const ATTEMPTS: usize = 12;
+/// The first of them, which go towards the budget in small steps.
+const PATIENT_ATTEMPTS: usize = 5;
 
 /// Survey, axis and occupied cells of a drive.
 #[derive(Debug)]
@@ -79,11 +81,13 @@ impl Scene {
             let size = TileSize::Metres(config.tiling.tile_length);
             return (size, self.plan(drive, size));
         }
-        let mut points = budget.tile_points(self.survey.points(), chain.bytes_per_point());
+        let total = self.survey.points();
+        let mut points = budget.tile_points(total, chain.bytes_per_point());
         let mut plan = self.plan(drive, TileSize::Points(points));
-        for _ in 0..ATTEMPTS {
+        for attempt in 0..ATTEMPTS {
             let needed = chain.largest_tile_bytes(&plan);
-            let Some(fewer) = budget.smaller(points, needed) else { break };
+            let in_a_hurry = attempt >= PATIENT_ATTEMPTS;
+            let Some(fewer) = budget.smaller(total, points, needed, in_a_hurry) else { break };
             points = fewer;
             plan = self.plan(drive, TileSize::Points(points));
         }
