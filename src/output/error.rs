@@ -123,9 +123,10 @@ impl OutputError {
     #[must_use]
     pub fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
-            Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
-                Some("free some space and type the same command again: it resumes".into())
-            }
+            Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => Some(
+                "free some space and type the same command again: run resumes, synth needs an empty folder"
+                    .into(),
+            ),
             Self::NotEmpty { .. } => Some("choose another folder, or empty this one first".into()),
             Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 Some("choose another name with output.dimension".into())
