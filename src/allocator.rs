@@ -21,7 +21,7 @@ pub(crate) fn return_large_blocks() {
     let _accepted = unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_BYTES) };
 }
 
-/// Other C libraries give large blocks back by themselves.
+/// Nothing is set where the C library is another one.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub(crate) fn return_large_blocks() {}
 

@@ -374,7 +374,7 @@ fn statistics_are_those_of_the_labelled_scenes() {
                 close(&format!("ground share from {band} m"), a.1, b.1, 0.15);
             }
         }
-        // At about the same distance. Cars stand on both sides here and mostly on the near one there.
+        // Things stand at about the same distance here and there; cars on both sides here, mostly on the near one there.
         let factors = [(2, 2.0), (3, 2.0), (4, 2.5), (5, 2.0), (6, 2.5), (7, 2.0)];
         for (class, factor) in factors.into_iter().filter(|(class, _)| theirs.per_object.contains_key(class))
         {

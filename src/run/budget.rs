@@ -9,7 +9,7 @@ const SMALLEST_TILE_POINTS: u64 = 20_000;
 /// A small drive is cut so that workers share it, but not into tiles smaller than this.
 const SHARED_TILE_POINTS: u64 = 400_000;
 /// What a byte that is held beside tiles counts for in the budget, which is shared out by what tiles are estimated to need:
-/// on streets they take 0.55 of that (`scripts/lengths.sh`: 39 MiB of 70), because the estimate covers forests.
+/// on streets they take 0.55 of that (tiles of `synth mixed`: 39 MiB of 70), because the estimate covers forests.
 const HELD_WEIGHT: u64 = 2;
 /// Memory assumed where the system does not say what is free.
 const UNKNOWN_FREE_BYTES: u64 = 4 << 30;

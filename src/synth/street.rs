@@ -99,10 +99,12 @@ impl Site<'_> {
                 }
             };
             // From end to end of what has a span, level for what has none.
-            let way = self.ground.line.at(s).way.extend(0.0);
-            let [from, to] = ends.map(|s| self.ground.at(line(s)));
-            let (at, way) =
-                if kind.span > 0.0 { ((from + to) * 0.5, (to - from) / kind.span) } else { (base, way) };
+            let (at, way) = if kind.span > 0.0 {
+                let [from, to] = ends.map(|s| self.ground.at(line(s)));
+                ((from + to) * 0.5, (to - from) / kind.span)
+            } else {
+                (base, self.ground.line.at(s).way.extend(0.0))
+            };
             let across = way.truncate().normalize().perp().extend(0.0);
             let frame = Mat3A::from(DMat3::from_cols(way, across, DVec3::Z).as_mat3());
             let turn = Mat3A::from_rotation_z((if side > 0.0 { turn } else { turn + PI }) as f32);

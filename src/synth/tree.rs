@@ -107,15 +107,18 @@ mod tests {
         let Habit { growth } = toml::from_str(text).unwrap();
         let parts = grow(&growth, &[Vec3::ZERO, Vec3::Z], &mut sequence(1, 2, 3));
         assert_eq!(parts.len(), 2 + 3 * (1 + 4));
-        let Shape::Rod(foot, middle, [thick, half]) = parts[0].shape else { unreachable!() };
-        let Shape::Rod(joint, top, [_, thin]) = parts[1].shape else { unreachable!() };
+        let rod = |part: &Primitive| match part.shape {
+            Shape::Rod(from, to, radii) => (from, to, radii),
+            ref other => panic!("a piece of a stem is a rod, not {other:?}"),
+        };
+        let ((foot, middle, [thick, half]), (joint, top, [_, thin])) = (rod(&parts[0]), rod(&parts[1]));
         // Chance turns a stem by 0.1 and shortens it by up to 16 %.
         let height = 2.0 * foot.distance(middle);
         assert!(foot == Vec3::ZERO && joint == middle && (8.4..=10.001).contains(&height) && top.z > 8.3);
         // Radii of 2 % at the foot, 1 % half way: 0.25 * 0.02 + 0.5 * 0.01, nothing at the end.
         assert!((thick / height - 0.02).abs() < 1e-5 && (half / height - 0.01).abs() < 1e-5 && thin == 0.0);
         for branch in parts[2..].chunks(5) {
-            let Shape::Rod(from, to, _) = branch[0].shape else { unreachable!() };
+            let (from, to, _) = rod(&branch[0]);
             let length = from.distance(to) / height;
             assert!(
                 (0.49..1.0).contains(&(from.z / height)) && (0.168..=0.2001).contains(&length),
