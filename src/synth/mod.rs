@@ -249,7 +249,8 @@ impl<'a> Run<'a> {
             self.cells.entry(cell).or_insert_with(build);
         }
         let origin = self.axis.line.at(s).point.extend(0.0);
-        let window = Arc::new(Window::new(origin, self.cells.values().flatten()));
+        let window =
+            Arc::new(Window::new(origin, self.settings.scanner.spread(), self.cells.values().flatten()));
         let starts = (0..ROUND).map(|number| from + number * step);
         let slice = |from: u64| {
             let [start, end] = [from, from + step].map(|profile| self.settings.scanner.time(profile, 0, 0));

@@ -71,6 +71,7 @@ pub(super) enum Owner {
 /// A copy within a window.
 pub(super) struct Item {
     model: Arc<Model>,
+    bounds: Aabb,
     to_model: Affine3A,
     pub(super) owner: Owner,
 }
@@ -80,23 +81,38 @@ pub(super) struct Window {
     /// World coordinates of the window's origin, relative to the street's.
     pub(super) origin: DVec3,
     pub(super) items: Vec<Item>,
+    /// Over the boxes of the items, wider by some metres to every side.
     bvh: Bvh2,
 }
 
 impl Window {
-    /// The scene of all copies, about `origin`.
-    pub(super) fn new<'a>(origin: DVec3, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
-        let (mut items, mut boxes) = (Vec::new(), Vec::new());
-        for Placed { model, at, turn, owner } in placed.into_iter().cloned() {
+    /// The scene of all copies, about `origin`; rays that are traced together are nowhere more than `wider` metres from
+    /// the one in their middle.
+    pub(super) fn new<'a>(origin: DVec3, wider: f32, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
+        let item = |Placed { model, at, turn, owner }: Placed| {
             let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
             // The box around the box of the model as it stands here.
             let middle = to_window.transform_point3a(model.bounds().center());
             let half = to_window.matrix3.abs() * (model.bounds().diagonal() * 0.5);
-            boxes.push(Aabb::new(middle - half, middle + half));
-            items.push(Item { model, to_model: to_window.inverse(), owner });
-        }
-        // A ray that meets a leaf is moved into the frame of every item there, so a leaf is one item.
+            let bounds = Aabb::new(middle - half, middle + half);
+            Item { model, bounds, to_model: to_window.inverse(), owner }
+        };
+        let items: Vec<Item> = placed.into_iter().cloned().map(item).collect();
+        let wider = Vec3A::splat(wider);
+        let boxes: Vec<Aabb> =
+            items.iter().map(|item| Aabb::new(item.bounds.min - wider, item.bounds.max + wider)).collect();
         Self { origin, items, bvh: hierarchy(&boxes, 1) }
+    }
+
+    /// The items that rays may meet which are traced together about this one, roughly from near to far.
+    pub(super) fn about(&self, origin: Vec3A, direction: Vec3A, far: f32) -> Vec<u32> {
+        let mut about = Vec::new();
+        self.bvh.ray_traverse_anyhit(Ray::new(origin, direction, 0.0, far), |ray, slot| {
+            let index = self.bvh.primitive_indices[slot];
+            about.push((self.items[index as usize].bounds.intersect_ray(ray), index));
+        });
+        about.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
+        about.into_iter().map(|(_, index)| index).collect()
     }
 
     /// The object with a number, if it is here.
@@ -107,26 +123,37 @@ impl Window {
         })
     }
 
-    /// The closest hit along the ray, if any; its instance is the index of the item.
-    pub(super) fn hit(&self, origin: Vec3A, direction: Vec3A, near: f32, far: f32) -> Option<RayHit> {
+    /// The closest hit on some items along the ray from `near` to `far`, if any; its instance is the index of the item.
+    pub(super) fn hit(
+        &self,
+        about: &[u32],
+        origin: Vec3A,
+        direction: Vec3A,
+        near: f32,
+        far: f32,
+    ) -> Option<RayHit> {
+        // It starts at `near`: boxes behind a ray are passed over, boxes before its tmin would not be.
+        let mut ray = Ray::new(origin + direction * near, direction, 0.0, far - near);
         let mut best = RayHit::none();
-        let ray = Ray::new(origin, direction, near, far);
-        self.bvh.ray_traverse(ray, &mut RayHit::none(), |ray, slot| {
-            let index = self.bvh.primitive_indices[slot];
+        for &index in about {
             let item = &self.items[index as usize];
+            if item.bounds.intersect_ray(&ray) >= ray.tmax {
+                continue;
+            }
             let local = Ray::new(
                 item.to_model.transform_point3a(ray.origin),
                 item.to_model.transform_vector3a(ray.direction),
-                ray.tmin,
+                0.0,
                 ray.tmax,
             );
             let mut hit = RayHit { instance_id: index, ..RayHit::none() };
             item.model.bvh.ray_traverse(local, &mut hit, |ray, i| item.model.primitives[i].shape.hit(ray));
             if hit.t < ray.tmax {
+                ray.tmax = hit.t;
                 best = hit;
             }
-            hit.t
-        });
+        }
+        best.t += near;
         (best.t < far).then_some(best)
     }
 
@@ -144,6 +171,9 @@ impl Window {
 
 #[cfg(test)]
 mod tests {
+    use rand::RngExt;
+
+    use super::super::random::sequence;
     use super::super::shape::Shape;
     use super::*;
 
@@ -157,16 +187,52 @@ mod tests {
         let object = Object { id: 7, class: 4, kind: "box", base: DVec3::ZERO, height: 2.0, s: 0.0 };
         let at = DVec3::new(110.0, 5.0, 0.0);
         let placed = Placed { model, at, turn, owner: Owner::Object(Arc::new(object)) };
-        let window = Window::new(DVec3::X * 100.0, vec![&placed]);
+        let window = Window::new(DVec3::X * 100.0, 0.0, vec![&placed]);
         let (o, d) = (Vec3A::new(10.0, 5.0, 10.0), Vec3A::NEG_Z);
-        let hit = window.hit(o, d, 0.0, 100.0).unwrap();
+        let about = window.about(o, d, 100.0);
+        let hit = window.hit(&about, o, d, 0.0, 100.0).unwrap();
         assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
         let (surface, point) = window.surface(&hit, o, d);
         assert!((surface.normal - Vec3::Z).length() < 1e-5 && (point.z - 1.0).abs() < 1e-5);
         assert!(
             matches!(&window.items[hit.instance_id as usize].owner, Owner::Object(object) if object.id == 7)
         );
-        assert!(window.hit(o, d, 0.0, 7.9).is_none());
-        assert!(window.hit(o, Vec3A::Z, 0.0, 100.0).is_none());
+        assert!(window.hit(&about, o, d, 0.0, 7.9).is_none());
+        assert!(window.hit(&about, o, d, 3.0, 8.1).is_some_and(|hit| (hit.t - 8.0).abs() < 1e-4));
+        assert!(window.hit(&[0], o, Vec3A::Z, 0.0, 100.0).is_none());
+        assert!(window.about(o, Vec3A::Z, 100.0).is_empty());
+    }
+
+    #[test]
+    fn rays_about_another_hit_what_they_would_hit_among_all_items() {
+        let mut random = sequence(1, 2, 3);
+        let mut within = |half: f32| Vec3::from_array([0; 3].map(|_| random.random_range(-half..=half)));
+        let leaf = |centre: Vec3| Shape::Disc(centre, centre.normalize(), 0.3).of("leaf");
+        let model = Arc::new(Model::new((0..200).map(|_| leaf(within(2.0))).collect()));
+        let object =
+            Arc::new(Object { id: 7, class: 2, kind: "tree", base: DVec3::ZERO, height: 2.0, s: 0.0 });
+        let place = |_| {
+            let turn = Mat3A::from_rotation_z(within(3.0).x) * Mat3A::from_diagonal(within(0.3) + Vec3::ONE);
+            let owner = Owner::Object(Arc::clone(&object));
+            Placed { model: Arc::clone(&model), at: within(30.0).as_dvec3(), turn, owner }
+        };
+        let placed: Vec<Placed> = (0..300).map(place).collect();
+        let (far, angle) = (60.0, 0.02);
+        let window = Window::new(DVec3::ZERO, far * angle, &placed);
+        let all: Vec<u32> = (0..300).collect();
+        let (mut hits, mut few) = (0, 0);
+        for _ in 0..500 {
+            let (o, middle) = (Vec3A::from(within(30.0)), Vec3A::from(within(1.0)).normalize());
+            let about = window.about(o, middle, far);
+            few += usize::from(about.len() < 100);
+            for _ in 0..20 {
+                let d = (middle + Vec3A::from(within(angle * 0.5))).normalize();
+                let [some, any] =
+                    [&about, &all].map(|items| window.hit(items, o, d, 1.0, far).map(|hit| hit.t));
+                assert_eq!(some, any, "{o} {d}");
+                hits += usize::from(any.is_some());
+            }
+        }
+        assert!(hits > 2_000 && few > 450, "{hits} hits, {few} short lists");
     }
 }

@@ -135,7 +135,7 @@ mod tests {
         let object = Object { id: 1, class: 5, kind: "building", base: DVec3::ZERO, height: 3.0, s: 0.0 };
         let owner = Owner::Object(object.into());
         let (model, at, turn) = (Model::new(parts).into(), DVec3::ZERO, Mat3A::IDENTITY);
-        let window = Window::new(DVec3::ZERO, &[Placed { model, at, turn, owner }]);
+        let window = Window::new(DVec3::ZERO, 0.0, &[Placed { model, at, turn, owner }]);
         for (origin, direction, t, name) in [
             ([1.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.2, "glass"), // middle of the first bay to the right
             ([0.0, -5.0, 1.5], [0.0, 1.0, 0.0], 5.0, "plaster"), // between windows
@@ -147,7 +147,7 @@ mod tests {
             ([-2.9, -5.0, 1.5], [1.0, 1.0, 0.0], 5.1, "plaster"), // at 45 degrees: the reveal at x = 2.2
         ] {
             let (o, d) = (Vec3A::from(origin), Vec3A::from(direction));
-            let hit = window.hit(o, d, 0.0, 100.0).unwrap();
+            let hit = window.hit(&[0], o, d, 0.0, 100.0).unwrap();
             assert!((hit.t - t).abs() < 0.03, "{origin:?}: {}", hit.t);
             assert_eq!(*window.surface(&hit, o, d).0.material, *material(name), "{origin:?}");
         }
