@@ -25,6 +25,20 @@ pub(crate) fn return_large_blocks() {
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub(crate) fn return_large_blocks() {}
 
+/// Gives memory back that is free, also between blocks that stay: what the survey knew of cells before they were packed lies
+/// between what stays of it, 4 MiB for 16 km of street.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[expect(unsafe_code, reason = "a request to the C library can only be made by an unsafe call")]
+pub(crate) fn return_free_memory() {
+    // SAFETY: malloc_trim takes a number, locks the heaps that it looks at ("MT-Safe", malloc_trim(3)), and gives back
+    // pages that no block lies on. What it returns, whether there were any, does not matter.
+    let _any = unsafe { libc::malloc_trim(0) };
+}
+
+/// Nothing is asked for where the C library is another one.
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+pub(crate) fn return_free_memory() {}
+
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[cfg(test)]
 mod tests {
@@ -49,6 +63,26 @@ mod tests {
             .filter_map(ends)
             .map(|(from, to)| to.min(range.end).saturating_sub(from.max(range.start)))
             .sum()
+    }
+
+    /// Bytes of this process that are in memory and no file's.
+    fn resident() -> usize {
+        let status = std::fs::read_to_string("/proc/self/status").expect("a status");
+        let line = status.lines().find(|line| line.starts_with("RssAnon:")).expect("a size");
+        line.split_whitespace().nth(1).and_then(|kib| kib.parse::<usize>().ok()).expect("a number") << 10
+    }
+
+    #[test]
+    fn what_is_free_between_blocks_that_stay_goes_back_to_the_system() {
+        // Every other one of 2,000 blocks of 32 KiB, which makes 31 MiB.
+        let pages: Vec<Vec<u8>> = (0..2_000).map(|_| black_box(vec![1_u8; MIB / 32])).collect();
+        let (stay, go): (Vec<_>, Vec<_>) = pages.into_iter().enumerate().partition(|(n, _)| n % 2 == 0);
+        let before = resident();
+        drop(go);
+        super::return_free_memory();
+        let after = resident();
+        assert!(after + 24 * MIB < before, "{after} of {before} bytes left");
+        drop(black_box(stay));
     }
 
     #[test]

@@ -504,7 +504,12 @@ fn occupied() -> impl Strategy<Value = Vec<(Cell, u32, f64)>> {
 }
 
 fn sizes() -> impl Strategy<Value = TileSize> {
-    prop_oneof![(1..20_000_u64).prop_map(TileSize::Points), (1.0..100.0).prop_map(TileSize::Metres)]
+    let places = prop::collection::btree_map((0..60_u32, (-40..40_i32, -40..40_i32)), 1..50_u64, 0..6);
+    let equal = (0..60_u64, places).prop_map(|(tiles, weights)| {
+        let weights = weights.into_iter().map(|((strip, (i, j)), weight)| ((strip, [i, j]), weight));
+        TileSize::Equal { tiles, weights: weights.collect() }
+    });
+    prop_oneof![equal, (1.0..100.0).prop_map(TileSize::Metres)]
 }
 
 /// Border-to-border distance of two cells, squared, in lattice units.
@@ -534,7 +539,7 @@ proptest! {
         }
         let (points, strips) = (Arc::new(PackedCells::from(points)), PackedCells::from(strips));
         let grid = CellGrid::new(700);
-        let request = PlanRequest { cells: &points, strips: &strips, chainage_m: &chainage_m, grid, size };
+        let request = PlanRequest { cells: &points, strips: &strips, chainage_m: &chainage_m, grid, size: &size };
         let plan = Plan::new(&request);
         let cores: Vec<Vec<Cell>> = (0..plan.tiles.len()).map(|tile| plan.core(tile)).collect();
         let mut owned: Vec<Cell> = cores.concat();

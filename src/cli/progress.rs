@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use chainage::run::{Event, Observer};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::allocator;
 use crate::cli::print;
 
 /// How progress is shown.
@@ -134,6 +135,10 @@ impl Progress {
 
 impl Observer for Progress {
     fn event(&self, event: &Event<'_>) {
+        if matches!(event, Event::PassStarted { .. }) {
+            // Nothing is in flight between passes.
+            allocator::return_free_memory();
+        }
         let Ok(mut state) = self.state.lock() else { return };
         match self.kind {
             ProgressChoice::Auto | ProgressChoice::Bar => self.bar(&mut state, event),

@@ -17,6 +17,13 @@ impl NearestIndex {
         Self { tree }
     }
 
+    /// Bytes of memory that it takes, about: places and their numbers.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let entry = size_of::<[f64; 2]>() + size_of::<u32>();
+        self.tree.as_ref().map_or(0, |tree| (tree.size() * entry) as u64)
+    }
+
     /// The place nearest to `query`; of several equally near the first of the slice.
     #[must_use]
     pub fn nearest(&self, query: [f64; 2]) -> Option<usize> {

@@ -14,78 +14,83 @@ pub struct PackedCells {
     index: FxHashMap<[i32; 2], u32>,
     /// Ascending by place.
     pages: Vec<Page>,
+    /// What the pages store. One block, and no block per page: those would keep memory around them from the system that
+    /// was free again.
+    words: Vec<u64>,
     len: usize,
 }
 
 /// 64 x 64 cells. A cell without a value stores 0, others their difference to `base`, which is one below the smallest.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 struct Page {
     place: [i32; 2],
     base: u32,
     largest: u32,
     /// Bits per cell, as a power of two.
     shift: u32,
-    words: Box<[u64]>,
+    /// First word of the page.
+    at: usize,
 }
 
 impl Page {
-    /// The page of these values; `None` when all of them are 0.
-    fn pack(place: [i32; 2], values: &[u32]) -> Option<Self> {
-        let occupied = || values.iter().copied().filter(|&value| value > 0);
-        let (base, largest) = (occupied().min()? - 1, occupied().max()?);
-        let shift = (u32::BITS - (largest - base).leading_zeros()).next_power_of_two().trailing_zeros();
-        let mut words = vec![0_u64; (PAGE_CELLS << shift) / 64].into_boxed_slice();
-        for (slot, &value) in values.iter().enumerate() {
-            let bit = slot << shift;
-            words[bit / 64] |= u64::from(value.saturating_sub(base)) << (bit % 64);
-        }
-        Some(Self { place, base, largest, shift, words })
-    }
-
+    /// The value of a slot, where `words` are those of all pages.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "masked to at most 32 bits")]
-    fn value(&self, slot: usize) -> u32 {
+    fn value(&self, words: &[u64], slot: usize) -> u32 {
         let bit = slot << self.shift;
         let mask = u32::MAX >> (u32::BITS - (1 << self.shift));
-        let stored = (self.words[bit / 64] >> (bit % 64)) as u32 & mask;
+        let stored = (words[self.at + bit / 64] >> (bit % 64)) as u32 & mask;
         if stored == 0 { 0 } else { self.base + stored }
-    }
-
-    /// Cells with a value above 0, ascending.
-    fn iter(&self) -> impl Iterator<Item = (Cell, u32)> + '_ {
-        (0..PAGE_CELLS)
-            .map(|slot| (cells::cell_of(self.place, slot), self.value(slot)))
-            .filter(|(_, value)| *value > 0)
     }
 }
 
 impl From<CellMap<u32>> for PackedCells {
     fn from(map: CellMap<u32>) -> Self {
+        let mut packed = Self::default();
         // A page is given back before the next one is packed.
-        Self::of(map.into_pages().filter_map(|(place, values)| Page::pack(place, &values)).collect())
+        map.into_pages().for_each(|(place, values)| packed.add(place, &values));
+        packed.complete()
     }
 }
 
 impl PackedCells {
-    fn of(mut pages: Vec<Page>) -> Self {
-        pages.sort_unstable_by_key(|page| page.place);
-        let index = (0..).zip(&pages).map(|(number, page)| (page.place, number)).collect();
-        let len = pages.iter().map(|page| page.iter().count()).sum();
-        Self { index, pages, len }
+    /// Packs a page, unless all of its values are 0.
+    fn add(&mut self, place: [i32; 2], values: &[u32]) {
+        let occupied = || values.iter().copied().filter(|&value| value > 0);
+        let (Some(smallest), Some(largest)) = (occupied().min(), occupied().max()) else { return };
+        let base = smallest - 1;
+        let shift = (u32::BITS - (largest - base).leading_zeros()).next_power_of_two().trailing_zeros();
+        let at = self.words.len();
+        self.words.resize(at + (PAGE_CELLS << shift) / 64, 0);
+        for (slot, &value) in values.iter().enumerate() {
+            let bit = slot << shift;
+            self.words[at + bit / 64] |= u64::from(value.saturating_sub(base)) << (bit % 64);
+        }
+        self.len += occupied().count();
+        self.pages.push(Page { place, base, largest, shift, at });
+    }
+
+    /// After the last page.
+    fn complete(mut self) -> Self {
+        self.pages.sort_unstable_by_key(|page| page.place);
+        self.index = (0..).zip(&self.pages).map(|(number, page)| (page.place, number)).collect();
+        self.words.shrink_to_fit();
+        self
     }
 
     /// The same cells with other values.
     #[must_use]
     pub fn map(&self, mut value: impl FnMut(Cell, u32) -> u32) -> Self {
         let mut values = vec![0; PAGE_CELLS];
-        let packed = self.pages.iter().filter_map(|page| {
+        let mut packed = Self::default();
+        for page in &self.pages {
             for (slot, new) in values.iter_mut().enumerate() {
-                let old = page.value(slot);
+                let old = page.value(&self.words, slot);
                 *new = if old == 0 { 0 } else { value(cells::cell_of(page.place, slot), old) };
             }
-            Page::pack(page.place, &values)
-        });
-        Self::of(packed.collect())
+            packed.add(page.place, &values);
+        }
+        packed.complete()
     }
 
     /// Number of cells with a value above 0.
@@ -100,16 +105,17 @@ impl PackedCells {
         self.len == 0
     }
 
-    /// Bytes of memory that the values take.
+    /// Bytes of memory that they take.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.pages.iter().map(|page| (page.words.len() * 8 + size_of::<Page>()) as u64).sum()
+        let entry = size_of::<Page>() + size_of::<([i32; 2], u32)>();
+        (self.words.len() * size_of::<u64>() + self.pages.len() * entry) as u64
     }
 
     /// The value of `cell`.
     #[must_use]
     pub fn get(&self, cell: Cell) -> u32 {
-        self.page(cells::page_of(cell)).map_or(0, |page| page.value(cells::slot_of(cell)))
+        self.page(cells::page_of(cell)).map_or(0, |page| page.value(&self.words, cells::slot_of(cell)))
     }
 
     fn page(&self, place: [i32; 2]) -> Option<&Page> {
@@ -118,15 +124,23 @@ impl PackedCells {
 
     /// All cells with a value above 0: page by page, ascending within a page.
     pub fn iter(&self) -> impl Iterator<Item = (Cell, u32)> + '_ {
-        self.pages.iter().flat_map(Page::iter)
+        self.pages.iter().flat_map(|page| self.cells_of(page))
+    }
+
+    /// Cells of a page with a value above 0, ascending.
+    fn cells_of(&self, page: &Page) -> impl Iterator<Item = (Cell, u32)> + '_ {
+        let page = *page;
+        (0..PAGE_CELLS)
+            .map(move |slot| (cells::cell_of(page.place, slot), page.value(&self.words, slot)))
+            .filter(|(_, value)| *value > 0)
     }
 
     /// The cells with this value, which is above 0, ascending.
     #[must_use]
     pub fn cells_with(&self, value: u32) -> Vec<Cell> {
         let pages = self.pages.iter().filter(|page| page.base < value && value <= page.largest);
-        let mut cells: Vec<Cell> =
-            pages.flat_map(Page::iter).filter(|entry| entry.1 == value).map(|entry| entry.0).collect();
+        let cells = pages.flat_map(|page| self.cells_of(page));
+        let mut cells: Vec<Cell> = cells.filter(|entry| entry.1 == value).map(|entry| entry.0).collect();
         cells.sort_unstable();
         cells
     }
@@ -155,7 +169,7 @@ impl PackedCursor<'_> {
             self.place = place;
             self.page = self.cells.page(place);
         }
-        self.page.map_or(0, |page| page.value(cells::slot_of(cell)))
+        self.page.map_or(0, |page| page.value(&self.cells.words, cells::slot_of(cell)))
     }
 }
 
@@ -180,7 +194,7 @@ mod tests {
             let mut map = CellMap::<u32>::default();
             (-40_i32..).zip(&values).for_each(|(i, value)| *map.entry([i, 5]) = *value);
             let packed = PackedCells::from(map);
-            assert_eq!((packed.pages.len(), packed.pages[0].words.len()), (1, bits * 64), "{values:?}");
+            assert_eq!((packed.pages.len(), packed.words.len()), (1, bits * 64), "{values:?}");
             assert_eq!(packed.iter().map(|entry| entry.1).collect::<Vec<_>>(), values);
         }
     }

@@ -11,6 +11,10 @@ const SHARED_TILE_POINTS: u64 = 400_000;
 /// What a byte that is held beside tiles counts for in the budget, which is shared out by what tiles are estimated to need:
 /// on streets they take 0.55 of that (tiles of `synth mixed`: 39 MiB of 70), because the estimate covers forests.
 const HELD_WEIGHT: u64 = 2;
+/// The part of a limit that a core may take at least, however much is around it.
+const LEAST_CORE: f64 = 0.25;
+/// Part of the budget that is left when tiles are made equal, because a halo is not what it was around another core.
+const SPARE: f64 = 0.03;
 /// Memory assumed where the system does not say what is free.
 const UNKNOWN_FREE_BYTES: u64 = 4 << 30;
 
@@ -39,40 +43,79 @@ impl Budget {
         Self { memory: self.memory.saturating_sub(weight).max(self.memory / 2), ..self }
     }
 
-    /// Core points per tile to try first for a drive of `points`, when a point in flight takes `bytes_per_point`.
-    pub(crate) fn tile_points(&self, points: u64, bytes_per_point: u64) -> u64 {
-        let threads = (self.threads as u64).max(1);
-        let fitting = self.memory / (threads * bytes_per_point).max(1);
-        let most = fitting.clamp(SMALLEST_TILE_POINTS, LARGEST_TILE_POINTS);
-        let shared = (points / SHARED_TILE_POINTS).min(2 * threads);
-        let tiles = points.div_ceil(most).max(shared);
-        if tiles <= 1 {
-            return most;
-        }
-        // Tiles are about equal, so that with a multiple of the threads no thread waits for the last one.
-        points.div_ceil(tiles.next_multiple_of(threads)).max(SMALLEST_TILE_POINTS)
+    /// Tiles to try first for a drive of `points`, when a point in flight takes `bytes_per_point`.
+    pub(crate) fn tiles(&self, points: u64, bytes_per_point: u64) -> u64 {
+        let most = (self.each() / bytes_per_point.max(1)).clamp(SMALLEST_TILE_POINTS, LARGEST_TILE_POINTS);
+        let shared = (points / SHARED_TILE_POINTS).min(2 * self.threads as u64);
+        self.even(points, points.div_ceil(most).max(shared))
     }
 
-    /// Core points per tile to try for a drive of `points` after tiles of `tried` points needed `needed` bytes each at most;
-    /// `None` when they fit. As few more tiles as may do, so that drives of any length use the same part of the budget; after
-    /// some attempts `in_a_hurry`, because the halo does not shrink with the core.
-    pub(crate) fn smaller(&self, points: u64, tried: u64, needed: u64, in_a_hurry: bool) -> Option<u64> {
-        let each = self.memory / self.threads as u64;
-        if needed <= each || tried <= SMALLEST_TILE_POINTS {
+    /// How many tiles the street of each of some that need so much should become, so that all need about the same: as few as
+    /// fit, so that drives of any length use the same part of the budget. `None` when these fit.
+    pub(crate) fn balanced(&self, points: u64, needs: &[TileNeed]) -> Option<Vec<f64>> {
+        let each = self.each();
+        if needs.iter().all(|need| need.all <= each) {
             return None;
         }
-        let tiles = points.div_ceil(tried);
-        let ratio = needed as f64 / each.max(1) as f64;
-        let ratio = if in_a_hurry { (ratio / 0.9).max(1.25) } else { ratio };
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a multiple of a count of tiles"
-        )]
-        let fitting = (tiles as f64 * ratio) as u64;
-        // Steps of a percent at least: a plan of many tiles takes a while.
-        let more = fitting.max(tiles + 1 + tiles / 100);
-        Some(points.div_ceil(more).max(SMALLEST_TILE_POINTS))
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of tiles")]
+        let fitting = TileNeed::tiles_within(needs, each as f64 * (1.0 - SPARE)).ceil() as u64;
+        let tiles = self.even(points, fitting.max(needs.len() as u64));
+        let limit = TileNeed::limit_for(needs, tiles);
+        Some(needs.iter().map(|need| need.tiles(limit)).collect())
+    }
+
+    /// The same when only those are cut that do not fit; `None` when no other would be cut but to a mere halo.
+    pub(crate) fn halved(&self, needs: &[TileNeed], bytes_per_point: u64) -> Option<Vec<f64>> {
+        let least = 2 * SMALLEST_TILE_POINTS * bytes_per_point;
+        let large = |need: &TileNeed| need.all > self.each() && need.core >= least;
+        let parts = needs.iter().map(|need| if large(need) { 2.0 } else { 1.0 }).collect();
+        needs.iter().any(large).then_some(parts)
+    }
+
+    /// Bytes for a tile in flight.
+    fn each(&self) -> u64 {
+        self.memory / (self.threads as u64).max(1)
+    }
+
+    /// So many tiles or some more: a multiple of the threads, so that no thread waits for the last one, unless they would be
+    /// too small.
+    fn even(&self, points: u64, tiles: u64) -> u64 {
+        let threads = (self.threads as u64).max(1);
+        let even = if tiles <= 1 { 1 } else { tiles.div_ceil(threads).saturating_mul(threads) };
+        even.min(points / SMALLEST_TILE_POINTS).max(1)
+    }
+}
+
+/// What a tile needs in the hungriest pass, in bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct TileNeed {
+    /// For its core.
+    pub(crate) core: u64,
+    /// With its halo.
+    pub(crate) all: u64,
+}
+
+impl TileNeed {
+    /// Tiles within `limit` that the street of this one takes: the halo hardly shrinks with the core.
+    fn tiles(self, limit: f64) -> f64 {
+        let halo = self.all.saturating_sub(self.core) as f64;
+        self.core as f64 / (limit - halo).max(limit * LEAST_CORE)
+    }
+
+    /// Tiles within `limit` that the same street takes.
+    fn tiles_within(needs: &[Self], limit: f64) -> f64 {
+        needs.iter().map(|need| need.tiles(limit)).sum()
+    }
+
+    /// The least limit within which so many tiles are enough.
+    fn limit_for(needs: &[Self], tiles: u64) -> f64 {
+        let (mut low, mut high) = (1.0, needs.iter().map(|need| need.core + need.all).sum::<u64>() as f64);
+        for _ in 0..64 {
+            let middle = f64::midpoint(low, high);
+            let enough = Self::tiles_within(needs, middle) <= tiles as f64;
+            (low, high) = if enough { (low, middle) } else { (middle, high) };
+        }
+        high
     }
 }
 
@@ -100,18 +143,37 @@ mod tests {
     fn tiles_fit_the_budget_and_share_small_drives() {
         let budget = Budget { threads: 2, memory: 400 << 20 };
         // 2,097,152 points fit: 477 tiles, and one more for two threads.
-        assert_eq!(budget.tile_points(1_000_000_000, 100), 1_000_000_000_u64.div_ceil(478));
-        assert_eq!(budget.tile_points(4_000_000, 100), 1_000_000);
-        assert_eq!(budget.tile_points(1_000_000, 100), 500_000);
-        assert_eq!(budget.tile_points(10, 100), 2_097_152);
+        assert_eq!(budget.tiles(1_000_000_000, 100), 478);
+        assert_eq!(budget.tiles(4_000_000, 100), 4);
+        assert_eq!(budget.tiles(1_000_000, 100), 2);
+        assert_eq!(budget.tiles(10, 100), 1);
         assert_eq!(budget.beside(50 << 20).memory, 300 << 20);
         assert_eq!(budget.beside(900 << 20).memory, 200 << 20);
-        // 200 MiB each; ten tiles were tried: two more, one more, and in a hurry four more.
-        let points = 10_000_000_u64;
-        assert_eq!(budget.smaller(points, 1_000_000, 200 << 20, false), None);
-        assert_eq!(budget.smaller(points, 1_000_000, 259 << 20, false), Some(points.div_ceil(12)));
-        assert_eq!(budget.smaller(points, 1_000_000, 201 << 20, false), Some(points.div_ceil(11)));
-        assert_eq!(budget.smaller(points, 1_000_000, 259 << 20, true), Some(points.div_ceil(14)));
-        assert_eq!(budget.smaller(points, SMALLEST_TILE_POINTS, 201 << 20, true), None);
+    }
+
+    #[test]
+    fn tiles_are_smaller_where_there_is_more_around_them() {
+        let budget = Budget { threads: 2, memory: 400 << 20 };
+        let need = |core: u64, all: u64| TileNeed { core: core << 20, all: all << 20 };
+        let balanced = |needs: &[TileNeed]| budget.balanced(100_000_000, needs);
+        assert_eq!(balanced(&[need(100, 200), need(150, 200)]), None);
+        let sum = |parts: Option<Vec<f64>>| parts.map(|parts| parts.iter().sum::<f64>().round());
+        // Of 200 MiB (less 3 %) 94 and 44 are left: 1.5 and 3.2 tiles; of two threads, 6.
+        assert_eq!(sum(balanced(&[need(140, 240), need(140, 290)])), Some(6.0));
+        // Two are enough when the second is shorter: x + 40 = y + 80.
+        let parts = balanced(&[need(120, 160), need(121, 201)]).unwrap();
+        let lengths = parts.iter().zip([120.0, 121.0]).map(|(part, core)| core / part).collect::<Vec<f64>>();
+        assert!(
+            (lengths[0] - lengths[1] - 40.0 * f64::from(1 << 20)).abs() < 40.0 * f64::from(1 << 20),
+            "{lengths:?}"
+        );
+        assert!((parts.iter().sum::<f64>() - 2.0).abs() < 1e-6, "{parts:?}");
+        // Nothing fits beside a halo larger than all there is, and the others are not made as small.
+        let parts = balanced(&[need(190, 250), need(190, 1_000)]).unwrap();
+        assert!(2.0 * parts[0] < parts[1], "{parts:?}");
+        // Only what does not fit, and could, is cut.
+        let needs = [need(100, 200), need(100, 201), need(3, 900)];
+        assert_eq!(budget.halved(&needs, 100), Some(vec![1.0, 2.0, 1.0]));
+        assert_eq!(budget.halved(&needs[2..], 100), None);
     }
 }

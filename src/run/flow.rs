@@ -19,6 +19,7 @@ use crate::run::observe::{Event, Observer};
 use crate::run::prepare::{self, DriveEpsilon, Setting};
 use crate::run::scatter_pass::{ScatterPass, Scattered};
 use crate::run::scene::Scene;
+use crate::run::street::Street;
 use crate::run::survey_pass::SurveyPass;
 use crate::run::terrain::Terrain;
 use crate::run::tiles::Tiles;
@@ -102,15 +103,17 @@ impl<'a> Flow<'a> {
 
     /// The plan of an earlier call if it still serves, else one that fits the budget.
     pub(crate) fn plan(&self, scene: &Scene) -> Result<Plan> {
+        let street = Street::of(scene, self.drive);
         let stored: Option<TileSize> = self.engine.run_dir.read_json("plan.json")?;
-        if let (Some(size @ TileSize::Points(_)), true) = (stored, self.config.tiling.tile_length <= 0.0) {
-            let plan = scene.plan(self.drive, size);
+        if let (Some(size @ TileSize::Equal { .. }), true) = (&stored, self.config.tiling.tile_length <= 0.0)
+        {
+            let plan = street.plan(size);
             if self.chain.largest_tile_bytes(&plan) <= self.budget.memory {
                 return Ok(plan);
             }
         }
-        let (size, plan) = scene.fit_plan(self.drive, self.config, self.chain, &self.budget);
-        if stored != Some(size) {
+        let (size, plan) = street.fit(self.config, self.chain, &self.budget);
+        if stored.as_ref() != Some(&size) {
             self.engine.run_dir.write_json("plan.json", &size)?;
         }
         let largest = self.chain.largest_tile_bytes(&plan);

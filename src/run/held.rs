@@ -170,7 +170,13 @@ mod tests {
         let strips = counts.map(|cell, _| cell[0].unsigned_abs() + 1);
         let chainage_m: Vec<f64> = (0..=400).map(f64::from).collect();
         let (grid, size) = (CellGrid::new(1_000), TileSize::Metres(10.0));
-        Plan::new(&PlanRequest { cells: &counts, strips: &strips, chainage_m: &chainage_m, grid, size })
+        Plan::new(&PlanRequest {
+            cells: &counts,
+            strips: &strips,
+            chainage_m: &chainage_m,
+            grid,
+            size: &size,
+        })
     }
 
     #[test]

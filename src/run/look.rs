@@ -13,6 +13,7 @@ use crate::run::budget::Budget;
 use crate::run::drive::Drive;
 use crate::run::methods::{Chain, Registries};
 use crate::run::scene::{AxisFacts, Scene};
+use crate::run::street::Street;
 use crate::run::tiles::Tiles;
 use crate::survey::{Collector, Survey, SurveyError};
 
@@ -222,7 +223,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let asked = Budget::resolve(&config.run);
     let scene = Scene::new(&drive, survey(&drive, asked.threads)?, config)?;
     let budget = asked.beside(scene.held_bytes());
-    let (_, plan) = scene.fit_plan(&drive, config, &chain, &budget);
+    let (_, plan) = Street::of(&scene, &drive).fit(config, &chain, &budget);
     let view = Tiles::of(&drive, &plan, &scene);
     let mut read = 0;
     let tiles: Vec<TileFacts> = (0..plan.tiles.len())

@@ -4,9 +4,10 @@ use crate::cluster::{self, ClusterEntry, Method};
 use crate::config::{self, Config, ConfigError};
 use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoGround, NoiseConfig};
 use crate::model::{Lattice, Reach};
+use crate::run::budget::TileNeed;
 use crate::run::{cluster_pass, curve_pass, ground_pass, prepare, staged_pass};
 use crate::store::Inputs;
-use crate::tiling::Plan;
+use crate::tiling::{Plan, Tile};
 
 /// Where methods are looked up; a test or a program of its own may add to it.
 #[derive(Debug, Clone, Copy)]
@@ -83,6 +84,15 @@ impl Chain {
         let ground = plan.region_points(tile, self.ground_reach) * ground_pass::BYTES_PER_POINT;
         let cluster = plan.region_points(tile, self.cluster_reach) * self.cluster_bytes_per_point();
         ground.max(cluster)
+    }
+
+    /// What the tiles of `plan` need.
+    pub(crate) fn needs(&self, plan: &Plan) -> Vec<TileNeed> {
+        let core = |tile: &Tile| tile.points * self.bytes_per_point();
+        (0..)
+            .zip(&plan.tiles)
+            .map(|(n, tile)| TileNeed { core: core(tile), all: self.tile_bytes(plan, n) })
+            .collect()
     }
 
     /// Bytes of the largest tile of `plan`.

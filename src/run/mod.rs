@@ -27,6 +27,7 @@ mod scatter_pass;
 mod scene;
 mod staged_pass;
 mod status;
+mod street;
 mod survey_pass;
 mod terrain;
 mod tiles;

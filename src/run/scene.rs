@@ -1,4 +1,4 @@
-//! What is known of a drive before tiles are worked on: survey, axis, plan. Shared by `info`, `plan` and `run`.
+//! What is known of a drive before it is cut into tiles: survey, axis, occupied cells. Shared by `info`, `plan` and `run`.
 
 use std::sync::Arc;
 
@@ -6,20 +6,16 @@ use serde::Serialize;
 
 use crate::config::{AxisChoice, Config};
 use crate::error::{Error, Result};
-use crate::model::{BlockZone, Cell, PackedCells};
-use crate::run::budget::Budget;
+use crate::model::{BlockZone, PackedCells};
 use crate::run::drive::Drive;
-use crate::run::methods::Chain;
 use crate::run::rows::Rows;
 use crate::survey::{Axis, AxisSource, Survey, SurveyError, read_trajectory};
-use crate::tiling::{Plan, PlanRequest, TileSize};
 
 /// Heights of a drive fit local coordinates up to this extent in lattice units.
 const HEIGHT_LIMIT_UNITS: i64 = i32::MAX as i64;
-/// Plans tried until the largest tile fits the budget.
-const ATTEMPTS: usize = 12;
-/// The first of them, which go towards the budget in small steps.
-const PATIENT_ATTEMPTS: usize = 5;
+/// The owners of cells take at most this part of what their points take: neighbours have the same one, which takes 1 or 2
+/// bits, while a count of points takes 8 or 16.
+const OWNERS_PART: u64 = 4;
 
 /// Survey, axis and occupied cells of a drive.
 #[derive(Debug)]
@@ -28,8 +24,6 @@ pub(crate) struct Scene {
     pub(crate) axis: Axis,
     /// Points of the occupied cells.
     pub(crate) cells: Arc<PackedCells>,
-    /// Vertex of the axis that each of them is nearest to, counted from 1.
-    strips: PackedCells,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -43,55 +37,17 @@ impl Scene {
         if survey.bad_times > 0 {
             warnings.push(format!("{} points have no finite GPS time", survey.bad_times));
         }
-        let edge_m = drive.lattice().metres(drive.grid.edge());
-        let centre = |cell: Cell| cell.map(|index| (f64::from(index) + 0.5) * edge_m);
-        let strips = cells.map(|cell, _| u32::try_from(axis.nearest(centre(cell)) + 1).unwrap_or(u32::MAX));
-        warn_of_strays(&survey, &cells, edge_m, &mut warnings);
+        survey.time_bins.clear();
+        warn_of_strays(&survey, &cells, drive.lattice().metres(drive.grid.edge()), &mut warnings);
         warn_of_header_boxes(drive, &survey, &mut warnings);
-        Ok(Self { survey, axis, cells, strips, warnings })
+        Ok(Self { survey, axis, cells, warnings })
     }
 
-    /// Bytes that are held for as long as the run lasts and grow with the street: what is known of its cells (with the
-    /// plan, which needs less for the owners than the strips take), and of its blocks.
+    /// Bytes that are held for as long as the run lasts and grow with the street: what is known of its cells, with the plan,
+    /// of its axis, and of its blocks.
     pub(crate) fn held_bytes(&self) -> u64 {
-        let zones = self.survey.zones.iter().flatten();
-        self.cells.bytes() + 2 * self.strips.bytes() + zones.map(BlockZone::bytes).sum::<u64>()
-    }
-
-    /// The plan with tiles of `size`.
-    pub(crate) fn plan(&self, drive: &Drive, size: TileSize) -> Plan {
-        Plan::new(&PlanRequest {
-            cells: &self.cells,
-            strips: &self.strips,
-            chainage_m: self.axis.chainage_m(),
-            grid: drive.grid,
-            size,
-        })
-    }
-
-    /// The tile size that the configuration asks for or the budget allows, and its plan.
-    pub(crate) fn fit_plan(
-        &self,
-        drive: &Drive,
-        config: &Config,
-        chain: &Chain,
-        budget: &Budget,
-    ) -> (TileSize, Plan) {
-        if config.tiling.tile_length > 0.0 {
-            let size = TileSize::Metres(config.tiling.tile_length);
-            return (size, self.plan(drive, size));
-        }
-        let total = self.survey.points();
-        let mut points = budget.tile_points(total, chain.bytes_per_point());
-        let mut plan = self.plan(drive, TileSize::Points(points));
-        for attempt in 0..ATTEMPTS {
-            let needed = chain.largest_tile_bytes(&plan);
-            let in_a_hurry = attempt >= PATIENT_ATTEMPTS;
-            let Some(fewer) = budget.smaller(total, points, needed, in_a_hurry) else { break };
-            points = fewer;
-            plan = self.plan(drive, TileSize::Points(points));
-        }
-        (TileSize::Points(points), plan)
+        let zones = self.survey.zones.iter().flatten().map(BlockZone::bytes).sum::<u64>();
+        self.cells.bytes() + self.cells.bytes() / OWNERS_PART + self.axis.bytes() + zones
     }
 
     /// One number for the content of all files.

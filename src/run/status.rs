@@ -12,6 +12,7 @@ use crate::run::engine::Pass;
 use crate::run::look::open_catalog;
 use crate::run::methods::{Chain, Registries};
 use crate::run::scene::Scene;
+use crate::run::street::Street;
 use crate::run::survey_pass::SurveyPass;
 use crate::run::{finish, inputs, prepare};
 use crate::store::{PassDir, RunDir, StaleReason, UnitState};
@@ -89,7 +90,7 @@ pub fn status(
         let length = config.tiling.tile_length;
         let size = if length > 0.0 { TileSize::Metres(length) } else { size };
         let scene = Scene::new(&drive, pass.reduce(&dir)?, &config)?;
-        let plan = scene.plan(&drive, size);
+        let plan = Street::of(&scene, &drive).plan(&size);
         let ground = inputs::ground(&scene, &plan, &config, &chain);
         let clusters = inputs::clusters(&ground, &config, &chain.method);
         let export = inputs::export(&clusters, &scene, &config, &chain.method);

@@ -3,7 +3,7 @@
 //! ```text
 //! file    := magic version unit fingerprint length payload checksum trailer
 //! magic   := "CHAINAGE"                8 bytes
-//! version := u32                       FORMAT_VERSION; raised when the bytes of any payload change meaning
+//! version := u32                       FORMAT_VERSION; raised when the bytes of any payload or of the plan change meaning
 //! unit    := u32                       number of the unit in its pass
 //! fingerprint := u128                  of everything the payload depends on
 //! length  := u64                       bytes of payload
@@ -18,7 +18,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use crate::store::Fingerprint;
 
 /// Version of the state on disk; a change of any payload raises it.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 
 const MAGIC: &[u8; 8] = b"CHAINAGE";
 const TRAILER: &[u8; 8] = b"COMMITED";

@@ -111,6 +111,13 @@ impl Axis {
         Self { source, vertices, chainage, joined, index }
     }
 
+    /// Bytes of memory that it takes.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let vertex = size_of::<[f64; 2]>() + size_of::<f64>() + size_of::<bool>();
+        (self.vertices.len() * vertex) as u64 + self.index.bytes()
+    }
+
     /// Vertices in metres.
     #[must_use]
     pub fn vertices(&self) -> &[[f64; 2]] {

@@ -5,4 +5,4 @@ mod gather;
 mod plan;
 
 pub use gather::{Gathered, Gatherer, HeightOutOfRange, Wanted};
-pub use plan::{Plan, PlanRequest, Region, Tile, TileSize};
+pub use plan::{Place, Plan, PlanRequest, Region, Tile, TileSize};

@@ -14,13 +14,40 @@ use crate::model::{Area, Cell, CellGrid, CellMap, PackedCells};
 /// local coordinates fit 31 bits and methods can index their cells, whatever the edge of a cell of the raster.
 const CORE_EXTENT_UNITS: i64 = 60_000_000;
 
-/// How long a tile is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// What a tile weighs: much, because what a point weighs is rounded, but so that thousands of tiles fit a number. Where a tile
+/// begins may move by a cell.
+const TILE_LOAD: f64 = (1_u64 << 44) as f64;
+
+/// A place along the street: a strip, and a cell of it.
+pub type Place = (u32, Cell);
+
+/// How long tiles are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum TileSize {
-    /// As few tiles of about equal points as have at most about so many in the core.
-    Points(u64),
     /// So many metres of chainage.
     Metres(f64),
+    /// So many tiles that weigh about the same.
+    Equal {
+        /// How many.
+        tiles: u64,
+        /// What a point weighs from a place on, ascending by place; 1 before the first. Tiles are shorter where it weighs more.
+        weights: Vec<(Place, u64)>,
+    },
+}
+
+impl TileSize {
+    /// So many tiles of about equally many points.
+    #[must_use]
+    pub const fn equal(tiles: u64) -> Self {
+        Self::Equal { tiles, weights: Vec::new() }
+    }
+
+    /// What a point of a cell weighs.
+    fn weight(&self, place: Place) -> u64 {
+        let Self::Equal { weights, .. } = self else { return 1 };
+        let begun = weights.partition_point(|(begin, _)| *begin <= place);
+        weights[..begun].last().map_or(1, |(_, weight)| *weight)
+    }
 }
 
 /// What a plan is made from. The cells whose nearest vertex of the axis is the same are a strip across the street.
@@ -34,8 +61,8 @@ pub struct PlanRequest<'a> {
     pub chainage_m: &'a [f64],
     /// The raster.
     pub grid: CellGrid,
-    /// How long a tile is.
-    pub size: TileSize,
+    /// How long tiles are.
+    pub size: &'a TileSize,
 }
 
 /// One tile.
@@ -47,9 +74,9 @@ pub struct Tile {
     pub from_m: f64,
     /// Chainage of its last cell in metres.
     pub to_m: f64,
-    /// Where it begins: a strip, and where that is cut, a cell of it.
+    /// Where it begins; the cell is the least there is where no strip is cut.
     #[serde(skip)]
-    first: (u32, Cell),
+    pub first: Place,
 }
 
 /// The tiles of a run.
@@ -68,20 +95,23 @@ pub struct Plan {
 #[derive(Debug, Clone, Copy)]
 struct Bunch {
     points: u64,
+    /// What the points weigh.
+    load: u64,
     lo: Cell,
     hi: Cell,
 }
 
 impl Bunch {
-    const EMPTY: Self = Self { points: 0, lo: [i32::MAX; 2], hi: [i32::MIN; 2] };
+    const EMPTY: Self = Self { points: 0, load: 0, lo: [i32::MAX; 2], hi: [i32::MIN; 2] };
 
-    fn of(cell: Cell, points: u32) -> Self {
-        Self { points: points.into(), lo: cell, hi: cell }
+    fn of(cell: Cell, points: u32, weight: u64) -> Self {
+        Self { points: points.into(), load: u64::from(points).saturating_mul(weight), lo: cell, hi: cell }
     }
 
     fn and(&self, other: &Self) -> Self {
         let [i, j] = [0, 1].map(|k| (self.lo[k].min(other.lo[k]), self.hi[k].max(other.hi[k])));
-        Self { points: self.points + other.points, lo: [i.0, j.0], hi: [i.1, j.1] }
+        let (points, load) = (self.points + other.points, self.load.saturating_add(other.load));
+        Self { points, load, lo: [i.0, j.0], hi: [i.1, j.1] }
     }
 
     /// Its longer side in lattice units.
@@ -92,12 +122,12 @@ impl Bunch {
 }
 
 /// Cuts the street, which comes bunch by bunch in order of chainage.
-struct Cutter {
-    size: TileSize,
+struct Cutter<'a> {
+    size: &'a TileSize,
     grid: CellGrid,
-    /// Points of a tile, where tiles go by points.
+    /// Load of a tile, where tiles weigh the same.
     share: u64,
-    /// Points before the next bunch, and how many tiles they fill.
+    /// Load before the next bunch, and how many tiles it fills.
     before: u64,
     filled: u64,
     tiles: Vec<Tile>,
@@ -105,10 +135,10 @@ struct Cutter {
     core: Bunch,
 }
 
-impl Cutter {
-    fn new(size: TileSize, grid: CellGrid, total: u64) -> Self {
+impl<'a> Cutter<'a> {
+    fn new(size: &'a TileSize, grid: CellGrid, load: u64) -> Self {
         let share = match size {
-            TileSize::Points(most) => total.div_ceil(total.div_ceil(most.max(1)).max(1)).max(1),
+            TileSize::Equal { tiles, .. } => load.div_ceil((*tiles).max(1)).max(1),
             TileSize::Metres(_) => u64::MAX,
         };
         Self { size, grid, share, before: 0, filled: 0, tiles: Vec::new(), core: Bunch::EMPTY }
@@ -116,17 +146,17 @@ impl Cutter {
 
     /// Whether a tile may have to begin within this bunch, which comes next.
     fn may_cut(&self, before: u64, bunch: &Bunch) -> bool {
-        before / self.share < (before + bunch.points) / self.share
+        before / self.share < before.saturating_add(bunch.load) / self.share
             || bunch.extent(self.grid) >= CORE_EXTENT_UNITS / 2
     }
 
     /// Takes the next bunch, whose first cell is `first`.
-    fn take(&mut self, first: (u32, Cell), chainage_m: f64, bunch: &Bunch) {
+    fn take(&mut self, first: Place, chainage_m: f64, bunch: &Bunch) {
         let grown = self.core.and(bunch);
         let full = self.tiles.last().is_none_or(|tile| {
             grown.extent(self.grid) >= CORE_EXTENT_UNITS
                 || match self.size {
-                    TileSize::Points(_) => self.before / self.share > self.filled,
+                    TileSize::Equal { .. } => self.before / self.share > self.filled,
                     TileSize::Metres(length) => {
                         (tile.from_m / length).floor() < (chainage_m / length).floor()
                     }
@@ -141,7 +171,7 @@ impl Cutter {
             tile.points = self.core.points;
             tile.to_m = chainage_m;
         }
-        self.before += bunch.points;
+        self.before = self.before.saturating_add(bunch.load);
     }
 }
 
@@ -153,34 +183,36 @@ impl Plan {
     pub fn new(request: &PlanRequest<'_>) -> Self {
         let cells = || {
             let mut points = request.cells.cursor();
-            request.strips.iter().map(move |(cell, strip)| (cell, strip, points.get(cell)))
+            request.strips.iter().map(move |(cell, strip)| {
+                (strip, cell, Bunch::of(cell, points.get(cell), request.size.weight((strip, cell))))
+            })
         };
         let mut strips = vec![Bunch::EMPTY; request.chainage_m.len()];
-        for (cell, strip, points) in cells() {
+        for (strip, _, of_cell) in cells() {
             let bunch = &mut strips[strip as usize - 1];
-            *bunch = bunch.and(&Bunch::of(cell, points));
+            *bunch = bunch.and(&of_cell);
         }
-        let total = strips.iter().map(|strip| strip.points).sum();
-        let mut cutter = Cutter::new(request.size, request.grid, total);
+        let load = strips.iter().fold(0, |load: u64, strip| load.saturating_add(strip.load));
+        let mut cutter = Cutter::new(request.size, request.grid, load);
         let mut before = 0;
-        let mut cut: BTreeMap<u32, Vec<(Cell, u32)>> = BTreeMap::new();
+        let mut cut: BTreeMap<u32, Vec<(Cell, Bunch)>> = BTreeMap::new();
         for (number, strip) in (1..).zip(&strips) {
             if cutter.may_cut(before, strip) {
                 cut.insert(number, Vec::new());
             }
-            before += strip.points;
+            before = before.saturating_add(strip.load);
         }
-        for (cell, strip, points) in cells() {
+        for (strip, cell, of_cell) in cells() {
             if let Some(list) = cut.get_mut(&strip) {
-                list.push((cell, points));
+                list.push((cell, of_cell));
             }
         }
         for ((number, strip), &chainage_m) in (1..).zip(&strips).zip(request.chainage_m) {
             match cut.get_mut(&number) {
                 Some(list) => {
-                    list.sort_unstable();
-                    for (cell, points) in list {
-                        cutter.take((number, *cell), chainage_m, &Bunch::of(*cell, *points));
+                    list.sort_unstable_by_key(|(cell, _)| *cell);
+                    for (cell, of_cell) in list {
+                        cutter.take((number, *cell), chainage_m, of_cell);
                     }
                 }
                 None if strip.points > 0 => cutter.take((number, [i32::MIN; 2]), chainage_m, strip),
@@ -194,6 +226,17 @@ impl Plan {
             u32::try_from(owner).unwrap_or(u32::MAX)
         });
         Self { tiles, grid: request.grid, cells: Arc::clone(request.cells), owners }
+    }
+
+    /// Tiles of which the street of each of these is so many parts, which make a whole number together.
+    #[must_use]
+    pub fn cut_into(&self, parts: &[f64]) -> TileSize {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a tile weighs so much")]
+        let weight =
+            |(tile, parts): (&Tile, &f64)| (tile.first, (TILE_LOAD * parts / tile.points as f64) as u64);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of tiles")]
+        let tiles = parts.iter().sum::<f64>().round() as u64;
+        TileSize::Equal { tiles, weights: self.tiles.iter().zip(parts).map(weight).collect() }
     }
 
     /// The raster.
@@ -321,7 +364,7 @@ mod tests {
     use super::*;
 
     /// A plan of cells whose chainage is their first index.
-    fn plan(cells: &[(Cell, u32)], size: TileSize) -> Plan {
+    fn plan(cells: &[(Cell, u32)], size: &TileSize) -> Plan {
         let mut map = CellMap::<u32>::default();
         cells.iter().for_each(|(cell, points)| *map.entry(*cell) = *points);
         let counts = Arc::new(PackedCells::from(map));
@@ -340,10 +383,15 @@ mod tests {
     #[test]
     fn cores_partition_the_occupied_cells() {
         let cells = street(100);
-        for size in
-            [TileSize::Points(1), TileSize::Points(333), TileSize::Metres(7.0), TileSize::Points(1 << 40)]
-        {
-            let plan = plan(&cells, size);
+        let weights = vec![((20, [0, 0]), 3), ((60, [59, 2]), 2)];
+        for size in [
+            TileSize::equal(5_000),
+            TileSize::equal(15),
+            TileSize::Metres(7.0),
+            TileSize::equal(0),
+            TileSize::Equal { tiles: 9, weights },
+        ] {
+            let plan = plan(&cells, &size);
             let mut seen: Vec<Cell> = (0..plan.tiles.len()).flat_map(|tile| plan.core(tile)).collect();
             seen.sort_unstable();
             assert_eq!(seen, cells.iter().map(|entry| entry.0).collect::<Vec<_>>());
@@ -357,23 +405,32 @@ mod tests {
     }
 
     #[test]
-    fn tiles_by_points_are_few_and_about_equal() {
-        // 5,000 points in cells of 10: three tiles, of at most a third of them and a cell.
-        let points: Vec<u64> =
-            plan(&street(100), TileSize::Points(2_000)).tiles.iter().map(|tile| tile.points).collect();
-        assert_eq!(points, [1_670, 1_670, 1_660]);
+    fn tiles_weigh_about_the_same() {
+        let points = |size: &TileSize| -> Vec<u64> {
+            plan(&street(100), size).tiles.iter().map(|tile| tile.points).collect()
+        };
+        // 5,000 points in cells of 10: of at most a third of them and a cell.
+        assert_eq!(points(&TileSize::equal(3)), [1_670, 1_670, 1_660]);
+        // Those of the second half weigh thrice as much: a load of 10,000.
+        let weights = vec![((51, [i32::MIN; 2]), 3)];
+        assert_eq!(points(&TileSize::Equal { tiles: 4, weights }), [2_500, 840, 830, 830]);
+        // Of four tiles one in two, and three of the last two; to the cell.
+        let four = plan(&street(100), &TileSize::equal(4));
+        let parts = points(&four.cut_into(&[1.0, 2.0, 1.5, 1.5]));
+        let expected = [1_250, 625, 625, 833, 833, 833_u64];
+        assert!(parts.len() == 6 && (0..6).all(|k| parts[k].abs_diff(expected[k]) <= 10), "{parts:?}");
     }
 
     #[test]
     fn tiles_by_length_are_whole_multiples() {
-        let plan = plan(&street(100), TileSize::Metres(20.0));
+        let plan = plan(&street(100), &TileSize::Metres(20.0));
         let spans: Vec<(f64, f64)> = plan.tiles.iter().map(|tile| (tile.from_m, tile.to_m)).collect();
         assert_eq!(spans, [(0.0, 19.0), (20.0, 39.0), (40.0, 59.0), (60.0, 79.0), (80.0, 99.0)]);
     }
 
     #[test]
     fn the_halo_is_every_foreign_cell_within_reach() {
-        let plan = plan(&street(100), TileSize::Metres(20.0));
+        let plan = plan(&street(100), &TileSize::Metres(20.0));
         let region = plan.region(1, 2_500);
         // Cells 17..=19 and 40..=42: a reach of 2.5 m covers gaps of up to two whole cells.
         let halo: Vec<i32> = (0..100).filter(|&i| region.roles.get([i, 2]) == Region::HALO).collect();
@@ -386,7 +443,7 @@ mod tests {
     fn a_stray_point_far_away_has_its_own_tile() {
         let mut cells = street(10);
         cells.push(([5_000_000, 0], 1));
-        let plan = plan(&cells, TileSize::Points(1 << 40));
+        let plan = plan(&cells, &TileSize::equal(1));
         assert_eq!(plan.tiles.len(), 2);
     }
 }
