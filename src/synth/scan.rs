@@ -72,13 +72,18 @@ impl Scanner {
 
     /// Pulses that are traced together: some that follow each other, but one where they are far apart.
     fn together(&self) -> u64 {
-        (FAN.0 * self.pulses() as f64 / TAU).min(FAN.1 * self.pulse_rate_hz).max(1.0) as u64
+        (self.fan() * self.pulses() as f64 / TAU).min(FAN_S * self.pulse_rate_hz).max(1.0) as u64
+    }
+
+    /// Angle within which pulses are traced together, radians: a list of what they may meet should serve several.
+    fn fan(&self) -> f64 {
+        (FAN_PULSES * TAU / self.pulses() as f64).clamp(FAN_RAD.start, FAN_RAD.end)
     }
 
     /// How far a beam may be from the middle one of those it is traced with, metres. In half a millisecond the vehicle
     /// goes 2 cm and, at 150 km/h in a bend of 50 m, turns by 0.4 mrad.
     pub(super) fn spread(&self) -> f32 {
-        (self.range_m * (FAN.0 * 0.5 + 0.001) + 0.1) as f32
+        (self.range_m * (self.fan() * 0.5 + 0.001) + 0.1) as f32
     }
 
     /// Time of a pulse, seconds since the start; the second head fires half a pulse later.
@@ -93,8 +98,10 @@ impl Scanner {
     }
 }
 
-/// Angle, radians, and time, seconds, within which pulses are traced together.
-const FAN: (f64, f64) = (0.04, 0.001);
+/// Pulses that are traced together at least, within an angle in radians, and the time of them in seconds at most.
+const FAN_PULSES: f64 = 6.0;
+const FAN_RAD: Range<f64> = 0.04..0.1;
+const FAN_S: f64 = 0.001;
 
 /// From the frame of the first or second of so many profile heads to the vehicle's (forward, left, up): at scan angle 0 a
 /// head looks along its -z, at 90 degrees along its -y. A single one looks back over the left shoulder.
