@@ -11,11 +11,11 @@ use crate::stitch::{LocalLabels, Stitched, Stitcher};
 use crate::store::{PassDir, StoreError};
 use crate::tiling::Wanted;
 
-/// Bytes per point that a tile of this pass needs at its peak: `scripts/tile_memory.py` measured 18 to 32 on streets. In a
-/// forest, where nearly all points are of objects, it was 93 when streets had 25 to 50. In a space of so many fields (0: none
-/// beside coordinates) the places of the points and a tree come on top, estimated from their sizes.
+/// Bytes per point of objects that a tile of this pass needs at its peak: `scripts/tile_memory.py` measured 54 to 73 on streets
+/// and 84 in a forest. In a space of so many fields (0: none beside coordinates) the places of the points and a tree come on
+/// top, estimated from their sizes.
 pub(crate) fn bytes_per_point(fields: usize) -> u64 {
-    96 + 32 * fields as u64
+    88 + 32 * fields as u64
 }
 
 pub(crate) struct ClusterPass<'a> {
@@ -39,8 +39,8 @@ impl Pass for ClusterPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        self.tiles.plan.region_points(unit, self.reach)
-            * bytes_per_point(self.tiles.fields.map_or(0, StoredFields::dimensions))
+        let per_point = bytes_per_point(self.tiles.fields.map_or(0, StoredFields::dimensions));
+        self.tiles.object_points(unit, self.reach) * per_point
     }
 
     fn prefetch(&self, unit: usize) {

@@ -22,7 +22,7 @@ use crate::space::{Neighbours, Points};
 use crate::store::PassDir;
 use crate::tiling::Wanted;
 
-/// Bytes per point that a tile of this pass needs at its peak with so many fields: 29 of the cloud, 8 per field of its
+/// Bytes per point of objects that a tile of this pass needs at its peak with so many fields: 29 of the cloud, 8 per field of its
 /// places, 8 per field and 8 while the tree is built, and what is read for points that ask for more; estimated from these
 /// sizes.
 pub(crate) fn bytes_per_point(fields: usize) -> u64 {
@@ -226,7 +226,7 @@ impl Pass for CurvePass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        self.tiles.plan.region_points(unit, self.halo()) * bytes_per_point(self.space.axes.len())
+        self.tiles.object_points(unit, self.halo()) * bytes_per_point(self.space.axes.len())
     }
 
     fn prefetch(&self, unit: usize) {

@@ -1,7 +1,7 @@
 //! The engine: runs the units of one pass on worker threads, stores what they return, and resumes where it stopped.
 //!
 //! A pass is a pure function over its units (tiles, runs of blocks): files and small values in, a payload and column
-//! values out. A bounded channel hands units to workers in order; a worker reads and computes its unit, a keeper syncs
+//! values out. A channel hands units to workers in order, as long as there is memory for them; a worker reads and computes its unit, a keeper syncs
 //! what has come in meanwhile and then commits it, so that finished work survives whatever comes next and no worker
 //! waits for the disk. Order is restored where it matters, in the reductions, which read the payloads in unit order.
 
@@ -14,6 +14,7 @@ use serde_json::json;
 
 use crate::error::{Error, Result};
 use crate::input::InputError;
+use crate::run::in_flight::InFlight;
 use crate::run::observe::{Event, Observer};
 use crate::store::{PassDir, RunDir, UnitState};
 
@@ -114,20 +115,20 @@ impl Engine<'_> {
 
     /// Hands units to workers until all are done, one fails fatally, or the run is cancelled.
     fn work(&self, pass: &dyn Pass, dir: &PassDir, todo: &[usize]) -> Vec<(usize, Error)> {
-        let largest = todo.iter().map(|&unit| pass.bytes(unit)).max().unwrap_or(0).max(1);
-        let fitting = usize::try_from(self.memory / largest).unwrap_or(usize::MAX);
-        let workers = self.threads.min(fitting).min(todo.len()).max(1);
-        let stop = AtomicBool::new(false);
-        let (jobs, inbox) = bounded::<usize>(1);
+        let workers = self.threads.min(todo.len()).max(1);
+        let (stop, flight) = (AtomicBool::new(false), InFlight::default());
+        // Without a place to wait in: a unit that was handed over is being worked on.
+        let (jobs, inbox) = bounded::<(usize, u64)>(0);
         let (report, results) = bounded(workers);
         let mut failures = Vec::new();
         std::thread::scope(|scope| {
             for _ in 0..workers {
-                let (inbox, report) = (inbox.clone(), report.clone());
+                let (inbox, report, flight) = (inbox.clone(), report.clone(), &flight);
                 scope.spawn(move || {
-                    for unit in inbox {
+                    for (unit, bytes) in inbox {
                         let began = Instant::now();
                         let payload = run_unit(pass, dir, unit);
+                        flight.land(bytes);
                         let seconds = began.elapsed().as_secs_f64();
                         if report.send(Computed { unit, seconds, payload }).is_err() {
                             break;
@@ -136,14 +137,14 @@ impl Engine<'_> {
                 });
             }
             drop((inbox, report));
-            let stop = &stop;
+            let (stop, flight) = (&stop, &flight);
             scope.spawn(move || {
                 for &unit in todo {
-                    if stop.load(Ordering::Relaxed) || self.cancel.is_cancelled() {
-                        break;
-                    }
                     pass.prefetch(unit);
-                    if jobs.send(unit).is_err() {
+                    let bytes = pass.bytes(unit);
+                    flight.start(bytes, self.memory);
+                    let stopped = stop.load(Ordering::Relaxed) || self.cancel.is_cancelled();
+                    if stopped || jobs.send((unit, bytes)).is_err() {
                         break;
                     }
                 }

@@ -146,8 +146,8 @@ impl<'a> Flow<'a> {
         Ok(Some(pass.reduce(&dir)?))
     }
 
-    /// Tells ground and noise from objects.
-    fn ground(&mut self, tiles: &Tiles<'_>, inputs: &Inputs) -> Result<PassDir> {
+    /// Tells ground and noise from objects: the finished pass, and the points of objects in the core of each tile.
+    fn ground(&mut self, tiles: &Tiles<'_>, inputs: &Inputs) -> Result<(PassDir, Vec<u64>)> {
         let dir = self.pass_dir(inputs::GROUND, inputs.clone());
         let pass = GroundPass {
             tiles,
@@ -156,24 +156,19 @@ impl<'a> Flow<'a> {
             reach: self.chain.ground_reach,
         };
         self.passes.push(self.engine.execute(&pass, &dir)?);
-        Ok(dir)
+        let objects = pass.reduce(&dir)?;
+        Ok((dir, objects))
     }
 
     /// What the method has to know of the whole drive, if anything, after the ground pass.
-    fn know(
-        &mut self,
-        scene: &Scene,
-        tiles: &Tiles<'_>,
-        ground: &Inputs,
-        ground_dir: &PassDir,
-    ) -> Result<Option<Known>> {
+    fn know(&mut self, scene: &Scene, tiles: &Tiles<'_>, ground: &Inputs) -> Result<Option<Known>> {
         let Method::Prepared(method) = &self.chain.method else { return Ok(None) };
         let (needs, passes) = (method.needs(), &mut self.passes);
         let setting = Setting { engine: &self.engine, config: self.config, scene, ground };
         let (space, fields) = prepare::field_space(&setting, passes, tiles, needs)?;
         let mut epsilon = None;
         if needs.epsilon {
-            let population = prepare::object_points(tiles, ground_dir)?;
+            let population = tiles.objects.iter().sum();
             let tiles = Tiles { fields: fields.as_ref(), ..*tiles };
             epsilon = Some(prepare::estimate(&setting, passes, &tiles, needs, &space, population)?);
         }
@@ -186,8 +181,9 @@ impl<'a> Flow<'a> {
         let scattered = self.scatter(scene, &tiles)?;
         tiles.scattered = scattered.as_ref();
         let ground = inputs::ground(scene, plan, self.config, self.chain);
-        let ground_dir = self.ground(&tiles, &ground)?;
-        Ok(self.know(scene, &tiles, &ground, &ground_dir)?.and_then(|known| known.epsilon))
+        let (_, objects) = self.ground(&tiles, &ground)?;
+        tiles.objects = &objects;
+        Ok(self.know(scene, &tiles, &ground)?.and_then(|known| known.epsilon))
     }
 
     /// Ground, clusters, stitching, labelled files and tables.
@@ -203,8 +199,9 @@ impl<'a> Flow<'a> {
         let ground_inputs = inputs::ground(scene, plan, self.config, self.chain);
         let cluster_inputs = inputs::clusters(&ground_inputs, self.config, &self.chain.method);
         let export_inputs = inputs::export(&cluster_inputs, scene, self.config, &self.chain.method);
-        let ground_dir = self.ground(&tiles, &ground_inputs)?;
-        let known = self.know(scene, &tiles, &ground_inputs, &ground_dir)?;
+        let (ground_dir, objects) = self.ground(&tiles, &ground_inputs)?;
+        tiles.objects = &objects;
+        let known = self.know(scene, &tiles, &ground_inputs)?;
         tiles.fields = known.as_ref().and_then(|known| known.fields.as_ref());
         let folders: Vec<&str> = cluster_inputs.iter().map(|(folder, _)| folder.as_str()).collect();
         // Every method writes the labels of points to one place.

@@ -11,11 +11,12 @@ use crate::model::{Cell, PointClass, TileView};
 use crate::run::drive::sync_columns;
 use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
+use crate::store::PassDir;
 use crate::tiling::Wanted;
 
 /// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting): `scripts/tile_memory.py` measured 39
-/// to 41 on streets. In a forest, where few points share a voxel, it was 62 when streets had 46 to 54.
-pub(crate) const BYTES_PER_POINT: u64 = 72;
+/// to 44 on streets, and 49 to 51 in a forest, where few points share a voxel.
+pub(crate) const BYTES_PER_POINT: u64 = 52;
 
 pub(crate) struct GroundPass<'a> {
     pub(crate) tiles: &'a Tiles<'a>,
@@ -123,5 +124,16 @@ impl Pass for GroundPass<'_> {
 
     fn sync(&self) -> Result<()> {
         sync_columns(&self.tiles.drive.classes)
+    }
+}
+
+impl GroundPass<'_> {
+    /// Points of objects in the core of each tile, from the finished pass.
+    pub(crate) fn reduce(&self, dir: &PassDir) -> Result<Vec<u64>> {
+        let objects = |unit| {
+            let payload: GroundPayload = codec::decode(&dir.payload(unit)?)?;
+            Ok(payload.counts[usize::from(PointClass::Object.code())])
+        };
+        (0..self.units()).map(objects).collect()
     }
 }

@@ -241,9 +241,10 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         })
         .collect();
     let points = scene.survey.points();
-    let largest = tiles.iter().map(|tile| tile.bytes).max().unwrap_or(0);
-    let fitting = usize::try_from(budget.memory / largest.max(1)).unwrap_or(usize::MAX).max(1);
-    let in_flight = budget.threads.min(fitting).min(tiles.len());
+    let mut needs: Vec<u64> = tiles.iter().map(|tile| tile.bytes).collect();
+    needs.sort_unstable_by(|a, b| b.cmp(a));
+    let largest = needs.first().copied().unwrap_or(0);
+    let in_flight: u64 = needs.iter().take(budget.threads).sum();
     let unpacked: u64 = drive
         .catalog
         .files()
@@ -272,7 +273,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         points,
         threads: budget.threads,
         memory: asked.memory,
-        memory_needed: largest * in_flight as u64,
+        memory_needed: in_flight.min(budget.memory.max(largest)),
         ground_reach_m: lattice.metres(chain.ground_reach),
         cluster_reach_m: lattice.metres(chain.cluster_reach),
         read_amplification: read as f64 / points.max(1) as f64,

@@ -16,6 +16,7 @@ mod flow;
 mod ground_pass;
 mod held;
 mod identity;
+mod in_flight;
 mod inputs;
 mod look;
 mod map;

@@ -4,19 +4,17 @@
 use serde::Serialize;
 
 use crate::cluster::{EpsilonConfig, Method, Needs, PreparedClusterer};
-use crate::codec;
 use crate::config::{self, Config, ConfigError};
 use crate::epsilon::{self, Attempt, Curve, Estimate};
 use crate::error::{AlgorithmError, Result};
-use crate::model::{FieldSpace, PointClass};
+use crate::model::FieldSpace;
 use crate::run::curve_pass::{AskingCost, CurvePass, HALO_M, Sample};
 use crate::run::engine::{Engine, PassFigures};
 use crate::run::fields_pass::{FieldsPass, StoredFields};
-use crate::run::ground_pass::GroundPayload;
 use crate::run::inputs;
 use crate::run::scene::Scene;
 use crate::run::tiles::Tiles;
-use crate::store::{Inputs, PassDir};
+use crate::store::Inputs;
 
 /// An epsilon that was estimated over a drive, and what it came from.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -130,16 +128,6 @@ pub(crate) fn epsilon_settings(config: &Config) -> Result<EpsilonConfig, ConfigE
     let settings: EpsilonConfig = config::section("epsilon", &config.method_table("epsilon"))?;
     settings.validate()?;
     Ok(settings)
-}
-
-/// Points that are neither ground nor noise, from the finished ground pass.
-pub(crate) fn object_points(tiles: &Tiles<'_>, ground: &PassDir) -> Result<u64> {
-    let mut points = 0;
-    for tile in 0..tiles.plan.tiles.len() {
-        let payload: GroundPayload = codec::decode(&ground.payload(tile)?)?;
-        points += payload.counts[usize::from(PointClass::Object.code())];
-    }
-    Ok(points)
 }
 
 /// A method that is ready for tiles, and how far it reaches in lattice units.

@@ -2,17 +2,15 @@
 
 use crate::config::Config;
 use crate::model::{Cell, CellGrid, PackedCells};
-use crate::run::budget::Budget;
+use crate::run::budget::{Budget, TileNeed};
 use crate::run::drive::Drive;
 use crate::run::methods::Chain;
 use crate::run::scene::Scene;
 use crate::tiling::{Plan, PlanRequest, TileSize};
 
-/// Plans tried until the largest tile fits the budget.
-const ATTEMPTS: usize = 12;
-/// The first of them, which move all tiles; the others only cut those in two that do not fit, for instance where a street
-/// meets itself and what is around a tile changes with every metre.
-const BALANCING_ATTEMPTS: usize = 4;
+/// Plans tried until every thread can have any tile in flight. There may be none, for instance where a street meets itself and
+/// what is around a tile changes with every metre: then some tiles wait for others.
+const ATTEMPTS: usize = 5;
 
 /// The occupied cells in order of chainage. Needed for the plan and not after that.
 #[derive(Debug)]
@@ -53,16 +51,16 @@ impl<'a> Street<'a> {
         let points = self.scene.survey.points();
         let mut size = TileSize::equal(budget.tiles(points, chain.bytes_per_point()));
         let mut plan = self.plan(&size);
-        for attempt in 0..ATTEMPTS {
-            let needs = chain.needs(&plan);
-            let parts = if attempt < BALANCING_ATTEMPTS {
-                budget.balanced(points, &needs)
-            } else {
-                budget.halved(&needs, chain.bytes_per_point())
-            };
-            let Some(parts) = parts else { break };
-            size = plan.cut_into(&parts);
-            plan = self.plan(&size);
+        let mut needs = chain.needs(&plan);
+        for _ in 1..ATTEMPTS {
+            let Some(parts) = budget.balanced(points, &needs) else { break };
+            let other_size = plan.cut_into(&parts);
+            let other = self.plan(&other_size);
+            let others = chain.needs(&other);
+            if budget.fits(&needs) && TileNeed::largest(&others) >= TileNeed::largest(&needs) {
+                break;
+            }
+            (size, plan, needs) = (other_size, other, others);
         }
         (size, plan)
     }

@@ -20,6 +20,8 @@ pub(crate) struct Tiles<'a> {
     pub(crate) lowest: i64,
     /// The points grouped by tile, where the order of the records is bad.
     pub(crate) scattered: Option<&'a Scattered>,
+    /// Points of objects in the core of each tile; none before the ground pass is done.
+    pub(crate) objects: &'a [u64],
     /// Further fields of the points, where a method asked for them.
     pub(crate) fields: Option<&'a StoredFields>,
 }
@@ -33,6 +35,7 @@ impl<'a> Tiles<'a> {
             zones: &scene.survey.zones,
             lowest: scene.lowest(),
             scattered: None,
+            objects: &[],
             fields: None,
         }
     }
@@ -64,6 +67,15 @@ impl Tiles<'_> {
             needed += region.points;
         }
         read as f64 / needed.max(1) as f64
+    }
+
+    /// Points of objects in a tile and within `reach` of it, about: their share is taken for that in the core. After the ground
+    /// pass.
+    pub(crate) fn object_points(&self, tile: usize, reach: i64) -> u64 {
+        let points = self.plan.region_points(tile, reach);
+        let core = u128::from(self.plan.tiles[tile].points.max(1));
+        let objects = u128::from(self.objects[tile]);
+        u64::try_from(u128::from(points) * objects / core).unwrap_or(u64::MAX)
     }
 
     /// Asks the system to read ahead.
