@@ -11,8 +11,8 @@ use crate::stitch::{LocalLabels, Stitched, Stitcher};
 use crate::store::{PassDir, StoreError};
 use crate::tiling::Wanted;
 
-/// Bytes per point of objects that a tile of this pass needs at its peak: `scripts/tile_memory.py` measured 54 to 73 on streets
-/// and 84 in a forest. In a space of so many fields (0: none beside coordinates) the places of the points and a tree come on
+/// Bytes per point of objects that a tile of this pass needs at its peak: `scripts/tile_memory.py` measured 47 to 83 on streets
+/// and 76 to 84 in forests. In a space of so many fields (0: none beside coordinates) the places of the points and a tree come on
 /// top, estimated from their sizes.
 pub(crate) fn bytes_per_point(fields: usize) -> u64 {
     88 + 32 * fields as u64

@@ -14,8 +14,8 @@ use crate::run::tiles::Tiles;
 use crate::store::PassDir;
 use crate::tiling::Wanted;
 
-/// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting): `scripts/tile_memory.py` measured 39
-/// to 44 on streets, and 49 to 51 in a forest, where few points share a voxel.
+/// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting): `scripts/tile_memory.py` measured 37
+/// to 44 on streets, and 44 to 51 in forests, where few points share a voxel.
 pub(crate) const BYTES_PER_POINT: u64 = 52;
 
 pub(crate) struct GroundPass<'a> {

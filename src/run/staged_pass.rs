@@ -14,10 +14,10 @@ use crate::stitch::{LocalObject, Stitcher};
 use crate::store::PassDir;
 use crate::tiling::Wanted;
 
-/// Bytes per point that a tile of a stage needs at its peak. `scripts/tile_memory.py` measured 23 to 62 on streets, where two
-/// thirds of the points are ground, and 87 in a forest of 300,000 points, nearly all of objects and few to a voxel; the
+/// Bytes per point that a tile of a stage needs at its peak. `scripts/tile_memory.py` measured 17 to 48 on streets, where
+/// half of the points or more are ground, and 61 to 66 in forests, where nearly all are of objects and few to a voxel; the
 /// stage `borders` of density-peaks is the hungriest.
-pub(crate) const BYTES_PER_POINT: u64 = 96;
+pub(crate) const BYTES_PER_POINT: u64 = 68;
 
 /// What the engine keeps of a tile after a stage: its payload, and behind it, encoded, the object of label 1, 2, ... over
 /// the points of the tile (none but for the last stage). The length of the payload, a little-endian u64, comes last, so
