@@ -4,8 +4,7 @@
 #     scripts/lengths.sh [KILOMETRES...]        1 4 16
 #
 # The preset is mixed, as LAS, with a pulse rate that gives 12.5 million points per kilometre and a seed whose first
-# kilometre has the densest kind of street; run has a budget of 100 MiB, so that the shortest drive has some
-# twenty tiles: fewer, rounded up to a whole number per thread, would fill less of the budget than those of the others.
+# kilometre has the densest kind of street; run has a budget of 150 MiB, so that the shortest drive has a dozen tiles.
 # Peaks are resident sets with mapped pages; run and eval are measured three times, medians count: whether the workers
 # need most at the same moment is chance.
 # Exit code 1 when the largest peak of a command exceeds its smallest by more than 10 %.
@@ -29,7 +28,7 @@ for kilometres in "${lengths[@]}"; do
     measure "$kilometres" synth mixed --seed 4 -o "$scratch/drive" --length "${kilometres}km" --pulse-rate 123kHz --las
     for _ in 1 2 3; do
         rm -rf "$scratch/out"
-        measure "$kilometres" run "$scratch/drive" -o "$scratch/out" --memory 100M --progress none
+        measure "$kilometres" run "$scratch/drive" -o "$scratch/out" --memory 150M --progress none
         # The labelled copies against the drive, matched by record order: what eval reads of two sets of files.
         measure "$kilometres" eval "$scratch"/out/*.las --reference "$scratch/drive" --json "$scratch/eval.json"
     done

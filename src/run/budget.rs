@@ -13,8 +13,8 @@ const SHARED_TILE_POINTS: u64 = 400_000;
 /// is counted the allocator holds about a tenth of it, and of many pairs of tiles the largest is larger than of few.
 /// Chosen by `scripts/lengths.sh`.
 const HELD_WEIGHT: u64 = 2;
-/// The part of a limit that a core takes at least, however much is around it: to work on one tile at a time is no slower than
-/// to read most points several times.
+/// The part of a limit that a core takes at least, however much is around it (chosen: with less, most points are read several
+/// times, and that is no faster than to let tiles wait for each other).
 const LEAST_CORE: f64 = 0.25;
 /// Part of the budget that is left when tiles are made equal, because a halo is not what it was around another core.
 const SPARE: f64 = 0.03;
@@ -53,8 +53,8 @@ impl Budget {
         self.even(points, points.div_ceil(most).max(shared))
     }
 
-    /// How many tiles the street of each of some that need so much should become, so that all need about the same: as few as
-    /// fit, so that drives of any length use the same part of the budget. `None` when these fit well.
+    /// How many tiles the street of each of some that need so much should become, so that all but the last need about the same: as
+    /// few as fit, so that drives of any length use the same part of the budget. `None` when these fit well.
     pub(crate) fn balanced(&self, points: u64, needs: &[TileNeed]) -> Option<Vec<f64>> {
         let (aim, tried) = (self.each() as f64 * (1.0 - SPARE), needs.len() as u64);
         if TileNeed::largest(needs) as f64 <= aim {
@@ -63,8 +63,25 @@ impl Budget {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of tiles")]
         let fitting = TileNeed::tiles_within(needs, aim).ceil() as u64;
         let tiles = if self.fits(needs) { tried } else { self.even(points, fitting.max(tried)) };
-        let limit = TileNeed::limit_for(needs, tiles);
-        Some(needs.iter().map(|need| need.tiles(limit)).collect())
+        let limit = TileNeed::limit_for(needs, tiles).max(aim);
+        let mut parts: Vec<f64> = needs.iter().map(|need| need.tiles(limit)).collect();
+        self.shorten_last(&mut parts, tiles as f64);
+        Some(parts)
+    }
+
+    /// Cuts the last of these into what is missing to `tiles`: a count that was rounded up for the threads leaves the others as
+    /// large as in a longer drive. About two for each thread, so that none is a mere halo.
+    fn shorten_last(&self, parts: &mut [f64], tiles: f64) {
+        let missing = tiles - parts.iter().sum::<f64>();
+        let enough = missing.max(2.0 * self.threads as f64 - missing);
+        let (mut first, mut last) = (parts.len(), 0.0);
+        while first > 0 && last < enough {
+            first -= 1;
+            last += parts[first];
+        }
+        for part in &mut parts[first..] {
+            *part *= 1.0 + missing / last;
+        }
     }
 
     /// Whether every thread can have any of the tiles in flight.
@@ -173,6 +190,14 @@ mod tests {
             "{lengths:?}"
         );
         assert!((parts.iter().sum::<f64>() - 2.0).abs() < 1e-6, "{parts:?}");
+        // Of 23 that are too large by a tenth, the first stay as large as fits, and the last make up for the even number.
+        let many = balanced(&[need(194, 214); 23]).unwrap();
+        let full = 194.0 / (194.0 - 20.0);
+        assert!(many[..19].iter().all(|part| (part - full).abs() < 0.01), "{many:?}");
+        assert!(
+            (many.iter().sum::<f64>() - 26.0).abs() < 1e-6 && many[22] > full && many[22] < 2.0 * full,
+            "{many:?}"
+        );
         // What fits just so is made more equal, but not more.
         let parts = balanced(&[need(100, 160), need(140, 200)]).unwrap();
         assert!((parts.iter().sum::<f64>() - 2.0).abs() < 1e-6 && parts[0] < parts[1], "{parts:?}");

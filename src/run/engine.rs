@@ -1,9 +1,10 @@
 //! The engine: runs the units of one pass on worker threads, stores what they return, and resumes where it stopped.
 //!
 //! A pass is a pure function over its units (tiles, runs of blocks): files and small values in, a payload and column
-//! values out. A channel hands units to workers in order, as long as there is memory for them; a worker reads and computes its unit, a keeper syncs
-//! what has come in meanwhile and then commits it, so that finished work survives whatever comes next and no worker
-//! waits for the disk. Order is restored where it matters, in the reductions, which read the payloads in unit order.
+//! values out. Units go to workers in order, each as soon as there is memory for it; a worker reads and computes its unit,
+//! a keeper syncs what has come in meanwhile and then commits it, so that finished work survives whatever comes next and
+//! no worker waits for the disk. Order is restored where it matters, in the reductions, which read the payloads in unit
+//! order.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
