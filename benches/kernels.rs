@@ -12,10 +12,12 @@
 use std::hint::black_box;
 
 use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant, Euclidean, EuclideanConfig};
-use chainage::epsilon::FIRST_K;
+use chainage::cluster::dbscan::epsilon::FIRST_K;
 use chainage::ground::{IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
-use chainage::model::{ObjectPart, PointClass, TileCloud, VoxelIndex};
-use chainage::space::{Points, neighbour_curve};
+use chainage::model::{ObjectPart, PointClass, TileCloud};
+use chainage::spatial::VoxelIndex;
+use chainage::cluster::dbscan::rows::neighbour_curve;
+use chainage::spatial::Points;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
 use common::{AnyError, classify, objects};

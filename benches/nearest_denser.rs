@@ -23,7 +23,8 @@ use std::hint::black_box;
 use std::ops::Range;
 
 use chainage::ground::{IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
-use chainage::model::{CellMap, DisjointSets, TileCloud, VoxelIndex};
+use chainage::model::TileCloud;
+use chainage::spatial::{CellMap, DisjointSets, VoxelIndex};
 use common::{AnyError, classify, objects};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};

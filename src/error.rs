@@ -8,11 +8,11 @@
 use std::borrow::Cow;
 
 use crate::config::ConfigError;
-use crate::epsilon::EpsilonError;
+use crate::cluster::dbscan::epsilon::EpsilonError;
 use crate::eval::EvalError;
 use crate::input::InputError;
 use crate::output::OutputError;
-use crate::space::SpaceError;
+use crate::spatial::SpatialError;
 use crate::store::StoreError;
 use crate::survey::SurveyError;
 use crate::table::TableError;
@@ -44,7 +44,7 @@ pub enum Error {
     Epsilon(#[from] EpsilonError),
     /// Points of n dimensions cannot be clustered.
     #[error(transparent)]
-    Space(#[from] SpaceError),
+    Space(#[from] SpatialError),
     /// A table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),

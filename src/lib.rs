@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod model;
+pub mod spatial;
 
 mod codec;
 mod whole_file;
@@ -20,11 +21,7 @@ pub mod tiling;
 
 pub mod ground;
 
-pub mod epsilon;
-
 pub mod cluster;
-
-pub mod space;
 
 pub mod stitch;
 

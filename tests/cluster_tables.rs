@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use assert_cmd::Command;
-use chainage::space::{Dbscan, DbscanVariant, PLinkage, Points};
+use chainage::cluster::dbscan::rows::{Dbscan, DbscanVariant};
+use chainage::cluster::p_linkage::PLinkage;
+use chainage::spatial::Points;
 use chainage::table::Table;
 use proptest::prelude::*;
 

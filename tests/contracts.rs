@@ -4,7 +4,8 @@
 use std::collections::BTreeSet;
 
 use chainage::ground::GroundFilter;
-use chainage::model::{Lattice, PointClass, Reach, TileCloud, TileView};
+use chainage::model::{Lattice, PointClass, Reach, TileCloud};
+use chainage::spatial::TileView;
 use chainage::{cluster, ground};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;

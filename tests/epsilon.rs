@@ -4,9 +4,10 @@
 use std::path::{Path, PathBuf};
 
 use chainage::cluster::Epsilon;
-use chainage::epsilon::{Curve, EpsilonError};
+use chainage::cluster::dbscan::epsilon::{Curve, EpsilonError};
 use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, Silent, estimate_epsilon};
-use chainage::space::{self, Points};
+use chainage::cluster::dbscan::rows as space;
+use chainage::spatial::Points;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use rand::{RngExt, SeedableRng};

@@ -8,9 +8,8 @@ use std::sync::Arc;
 use chainage::cluster::{self, ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
 use chainage::error::AlgorithmError;
 use chainage::ground::{self, GroundEntry, GroundFilter, VoxelColumn, VoxelColumnConfig};
-use chainage::model::{
-    Cell, CellGrid, CellMap, Lattice, PackedCells, PointClass, Reach, TileCloud, TileView,
-};
+use chainage::model::{Lattice, PointClass, Reach, TileCloud};
+use chainage::spatial::{Cell, CellGrid, CellMap, PackedCells, TileView};
 use chainage::run::Registries;
 use chainage::tiling::{Plan, PlanRequest, Region, TileSize};
 use proptest::prelude::*;

@@ -3,7 +3,8 @@
 
 use chainage::cluster::{Clusterer, Euclidean, EuclideanConfig};
 use chainage::ground::{GroundFilter, IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
-use chainage::model::{Lattice, PointClass, TileCloud, TileView};
+use chainage::model::{Lattice, PointClass, TileCloud};
+use chainage::spatial::TileView;
 use proptest::prelude::*;
 
 use crate::util::oracle;

@@ -1,7 +1,8 @@
 //! What benches measure on: the points of `CHAINAGE_BENCH_FILE`, or a synthetic street, and their classes.
 
 use chainage::ground::{GroundFilter, IsolatedNoise, VoxelColumn};
-use chainage::model::{Lattice, PointClass, TileCloud, TileView};
+use chainage::model::{Lattice, PointClass, TileCloud};
+use chainage::spatial::TileView;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use chainage::config::ConfigError;
-use chainage::epsilon;
-use chainage::space::{Dbscan, DbscanVariant, PLinkage, Points, SpaceError};
+use chainage::cluster::dbscan::epsilon;
+use chainage::cluster::dbscan::rows::{Dbscan, DbscanVariant};
+use chainage::cluster::p_linkage::PLinkage;
+use chainage::spatial::{Points, SpatialError};
 use chainage::table::write_with_column;
 use serde_json::{Value, json};
 
@@ -244,7 +246,7 @@ impl DbscanArgs {
 }
 
 impl PLinkageArgs {
-    fn cluster(&self, points: &Points) -> Result<Found, SpaceError> {
+    fn cluster(&self, points: &Points) -> Result<Found, SpatialError> {
         let method = PLinkage { scale: self.scale, merge: self.merge };
         let found = method.cluster(points)?;
         let facts = json!({

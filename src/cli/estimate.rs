@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use chainage::config::ConfigError;
-use chainage::epsilon::{self, Estimate};
+use chainage::cluster::dbscan::epsilon::{self, Estimate};
 use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, estimate_epsilon};
 use serde_json::{Value, json};
 

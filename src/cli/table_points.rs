@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use chainage::config::ConfigError;
-use chainage::epsilon::{self, Attempt, Estimate};
-use chainage::space::{Points, neighbour_curve};
+use chainage::cluster::dbscan::epsilon::{self, Attempt, Estimate};
+use chainage::cluster::dbscan::rows::neighbour_curve;
+use chainage::spatial::Points;
 use chainage::table::Table;
 
 /// A table and the points that its rows are.

@@ -19,11 +19,12 @@
 
 use serde::Deserialize;
 
-use super::closeness::{Bounds, Point, any_within};
+use crate::cluster::linking::closeness::{Bounds, Point, any_within};
 use super::{ClusterEntry, Clusterer, Method};
 use crate::config::{self, ConfigError};
 use crate::error::AlgorithmError;
-use crate::model::{DisjointSets, Lattice, Linker, Reach, TileCloud, VoxelIndex};
+use crate::model::{Lattice, Reach, TileCloud};
+use crate::spatial::{DisjointSets, Linker, VoxelIndex};
 
 const NAME: &str = "euclidean";
 

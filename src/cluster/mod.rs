@@ -3,13 +3,13 @@
 //! A method is one file here and one line in [`REGISTRY`]. It sees the points of a tile and its own parameters; no
 //! files, no paths, no threads, no clock.
 
-mod closeness;
-mod core_points;
-mod dbscan;
-mod dbscan_fields;
+pub mod dbscan;
 mod density_peaks;
 mod euclidean;
+pub(crate) mod linking;
+pub mod p_linkage;
 mod prepared;
+mod sliced;
 mod staged;
 
 use crate::config::ConfigError;

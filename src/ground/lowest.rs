@@ -1,7 +1,7 @@
 //! The lowest of something within a horizontal radius of every column; both noise and ground filter ask for it.
 #![expect(clippy::cast_possible_truncation, reason = "indices of columns fit u32, see VoxelIndex")]
 
-use crate::model::VoxelIndex;
+use crate::spatial::VoxelIndex;
 
 /// Stands for "this column has none"; above every k.
 pub(super) const NONE: u32 = u32::MAX;

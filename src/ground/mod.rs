@@ -9,7 +9,8 @@ mod voxel_column;
 
 use crate::config::ConfigError;
 use crate::error::AlgorithmError;
-use crate::model::{Lattice, PointClass, Reach, TileView};
+use crate::model::{Lattice, PointClass, Reach};
+use crate::spatial::TileView;
 
 pub use noise::{IsolatedNoise, NoiseConfig};
 pub use voxel_column::{VoxelColumn, VoxelColumnConfig};

@@ -23,7 +23,8 @@ use serde::Deserialize;
 use super::lowest::{NONE, lowest_within};
 use crate::config::ConfigError;
 use crate::error::AlgorithmError;
-use crate::model::{Lattice, Linker, PointClass, Reach, TileView, VoxelIndex};
+use crate::model::{Lattice, PointClass, Reach};
+use crate::spatial::{Linker, TileView, VoxelIndex};
 
 const NAME: &str = "noise";
 

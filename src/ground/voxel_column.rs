@@ -26,7 +26,8 @@ use super::noise::voxel_edge;
 use super::{GroundEntry, GroundFilter};
 use crate::config::{self, ConfigError};
 use crate::error::AlgorithmError;
-use crate::model::{Lattice, PointClass, Reach, TileView, VoxelIndex};
+use crate::model::{Lattice, PointClass, Reach};
+use crate::spatial::{TileView, VoxelIndex};
 
 const NAME: &str = "voxel-column";
 

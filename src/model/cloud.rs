@@ -124,7 +124,7 @@ impl VoxelGrid {
 
     /// Lattice units along `axis` from the beginning of voxel 0 to a local coordinate (>= 0).
     #[inline]
-    pub(super) fn position(&self, axis: usize, local: i32) -> u32 {
+    pub(crate) fn position(&self, axis: usize, local: i32) -> u32 {
         local.unsigned_abs() + self.remainder[axis]
     }
 }

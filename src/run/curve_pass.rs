@@ -12,13 +12,14 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 use crate::codec;
-use crate::epsilon::{Curve, CurveSums};
+use crate::cluster::dbscan::epsilon::{Curve, CurveSums};
 use crate::error::Result;
-use crate::model::{Cell, FieldSpace};
+use crate::model::FieldSpace;
+use crate::spatial::Cell;
 use crate::run::engine::Pass;
 use crate::run::held::Held;
 use crate::run::tiles::Tiles;
-use crate::space::{Neighbours, Points};
+use crate::spatial::{Neighbours, Points};
 use crate::store::PassDir;
 use crate::tiling::Wanted;
 

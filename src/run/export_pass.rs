@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 use crate::input::Fields;
-use crate::model::{PackedCells, PackedCursor, PointClass, RecordView};
+use crate::model::{PointClass, RecordView};
+use crate::spatial::{PackedCells, PackedCursor};
 use crate::output::{LabelledFile, OutputError};
 use crate::run::drive::Drive;
 use crate::run::engine::Pass;

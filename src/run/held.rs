@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::model::{Cell, CellMap};
+use crate::spatial::{Cell, CellMap};
 use crate::tiling::{Plan, Region};
 
 /// Rings of cells that are looked at around a cell before the list of all cells is.
@@ -159,7 +159,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::model::{CellGrid, PackedCells};
+    use crate::spatial::{CellGrid, PackedCells};
     use crate::tiling::{PlanRequest, TileSize};
 
     /// Tiles of ten cells whose chainage is their first index, 0 to 400.

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use crate::model::{Cell, Lattice, PackedCells};
+use crate::model::Lattice;
+use crate::spatial::{Cell, PackedCells};
 use crate::run::rows::Rows;
 use crate::run::scene::Scene;
 use crate::tiling::Plan;

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::cluster::{EpsilonConfig, Method, Needs, PreparedClusterer};
 use crate::config::{self, Config, ConfigError};
-use crate::epsilon::{self, Attempt, Curve, Estimate};
+use crate::cluster::dbscan::epsilon::{self, Attempt, Curve, Estimate};
 use crate::error::{AlgorithmError, Result};
 use crate::model::FieldSpace;
 use crate::run::curve_pass::{AskingCost, CurvePass, HALO_M, Sample};

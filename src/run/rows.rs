@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::model::PackedCells;
+use crate::spatial::PackedCells;
 
 /// Occupied cells by their index on one axis.
 pub(crate) struct Rows {
@@ -41,7 +41,7 @@ impl Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::CellMap;
+    use crate::spatial::CellMap;
 
     #[test]
     fn quantiles_count_cells_and_not_points() {

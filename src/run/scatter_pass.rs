@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::codec;
 use crate::error::Result;
-use crate::model::{PackedCells, record_xyz};
+use crate::model::record_xyz;
+use crate::spatial::PackedCells;
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
 use crate::store::{PassDir, RunDir, StoreError};

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::config::{AxisChoice, Config};
 use crate::error::{Error, Result};
-use crate::model::{BlockZone, PackedCells};
+use crate::spatial::{BlockZone, PackedCells};
 use crate::run::drive::Drive;
 use crate::run::rows::Rows;
 use crate::survey::{Axis, AxisSource, Survey, SurveyError, read_trajectory};

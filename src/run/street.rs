@@ -1,7 +1,7 @@
 //! The street that a drive went along, and how it is cut into tiles that fit the budget.
 
 use crate::config::Config;
-use crate::model::{Cell, CellGrid, PackedCells};
+use crate::spatial::{Cell, CellGrid, PackedCells};
 use crate::run::budget::{Budget, TileNeed};
 use crate::run::drive::Drive;
 use crate::run::methods::Chain;

@@ -1,7 +1,8 @@
 //! Height of the ground by cell of the raster, for heights of objects above ground.
 
 use crate::error::Result;
-use crate::model::{CellGrid, CellMap, Lattice, PackedCells};
+use crate::model::Lattice;
+use crate::spatial::{CellGrid, CellMap, PackedCells};
 use crate::run::finish::Counts;
 use crate::run::ground_pass::GroundPayload;
 

@@ -1,7 +1,8 @@
 //! The points of a tile: which blocks to read, and the gathering out of them.
 
 use crate::error::{Error, Result};
-use crate::model::{BlockZone, RecordView};
+use crate::model::RecordView;
+use crate::spatial::BlockZone;
 use crate::run::drive::Drive;
 use crate::run::fields_pass::StoredFields;
 use crate::run::scatter_pass::{STRIDE, Scattered};

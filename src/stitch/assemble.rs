@@ -2,7 +2,8 @@
 
 use std::ops::RangeInclusive;
 
-use crate::model::{DisjointSets, ObjectPart};
+use crate::model::ObjectPart;
+use crate::spatial::DisjointSets;
 use crate::stitch::LocalObject;
 
 /// Collects the objects of the tiles in tile order, then the links between them.

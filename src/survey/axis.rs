@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 use serde::Serialize;
 
-use crate::model::{Cell, CellGrid, Lattice, NearestIndex, PackedCells};
+use crate::model::Lattice;
+use crate::spatial::{Cell, CellGrid, NearestIndex, PackedCells};
 use crate::survey::TimeBin;
 
 /// Distance between vertices of the axis in metres: chainage is resolved to this along tiles.
@@ -288,7 +289,7 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::CellMap;
+    use crate::spatial::CellMap;
 
     fn straight(from: f64, to: f64, y: f64) -> Vec<[f64; 2]> {
         let count = 50;

@@ -5,9 +5,8 @@ use std::collections::BTreeMap;
 use rustc_hash::FxHashSet;
 use serde::{Deserialize, Serialize};
 
-use crate::model::{
-    BlockZone, Cell, CellCounter, CellGrid, CellMap, LatticeTransform, RecordView, record_xyz,
-};
+use crate::model::{LatticeTransform, RecordView, record_xyz};
+use crate::spatial::{BlockZone, Cell, CellCounter, CellGrid, CellMap};
 
 /// Seconds of GPS time per bin: at 30 km/h about 4 m of driving, short against every bend of a road.
 pub const TIME_BIN_S: f64 = 0.5;

@@ -1,6 +1,7 @@
 //! Gathering: the points of one tile out of blocks of records, in file order.
 
-use crate::model::{Cell, Lattice, LatticeTransform, PointClass, RecordView, TileCloud, record_xyz};
+use crate::model::{Lattice, LatticeTransform, PointClass, RecordView, TileCloud, record_xyz};
+use crate::spatial::Cell;
 use crate::tiling::Region;
 
 /// The points of a tile, and which of them it owns.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Area, Cell, CellGrid, CellMap, PackedCells};
+use crate::spatial::{Area, Cell, CellGrid, CellMap, PackedCells};
 
 /// Largest extent of a core in lattice units (60 km at 1 mm): stray points far outside get tiles of their own, so that
 /// local coordinates fit 31 bits and methods can index their cells, whatever the edge of a cell of the raster.

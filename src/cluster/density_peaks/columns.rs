@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Cell, CellCursor, CellMap, DisjointSets};
+use crate::spatial::{Cell, CellCursor, CellMap, DisjointSets};
 
 /// Global index (i, j, k) of a voxel.
 pub(super) type Voxel = [i32; 3];

@@ -10,11 +10,11 @@ use std::collections::BTreeMap;
 
 use serde_json::json;
 
-use super::borders::PairSum;
+use super::stage_borders::PairSum;
 use super::curvature::ONE;
 use super::merge::{Reassigned, merges};
-use super::peaks;
-use super::voxelise;
+use super::stage_peaks;
+use super::stage_voxels;
 use super::{DensityPeaksConfig, STAGE_VOXELS};
 use crate::cluster::DriveSource;
 use crate::error::Result;
@@ -71,15 +71,15 @@ impl Figures {
         let merged = segments.iter().enumerate().skip(1).filter(own_name).count();
         let mut figures = Self { clusters, merged, pairs: sums.len(), reassigned, ..Self::default() };
         let voxels = drive.global(STAGE_VOXELS);
-        figures.most = voxelise::most(voxels)?;
+        figures.most = stage_voxels::most(voxels)?;
         let mut components: Vec<u32> = Vec::new();
         for tile in 0..drive.tiles() {
-            components.extend(voxelise::components(voxels, tile)?);
-            let payload = voxelise::load(drive, tile)?;
+            components.extend(stage_voxels::components(voxels, tile)?);
+            let payload = stage_voxels::load(drive, tile)?;
             figures.points += payload.points;
             figures.voxels += payload.voxels;
             figures.of_objects += payload.stored.len() as u64;
-            let payload = peaks::load(drive, tile)?;
+            let payload = stage_peaks::load(drive, tile)?;
             for (rho, delta, count) in payload.graph {
                 *figures.graph.entry((rho, delta)).or_default() += count;
             }

@@ -7,15 +7,15 @@
 
 use std::collections::BTreeMap;
 
-use super::borders::{self, Halo, PairSum};
+use super::stage_borders::{self, Halo, PairSum};
 use super::columns::join;
 use super::curvature::ONE;
 use super::figures::Figures;
-use super::peaks;
+use super::stage_peaks;
 use super::{DensityPeaksConfig, STAGE_PEAKS};
 use crate::cluster::{DriveSource, Grouped};
 use crate::error::Result;
-use crate::model::DisjointSets;
+use crate::spatial::DisjointSets;
 
 /// Halo voxels by what became of them.
 #[derive(Debug, Default)]
@@ -27,11 +27,11 @@ pub(super) struct Reassigned {
 /// Which labels are one object.
 pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Result<Grouped> {
     let threshold = config.c_t;
-    let clusters = peaks::clusters(drive.global(STAGE_PEAKS))?;
+    let clusters = stage_peaks::clusters(drive.global(STAGE_PEAKS))?;
     let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
     let (mut borders, mut halos, mut labels) = (Vec::new(), Vec::new(), Vec::new());
     for tile in 0..drive.tiles() {
-        let payload = borders::load(drive, tile)?;
+        let payload = stage_borders::load(drive, tile)?;
         for (one, other, sum) in payload.pairs {
             let total = sums.entry((one, other)).or_default();
             total.sides += sum.sides;

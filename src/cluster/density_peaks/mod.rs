@@ -26,16 +26,15 @@
 //! above each stem, hedge and lamp pole below it, and a pole inside a crown takes that part of the crown with it; cars half
 //! a metre apart are one object.
 
-mod borders;
+mod stage_borders;
 mod columns;
 mod curvature;
 mod figures;
-mod labelled;
+mod labelled_points;
 mod merge;
-mod peaks;
-mod sliced;
+mod stage_peaks;
 mod surroundings;
-mod voxelise;
+mod stage_voxels;
 
 use std::ops::RangeInclusive;
 
@@ -152,7 +151,7 @@ impl StagedClusterer for DensityPeaks {
 
     /// That of the points of the last stage; voxels are read further around, and matter less.
     fn reach(&self, _lattice: Lattice) -> Reach {
-        Reach::Exact { metres: borders::reach_m(&self.config) }
+        Reach::Exact { metres: stage_borders::reach_m(&self.config) }
     }
 
     /// Every object: what is small was noise.
@@ -167,17 +166,17 @@ impl StagedClusterer for DensityPeaks {
     fn map(&self, stage: usize, tile: &dyn TileSource) -> Result<Mapped> {
         let edge = self.edge(tile.lattice());
         match stage {
-            STAGE_VOXELS => voxelise::map(tile, edge),
-            STAGE_PEAKS => peaks::map(tile, &self.config, edge),
-            STAGE_BORDERS => borders::map(tile, &self.config, edge),
+            STAGE_VOXELS => stage_voxels::map(tile, edge),
+            STAGE_PEAKS => stage_peaks::map(tile, &self.config, edge),
+            STAGE_BORDERS => stage_borders::map(tile, &self.config, edge),
             other => Err(no_stage(other)),
         }
     }
 
     fn reduce(&self, stage: usize, drive: &dyn DriveSource) -> Result<Vec<u8>> {
         match stage {
-            STAGE_VOXELS => voxelise::reduce(drive),
-            STAGE_PEAKS => peaks::reduce(drive),
+            STAGE_VOXELS => stage_voxels::reduce(drive),
+            STAGE_PEAKS => stage_peaks::reduce(drive),
             other => Err(no_stage(other)),
         }
     }

@@ -7,12 +7,12 @@
 use std::ops::Range;
 
 use super::columns::Columns;
-use super::peaks;
-use super::voxelise::{self, global_indices};
+use super::stage_peaks;
+use super::stage_voxels::{self, global_indices};
 use super::{NAME, STAGE_PEAKS};
 use crate::cluster::{TilePoints, TileSource};
 use crate::error::{Error, Result};
-use crate::model::VoxelIndex;
+use crate::spatial::VoxelIndex;
 
 /// Points around a tile with their voxels and clusters.
 pub(super) struct Surroundings {
@@ -45,9 +45,9 @@ impl Surroundings {
         let mut finder = voxels.finder();
         // Points come by whole cells, and the owner of their voxel may be a cell further: at most two edges of each.
         for near in tile.near(reach + 2 * tile.cell_edge() + 2 * i64::from(edge)) {
-            let payload = voxelise::load(tile, near)?;
-            let ends = peaks::load(tile, near)?.ends;
-            let clusters = peaks::ends(tile.global(STAGE_PEAKS), near)?;
+            let payload = stage_voxels::load(tile, near)?;
+            let ends = stage_peaks::load(tile, near)?.ends;
+            let clusters = stage_peaks::ends(tile.global(STAGE_PEAKS), near)?;
             for (cell, stored) in payload.columns() {
                 let range = finder.column(cell);
                 let mut at = range.start;

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::space::SpaceError;
+use crate::spatial::SpatialError;
 
 /// Dimensions that can be clustered; every one of them is compiled.
 pub const DIMENSIONS: RangeInclusive<usize> = 2..=8;
@@ -18,14 +18,14 @@ impl Points {
     /// Points of `dimensions` numbers each, row by row; an incomplete last row is dropped.
     ///
     /// # Errors
-    /// [`SpaceError::Dimensions`], [`SpaceError::TooManyPoints`].
-    pub fn new(dimensions: usize, mut values: Vec<f64>) -> Result<Self, SpaceError> {
+    /// [`SpatialError::Dimensions`], [`SpatialError::TooManyPoints`].
+    pub fn new(dimensions: usize, mut values: Vec<f64>) -> Result<Self, SpatialError> {
         if !DIMENSIONS.contains(&dimensions) {
-            return Err(SpaceError::Dimensions { dimensions });
+            return Err(SpatialError::Dimensions { dimensions });
         }
         let points = values.len() / dimensions;
         if u32::try_from(points).is_err() {
-            return Err(SpaceError::TooManyPoints { points });
+            return Err(SpatialError::TooManyPoints { points });
         }
         values.truncate(points * dimensions);
         Ok(Self { dimensions, values })
@@ -56,18 +56,18 @@ impl Points {
     }
 
     /// All points in order.
-    pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &[f64]> {
         self.values.chunks_exact(self.dimensions)
     }
 
     /// Squared distance of two points: squares added in the order of the dimensions, so that every way to compute it
     /// gives the same bits.
-    pub(super) fn distance_squared(&self, a: usize, b: usize) -> f64 {
+    pub(crate) fn distance_squared(&self, a: usize, b: usize) -> f64 {
         self.row(a).iter().zip(self.row(b)).map(|(p, q)| (p - q) * (p - q)).sum()
     }
 
     /// Length of the diagonal of the bounding box: no distance is larger.
-    pub(super) fn diagonal(&self) -> f64 {
+    pub(crate) fn diagonal(&self) -> f64 {
         let extent = |axis: usize| {
             let (low, high) = self
                 .rows()
@@ -81,8 +81,8 @@ impl Points {
     /// there is none): what `dbscan` does before fields of different units are one space (the paper on estimating epsilon, section 3.1).
     ///
     /// # Errors
-    /// [`SpaceError::NoSpread`].
-    pub fn standardise(&mut self, weights: &[f64]) -> Result<(), SpaceError> {
+    /// [`SpatialError::NoSpread`].
+    pub fn standardise(&mut self, weights: &[f64]) -> Result<(), SpatialError> {
         let count = self.len() as f64;
         for axis in 0..self.dimensions {
             // Sums in ascending order, so that the order of the rows does not change them.
@@ -92,7 +92,7 @@ impl Points {
             let squares = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
             let deviation = (squares / (count - 1.0)).sqrt();
             if deviation.is_nan() || deviation <= 0.0 {
-                return Err(SpaceError::NoSpread { dimension: axis + 1 });
+                return Err(SpatialError::NoSpread { dimension: axis + 1 });
             }
             let factor = weights.get(axis).copied().unwrap_or(1.0) / deviation;
             let column = self.values.iter_mut().skip(axis).step_by(self.dimensions);
@@ -129,6 +129,6 @@ mod tests {
         };
         assert_eq!(scaled([0, 1, 2, 3]), scaled([3, 1, 0, 2]));
         let mut flat = Points::new(2, vec![1.0, 7.0, 2.0, 7.0]).unwrap();
-        assert_eq!(flat.standardise(&[]), Err(SpaceError::NoSpread { dimension: 2 }));
+        assert_eq!(flat.standardise(&[]), Err(SpatialError::NoSpread { dimension: 2 }));
     }
 }

@@ -7,11 +7,12 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::epsilon::{Curve, CurveSums};
-use crate::model::DisjointSets;
-use crate::space::crowd::Neighbours;
-use crate::space::index::Index;
-use crate::space::{Points, SpaceError, labels};
+use crate::cluster::dbscan::epsilon::{Curve, CurveSums};
+use crate::spatial::DisjointSets;
+use crate::spatial::Neighbours;
+use crate::spatial::Index;
+use crate::cluster::linking::numbering as labels;
+use crate::spatial::{Points, SpatialError};
 
 /// Leaves that a thread takes at once, some thousands of points.
 const LEAVES_AT_ONCE: usize = 256;
@@ -46,8 +47,8 @@ impl Dbscan {
     /// Cost: one query of radius epsilon per point (`core`: three); memory does not grow with epsilon.
     ///
     /// # Errors
-    /// [`SpaceError`] when the points cannot be indexed.
-    pub fn cluster(&self, points: &Points) -> Result<(Vec<u32>, u32), SpaceError> {
+    /// [`SpatialError`] when the points cannot be indexed.
+    pub fn cluster(&self, points: &Points) -> Result<(Vec<u32>, u32), SpatialError> {
         let largest = if self.max_points == 0 { u64::MAX } else { self.max_points };
         let rows: Vec<u64> = (0..points.len() as u64).collect();
         let names = self.names(points, &vec![true; points.len()], &rows)?;
@@ -61,18 +62,18 @@ impl Dbscan {
     /// where they are `own`. `ids` break ties and order the labels.
     ///
     /// # Errors
-    /// [`SpaceError`] when the points cannot be indexed.
+    /// [`SpatialError`] when the points cannot be indexed.
     pub(crate) fn connected_sets(
         &self,
         points: &Points,
         own: &[bool],
         ids: &[u64],
-    ) -> Result<(Vec<u32>, u32), SpaceError> {
+    ) -> Result<(Vec<u32>, u32), SpatialError> {
         let names = self.names(points, own, ids)?;
         Ok(labels::number_by_id(&names, ids))
     }
 
-    fn names(&self, points: &Points, own: &[bool], ids: &[u64]) -> Result<Vec<Option<u32>>, SpaceError> {
+    fn names(&self, points: &Points, own: &[bool], ids: &[u64]) -> Result<Vec<Option<u32>>, SpatialError> {
         let index = Index::new(points)?;
         Ok(match self.variant {
             DbscanVariant::Size => self.connected(&index, &vec![true; points.len()]),
@@ -133,8 +134,8 @@ impl Dbscan {
 /// Mean distance to the 2nd to `k`-th nearest neighbours over all points; `k` is cut to the number of points.
 ///
 /// # Errors
-/// [`SpaceError`] when the points cannot be indexed.
-pub fn neighbour_curve(points: &Points, k: usize) -> Result<Curve, SpaceError> {
+/// [`SpatialError`] when the points cannot be indexed.
+pub fn neighbour_curve(points: &Points, k: usize) -> Result<Curve, SpatialError> {
     let k = k.min(points.len());
     let population = points.len() as u64;
     let none = CurveSums::new(k, points.diagonal());

@@ -13,11 +13,12 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::columns::{Border, Columns, Voxel, join};
-use super::{NAME, STAGE_VOXELS, sliced};
+use super::{NAME, STAGE_VOXELS};
+use crate::cluster::sliced;
 use crate::cluster::{DriveSource, Mapped, TileSource};
 use crate::codec;
 use crate::error::{AlgorithmError, Result};
-use crate::model::{Cell, VoxelIndex};
+use crate::spatial::{Cell, VoxelIndex};
 
 /// A voxel of one column.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]

@@ -13,7 +13,8 @@ use std::ops::Range;
 
 use super::columns::{Finder, Voxel};
 use super::surroundings::Surroundings;
-use crate::model::{Cell, VoxelGrid};
+use crate::model::VoxelGrid;
+use crate::spatial::Cell;
 
 /// Edge of the cells of representatives in metres (chosen: the spacing of points near the scanner is a few
 /// centimetres, and the pairs of two borders grow with the square of their points).

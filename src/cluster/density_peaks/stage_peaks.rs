@@ -15,12 +15,13 @@ use serde::{Deserialize, Serialize};
 
 use super::columns::{Columns, Finder, Voxel, disc};
 use super::figures::density_class;
-use super::voxelise::{self, StoredVoxel};
-use super::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS, sliced};
+use super::stage_voxels::{self, StoredVoxel};
+use super::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
+use crate::cluster::sliced;
 use crate::cluster::{DriveSource, Mapped, TileSource};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{Cell, CellMap};
+use crate::spatial::{Cell, CellMap};
 
 /// How far from a column ground is looked for, in metres (chosen; the paper says "the horizontally closest").
 const GROUND_SEARCH_M: f64 = 10.0;
@@ -70,7 +71,7 @@ impl Neighbourhood {
         let ground_units = tile.lattice().units(GROUND_SEARCH_M);
         let ground_steps = (ground_units / units) as i32;
         let global = tile.global(STAGE_VOXELS);
-        let own = voxelise::load(tile, tile.tile())?;
+        let own = stage_voxels::load(tile, tile.tile())?;
         let window = Window::around(own.columns().map(|column| column.0));
         let voxel_window = window.grown(steps);
         let ground_window = voxel_window.grown(ground_steps);
@@ -79,13 +80,13 @@ impl Neighbourhood {
         let mut tiles = BTreeMap::<u32, (Vec<StoredVoxel>, Vec<u32>)>::new();
         let mut ground: Vec<(Cell, i32)> = Vec::new();
         for near in tile.near(i64::from(steps + 2 + ground_steps + 2) * units) {
-            let payload = voxelise::load(tile, near)?;
+            let payload = stage_voxels::load(tile, near)?;
             ground.extend(payload.ground.iter().filter(|column| ground_window.holds(column.0)));
             let before = found.len();
             let columns = payload.columns().filter(|column| voxel_window.holds(column.0));
             found.extend(columns.map(|(cell, voxels)| (cell, near, voxels)));
             if found.len() > before {
-                tiles.insert(near, (payload.stored, voxelise::components(global, near)?));
+                tiles.insert(near, (payload.stored, stage_voxels::components(global, near)?));
             }
         }
         found.sort_unstable_by_key(|column| column.0);
@@ -102,7 +103,7 @@ impl Neighbourhood {
         }
         drop(tiles);
         let base = Ground::new(&ground).below(&columns, ground_units.pow(2) / units.pow(2));
-        let density = densities(&columns, &stored, &base, voxelise::most(global)?, config);
+        let density = densities(&columns, &stored, &base, stage_voxels::most(global)?, config);
         let column = |column: usize| density[columns.voxels(column)].iter().copied();
         let densest = (0..columns.cells().len()).map(|number| column(number).fold(0.0, f64::max)).collect();
         Ok(Self { columns, component, origin, density, densest })

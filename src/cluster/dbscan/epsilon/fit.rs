@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::epsilon::{Curve, EpsilonError, LARGEST_K, Polynomial};
+use crate::cluster::dbscan::epsilon::{Curve, EpsilonError, LARGEST_K, Polynomial};
 
 /// Degree of the polynomial (paper, section 4: every printed fit).
 const DEGREE: usize = 5;

@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 const WORD: usize = size_of::<u64>();
 
 /// The bytes of a global.
-pub(super) fn encode<H: Serialize, S: Serialize>(head: &H, slices: &[S]) -> Result<Vec<u8>> {
+pub(crate) fn encode<H: Serialize, S: Serialize>(head: &H, slices: &[S]) -> Result<Vec<u8>> {
     let mut body = codec::encode(head)?;
     let mut ends = vec![body.len()];
     for slice in slices {
@@ -32,12 +32,12 @@ pub(super) fn encode<H: Serialize, S: Serialize>(head: &H, slices: &[S]) -> Resu
 }
 
 /// The value for the drive.
-pub(super) fn head<H: DeserializeOwned>(global: &[u8]) -> Result<H> {
+pub(crate) fn head<H: DeserializeOwned>(global: &[u8]) -> Result<H> {
     codec::decode(part(global, 0)?)
 }
 
 /// The value of a tile.
-pub(super) fn slice<S: DeserializeOwned>(global: &[u8], tile: u32) -> Result<S> {
+pub(crate) fn slice<S: DeserializeOwned>(global: &[u8], tile: u32) -> Result<S> {
     codec::decode(part(global, tile as usize + 1)?)
 }
 

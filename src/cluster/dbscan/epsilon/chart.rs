@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::epsilon::Estimate;
+use crate::cluster::dbscan::epsilon::Estimate;
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 520.0;
@@ -106,7 +106,7 @@ fn marks(end: f64) -> impl Iterator<Item = f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::epsilon::{Attempt, Curve, estimate};
+    use crate::cluster::dbscan::epsilon::{Attempt, Curve, estimate};
 
     #[test]
     fn marks_are_round_and_in_range() {

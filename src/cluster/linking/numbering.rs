@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 /// Numbers the clusters of points 1, 2, ... by their smallest row; `name[i]` is any number that the points of a cluster
 /// share, `None` for noise. Clusters whose size is not in `size` become noise. Returns the labels (0: noise) and how
 /// many clusters there are.
-pub(super) fn number(names: &[Option<u32>], size: &RangeInclusive<u64>) -> (Vec<u32>, u32) {
+pub(crate) fn number(names: &[Option<u32>], size: &RangeInclusive<u64>) -> (Vec<u32>, u32) {
     let slots = names.iter().flatten().max().map_or(0, |&name| name as usize + 1);
     let mut points = vec![0_u64; slots];
     names.iter().flatten().for_each(|&name| points[name as usize] += 1);
@@ -25,7 +25,7 @@ pub(super) fn number(names: &[Option<u32>], size: &RangeInclusive<u64>) -> (Vec<
 }
 
 /// The same with all clusters, in the order of the smallest of the `ids` of their points.
-pub(super) fn number_by_id(names: &[Option<u32>], ids: &[u64]) -> (Vec<u32>, u32) {
+pub(crate) fn number_by_id(names: &[Option<u32>], ids: &[u64]) -> (Vec<u32>, u32) {
     let slots = names.iter().flatten().max().map_or(0, |&name| name as usize + 1);
     let mut smallest = vec![u64::MAX; slots];
     for (name, &id) in names.iter().zip(ids) {

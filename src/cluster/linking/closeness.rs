@@ -8,7 +8,7 @@
 //! comparisons times the few hundred points that are nearly opposite, not n * n.
 
 /// A point in local lattice units.
-pub(super) type Point = [i32; 3];
+pub(crate) type Point = [i32; 3];
 
 /// Pairs that are tried one by one; below it halving costs more than it saves (measured with
 /// `benches/kernels.rs`).
@@ -16,14 +16,14 @@ const FEW_PAIRS: usize = 1_024;
 
 /// The bounding box of points, in local lattice units, both corners inclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Bounds {
+pub(crate) struct Bounds {
     low: Point,
     high: Point,
 }
 
 impl Bounds {
     /// The box of `points`, at least one.
-    pub(super) fn of(points: &[Point]) -> Self {
+    pub(crate) fn of(points: &[Point]) -> Self {
         let mut bounds = Self { low: [i32::MAX; 3], high: [i32::MIN; 3] };
         for point in points {
             for (axis, &value) in point.iter().enumerate() {
@@ -55,12 +55,12 @@ impl Bounds {
     }
 
     /// Squared distance from the box to a point.
-    pub(super) fn nearest_to(&self, point: &Point) -> i64 {
+    pub(crate) fn nearest_to(&self, point: &Point) -> i64 {
         self.nearest(&Self { low: *point, high: *point })
     }
 
     /// Squared distance from the point of the box that is farthest from `point`.
-    pub(super) fn farthest_from(&self, point: &Point) -> i64 {
+    pub(crate) fn farthest_from(&self, point: &Point) -> i64 {
         self.farthest(&Self { low: *point, high: *point })
     }
 
@@ -71,7 +71,7 @@ impl Bounds {
     }
 }
 
-pub(super) fn squared_distance(a: &Point, b: &Point) -> i64 {
+pub(crate) fn squared_distance(a: &Point, b: &Point) -> i64 {
     let delta = |axis: usize| i64::from(a[axis]) - i64::from(b[axis]);
     delta(0).pow(2) + delta(1).pow(2) + delta(2).pow(2)
 }
@@ -81,7 +81,7 @@ pub(super) fn squared_distance(a: &Point, b: &Point) -> i64 {
 ///
 /// Neither is empty, and no two coordinates differ by 2^30 or more (the sum of three squares has to fit i64):
 /// the points are those of neighbouring cells, whose side is at most 10 m.
-pub(super) fn any_within(a: (&[Point], &Bounds), b: (&[Point], &Bounds), limit: i64) -> bool {
+pub(crate) fn any_within(a: (&[Point], &Bounds), b: (&[Point], &Bounds), limit: i64) -> bool {
     let ((a, a_bounds), (b, b_bounds)) = (a, b);
     if a_bounds.nearest(b_bounds) > limit {
         return false;

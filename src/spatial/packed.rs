@@ -6,7 +6,7 @@
 
 use rustc_hash::FxHashMap;
 
-use crate::model::cells::{self, Cell, CellMap, PAGE_CELLS};
+use crate::spatial::cells::{self, Cell, CellMap, PAGE_CELLS};
 
 /// A sparse map from cells to values above 0 that is only read; other cells have the value 0.
 #[derive(Debug, Clone, Default)]

@@ -10,7 +10,7 @@
 
 use std::cmp::Ordering;
 
-use crate::space::{Points, SpaceError};
+use crate::spatial::{Points, SpatialError};
 
 /// Points of a leaf at most (chosen: fewer cost more look-ups, more cost distances in vain).
 const LEAF_POINTS: usize = 16;
@@ -249,8 +249,8 @@ impl Neighbours {
     /// Indexes the points.
     ///
     /// # Errors
-    /// [`SpaceError::Dimensions`].
-    pub(crate) fn new(points: &Points) -> Result<Self, SpaceError> {
+    /// [`SpatialError::Dimensions`].
+    pub(crate) fn new(points: &Points) -> Result<Self, SpatialError> {
         fn crowd<const D: usize>(points: &Points) -> Box<dyn Nearest> {
             Box::new(Crowd::new(
                 points.rows().map(|row| -> [f64; D] { std::array::from_fn(|axis| row[axis]) }),
@@ -264,7 +264,7 @@ impl Neighbours {
             6 => crowd::<6>(points),
             7 => crowd::<7>(points),
             8 => crowd::<8>(points),
-            dimensions => return Err(SpaceError::Dimensions { dimensions }),
+            dimensions => return Err(SpatialError::Dimensions { dimensions }),
         }))
     }
 

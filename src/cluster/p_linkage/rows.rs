@@ -11,9 +11,10 @@ use std::num::NonZero;
 
 use serde::Serialize;
 
-use crate::model::DisjointSets;
-use crate::space::index::Index;
-use crate::space::{Points, SpaceError, labels};
+use crate::spatial::DisjointSets;
+use crate::spatial::Index;
+use crate::cluster::linking::numbering as labels;
+use crate::spatial::{Points, SpatialError};
 
 /// Terms of the density below this are left out: exp(-x^2) for x beyond 5.26.
 const SMALLEST_TERM: f64 = 1e-12;
@@ -52,8 +53,8 @@ impl PLinkage {
     /// Clusters the points.
     ///
     /// # Errors
-    /// [`SpaceError::NoCutoff`], or when the points cannot be indexed.
-    pub fn cluster(&self, points: &Points) -> Result<Linkage, SpaceError> {
+    /// [`SpatialError::NoCutoff`], or when the points cannot be indexed.
+    pub fn cluster(&self, points: &Points) -> Result<Linkage, SpatialError> {
         if points.len() < 2 {
             return Ok(Linkage {
                 labels: vec![0; points.len()],
@@ -65,7 +66,7 @@ impl PLinkage {
         let index = Index::new(points)?;
         let cutoff = self.scale * median_nearest(&index, points.len());
         if cutoff <= 0.0 {
-            return Err(SpaceError::NoCutoff { points: points.len() });
+            return Err(SpatialError::NoCutoff { points: points.len() });
         }
         let density: Vec<f64> = (0..points.len()).map(|point| density(&index, point, cutoff)).collect();
         let median_density = median(density.clone());
@@ -222,7 +223,7 @@ mod tests {
         let found = cluster(&[0.0, 0.0, 1.0, 2.0, 8.0], 1.2);
         assert_eq!(found.labels[0], found.labels[1]);
         let points = Points::new(2, vec![0.0; 12]).unwrap();
-        assert_eq!(PLinkage::default().cluster(&points), Err(SpaceError::NoCutoff { points: 6 }));
+        assert_eq!(PLinkage::default().cluster(&points), Err(SpatialError::NoCutoff { points: 6 }));
         assert_eq!(
             PLinkage::default().cluster(&Points::new(2, vec![1.0, 2.0]).unwrap()).unwrap().labels,
             [0]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::Cell;
+use crate::spatial::Cell;
 
 /// Occupancy cells per coarse cell and axis, as a power of two (8 cells: 8 m).
 const COARSE_BITS: u32 = 3;

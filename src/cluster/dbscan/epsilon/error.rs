@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::epsilon::{Curve, LARGEST_K};
+use crate::cluster::dbscan::epsilon::{Curve, LARGEST_K};
 
 /// Epsilon cannot be estimated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

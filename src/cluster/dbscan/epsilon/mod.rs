@@ -8,13 +8,13 @@
 mod curve;
 mod error;
 mod fit;
-mod plot;
+mod chart;
 mod polynomial;
 
 pub use curve::{Curve, CurveSums};
 pub use error::EpsilonError;
 pub use fit::{Attempt, Estimate, estimate};
-pub use plot::svg;
+pub use chart::svg;
 pub use polynomial::Polynomial;
 
 /// Neighbours to start with (paper, section 4.2.2), the point itself included.

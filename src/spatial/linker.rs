@@ -9,7 +9,7 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use crate::model::{DisjointSets, VoxelIndex};
+use crate::spatial::{DisjointSets, VoxelIndex};
 
 /// Sets of voxels, joined step by step.
 #[derive(Debug)]

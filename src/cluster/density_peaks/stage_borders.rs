@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 
 use super::columns::Border;
 use super::curvature::curvature;
-use super::labelled::{LabelledPoints, Neighbour, REPRESENTATIVE_M, Search};
+use super::labelled_points::{LabelledPoints, Neighbour, REPRESENTATIVE_M, Search};
 use super::surroundings::Surroundings;
-use super::voxelise::number;
+use super::stage_voxels::number;
 use super::{DensityPeaksConfig, STAGE_BORDERS};
 use crate::cluster::{DriveSource, Labelled, Mapped, TileSource};
 use crate::codec;

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 /// Points that a method cannot cluster.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum SpaceError {
+pub enum SpatialError {
     /// Too few or too many columns.
     #[error("points of {dimensions} dimensions cannot be clustered, only of {} to {}", super::DIMENSIONS.start(), super::DIMENSIONS.end())]
     Dimensions {
@@ -34,7 +34,7 @@ pub enum SpaceError {
     },
 }
 
-impl SpaceError {
+impl SpatialError {
     /// What to do next.
     #[must_use]
     pub fn hint(&self) -> Option<Cow<'static, str>> {

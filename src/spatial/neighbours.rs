@@ -7,13 +7,13 @@ use std::num::NonZero;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use crate::space::{Points, SpaceError};
+use crate::spatial::{Points, SpatialError};
 
 /// Slack of squared radii: candidates are looked for a little further away than is decided.
 const SLACK: f64 = 1.0 + 1e-12;
 
 /// What a method asks of a tree of any dimension.
-pub(super) trait Neighbours {
+pub(crate) trait Neighbours {
     /// Calls `visit` for every candidate within a squared distance of about `limit` (> 0) of a point.
     fn candidates(&self, point: usize, limit: f64, visit: &mut dyn FnMut(usize));
     /// Puts the `count` points nearest to a point into `found`, itself included, in no promised order.
@@ -39,23 +39,23 @@ impl<const D: usize> Neighbours for Tree<D> {
     }
 }
 
-fn tree<const D: usize>(points: &Points) -> Result<Box<dyn Neighbours>, SpaceError> {
+fn tree<const D: usize>(points: &Points) -> Result<Box<dyn Neighbours>, SpatialError> {
     let row = |row: &[f64]| std::array::from_fn(|axis| row[axis]);
     let rows: Vec<[f64; D]> = points.rows().map(row).collect();
     // Fails only for more points than u32 counts, which Points does not hold.
     let tree = ImmutableKdTree::new_from_slice(&rows)
-        .map_err(|_| SpaceError::TooManyPoints { points: points.len() })?;
+        .map_err(|_| SpatialError::TooManyPoints { points: points.len() })?;
     Ok(Box::new(Tree { tree, rows }))
 }
 
 /// Points that can be asked for their neighbours.
-pub(super) struct Index<'a> {
+pub(crate) struct Index<'a> {
     points: &'a Points,
     tree: Box<dyn Neighbours>,
 }
 
 impl<'a> Index<'a> {
-    pub(super) fn new(points: &'a Points) -> Result<Self, SpaceError> {
+    pub(crate) fn new(points: &'a Points) -> Result<Self, SpatialError> {
         let tree = match points.dimensions() {
             2 => tree::<2>(points),
             3 => tree::<3>(points),
@@ -64,14 +64,14 @@ impl<'a> Index<'a> {
             6 => tree::<6>(points),
             7 => tree::<7>(points),
             8 => tree::<8>(points),
-            dimensions => Err(SpaceError::Dimensions { dimensions }),
+            dimensions => Err(SpatialError::Dimensions { dimensions }),
         }?;
         Ok(Self { points, tree })
     }
 
     /// Calls `visit` with every point within `radius` of `point` (inclusive, itself too) and the squared distance, in
     /// no promised order.
-    pub(super) fn within(&self, point: usize, radius: f64, mut visit: impl FnMut(usize, f64)) {
+    pub(crate) fn within(&self, point: usize, radius: f64, mut visit: impl FnMut(usize, f64)) {
         let limit = radius * radius;
         self.tree.candidates(point, limit * SLACK + f64::MIN_POSITIVE, &mut |other| {
             let squared = self.points.distance_squared(point, other);
@@ -82,7 +82,7 @@ impl<'a> Index<'a> {
     }
 
     /// Distances from `point` to its 2nd to `k`-th nearest points, ascending, itself being the first.
-    pub(super) fn nearest(&self, point: usize, k: NonZero<usize>, distances: &mut Vec<f64>) {
+    pub(crate) fn nearest(&self, point: usize, k: NonZero<usize>, distances: &mut Vec<f64>) {
         let mut found = Vec::with_capacity(k.get());
         self.tree.nearest(point, k, &mut found);
         distances.clear();
@@ -133,7 +133,7 @@ mod tests {
         }
     }
 
-    const DIMENSIONS_TESTED: std::ops::RangeInclusive<usize> = crate::space::DIMENSIONS;
+    const DIMENSIONS_TESTED: std::ops::RangeInclusive<usize> = crate::spatial::DIMENSIONS;
 
     #[test]
     fn ten_thousand_equal_points_are_indexed() {

@@ -16,8 +16,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::dbscan_fields::FieldDbscan;
-use super::{ClusterEntry, Clusterer, Method, Needs, PreparedClusterer, core_points, euclidean};
+mod core_points;
+pub mod epsilon;
+mod fields;
+pub mod rows;
+
+use fields::FieldDbscan;
+
+use super::{ClusterEntry, Clusterer, Method, Needs, PreparedClusterer, euclidean};
 use crate::config::{self, ConfigError};
 use crate::error::AlgorithmError;
 use crate::model::{Field, FieldSpace, Lattice, Reach, TileCloud};

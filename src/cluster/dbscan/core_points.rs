@@ -8,10 +8,11 @@
 
 use std::ops::Range;
 
-use super::closeness::{Bounds, Point, any_within, squared_distance};
+use crate::cluster::linking::closeness::{Bounds, Point, any_within, squared_distance};
 use super::euclidean::{Step, cell_side, layers, link_cells};
 use crate::error::AlgorithmError;
-use crate::model::{TileCloud, VoxelIndex};
+use crate::model::TileCloud;
+use crate::spatial::VoxelIndex;
 
 /// Labels the points 1..=n, 0 for noise and for border points that the tile does not own (`own` is false); returns n.
 pub(super) fn cluster(
