@@ -11,13 +11,13 @@
 
 use std::hint::black_box;
 
-use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant, Euclidean, EuclideanConfig};
 use chainage::cluster::dbscan::epsilon::FIRST_K;
+use chainage::cluster::dbscan::rows::neighbour_curve;
+use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant, Euclidean, EuclideanConfig};
 use chainage::ground::{IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
 use chainage::model::{ObjectPart, PointClass, TileCloud};
-use chainage::spatial::VoxelIndex;
-use chainage::cluster::dbscan::rows::neighbour_curve;
 use chainage::spatial::Points;
+use chainage::spatial::VoxelIndex;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
 use common::{AnyError, classify, objects};

@@ -1,85 +1,43 @@
-//! The one error type of the library.
+//! The one error type of the library. It knows no other module: an area of the library has an error of its own, which
+//! implements [`Failure`] and becomes an [`Error`] by `?`.
 //!
 //! Rules: a text is a lower-case fragment without a final stop that names the object (path, tile, key) and both
-//! numbers; the cause is [`std::error::Error::source`] and is never repeated in the text; [`Error::hint`] is the
-//! next command to type, or nothing. Every variant has an [`ErrorKind`], and the program maps every kind to an
-//! exit code; neither step has a wildcard.
+//! numbers; the cause is [`std::error::Error::source`] and is never repeated in the text; [`Failure::hint`] is the next
+//! command to type, or nothing. Every failure has an [`ErrorKind`], and the program maps every kind to an exit code;
+//! neither step has a wildcard.
 
 use std::borrow::Cow;
 
-use crate::config::ConfigError;
-use crate::cluster::dbscan::epsilon::EpsilonError;
-use crate::eval::EvalError;
-use crate::input::InputError;
-use crate::output::OutputError;
-use crate::spatial::SpatialError;
-use crate::store::StoreError;
-use crate::survey::SurveyError;
-use crate::table::TableError;
-
 /// What went wrong, with the object it went wrong with.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {
-    /// The settings cannot be used.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// An input file is missing, damaged or not acceptable.
-    #[error(transparent)]
-    Input(#[from] InputError),
-    /// The drive as a whole cannot be surveyed.
-    #[error(transparent)]
-    Survey(#[from] SurveyError),
-    /// A result could not be written.
-    #[error(transparent)]
-    Output(#[from] OutputError),
-    /// The run directory is locked, does not match, or is damaged.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// A prediction and a reference cannot be compared.
-    #[error(transparent)]
-    Eval(#[from] EvalError),
-    /// Epsilon cannot be estimated.
-    #[error(transparent)]
-    Epsilon(#[from] EpsilonError),
-    /// Points of n dimensions cannot be clustered.
-    #[error(transparent)]
-    Space(#[from] SpatialError),
-    /// A table cannot be read.
-    #[error(transparent)]
-    Table(#[from] TableError),
-    /// The run was asked to stop; finished tiles are kept.
-    #[error("interrupted with {done} of {total} units of pass {pass} done")]
-    Interrupted {
-        /// Name of the pass that was under way.
-        pass: String,
-        /// Units of it that are kept.
-        done: usize,
-        /// Units of it in all.
-        total: usize,
-    },
-    /// Some tiles failed; the others were finished.
-    #[error("{failed} of {total} units of pass {pass} failed, the first: {first}")]
-    UnitsFailed {
-        /// Name of the pass.
-        pass: String,
-        /// Units that failed.
-        failed: usize,
-        /// Units of the pass in all.
-        total: usize,
-        /// What the first failure said.
-        first: String,
-    },
-    /// A method cannot process the points of a tile.
-    #[error(transparent)]
-    Algorithm(#[from] AlgorithmError),
-    /// A promise of our own did not hold.
-    #[error("internal error: {0}")]
-    Bug(String),
-}
+///
+/// ```
+/// use chainage::config::ConfigError;
+/// use chainage::{Error, ErrorKind};
+///
+/// let error = Error::from(ConfigError::value("euclidean.d_t", 0.0, "0.001 to 10 metres"));
+/// assert_eq!(error.kind(), ErrorKind::Config);
+/// assert!(error.cause::<ConfigError>().is_some());
+/// ```
+pub struct Error(Box<dyn Failure>);
 
-/// Result with the library's [`enum@Error`].
+/// Result with the library's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What every error of an area of the library can say of itself.
+pub trait Failure: std::error::Error + Send + Sync + 'static {
+    /// The kind of failure, for exit codes.
+    fn kind(&self) -> ErrorKind;
+
+    /// The next thing to type or do, where there is one.
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        None
+    }
+
+    /// Whether every other unit of a pass would fail for the same reason, so that there is no point in going on.
+    fn stops_all(&self) -> bool {
+        false
+    }
+}
 
 /// The kinds of failure that a caller can tell apart; the program gives each an exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,92 +63,72 @@ pub enum ErrorKind {
 }
 
 impl Error {
+    /// A promise of our own did not hold.
+    pub fn bug(text: impl Into<String>) -> Self {
+        Self::from(Bug(text.into()))
+    }
+
     /// The kind of failure, for exit codes.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
-        match self {
-            Self::Config(_) => ErrorKind::Config,
-            Self::Input(_) | Self::Survey(_) => ErrorKind::Input,
-            Self::Output(_) => ErrorKind::Output,
-            Self::Store(error) => error.kind(),
-            Self::Eval(error) => error.kind(),
-            Self::Algorithm(_) | Self::Epsilon(_) | Self::Space(_) | Self::Table(_) => ErrorKind::Input,
-            Self::Interrupted { .. } => ErrorKind::Interrupted,
-            Self::UnitsFailed { .. } => ErrorKind::UnitsFailed,
-            Self::Bug(_) => ErrorKind::Bug,
-        }
+        self.0.kind()
     }
 
     /// The next thing to type or do, where there is one.
     #[must_use]
     pub fn hint(&self) -> Option<Cow<'static, str>> {
-        match self {
-            Self::Config(error) => error.hint(),
-            Self::Input(error) => error.hint(),
-            Self::Survey(error) => error.hint(),
-            Self::Output(error) => error.hint(),
-            Self::Store(error) => error.hint(),
-            Self::Eval(error) => error.hint(),
-            Self::Epsilon(error) => error.hint(),
-            Self::Space(error) => error.hint(),
-            Self::Table(error) => error.hint(),
-            Self::Algorithm(error) => error.hint(),
-            Self::Interrupted { .. } => Some("the same command resumes".into()),
-            Self::UnitsFailed { .. } => Some("the same command tries the failed units again".into()),
-            Self::Bug(_) => Some("please report this with the command line and report.json".into()),
-        }
+        self.0.hint()
     }
-}
 
-impl AlgorithmError {
-    /// What to do next.
+    /// Whether every other unit of a pass would fail for the same reason.
     #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
-        match self {
-            Self::ReachBeyondTile { .. } => Some(
-                "give x and y larger weights, or a smaller epsilon; or longer tiles with --tile-length or --memory".into(),
-            ),
-            Self::TooManyCells { .. } | Self::TooManyPoints { .. } => None,
-        }
+    pub fn stops_all(&self) -> bool {
+        self.0.stops_all()
+    }
+
+    /// The failure itself, if it is an `E`.
+    #[must_use]
+    pub fn cause<E: Failure>(&self) -> Option<&E> {
+        let failure: &(dyn std::error::Error + 'static) = &*self.0;
+        failure.downcast_ref()
     }
 }
 
-/// A kernel (ground filter or clustering method) cannot process the points it was given.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum AlgorithmError {
-    /// The points extend over more cells than the method's index can hold.
-    #[error(
-        "{method}: the points span {cells} cells of {edge_units} lattice units along one axis, at most {limit} fit"
-    )]
-    TooManyCells {
-        /// Name of the method.
-        method: &'static str,
-        /// Cells along the axis.
-        cells: u64,
-        /// Edge of a cell in lattice units.
-        edge_units: u32,
-        /// Cells that the index can hold.
-        limit: u64,
-    },
-    /// Neighbours may lie further away than a tile is long: tiles would read each other over and over.
-    #[error(
-        "{method}: neighbours may be {reach_m:.1} m apart in the chosen fields, the longest tile has {longest_m:.1} m"
-    )]
-    ReachBeyondTile {
-        /// Name of the method.
-        method: &'static str,
-        /// Reach in metres.
-        reach_m: f64,
-        /// Length of the longest tile in metres.
-        longest_m: f64,
-    },
-    /// More points in one tile than its index can count.
-    #[error("{method}: {points} points in one tile, at most {limit} can be counted", limit = u32::MAX)]
-    TooManyPoints {
-        /// Name of the method.
-        method: &'static str,
-        /// Points of the tile.
-        points: u64,
-    },
+impl<E: Failure> From<E> for Error {
+    fn from(failure: E) -> Self {
+        Self(Box::new(failure))
+    }
+}
+
+impl std::fmt::Display for Error {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(out)
+    }
+}
+
+impl std::fmt::Debug for Error {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        std::fmt::Debug::fmt(&self.0, out)
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.0.source()
+    }
+}
+
+/// A promise of our own did not hold.
+#[derive(Debug, thiserror::Error)]
+#[error("internal error: {0}")]
+struct Bug(String);
+
+impl Failure for Bug {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Bug
+    }
+
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        Some("please report this with the command line and report.json".into())
+    }
 }

@@ -37,4 +37,4 @@ pub mod run;
 
 pub mod synth;
 
-pub use error::{AlgorithmError, Error, ErrorKind, Result};
+pub use error::{Error, ErrorKind, Failure, Result};

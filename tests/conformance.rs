@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use chainage::Failure;
 use chainage::input::{Catalog, Fields, InputError, InputFile, InputOptions, LengthUnit, record_xyz};
 
 use rayon::prelude::*;

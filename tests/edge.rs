@@ -4,13 +4,12 @@
 use std::path::{Path, PathBuf};
 
 use chainage::cluster::{ClusterEntry, Clusterer, Method};
-use chainage::error::AlgorithmError;
 use chainage::ground::{GroundEntry, GroundFilter};
 use chainage::input::InputError;
-use chainage::model::{Lattice, PointClass, Reach, TileCloud};
-use chainage::spatial::TileView;
+use chainage::model::{AlgorithmError, Lattice, PointClass, Reach, TileCloud};
 use chainage::output::OutputError;
-use chainage::run::{CancelToken, Event, Observer, Registries, RunRequest, RunSummary, run};
+use chainage::run::{CancelToken, Event, Observer, Registries, RunError, RunRequest, RunSummary, run};
+use chainage::spatial::TileView;
 use chainage::survey::SurveyError;
 use chainage::{Error, ErrorKind, cluster, ground};
 
@@ -59,7 +58,7 @@ fn a_drive_without_points_is_refused_and_an_empty_file_among_others_is_not() {
     let scratch = Scratch::new();
     let empty = scratch.file("empty.las", &Shape::default(), &[]);
     let error = drive(std::slice::from_ref(&empty), &scratch.out("out"), &list(5.0, &[])).unwrap_err();
-    assert!(matches!(error, Error::Survey(SurveyError::Empty { files: 1 })), "{error}");
+    assert!(matches!(error.cause(), Some(SurveyError::Empty { files: 1 })), "{error}");
     assert_eq!(error.kind(), ErrorKind::Input);
     let points = Street::middling(1, Course::Straight).points();
     let files = vec![
@@ -160,7 +159,7 @@ fn heights_beyond_any_landscape_are_refused_with_both_ends() {
     let points = [Point::at([0; 3]), Point::at([0, 0, 2_000_000_000]), Point::at([0, 0, -2_000_000_000])];
     let files = [scratch.file("high.las", &Shape::default(), &points)];
     let error = drive(&files, &scratch.out("out"), &list(5.0, &[])).unwrap_err();
-    assert!(matches!(error, Error::Survey(SurveyError::Heights { .. })), "{error}");
+    assert!(matches!(error.cause(), Some(SurveyError::Heights { .. })), "{error}");
     assert!(error.to_string().contains("-2000000 m to 2000000 m"), "{error}");
 }
 
@@ -195,18 +194,18 @@ fn a_cut_file_degrees_and_equal_names_are_refused() {
     let cut = scratch.out("cut.las");
     std::fs::write(&cut, &bytes[..bytes.len() - 100]).unwrap();
     let error = run(&[cut]);
-    assert!(matches!(error, Error::Input(InputError::Truncated { .. })), "{error}");
+    assert!(matches!(error.cause(), Some(InputError::Truncated { .. })), "{error}");
 
     let degrees =
         scratch.file("degrees.las", &Shape { records: geographic(), ..Shape::default() }, &points[..9]);
     let error = run(&[degrees]);
-    assert!(matches!(error, Error::Input(InputError::Geographic { .. })), "{error}");
+    assert!(matches!(error.cause(), Some(InputError::Geographic { .. })), "{error}");
 
     std::fs::create_dir(scratch.out("b")).unwrap();
     let same = scratch.out("b/A.LAS");
     std::fs::copy(&whole, &same).unwrap();
     let error = run(&[whole, same]);
-    assert!(matches!(error, Error::Output(OutputError::NameClash { .. })), "{error}");
+    assert!(matches!(error.cause(), Some(OutputError::NameClash { .. })), "{error}");
 }
 
 #[test]
@@ -423,7 +422,9 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
     ] {
         let out = scratch.out(kind);
         let (error, told) = run_failing(&files, &out, entry, &[]);
-        let Error::UnitsFailed { pass, failed, total, first } = &error else { panic!("{error}") };
+        let Some(RunError::UnitsFailed { pass, failed, total, first }) = error.cause() else {
+            panic!("{error}")
+        };
         assert_eq!((pass.as_str(), *failed, *total), ("cluster", 1, 8), "{error}");
         assert!(first.contains(text), "{first}");
         assert_eq!(error.kind(), ErrorKind::UnitsFailed);
@@ -460,7 +461,7 @@ fn fail_fast_stops_at_the_first_failure() {
     let more = ["run.fail_fast=true", "run.threads=1", "tiling.tile_length=1"];
     let (error, _) = run_failing(&files, &out, FAILING, &more);
     // The bad place is three tiles wide, and tiles that were under way are finished.
-    assert!(matches!(error, Error::UnitsFailed { failed: 1..=3, total: 40, .. }), "{error}");
+    assert!(matches!(error.cause(), Some(RunError::UnitsFailed { failed: 1..=3, total: 40, .. })), "{error}");
     let (_, done) = units(&out, "pass-03-cluster");
     assert!((20..27).contains(&done), "{done} tiles were done all the same");
 }

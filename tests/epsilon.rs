@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use chainage::cluster::Epsilon;
 use chainage::cluster::dbscan::epsilon::{Curve, EpsilonError};
-use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, Silent, estimate_epsilon};
 use chainage::cluster::dbscan::rows as space;
+use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, Silent, estimate_epsilon};
 use chainage::spatial::Points;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
@@ -37,9 +37,11 @@ fn estimated(inputs: &[PathBuf], out: &Path, more: &[String]) -> Result<DriveEps
 fn curve_of(result: Result<DriveEpsilon, chainage::Error>) -> Option<Curve> {
     match result {
         Ok(found) => Some(found.estimate.curve),
-        Err(chainage::Error::Epsilon(EpsilonError::NoTangent { curve, .. })) => Some(curve),
-        Err(chainage::Error::Epsilon(EpsilonError::TooFewPoints { .. })) => None,
-        Err(error) => panic!("{error}"),
+        Err(error) => match error.cause() {
+            Some(EpsilonError::NoTangent { curve, .. }) => Some(curve.clone()),
+            Some(EpsilonError::TooFewPoints { .. }) => None,
+            _ => panic!("{error}"),
+        },
     }
 }
 

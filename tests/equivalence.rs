@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use chainage::cluster::{self, ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
-use chainage::error::AlgorithmError;
 use chainage::ground::{self, GroundEntry, GroundFilter, VoxelColumn, VoxelColumnConfig};
-use chainage::model::{Lattice, PointClass, Reach, TileCloud};
-use chainage::spatial::{Cell, CellGrid, CellMap, PackedCells, TileView};
+use chainage::model::{AlgorithmError, Lattice, PointClass, Reach, TileCloud};
 use chainage::run::Registries;
+use chainage::spatial::{Cell, CellGrid, CellMap, PackedCells, TileView};
 use chainage::tiling::{Plan, PlanRequest, Region, TileSize};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;

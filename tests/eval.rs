@@ -350,7 +350,7 @@ fn one_point_that_differs_is_named() {
 
     let error = compare(&[at("moved.las")], &[at("reference.las")]).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Difference);
-    let Error::Eval(EvalError::Unmatched { unmatched, prediction, reference, .. }) = &error else {
+    let Some(EvalError::Unmatched { unmatched, prediction, reference, .. }) = error.cause() else {
         panic!("{error}")
     };
     assert_eq!((*unmatched, prediction.record, reference.record), (1, 66_000, 66_000));
@@ -361,7 +361,7 @@ fn one_point_that_differs_is_named() {
 
     for (name, first, ends) in [("short.laz", 500, false), ("cut.laz", 60_000, true)] {
         let error = compare(&[at(name)], &[at("reference.las")]).unwrap_err();
-        let Error::Eval(EvalError::PointCounts { prediction, reference, .. }) = &error else {
+        let Some(EvalError::PointCounts { prediction, reference, .. }) = error.cause() else {
             panic!("{error}")
         };
         assert_eq!(reference.as_ref().map(|site| site.record), Some(first), "{name}");

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use chainage::Failure;
 use chainage::input::{Catalog, Fields, InputError, InputOptions, LengthUnit, record_xyz};
 use chainage::model::{Lattice, LatticeTransform};
 use rayon::prelude::*;

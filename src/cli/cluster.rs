@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use chainage::config::ConfigError;
 use chainage::cluster::dbscan::epsilon;
 use chainage::cluster::dbscan::rows::{Dbscan, DbscanVariant};
 use chainage::cluster::p_linkage::PLinkage;
+use chainage::config::ConfigError;
 use chainage::spatial::{Points, SpatialError};
 use chainage::table::write_with_column;
 use serde_json::{Value, json};

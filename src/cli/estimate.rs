@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use chainage::config::ConfigError;
 use chainage::cluster::dbscan::epsilon::{self, Estimate};
+use chainage::config::ConfigError;
 use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, estimate_epsilon};
 use serde_json::{Value, json};
 

@@ -86,16 +86,18 @@ pub(crate) fn install_panic_text() {
 
 #[cfg(test)]
 mod tests {
+    use chainage::run::RunError;
+
     use super::*;
 
     #[test]
     fn every_kind_of_failure_has_its_code() {
         let units = || {
             let (pass, first) = ("ground".to_owned(), "unit 3: internal error: no".to_owned());
-            Error::UnitsFailed { pass, failed: 1, total: 9, first }
+            Error::from(RunError::UnitsFailed { pass, failed: 1, total: 9, first })
         };
-        let interrupted = Error::Interrupted { pass: "ground".to_owned(), done: 1, total: 9 };
-        for (error, code) in [(Error::Bug("no".to_owned()), 1), (units(), 8), (interrupted, 130)] {
+        let interrupted = Error::from(RunError::Interrupted { pass: "ground".to_owned(), done: 1, total: 9 });
+        for (error, code) in [(Error::bug("no"), 1), (units(), 8), (interrupted, 130)] {
             assert_eq!(CliError::from(error).code(), code);
         }
         assert_eq!(CliError::stdout(io::Error::other("no")).code(), 5);

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use chainage::config::ConfigError;
 use chainage::cluster::dbscan::epsilon::{self, Attempt, Estimate};
 use chainage::cluster::dbscan::rows::neighbour_curve;
+use chainage::config::ConfigError;
 use chainage::spatial::Points;
 use chainage::table::Table;
 

@@ -19,10 +19,10 @@
 
 use serde::Deserialize;
 
-use crate::cluster::linking::closeness::{Bounds, Point, any_within};
 use super::{ClusterEntry, Clusterer, Method};
+use crate::cluster::linking::closeness::{Bounds, Point, any_within};
 use crate::config::{self, ConfigError};
-use crate::error::AlgorithmError;
+use crate::model::AlgorithmError;
 use crate::model::{Lattice, Reach, TileCloud};
 use crate::spatial::{DisjointSets, Linker, VoxelIndex};
 

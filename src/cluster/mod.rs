@@ -13,7 +13,7 @@ mod sliced;
 mod staged;
 
 use crate::config::ConfigError;
-use crate::error::AlgorithmError;
+use crate::model::AlgorithmError;
 use crate::model::{Lattice, Reach, TileCloud};
 
 pub use dbscan::{Auto, Dbscan, DbscanConfig, DbscanVariant, Epsilon};

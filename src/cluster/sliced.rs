@@ -42,7 +42,7 @@ pub(crate) fn slice<S: DeserializeOwned>(global: &[u8], tile: u32) -> Result<S> 
 }
 
 fn part(global: &[u8], number: usize) -> Result<&[u8]> {
-    find(global, number).ok_or_else(|| Error::Bug(format!("a global has no part {number}")))
+    find(global, number).ok_or_else(|| Error::bug(format!("a global has no part {number}")))
 }
 
 fn find(global: &[u8], number: usize) -> Option<&[u8]> {

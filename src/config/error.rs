@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
+use crate::error::{ErrorKind, Failure};
+
 /// A setting that cannot be used; names the key, the value and what would do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -68,10 +70,14 @@ impl ConfigError {
     pub fn value(key: impl Into<String>, value: impl ToString, expected: impl Into<String>) -> Self {
         Self::Value { key: key.into(), value: value.to_string(), expected: expected.into() }
     }
+}
 
-    /// What to type next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+impl Failure for ConfigError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Config
+    }
+
+    fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::UnknownKey { .. } | Self::UnknownMethod { .. } | Self::Assignment { .. } => {
                 Some("chainage config prints every setting with its unit and default".into())

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, Failure};
 
 /// Which side of the comparison something is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,10 +138,8 @@ pub enum EvalError {
     },
 }
 
-impl EvalError {
-    /// The kind of failure, for exit codes.
-    #[must_use]
-    pub fn kind(&self) -> ErrorKind {
+impl Failure for EvalError {
+    fn kind(&self) -> ErrorKind {
         match self {
             Self::NoDimension { .. }
             | Self::DimensionType { .. }
@@ -152,9 +150,7 @@ impl EvalError {
         }
     }
 
-    /// What to type next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+    fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::NoDimension { side, known, .. } => {
                 let option = match side {

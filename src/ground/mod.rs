@@ -8,7 +8,7 @@ mod noise;
 mod voxel_column;
 
 use crate::config::ConfigError;
-use crate::error::AlgorithmError;
+use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};
 use crate::spatial::TileView;
 

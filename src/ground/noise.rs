@@ -22,7 +22,7 @@ use serde::Deserialize;
 
 use super::lowest::{NONE, lowest_within};
 use crate::config::ConfigError;
-use crate::error::AlgorithmError;
+use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};
 use crate::spatial::{Linker, TileView, VoxelIndex};
 

@@ -25,7 +25,7 @@ use super::lowest::{NONE, lowest_within};
 use super::noise::voxel_edge;
 use super::{GroundEntry, GroundFilter};
 use crate::config::{self, ConfigError};
-use crate::error::AlgorithmError;
+use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};
 use crate::spatial::{TileView, VoxelIndex};
 

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
+use crate::error::{ErrorKind, Failure};
+
 /// An input file that is missing, damaged or not acceptable; names the file and both numbers.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -286,10 +288,12 @@ pub enum ChunkProblem {
     },
 }
 
-impl InputError {
-    /// What to do next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+impl Failure for InputError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Input
+    }
+
+    fn hint(&self) -> Option<Cow<'static, str>> {
         Some(Cow::Borrowed(match self {
             Self::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
                 "give files, folders with *.las or *.laz, or patterns in quotes"
@@ -325,5 +329,9 @@ impl InputError {
                 "let nothing write to the inputs during a run; start again when the files are complete"
             }
         }))
+    }
+
+    fn stops_all(&self) -> bool {
+        matches!(self, Self::Changed { .. })
     }
 }

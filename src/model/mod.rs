@@ -4,6 +4,7 @@
 mod chart;
 mod class;
 mod cloud;
+mod error;
 mod field;
 mod frame;
 mod hull;
@@ -14,6 +15,7 @@ mod records;
 pub use chart::{Chart, ChartAxis, Series};
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
+pub use error::AlgorithmError;
 pub use field::{Field, FieldAxis, FieldSpace, FieldSums};
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
 pub use object::ObjectPart;

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
+use crate::error::{ErrorKind, Failure};
+
 /// A result that could not be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -118,10 +120,12 @@ pub enum OutputError {
     },
 }
 
-impl OutputError {
-    /// What to do next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+impl Failure for OutputError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Output
+    }
+
+    fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => Some(
                 "free some space and type the same command again: run resumes, synth needs an empty folder"
@@ -145,5 +149,10 @@ impl OutputError {
             | Self::Incomplete { .. }
             | Self::NotCompressed { .. } => None,
         }
+    }
+
+    /// Nothing can be written any more.
+    fn stops_all(&self) -> bool {
+        true
     }
 }

@@ -106,7 +106,7 @@ impl ClusterPass<'_> {
                     "point {} has label {} in tile {here} and {there} in tile {}",
                     seam.id, seam.label, seam.owner
                 );
-                return Err(Error::Bug(text));
+                return Err(Error::bug(text));
             }
         }
         Ok(())

@@ -31,7 +31,7 @@ impl<'a> Clustered<'a> {
                 let pass = ClusterPass { tiles, method: &**method, reach };
                 let mut dirs = dirs.into_iter();
                 let dir =
-                    dirs.next().ok_or_else(|| crate::Error::Bug("no folder for the clusters".to_owned()))?;
+                    dirs.next().ok_or_else(|| crate::Error::bug("no folder for the clusters".to_owned()))?;
                 passes.push(engine.execute(&pass, &dir)?);
                 Ok(Self::Local(pass, dir))
             }
@@ -48,7 +48,7 @@ impl<'a> Clustered<'a> {
                 }
                 Ok(Self::Staged(done, method))
             }
-            Method::Prepared(method) => Err(crate::Error::Bug(format!("{} was not prepared", method.name()))),
+            Method::Prepared(method) => Err(crate::Error::bug(format!("{} was not prepared", method.name()))),
         }
     }
 

@@ -11,14 +11,14 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
-use crate::codec;
 use crate::cluster::dbscan::epsilon::{Curve, CurveSums};
+use crate::codec;
 use crate::error::Result;
 use crate::model::FieldSpace;
-use crate::spatial::Cell;
 use crate::run::engine::Pass;
 use crate::run::held::Held;
 use crate::run::tiles::Tiles;
+use crate::spatial::Cell;
 use crate::spatial::{Neighbours, Points};
 use crate::store::PassDir;
 use crate::tiling::Wanted;

@@ -6,8 +6,8 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::input::{Catalog, Fields, InputFile};
 use crate::model::{Lattice, LatticeTransform, RecordView};
-use crate::spatial::CellGrid;
 use crate::run::inputs;
+use crate::spatial::CellGrid;
 use crate::store::{Column, RunDir, StoreError};
 use crate::survey::{Collector, SurveyError};
 

@@ -15,9 +15,11 @@ use serde_json::json;
 
 use crate::error::{Error, Result};
 use crate::input::InputError;
+use crate::run::error::RunError;
 use crate::run::in_flight::InFlight;
 use crate::run::observe::{Event, Observer};
 use crate::store::{PassDir, RunDir, UnitState};
+use crate::survey::SurveyError;
 
 /// One pass over units.
 pub(crate) trait Pass: Sync {
@@ -156,7 +158,7 @@ impl Engine<'_> {
                 for (unit, error) in self.keep(pass, dir, batch) {
                     let reason = error.to_string();
                     self.tell(&Event::UnitFailed { pass: pass.name(), unit, reason: &reason });
-                    if self.fail_fast || is_fatal(&error) {
+                    if self.fail_fast || error.stops_all() {
                         stop.store(true, Ordering::Relaxed);
                     }
                     failures.push((unit, error));
@@ -219,14 +221,13 @@ fn run_unit(pass: &dyn Pass, dir: &PassDir, unit: usize) -> Result<Vec<u8>> {
             .map(ToString::to_string)
             .or_else(|| panic.downcast_ref::<String>().cloned())
             .unwrap_or_else(|| "panic without a text".to_owned());
-        Err(Error::Bug(format!("pass {}, unit {unit}: {text}", pass.name())))
+        Err(Error::bug(format!("pass {}, unit {unit}: {text}", pass.name())))
     })
 }
 
-/// Whether the other units would fail for the same reason: nothing can be written any more, or the input changed.
-fn is_fatal(error: &Error) -> bool {
-    matches!(error, Error::Store(_) | Error::Output(_))
-        || matches!(error, Error::Input(InputError::Changed { .. }))
+/// Whether a failure is one of the input, which says so itself.
+fn is_of_the_input(error: &Error) -> bool {
+    error.cause::<InputError>().is_some() || error.cause::<SurveyError>().is_some()
 }
 
 /// What the pass as a whole came to: the error to return, if any.
@@ -238,7 +239,7 @@ fn conclude(
     todo: usize,
 ) -> Result<Option<Error>> {
     failures.sort_by_key(|failure| failure.0);
-    if let Some(fatal) = failures.iter().position(|failure| is_fatal(&failure.1)) {
+    if let Some(fatal) = failures.iter().position(|failure| failure.1.stops_all()) {
         return Ok(Some(failures.swap_remove(fatal).1));
     }
     if !failures.is_empty() {
@@ -250,16 +251,19 @@ fn conclude(
             )?;
         }
         // An input that cannot be read says so itself; the same command would fail again.
-        if failures.iter().all(|(_, error)| matches!(error, Error::Input(_) | Error::Survey(_))) {
+        if failures.iter().all(|(_, error)| is_of_the_input(error)) {
             return Ok(Some(failures.swap_remove(0).1));
         }
         let (unit, first) = &failures[0];
-        return Ok(Some(Error::UnitsFailed {
-            pass: pass.name().to_owned(),
-            failed: failures.len(),
-            total: pass.units(),
-            first: format!("unit {unit}: {first}"),
-        }));
+        return Ok(Some(
+            RunError::UnitsFailed {
+                pass: pass.name().to_owned(),
+                failed: failures.len(),
+                total: pass.units(),
+                first: format!("unit {unit}: {first}"),
+            }
+            .into(),
+        ));
     }
     if cancel.is_cancelled() && todo > 0 {
         let mut done = 0;
@@ -267,7 +271,8 @@ fn conclude(
             done += usize::from(dir.state(unit)? == UnitState::Done);
         }
         if done < pass.units() {
-            return Ok(Some(Error::Interrupted { pass: pass.name().to_owned(), done, total: pass.units() }));
+            let (pass, total) = (pass.name().to_owned(), pass.units());
+            return Ok(Some(RunError::Interrupted { pass, done, total }.into()));
         }
     }
     Ok(None)

@@ -56,6 +56,6 @@ pub fn estimate_epsilon(
     }
     let plan = flow.plan(&scene)?;
     let found = flow.estimate(&scene, &plan)?;
-    let found = found.ok_or_else(|| crate::Error::Bug("nothing was estimated".to_owned()))?;
+    let found = found.ok_or_else(|| crate::Error::bug("nothing was estimated".to_owned()))?;
     Ok((found, flow.passes))
 }

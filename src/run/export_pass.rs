@@ -10,10 +10,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::error::{Error, Result};
 use crate::input::Fields;
 use crate::model::{PointClass, RecordView};
-use crate::spatial::{PackedCells, PackedCursor};
 use crate::output::{LabelledFile, OutputError};
 use crate::run::drive::Drive;
 use crate::run::engine::Pass;
+use crate::spatial::{PackedCells, PackedCursor};
 use crate::store::{PassDir, RunDir, StoreError};
 use crate::whole_file::publish;
 
@@ -112,7 +112,7 @@ impl<'a> ExportPass<'a> {
                 .checked_sub(1)
                 .and_then(|tile| self.ids.get(tile))
                 .and_then(|ids| ids.get(*label as usize - 1));
-            *label = *id.ok_or_else(|| Error::Bug(format!("label {label} of tile {owner} has no object")))?;
+            *label = *id.ok_or_else(|| Error::bug(format!("label {label} of tile {owner} has no object")))?;
         }
         Ok(())
     }
@@ -268,7 +268,7 @@ fn pack(payload: &mut Vec<u8>, records: u32, chunk: &[u8]) {
 
 /// The chunks of a payload.
 fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
-    let broken = || Error::Bug("a payload of the export does not decode".to_owned());
+    let broken = || Error::bug("a payload of the export does not decode".to_owned());
     let mut chunks = Vec::new();
     while !payload.is_empty() {
         let (records, rest) = payload.split_first_chunk::<4>().ok_or_else(broken)?;

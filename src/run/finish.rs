@@ -108,7 +108,7 @@ pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<()> {
     }
     run_dir.claim_outputs(&names)?;
     for chart in charts {
-        let svg = chart_svg(chart).map_err(|error| Error::Bug(error.to_string()))?;
+        let svg = chart_svg(chart).map_err(|error| Error::bug(error.to_string()))?;
         let name = format!("{}.svg", chart.name);
         write_whole(run_dir, &name, |out| {
             let path = run_dir.out().join(&name);

@@ -68,7 +68,7 @@ pub fn codec_floor(inputs: &[PathBuf], config: &Config, threads: usize) -> Resul
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|error| Error::Bug(format!("no threads: {error}")))?;
+        .map_err(|error| Error::bug(format!("no threads: {error}")))?;
     let started = Instant::now();
     for file in catalog.files().iter().filter(|file| file.is_compressed()) {
         let labelled = LabelledFile::plan(file, &LabelOptions::default())?;

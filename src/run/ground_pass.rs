@@ -8,10 +8,10 @@ use crate::codec;
 use crate::error::Result;
 use crate::ground::{GroundFilter, IsolatedNoise};
 use crate::model::PointClass;
-use crate::spatial::{Cell, TileView};
 use crate::run::drive::sync_columns;
 use crate::run::engine::Pass;
 use crate::run::tiles::Tiles;
+use crate::spatial::{Cell, TileView};
 use crate::store::PassDir;
 use crate::tiling::Wanted;
 

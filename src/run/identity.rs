@@ -6,7 +6,7 @@ use std::time::UNIX_EPOCH;
 use serde::{Deserialize, Serialize};
 
 use crate::codec;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::input::{Catalog, InputFile};
 use crate::run::drive::Drive;
 use crate::run::survey_pass::SurveyPass;
@@ -93,7 +93,7 @@ pub(crate) fn check_content(
         let new = pass.survey(unit, false)?;
         if old.content != new.content {
             let what = format!("the points of {} have changed", now[run.file].name);
-            return Err(Error::Store(StoreError::OtherInput { path: run_dir.out().to_owned(), what }));
+            return Err(StoreError::OtherInput { path: run_dir.out().to_owned(), what }.into());
         }
     }
     Ok(run_dir.write_json(NAME, &now)?)

@@ -138,7 +138,7 @@ fn survey(drive: &Drive, threads: usize) -> Result<Survey> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|error| Error::Bug(format!("no threads: {error}")))?;
+        .map_err(|error| Error::bug(format!("no threads: {error}")))?;
     let runs = drive.block_runs();
     let mut survey = Survey::default();
     // In groups, so that the parts waiting to be merged stay few.

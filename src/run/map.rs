@@ -3,9 +3,9 @@
 use std::fmt::Write;
 
 use crate::model::Lattice;
-use crate::spatial::{Cell, PackedCells};
 use crate::run::rows::Rows;
 use crate::run::scene::Scene;
+use crate::spatial::{Cell, PackedCells};
 use crate::tiling::Plan;
 
 /// Width of the drawing in pixels.

@@ -7,6 +7,7 @@ mod clustered;
 mod curve_pass;
 mod drive;
 mod engine;
+mod error;
 mod estimate;
 mod export_pass;
 mod fields_pass;
@@ -46,6 +47,7 @@ use flow::Flow;
 use methods::Chain;
 
 pub use engine::{CancelToken, PassFigures};
+pub use error::RunError;
 pub use estimate::{EstimateRequest, estimate_epsilon};
 pub use finish::Counts;
 pub use floor::{codec_floor, copy_floor, files_of};

@@ -3,10 +3,11 @@
 
 use serde::Serialize;
 
+use crate::cluster::dbscan::epsilon::{self, Attempt, Curve, Estimate};
 use crate::cluster::{EpsilonConfig, Method, Needs, PreparedClusterer};
 use crate::config::{self, Config, ConfigError};
-use crate::cluster::dbscan::epsilon::{self, Attempt, Curve, Estimate};
-use crate::error::{AlgorithmError, Result};
+use crate::error::Result;
+use crate::model::AlgorithmError;
 use crate::model::FieldSpace;
 use crate::run::curve_pass::{AskingCost, CurvePass, HALO_M, Sample};
 use crate::run::engine::{Engine, PassFigures};

@@ -15,9 +15,9 @@ use serde::{Deserialize, Serialize};
 use crate::codec;
 use crate::error::Result;
 use crate::model::record_xyz;
-use crate::spatial::PackedCells;
 use crate::run::drive::{BlockRun, Drive};
 use crate::run::engine::Pass;
+use crate::spatial::PackedCells;
 use crate::store::{PassDir, RunDir, StoreError};
 
 /// Bytes of a point in a scattered file.

@@ -6,9 +6,9 @@ use serde::Serialize;
 
 use crate::config::{AxisChoice, Config};
 use crate::error::{Error, Result};
-use crate::spatial::{BlockZone, PackedCells};
 use crate::run::drive::Drive;
 use crate::run::rows::Rows;
+use crate::spatial::{BlockZone, PackedCells};
 use crate::survey::{Axis, AxisSource, Survey, SurveyError, read_trajectory};
 
 /// Heights of a drive fit local coordinates up to this extent in lattice units.
@@ -118,7 +118,7 @@ fn check_extent(drive: &Drive, survey: &Survey) -> Result<()> {
         && hi[2] - lo[2] > HEIGHT_LIMIT_UNITS
     {
         let metres = |units| drive.lattice().metres(units);
-        return Err(Error::Survey(SurveyError::Heights {
+        return Err(Error::from(SurveyError::Heights {
             lowest_m: metres(lo[2]),
             highest_m: metres(hi[2]),
             limit_m: metres(HEIGHT_LIMIT_UNITS),

@@ -35,7 +35,7 @@ fn payload_end(kept: &[u8]) -> Result<usize> {
     length
         .and_then(|length| usize::try_from(length).ok())
         .filter(|length| *length <= kept.len() - size_of::<u64>())
-        .ok_or_else(|| Error::Bug(format!("{} bytes are not what a stage keeps", kept.len())))
+        .ok_or_else(|| Error::bug(format!("{} bytes are not what a stage keeps", kept.len())))
 }
 
 /// The stages that are done: where their payloads are, and their globals.
@@ -71,7 +71,7 @@ impl<'a> Done<'a> {
 
     fn kept(&self, stage: usize, tile: u32) -> Result<Vec<u8>> {
         let dir =
-            self.dirs.get(stage).ok_or_else(|| Error::Bug(format!("stage {stage} has not been run")))?;
+            self.dirs.get(stage).ok_or_else(|| Error::bug(format!("stage {stage} has not been run")))?;
         Ok(dir.payload(tile as usize)?)
     }
 
@@ -87,7 +87,7 @@ impl<'a> Done<'a> {
         for (tile, groups) in (0_u32..).zip(&grouped.groups) {
             let mut parts = self.parts(tile)?;
             if parts.len() != groups.len() {
-                return Err(Error::Bug(format!(
+                return Err(Error::bug(format!(
                     "tile {tile} has {} labels and {} groups",
                     parts.len(),
                     groups.len()
@@ -103,7 +103,7 @@ impl<'a> Done<'a> {
             for (label, &group) in (1_u32..).zip(groups).filter(|(_, group)| **group != 0) {
                 let one = *first.entry(group).or_insert((tile, label));
                 if one != (tile, label) && !stitcher.link(one, (tile, label)) {
-                    return Err(Error::Bug(format!("label {label} of tile {tile} does not exist")));
+                    return Err(Error::bug(format!("label {label} of tile {tile} does not exist")));
                 }
             }
         }

@@ -1,11 +1,11 @@
 //! The street that a drive went along, and how it is cut into tiles that fit the budget.
 
 use crate::config::Config;
-use crate::spatial::{Cell, CellGrid, PackedCells};
 use crate::run::budget::{Budget, TileNeed};
 use crate::run::drive::Drive;
 use crate::run::methods::Chain;
 use crate::run::scene::Scene;
+use crate::spatial::{Cell, CellGrid, PackedCells};
 use crate::tiling::{Plan, PlanRequest, TileSize};
 
 /// Plans tried until every thread can have any tile in flight. There may be none, for instance where a street meets itself and

@@ -2,9 +2,9 @@
 
 use crate::error::Result;
 use crate::model::Lattice;
-use crate::spatial::{CellGrid, CellMap, PackedCells};
 use crate::run::finish::Counts;
 use crate::run::ground_pass::GroundPayload;
+use crate::spatial::{CellGrid, CellMap, PackedCells};
 
 /// How far from an object's centre ground is looked for, in metres (methods, section 5.1 has the same distance).
 const SEARCH_M: f64 = 10.0;

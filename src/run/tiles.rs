@@ -2,11 +2,11 @@
 
 use crate::error::{Error, Result};
 use crate::model::RecordView;
-use crate::spatial::BlockZone;
 use crate::run::drive::Drive;
 use crate::run::fields_pass::StoredFields;
 use crate::run::scatter_pass::{STRIDE, Scattered};
 use crate::run::scene::Scene;
+use crate::spatial::BlockZone;
 use crate::store::StoreError;
 use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region, Wanted};
 
@@ -166,5 +166,5 @@ impl Tiles<'_> {
 }
 
 fn out_of_range(_: HeightOutOfRange) -> Error {
-    Error::Bug("a height does not fit the surveyed range".to_owned())
+    Error::bug("a height does not fit the surveyed range".to_owned())
 }

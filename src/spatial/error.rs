@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use crate::error::{ErrorKind, Failure};
+
 /// Points that a method cannot cluster.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -34,10 +36,12 @@ pub enum SpatialError {
     },
 }
 
-impl SpatialError {
-    /// What to do next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+impl Failure for SpatialError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Input
+    }
+
+    fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Dimensions { .. } => Some("choose columns with --columns".into()),
             Self::NoSpread { .. } => Some("leave it out with --columns".into()),

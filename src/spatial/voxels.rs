@@ -14,7 +14,7 @@
 
 use std::ops::Range;
 
-use crate::error::AlgorithmError;
+use crate::model::AlgorithmError;
 use crate::model::{TileCloud, VoxelGrid};
 
 /// The occupied voxels of a cloud, sorted by (i, j, k), local indices of a [`VoxelGrid`].

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, Failure};
 
 /// The run directory is locked, does not match, or cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -78,10 +78,10 @@ impl StoreError {
         let path = path.to_owned();
         move |source| Self::Io { action, path, source }
     }
+}
 
-    /// The kind of failure, for exit codes.
-    #[must_use]
-    pub fn kind(&self) -> ErrorKind {
+impl Failure for StoreError {
+    fn kind(&self) -> ErrorKind {
         match self {
             Self::Locked { .. } => ErrorKind::Locked,
             Self::Io { .. } | Self::InTheWay { .. } => ErrorKind::Output,
@@ -91,9 +91,7 @@ impl StoreError {
         }
     }
 
-    /// What to type next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+    fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Locked { .. } => Some("wait for the other run, or choose another output directory".into()),
             Self::Io { source, .. } if source.kind() == io::ErrorKind::StorageFull => {
@@ -107,5 +105,10 @@ impl StoreError {
             Self::InTheWay { .. } => Some("choose another output directory".into()),
             Self::Io { .. } => None,
         }
+    }
+
+    /// Nothing can be written any more.
+    fn stops_all(&self) -> bool {
+        true
     }
 }

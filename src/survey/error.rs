@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
+use crate::error::{ErrorKind, Failure};
+
 /// A drive that cannot be surveyed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -75,10 +77,12 @@ pub enum SurveyError {
     },
 }
 
-impl SurveyError {
-    /// What to do next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+impl Failure for SurveyError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Input
+    }
+
+    fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Column { .. } | Self::Number { .. } => {
                 Some("a trajectory is a CSV file whose first line is gps_time,x,y,z".into())

@@ -161,7 +161,7 @@ pub struct Summary {
 /// hears of the points and metres so far.
 ///
 /// # Errors
-/// [`Error::Config`] for settings out of range; [`Error::Output`] when the folder is not empty or cannot be written.
+/// [`ConfigError`](crate::config::ConfigError) for settings out of range; [`OutputError`](crate::output::OutputError) when the folder is not empty or cannot be written.
 pub fn generate(
     settings: &Settings,
     folder: &Path,
@@ -171,7 +171,7 @@ pub fn generate(
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.threads)
         .build()
-        .map_err(|error| Error::Bug(format!("no worker threads: {error}")))?;
+        .map_err(|error| Error::bug(format!("no worker threads: {error}")))?;
     sink::prepare(folder)?;
     pool.install(|| Run::new(settings).drive(Sink::create(folder, settings)?, progress))
 }

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
+use crate::error::{ErrorKind, Failure};
+
 /// A table that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -81,10 +83,12 @@ pub enum TableError {
     },
 }
 
-impl TableError {
-    /// What to do next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+impl Failure for TableError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Input
+    }
+
+    fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::NoHeader { .. } => Some("if it is the first row, add --no-header".into()),
             Self::Number { .. } => Some("choose columns of numbers with --columns".into()),

@@ -8,9 +8,9 @@
 
 use std::ops::Range;
 
-use crate::cluster::linking::closeness::{Bounds, Point, any_within, squared_distance};
 use super::euclidean::{Step, cell_side, layers, link_cells};
-use crate::error::AlgorithmError;
+use crate::cluster::linking::closeness::{Bounds, Point, any_within, squared_distance};
+use crate::model::AlgorithmError;
 use crate::model::TileCloud;
 use crate::spatial::VoxelIndex;
 

@@ -6,11 +6,11 @@
 //! whole drive. Cost: one query of radius epsilon per point (`core`: three). Memory: about 8 bytes per field, 20 of the
 //! tree and 20 more, per point.
 
-use crate::cluster::Clusterer;
 use super::{DbscanConfig, DbscanVariant};
-use crate::error::AlgorithmError;
-use crate::model::{FieldSpace, Lattice, Reach, TileCloud};
+use crate::cluster::Clusterer;
 use crate::cluster::dbscan::rows as space;
+use crate::model::AlgorithmError;
+use crate::model::{FieldSpace, Lattice, Reach, TileCloud};
 use crate::spatial::Points;
 
 /// The method in a space of fields.

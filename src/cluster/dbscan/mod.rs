@@ -25,7 +25,7 @@ use fields::FieldDbscan;
 
 use super::{ClusterEntry, Clusterer, Method, Needs, PreparedClusterer, euclidean};
 use crate::config::{self, ConfigError};
-use crate::error::AlgorithmError;
+use crate::model::AlgorithmError;
 use crate::model::{Field, FieldSpace, Lattice, Reach, TileCloud};
 
 const NAME: &str = "dbscan";

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::cluster::dbscan::epsilon::{Curve, CurveSums};
-use crate::spatial::DisjointSets;
-use crate::spatial::Neighbours;
-use crate::spatial::Index;
 use crate::cluster::linking::numbering as labels;
+use crate::spatial::DisjointSets;
+use crate::spatial::Index;
+use crate::spatial::Neighbours;
 use crate::spatial::{Points, SpatialError};
 
 /// Leaves that a thread takes at once, some thousands of points.

@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 
 use serde_json::json;
 
-use super::stage_borders::PairSum;
 use super::curvature::ONE;
 use super::merge::{Reassigned, merges};
+use super::stage_borders::PairSum;
 use super::stage_peaks;
 use super::stage_voxels;
 use super::{DensityPeaksConfig, STAGE_VOXELS};

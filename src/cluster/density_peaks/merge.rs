@@ -7,10 +7,10 @@
 
 use std::collections::BTreeMap;
 
-use super::stage_borders::{self, Halo, PairSum};
 use super::columns::join;
 use super::curvature::ONE;
 use super::figures::Figures;
+use super::stage_borders::{self, Halo, PairSum};
 use super::stage_peaks;
 use super::{DensityPeaksConfig, STAGE_PEAKS};
 use crate::cluster::{DriveSource, Grouped};

@@ -26,15 +26,15 @@
 //! above each stem, hedge and lamp pole below it, and a pole inside a crown takes that part of the crown with it; cars half
 //! a metre apart are one object.
 
-mod stage_borders;
 mod columns;
 mod curvature;
 mod figures;
 mod labelled_points;
 mod merge;
+mod stage_borders;
 mod stage_peaks;
-mod surroundings;
 mod stage_voxels;
+mod surroundings;
 
 use std::ops::RangeInclusive;
 
@@ -187,7 +187,7 @@ impl StagedClusterer for DensityPeaks {
 }
 
 fn no_stage(stage: usize) -> Error {
-    Error::Bug(format!("{NAME} has no stage {stage}"))
+    Error::bug(format!("{NAME} has no stage {stage}"))
 }
 
 #[cfg(test)]

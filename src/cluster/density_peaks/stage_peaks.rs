@@ -358,7 +358,7 @@ pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
             loaded = Some((tile, load(drive, tile)?));
         }
         let end = loaded.as_ref().and_then(|(_, payload)| payload.ends.get(position as usize).copied());
-        let end = end.ok_or_else(|| Error::Bug(format!("tile {tile} has no voxel {position}")))?;
+        let end = end.ok_or_else(|| Error::bug(format!("tile {tile} has no voxel {position}")))?;
         target.insert(exit.from, (tile, end));
     }
     // Along a chain density grows, so that it comes to an end.

@@ -17,7 +17,8 @@ use super::{NAME, STAGE_VOXELS};
 use crate::cluster::sliced;
 use crate::cluster::{DriveSource, Mapped, TileSource};
 use crate::codec;
-use crate::error::{AlgorithmError, Result};
+use crate::error::Result;
+use crate::model::AlgorithmError;
 use crate::spatial::{Cell, VoxelIndex};
 
 /// A voxel of one column.

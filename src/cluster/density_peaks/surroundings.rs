@@ -65,7 +65,7 @@ impl Surroundings {
             }
         }
         if let Some(lost) = cluster.iter().position(|&cluster| cluster == u32::MAX) {
-            return Err(Error::Bug(format!("voxel {:?} has points and no tile", voxels.indices().nth(lost))));
+            return Err(Error::bug(format!("voxel {:?} has points and no tile", voxels.indices().nth(lost))));
         }
         Ok(Self { points, voxel, voxels, cluster, owned })
     }

@@ -11,9 +11,9 @@ use std::num::NonZero;
 
 use serde::Serialize;
 
+use crate::cluster::linking::numbering as labels;
 use crate::spatial::DisjointSets;
 use crate::spatial::Index;
-use crate::cluster::linking::numbering as labels;
 use crate::spatial::{Points, SpatialError};
 
 /// Terms of the density below this are left out: exp(-x^2) for x beyond 5.26.

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use crate::cluster::dbscan::epsilon::{Curve, LARGEST_K};
+use crate::error::{ErrorKind, Failure};
 
 /// Epsilon cannot be estimated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -29,10 +30,20 @@ pub enum EpsilonError {
     },
 }
 
-impl EpsilonError {
-    /// What to do next.
-    #[must_use]
-    pub fn hint(&self) -> Option<Cow<'static, str>> {
+/// A curve in a line: every value up to k = 10, then every tenth of them.
+fn values(curve: &Curve) -> String {
+    let shown = |k: usize| k <= 10 || k.is_multiple_of(LARGEST_K / 10) || k == curve.k();
+    let entry = |(k, mean): (usize, &f64)| format!("{k}: {mean:.6}");
+    let list: Vec<String> = (2..).zip(&curve.mean).filter(|(k, _)| shown(*k)).map(entry).collect();
+    list.join(", ")
+}
+
+impl Failure for EpsilonError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Input
+    }
+
+    fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::TooFewPoints { .. } => {
                 "choose fewer neighbours with --k, or give epsilon as a number".into()
@@ -40,14 +51,6 @@ impl EpsilonError {
             Self::NoTangent { .. } => "give epsilon as a number, near the bend of the curve above".into(),
         })
     }
-}
-
-/// A curve in a line: every value up to k = 10, then every tenth of them.
-fn values(curve: &Curve) -> String {
-    let shown = |k: usize| k <= 10 || k.is_multiple_of(LARGEST_K / 10) || k == curve.k();
-    let entry = |(k, mean): (usize, &f64)| format!("{k}: {mean:.6}");
-    let list: Vec<String> = (2..).zip(&curve.mean).filter(|(k, _)| shown(*k)).map(entry).collect();
-    list.join(", ")
 }
 
 #[cfg(test)]

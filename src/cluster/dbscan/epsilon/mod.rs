@@ -5,16 +5,16 @@
 //! 5 and 11 to 14. Ours: the point itself is the neighbour k = 1 (so that D_1 = 0 is not part of the curve), the
 //! polynomial is fitted in k scaled to [-1, 1], the smallest root is taken, and K grows to [`LARGEST_K`] at most.
 
+mod chart;
 mod curve;
 mod error;
 mod fit;
-mod chart;
 mod polynomial;
 
+pub use chart::svg;
 pub use curve::{Curve, CurveSums};
 pub use error::EpsilonError;
 pub use fit::{Attempt, Estimate, estimate};
-pub use chart::svg;
 pub use polynomial::Polynomial;
 
 /// Neighbours to start with (paper, section 4.2.2), the point itself included.
