@@ -5,7 +5,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::util::peaks_oracle::{self, Settings};
-use crate::util::staged::MemoryDrive;
+use crate::util::memory_drive::MemoryDrive;
 
 type Points = Vec<[i64; 3]>;
 
@@ -121,9 +121,9 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
             // Stripes, and cells dealt at random.
             for stripes in [true, false] {
                 let mut dice = ChaCha8Rng::seed_from_u64(u64::from(rng.next_u32()));
-                let deal = |cell: [i64; 2]| {
+                let deal = |cell: [i32; 2]| {
                     let tile = if stripes {
-                        cell[0].rem_euclid(i64::from(tiles))
+                        i64::from(cell[0]).rem_euclid(i64::from(tiles))
                     } else {
                         dice.random_range(0..i64::from(tiles))
                     };
@@ -135,7 +135,10 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
                     "seed {seed}, {tiles} tiles, stripes {stripes}"
                 );
                 let figure =
-                    |name: &str| usize::try_from(outcome.grouped.figures[name].as_u64().unwrap()).unwrap();
+                    |name: &str| {
+                    let grouped = outcome.grouped.as_ref().unwrap();
+                    usize::try_from(grouped.figures["stages"][name].as_u64().unwrap()).unwrap()
+                };
                 assert_eq!(figure("clusters_before_merging"), expected.centres, "seed {seed}, {tiles} tiles");
                 assert_eq!(figure("clusters_after_merging"), expected.segments, "seed {seed}, {tiles} tiles");
                 assert_eq!(

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use chainage::cluster::{ClusterEntry, Clusterer, Method};
+use chainage::cluster::{ClusterEntry, Clusterer, OneStep};
 use chainage::ground::{GroundEntry, GroundFilter};
 use chainage::input::InputError;
 use chainage::model::{AlgorithmError, Lattice, PointClass, Reach, TileCloud};
@@ -294,7 +294,7 @@ const CUBES: ClusterEntry = ClusterEntry {
     name: "cubes",
     summary: "cubes of a metre",
     reference: "none",
-    build: |_| Ok(Method::Local(Box::new(Cubes))),
+    build: |_| Ok(Box::new(OneStep::new(Cubes, &[]))),
 };
 
 #[test]
@@ -359,10 +359,10 @@ const FAILING: ClusterEntry = ClusterEntry {
     name: "failing",
     summary: "fails at one place",
     reference: "none",
-    build: |_| Ok(Method::Local(Box::new(Failing { panics: false }))),
+    build: |_| Ok(Box::new(OneStep::new(Failing { panics: false }, &["failing.*"]))),
 };
 const PANICKING: ClusterEntry =
-    ClusterEntry { build: |_| Ok(Method::Local(Box::new(Failing { panics: true }))), ..FAILING };
+    ClusterEntry { build: |_| Ok(Box::new(OneStep::new(Failing { panics: true }, &["failing.*"]))), ..FAILING };
 
 /// Objects on ground every metre, over 40 m.
 fn row() -> Vec<Point> {
@@ -429,10 +429,10 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
         assert!(first.contains(text), "{first}");
         assert_eq!(error.kind(), ErrorKind::UnitsFailed);
         assert_eq!(told, [format!("cluster 4: {text}")]);
-        let (failed, done) = units(&out, "pass-03-cluster");
+        let (failed, done) = units(&out, "pass-03-1-cluster");
         assert_eq!((failed, done), (vec!["unit-000004.err.json".to_owned()], 7));
         let record: serde_json::Value = serde_json::from_slice(
-            &std::fs::read(out.join(".chainage/pass-03-cluster/unit-000004.err.json")).unwrap(),
+            &std::fs::read(out.join(".chainage/pass-03-1-cluster/unit-000004.err.json")).unwrap(),
         )
         .unwrap();
         assert_eq!(
@@ -444,12 +444,12 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
         // A method that does not fail there resumes: the one tile is done, and the record of the failure goes.
         let mut list = list(5.0, &["cluster.method=failing", "tiling.cell=0.5"]);
         list.push("run.threads=1".to_owned());
-        let good = ClusterEntry { build: |_| Ok(Method::Local(Box::new(Cubes))), ..FAILING };
+        let good = ClusterEntry { build: |_| Ok(Box::new(OneStep::new(Cubes, &[]))), ..FAILING };
         let registries = Registries { ground: ground::REGISTRY, cluster: &[good] };
         let summary = run_with(&files, &out, &list, registries).unwrap();
         let figures = summary.passes.iter().find(|figures| figures.pass == "cluster").unwrap();
         assert_eq!((figures.units, figures.resumed), (8, 7));
-        assert_eq!(units(&out, "pass-03-cluster"), (Vec::new(), 8));
+        assert_eq!(units(&out, "pass-03-1-cluster"), (Vec::new(), 8));
     }
 }
 
@@ -462,6 +462,6 @@ fn fail_fast_stops_at_the_first_failure() {
     let (error, _) = run_failing(&files, &out, FAILING, &more);
     // The bad place is three tiles wide, and tiles that were under way are finished.
     assert!(matches!(error.cause(), Some(RunError::UnitsFailed { failed: 1..=3, total: 40, .. })), "{error}");
-    let (_, done) = units(&out, "pass-03-cluster");
+    let (_, done) = units(&out, "pass-03-1-cluster");
     assert!((20..27).contains(&done), "{done} tiles were done all the same");
 }

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use chainage::cluster::Epsilon;
 use chainage::cluster::dbscan::epsilon::{Curve, EpsilonError};
 use chainage::cluster::dbscan::rows as space;
-use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, Silent, estimate_epsilon};
+use chainage::cluster::dbscan::epsilon::DriveEpsilon;
+use chainage::run::{CancelToken, EstimateRequest, Registries, Silent, estimate_epsilon};
 use chainage::spatial::Points;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
@@ -217,7 +218,7 @@ fn nobody_can_tell_the_tiles_of_a_run_with_an_estimate() {
             let summary =
                 drive(&sweep, &out, &set(&[more, settings(&[&format!("run.threads={threads}")])].concat()))
                     .expect("a run");
-            outs.push((out, summary.epsilon.expect("an estimate").estimate));
+            outs.push((out, summary.epsilon().expect("an estimate").estimate));
         }
         for (out, estimate) in &outs[1..] {
             assert_eq!(estimate, &outs[0].1, "{variant}");
@@ -288,7 +289,7 @@ fn an_estimate_in_a_space_of_fields_is_the_same_in_any_tiles() {
     let (whole, tiled) = (estimate("1000"), estimate("8"));
     assert_eq!(
         (&whole.estimate, &whole.space, whole.unit),
-        (&tiled.estimate, &tiled.space, "standard deviations")
+        (&tiled.estimate, &tiled.space, "standard deviations".into())
     );
     assert!(tiled.cost.asked_for_more > 0, "{:?}", tiled.cost);
 }

@@ -5,7 +5,7 @@ use std::cell::Cell as Counter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use chainage::cluster::{self, ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
+use chainage::cluster::{self, ClusterEntry, Clusterer, Euclidean, EuclideanConfig, OneStep};
 use chainage::ground::{self, GroundEntry, GroundFilter, VoxelColumn, VoxelColumnConfig};
 use chainage::model::{AlgorithmError, Lattice, PointClass, Reach, TileCloud};
 use chainage::run::Registries;
@@ -435,10 +435,10 @@ const SHORTSIGHTED_LINKS: ClusterEntry = ClusterEntry {
     name: "shortsighted-links",
     summary: "links over 3.5 m, and says 0",
     reference: "none",
-    build: |_| Ok(Method::Local(Box::new(Shortsighted(Euclidean::new(&FAR_LINKS)?)))),
+    build: |_| Ok(Box::new(OneStep::new(Shortsighted(Euclidean::new(&FAR_LINKS)?), &[]))),
 };
 const HONEST_LINKS: ClusterEntry = ClusterEntry {
-    build: |_| Ok(Method::Local(Box::new(Euclidean::new(&FAR_LINKS)?))),
+    build: |_| Ok(Box::new(OneStep::new(Euclidean::new(&FAR_LINKS)?, &[]))),
     ..SHORTSIGHTED_LINKS
 };
 const SHORTSIGHTED_GROUND: GroundEntry = GroundEntry {

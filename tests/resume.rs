@@ -317,7 +317,7 @@ fn lost_columns_are_noticed_and_computed_again() {
     let inputs = Inputs::new();
     let out = inputs.undisturbed("sweep.laz", &[]);
     let bytes = outputs(&out);
-    for column in ["positions/00000", "scattered/000000", "classes/00000", "labels/00000"] {
+    for column in ["positions/00000", "scattered/000000", "classes/00000", "objects/00000"] {
         for lost in [true, false] {
             let path = out.join(".chainage").join(column);
             if lost {
@@ -350,7 +350,7 @@ fn a_lost_half_written_copy_is_written_again() {
         std::fs::remove_file(&copy).expect("removed");
         std::fs::create_dir_all(&copy).expect("a folder in the way");
         refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write", "street.las"]);
-        assert!(state.join("pass-04-export/unit-000000.bin").exists(), "the unit was done");
+        assert!(state.join("pass-06-export/unit-000000.bin").exists(), "the unit was done");
         match other {
             None => std::fs::remove_file(state.join("export/00000.part")).expect("removed"),
             Some(other) => refused(

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use chainage::cluster::dbscan::epsilon::DriveEpsilon;
 use chainage::cluster::dbscan::epsilon::{self, Estimate};
 use chainage::config::ConfigError;
-use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, estimate_epsilon};
+use chainage::run::{CancelToken, EstimateRequest, Registries, estimate_epsilon};
 use serde_json::{Value, json};
 
 use crate::cli::drive_args::{Inputs, Settings};
@@ -100,7 +101,7 @@ impl EstimateArgs {
             100.0 * cost.read_share
         );
         let facts = serde_json::to_value(&found).map_err(|error| CliError::stdout(error.into()))?;
-        self.show(&found.estimate, found.unit, &names, &more, &facts)
+        self.show(&found.estimate, &found.unit, &names, &more, &facts)
     }
 
     fn drive(&self) -> Result<DriveEpsilon, CliError> {

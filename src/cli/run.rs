@@ -139,7 +139,7 @@ fn page(summary: &RunSummary, out: &Path) -> String {
         share(counts.low_noise + counts.high_noise),
         share(counts.object)
     ));
-    if let Some(found) = &summary.epsilon {
+    if let Some(found) = summary.epsilon() {
         text.push_str(&format!(
             "  epsilon {:.5} {}, estimated over {} points at k0 = {:.3} of K = {}\n",
             found.estimate.epsilon,

@@ -293,6 +293,10 @@ impl Failure for InputError {
         ErrorKind::Input
     }
 
+    fn concerns_input(&self) -> bool {
+        true
+    }
+
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(Cow::Borrowed(match self {
             Self::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {

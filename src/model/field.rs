@@ -102,7 +102,7 @@ impl FieldSums {
 }
 
 /// One axis of a space of fields.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FieldAxis {
     /// The field.
     pub field: Field,
@@ -113,7 +113,7 @@ pub struct FieldAxis {
 }
 
 /// The space that neighbours are looked for in.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FieldSpace {
     /// Its axes; x and y are among them.
     pub axes: Vec<FieldAxis>,

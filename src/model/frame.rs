@@ -51,6 +51,16 @@ impl Lattice {
         (length_m * f64::from(self.units_per_m)).round() as i64
     }
 
+    /// A length in metres as lattice units, rounded up: a reach that is no multiple of the step is never cut short.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "lengths are validated settings of at most kilometres"
+    )]
+    pub fn units_up(self, length_m: f64) -> i64 {
+        (length_m * f64::from(self.units_per_m)).ceil() as i64
+    }
+
     /// A lattice coordinate or length in metres.
     #[must_use]
     pub fn metres(self, units: i64) -> f64 {

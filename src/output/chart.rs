@@ -14,7 +14,7 @@ const COLOURS: [RGBColor; 4] =
 #[derive(Debug, thiserror::Error)]
 #[error("cannot draw the chart {name}: {reason}")]
 pub struct ChartError {
-    name: &'static str,
+    name: String,
     reason: String,
 }
 
@@ -26,7 +26,8 @@ pub fn chart_svg(chart: &Chart) -> Result<String, ChartError> {
     let mut svg = String::new();
     {
         let area = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
-        draw(chart, &area).map_err(|error| ChartError { name: chart.name, reason: error.to_string() })?;
+        draw(chart, &area)
+            .map_err(|error| ChartError { name: chart.name.to_string(), reason: error.to_string() })?;
     }
     Ok(svg)
 }
@@ -125,7 +126,7 @@ fn draw<'a>(
             .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 10, y + 5)], colour.filled()));
     }
     let line = |from, to| PathElement::new(vec![from, to], BLACK);
-    let text = |at, (name, value): &(&str, f64), pos| {
+    let text = |at, (name, value): &(std::borrow::Cow<'static, str>, f64), pos| {
         EmptyElement::at(at) + Text::new(format!("{name} = {value}"), pos, ("sans-serif", 15))
     };
     for threshold in &chart.x.thresholds {
@@ -168,13 +169,13 @@ mod tests {
     use super::*;
 
     fn axis(name: &str, logarithmic: bool, thresholds: &[(&'static str, f64)]) -> ChartAxis {
-        ChartAxis { name: name.to_owned(), logarithmic, thresholds: thresholds.to_vec() }
+        ChartAxis { name: name.to_owned(), logarithmic, thresholds: thresholds.iter().map(|&(name, value)| (name.into(), value)).collect() }
     }
 
     fn chart(series: Vec<Series>) -> Chart {
         let title = "a title".to_owned();
         let (x, y) = (axis("metres", false, &[("half", 0.5)]), axis("number", true, &[("ten", 10.0)]));
-        Chart { name: "test", title, x, y, series }
+        Chart { name: "test".into(), title, x, y, series }
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::model::Lattice;
-use crate::run::finish::Counts;
-use crate::run::ground_pass::GroundPayload;
+use crate::run::passes::ground::GroundPayload;
+use crate::run::summary::Counts;
 use crate::spatial::{CellGrid, CellMap, PackedCells};
 
 /// How far from an object's centre ground is looked for, in metres (methods, section 5.1 has the same distance).

@@ -82,6 +82,10 @@ impl Failure for SurveyError {
         ErrorKind::Input
     }
 
+    fn concerns_input(&self) -> bool {
+        true
+    }
+
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Column { .. } | Self::Number { .. } => {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::TileId;
 use crate::spatial::{Area, Cell, CellGrid, CellMap, PackedCells};
 
 /// Largest extent of a core in lattice units (60 km at 1 mm): stray points far outside get tiles of their own, so that
@@ -325,7 +326,8 @@ impl Plan {
     fn members(&self, mut members: Vec<Cell>, roles: CellMap<u8>) -> Region {
         members.sort_unstable();
         let (mut owners, mut counts) = (self.owners.cursor(), self.cells.cursor());
-        let tiles: BTreeSet<u32> = members.iter().map(|cell| owners.get(*cell).saturating_sub(1)).collect();
+        let tile = |cell: &Cell| TileId::new(owners.get(*cell).saturating_sub(1));
+        let tiles: BTreeSet<TileId> = members.iter().map(tile).collect();
         let tiles = tiles.into_iter().collect();
         let points = members.iter().map(|cell| u64::from(counts.get(*cell))).sum();
         Region { area: Area::of(members.into_iter()), roles, tiles, points, grid: self.grid }
@@ -345,7 +347,7 @@ pub struct Region {
     /// [`Region::CORE`] or [`Region::HALO`]; 0 outside.
     pub roles: CellMap<u8>,
     /// Tiles that own any of the cells, ascending.
-    pub tiles: Vec<u32>,
+    pub tiles: Vec<TileId>,
     /// Points in core and halo.
     pub points: u64,
     /// The raster.
@@ -435,7 +437,7 @@ mod tests {
         // Cells 17..=19 and 40..=42: a reach of 2.5 m covers gaps of up to two whole cells.
         let halo: Vec<i32> = (0..100).filter(|&i| region.roles.get([i, 2]) == Region::HALO).collect();
         assert_eq!(halo, [17, 18, 19, 40, 41, 42]);
-        assert_eq!((region.points, &region.tiles[..]), ((20 + 6) * 50, &[0, 1, 2][..]));
+        assert_eq!((region.points, &region.tiles[..]), ((20 + 6) * 50, &[0, 1, 2].map(TileId::new)[..]));
         assert_eq!(plan.region(1, 0).points, (20 + 2) * 50);
     }
 

@@ -5,7 +5,7 @@ pub(crate) mod las;
 pub(crate) mod oracle;
 pub(crate) mod peaks_oracle;
 pub(crate) mod program;
-pub(crate) mod staged;
+pub(crate) mod memory_drive;
 pub(crate) mod street;
 
 use std::path::{Path, PathBuf};

@@ -16,9 +16,9 @@ use super::stage_borders::PairSum;
 use super::stage_peaks;
 use super::stage_voxels;
 use super::{DensityPeaksConfig, STAGE_VOXELS};
-use crate::cluster::DriveSource;
+use crate::cluster::DriveWindow;
 use crate::error::Result;
-use crate::model::{Chart, ChartAxis, Series};
+use crate::model::{Chart, ChartAxis, Series, TileId};
 
 /// Width of a class of the histogram of curvatures.
 const CURVATURE_CLASS: f64 = 0.005;
@@ -60,7 +60,7 @@ pub(super) struct Figures {
 impl Figures {
     /// From what the stages keep.
     pub(super) fn collect(
-        drive: &dyn DriveSource,
+        drive: &dyn DriveWindow,
         clusters: u32,
         segments: &[u32],
         sums: &BTreeMap<(u32, u32), PairSum>,
@@ -73,7 +73,7 @@ impl Figures {
         let voxels = drive.global(STAGE_VOXELS);
         figures.most = stage_voxels::most(voxels)?;
         let mut components: Vec<u32> = Vec::new();
-        for tile in 0..drive.tiles() {
+        for tile in TileId::first(drive.tiles()) {
             components.extend(stage_voxels::components(voxels, tile)?);
             let payload = stage_voxels::load(drive, tile)?;
             figures.points += payload.points;
@@ -137,17 +137,17 @@ impl Figures {
         }
         let farthest = config.d_neighbor;
         Chart {
-            name: "density-peaks-decision",
+            name: "density-peaks-decision".into(),
             title: format!("Decision graph: {} voxels, {} centres", self.of_objects, self.clusters),
             x: ChartAxis {
                 name: "local density rho (voxels)".to_owned(),
                 logarithmic: true,
-                thresholds: vec![("rho_t", config.rho_t)],
+                thresholds: vec![("rho_t".into(), config.rho_t)],
             },
             y: ChartAxis {
                 name: format!("distance delta to the nearest denser voxel (voxels; {farthest}: none)"),
                 logarithmic: false,
-                thresholds: vec![("delta_t", config.delta_t)],
+                thresholds: vec![("delta_t".into(), config.delta_t)],
             },
             series: vec![points("voxels (1, 10, 100, ...)", &self.graph), points("centres", &centres)],
         }
@@ -165,12 +165,12 @@ impl Figures {
             bars: bars.filter(|bar| bar[1] < bar[2]).collect(),
         };
         Chart {
-            name: "density-peaks-curvature",
+            name: "density-peaks-curvature".into(),
             title: format!("Mean curvature (CNS) of {} pairs of clusters", self.pairs),
             x: ChartAxis {
                 name: format!("mean curvature over the pairs of points (classes of {CURVATURE_CLASS})"),
                 logarithmic: false,
-                thresholds: vec![("c_t", config.c_t)],
+                thresholds: vec![("c_t".into(), config.c_t)],
             },
             y: ChartAxis { name: "pairs of clusters".to_owned(), logarithmic: true, thresholds: Vec::new() },
             series: vec![bars("unmerged", &mut { apart }), bars("merged", &mut { merged })],

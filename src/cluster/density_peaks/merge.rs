@@ -13,8 +13,9 @@ use super::figures::Figures;
 use super::stage_borders::{self, Halo, PairSum};
 use super::stage_peaks;
 use super::{DensityPeaksConfig, STAGE_PEAKS};
-use crate::cluster::{DriveSource, Grouped};
+use crate::cluster::{DriveWindow, Grouped};
 use crate::error::Result;
+use crate::model::TileId;
 use crate::spatial::DisjointSets;
 
 /// Halo voxels by what became of them.
@@ -25,12 +26,12 @@ pub(super) struct Reassigned {
 }
 
 /// Which labels are one object.
-pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Result<Grouped> {
+pub(super) fn group(drive: &dyn DriveWindow, config: &DensityPeaksConfig) -> Result<Grouped> {
     let threshold = config.c_t;
     let clusters = stage_peaks::clusters(drive.global(STAGE_PEAKS))?;
     let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
     let (mut borders, mut halos, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-    for tile in 0..drive.tiles() {
+    for tile in TileId::first(drive.tiles()) {
         let payload = stage_borders::load(drive, tile)?;
         for (one, other, sum) in payload.pairs {
             let total = sums.entry((one, other)).or_default();
@@ -51,7 +52,9 @@ pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Res
         })
         .collect();
     let figures = Figures::collect(drive, clusters, &segments, &sums, threshold, reassigned)?;
-    Ok(Grouped { groups, figures: figures.to_json(), charts: figures.charts(config) })
+    let mut named = crate::cluster::Figures::new();
+    named.insert("stages".to_owned(), figures.to_json());
+    Ok(Grouped { groups, figures: named, charts: figures.charts(config) })
 }
 
 /// Whether the mean over the pairs of the mean of both curvatures is below the threshold; in exact integers.

@@ -16,7 +16,7 @@
 //! Cost: O(points) for voxels and labels; a search for a parent looks at columns in the order of their distance and
 //! stops at the first denser voxel, for nearly all voxels the one below; pairs are only counted where voxels of two
 //! clusters are near each other. A tile decodes its own slice of what holds for the drive and those of its neighbours.
-//! Memory beside the points: about 90 bytes per voxel (`BYTES_PER_POINT` of the staged pass is measured); reductions hold
+//! Memory beside the points: about 90 bytes per voxel (`BYTES_PER_POINT` is measured); reductions hold
 //! the ends of chains and 16 bytes per voxel along the borders of tiles, and the pairs of clusters, not the voxels.
 //!
 //! Known failures, from the objects that lose most points (`benches/results/density-peaks-worst.md`): what begins high
@@ -40,8 +40,7 @@ use std::ops::RangeInclusive;
 
 use serde::Deserialize;
 
-use super::staged::{DriveSource, Grouped, Mapped, Stage, StagedClusterer, TileSource};
-use super::{ClusterEntry, Method};
+use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
 use crate::model::{Lattice, Reach};
@@ -52,18 +51,30 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
     summary: "voxels follow the nearest denser one to the foot of an object; smooth borders merge",
     reference: "Li et al. 2017, sections 3.2 and 3.3",
-    build: |table| Ok(Method::Staged(Box::new(DensityPeaks::new(&config::section(NAME, table)?)?))),
+    build: |sections| Ok(Box::new(DensityPeaks::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
 const STAGE_VOXELS: usize = 0;
 const STAGE_PEAKS: usize = 1;
 const STAGE_BORDERS: usize = 2;
 
-const STAGES: [Stage; 3] = [
-    Stage { name: "voxels", settings: &["voxel"] },
-    Stage { name: "peaks", settings: &["rho_t", "delta_t", "d_t", "d_neighbor"] },
+/// Bytes per point that a tile of a stage needs at its peak. `scripts/tile_memory.py` measured 17 to 48 on streets, where
+/// half of the points or more are ground, and 61 to 66 in forests, where nearly all are of objects and few to a voxel; the
+/// stage `borders` is the hungriest.
+const BYTES_PER_POINT: u64 = 68;
+
+const fn stage(name: &'static str, settings: &'static [&'static str]) -> Step {
+    Step { name, settings, bytes: BytesPer::Point(BYTES_PER_POINT), repeat: Repeat::Once }
+}
+
+const STAGES: [Step; 3] = [
+    stage("voxels", &["density-peaks.voxel"]),
+    stage(
+        "peaks",
+        &["density-peaks.rho_t", "density-peaks.delta_t", "density-peaks.d_t", "density-peaks.d_neighbor"],
+    ),
     // Not `c_t`: it decides over sums that do not depend on it.
-    Stage { name: "borders", settings: &["d_th", "reassign"] },
+    stage("borders", &["density-peaks.d_th", "density-peaks.reassign"]),
 ];
 
 /// Settings of the section `[density-peaks]`.
@@ -144,13 +155,13 @@ impl DensityPeaks {
     }
 }
 
-impl StagedClusterer for DensityPeaks {
+impl Method for DensityPeaks {
     fn name(&self) -> &'static str {
         NAME
     }
 
     /// That of the points of the last stage; voxels are read further around, and matter less.
-    fn reach(&self, _lattice: Lattice) -> Reach {
+    fn planning_reach(&self, _lattice: Lattice) -> Reach {
         Reach::Exact { metres: stage_borders::reach_m(&self.config) }
     }
 
@@ -159,11 +170,11 @@ impl StagedClusterer for DensityPeaks {
         1..=u64::MAX
     }
 
-    fn stages(&self) -> &'static [Stage] {
+    fn steps(&self) -> &[Step] {
         &STAGES
     }
 
-    fn map(&self, stage: usize, tile: &dyn TileSource) -> Result<Mapped> {
+    fn map(&self, stage: usize, tile: &dyn TileWindow) -> Result<Mapped> {
         let edge = self.edge(tile.lattice());
         match stage {
             STAGE_VOXELS => stage_voxels::map(tile, edge),
@@ -173,16 +184,13 @@ impl StagedClusterer for DensityPeaks {
         }
     }
 
-    fn reduce(&self, stage: usize, drive: &dyn DriveSource) -> Result<Vec<u8>> {
+    fn reduce(&self, stage: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match stage {
-            STAGE_VOXELS => stage_voxels::reduce(drive),
-            STAGE_PEAKS => stage_peaks::reduce(drive),
+            STAGE_VOXELS => stage_voxels::reduce(drive).map(Reduced::Global),
+            STAGE_PEAKS => stage_peaks::reduce(drive).map(Reduced::Global),
+            STAGE_BORDERS => merge::group(drive, &self.config).map(Reduced::Groups),
             other => Err(no_stage(other)),
         }
-    }
-
-    fn group(&self, drive: &dyn DriveSource) -> Result<Grouped> {
-        merge::group(drive, &self.config)
     }
 }
 

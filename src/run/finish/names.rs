@@ -1,0 +1,48 @@
+//! What a run will write, and whether it may.
+
+use crate::config::{ClassificationChoice, Config, ConfigError};
+use crate::error::Result;
+use crate::input::Catalog;
+use crate::output::{LabelOptions, LabelledFile, OutputFormat, check_names};
+use crate::store::{RunDir, StoreError};
+
+/// Name of the report.
+pub(super) const REPORT: &str = "report.json";
+/// What a finished run leaves beside the labelled copies.
+pub(super) const BESIDE: [&str; 3] = ["objects.csv", "objects.geojson", REPORT];
+
+/// The labelled copies to be written: names do not collide, and nothing foreign is in the place of any output.
+pub(crate) fn plan_files(
+    catalog: &Catalog,
+    config: &Config,
+    run_dir: &RunDir,
+) -> Result<(Vec<LabelledFile>, Vec<String>)> {
+    let name = &config.output.format;
+    let format: OutputFormat = toml::Value::String(name.clone())
+        .try_into()
+        .map_err(|_| ConfigError::value("output.format", name, "same, las or laz"))?;
+    let options = LabelOptions {
+        format,
+        dimension: config.output.dimension.clone(),
+        set_classification: config.output.classification == ClassificationChoice::Set,
+        keep_original: config.output.original_classification,
+    };
+    let ours = run_dir.own_outputs()?;
+    let mut files: Vec<LabelledFile> = Vec::new();
+    let mut warnings = Vec::new();
+    for file in catalog.files() {
+        let labelled = LabelledFile::plan(file, &options)?;
+        warnings.extend(labelled.warnings().iter().cloned());
+        files.push(labelled);
+    }
+    check_names(&files)?;
+    let names: Vec<String> = files.iter().map(LabelledFile::name).chain(BESIDE).map(str::to_owned).collect();
+    for name in names.iter().filter(|name| !ours.contains(name)) {
+        let path = run_dir.out().join(name);
+        if path.exists() {
+            return Err(StoreError::InTheWay { path }.into());
+        }
+    }
+    run_dir.claim_outputs(&names)?;
+    Ok((files, warnings))
+}
