@@ -9,15 +9,15 @@ use serde_json::json;
 use crate::config::{ClassificationChoice, Config, ConfigError};
 use crate::error::{Error, Result};
 use crate::input::Catalog;
-use crate::model::{Chart, ObjectPart};
-use crate::output::{
-    LabelOptions, LabelledFile, ObjectRow, OutputError, OutputFormat, chart_svg, check_names, write_csv,
-    write_geojson,
-};
+use crate::inventory::{self, Object, Site, Station, Terrain, TerrainSums};
+use crate::model::{Chart, Lattice};
+use crate::output::objects::{self, ObjectRow, ObjectTable};
+use crate::output::{LabelOptions, LabelledFile, OutputError, OutputFormat, chart_svg, check_names};
 use crate::run::RunSummary;
 use crate::run::drive::Drive;
+use crate::run::ground_pass::GroundPayload;
 use crate::run::scene::{AxisFacts, Scene};
-use crate::run::terrain::Terrain;
+use crate::spatial::CellGrid;
 use crate::stitch::Stitched;
 use crate::store::{PassDir, RunDir, StoreError};
 use crate::whole_file::publish;
@@ -71,7 +71,29 @@ pub(crate) fn plan_files(
     Ok((files, warnings))
 }
 
-/// Writes `objects.csv` and `objects.geojson`.
+/// Points by class and the terrain, from the payloads of the ground pass; `lowest` is the smallest lattice z of the drive.
+pub(crate) fn counts_and_terrain(
+    payloads: impl Iterator<Item = Result<GroundPayload>>,
+    grid: CellGrid,
+    lattice: Lattice,
+    lowest: i64,
+) -> Result<(Counts, Terrain)> {
+    let mut counts = [0; 4];
+    let mut terrain = TerrainSums::new(grid, lattice, lowest);
+    for payload in payloads {
+        let payload = payload?;
+        for (total, count) in counts.iter_mut().zip(payload.counts) {
+            *total += count;
+        }
+        for (cell, points, sum) in payload.heights {
+            terrain.add(cell, points, sum);
+        }
+    }
+    let [object, ground, low_noise, high_noise] = counts;
+    Ok((Counts { object, ground, low_noise, high_noise }, terrain.into_terrain()))
+}
+
+/// Writes the table of objects in every format.
 pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
@@ -79,11 +101,34 @@ pub(crate) fn write_tables(
     stitched: &Stitched,
     terrain: &Terrain,
 ) -> Result<()> {
-    let row = |(id, object): (u32, &ObjectPart)| row(id, object, drive, scene, terrain);
-    let rows = || (1_u32..).zip(&stitched.objects).map(row);
-    let epsg = drive.catalog.crs().epsg;
-    write_whole(run_dir, "objects.csv", |out| write_csv(rows(), out))?;
-    write_whole(run_dir, "objects.geojson", |out| write_geojson(rows(), epsg, out))?;
+    let crs = drive.catalog.crs();
+    let file_names: Vec<&str> = drive.catalog.files().iter().map(|file| file.name()).collect();
+    let locate = |place| {
+        let (chainage_m, offset_m) = scene.axis.locate(place);
+        Station { chainage_m, offset_m }
+    };
+    let site = Site {
+        lattice: drive.lattice(),
+        units_m: [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
+        terrain,
+        locate: &locate,
+        file_names: &file_names,
+    };
+    let row = |index: usize| {
+        // There are no more objects than ids.
+        let id = u32::try_from(index + 1).unwrap_or(u32::MAX);
+        let object = Object::new(id, &stitched.objects[index], &site);
+        ObjectRow { outline: inventory::outline(&object), values: inventory::values(&object) }
+    };
+    let (columns, len) = (inventory::columns(), stitched.objects.len());
+    let table = ObjectTable { columns: &columns, epsg: crs.epsg, len, row: &row };
+    for entry in objects::REGISTRY {
+        let name = entry.file_name;
+        write_whole(run_dir, name, |out| {
+            let failed = |source| OutputError::Write { path: name.into(), source };
+            entry.format.write(&table, out).map_err(failed)
+        })?;
+    }
     Ok(())
 }
 
@@ -137,38 +182,6 @@ fn write_whole(
     publish(&part, &path).map_err(failed(&path))
 }
 
-/// The row of an object; positions in the units of the input.
-fn row(id: u32, object: &ObjectPart, drive: &Drive, scene: &Scene, terrain: &Terrain) -> ObjectRow {
-    let lattice = drive.lattice();
-    let crs = drive.catalog.crs();
-    let units_m = [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m];
-    let world = |point: [i64; 3]| [0, 1, 2].map(|k| lattice.metres(point[k]) / units_m[k]);
-    // Sums are exact integers; the mean is rounded to the lattice, which is finer than what is written.
-    #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
-    let centre = object.sum.map(|sum| (sum / i128::from(object.points.max(1))) as i64);
-    let place = [lattice.metres(centre[0]), lattice.metres(centre[1])];
-    let (chainage_m, offset_m) = scene.axis.locate(place);
-    let ground_m = terrain.height_m([centre[0], centre[1]]);
-    let above = |z: i64| ground_m.map(|ground| lattice.metres(z) - ground);
-    let hull: Vec<[f64; 2]> =
-        object.hull.iter().map(|place| [0, 1].map(|k| lattice.metres(place[k]) / units_m[k])).collect();
-    ObjectRow {
-        id,
-        points: object.points,
-        min: world(object.lo),
-        max: world(object.hi),
-        centroid: world(centre),
-        ground_z: ground_m.map(|ground| ground / units_m[2]),
-        height_above_ground: above(object.hi[2]),
-        base_above_ground: above(object.lo[2]),
-        footprint: hull,
-        area_m2: object.hull_area_units2() * lattice.step_m().powi(2),
-        chainage_m,
-        offset_m,
-        files: object.files.iter().map(|&file| drive.file(file as usize).name().to_owned()).collect(),
-    }
-}
-
 const FINISHED: &str = "finished.json";
 
 /// What a finished run left.
@@ -200,7 +213,15 @@ pub(crate) fn already_finished(run_dir: &RunDir, export: &PassDir) -> Result<Opt
 
 const REPORT: &str = "report.json";
 /// What a finished run leaves beside the labelled copies.
-const BESIDE: [&str; 3] = ["objects.csv", "objects.geojson", REPORT];
+const BESIDE: [&str; objects::REGISTRY.len() + 1] = {
+    let mut names = [REPORT; objects::REGISTRY.len() + 1];
+    let mut index = 0;
+    while index < objects::REGISTRY.len() {
+        names[index] = objects::REGISTRY[index].file_name;
+        index += 1;
+    }
+    names
+};
 
 /// Takes the mark back before outputs are written anew. Units of the export whose files have already been named
 /// have nothing left to resume from, so they go too.
@@ -259,4 +280,28 @@ pub(crate) fn write_report(
             .map_err(|source| OutputError::Write { path: run_dir.out().join(REPORT), source })
     })?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_summed_and_cells_of_all_tiles_are_the_terrain() {
+        let tiles = [
+            GroundPayload { counts: [5, 2, 1, 0], heights: vec![([0, 0], 2, -4_001)] },
+            GroundPayload { counts: [7, 1, 0, 3], heights: vec![([6, 0], 1, 3_000)] },
+        ];
+        let (grid, lattice) = (CellGrid::new(1_000), Lattice::MILLIMETRE);
+        let payloads = tiles.into_iter().map(Ok);
+        let (counts, terrain) = counts_and_terrain(payloads, grid, lattice, -2_500).unwrap();
+        assert_eq!(counts, Counts { object: 12, ground: 3, low_noise: 1, high_noise: 3 });
+        let heights = [[500, 500], [6_500, 500]].map(|place| terrain.height_m(place));
+        assert_eq!(heights, [Some(-2.001), Some(3.0)]);
+    }
+
+    #[test]
+    fn every_format_is_among_the_outputs() {
+        assert_eq!(BESIDE, ["objects.csv", "objects.geojson", "report.json"]);
+    }
 }

@@ -21,7 +21,6 @@ use crate::run::scatter_pass::{ScatterPass, Scattered};
 use crate::run::scene::Scene;
 use crate::run::street::Street;
 use crate::run::survey_pass::SurveyPass;
-use crate::run::terrain::Terrain;
 use crate::run::tiles::Tiles;
 use crate::run::{identity, inputs};
 use crate::store::{Inputs, PassDir, RunDir};
@@ -225,7 +224,7 @@ impl<'a> Flow<'a> {
         let payloads = (0..plan.tiles.len())
             .map(|tile| -> Result<GroundPayload> { codec::decode(&ground_dir.payload(tile)?) });
         let (grid, lattice) = (self.drive.grid, self.drive.lattice());
-        let (counts, terrain) = Terrain::collect(payloads, grid, lattice, scene.lowest())?;
+        let (counts, terrain) = finish::counts_and_terrain(payloads, grid, lattice, scene.lowest())?;
         if let Some(finished) = finish::already_finished(self.engine.run_dir, &export_dir)? {
             return Ok(Outcome { counts, objects: finished.objects, unmarked: None, stages: None, epsilon });
         }

@@ -31,7 +31,6 @@ mod staged_pass;
 mod status;
 mod street;
 mod survey_pass;
-mod terrain;
 mod tiles;
 
 use std::path::PathBuf;
