@@ -25,6 +25,8 @@ pub mod cluster;
 
 pub mod stitch;
 
+pub mod inventory;
+
 pub mod output;
 
 pub mod eval;

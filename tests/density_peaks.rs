@@ -4,8 +4,8 @@ use chainage::cluster::{DensityPeaks, DensityPeaksConfig};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::util::peaks_oracle::{self, Settings};
 use crate::util::memory_drive::MemoryDrive;
+use crate::util::peaks_oracle::{self, Settings};
 
 type Points = Vec<[i64; 3]>;
 
@@ -134,8 +134,7 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
                     outcome.objects, expected.objects,
                     "seed {seed}, {tiles} tiles, stripes {stripes}"
                 );
-                let figure =
-                    |name: &str| {
+                let figure = |name: &str| {
                     let grouped = outcome.grouped.as_ref().unwrap();
                     usize::try_from(grouped.figures["stages"][name].as_u64().unwrap()).unwrap()
                 };

@@ -207,7 +207,8 @@ fn every_configuration_that_ships_is_accepted_and_says_what_the_defaults_are() {
         }
         let config = Config::resolve(Some(&path), &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
         for entry in chainage::cluster::REGISTRY {
-            (entry.build)(&|name| config.method_table(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+            (entry.build)(&|name| config.method_table(name))
+                .unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         if name == "density-peaks.toml" {
             let default = Config::resolve(None, &["cluster.method=density-peaks".to_owned()]).unwrap();

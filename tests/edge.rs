@@ -361,8 +361,10 @@ const FAILING: ClusterEntry = ClusterEntry {
     reference: "none",
     build: |_| Ok(Box::new(OneStep::new(Failing { panics: false }, &["failing.*"]))),
 };
-const PANICKING: ClusterEntry =
-    ClusterEntry { build: |_| Ok(Box::new(OneStep::new(Failing { panics: true }, &["failing.*"]))), ..FAILING };
+const PANICKING: ClusterEntry = ClusterEntry {
+    build: |_| Ok(Box::new(OneStep::new(Failing { panics: true }, &["failing.*"]))),
+    ..FAILING
+};
 
 /// Objects on ground every metre, over 40 m.
 fn row() -> Vec<Point> {

@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use chainage::cluster::Epsilon;
+use chainage::cluster::dbscan::epsilon::DriveEpsilon;
 use chainage::cluster::dbscan::epsilon::{Curve, EpsilonError};
 use chainage::cluster::dbscan::rows as space;
-use chainage::cluster::dbscan::epsilon::DriveEpsilon;
 use chainage::run::{CancelToken, EstimateRequest, Registries, Silent, estimate_epsilon};
 use chainage::spatial::Points;
 use proptest::prelude::*;

@@ -27,6 +27,8 @@ mod epsilon;
 mod equivalence;
 #[cfg(test)]
 mod eval;
+#[cfg(test)]
+mod inventory;
 mod kernels;
 #[cfg(test)]
 mod labelled;

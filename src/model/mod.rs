@@ -1,9 +1,10 @@
 //! The nouns that every other module shares: frames and units, point classes, reach, the points of one tile, the
-//! records of a file, the parts of an object.
+//! records of a file, the parts of an object, the columns of the table of objects.
 
 mod chart;
 mod class;
 mod cloud;
+mod column;
 mod error;
 mod field;
 mod frame;
@@ -16,6 +17,7 @@ mod records;
 pub use chart::{Chart, ChartAxis, Series};
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
+pub use column::{Column, ColumnType, ColumnUnit, Value};
 pub use error::AlgorithmError;
 pub use field::{Field, FieldAxis, FieldSpace, FieldSums};
 pub use frame::{AxisTransform, Lattice, LatticeTransform};

@@ -169,7 +169,11 @@ mod tests {
     use super::*;
 
     fn axis(name: &str, logarithmic: bool, thresholds: &[(&'static str, f64)]) -> ChartAxis {
-        ChartAxis { name: name.to_owned(), logarithmic, thresholds: thresholds.iter().map(|&(name, value)| (name.into(), value)).collect() }
+        ChartAxis {
+            name: name.to_owned(),
+            logarithmic,
+            thresholds: thresholds.iter().map(|&(name, value)| (name.into(), value)).collect(),
+        }
     }
 
     fn chart(series: Vec<Series>) -> Chart {

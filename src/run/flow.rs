@@ -5,9 +5,8 @@
 
 use crate::cluster::{Figures, Method};
 use crate::error::Result;
-use crate::model::TileId;
 use crate::output::LabelledFile;
-use crate::run::drive::{Classified, StoredFields, Surveyed, Tiled, sections};
+use crate::run::drive::{StoredFields, Surveyed, Tiled};
 use crate::run::engine::{Driver, Event, Outline};
 use crate::run::finish::mark::{self, Finished};
 use crate::run::finish::tables;
@@ -22,7 +21,6 @@ use crate::run::passes::survey::SurveyPass;
 use crate::run::passes::{MethodDrive, Progress, method};
 use crate::run::plan;
 use crate::run::summary::Counts;
-use crate::run::terrain::Terrain;
 use crate::store::RunDir;
 use crate::survey::SurveyError;
 use crate::tiling::Plan;
@@ -185,7 +183,7 @@ pub(crate) fn to_files<D: Driver>(
     through_step(open, driver, run_dir, planned, last, |driver, list, progress| {
         let method = progress.over.method;
         let mut figures = method.figures(progress)?;
-        let (counts, terrain) = summed_up(open, progress.over.classified)?;
+        let (counts, terrain) = ground::summed_up(progress.over.classified)?;
         if let Some(finished) = mark::already_finished(run_dir, list.export.depends.fingerprint())? {
             return Ok(Some(Outcome { counts, objects: finished.objects, unmarked: None, figures }));
         }
@@ -206,11 +204,4 @@ pub(crate) fn to_files<D: Driver>(
         let unmarked = Some((list.export.clone(), Finished { objects: count, files }));
         Ok(Some(Outcome { counts, objects: count, unmarked, figures }))
     })
-}
-
-/// Points by class, and the height of the ground, from what the ground pass kept.
-fn summed_up(open: &Opened<'_>, classified: &Classified<'_>) -> Result<(Counts, Terrain)> {
-    let (drive, tiled) = (&open.drive, classified.tiled);
-    let summaries = TileId::first(tiled.count()).map(|tile| classified.section(tile, sections::SUMMARY));
-    Terrain::collect(summaries, drive.grid, drive.lattice(), tiled.surveyed.lowest())
 }

@@ -13,7 +13,6 @@ mod open;
 mod passes;
 mod plan;
 mod summary;
-mod terrain;
 
 use std::path::PathBuf;
 

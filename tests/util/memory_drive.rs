@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 
 use chainage::Result;
-use chainage::cluster::{
-    DriveWindow, Grouped, Labelled, Method, Reduced, Repeat, TilePoints, TileWindow,
-};
+use chainage::cluster::{DriveWindow, Grouped, Labelled, Method, Reduced, Repeat, TilePoints, TileWindow};
 use chainage::model::{Field, FieldSums, Lattice, TileCloud, TileId};
 use chainage::spatial::{Cell, CellGrid, CellMap, DisjointSets, PackedCells};
 
@@ -164,7 +162,10 @@ impl<'a> MemoryDrive<'a> {
         for (tile, labelled) in (0_u32..).zip(labelled) {
             for (&id, &label) in labelled.points.cloud.id.iter().zip(&labelled.labels) {
                 let (owner, there) = own[usize::try_from(id).expect("an index")];
-                assert!(label == 0 || there != 0, "point {id} has a label in tile {tile} and none in its own");
+                assert!(
+                    label == 0 || there != 0,
+                    "point {id} has a label in tile {tile} and none in its own"
+                );
                 if label != 0 {
                     sets.union(node(tile, label), node(owner, there));
                 }
@@ -199,8 +200,7 @@ impl<'a> MemoryDrive<'a> {
         let mut cloud = TileCloud::from_lattice_points(self.lattice(), &places);
         cloud.id = ids.iter().map(|&id| id as u64).collect();
         let core = places.iter().map(|&place| Some(cells[&cell_of(place)]) == tile).collect();
-        let ground =
-            if objects_only { Vec::new() } else { ids.iter().map(|&id| self.ground[id]).collect() };
+        let ground = if objects_only { Vec::new() } else { ids.iter().map(|&id| self.ground[id]).collect() };
         TilePoints { cloud, core, ground }
     }
 }

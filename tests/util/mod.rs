@@ -2,10 +2,10 @@
 
 pub(crate) mod drive;
 pub(crate) mod las;
+pub(crate) mod memory_drive;
 pub(crate) mod oracle;
 pub(crate) mod peaks_oracle;
 pub(crate) mod program;
-pub(crate) mod memory_drive;
 pub(crate) mod street;
 
 use std::path::{Path, PathBuf};

@@ -3,13 +3,22 @@
 use crate::config::{ClassificationChoice, Config, ConfigError};
 use crate::error::Result;
 use crate::input::Catalog;
+use crate::output::objects;
 use crate::output::{LabelOptions, LabelledFile, OutputFormat, check_names};
 use crate::store::{RunDir, StoreError};
 
 /// Name of the report.
 pub(super) const REPORT: &str = "report.json";
 /// What a finished run leaves beside the labelled copies.
-pub(super) const BESIDE: [&str; 3] = ["objects.csv", "objects.geojson", REPORT];
+pub(super) const BESIDE: [&str; objects::REGISTRY.len() + 1] = {
+    let mut names = [REPORT; objects::REGISTRY.len() + 1];
+    let mut index = 0;
+    while index < objects::REGISTRY.len() {
+        names[index] = objects::REGISTRY[index].file_name;
+        index += 1;
+    }
+    names
+};
 
 /// The labelled copies to be written: names do not collide, and nothing foreign is in the place of any output.
 pub(crate) fn plan_files(
@@ -45,4 +54,14 @@ pub(crate) fn plan_files(
     }
     run_dir.claim_outputs(&names)?;
     Ok((files, warnings))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_format_is_among_the_outputs() {
+        assert_eq!(BESIDE, ["objects.csv", "objects.geojson", "report.json"]);
+    }
 }

@@ -4,26 +4,50 @@ use std::io::Write;
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::inventory::{self, Object, Site, Station, Terrain};
 use crate::model::{Chart, ObjectPart};
-use crate::output::{ObjectRow, OutputError, chart_svg, write_csv, write_geojson};
+use crate::output::objects::{self, ObjectRow, ObjectTable};
+use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
-use crate::run::terrain::Terrain;
 use crate::store::{RunDir, StoreError};
 use crate::whole_file::publish;
 
-/// Writes `objects.csv` and `objects.geojson`.
+/// Writes the table of objects in every format.
 pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
     surveyed: &Surveyed,
-    objects: &[ObjectPart],
+    parts: &[ObjectPart],
     terrain: &Terrain,
 ) -> Result<()> {
-    let row = |(id, object): (u32, &ObjectPart)| row(id, object, drive, surveyed, terrain);
-    let rows = || (1_u32..).zip(objects).map(row);
-    let epsg = drive.catalog.crs().epsg;
-    write_whole(run_dir, "objects.csv", |out| write_csv(rows(), out))?;
-    write_whole(run_dir, "objects.geojson", |out| write_geojson(rows(), epsg, out))?;
+    let crs = drive.catalog.crs();
+    let file_names: Vec<&str> = drive.catalog.files().iter().map(|file| file.name()).collect();
+    let locate = |place| {
+        let (chainage_m, offset_m) = surveyed.axis.locate(place);
+        Station { chainage_m, offset_m }
+    };
+    let site = Site {
+        lattice: drive.lattice(),
+        units_m: [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
+        terrain,
+        locate: &locate,
+        file_names: &file_names,
+    };
+    let row = |index: usize| {
+        // There are no more objects than ids.
+        let id = u32::try_from(index + 1).unwrap_or(u32::MAX);
+        let object = Object::new(id, &parts[index], &site);
+        ObjectRow { outline: inventory::outline(&object), values: inventory::values(&object) }
+    };
+    let (columns, len) = (inventory::columns(), parts.len());
+    let table = ObjectTable { columns: &columns, epsg: crs.epsg, len, row: &row };
+    for entry in objects::REGISTRY {
+        let name = entry.file_name;
+        write_whole(run_dir, name, |out| {
+            let failed = |source| OutputError::Write { path: name.into(), source };
+            entry.format.write(&table, out).map_err(failed)
+        })?;
+    }
     Ok(())
 }
 
@@ -75,36 +99,4 @@ pub(super) fn write_whole(
     let file = out.into_inner().map_err(|error| failed(&part)(error.into_error()))?;
     file.sync_all().map_err(failed(&part))?;
     publish(&part, &path).map_err(failed(&path))
-}
-
-/// The row of an object; positions in the units of the input.
-fn row(id: u32, object: &ObjectPart, drive: &Drive, surveyed: &Surveyed, terrain: &Terrain) -> ObjectRow {
-    let lattice = drive.lattice();
-    let crs = drive.catalog.crs();
-    let units_m = [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m];
-    let world = |point: [i64; 3]| [0, 1, 2].map(|k| lattice.metres(point[k]) / units_m[k]);
-    // Sums are exact integers; the mean is rounded to the lattice, which is finer than what is written.
-    #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
-    let centre = object.sum.map(|sum| (sum / i128::from(object.points.max(1))) as i64);
-    let place = [lattice.metres(centre[0]), lattice.metres(centre[1])];
-    let (chainage_m, offset_m) = surveyed.axis.locate(place);
-    let ground_m = terrain.height_m([centre[0], centre[1]]);
-    let above = |z: i64| ground_m.map(|ground| lattice.metres(z) - ground);
-    let hull: Vec<[f64; 2]> =
-        object.hull.iter().map(|place| [0, 1].map(|k| lattice.metres(place[k]) / units_m[k])).collect();
-    ObjectRow {
-        id,
-        points: object.points,
-        min: world(object.lo),
-        max: world(object.hi),
-        centroid: world(centre),
-        ground_z: ground_m.map(|ground| ground / units_m[2]),
-        height_above_ground: above(object.hi[2]),
-        base_above_ground: above(object.lo[2]),
-        footprint: hull,
-        area_m2: object.hull_area_units2() * lattice.step_m().powi(2),
-        chainage_m,
-        offset_m,
-        files: object.files.iter().map(|&file| drive.file(file as usize).name().to_owned()).collect(),
-    }
 }

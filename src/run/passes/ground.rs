@@ -7,10 +7,12 @@ use serde::{Deserialize, Serialize};
 use crate::codec;
 use crate::config::Config;
 use crate::error::Result;
+use crate::inventory::{Terrain, TerrainSums};
 use crate::model::{PointClass, TileId};
 use crate::run::chain::{Chain, with_section};
 use crate::run::drive::{Classified, Surveyed, TileVerdicts, Tiled, sections};
 use crate::run::engine::{Outline, Pass, Payloads};
+use crate::run::summary::Counts;
 use crate::spatial::{Cell, TileView};
 use crate::store::Inputs;
 use crate::tiling::Plan;
@@ -156,5 +158,51 @@ impl<'a> Pass for GroundPass<'a> {
             classified.objects.push(counts[usize::from(PointClass::Object.code())]);
         }
         Ok(classified)
+    }
+}
+
+/// Points by class, and the height of the ground, from what the pass kept.
+pub(crate) fn summed_up(classified: &Classified<'_>) -> Result<(Counts, Terrain)> {
+    let (tiled, mut counts) = (classified.tiled, Counts::default());
+    let mut terrain = TerrainSums::new(tiled.drive.grid, tiled.drive.lattice(), tiled.surveyed.lowest());
+    for tile in TileId::first(tiled.count()) {
+        add(classified.section(tile, sections::SUMMARY)?, &mut counts, &mut terrain);
+    }
+    Ok((counts, terrain.into_terrain()))
+}
+
+/// Adds what is known of a tile.
+fn add(summary: GroundPayload, counts: &mut Counts, terrain: &mut TerrainSums) {
+    let [object, ground, low_noise, high_noise] = summary.counts;
+    counts.object += object;
+    counts.ground += ground;
+    counts.low_noise += low_noise;
+    counts.high_noise += high_noise;
+    for (cell, points, sum) in summary.heights {
+        terrain.add(cell, points, sum);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Lattice;
+    use crate::spatial::CellGrid;
+
+    #[test]
+    fn counts_are_summed_and_cells_of_all_tiles_are_the_terrain() {
+        let tiles = [
+            GroundPayload { counts: [5, 2, 1, 0], heights: vec![([0, 0], 2, -4_001)] },
+            GroundPayload { counts: [7, 1, 0, 3], heights: vec![([6, 0], 1, 3_000)] },
+        ];
+        let mut counts = Counts::default();
+        let mut terrain = TerrainSums::new(CellGrid::new(1_000), Lattice::MILLIMETRE, -2_500);
+        tiles.into_iter().for_each(|tile| add(tile, &mut counts, &mut terrain));
+        assert_eq!(counts, Counts { object: 12, ground: 3, low_noise: 1, high_noise: 3 });
+        let terrain = terrain.into_terrain();
+        assert_eq!(
+            [[500, 500], [6_500, 500]].map(|place| terrain.height_m(place)),
+            [Some(-2.001), Some(3.0)]
+        );
     }
 }

@@ -1,16 +1,14 @@
 //! Height of the ground by cell of the raster, for heights of objects above ground.
 
-use crate::error::Result;
 use crate::model::Lattice;
-use crate::run::passes::ground::GroundPayload;
-use crate::run::summary::Counts;
-use crate::spatial::{CellGrid, CellMap, PackedCells};
+use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
 /// How far from an object's centre ground is looked for, in metres (methods, section 5.1 has the same distance).
 const SEARCH_M: f64 = 10.0;
 
 /// Mean height of the ground points of every cell that has any.
-pub(crate) struct Terrain {
+#[derive(Debug)]
+pub struct Terrain {
     grid: CellGrid,
     lattice: Lattice,
     /// Lattice z that heights are counted from.
@@ -19,35 +17,42 @@ pub(crate) struct Terrain {
     heights: PackedCells,
 }
 
-impl Terrain {
-    /// Counts and terrain from the payloads of the ground pass; `lowest` is the smallest lattice z of the drive.
-    pub(crate) fn collect(
-        payloads: impl Iterator<Item = Result<GroundPayload>>,
-        grid: CellGrid,
-        lattice: Lattice,
-        lowest: i64,
-    ) -> Result<(Counts, Self)> {
-        let mut counts = [0; 4];
-        let mut heights = CellMap::<u32>::default();
-        for payload in payloads {
-            let payload = payload?;
-            for (total, count) in counts.iter_mut().zip(payload.counts) {
-                *total += count;
-            }
-            // A cell belongs to one tile.
-            for (cell, count, sum) in payload.heights {
-                let over = sum.div_euclid(i64::from(count.max(1))) - lowest;
-                *heights.entry(cell) = u32::try_from(over).unwrap_or(0) + 1;
-            }
-        }
-        let [object, ground, low_noise, high_noise] = counts;
-        let counts = Counts { object, ground, low_noise, high_noise };
-        Ok((counts, Self { grid, lattice, lowest, heights: heights.into() }))
+/// Collects the ground points of a drive cell by cell.
+#[derive(Debug)]
+pub struct TerrainSums {
+    grid: CellGrid,
+    lattice: Lattice,
+    lowest: i64,
+    heights: CellMap<u32>,
+}
+
+impl TerrainSums {
+    /// No ground yet; `lowest` is the smallest lattice z of the drive.
+    #[must_use]
+    pub fn new(grid: CellGrid, lattice: Lattice, lowest: i64) -> Self {
+        Self { grid, lattice, lowest, heights: CellMap::default() }
     }
 
+    /// Adds a cell with the number of its ground points and the sum of their lattice z. A cell is added once: it belongs
+    /// to one tile.
+    pub fn add(&mut self, cell: Cell, points: u32, sum: i64) {
+        let over = sum.div_euclid(i64::from(points.max(1))) - self.lowest;
+        *self.heights.entry(cell) = u32::try_from(over).unwrap_or(0) + 1;
+    }
+
+    /// The terrain of what was added.
+    #[must_use]
+    pub fn into_terrain(self) -> Terrain {
+        let Self { grid, lattice, lowest, heights } = self;
+        Terrain { grid, lattice, lowest, heights: heights.into() }
+    }
+}
+
+impl Terrain {
     /// Mean height of the ground in metres in the cell whose centre is nearest to a place in lattice units, of equally near
     /// ones the first; `None` beyond 10 m.
-    pub(crate) fn height_m(&self, place: [i64; 2]) -> Option<f64> {
+    #[must_use]
+    pub fn height_m(&self, place: [i64; 2]) -> Option<f64> {
         let reach = self.lattice.units(SEARCH_M);
         // Twice the distance, so that the centre of a cell is whole.
         let apart = |index: i64, k: usize| (2 * index + 1) * self.grid.edge() - 2 * place[k];
@@ -76,14 +81,10 @@ mod tests {
     #[test]
     fn the_ground_of_the_nearest_cell_within_ten_metres_counts() {
         // Cells of 1 m at 1 mm: ground at -2 m about (0.5, 0.5), at 3 m about (6.5, 0.5).
-        let tiles = [
-            GroundPayload { counts: [5, 2, 1, 0], heights: vec![([0, 0], 2, -4_001)] },
-            GroundPayload { counts: [7, 1, 0, 3], heights: vec![([6, 0], 1, 3_000)] },
-        ];
-        let payloads = tiles.into_iter().map(Ok);
-        let (grid, lattice) = (CellGrid::new(1_000), Lattice::MILLIMETRE);
-        let (counts, terrain) = Terrain::collect(payloads, grid, lattice, -2_500).unwrap();
-        assert_eq!(counts, Counts { object: 12, ground: 3, low_noise: 1, high_noise: 3 });
+        let mut sums = TerrainSums::new(CellGrid::new(1_000), Lattice::MILLIMETRE, -2_500);
+        sums.add([0, 0], 2, -4_001);
+        sums.add([6, 0], 1, 3_000);
+        let terrain = sums.into_terrain();
         for (place, expected) in [
             ([500, 500], Some(-2.001)),
             ([3_499, 500], Some(-2.001)),
