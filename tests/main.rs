@@ -37,6 +37,8 @@ mod refusals;
 #[cfg(test)]
 mod resume;
 #[cfg(test)]
+mod rounds;
+#[cfg(test)]
 mod switch;
 #[cfg(test)]
 mod synth;
