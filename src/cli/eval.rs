@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use chainage::config::ConfigError;
-use chainage::eval::hoover::Tolerance;
+use chainage::eval::metrics::hoover::Tolerance;
 use chainage::eval::{
     self, Axis, ClassTable, CompareSettings, Counted, Evaluation, MetricSettings, Provenance, Report,
 };

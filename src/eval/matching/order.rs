@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::eval::parts::Parts;
-use crate::eval::sides::{Files, Idle, PredictionFields, Readers, ReferenceFields, Run, time_bits};
+use crate::eval::matching::parts::Parts;
+use crate::eval::matching::sides::{Files, Idle, PredictionFields, Readers, ReferenceFields, Run, time_bits};
 use crate::eval::table::{Cell, Counter, Table};
 use crate::input::{Catalog, InputFile, record_xyz};
 use crate::model::{AxisTransform, Lattice};
@@ -28,7 +28,7 @@ type Part = Result<Option<Table>>;
 /// Counts every point of both labels in one set of files.
 ///
 /// # Errors
-/// A block that cannot be read, a label that is none, [`EvalError::Scratch`](super::EvalError::Scratch).
+/// A block that cannot be read, a label that is none, [`EvalError::Scratch`](crate::eval::EvalError::Scratch).
 pub(super) fn count_same_files(
     prediction: &Files<'_, PredictionFields>,
     reference: &Files<'_, ReferenceFields>,
@@ -63,7 +63,7 @@ impl Pair<'_> {
     /// Counts the points of both sides in order; `None` when they are in different orders, or different points.
     ///
     /// # Errors
-    /// A block that cannot be read, a label that is none, [`EvalError::Scratch`](super::EvalError::Scratch).
+    /// A block that cannot be read, a label that is none, [`EvalError::Scratch`](crate::eval::EvalError::Scratch).
     pub(super) fn count_in_order(&self, parts: Parts<'_>) -> Result<Option<Table>> {
         // A difference stops the others like an error does.
         let idle = Idle::default();

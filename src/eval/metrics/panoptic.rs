@@ -8,7 +8,7 @@
 //!   has labelled, and our unlabelled points are mostly ground, known not to be of the object.
 //! * The mean best IoU is over all segments, small ones included.
 
-use crate::eval::scene::{Object, Overlap, Scene};
+use crate::eval::metrics::overlaps::{Object, Overlap, Scene};
 
 /// Points in common and in all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -112,7 +112,7 @@ fn best_iou(scene: &Scene, object: &Object) -> Option<Iou> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::eval::scene::tests::scene_of;
+    use crate::eval::metrics::overlaps::tests::scene_of;
 
     fn judged(parts: &[(i64, i64, u64)]) -> (Vec<bool>, Vec<&'static str>) {
         let panoptic = judge(&scene_of(parts, |_| 2), 30);

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::eval::scene::{Object, Scene};
+use crate::eval::metrics::overlaps::{Object, Scene};
 
 /// The index over the points of those objects that `counts` accepts; `None` when there is no such point.
 #[must_use]
@@ -63,7 +63,7 @@ impl PairSums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::eval::scene::tests::scene_of;
+    use crate::eval::metrics::overlaps::tests::scene_of;
 
     fn index(parts: &[(i64, i64, u64)]) -> Option<f64> {
         adjusted_rand_index(&scene_of(parts, |_| 2), |_| true)

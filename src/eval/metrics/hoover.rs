@@ -17,7 +17,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::config::ConfigError;
-use crate::eval::scene::{Object, Overlap, Scene, Segment};
+use crate::eval::metrics::overlaps::{Object, Overlap, Scene, Segment};
 
 /// A tolerance of overlap, 0.5 to 1 in steps of 0.0001: an exact fraction, so that 80 of 100 points are 0.8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -203,7 +203,7 @@ impl Rules<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::eval::scene::tests::scene_of;
+    use crate::eval::metrics::overlaps::tests::scene_of;
 
     fn words(parts: &[(i64, i64, u64)], share: f64) -> (Vec<&'static str>, Vec<bool>) {
         let hoover = judge(&scene_of(parts, |_| 2), Tolerance::new(share).unwrap());

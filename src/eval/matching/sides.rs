@@ -3,10 +3,10 @@
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::Result;
-use crate::eval::CompareSettings;
-use crate::eval::dims::{LabelField, WrongLabel};
 use crate::eval::error::{EvalError, PointSite, Side};
-use crate::eval::labels::Label;
+use crate::eval::matching::dims::{LabelField, WrongLabel};
+use crate::eval::matching::labels::Label;
+use crate::eval::matching::settings::CompareSettings;
 use crate::eval::table::Predicted;
 use crate::input::{Catalog, Fields, InputFile, record_xyz};
 

@@ -8,7 +8,7 @@
 //! An object of which no segment holds a point is neither: the definition has no third case, so an empty prediction
 //! has OA 1. Such objects are counted beside OA (`without_segment`), and the other metrics count them as missed.
 
-use crate::eval::scene::{Overlap, Scene};
+use crate::eval::metrics::overlaps::{Overlap, Scene};
 
 /// Share of another object that makes its segment a shared one, in percent (Li et al. 2017, section 4.4).
 const SHARED_PERCENT: u64 = 20;
@@ -44,7 +44,7 @@ impl Segmentation {
 #[must_use]
 pub fn judge(scene: &Scene) -> Vec<Segmentation> {
     let claims = claims(scene);
-    let judge_one = |(index, object): (usize, &crate::eval::scene::Object)| {
+    let judge_one = |(index, object): (usize, &crate::eval::metrics::overlaps::Object)| {
         let shared_with = object
             .main()
             .and_then(|main| claims[main.index].into_iter().flatten().find(|claim| claim.index != index));
@@ -59,7 +59,7 @@ pub fn judge(scene: &Scene) -> Vec<Segmentation> {
 /// Per segment the first two objects, largest overlap first, that are its own or of which it holds much. Two are
 /// enough: an object is under-segmented when one of them is another one.
 fn claims(scene: &Scene) -> Vec<[Option<Overlap>; 2]> {
-    let claims_of = |(index, segment): (usize, &crate::eval::scene::Segment)| {
+    let claims_of = |(index, segment): (usize, &crate::eval::metrics::overlaps::Segment)| {
         let mut claims = segment.overlaps.iter().copied().filter(|overlap| {
             let object = &scene.objects[overlap.index];
             let is_main = object.main().is_some_and(|main| main.index == index);
@@ -73,7 +73,7 @@ fn claims(scene: &Scene) -> Vec<[Option<Overlap>; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::eval::scene::tests::scene_of;
+    use crate::eval::metrics::overlaps::tests::scene_of;
 
     /// `(under, over)` of every object.
     fn flags(parts: &[(i64, i64, u64)]) -> Vec<(bool, bool)> {

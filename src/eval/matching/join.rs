@@ -12,10 +12,10 @@ use xxhash_rust::xxh3::xxh3_128;
 
 use crate::error::Result;
 use crate::eval::error::EvalError;
-use crate::eval::labels::{Label, Met, Numbers, join_places};
-use crate::eval::order::{Pair, multiples};
-use crate::eval::scratch::{Batch, Buckets, Entry, ScratchFolder, Taken};
-use crate::eval::sides::{BlockReader, Files, LabelFields, time_bits};
+use crate::eval::matching::labels::{Label, Met, Numbers, join_places};
+use crate::eval::matching::order::{Pair, multiples};
+use crate::eval::matching::scratch::{Batch, Buckets, Entry, ScratchFolder, Taken};
+use crate::eval::matching::sides::{BlockReader, Files, LabelFields, time_bits};
 use crate::eval::table::{Cell, Place, Predicted, Table, Tally};
 use crate::input::record_xyz;
 

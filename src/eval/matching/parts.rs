@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use crate::codec;
 use crate::error::Result;
 use crate::eval::error::EvalError;
-use crate::eval::scratch::ScratchFolder;
+use crate::eval::matching::scratch::ScratchFolder;
 use crate::eval::table::Table;
 
 /// Entries that are held: half a mebibyte, about a kilometre of a dense street.

@@ -1,49 +1,26 @@
 //! From two sets of files to one contingency table. Not: what the table means.
 
-use std::path::PathBuf;
+mod dims;
+mod join;
+mod labels;
+mod order;
+mod parts;
+mod scratch;
+mod settings;
+mod sides;
 
 use crate::error::Result;
 use crate::eval::error::{EvalError, PointSite};
-use crate::eval::order::{self, Pair};
-use crate::eval::parts::Parts;
-use crate::eval::scratch::ScratchFolder;
-use crate::eval::sides::Files;
 use crate::eval::table::Table;
 use crate::input::Catalog;
 use crate::model::Lattice;
 
-/// Which dimensions hold the labels, and how points are matched.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CompareSettings {
-    /// Dimension of the predicted segments.
-    pub prediction_dim: String,
-    /// Dimension of the reference objects.
-    pub reference_dim: String,
-    /// Dimension of the reference classes; none when there are no classes.
-    pub class_dim: Option<String>,
-    /// LAS classes of the prediction that are ground.
-    pub ground_classes: Vec<u16>,
-    /// LAS classes of the prediction that are isolated noise.
-    pub noise_classes: Vec<u16>,
-    /// Whether points are recognised by coordinates alone, though both sides have times.
-    pub ignore_time: bool,
-    /// Folder for scratch files.
-    pub scratch: PathBuf,
-}
+use order::Pair;
+use parts::Parts;
+use scratch::ScratchFolder;
+use sides::Files;
 
-impl Default for CompareSettings {
-    fn default() -> Self {
-        Self {
-            prediction_dim: "cluster_id".to_owned(),
-            reference_dim: "gt_instance".to_owned(),
-            class_dim: Some("gt_class".to_owned()),
-            ground_classes: vec![2],
-            noise_classes: vec![7, 18],
-            ignore_time: false,
-            scratch: std::env::temp_dir(),
-        }
-    }
-}
+pub use settings::CompareSettings;
 
 /// How the points of both sides were matched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

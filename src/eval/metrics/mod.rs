@@ -5,14 +5,20 @@
 //! the segment holds most points; noise that holds none of any object counts overall only. Published figures per
 //! class often count false positives in no class, because their segments have none: that F1 is given beside.
 
+pub mod hoover;
+pub mod overlaps;
+pub mod panoptic;
+pub mod rand_index;
+pub mod segmentation;
+
 use crate::eval::classes::ClassTable;
-use crate::eval::hoover::{self, Detection, Hoover, Tolerance};
-use crate::eval::panoptic::{self, Iou, Panoptic, SegmentRole};
-use crate::eval::rand_index::adjusted_rand_index;
-use crate::eval::scene::{Object, Scene, Segment};
-use crate::eval::segmentation::{self, Segmentation};
 use crate::eval::table::{Predicted, Table};
 use crate::model::Lattice;
+use hoover::{Detection, Hoover, Tolerance};
+use overlaps::{Object, Scene, Segment};
+use panoptic::{Iou, Panoptic, SegmentRole};
+use rand_index::adjusted_rand_index;
+use segmentation::Segmentation;
 
 /// What the metrics depend on besides the labels.
 #[derive(Debug, Clone, PartialEq)]
