@@ -14,10 +14,10 @@ use crate::whole_file::WholeFile;
 
 use super::axis::LEAD;
 use super::drive::Pose;
+use super::object::Object;
 use super::scan::{Record, START_TIME, Slice};
 use super::scene::Window;
-use super::street::Object;
-use super::{Settings, Summary};
+use super::settings::{Settings, Summary};
 
 /// World coordinates of the street's origin: UTM zone 32 north, in the south of Germany.
 const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);
