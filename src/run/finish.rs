@@ -6,13 +6,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use crate::config::{ClassificationChoice, Config, ConfigError};
+use crate::config::{ClassificationChoice, Config};
 use crate::error::{Error, Result};
 use crate::input::Catalog;
 use crate::model::{Chart, ObjectPart};
 use crate::output::{
-    LabelOptions, LabelledFile, ObjectRow, OutputError, OutputFormat, chart_svg, check_names, write_csv,
-    write_geojson,
+    LabelOptions, LabelledFile, ObjectRow, OutputError, chart_svg, check_names, write_csv, write_geojson,
 };
 use crate::run::RunSummary;
 use crate::run::drive::Drive;
@@ -41,12 +40,8 @@ pub(crate) fn plan_files(
     config: &Config,
     run_dir: &RunDir,
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
-    let name = &config.output.format;
-    let format: OutputFormat = toml::Value::String(name.clone())
-        .try_into()
-        .map_err(|_| ConfigError::value("output.format", name, "same, las or laz"))?;
     let options = LabelOptions {
-        format,
+        format: config.output.format,
         dimension: config.output.dimension.clone(),
         set_classification: config.output.classification == ClassificationChoice::Set,
         keep_original: config.output.original_classification,

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::cluster::Method;
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::input::{Catalog, InputOptions, LengthUnit};
+use crate::input::{Catalog, InputOptions};
 use crate::run::budget::Budget;
 use crate::run::drive::Drive;
 use crate::run::methods::{Chain, Registries};
@@ -123,11 +123,7 @@ pub struct PlanFacts {
 
 /// Opens the files of a drive as the configuration says.
 pub(crate) fn open_catalog(inputs: &[PathBuf], config: &Config) -> Result<Catalog> {
-    let unit = &config.input.unit;
-    let unit: LengthUnit = toml::Value::String(unit.clone())
-        .try_into()
-        .map_err(|_| ConfigError::value("input.unit", unit, "auto, metre, foot or us-survey-foot"))?;
-    Ok(Catalog::open(inputs, &InputOptions { mmap: config.input.mmap, unit })?)
+    Ok(Catalog::open(inputs, &InputOptions { mmap: config.input.mmap, unit: config.input.unit })?)
 }
 
 /// Surveys a drive in memory, on all threads of the budget.

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, IVec3};
 
-use crate::output::descriptor::ExtraType;
-use crate::output::new_file::{ExtraDimension, NewFile, NewFileSchema};
+use crate::output::points::descriptor::ExtraType;
+use crate::output::points::new_file::{ExtraDimension, NewFile, NewFileSchema};
 use crate::output::{OutputError, save};
 use crate::whole_file::WholeFile;
 

@@ -3,13 +3,13 @@
 use laz::LazVlr;
 
 use super::descriptor::{self, DESCRIPTOR};
-use super::error::OutputError;
 use super::laz_chunk::{ChunkSize, laz_vlr, laz_vlr_data};
 use super::tail::Tail;
 use crate::input::InputFile;
 use crate::input::decode::{LASZIP, MAX_EXTRA_BYTES};
 use crate::input::layout::{EXTRA_BYTES, SPEC_USER};
 use crate::input::vlr::Vlr;
+use crate::output::error::OutputError;
 
 /// User of the records that make a file a cloud-optimized point cloud.
 const COPC_USER: &str = "copc";

@@ -10,58 +10,21 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use laz::LazVlr;
-use serde::{Deserialize, Serialize};
 
 use super::edit::{self, Positions};
-use super::error::OutputError;
 use super::laz_chunk::{
     CHUNK_RECORDS, ChunkExtent, ChunkSize, TABLE_OFFSET_BYTES, chunk_table, compress_chunk,
 };
+use super::options::LabelOptions;
 use super::record::RecordPlan;
 use super::tail::{Tail, TailError};
+use crate::config::OutputFormat;
 use crate::input::InputFile;
 use crate::input::decode::Chunking;
+use crate::output::error::OutputError;
 
 /// Bit of the global encoding: the waveforms are in a file of their own.
 const EXTERNAL_WAVEFORMS: u16 = 1 << 2;
-
-/// Whether labelled copies are compressed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum OutputFormat {
-    /// As the input file is.
-    #[default]
-    Same,
-    /// Never.
-    Las,
-    /// Always.
-    Laz,
-}
-
-/// What labelled copies carry.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LabelOptions {
-    /// Whether they are compressed.
-    pub format: OutputFormat,
-    /// Name of the dimension with the object of a point: 1 to 31 bytes.
-    pub dimension: String,
-    /// Whether ground and noise are written as the class of the point; other points keep theirs.
-    pub set_classification: bool,
-    /// Whether the class of the input is kept in a dimension of its own, `original_classification`.
-    pub keep_original: bool,
-}
-
-impl Default for LabelOptions {
-    fn default() -> Self {
-        Self {
-            format: OutputFormat::Same,
-            dimension: "cluster_id".into(),
-            set_classification: true,
-            keep_original: false,
-        }
-    }
-}
 
 /// The plan of one labelled copy.
 #[derive(Debug, Clone)]

@@ -16,8 +16,8 @@ use rayon::prelude::*;
 use crate::input::decode::LASZIP;
 use crate::input::layout::{EXTRA_BYTES, SPEC_USER};
 use crate::output::OutputError;
-use crate::output::descriptor::{self, DESCRIPTOR, ExtraType, padded};
-use crate::output::laz_chunk::{
+use crate::output::points::descriptor::{self, DESCRIPTOR, ExtraType, padded};
+use crate::output::points::laz_chunk::{
     CHUNK_RECORDS, ChunkExtent, ChunkSize, TABLE_OFFSET_BYTES, chunk_table, compress_chunk, laz_vlr,
     laz_vlr_data,
 };

@@ -1,10 +1,10 @@
 //! One record of a labelled copy: the original bytes, the label, the class. It knows nothing of files.
 
 use super::descriptor::{self, DESCRIPTOR, ExtraType};
-use super::error::OutputError;
-use super::labelled::LabelOptions;
+use super::options::LabelOptions;
 use crate::input::{InputFile, RecordLayout};
 use crate::model::PointClass;
+use crate::output::error::OutputError;
 
 /// Longest record that LAS can describe.
 const MAX_RECORD: usize = u16::MAX as usize;
