@@ -9,11 +9,11 @@ use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, esti
 use serde_json::{Value, json};
 
 use crate::cli::drive_args::{Inputs, Settings};
-use crate::cli::exit::CliError;
+use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::{deliver, is_standard_output};
 use crate::cli::progress::{Progress, ProgressChoice};
 use crate::cli::table_points::{self, TablePoints};
-use crate::cli::{Outcome, exit, print, run};
+use crate::cli::{exit, interrupt, print};
 
 /// Estimate the radius of `dbscan` from the distances between points.
 ///
@@ -119,7 +119,7 @@ impl EstimateArgs {
         set.extend(self.max_queries.map(|most| ("epsilon.max_queries", most.to_string())));
         let config = self.settings.resolve(&set)?;
         let cancel = Arc::new(CancelToken::default());
-        run::listen(&cancel)?;
+        interrupt::listen(&cancel)?;
         let state = State::at(self.out.as_deref(), self.scratch.as_deref());
         let request = EstimateRequest {
             inputs: self.inputs.files.clone(),

@@ -7,11 +7,11 @@ use chainage::config::Config;
 use chainage::run::{codec_floor, copy_floor, files_of};
 use serde_json::{Value, json};
 
+use crate::cli::commands::demo::{SAMPLE, SAMPLE_NAME};
 use crate::cli::drive_args::Settings;
-use crate::cli::exit::CliError;
+use crate::cli::exit;
+use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::JsonOutput;
-use crate::cli::run::{SAMPLE, SAMPLE_NAME};
-use crate::cli::{Outcome, exit};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct BenchArgs {

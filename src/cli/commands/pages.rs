@@ -1,11 +1,10 @@
 //! Pages made from definitions: the settings, the methods, completions, the manual page.
 
-use clap::CommandFactory;
+use clap::Command;
 use clap_complete::Shell;
 
-use crate::cli::args::Program;
-use crate::cli::exit::CliError;
-use crate::cli::{Outcome, exit, print};
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::{exit, print};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompletionsArgs {
@@ -14,21 +13,21 @@ pub(crate) struct CompletionsArgs {
 }
 
 impl CompletionsArgs {
-    pub(crate) fn run(&self) -> Outcome {
+    /// Prints the script for the `program`.
+    pub(crate) fn run(&self, mut program: Command) -> Outcome {
         let mut script = Vec::new();
-        clap_complete::generate(self.shell, &mut Program::command(), "chainage", &mut script);
+        clap_complete::generate(self.shell, &mut program, "chainage", &mut script);
         print::text(&String::from_utf8_lossy(&script))?;
         Ok(exit::DONE)
     }
 }
 
-/// The manual page of the program and of every command.
-pub(crate) fn man() -> Outcome {
+/// The manual page of the `program` and of every command.
+pub(crate) fn man(program: &Command) -> Outcome {
     let mut page = Vec::new();
-    let command = Program::command();
     let failed = CliError::stdout;
-    clap_mangen::Man::new(command.clone()).render(&mut page).map_err(failed)?;
-    for sub in command.get_subcommands() {
+    clap_mangen::Man::new(program.clone()).render(&mut page).map_err(failed)?;
+    for sub in program.get_subcommands() {
         let name: &'static str = Box::leak(format!("chainage-{}", sub.get_name()).into_boxed_str());
         clap_mangen::Man::new(sub.clone().name(name)).render(&mut page).map_err(failed)?;
     }

@@ -3,8 +3,9 @@
 use chainage::run::{DriveFacts, look_at};
 
 use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
-use crate::cli::{Outcome, exit, print};
+use crate::cli::{exit, print};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct InfoArgs {

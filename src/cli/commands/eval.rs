@@ -10,9 +10,9 @@ use chainage::eval::{
 };
 use chainage::input::{Catalog, InputOptions};
 
-use crate::cli::exit::CliError;
+use crate::cli::exit;
+use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::{self, deliver, is_standard_output};
-use crate::cli::{Outcome, exit};
 
 /// Scores a segmentation against reference labels.
 ///

@@ -10,10 +10,10 @@ use chainage::spatial::{Points, SpatialError};
 use chainage::table::write_with_column;
 use serde_json::{Value, json};
 
-use crate::cli::exit::CliError;
+use crate::cli::exit;
+use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::{self, deliver, is_standard_output};
 use crate::cli::table_points::{self, TablePoints};
-use crate::cli::{Outcome, exit};
 
 /// Clusters the rows of a table: points of 2 to 8 dimensions.
 ///

@@ -1,17 +1,16 @@
-//! `chainage run` and `chainage demo`.
+//! `chainage run`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use chainage::config::Config;
 use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, run};
 
 use crate::cli::drive_args::{Inputs, Settings};
-use crate::cli::exit::CliError;
+use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::JsonOutput;
 use crate::cli::progress::{Progress, ProgressChoice};
-use crate::cli::{Outcome, exit, print};
+use crate::cli::{exit, interrupt, print};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct RunArgs {
@@ -87,7 +86,7 @@ impl RunArgs {
 }
 
 /// Runs a drive under Ctrl-C.
-fn process(
+pub(super) fn process(
     inputs: Vec<PathBuf>,
     out: &Path,
     config: Config,
@@ -95,35 +94,15 @@ fn process(
     progress: ProgressChoice,
 ) -> Result<RunSummary, CliError> {
     let cancel = Arc::new(CancelToken::default());
-    listen(&cancel)?;
+    interrupt::listen(&cancel)?;
     let progress = Progress::new(progress);
     let request =
         RunRequest { inputs, out: out.to_owned(), config, fresh, registries: Registries::default() };
     Ok(run(&request, &progress, &cancel)?)
 }
 
-/// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume.
-pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
-    let (cancel, asked) = (Arc::clone(cancel), AtomicBool::new(false));
-    ctrlc::set_handler(move || {
-        if asked.swap(true, Ordering::Relaxed) {
-            // The state is consistent at every moment, so leaving at once loses only what is in flight.
-            leave();
-        }
-        cancel.cancel();
-    })
-    .map_err(|error| CliError::Write {
-        target: "the handler of Ctrl-C".to_owned(),
-        source: std::io::Error::other(error),
-    })
-}
-
-#[expect(clippy::disallowed_methods, reason = "a second Ctrl-C must not wait for the workers")]
-fn leave() -> ! {
-    std::process::exit(i32::from(exit::INTERRUPTED))
-}
-
-fn page(summary: &RunSummary, out: &Path) -> String {
+/// The result of a run, for a person.
+pub(super) fn page(summary: &RunSummary, out: &Path) -> String {
     let share = |part: u64| 100.0 * part as f64 / summary.points.max(1) as f64;
     let counts = &summary.counts;
     let mut text = format!(
@@ -159,33 +138,4 @@ fn page(summary: &RunSummary, out: &Path) -> String {
         out.display()
     ));
     text
-}
-
-/// The sample: one sweep of a vehicle scanner on a road with two rows of trees, see NOTICE.
-pub(crate) const SAMPLE: &[u8] = include_bytes!("../../tests/data/tree_road_sweep.laz");
-pub(crate) const SAMPLE_NAME: &str = "tree_road_sweep.laz";
-
-#[derive(Debug, clap::Args)]
-pub(crate) struct DemoArgs {
-    /// Output directory
-    #[arg(short, long, value_name = "DIRECTORY", default_value = "chainage-demo")]
-    out: PathBuf,
-}
-
-impl DemoArgs {
-    pub(crate) fn run(&self) -> Outcome {
-        let folder = self.out.join("input");
-        let input = folder.join(SAMPLE_NAME);
-        let failed = |source| CliError::Write { target: input.display().to_string(), source };
-        if std::fs::read(&input).map_or(true, |bytes| bytes != SAMPLE) {
-            std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&input, SAMPLE)).map_err(failed)?;
-        }
-        let out = self.out.join("output");
-        // One sweep has about a hundredth of the points of a drive: objects may be smaller.
-        let config =
-            Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
-        let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
-        print::text(&page(&summary, &out))?;
-        Ok(exit::DONE)
-    }
 }

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use chainage::run::{Registries, RunStatus, status};
 
 use crate::cli::drive_args::Settings;
+use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
-use crate::cli::{Outcome, exit, print};
+use crate::cli::{exit, print};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct StatusArgs {

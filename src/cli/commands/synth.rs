@@ -14,7 +14,8 @@ use chainage::synth::{Preset, Scanner, Settings, Summary, generate};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::{Outcome, exit, print};
+use crate::cli::exit::Outcome;
+use crate::cli::{exit, print};
 
 /// Write a labelled synthetic drive: a street, a vehicle and a scanner whose every pulse is traced.
 ///

@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use chainage::config::ConfigError;
 use chainage::run::{PlanFacts, Registries, plan_of};
 
+use crate::cli::commands::info;
 use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
 use crate::cli::print::{deliver, is_standard_output};
-use crate::cli::{Outcome, exit, info, print};
+use crate::cli::{exit, print};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct PlanArgs {
