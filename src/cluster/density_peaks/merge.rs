@@ -1,9 +1,5 @@
 //! The reduction of stage `borders`: merging by curvature and re-assignment of halo voxels. Small numbers only: no
 //! points, no voxels.
-#![expect(
-    clippy::cast_possible_truncation,
-    reason = "numbers of clusters and components fit u32, as labels do"
-)]
 
 use std::collections::BTreeMap;
 
@@ -85,6 +81,7 @@ mod tests {
     use super::super::curvature::ONE;
     use super::*;
 
+    #[expect(clippy::cast_possible_truncation, reason = "means of at most 1 in steps of 2^-40")]
     fn sum(pairs: u64, mean: f64) -> PairSum {
         PairSum { sides: 2 * pairs, curvature: i128::from(2 * pairs) * (mean * ONE as f64) as i128 }
     }

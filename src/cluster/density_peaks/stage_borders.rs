@@ -3,7 +3,7 @@
 //! here: thresholds on the sums belong to the reduction.
 #![expect(
     clippy::cast_possible_truncation,
-    reason = "points of a tile fit u32; radii are validated settings of a few metres"
+    reason = "points of a tile fit u32; radii are validated settings of a few metres; a threshold of at most 1 in steps of 2^-40"
 )]
 
 use std::collections::BTreeMap;
