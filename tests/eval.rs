@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use chainage::eval::hoover::Tolerance;
 use chainage::eval::metrics::Figures;
+use chainage::eval::metrics::hoover::Tolerance;
 use chainage::eval::table::{Cell, Counter, Predicted, Table};
 use chainage::eval::{
     self, Axis, ClassTable, CompareSettings, EvalError, Evaluation, MetricSettings, Provenance, Report,

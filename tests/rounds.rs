@@ -8,11 +8,13 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use chainage::cluster::{
-    self, BytesPer, ClusterEntry, DriveWindow, Figures, Grouped, Labelled, Mapped, Method, Reduced, Repeat, Step,
-    TileWindow,
+    self, BytesPer, ClusterEntry, DriveWindow, Figures, Grouped, Labelled, Mapped, Method, Reduced, Repeat,
+    Step, TileWindow,
 };
 use chainage::model::{Lattice, Reach, TileId};
-use chainage::run::{CancelToken, Event, Observer, Registries, RunError, RunRequest, RunSummary, run, status};
+use chainage::run::{
+    CancelToken, Event, Observer, Registries, RunError, RunRequest, RunSummary, run, status,
+};
 use chainage::{Result, ground};
 
 use crate::util::drive::{assert_same_outputs, config, run_with, scratch, settings};
@@ -53,7 +55,11 @@ fn touch(a: &[i64; 3], b: &[i64; 3]) -> bool {
 }
 
 fn encode(names: &Names) -> Vec<u8> {
-    names.iter().flat_map(|(voxel, id)| voxel.iter().map(|k| *k as u64).chain([*id])).flat_map(u64::to_le_bytes).collect()
+    names
+        .iter()
+        .flat_map(|(voxel, id)| voxel.iter().map(|k| *k as u64).chain([*id]))
+        .flat_map(u64::to_le_bytes)
+        .collect()
 }
 
 fn decode(bytes: &[u8]) -> Names {
@@ -127,7 +133,8 @@ impl Method for Smallest {
                 all.sort_unstable();
                 all.dedup();
                 let name = |point: usize| names[&voxel(points.cloud.lattice_point(point))];
-                let label = |point| u32::try_from(all.binary_search(&name(point)).expect("a name") + 1).expect("few");
+                let label =
+                    |point| u32::try_from(all.binary_search(&name(point)).expect("a name") + 1).expect("few");
                 let labels = (0..points.cloud.len()).map(label).collect();
                 let payload = all.iter().flat_map(|id| id.to_le_bytes()).collect();
                 let count = u32::try_from(all.len()).expect("few");
@@ -241,7 +248,8 @@ fn a_step_settles_to_the_same_bytes_in_any_tiles() {
     let folder = scratch();
     let input = wires(folder.path());
     let whole = folder.path().join("whole");
-    let summary = run_with(&[input.clone()], &whole, &with(&["tiling.tile_length=1000"]), registries(&[SMALLEST]));
+    let summary =
+        run_with(&[input.clone()], &whole, &with(&["tiling.tile_length=1000"]), registries(&[SMALLEST]));
     assert_eq!(summary.expect("a run").objects, 2);
     for (length, tiles, threads) in [("5", 8, "1"), ("5", 8, "4"), ("2", 20, "2"), ("13", 4, "2")] {
         let out = folder.path().join(format!("{length}-{threads}"));
@@ -277,7 +285,11 @@ fn a_run_stopped_in_any_round_goes_on_to_the_same_bytes() {
         let summary = result.expect("a run");
         assert_eq!(again, passes, "stopped in pass {number}, {name} of {units} units");
         let kept = &summary.passes[..number];
-        assert!(kept.iter().all(|pass| pass.resumed == pass.units), "stopped in {number}: {:?}", summary.passes);
+        assert!(
+            kept.iter().all(|pass| pass.resumed == pass.units),
+            "stopped in {number}: {:?}",
+            summary.passes
+        );
         assert_same_outputs(&straight, &out, &format!("stopped in pass {number}, {name}"));
     }
 }
@@ -287,7 +299,8 @@ fn a_step_that_does_not_settle_is_an_error_with_both_numbers() {
     let folder = scratch();
     let input = wires(folder.path());
     let list = with(&["tiling.tile_length=5"]);
-    let error = run_with(&[input], &folder.path().join("out"), &list, registries(&[IMPATIENT])).expect_err("3 rounds");
+    let error = run_with(&[input], &folder.path().join("out"), &list, registries(&[IMPATIENT]))
+        .expect_err("3 rounds");
     let text = "pass spread has not settled after 3 rounds: 1 tiles would run again";
     assert!(matches!(error.cause(), Some(RunError::NotSettled { rounds: 3, .. })), "{error}");
     assert!(error.to_string().starts_with(&text[..45]), "{error}");
@@ -309,8 +322,16 @@ fn status_names_the_passes_that_run_executes() {
         (&sweep, settings(&["tiling.tile_length=15"]), &["scatter", "cluster"]),
         (&sweep, settings(&["cluster.method=density-peaks"]), &["voxels", "peaks", "borders"]),
         (&sweep, settings(&["cluster.method=dbscan", "tiling.tile_length=40"]), &["cluster"]),
-        (&sweep, settings(&[&["cluster.method=dbscan"], &auto[..]].concat()), &["epsilon", "epsilon", "cluster"]),
-        (&sweep, settings(&[&["cluster.method=dbscan", fields], &auto[..1]].concat()), &["fields", "epsilon"]),
+        (
+            &sweep,
+            settings(&[&["cluster.method=dbscan"], &auto[..]].concat()),
+            &["epsilon", "epsilon", "cluster"],
+        ),
+        (
+            &sweep,
+            settings(&[&["cluster.method=dbscan", fields], &auto[..1]].concat()),
+            &["fields", "epsilon"],
+        ),
         (&wires, with(&["tiling.tile_length=5"]), &["voxels", "spread", "spread", "spread", "label"]),
     ];
     for (number, (input, list, expected)) in cases.into_iter().enumerate() {
@@ -319,7 +340,8 @@ fn status_names_the_passes_that_run_executes() {
         result.expect("a run");
         let names: Vec<&str> = executed.iter().map(|pass| pass.0.as_str()).collect();
         let mut left = expected.iter();
-        let found = names.iter().fold(left.next(), |next, name| if next == Some(name) { left.next() } else { next });
+        let found =
+            names.iter().fold(left.next(), |next, name| if next == Some(name) { left.next() } else { next });
         assert_eq!(found, None, "{names:?} has not {expected:?} in this order");
         let seen = status(&out, &registries(&all), |_| Ok(config(&list))).expect("a status");
         let listed: Vec<(String, Option<usize>)> =

@@ -1,29 +1,20 @@
 //! Typed, validated settings with units; the defaults are the embedded `config/default.toml`.
 
+mod choices;
 mod error;
 mod merge;
 
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
+pub use choices::{AxisChoice, ClassificationChoice, LengthUnit, OutputFormat};
+pub(crate) use choices::{FOOT, US_SURVEY_FOOT};
 pub use error::ConfigError;
 
 /// The text of `config/default.toml`: every setting with its unit and default.
 pub const DEFAULT_TOML: &str = include_str!("../../config/default.toml");
-
-/// Where the axis comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum AxisChoice {
-    /// The trajectory if there is one, else GPS time, else the principal axis.
-    Auto,
-    /// The track of the points' mean position over GPS time.
-    GpsTime,
-    /// The principal axis of the occupied cells.
-    Principal,
-}
 
 /// Section `[axis]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -53,22 +44,12 @@ pub struct MethodChoice {
     pub method: String,
 }
 
-/// What is done with the classification of the records.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ClassificationChoice {
-    /// Ground and noise are written, other classes stay.
-    Set,
-    /// All classes stay.
-    Keep,
-}
-
 /// Section `[output]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputConfig {
-    /// `same`, `las` or `laz`.
-    pub format: String,
+    /// Whether labelled copies are compressed.
+    pub format: OutputFormat,
     /// Name of the dimension with the object id.
     pub dimension: String,
     /// What is done with the classification.
@@ -93,8 +74,8 @@ pub struct RunConfig {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputConfig {
-    /// Unit of the coordinates, see `input::LengthUnit`.
-    pub unit: String,
+    /// Unit of the coordinates.
+    pub unit: LengthUnit,
     /// Whether LAS files are mapped into memory.
     pub mmap: bool,
 }
@@ -202,8 +183,14 @@ pub fn section<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
     serde_path_to_error::deserialize(toml::Value::Table(table.clone())).map_err(|error| {
         let path = error.path().to_string();
         let key = if path == "." { name.to_owned() } else { format!("{name}.{path}") };
-        let value = table.get(&path).map_or_else(String::new, ToString::to_string);
-        ConfigError::value(key, value, error.into_inner().message())
+        let (value, error) = (table.get(&path), error.into_inner());
+        // A word is shown as it was given, anything else as TOML has it.
+        match (value.and_then(toml::Value::as_str), choices::words(error.message())) {
+            (Some(word), Some(words)) => ConfigError::value(key, word, words),
+            _ => {
+                ConfigError::value(key, value.map_or_else(String::new, ToString::to_string), error.message())
+            }
+        }
     })
 }
 
@@ -226,6 +213,9 @@ mod tests {
             ("euclid.d_t=1", "there is no setting euclid"),
             ("tiling.cell=0.1", "tiling.cell = 0.1: must be 0.5 to 10 (metres)"),
             ("tiling.cell", "cannot read the assignment tiling.cell, expected section.key=value"),
+            ("output.format=shp", "output.format = shp: must be same, las or laz"),
+            ("input.unit=yard", "input.unit = yard: must be auto, metre, foot or us-survey-foot"),
+            ("output.classification=no", "output.classification = no: must be set or keep"),
             ("run.fail_fast=3", "run.fail_fast = 3: must be a boolean"),
         ] {
             let message = set(&[text]).unwrap_err();

@@ -2,28 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
-use super::crs::{Crs, CrsKind, LengthUnit};
+use super::crs::{Crs, CrsKind};
 use super::error::InputError;
 use super::file::InputFile;
+use super::options::InputOptions;
+use crate::config::LengthUnit;
 use crate::model::Lattice;
-
-/// How files are opened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct InputOptions {
-    /// Map files instead of reading them: faster, but a file that is cut during the run ends the program.
-    pub mmap: bool,
-    /// Unit of the coordinates.
-    pub unit: LengthUnit,
-}
-
-impl Default for InputOptions {
-    fn default() -> Self {
-        Self { mmap: true, unit: LengthUnit::Auto }
-    }
-}
 
 /// The files of one drive, in the order given; the points of all files have one numbering.
 #[derive(Debug)]

@@ -1,13 +1,12 @@
 //! The coordinate reference system of a file, as far as processing needs it: kind, units, name. Coordinates are
 //! never transformed; the records that describe the system pass through to the output as they are.
 
-use serde::{Deserialize, Serialize};
-
 use super::geokeys::{DIRECTORY, DOUBLES, GeoKeys, TEXTS};
 use super::header::Header;
 use super::mapped::ByteSource;
 use super::vlr;
 use super::wkt::Node;
+use crate::config::{FOOT, US_SURVEY_FOOT};
 
 /// User of the records that hold the coordinate reference system.
 const PROJECTION_USER: &str = "LASF_Projection";
@@ -17,39 +16,6 @@ const WKT: u16 = 2112;
 const MAX_WKT: u64 = 1 << 20;
 /// Bit of the global encoding that says the system is given as well-known text.
 const WKT_BIT: u16 = 1 << 4;
-/// A foot in metres (international, 1959).
-pub(crate) const FOOT: f64 = 0.3048;
-/// A US survey foot in metres.
-pub(crate) const US_SURVEY_FOOT: f64 = 1200.0 / 3937.0;
-
-/// Unit of the coordinates of the input files, as a setting.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LengthUnit {
-    /// What the coordinate reference system of each file says; metres where it says nothing.
-    #[default]
-    Auto,
-    /// Metres, whatever the files say.
-    Metre,
-    /// International feet, whatever the files say.
-    Foot,
-    /// US survey feet, whatever the files say.
-    UsSurveyFoot,
-}
-
-impl LengthUnit {
-    /// Metres of the unit; `None` for what the file says.
-    #[must_use]
-    pub fn metres(self) -> Option<f64> {
-        match self {
-            Self::Auto => None,
-            Self::Metre => Some(1.0),
-            Self::Foot => Some(FOOT),
-            Self::UsSurveyFoot => Some(US_SURVEY_FOOT),
-        }
-    }
-}
-
 /// What coordinates are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CrsKind {

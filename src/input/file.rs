@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use super::Fields;
 use super::chunks::{self, Block};
 use super::crs::Crs;
 use super::decode::Coding;
@@ -12,7 +13,7 @@ use super::error::{ChunkProblem, InputError};
 use super::header::{Header, Scaling};
 use super::layout::RecordLayout;
 use super::mapped::ByteSource;
-use super::{Fields, InputOptions};
+use super::options::InputOptions;
 use crate::model::{AxisTransform, Lattice, LatticeTransform};
 
 /// One LAS or LAZ file, open for reading from any thread.

@@ -13,16 +13,19 @@ mod geokeys;
 pub(crate) mod header;
 pub(crate) mod layout;
 pub(crate) mod mapped;
+mod options;
 pub(crate) mod vlr;
 mod wkt;
 
+pub use crate::config::LengthUnit;
 pub use crate::model::record_xyz;
-pub use catalog::{Catalog, InputOptions};
+pub use catalog::Catalog;
 pub use chunks::Block;
-pub use crs::{Crs, CrsKind, LengthUnit};
+pub use crs::{Crs, CrsKind};
 pub use error::{ChunkProblem, ChunkTableProblem, InputError};
 pub use file::InputFile;
 pub use layout::{ExtraDimension, RecordLayout};
+pub use options::InputOptions;
 
 /// The fields of a record that a caller will look at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

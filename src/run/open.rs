@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::error::Result;
-use crate::input::{Catalog, InputOptions, LengthUnit};
+use crate::input::{Catalog, InputOptions};
 use crate::run::chain::{Chain, Registries};
 use crate::run::drive::{Drive, identity};
 use crate::run::plan::Budget;
@@ -25,11 +25,7 @@ const CONFIGURATION: &str = "run.toml";
 
 /// Opens the files of a drive as the settings say.
 pub(crate) fn catalog(inputs: &[PathBuf], config: &Config) -> Result<Catalog> {
-    let unit = &config.input.unit;
-    let unit: LengthUnit = toml::Value::String(unit.clone())
-        .try_into()
-        .map_err(|_| ConfigError::value("input.unit", unit, "auto, metre, foot or us-survey-foot"))?;
-    Ok(Catalog::open(inputs, &InputOptions { mmap: config.input.mmap, unit })?)
+    Ok(Catalog::open(inputs, &InputOptions { mmap: config.input.mmap, unit: config.input.unit })?)
 }
 
 impl<'a> Opened<'a> {

@@ -3,6 +3,7 @@
 
 mod all_nearest;
 mod cells;
+mod dimensions;
 mod disjoint;
 mod error;
 mod linker;
@@ -16,6 +17,7 @@ mod zone;
 
 pub(crate) use all_nearest::Neighbours;
 pub use cells::{Cell, CellCounter, CellCursor, CellGrid, CellMap};
+pub use dimensions::DIMENSIONS;
 pub use disjoint::DisjointSets;
 pub use error::SpatialError;
 pub use linker::Linker;
@@ -23,6 +25,6 @@ pub(crate) use looked_at::LookedAt;
 pub use nearest::NearestIndex;
 pub(crate) use neighbours::Index;
 pub use packed::{PackedCells, PackedCursor};
-pub use points::{DIMENSIONS, Points};
+pub use points::Points;
 pub use voxels::{TileView, VoxelIndex};
 pub use zone::{Area, BlockZone};

@@ -1,11 +1,6 @@
 //! Points of n dimensions: rows of numbers, distances, standardisation.
 
-use std::ops::RangeInclusive;
-
-use crate::spatial::SpatialError;
-
-/// Dimensions that can be clustered; every one of them is compiled.
-pub const DIMENSIONS: RangeInclusive<usize> = 2..=8;
+use crate::spatial::{DIMENSIONS, SpatialError};
 
 /// Points of n dimensions; a point is known by its row.
 #[derive(Debug, Clone, PartialEq)]

@@ -35,8 +35,6 @@ pub(crate) struct Outcome {
     pub(crate) objects: Vec<Option<usize>>,
     /// Which labels are one object, where the method says so.
     pub(crate) grouped: Option<Grouped>,
-    /// Rounds of each step.
-    pub(crate) rounds: Vec<u32>,
 }
 
 impl<'a> MemoryDrive<'a> {
@@ -70,7 +68,7 @@ impl<'a> MemoryDrive<'a> {
     /// Runs all steps; tiles in descending order, since order must not matter. Every tile runs in every round.
     pub(crate) fn run(mut self, method: &dyn Method) -> Outcome {
         let last = method.steps().len() - 1;
-        let (mut labelled, mut rounds) = (Vec::new(), Vec::new());
+        let mut labelled = Vec::new();
         for (step, facts) in method.steps().iter().enumerate() {
             (self.round, self.again) = (0, Vec::new());
             self.payloads.push(Vec::new());
@@ -111,15 +109,12 @@ impl<'a> MemoryDrive<'a> {
                     other => panic!("step {step} returned {other:?}"),
                 }
             }
-            rounds.push(self.round);
         }
         match method.reduce(last, &self).expect("a reduction") {
-            Reduced::SharedPoints => {
-                Outcome { objects: self.by_shared_points(&labelled), grouped: None, rounds }
-            }
+            Reduced::SharedPoints => Outcome { objects: self.by_shared_points(&labelled), grouped: None },
             Reduced::Groups(grouped) => {
                 let objects = self.by_groups(&labelled, &grouped);
-                Outcome { objects, grouped: Some(grouped), rounds }
+                Outcome { objects, grouped: Some(grouped) }
             }
             other => panic!("{} ended with {other:?}", method.name()),
         }

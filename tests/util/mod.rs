@@ -1,6 +1,7 @@
 //! What several integration tests need: the optional data folder, small drives and how to run them, references.
 
 pub(crate) mod drive;
+pub(crate) mod imports;
 pub(crate) mod las;
 pub(crate) mod memory_drive;
 pub(crate) mod oracle;

@@ -11,8 +11,8 @@ use std::collections::BTreeMap;
 use serde_json::json;
 
 use super::curvature::ONE;
-use super::merge::{Reassigned, merges};
-use super::stage_borders::PairSum;
+use super::decision::{class_density, density_class};
+use super::stage_borders::{PairSum, merges};
 use super::stage_peaks;
 use super::stage_voxels;
 use super::{DensityPeaksConfig, STAGE_VOXELS};
@@ -23,18 +23,11 @@ use crate::model::{Chart, ChartAxis, Series, TileId};
 /// Width of a class of the histogram of curvatures.
 const CURVATURE_CLASS: f64 = 0.005;
 
-/// Bits of a density that its class leaves out: what is left are the exponent and three bits, eight classes to an octave.
-const CLASS_BITS: u32 = 49;
-
-/// The class of a density (never negative) in the decision graph.
-pub(super) fn density_class(rho: f64) -> u32 {
-    (rho.to_bits() >> CLASS_BITS) as u32
-}
-
-/// The middle of a class.
-fn class_density(class: u32) -> f64 {
-    let edge = |class: u32| f64::from_bits(u64::from(class) << CLASS_BITS);
-    f64::midpoint(edge(class), edge(class + 1))
+/// Halo voxels by what became of them.
+#[derive(Debug, Default)]
+pub(super) struct Reassigned {
+    pub(super) joined: u64,
+    pub(super) dropped: u64,
 }
 
 /// Figures of all stages.
@@ -175,22 +168,5 @@ impl Figures {
             y: ChartAxis { name: "pairs of clusters".to_owned(), logarithmic: true, thresholds: Vec::new() },
             series: vec![bars("unmerged", &mut { apart }), bars("merged", &mut { merged })],
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn classes_of_densities_are_eighths_of_octaves() {
-        for (rho, middle) in
-            [(1.0, 1.0625), (1.124, 1.0625), (1.125, 1.1875), (4.1, 4.25), (0.05, 0.048_828_125)]
-        {
-            let class = density_class(rho);
-            assert!((class_density(class) - middle).abs() < 1e-6, "{rho}: {}", class_density(class));
-            assert!((class_density(class) / rho - 1.0).abs() < 0.07);
-        }
-        assert!(density_class(0.3) < density_class(0.5) && density_class(0.5) < density_class(100.0));
     }
 }

@@ -28,6 +28,7 @@
 
 mod columns;
 mod curvature;
+mod decision;
 mod figures;
 mod labelled_points;
 mod merge;

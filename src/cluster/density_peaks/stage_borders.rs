@@ -3,7 +3,7 @@
 //! here: thresholds on the sums belong to the reduction.
 #![expect(
     clippy::cast_possible_truncation,
-    reason = "points of a tile fit u32; radii are validated settings of a few metres"
+    reason = "points of a tile fit u32; radii are validated settings of a few metres; a threshold of at most 1 in steps of 2^-40"
 )]
 
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::columns::Border;
-use super::curvature::curvature;
+use super::curvature::{ONE, curvature};
 use super::labelled_points::{LabelledPoints, Neighbour, REPRESENTATIVE_M, Search};
 use super::stage_voxels::number;
 use super::surroundings::Surroundings;
@@ -45,6 +45,12 @@ pub(super) struct PairSum {
     pub(super) sides: u64,
     /// Sum of the curvatures of these points, in steps of 2^-40.
     pub(super) curvature: i128,
+}
+
+/// Whether the mean over the pairs of the mean of both curvatures is below the threshold; in exact integers.
+pub(super) fn merges(sum: &PairSum, threshold: f64) -> bool {
+    let limit = (threshold * ONE as f64).round() as i128;
+    sum.curvature < i128::from(sum.sides) * limit
 }
 
 /// What a tile keeps.

@@ -14,7 +14,7 @@ use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::columns::{Columns, Finder, Voxel, disc};
-use super::figures::density_class;
+use super::decision::density_class;
 use super::stage_voxels::{self, StoredVoxel};
 use super::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
 use crate::cluster::sliced;

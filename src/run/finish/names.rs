@@ -1,10 +1,10 @@
 //! What a run will write, and whether it may.
 
-use crate::config::{ClassificationChoice, Config, ConfigError};
+use crate::config::{ClassificationChoice, Config};
 use crate::error::Result;
 use crate::input::Catalog;
 use crate::output::objects;
-use crate::output::{LabelOptions, LabelledFile, OutputFormat, check_names};
+use crate::output::{LabelOptions, LabelledFile, check_names};
 use crate::store::{RunDir, StoreError};
 
 /// Name of the report.
@@ -26,12 +26,8 @@ pub(crate) fn plan_files(
     config: &Config,
     run_dir: &RunDir,
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
-    let name = &config.output.format;
-    let format: OutputFormat = toml::Value::String(name.clone())
-        .try_into()
-        .map_err(|_| ConfigError::value("output.format", name, "same, las or laz"))?;
     let options = LabelOptions {
-        format,
+        format: config.output.format,
         dimension: config.output.dimension.clone(),
         set_classification: config.output.classification == ClassificationChoice::Set,
         keep_original: config.output.original_classification,
