@@ -106,7 +106,8 @@ const LAYERS: [&str; 7] = ["input", "survey", "tiling", "ground", "cluster", "st
 fn layers_do_not_know_each_other_and_only_run_joins_them() {
     let mut joined = BTreeSet::new();
     for source in sources() {
-        let (module, used) = (source.module().to_owned(), source.own_modules());
+        let module = source.module().to_owned();
+        let used = source.own_modules();
         let layers: BTreeSet<&str> =
             LAYERS.into_iter().filter(|layer| *layer != module && used.contains(*layer)).collect();
         if module == "run" {

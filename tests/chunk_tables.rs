@@ -26,7 +26,8 @@ fn make(layered: bool, variable: bool) -> Made {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
     let catalog = Catalog::open(std::slice::from_ref(&path), &InputOptions::default()).expect("opens");
     let file = &catalog.files()[0];
-    let (mut buffer, size) = (Vec::new(), file.layout().record_len);
+    let mut buffer = Vec::new();
+    let size = file.layout().record_len;
     let records = file.records(0, Fields::All, &mut buffer).expect("readable")[..POINTS * size].to_vec();
     let head = if layered { 375 } else { 227 };
     let mut bytes = std::fs::read(&path).expect("read")[..head].to_vec();

@@ -143,7 +143,8 @@ fn the_drawing_of_a_plan_is_well_formed() {
 
 /// The names of all elements of an XML text without entities, comments or CDATA; panics where tags do not nest.
 fn well_formed(text: &str) -> Vec<String> {
-    let (mut open, mut seen) = (Vec::new(), Vec::new());
+    let mut open = Vec::new();
+    let mut seen = Vec::new();
     let mut rest = text;
     while let Some(start) = rest.find('<') {
         assert!(!rest[..start].contains(['>', '&']), "loose text: {}", &rest[..start]);

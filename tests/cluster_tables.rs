@@ -32,7 +32,9 @@ fn adjusted_rand_index(one: &[u32], other: &[u32]) -> f64 {
         (0..one.len()).for_each(|point| *groups.entry(key(point)).or_default() += 1.0);
         pairs(groups)
     };
-    let (both, a, b) = (group(&|p| (one[p], other[p])), group(&|p| (one[p], 0)), group(&|p| (0, other[p])));
+    let both = group(&|p| (one[p], other[p]));
+    let a = group(&|p| (one[p], 0));
+    let b = group(&|p| (0, other[p]));
     let n = one.len() as f64;
     let expected = a * b / (n * (n - 1.0) / 2.0);
     (both - expected) / (f64::midpoint(a, b) - expected)

@@ -151,7 +151,8 @@ fn the_order_of_points_changes_nothing() {
     let compare = |(points, order): (Vec<[i64; 3]>, Vec<usize>)| {
         let moved: Vec<[i64; 3]> = order.iter().map(|&index| points[index]).collect();
         for filter in filters() {
-            let (straight, other) = (classes(&*filter, &points), classes(&*filter, &moved));
+            let straight = classes(&*filter, &points);
+            let other = classes(&*filter, &moved);
             let expected: Vec<PointClass> = order.iter().map(|&index| straight[index]).collect();
             prop_assert_eq!(other, expected, "{}", filter.name());
         }
@@ -177,7 +178,8 @@ fn ground_of_a_core_depends_on_nothing_beyond_the_reach() {
                 .filter(|&index| points[index][0] as f64 <= 3_000.0 + metres * 1_000.0)
                 .collect();
             let tile: Vec<[i64; 3]> = near.iter().map(|&index| points[index]).collect();
-            let (whole, tile) = (classes(&*filter, &points), classes(&*filter, &tile));
+            let whole = classes(&*filter, &points);
+            let tile = classes(&*filter, &tile);
             for (&index, class) in near.iter().zip(tile).filter(|(index, _)| points[**index][0] < 3_000) {
                 prop_assert_eq!(class, whole[index], "{}", filter.name());
             }

@@ -47,9 +47,11 @@ fn expected(points: &Points, variant: DbscanVariant, min_points: usize, max_poin
 fn tiled(method: &Dbscan, points: &Points, width: i64, reach: i64) -> Vec<u32> {
     let owner = |point: usize| u32::try_from(points[point][0] / width).unwrap();
     let tiles = (0..points.len()).map(owner).max().unwrap_or(0) + 1;
-    let (mut locals, mut label_of) = (Vec::new(), vec![(0, 0); points.len()]);
+    let mut locals = Vec::new();
+    let mut label_of = vec![(0, 0); points.len()];
     for tile in 0..tiles {
-        let (low, high) = (i64::from(tile) * width - reach, i64::from(tile + 1) * width - 1 + reach);
+        let low = i64::from(tile) * width - reach;
+        let high = i64::from(tile + 1) * width - 1 + reach;
         let seen: Vec<usize> = (0..points.len()).filter(|&p| (low..=high).contains(&points[p][0])).collect();
         let coordinates: Points = seen.iter().map(|&point| points[point]).collect();
         let mut cloud = TileCloud::from_lattice_points(LATTICE, &coordinates);

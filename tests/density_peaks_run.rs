@@ -172,7 +172,8 @@ fn a_run_that_died_in_a_reduction_does_it_again() {
 fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let base = ["tiling.tile_length=20"];
-    let (out, fresh) = (folder.path().join("changed"), folder.path().join("fresh"));
+    let out = folder.path().join("changed");
+    let fresh = folder.path().join("fresh");
     run_in(&out, &base);
     for (setting, kept) in [
         ("density-peaks.c_t=0.02", 6),

@@ -302,7 +302,8 @@ fn a_method_is_one_type_and_one_line() {
     let scratch = Scratch::new();
     let points = Street::middling(7, Course::Hairpin).points();
     let files = vec![scratch.file("a.las", &Shape::default(), &points)];
-    let (mut filters, mut methods) = (ground::REGISTRY.to_vec(), cluster::REGISTRY.to_vec());
+    let mut filters = ground::REGISTRY.to_vec();
+    let mut methods = cluster::REGISTRY.to_vec();
     filters.push(BELOW);
     methods.push(CUBES);
     let registries = Registries { ground: &filters, cluster: &methods };

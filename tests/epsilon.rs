@@ -137,7 +137,8 @@ fn the_curve_is_that_of_the_whole_cloud_however_it_is_cut() {
         };
         let tiled = estimate("tiled", case.tile_m, case.threads);
         asked += tiled.as_ref().map_or(0, |found| found.cost.asked_for_more);
-        let (tiled, whole) = (curve_of(tiled), curve_of(estimate("whole", 1e6, 1)));
+        let tiled = curve_of(tiled);
+        let whole = curve_of(estimate("whole", 1e6, 1));
         prop_assert_eq!(&tiled, &whole, "bits of the means");
         let Some(curve) = tiled else {
             prop_assert!(kept.len() < case.k);
@@ -259,7 +260,8 @@ fn fields_beyond_coordinates_are_standardised_over_the_drive_and_exact_over_tile
             drive(&sweep, &out, &[&set[..], &more].concat()).expect("a run");
             out
         };
-        let (whole, tiled) = (run("whole", "1000", "1"), run("tiled", "9", "2"));
+        let whole = run("whole", "1000", "1");
+        let tiled = run("tiled", "9", "2");
         assert_same_outputs(&whole, &tiled, variant);
         let found = Labelled::read(&sweep, &whole);
         let values: Vec<f64> = (0..found.at.len())
@@ -285,7 +287,8 @@ fn an_estimate_in_a_space_of_fields_is_the_same_in_any_tiles() {
         let more = settings(&[FIELDS, &format!("tiling.tile_length={tile}"), "epsilon.max_queries=20000"]);
         estimated(&sweep, &folder.path().join(tile), &more).expect("an estimate")
     };
-    let (whole, tiled) = (estimate("1000"), estimate("8"));
+    let whole = estimate("1000");
+    let tiled = estimate("8");
     assert_eq!(
         (&whole.estimate, &whole.space, whole.unit),
         (&tiled.estimate, &tiled.space, "standard deviations")
@@ -363,7 +366,8 @@ fn only_what_depends_on_a_change_is_estimated_again() {
 fn killed_while_it_estimates_it_goes_on_to_the_same_bytes() {
     let folder = scratch();
     let (inputs, options) = resumable(folder.path());
-    let (undisturbed, out) = (folder.path().join("undisturbed"), folder.path().join("killed"));
+    let undisturbed = folder.path().join("undisturbed");
+    let out = folder.path().join("killed");
     run_to_the_end(&inputs, &undisturbed, &options);
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let mut cut_short = 0;

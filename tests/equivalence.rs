@@ -530,12 +530,14 @@ proptest! {
         chainage_m.dedup();
         let strip =
             |chainage| u32::try_from(chainage_m.partition_point(|other| *other <= chainage)).unwrap();
-        let (mut points, mut strips) = (CellMap::default(), CellMap::default());
+        let mut points = CellMap::default();
+        let mut strips = CellMap::default();
         for (cell, count, chainage) in &drawn {
             *points.entry(*cell) = *count;
             *strips.entry(*cell) = strip(*chainage);
         }
-        let (points, strips) = (Arc::new(PackedCells::from(points)), PackedCells::from(strips));
+        let points = Arc::new(PackedCells::from(points));
+        let strips = PackedCells::from(strips);
         let grid = CellGrid::new(700);
         let request = PlanRequest { cells: &points, strips: &strips, chainage_m: &chainage_m, grid, size: &size };
         let plan = Plan::new(&request);

@@ -65,7 +65,8 @@ proptest! {
         for figures in all_figures(&evaluation) {
             let product = figures.sq().zip(figures.rq()).map(|(sq, rq)| sq * rq);
             prop_assert!(near(figures.pq(), product), "{figures:?}");
-            let (precision, recall) = (figures.precision(), figures.recall());
+            let precision = figures.precision();
+            let recall = figures.recall();
             if let Some((p, r)) = precision.zip(recall).filter(|(p, r)| p + r > 0.0) {
                 prop_assert!(near(figures.f1(), Some(2.0 * p * r / (p + r))), "{figures:?}");
             }
@@ -90,7 +91,8 @@ proptest! {
             let to = Cell { object: name(cell.object), segment: name(cell.segment), ..*cell };
             renamed.cells.add(to, *points);
         }
-        let (before, after) = (evaluate(&original), evaluate(&renamed.finish()));
+        let before = evaluate(&original);
+        let after = evaluate(&renamed.finish());
         prop_assert_eq!(before.classes.len(), after.classes.len());
         for (a, b) in all_figures(&before).iter().zip(all_figures(&after)) {
             prop_assert!(near(Some(a.iou_sum), Some(b.iou_sum)) && near(a.mean_best_iou(), b.mean_best_iou()));
@@ -108,7 +110,8 @@ proptest! {
             all.extend([(100, 100, sizes.0), (101, second, sizes.1)]);
             evaluate(&table(&all))
         };
-        let (apart, merged) = (scene(101), scene(100));
+        let apart = scene(101);
+        let merged = scene(100);
         prop_assert!(merged.overall.oa() < apart.overall.oa());
         prop_assert_eq!(merged.overall.under, apart.overall.under + 2);
         prop_assert!(merged.overall.pq() < apart.overall.pq());
@@ -157,7 +160,8 @@ fn the_rand_index_is_that_of_scikit_learn() {
         let mut random = Random(seed);
         let labels: Vec<(i64, i64, u64)> = (0..points)
             .map(|_| {
-                let (object, draw) = (random.below(objects), random.next());
+                let object = random.below(objects);
+                let draw = random.next();
                 let is_copy = draw % 100 >= random_percent;
                 let segment = if is_copy { object % segments } else { draw / 100 % segments };
                 (i64::try_from(object).unwrap() + 1, i64::try_from(segment).unwrap(), 1)
@@ -263,7 +267,8 @@ fn compare_with(
     settings: &CompareSettings,
 ) -> Result<(String, Table), Error> {
     let open = |paths: &[PathBuf]| Catalog::open(paths, &InputOptions::default());
-    let (prediction, reference) = (open(prediction)?, open(reference)?);
+    let prediction = open(prediction)?;
+    let reference = open(reference)?;
     let counted = eval::count(&prediction, Some(&reference), settings, &|_| ())?;
     Ok((counted.matching.name().to_owned(), counted.table))
 }
@@ -373,7 +378,8 @@ fn one_point_that_differs_is_named() {
 #[test]
 fn a_dimension_that_is_not_there_or_holds_no_labels_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, fractions) = (folder.path().join("a.las"), folder.path().join("b.las"));
+    let path = folder.path().join("a.las");
+    let fractions = folder.path().join("b.las");
     let points = street(100);
     write_reference(&path, &points);
     write(&fractions, 0.001, &[("cluster_id", 9)], &points, |point| {
@@ -408,9 +414,11 @@ fn the_report_is_the_same_for_any_number_of_threads() {
                 matched_by,
                 chainage_along: "principal axis of the objects".into(),
             };
-            let (settings, axis) = (settings(), Axis::principal(&places));
+            let settings = settings();
+            let axis = Axis::principal(&places);
             let report = Report::new(&evaluation, &settings, &axis, compared);
-            let (mut json, mut csv) = (Vec::new(), Vec::new());
+            let mut json = Vec::new();
+            let mut csv = Vec::new();
             report.write_json(&mut json).unwrap();
             report.write_objects_csv(&mut csv).unwrap();
             (String::from_utf8(json).unwrap(), String::from_utf8(csv).unwrap(), report.text(5))
@@ -439,7 +447,8 @@ fn the_report_is_the_same_for_any_number_of_threads() {
 
 #[test]
 fn objects_too_small_to_be_evaluated_are_listed_where_their_id_is() {
-    let (settings, axis) = (settings(), Axis::principal(&[]));
+    let settings = settings();
+    let axis = Axis::principal(&[]);
     let evaluation = evaluate(&table(&[(1, 1, 29), (2, 2, 50), (3, 3, 12), (4, 4, 60), (9, 4, 1)]));
     let compared = Provenance {
         prediction: Vec::new(),

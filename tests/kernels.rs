@@ -91,7 +91,8 @@ fn by_smallest_id(labels: &[u32], ids: &[u64]) -> Vec<u64> {
 
 fn inside(core: [i64; 4], reach: f64, point: [i64; 3]) -> bool {
     let beyond = |value: i64, low: i64, high: i64| (low - value).max(value - high).max(0) as f64;
-    let (dx, dy) = (beyond(point[0], core[0], core[1]), beyond(point[1], core[2], core[3]));
+    let dx = beyond(point[0], core[0], core[1]);
+    let dy = beyond(point[1], core[2], core[3]);
     dx * dx + dy * dy <= (reach * 1_000.0).powi(2)
 }
 
@@ -183,8 +184,10 @@ proptest! {
         let shuffled_points: Points = order.iter().map(|&index| points[index]).collect();
         let ids: Vec<u64> = order.iter().map(|&index| index as u64).collect();
         let shuffled = cloud(&shuffled_points, &ids, 0);
-        let (classes, labels) = (ground_classes(&straight), cluster(&straight, 0.3));
-        let (other_classes, other_labels) = (ground_classes(&shuffled), cluster(&shuffled, 0.3));
+        let classes = ground_classes(&straight);
+        let labels = cluster(&straight, 0.3);
+        let other_classes = ground_classes(&shuffled);
+        let other_labels = cluster(&shuffled, 0.3);
         for (position, &index) in order.iter().enumerate() {
             prop_assert_eq!(other_classes[position], classes[index]);
             prop_assert_eq!(other_labels[position], labels[index]);
@@ -249,7 +252,8 @@ fn stray_points_kilometres_away_change_nothing_but_themselves() {
     let alone = (ground_classes(&numbered(&points)), cluster(&numbered(&points), 0.3));
     points.extend([[2_000_000_000, 0, 0], [0, 2_000_000_000, 0], [0, 0, 10_000_000]]);
     let cloud = numbered(&points);
-    let (classes, labels) = (ground_classes(&cloud), cluster(&cloud, 0.3));
+    let classes = ground_classes(&cloud);
+    let labels = cluster(&cloud, 0.3);
     assert_eq!(classes[..1_000], alone.0);
     assert_eq!(classes[1_000..], [PointClass::LowNoise, PointClass::LowNoise, PointClass::HighNoise]);
     assert_eq!(labels[..1_000], alone.1);

@@ -132,14 +132,16 @@ fn evlrs(bytes: &[u8]) -> Vec<Record> {
 
 /// The bytes between the last record of the header and the points.
 fn gap(bytes: &[u8]) -> &[u8] {
-    let (head, start) = (number(bytes, 94, 2), number(bytes, 96, 4));
+    let head = number(bytes, 94, 2);
+    let start = number(bytes, 96, 4);
     let records = chain(bytes, head, start, number(bytes, 100, 4), 54);
     &bytes[head + records.iter().map(|record| 54 + record.3.len()).sum::<usize>()..start]
 }
 
 /// Compares header, records, and what is between and behind them.
 fn compare_around(original: &Path, copy: &Path, points: usize) {
-    let (before, after) = (std::fs::read(original).expect("read"), std::fs::read(copy).expect("read"));
+    let before = std::fs::read(original).expect("read");
+    let after = std::fs::read(copy).expect("read");
     assert_eq!(vlrs(&before), vlrs(&after), "{}", copy.display());
     assert_eq!(evlrs(&before), evlrs(&after), "{}", copy.display());
     assert_eq!(gap(&before), gap(&after), "{}", copy.display());
@@ -160,14 +162,16 @@ fn compare_around(original: &Path, copy: &Path, points: usize) {
         assert!(may || before[at] == after[at], "{}: header byte {at}", copy.display());
     }
     if before[25] >= 3 && number(&before, 227, 8) > 0 {
-        let (old, new) = (number(&before, 227, 8), number(&after, 227, 8));
+        let old = number(&before, 227, 8);
+        let new = number(&after, 227, 8);
         assert_eq!(before[old..old + 60], after[new..new + 60], "{}: waveforms", copy.display());
     }
 }
 
 /// Compares every record of the copy with the original one, outside of class and label.
 fn compare_points(original: &InputFile, before: &[u8], copy: &InputFile, truth: &Truth) {
-    let (old, new) = (original.layout(), copy.layout());
+    let old = original.layout();
+    let new = copy.layout();
     let after = records(copy);
     let label = new.dimension("cluster_id").expect("the label").offset;
     let kept = new.dimension("original_classification").expect("the class").offset;
@@ -304,7 +308,9 @@ fn a_dimension_of_another_type_or_an_impossible_name_is_refused() {
 fn with_extra_bytes(extra: usize, descriptors: &[(&str, u8, u8)]) -> Vec<u8> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mls_profiles.las");
     let bytes = std::fs::read(path).expect("a shipped sample");
-    let (start, count, old) = (number(&bytes, 96, 4), number(&bytes, 107, 4), number(&bytes, 105, 2));
+    let start = number(&bytes, 96, 4);
+    let count = number(&bytes, 107, 4);
+    let old = number(&bytes, 105, 2);
     let mut new = bytes[..227].to_vec();
     if !descriptors.is_empty() {
         let mut record = vec![0; 54];

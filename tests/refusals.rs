@@ -238,7 +238,8 @@ fn feet_become_metres_in_the_lattice() {
     let (feet, fine, warned) = lattice_point(LengthUnit::Foot);
     assert_eq!((quiet, warned), (0, 1));
     for axis in 0..3 {
-        let (metres, feet) = (lattice.metres(metres[axis]), fine.metres(feet[axis]));
+        let metres = lattice.metres(metres[axis]);
+        let feet = fine.metres(feet[axis]);
         assert!((feet - metres * 0.3048).abs() <= fine.step_m(), "axis {axis}: {feet} {metres}");
     }
 }
@@ -290,8 +291,10 @@ fn coordinate_systems_of_one_drive_must_agree() {
         ))
     };
     let folder = Folder::new();
-    let (one, two) = (folder.file("a.las", &utm(32)), folder.file("b.las", &utm(32)));
-    let (other, plain) = (folder.file("c.las", &utm(33)), folder.file("d.las", &sample(LAS)));
+    let one = folder.file("a.las", &utm(32));
+    let two = folder.file("b.las", &utm(32));
+    let other = folder.file("c.las", &utm(33));
+    let plain = folder.file("d.las", &sample(LAS));
     let catalog = open(&[one.clone(), two]).expect("the same system");
     assert_eq!(catalog.crs().epsg, Some(25_832));
     assert!(catalog.warnings().is_empty(), "{:?}", catalog.warnings());

@@ -90,7 +90,8 @@ fn killed_at_random_moments_it_goes_on_to_the_same_bytes() {
 fn other_threads_recompute_nothing() {
     let inputs = Inputs::new();
     let out = inputs.undisturbed("street.laz", &["--threads", "2"]);
-    let (before, bytes) = (events(&out), outputs(&out));
+    let before = events(&out);
+    let bytes = outputs(&out);
     assert!(finished(&before, "ground") > 15, "{} tiles", finished(&before, "ground"));
     for more in [["--threads", "1"], ["--threads", "4"], ["--memory", "512M"]] {
         // Memory is given twice, the later one counts: only for the first two.
@@ -176,7 +177,8 @@ fn refused(inputs: &[PathBuf], out: &Path, more: &[&str], code: i32, texts: &[&s
 fn another_input_is_refused_and_a_touched_one_is_not() {
     let inputs = Inputs::new();
     for name in ["street.las", "street.laz"] {
-        let (path, out) = (inputs.path(name), inputs.undisturbed(name, &[]));
+        let path = inputs.path(name);
+        let out = inputs.undisturbed(name, &[]);
         let bytes = outputs(&out);
         touch(&path);
         let before = events(&out).len();
@@ -344,7 +346,8 @@ fn a_lost_half_written_copy_is_written_again() {
     let inputs = Inputs::new();
     let undisturbed = inputs.undisturbed("street.las", &[]);
     let out = inputs.path("out");
-    let (state, copy) = (out.join(".chainage"), out.join("street.las"));
+    let state = out.join(".chainage");
+    let copy = out.join("street.las");
     run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.d_t=0.4"]));
     for other in [None, Some("output.original_classification=true"), Some("euclidean.d_t=0.7")] {
         std::fs::remove_file(&copy).expect("removed");

@@ -48,7 +48,8 @@ const LONG: [&str; 2] = ["tiling.tile_length=40.0", "run.threads=1"];
 fn other_tiles_in_between_leave_no_trace() {
     let inputs = [shipped("tests/data/tree_road_sweep.laz")];
     let folder = scratch();
-    let (fresh, out) = (folder.path().join("fresh"), folder.path().join("out"));
+    let fresh = folder.path().join("fresh");
+    let out = folder.path().join("out");
     drive(&inputs, &fresh, &settings(&SHORT)).unwrap();
 
     // All ten short tiles are clustered, nothing is exported.
@@ -63,7 +64,8 @@ fn other_tiles_in_between_leave_no_trace() {
 fn another_method_in_between_leaves_no_trace() {
     let inputs = [shipped("tests/data/tree_road_sweep.laz")];
     let folder = scratch();
-    let (fresh, out) = (folder.path().join("fresh"), folder.path().join("out"));
+    let fresh = folder.path().join("fresh");
+    let out = folder.path().join("out");
     drive(&inputs, &fresh, &settings(&SHORT)).unwrap();
 
     // All ten short tiles are clustered, nothing is exported.

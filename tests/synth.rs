@@ -197,7 +197,8 @@ fn the_loop_comes_back_over_its_first_metres_in_the_other_direction() {
     settings.scanner.profiles_hz = 10.0;
     write(&settings, folder.path());
     let way = table(&folder.path().join("trajectory.csv"));
-    let (first, last) = (way.first().unwrap(), way.last().unwrap());
+    let first = way.first().unwrap();
+    let last = way.last().unwrap();
     let apart = (number(first, "x") - number(last, "x")).hypot(number(first, "y") - number(last, "y"));
     assert!(apart < 5.0, "ends beside its start, in the other lane: {apart} m");
     let turn = (number(first, "heading") - number(last, "heading")).abs();
@@ -260,7 +261,8 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
         .filter(|row| row["base_inside"] == "1")
         .map(|row| row["instance"].parse().unwrap())
         .collect();
-    let (mut near, mut ground) = (0u64, 0u64);
+    let mut near = 0u64;
+    let mut ground = 0u64;
     let mut objects: BTreeMap<(u8, u32), u64> = BTreeMap::new();
     let mut seen: std::collections::BTreeSet<(i64, i64)> = std::collections::BTreeSet::new();
     for point in points {
@@ -283,7 +285,8 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
         }
     }
     // Cells beside the track, away from its ends and turns.
-    let (mut cells, mut hidden) = (0u64, 0u64);
+    let mut cells = 0u64;
+    let mut hidden = 0u64;
     let bounds = |axis: usize| {
         let values = points.iter().filter(|p| p.class == 1).map(move |p| p.position[axis]);
         values.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
@@ -291,11 +294,13 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
     let ((x0, x1), (y0, y1)) = (bounds(0), bounds(1));
     let mut driven = 0.0;
     for pair in track.windows(2) {
-        let (dx, dy) = (pair[1][1] - pair[0][1], pair[1][2] - pair[0][2]);
+        let dx = pair[1][1] - pair[0][1];
+        let dy = pair[1][2] - pair[0][2];
         driven += dx.hypot(dy);
     }
     for pose in track.windows(2).step_by(10) {
-        let (dx, dy) = (pose[1][1] - pose[0][1], pose[1][2] - pose[0][2]);
+        let dx = pose[1][1] - pose[0][1];
+        let dy = pose[1][2] - pose[0][2];
         let length = dx.hypot(dy).max(1e-9);
         for step in 4..18 {
             for side in [-1.0, 1.0] {
@@ -378,7 +383,8 @@ fn statistics_are_those_of_the_labelled_scenes() {
         let factors = [(2, 2.0), (3, 2.0), (4, 2.5), (5, 2.0), (6, 2.5), (7, 2.0)];
         for (class, factor) in factors.into_iter().filter(|(class, _)| theirs.per_object.contains_key(class))
         {
-            let (a, b) = (theirs.per_object[&class], ours.per_object[&class]);
+            let a = theirs.per_object[&class];
+            let b = ours.per_object[&class];
             assert!(
                 (1.0 / factor..factor).contains(&(b / a)),
                 "{name}: class {class} has {b:.3} per object, there {a:.3}"

@@ -1,4 +1,4 @@
-//! Typed, validated settings with units; the defaults are the embedded `config/default.toml`.
+//! Typed, validated settings with units. The defaults are the embedded `config/default.toml`.
 
 mod error;
 mod merge;
@@ -13,13 +13,13 @@ pub use error::ConfigError;
 /// The text of `config/default.toml`: every setting with its unit and default.
 pub const DEFAULT_TOML: &str = include_str!("../../config/default.toml");
 
-/// Where the axis comes from.
+/// The source of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AxisChoice {
-    /// The trajectory if there is one, else GPS time, else the principal axis.
+    /// The trajectory if one is given, else GPS time, else the principal axis.
     Auto,
-    /// The track of the points' mean position over GPS time.
+    /// The track of the mean position of the points over GPS time.
     GpsTime,
     /// The principal axis of the occupied cells.
     Principal,
@@ -29,9 +29,9 @@ pub enum AxisChoice {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
-    /// Where the axis comes from.
+    /// The source of the axis.
     pub source: AxisChoice,
-    /// Trajectory file; empty for none.
+    /// Trajectory file; empty if there is none.
     pub trajectory: PathBuf,
 }
 
@@ -41,7 +41,7 @@ pub struct AxisConfig {
 pub struct TilingConfig {
     /// Edge of a cell of the occupancy raster in metres.
     pub cell: f64,
-    /// Length of a tile in metres of chainage; 0 leaves it to the memory budget.
+    /// Length of a tile in metres of chainage; 0 derives it from the memory budget.
     pub tile_length: f64,
 }
 
@@ -53,13 +53,13 @@ pub struct MethodChoice {
     pub method: String,
 }
 
-/// What is done with the classification of the records.
+/// What happens to the classification of the records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ClassificationChoice {
-    /// Ground and noise are written, other classes stay.
+    /// Ground and noise are written, other classes remain.
     Set,
-    /// All classes stay.
+    /// All classes remain.
     Keep,
 }
 
@@ -71,7 +71,7 @@ pub struct OutputConfig {
     pub format: String,
     /// Name of the dimension with the object id.
     pub dimension: String,
-    /// What is done with the classification.
+    /// What happens to the classification.
     pub classification: ClassificationChoice,
     /// Whether the original class is kept in a dimension of its own.
     pub original_classification: bool,
@@ -85,7 +85,7 @@ pub struct RunConfig {
     pub threads: usize,
     /// Memory budget in MiB; 0 is half of what is free.
     pub memory_mib: u64,
-    /// Whether the first failing tile ends the run.
+    /// Whether the run ends at the first tile that fails.
     pub fail_fast: bool,
 }
 
@@ -120,7 +120,8 @@ pub struct Config {
 }
 
 impl Config {
-    /// The defaults, overridden by a configuration file and then by assignments `section.key=value`, in this order.
+    /// The defaults, overridden by a configuration file and then by assignments `section.key=value`, in this
+    /// order.
     ///
     /// # Errors
     /// When the file cannot be read, a key is unknown, or a value has the wrong type or is out of range.
@@ -170,7 +171,7 @@ impl Config {
         Ok(())
     }
 
-    /// The section of a method; empty when there is none.
+    /// The section of a method; empty if there is none.
     #[must_use]
     pub fn method_table(&self, name: &str) -> toml::Table {
         self.table.get(name).and_then(toml::Value::as_table).cloned().unwrap_or_default()
@@ -194,7 +195,8 @@ fn typed<T: DeserializeOwned>(table: &toml::Table, name: &str) -> Result<T, Conf
     section(name, table.get(name).and_then(toml::Value::as_table).unwrap_or(&empty))
 }
 
-/// Reads one section (a method's settings) from its table; keys are checked, missing keys have their defaults.
+/// Reads one section (the settings of a method) from its table. Keys are checked, and missing keys have their
+/// defaults.
 ///
 /// # Errors
 /// [`ConfigError::Value`] with the dotted key when a key is unknown or a value has the wrong type.

@@ -1,7 +1,7 @@
-//! Input: a drive as a catalog of LAS/LAZ files, and the records of any block of them.
+//! Input: a drive as a catalog of LAS/LAZ files, and the records of each block.
 //!
-//! Nothing that a file says is believed before it is checked against the size of the file; types of `las`, `laz`
-//! and `memmap2` stay inside.
+//! Nothing in a file is trusted before it is checked against the size of the file. Types of `las`, `laz` and
+//! `memmap2` are not visible outside.
 
 mod catalog;
 mod chunks;
@@ -24,12 +24,12 @@ pub use error::{ChunkProblem, ChunkTableProblem, InputError};
 pub use file::InputFile;
 pub use layout::{ExtraDimension, RecordLayout};
 
-/// The fields of a record that a caller will look at.
+/// The fields of a record that a caller needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Fields {
     /// Every byte is as written.
     All,
-    /// Only x, y, z and the GPS time are as written; the other bytes are unspecified, because layered compression
+    /// Only x, y, z and the GPS time are as written. The other bytes are undefined: layered compression
     /// (point formats 6 to 10) lets a decoder skip them, which is faster.
     Geometry,
 }

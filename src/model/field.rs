@@ -1,4 +1,4 @@
-//! Fields of a point, and the space of fields that distances between points are taken in.
+//! Fields of a point, and the space of fields in which distances are measured.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +38,7 @@ impl Field {
         }
     }
 
-    /// Name, as settings and messages have it.
+    /// Name, as in settings and messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -54,7 +54,7 @@ impl Field {
     }
 }
 
-/// Sums of one field over points: exact, so that no order of points or parts changes what follows from them.
+/// Exact sums of one field over points. The order of points and parts does not change a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FieldSums {
     /// Points.
@@ -82,7 +82,8 @@ impl FieldSums {
         self.squares += other.squares;
     }
 
-    /// Mean and standard deviation (n - 1), of exact sums of differences to the integer nearest to the mean.
+    /// Mean and standard deviation (with n - 1). Computed from exact sums of the differences to the integer
+    /// nearest to the mean.
     #[must_use]
     pub fn mean_and_deviation(&self) -> (f64, f64) {
         if self.count == 0 {
@@ -90,8 +91,8 @@ impl FieldSums {
         }
         let count = i128::from(self.count);
         let centre = (2 * self.sum + count).div_euclid(2 * count);
-        // With d = value - centre: sum d = sum - n c, sum d^2 = squares - c (2 sum - n c). Coordinates stay below 2^50
-        // and counts below 2^26 there, or values below 2^16: everything fits.
+        // With d = value - centre: sum d = sum - n c, and sum d^2 = squares - c (2 sum - n c). Coordinates
+        // are below 2^50 with counts below 2^26, or values are below 2^16: no term overflows.
         let rest = self.sum - count * centre;
         let squares = self.squares.cast_signed() - centre * (2 * self.sum - count * centre);
         let n = self.count as f64;
@@ -106,30 +107,31 @@ impl FieldSums {
 pub struct FieldAxis {
     /// The field.
     pub field: Field,
-    /// Value that becomes 0, in lattice units or as stored in the record.
+    /// The value that maps to 0, in lattice units or as stored in the record.
     pub centre: f64,
-    /// What a step of one such unit becomes.
+    /// Factor from one such unit to the space.
     pub factor: f64,
 }
 
-/// The space that neighbours are looked for in.
+/// The space in which neighbours are searched.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FieldSpace {
     /// Its axes; x and y are among them.
     pub axes: Vec<FieldAxis>,
-    /// What a distance in this space is multiplied with: metres per lattice unit where it is that of the points, else 1.
+    /// Factor applied to a distance in this space: metres per lattice unit if the space is that of the
+    /// points, else 1.
     pub unit: f64,
 }
 
 impl FieldSpace {
-    /// x, y and z as they are. Coordinates stay integers, so that distances are exact.
+    /// x, y and z without a change. Coordinates remain integers, so distances are exact.
     #[must_use]
     pub fn metres(lattice: Lattice) -> Self {
         let axis = |field| FieldAxis { field, centre: 0.0, factor: 1.0 };
         Self { axes: [Field::X, Field::Y, Field::Z].map(axis).to_vec(), unit: lattice.step_m() }
     }
 
-    /// Fields minus their mean, over their standard deviation, times a weight (1 where there is none).
+    /// Each field minus its mean, divided by its standard deviation, times its weight (1 if none is given).
     ///
     /// # Errors
     /// The field that has no spread.
@@ -152,12 +154,12 @@ impl FieldSpace {
         self.axes.iter().all(|axis| axis.field.axis().is_some())
     }
 
-    /// The fields that are no coordinates.
+    /// The fields that are not coordinates.
     pub fn stored_fields(&self) -> impl Iterator<Item = Field> + '_ {
         self.axes.iter().map(|axis| axis.field).filter(|field| field.axis().is_none())
     }
 
-    /// The place of every point of a cloud, one after the other. The same point has the same place in every tile.
+    /// The places of all points of a cloud, one after the other. A point has the same place in every tile.
     #[must_use]
     pub fn places(&self, cloud: &TileCloud) -> Vec<f64> {
         let mut places = Vec::with_capacity(cloud.len() * self.axes.len());
@@ -176,18 +178,20 @@ impl FieldSpace {
         places
     }
 
-    /// How far apart in lattice units, along x or y, two points may be that are within `distance` in this space (before
+    /// Largest separation along x or y, in lattice units, of two points within `distance` in this space
+    /// (before [`Self::unit`]).
     /// [`Self::unit`]).
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     pub fn horizontal(&self, distance: f64) -> i64 {
         let flat = self.axes.iter().filter(|axis| matches!(axis.field, Field::X | Field::Y));
         let least = flat.map(|axis| axis.factor).fold(f64::INFINITY, f64::min);
-        // Upwards, and beyond any rounding of the distance.
+        // Rounded up, and by more than the rounding error of the distance.
         (distance / least * (1.0 + 1e-9)).ceil() as i64
     }
 
-    /// No two points of a drive with these corners are further apart, before [`Self::unit`].
+    /// An upper bound of the distance between two points of a drive with these corners, before
+    /// [`Self::unit`].
     #[must_use]
     pub fn diagonal(&self, (lo, hi): ([i64; 3], [i64; 3])) -> f64 {
         let extent = |axis: &FieldAxis| {
@@ -217,7 +221,8 @@ mod tests {
                     && (deviation - (14.0_f64 / 3.0).sqrt()).abs() < 1e-12
             );
         }
-        let (mut one, two) = (sums(&[1, 6]), sums(&[2, 3]));
+        let mut one = sums(&[1, 6]);
+        let two = sums(&[2, 3]);
         one.merge(&two);
         assert_eq!(one, sums(&[1, 2, 3, 6]));
     }

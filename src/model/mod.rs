@@ -1,4 +1,4 @@
-//! The nouns that every other module shares: frames and units, point classes, reach, the points of one tile, the
+//! The nouns that all modules share: frames and units, point classes, reach, the points of one tile, the
 //! records of a file, the parts of an object.
 
 mod chart;

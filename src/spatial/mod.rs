@@ -1,5 +1,4 @@
-//! What is near what: cells of the plane, voxels, nearest neighbours, and sets of what is joined. Knows points and
-//! lengths; no files and no methods.
+//! What is near what: cells of the plane, voxels, nearest neighbours, and disjoint sets.
 
 mod all_nearest;
 mod cells;

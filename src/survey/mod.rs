@@ -1,5 +1,5 @@
-//! Survey: one streaming pass over all records that learns where the points are, when they were taken, and along which
-//! axis the drive runs. Knows records and frames; no files, no tiles.
+//! Survey: one pass over all records finds where the points are, when they were measured, and along which
+//! axis the drive runs.
 
 mod axis;
 mod error;

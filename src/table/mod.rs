@@ -1,5 +1,4 @@
-//! Tables in text files: reading columns of numbers, and writing the same rows with one more column. Knows nothing of
-//! what the numbers mean.
+//! Tables in text files: reads columns of numbers, and writes the same rows with one more column.
 
 mod error;
 mod read;

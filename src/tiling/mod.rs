@@ -1,5 +1,5 @@
-//! Tiling: which cells a tile owns, what it must see around them, and the points it gets. Pure functions of the
-//! survey; knows no files and no methods.
+//! Tiling: the cells that a tile owns, the cells around them that it must see, and its points. Pure functions
+//! of the survey.
 
 mod gather;
 mod plan;

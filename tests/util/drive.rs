@@ -136,7 +136,8 @@ pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
 
 /// Compares what two runs left, byte by byte.
 pub(crate) fn assert_same_outputs(one: &Path, other: &Path, what: &str) {
-    let (one, other) = (outputs(one), outputs(other));
+    let one = outputs(one);
+    let other = outputs(other);
     let names = |files: &[(String, Vec<u8>)]| files.iter().map(|file| file.0.clone()).collect::<Vec<_>>();
     assert_eq!(names(&one), names(&other), "{what}");
     for ((name, one), (_, other)) in one.iter().zip(&other) {

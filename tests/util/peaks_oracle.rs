@@ -72,7 +72,8 @@ fn densities(
         while voxels.contains_key(&[i, j, top + 1]) {
             top += 1;
         }
-        let (length, position) = ((top - base + 1) as f64, (k - base) as f64);
+        let length = (top - base + 1) as f64;
+        let position = (k - base) as f64;
         let across = |v: &Voxel| (v[0] - i).pow(2) + (v[1] - j).pow(2);
         let near = ground.iter().filter(|v| across(v) * s.voxel.pow(2) <= 10_000 * 10_000);
         let below = near.map(|v| (across(v), v[2], v[0], v[1])).min().map(|nearest| nearest.1);
@@ -91,7 +92,8 @@ fn clusters(density: &BTreeMap<Voxel, f64>, s: &Settings) -> (BTreeMap<Voxel, Vo
     let reversed = |[i, j, k]: Voxel| [k, j, i];
     let mut order: Vec<Voxel> = all.into_iter().collect();
     order.sort_by(|a, b| density[b].total_cmp(&density[a]).then(reversed(*a).cmp(&reversed(*b))));
-    let (mut labels, mut centres) = (BTreeMap::new(), 0);
+    let mut labels = BTreeMap::new();
+    let mut centres = 0;
     for (rank, voxel) in order.iter().enumerate() {
         let denser =
             order[..rank].iter().enumerate().filter(|(_, other)| component[*other] == component[voxel]);
@@ -171,7 +173,8 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
     let mut farthest_neighbour: f64 = 0.0;
     for &a in &representatives {
         for &b in &representatives {
-            let (one, other) = (cluster_of(a).expect("labelled"), cluster_of(b).expect("labelled"));
+            let one = cluster_of(a).expect("labelled");
+            let other = cluster_of(b).expect("labelled");
             if one < other && squared(points[a], points[b]) < s.d_th.pow(2) {
                 let (of_a, far_a) = curvature(points, &labelled, a);
                 let (of_b, far_b) = curvature(points, &labelled, b);
@@ -188,7 +191,8 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
         let mean = sum / count;
         margin = margin.min((mean - s.c_t).abs());
         if mean < s.c_t {
-            let (from, to) = (segment[&other], segment[&one]);
+            let from = segment[&other];
+            let to = segment[&one];
             segment.values_mut().filter(|name| **name == from).for_each(|name| *name = to);
         }
     }

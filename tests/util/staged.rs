@@ -167,7 +167,8 @@ impl TileSource for Around<'_> {
     }
 
     fn owner(&self, lo: [i64; 2], hi: [i64; 2]) -> Option<u32> {
-        let (from, to) = (cell_of([lo[0], lo[1], 0]), cell_of([hi[0], hi[1], 0]));
+        let from = cell_of([lo[0], lo[1], 0]);
+        let to = cell_of([hi[0], hi[1], 0]);
         let inside = |cell: &Cell| (0..2).all(|axis| (from[axis]..=to[axis]).contains(&cell[axis]));
         self.drive.owners.iter().find(|(cell, _)| inside(cell)).map(|entry| *entry.1)
     }

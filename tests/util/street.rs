@@ -102,7 +102,8 @@ impl Street {
     fn beside(&self, random: &mut impl Rng, wide_m: f64, high_m: f64) -> (f64, [i64; 3]) {
         let at = random.random_range(0.0..1.0);
         let [x, y] = self.course.place(at);
-        let (dx, dy) = (random.random_range(-wide_m..wide_m), random.random_range(-wide_m..wide_m));
+        let dx = random.random_range(-wide_m..wide_m);
+        let dy = random.random_range(-wide_m..wide_m);
         let place = [x + dx, y + dy, random.random_range(0.0..high_m)];
         (at, std::array::from_fn(|axis| self.base_mm[axis] + round_to_cm(place[axis])))
     }
