@@ -1,5 +1,5 @@
-//! The rules of the architecture, read from the sources: who may use what, how long a file may be, what stands at its
-//! top; and that defaults are written down once.
+//! The rules of the architecture, checked against the sources: who may use what, how long a file may be, and
+//! what its first line says. Also: defaults are defined once.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use chainage::{cluster, ground};
 
 use crate::util::shipped;
 
-/// Lines of the production part of a file at most.
+/// Largest number of lines of the production part of a file.
 const LONGEST: usize = 500;
 
 /// A source file: path below `src`, text, and the text without its unit tests.
@@ -54,7 +54,7 @@ impl Source {
         self.path.split('/').next().expect("a name").trim_end_matches(".rs")
     }
 
-    /// The code without comments: what it uses is in what is left.
+    /// The code without comments. What remains shows what it uses.
     fn code(&self) -> String {
         self.production
             .lines()
@@ -63,7 +63,7 @@ impl Source {
             .join("\n")
     }
 
-    /// Modules of this crate that the code names after `crate::` (in braces as well).
+    /// Modules of this crate that the code names after `crate::`, also in braces.
     fn own_modules(&self) -> BTreeSet<String> {
         let code = self.code();
         let mut found = BTreeSet::new();
@@ -115,10 +115,10 @@ fn layers_do_not_know_each_other_and_only_run_joins_them() {
             continue;
         }
         let allowed: &[&str] = match module.as_str() {
-            // A labelled copy is made of the bytes of its input.
+            // A labelled copy consists of the bytes of its input.
             "output" => &["input"],
-            // It wraps the errors of all of them; the program prints facts.
-            // Labelled files are read by one and written by the other, beside the flow.
+            // `error` wraps the errors of all; the program prints facts. `eval` reads labelled files, and
+            // `synth` writes them, beside the flow.
             "error" | "lib" | "main" => &LAYERS,
             "eval" => &["input", "output"],
             "synth" => &["output"],
@@ -131,7 +131,7 @@ fn layers_do_not_know_each_other_and_only_run_joins_them() {
             assert!(!used.contains("run") && !used.contains("store"), "src/{} uses {used:?}", source.path);
         }
         if module == "ground" || module == "cluster" {
-            // Codec: what stages keep is bytes. Space: points of n dimensions in memory, without files.
+            // Codec: stages keep bytes. Spatial: points of n dimensions in memory, without files.
             let known = ["model", "config", "error", "codec", "space", module.as_str()];
             let foreign: Vec<&String> =
                 used.iter().filter(|name| !known.contains(&name.as_str()) && !name.is_empty()).collect();
@@ -169,7 +169,7 @@ fn methods_see_no_files_no_threads_and_no_clock() {
     }
 }
 
-/// Crates that stay in the modules that wrap them: name, and where it may be named.
+/// Crates that remain in the modules that wrap them: their names, and the places where they may be named.
 const WRAPPED: [(&str, &[&str]); 11] = [
     ("clap", &["cli/"]),
     ("clap_complete", &["cli/"]),
@@ -256,8 +256,8 @@ fn the_file_of_defaults_and_the_defaults_of_methods_are_the_same() {
     IsolatedNoise::new(&noise).expect("valid");
 }
 
-/// Every section of the defaults belongs to a part of the program or to a method, and every key has a comment or stands
-/// below one.
+/// Every section of the defaults belongs to a part of the program or to a method. Every key has a comment of
+/// its own, or one in the lines above.
 #[test]
 fn the_file_of_defaults_explains_every_key() {
     let methods = ground::REGISTRY

@@ -1,8 +1,8 @@
-//! Every LAS and LAZ file of three projects' own test suites, each with the outcome it deserves.
+//! Every LAS and LAZ file of the test suites of three projects, each with its expected outcome.
 //!
-//! `tests/conformance.csv` has one row per file: path, outcome (`ok` or the variant of the error), and the points
-//! that can be read. Geographic files are refused, and read again with a stated unit to test their points all the
-//! same. The files are optional data; the test says so when they are not there.
+//! `tests/conformance.csv` has one row per file: path, outcome (`ok` or the variant of the error), and the
+//! number of readable points. Geographic files are refused; they are read again with a unit in the settings
+//! to test their points as well. The files are optional data. The test says so if they are missing.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -44,7 +44,7 @@ fn options(mmap: bool, unit: LengthUnit) -> InputOptions {
     InputOptions { mmap, unit }
 }
 
-/// Reads every block with both kinds of fields, mapped and read, and compares what must be equal.
+/// Reads every block with both kinds of fields, mapped and read, and compares the parts that must be equal.
 fn read_all(path: &Path, unit: LengthUnit) -> u64 {
     let open = |mmap| Catalog::open(&[path.to_owned()], &options(mmap, unit)).expect("opened before");
     let mapped = open(true);

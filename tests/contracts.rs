@@ -1,4 +1,4 @@
-//! What every ground filter and every clustering method keeps, whoever writes it: walked over both registries.
+//! The contract of every ground filter and every clustering method. The tests walk over both registries.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::collections::BTreeSet;
@@ -37,7 +37,7 @@ fn classes(filter: &dyn GroundFilter, points: &[[i64; 3]]) -> Vec<PointClass> {
     classes
 }
 
-/// For each point the smallest index with its label; none for label 0.
+/// For each point, the smallest index with its label; none for label 0.
 fn partition(method: &dyn cluster::Clusterer, cloud: &TileCloud) -> Vec<Option<u64>> {
     let mut labels = vec![u32::MAX; cloud.len()];
     let count = method.cluster(cloud, &mut labels).unwrap();
@@ -168,7 +168,7 @@ fn the_order_of_points_changes_nothing() {
     TestRunner::default().run(&shuffled, compare).unwrap();
 }
 
-/// The core is x < 3 m; what is further than the reach beyond it is left out.
+/// The core is x < 3 m. Points further beyond it than the reach are omitted.
 #[test]
 fn ground_of_a_core_depends_on_nothing_beyond_the_reach() {
     for filter in filters() {
@@ -189,14 +189,14 @@ fn ground_of_a_core_depends_on_nothing_beyond_the_reach() {
     }
 }
 
-/// Points along x that just about make chains.
+/// Points along x at distances that barely connect them into chains.
 fn chains() -> impl Strategy<Value = Vec<[i64; 3]>> {
     let point = ((0..150_i64).prop_map(|step| step * 10), 0..10_i64).prop_map(|(x, y)| [x, y, 0]);
     prop::collection::vec(point, 2..10)
 }
 
 /// The clusters of the points left of `seam` and of those right of it, both with half a reach of the other
-/// side, united where they share a point: everything gets the smallest id it is connected with.
+/// side, united where they share a point. Everything gets the smallest id to which it is connected.
 fn united(method: &dyn cluster::Clusterer, points: &[[i64; 3]], seam: f64, half: f64) -> Vec<Option<u64>> {
     let tiles = [with_ids(points, |x| x <= seam + half), with_ids(points, |x| x >= seam - half)];
     let parts = tiles.each_ref().map(|tile| partition(method, tile));
@@ -217,7 +217,7 @@ fn united(method: &dyn cluster::Clusterer, points: &[[i64; 3]], seam: f64, half:
     }
 }
 
-/// The points whose x is to be kept, with their indices as ids.
+/// The points with an accepted x, with their indices as ids.
 fn with_ids(points: &[[i64; 3]], keep: impl Fn(f64) -> bool) -> TileCloud {
     let kept: Vec<usize> = (0..points.len()).filter(|&index| keep(points[index][0] as f64)).collect();
     let coordinates: Vec<[i64; 3]> = kept.iter().map(|&index| points[index]).collect();
@@ -226,7 +226,7 @@ fn with_ids(points: &[[i64; 3]], keep: impl Fn(f64) -> bool) -> TileCloud {
     cloud
 }
 
-/// Every link has both ends in one of two tiles that share a strip as wide as the reach, wherever the seam is.
+/// Wherever the seam is, one of two tiles that share a strip as wide as the reach has both ends of each link.
 #[test]
 fn clusters_of_two_tiles_that_share_the_reach_are_those_of_the_whole() {
     for method in methods() {

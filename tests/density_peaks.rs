@@ -1,4 +1,4 @@
-//! `density-peaks` against brute force over whole clouds, and over any division into tiles.
+//! `density-peaks` against brute force over whole clouds, and with any division into tiles.
 
 use chainage::cluster::{DensityPeaks, DensityPeaksConfig};
 use rand::{Rng, RngExt, SeedableRng};
@@ -9,7 +9,8 @@ use crate::util::staged::MemoryDrive;
 
 type Points = Vec<[i64; 3]>;
 
-/// A small street: ground with a hole or two, poles, walls, crowns on stems, dust; never the same density.
+/// A small street: ground with a hole or two, poles, walls, crowns on stems, dust. Its density varies
+/// everywhere.
 fn scene(rng: &mut ChaCha8Rng) -> (Points, Vec<bool>) {
     let length = rng.random_range(3_000..9_000_i64);
     let width = rng.random_range(1_000..5_000_i64);
@@ -117,7 +118,7 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
         let (points, ground) = scene(&mut rng);
         let settings = settings(&mut rng);
         let expected = peaks_oracle::density_peaks(&points, &ground, &settings);
-        // The oracle's curvatures are floating-point sums; no decision may hang on their rounding.
+        // The curvatures of the oracle are floating-point sums. No decision may depend on their rounding.
         if expected.margin < 1e-9 {
             continue;
         }
@@ -129,7 +130,7 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
         far += usize::from(expected.farthest_neighbour > 1_500.0);
         let method = method(&settings);
         for tiles in [1_u32, 2, 5] {
-            // Stripes, and cells dealt at random.
+            // Stripes, and cells assigned to tiles at random.
             for stripes in [true, false] {
                 let mut dice = ChaCha8Rng::seed_from_u64(u64::from(rng.next_u32()));
                 let deal = |cell: [i64; 2]| {

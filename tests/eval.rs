@@ -1,4 +1,5 @@
-//! Properties of the metrics on random tables, agreement with scikit-learn, and matching of files in every order.
+//! Properties of the metrics on random tables, agreement with scikit-learn, and matching of files in every
+//! order.
 
 use std::path::{Path, PathBuf};
 
@@ -32,8 +33,8 @@ fn table(parts: &[(i64, i64, u64)]) -> Table {
     counter.finish()
 }
 
-/// Random overlaps of a few objects and segments; no two have the same number of points, so that no tie has to be
-/// broken by an id.
+/// Random overlaps of a few objects and segments. No two have the same number of points, so that no tie has
+/// to be broken by an id.
 fn parts() -> impl Strategy<Value = Vec<(i64, i64, u64)>> {
     proptest::collection::vec((0_i64..9, 0_i64..9, 1_u64..40), 1..40).prop_map(|parts| {
         let numbered = parts.into_iter().enumerate();
@@ -83,7 +84,7 @@ proptest! {
 
     #[test]
     fn renaming_changes_nothing(parts in parts(), turn in 1_i64..8) {
-        // Ids 1 to 8 are permuted on both sides; 0 stays none. The class is carried by the cell, not by the id.
+        // Ids 1 to 8 are permuted on both sides; 0 is still none. The cell has the class, not the id.
         let name = |id: i64| if id == 0 { 0 } else { 1 + (id - 1 + turn) % 8 * 1_000_000_007 };
         let original = table(&parts);
         let mut renamed = Counter::default();
@@ -131,7 +132,7 @@ proptest! {
     }
 }
 
-/// A generator that is easily written down in any language.
+/// A generator that is easy to write in any language.
 struct Random(u64);
 
 impl Random {
@@ -147,8 +148,8 @@ impl Random {
 
 #[test]
 fn the_rand_index_is_that_of_scikit_learn() {
-    // Seed, points, objects, segments, percent of random labels; sklearn.metrics.adjusted_rand_score 1.x on the same
-    // labels (first number: object, second: segment modulo the segments, or random).
+    // Seed, points, objects, segments, percent of random labels; sklearn.metrics.adjusted_rand_score 1.x on
+    // the same labels (first number: object, second: segment modulo the segments, or random).
     for (seed, points, objects, segments, random_percent, expected) in [
         (1, 500, 3, 3, 100, 0.001_130_713_919_864_661_9),
         (2, 2000, 5, 4, 30, 0.405_529_219_898_801_3),
@@ -183,7 +184,7 @@ struct Labelled {
     predicted_class: u8,
 }
 
-/// A street of 40 objects in a row, some of them in two segments or without one, on ground.
+/// A street of 40 objects in a row, some with two segments and some without one, on ground.
 fn street(points: usize) -> Vec<Labelled> {
     let mut random = Random(11);
     let mut millimetres = |extent: u64| random.below(extent) as f64 / 1000.0;
@@ -201,7 +202,7 @@ fn street(points: usize) -> Vec<Labelled> {
             };
             Labelled {
                 at,
-                // Many points share a time, and some all of their key.
+                // Many points have equal times, and some have entirely equal keys.
                 time: (index / 4) as f64 * 1e-5,
                 segment,
                 object: if is_ground { 0 } else { object + 1 },
@@ -210,7 +211,7 @@ fn street(points: usize) -> Vec<Labelled> {
             }
         })
         .chain([3, 4].map(|segment| Labelled {
-            // Two points of one key and different segments: matched in order of appearance.
+            // Two points with one key and different segments: matched in order of appearance.
             at: [1.0, 1.0, 1.0],
             time: 0.5,
             segment,
@@ -282,7 +283,7 @@ fn shuffled(points: &[Labelled]) -> Vec<Labelled> {
     let mut random = Random(5);
     let mut keyed: Vec<(u64, usize)> = (0..points.len()).map(|index| (random.next(), index)).collect();
     keyed.sort_unstable();
-    // The two points of one key stay in their order, which is what decides between them.
+    // The two points of one key keep their order, because it decides between them.
     let last = points.len() - 2;
     let order = keyed.iter().map(|key| key.1).filter(|&index| index < last).chain([last, last + 1]);
     order.map(|index| points[index]).collect()

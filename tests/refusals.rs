@@ -1,4 +1,5 @@
-//! Headers and arguments that must be refused, each with the right error, and those that only deserve a warning.
+//! Headers and arguments that must be refused, each with the right error, and others that only need a
+//! warning.
 
 use std::path::{Path, PathBuf};
 
@@ -152,7 +153,7 @@ fn a_file_without_points_is_accepted_with_a_warning() {
 fn of_two_counts_the_one_that_the_file_holds_is_taken() {
     let catalog = |legacy: u32, large: u64| {
         let mut bytes = sample(LAS);
-        // A header of LAS 1.4 around the same points.
+        // A header of LAS 1.4 before the same points.
         let (head, points) = bytes.split_at_mut(227);
         let mut head = head.to_vec();
         head.resize(375, 0);

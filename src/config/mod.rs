@@ -1,4 +1,16 @@
 //! Typed, validated settings with units. The defaults are the embedded `config/default.toml`.
+//!
+//! ```
+//! use chainage::config::Config;
+//!
+//! let config = Config::resolve(None, &["euclidean.d_t=0.4".to_owned()])?;
+//! assert_eq!(config.cluster.method, "euclidean");
+//! assert_eq!(config.method_table("euclidean")["d_t"].as_float(), Some(0.4));
+//!
+//! let error = Config::resolve(None, &["tiling.cell=0.1".to_owned()]).unwrap_err();
+//! assert_eq!(error.to_string(), "tiling.cell = 0.1: must be 0.5 to 10 (metres)");
+//! # Ok::<(), chainage::config::ConfigError>(())
+//! ```
 
 mod error;
 mod merge;

@@ -2,6 +2,22 @@
 //!
 //! Nothing in a file is trusted before it is checked against the size of the file. Types of `las`, `laz` and
 //! `memmap2` are not visible outside.
+//!
+//! ```
+//! use chainage::input::{Catalog, Fields, InputOptions};
+//!
+//! let catalog = Catalog::open(&["tests/data/mls_profiles.las".into()], &InputOptions::default())?;
+//! assert_eq!(catalog.point_count(), 10_310);
+//!
+//! // The first point of the first block, on the lattice of the drive.
+//! let file = &catalog.files()[0];
+//! let mut buffer = Vec::new();
+//! let bytes = file.records(0, Fields::Geometry, &mut buffer)?;
+//! let record = chainage::input::record_xyz(bytes);
+//! let [x, _, _] = file.transform().apply(record);
+//! assert_eq!(x % 1_000, catalog.lattice().units(catalog.lattice().metres(x)) % 1_000);
+//! # Ok::<(), chainage::input::InputError>(())
+//! ```
 
 mod catalog;
 mod chunks;

@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(table.columns(&["y".to_owned(), "1".to_owned()]).unwrap(), [2, 0]);
         assert_eq!(table.values(&[2, 0]).unwrap(), [2.0, 1.0, 40.0, 3.0]);
         let error = table.columns(&["z".to_owned()]).unwrap_err().to_string();
-        assert_eq!(error, "t.csv has no column z, there is: x, name, y");
+        assert_eq!(error, "t.csv has no column z; its columns are: x, name, y");
         let error = table.values(&[1]).unwrap_err().to_string();
         assert_eq!(error, "line 2 of t.csv, column name: \"a\" is not a finite number");
     }
@@ -235,7 +235,7 @@ mod tests {
         let table = table("x,cluster_id\n1,2", true).unwrap();
         assert!(table.check_free("y").is_ok());
         let error = table.check_free("cluster_id").unwrap_err().to_string();
-        assert_eq!(error, "t.csv has a column cluster_id already");
+        assert_eq!(error, "t.csv already has a column cluster_id");
     }
 
     #[test]

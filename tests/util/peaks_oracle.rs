@@ -1,11 +1,11 @@
-//! `density-peaks` word by word over the whole cloud, in O(n^2) and worse; shares no code with the library. Points are
-//! lattice coordinates in millimetres, ids their positions.
+//! `density-peaks` word by word over the whole cloud, in O(n^2) and worse. It shares no code with the
+//! library. Points are lattice coordinates in millimetres, ids are their positions.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Matrix3;
 
-/// Settings; lengths in voxels but for `voxel`, `d_th` and `reassign`, which are millimetres.
+/// Settings. Lengths are in voxels, except `voxel`, `d_th` and `reassign`, which are in millimetres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settings {
     pub(crate) voxel: i64,
@@ -18,7 +18,7 @@ pub(crate) struct Settings {
     pub(crate) reassign: i64,
 }
 
-/// What the oracle finds.
+/// The result of the oracle.
 #[derive(Debug)]
 pub(crate) struct Found {
     /// For each point the smallest id of its object.
@@ -27,9 +27,9 @@ pub(crate) struct Found {
     pub(crate) segments: usize,
     pub(crate) reassigned: usize,
     pub(crate) dropped: usize,
-    /// Least distance of a mean curvature from the threshold.
+    /// Smallest difference between a mean curvature and the threshold.
     pub(crate) margin: f64,
-    /// Most that the farthest of 20 neighbours is away, over all pairs, in millimetres.
+    /// Largest distance to the farthest of 20 neighbours, over all pairs, in millimetres.
     pub(crate) farthest_neighbour: f64,
 }
 
@@ -39,7 +39,7 @@ fn squared(a: [i64; 3], b: [i64; 3]) -> i64 {
     (0..3).map(|axis| (a[axis] - b[axis]).pow(2)).sum()
 }
 
-/// 26-connected components: the smallest voxel of each one's.
+/// 26-connected components: for each voxel, the smallest voxel of its component.
 fn components(voxels: &BTreeSet<Voxel>) -> BTreeMap<Voxel, Voxel> {
     let mut names = BTreeMap::new();
     for &seed in voxels {
@@ -112,7 +112,7 @@ fn clusters(density: &BTreeMap<Voxel, f64>, s: &Settings) -> (BTreeMap<Voxel, Vo
     (labels, centres)
 }
 
-/// Curvature of the 20 nearest labelled points, and how far the last of them is.
+/// Curvature of the 20 nearest labelled points, and the distance of the last of them.
 fn curvature(points: &[[i64; 3]], labelled: &[usize], at: usize) -> (f64, f64) {
     let mut near: Vec<(i64, usize)> = labelled.iter().map(|&p| (squared(points[p], points[at]), p)).collect();
     near.sort_unstable();

@@ -1,4 +1,4 @@
-//! A drive in memory for methods with stages: points in cells of a metre, cells dealt to tiles in any way.
+//! A drive in memory for methods with stages: points in cells of a metre, cells assigned to tiles in any way.
 
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ pub(crate) fn cell_of(point: [i64; 3]) -> Cell {
     [point[0].div_euclid(CELL), point[1].div_euclid(CELL)]
 }
 
-/// What a method makes of a drive.
+/// The result of a method for a drive.
 #[derive(Debug)]
 pub(crate) struct Outcome {
     /// For each point the smallest id of its object.
@@ -34,7 +34,7 @@ pub(crate) struct Outcome {
 }
 
 impl<'a> MemoryDrive<'a> {
-    /// Cells are dealt to `tiles` tiles by `deal`.
+    /// `deal` assigns cells to `tiles` tiles.
     pub(crate) fn new(
         points: &'a [[i64; 3]],
         ground: &'a [bool],
@@ -48,7 +48,7 @@ impl<'a> MemoryDrive<'a> {
         Self { points, ground, owners, tiles, payloads: Vec::new(), globals: Vec::new() }
     }
 
-    /// Runs all stages; tiles in descending order, since order must not matter.
+    /// Runs all stages, with tiles in descending order, because the order must not matter.
     pub(crate) fn run(mut self, method: &dyn StagedClusterer) -> Outcome {
         let mut labels: Vec<(u32, u32)> = vec![(0, 0); self.points.len()];
         let last = method.stages().len() - 1;
