@@ -198,5 +198,5 @@ fn layers_larger_than_their_chunk_are_refused_with_chunk_and_records() {
     // The chunk begins with a record and the number of points. The sizes of the layers follow.
     put(&mut made.bytes, made.points_start + 8 + size + 4, &u32::MAX.to_le_bytes());
     let text = problem(&made.bytes);
-    assert!(text.contains("chunk 0 (points 0 to 999) cannot be decoded: its layers take 42949"), "{text}");
+    assert!(text.contains("chunk 0 (points 0 to 999) cannot be decoded: its layers need 42949"), "{text}");
 }

@@ -160,7 +160,7 @@ fn the_program_repeats_the_rows_and_adds_a_column() {
         ),
         (&["-o", "x.csv", "--svg", "x.svg", "--epsilon", "2"], 3, "--svg = x.svg: must be left out unless"),
         (&["-o", "-", "--columns", "x,name"], 4, "line 2 of"),
-        (&["-o", "-", "--columns", "x"], 4, "points of 1 dimensions cannot be clustered, only of 2 to 8"),
+        (&["-o", "-", "--columns", "x"], 4, "points have 1 dimensions; only 2 to 8 can be clustered"),
         (&["-o", "-", "--columns", "x,z"], 4, "has no column z; its columns are: name, x, y"),
         (&["-o", "-", "--id-column", "x"], 4, "already has a column x"),
         (

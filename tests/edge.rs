@@ -418,7 +418,7 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
     let scratch = Scratch::new();
     let files = vec![scratch.file("a.las", &Shape { format: 0, ..Shape::default() }, &row())];
     for (entry, kind, text) in [
-        (FAILING, "Input", "failing: 5000000000 points in one tile, at most 4294967295 can be counted"),
+        (FAILING, "Input", "failing: a tile has 5000000000 points, the limit is 4294967295"),
         (PANICKING, "Bug", "internal error: pass cluster, unit 4: this method cannot count to three"),
     ] {
         let out = scratch.out(kind);

@@ -81,7 +81,7 @@ pub enum InputError {
     },
     /// Fewer bytes than the promised points need.
     #[error(
-        "{path} is truncated: its header promises {promised} points, but only {present} are in the file",
+        "{path} is truncated: its header promises {promised} points, but the file has {present}",
         path = path.display()
     )]
     Truncated {

@@ -56,7 +56,7 @@ impl Shape {
     /// The record coordinate of a coordinate in millimetres; it must be one exactly.
     fn record(&self, mm: i64, axis: usize) -> i32 {
         let tenths = (mm - self.offset_mm[axis]) * TENTHS;
-        assert_eq!(tenths % self.scale_tenths, 0, "{mm} mm is no multiple of the scale");
+        assert_eq!(tenths % self.scale_tenths, 0, "{mm} mm is not a multiple of the scale");
         i32::try_from(tenths / self.scale_tenths).expect("fits a record")
     }
 
