@@ -1,4 +1,5 @@
-//! Payloads of units as bytes. Damage has been ruled out by the unit file's checksum; what does not decode is a bug.
+//! Payloads of units as bytes. The checksum of the unit file has excluded damage, so a payload that cannot be
+//! decoded is a bug.
 //!
 //! A payload may consist of sections, so that a reader takes what it needs and leaves the rest:
 //!

@@ -11,7 +11,7 @@ use chainage::{cluster, ground};
 use crate::util::imports::{self, Graph};
 use crate::util::shipped;
 
-/// Lines of the production part of a file at most.
+/// Largest number of lines of the production part of a file.
 const LONGEST: usize = 500;
 
 /// A source file: path below `src`, text, and the text without its unit tests.
@@ -55,7 +55,7 @@ impl Source {
         self.path.split('/').next().expect("a name").trim_end_matches(".rs")
     }
 
-    /// The code without comments: what it uses is in what is left.
+    /// The code without comments. What remains shows what it uses.
     fn code(&self) -> String {
         self.production
             .lines()
@@ -213,7 +213,7 @@ fn methods_see_no_files_no_threads_and_no_clock() {
     }
 }
 
-/// Crates that stay in the modules that wrap them: name, and where it may be named.
+/// Crates that remain in the modules that wrap them: their names, and the places where they may be named.
 const WRAPPED: [(&str, &[&str]); 11] = [
     ("clap", &["cli/"]),
     ("clap_complete", &["cli/"]),
@@ -301,8 +301,8 @@ fn the_file_of_defaults_and_the_defaults_of_methods_are_the_same() {
     IsolatedNoise::new(&noise).expect("valid");
 }
 
-/// Every section of the defaults belongs to a part of the program or to a method, and every key has a comment or stands
-/// below one.
+/// Every section of the defaults belongs to a part of the program or to a method. Every key has a comment of
+/// its own, or one in the lines above.
 #[test]
 fn the_file_of_defaults_explains_every_key() {
     let methods = ground::REGISTRY

@@ -1,4 +1,4 @@
-//! What every ground filter and every clustering method keeps, whoever writes it: walked over both registries.
+//! The contract of every ground filter and every clustering method. The tests walk over both registries.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::collections::BTreeSet;
@@ -158,7 +158,8 @@ fn the_order_of_points_changes_nothing() {
     let compare = |(points, order): (Vec<[i64; 3]>, Vec<usize>)| {
         let moved: Vec<[i64; 3]> = order.iter().map(|&index| points[index]).collect();
         for filter in filters() {
-            let (straight, other) = (classes(&*filter, &points), classes(&*filter, &moved));
+            let straight = classes(&*filter, &points);
+            let other = classes(&*filter, &moved);
             let expected: Vec<PointClass> = order.iter().map(|&index| straight[index]).collect();
             prop_assert_eq!(other, expected, "{}", filter.name());
         }
@@ -180,7 +181,7 @@ fn the_order_of_points_changes_nothing() {
     TestRunner::default().run(&shuffled, compare).unwrap();
 }
 
-/// The core is x < 3 m; what is further than the reach beyond it is left out.
+/// The core is x < 3 m. Points further beyond it than the reach are omitted.
 #[test]
 fn ground_of_a_core_depends_on_nothing_beyond_the_reach() {
     for filter in filters() {
@@ -190,7 +191,8 @@ fn ground_of_a_core_depends_on_nothing_beyond_the_reach() {
                 .filter(|&index| points[index][0] as f64 <= 3_000.0 + metres * 1_000.0)
                 .collect();
             let tile: Vec<[i64; 3]> = near.iter().map(|&index| points[index]).collect();
-            let (whole, tile) = (classes(&*filter, &points), classes(&*filter, &tile));
+            let whole = classes(&*filter, &points);
+            let tile = classes(&*filter, &tile);
             for (&index, class) in near.iter().zip(tile).filter(|(index, _)| points[**index][0] < 3_000) {
                 prop_assert_eq!(class, whole[index], "{}", filter.name());
             }
@@ -200,7 +202,7 @@ fn ground_of_a_core_depends_on_nothing_beyond_the_reach() {
     }
 }
 
-/// Points along x that just about make chains.
+/// Points along x at distances that barely connect them into chains.
 fn chains() -> impl Strategy<Value = Vec<[i64; 3]>> {
     let point = ((0..600_i64).prop_map(|step| step * 10), 0..10_i64).prop_map(|(x, y)| [x, y, 0]);
     prop::collection::vec(point, 2..40)

@@ -1,4 +1,4 @@
-//! `dbscan` on drives: both variants against brute force, cut into tiles in every way, and through the program.
+//! `dbscan` on drives: both variants against brute force, with any cut into tiles, and through the program.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ fn method(variant: DbscanVariant, min_points: u64, max_points: u64) -> Dbscan {
     .unwrap()
 }
 
-/// Points of a narrow street, 4 m long, sparse or dense, many at distances of exactly 300, some equal.
+/// Points of a narrow street 4 m long, sparse or dense, many at distances of exactly 300, some of them equal.
 fn points() -> impl Strategy<Value = Points> {
     let coordinate = |extent: i64| prop_oneof![0..extent, (0..extent / 100).prop_map(|step| step * 100)];
     let point = (coordinate(4_000), coordinate(500), coordinate(500)).prop_map(|(x, y, z)| [x, y, z]);
@@ -43,7 +43,7 @@ fn expected(points: &Points, variant: DbscanVariant, min_points: usize, max_poin
     }
 }
 
-/// Object of every point when the street is cut into tiles of `width` along x that see `reach` beyond.
+/// Object of every point when the street is cut into tiles of `width` along x that read `reach` beyond.
 fn tiled(method: &Dbscan, points: &Points, width: i64, reach: i64) -> Vec<u32> {
     let owner = |point: usize| TileId::new(u32::try_from(points[point][0] / width).unwrap());
     let tiles = (0..points.len()).map(owner).max().unwrap_or_default().index() + 1;
@@ -104,7 +104,7 @@ proptest! {
     }
 }
 
-/// The comparison notices tiles that see too little: with half of the reach a core point is missed.
+/// The comparison notices tiles that read too little: with half of the reach, a core point is missed.
 #[test]
 fn tiles_that_see_too_little_are_noticed() {
     let points: Points = [0, 150, 300, 450, 600, 750, 900].map(|x| [x, 0, 0]).to_vec();

@@ -1,4 +1,16 @@
-//! Typed, validated settings with units; the defaults are the embedded `config/default.toml`.
+//! Typed, validated settings with units. The defaults are the embedded `config/default.toml`.
+//!
+//! ```
+//! use chainage::config::Config;
+//!
+//! let config = Config::resolve(None, &["euclidean.d_t=0.4".to_owned()])?;
+//! assert_eq!(config.cluster.method, "euclidean");
+//! assert_eq!(config.method_table("euclidean")["d_t"].as_float(), Some(0.4));
+//!
+//! let error = Config::resolve(None, &["tiling.cell=0.1".to_owned()]).unwrap_err();
+//! assert_eq!(error.to_string(), "tiling.cell = 0.1: must be 0.5 to 10 (metres)");
+//! # Ok::<(), chainage::config::ConfigError>(())
+//! ```
 
 mod choices;
 mod error;
@@ -20,9 +32,9 @@ pub const DEFAULT_TOML: &str = include_str!("../../config/default.toml");
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
-    /// Where the axis comes from.
+    /// The source of the axis.
     pub source: AxisChoice,
-    /// Trajectory file; empty for none.
+    /// Trajectory file; empty if there is none.
     pub trajectory: PathBuf,
 }
 
@@ -32,7 +44,7 @@ pub struct AxisConfig {
 pub struct TilingConfig {
     /// Edge of a cell of the occupancy raster in metres.
     pub cell: f64,
-    /// Length of a tile in metres of chainage; 0 leaves it to the memory budget.
+    /// Length of a tile in metres of chainage; 0 derives it from the memory budget.
     pub tile_length: f64,
 }
 
@@ -52,7 +64,7 @@ pub struct OutputConfig {
     pub format: OutputFormat,
     /// Name of the dimension with the object id.
     pub dimension: String,
-    /// What is done with the classification.
+    /// What happens to the classification.
     pub classification: ClassificationChoice,
     /// Whether the original class is kept in a dimension of its own.
     pub original_classification: bool,
@@ -66,7 +78,7 @@ pub struct RunConfig {
     pub threads: usize,
     /// Memory budget in MiB; 0 is half of what is free.
     pub memory_mib: u64,
-    /// Whether the first failing tile ends the run.
+    /// Whether the run ends at the first tile that fails.
     pub fail_fast: bool,
 }
 
@@ -101,7 +113,8 @@ pub struct Config {
 }
 
 impl Config {
-    /// The defaults, overridden by a configuration file and then by assignments `section.key=value`, in this order.
+    /// The defaults, overridden by a configuration file and then by assignments `section.key=value`, in this
+    /// order.
     ///
     /// # Errors
     /// When the file cannot be read, a key is unknown, or a value has the wrong type or is out of range.
@@ -151,7 +164,7 @@ impl Config {
         Ok(())
     }
 
-    /// The section of a method; empty when there is none.
+    /// The section of a method; empty if there is none.
     #[must_use]
     pub fn method_table(&self, name: &str) -> toml::Table {
         self.table.get(name).and_then(toml::Value::as_table).cloned().unwrap_or_default()
@@ -175,7 +188,8 @@ fn typed<T: DeserializeOwned>(table: &toml::Table, name: &str) -> Result<T, Conf
     section(name, table.get(name).and_then(toml::Value::as_table).unwrap_or(&empty))
 }
 
-/// Reads one section (a method's settings) from its table; keys are checked, missing keys have their defaults.
+/// Reads one section (the settings of a method) from its table. Keys are checked, and missing keys have their
+/// defaults.
 ///
 /// # Errors
 /// [`ConfigError::Value`] with the dotted key when a key is unknown or a value has the wrong type.

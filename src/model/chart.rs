@@ -1,4 +1,4 @@
-//! A chart as data: what a method wants people to see. How it is drawn is not known here.
+//! A chart as data: what a method wants to show. Drawing is the task of the output.
 
 use std::borrow::Cow;
 
@@ -33,7 +33,7 @@ pub struct ChartAxis {
 /// One part of a chart.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Series {
-    /// Marks at (x, y), the larger the more there are.
+    /// Marks at (x, y); the more there are in one place, the larger the mark.
     Points {
         /// What they are.
         name: String,

@@ -36,7 +36,7 @@ impl Field {
         }
     }
 
-    /// Name, as settings and messages have it.
+    /// Name, as in settings and messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -52,7 +52,7 @@ impl Field {
     }
 }
 
-/// Sums of one field over points: exact, so that no order of points or parts changes what follows from them.
+/// Exact sums of one field over points. The order of points and parts does not change a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FieldSums {
     /// Points.
@@ -80,7 +80,8 @@ impl FieldSums {
         self.squares += other.squares;
     }
 
-    /// Mean and standard deviation (n - 1), of exact sums of differences to the integer nearest to the mean.
+    /// Mean and standard deviation (with n - 1). Computed from exact sums of the differences to the integer
+    /// nearest to the mean.
     #[must_use]
     pub fn mean_and_deviation(&self) -> (f64, f64) {
         if self.count == 0 {
@@ -88,8 +89,8 @@ impl FieldSums {
         }
         let count = i128::from(self.count);
         let centre = (2 * self.sum + count).div_euclid(2 * count);
-        // With d = value - centre: sum d = sum - n c, sum d^2 = squares - c (2 sum - n c). Coordinates stay below 2^50
-        // and counts below 2^26 there, or values below 2^16: everything fits.
+        // With d = value - centre: sum d = sum - n c, and sum d^2 = squares - c (2 sum - n c). Coordinates
+        // are below 2^50 with counts below 2^26, or values are below 2^16: no term overflows.
         let rest = self.sum - count * centre;
         let squares = self.squares.cast_signed() - centre * (2 * self.sum - count * centre);
         let n = self.count as f64;
@@ -119,7 +120,8 @@ mod tests {
                     && (deviation - (14.0_f64 / 3.0).sqrt()).abs() < 1e-12
             );
         }
-        let (mut one, two) = (sums(&[1, 6]), sums(&[2, 3]));
+        let mut one = sums(&[1, 6]);
+        let two = sums(&[2, 3]);
         one.merge(&two);
         assert_eq!(one, sums(&[1, 2, 3, 6]));
     }

@@ -9,30 +9,31 @@ use crate::model::{Field, FieldSums, Lattice, TileCloud};
 pub struct FieldAxis {
     /// The field.
     pub field: Field,
-    /// Value that becomes 0, in lattice units or as stored in the record.
+    /// The value that maps to 0, in lattice units or as stored in the record.
     pub centre: f64,
-    /// What a step of one such unit becomes.
+    /// Factor from one such unit to the space.
     pub factor: f64,
 }
 
-/// The space that neighbours are looked for in.
+/// The space in which neighbours are searched.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FieldSpace {
     /// Its axes; x and y are among them.
     pub axes: Vec<FieldAxis>,
-    /// What a distance in this space is multiplied with: metres per lattice unit where it is that of the points, else 1.
+    /// Factor applied to a distance in this space: metres per lattice unit if the space is that of the
+    /// points, else 1.
     pub unit: f64,
 }
 
 impl FieldSpace {
-    /// x, y and z as they are. Coordinates stay integers, so that distances are exact.
+    /// x, y and z without a change. Coordinates remain integers, so distances are exact.
     #[must_use]
     pub fn metres(lattice: Lattice) -> Self {
         let axis = |field| FieldAxis { field, centre: 0.0, factor: 1.0 };
         Self { axes: [Field::X, Field::Y, Field::Z].map(axis).to_vec(), unit: lattice.step_m() }
     }
 
-    /// Fields minus their mean, over their standard deviation, times a weight (1 where there is none).
+    /// Each field minus its mean, divided by its standard deviation, times its weight (1 if none is given).
     ///
     /// # Errors
     /// The field that has no spread.
@@ -55,12 +56,12 @@ impl FieldSpace {
         self.axes.iter().all(|axis| axis.field.axis().is_some())
     }
 
-    /// The fields that are no coordinates.
+    /// The fields that are not coordinates.
     pub fn stored_fields(&self) -> impl Iterator<Item = Field> + '_ {
         self.axes.iter().map(|axis| axis.field).filter(|field| field.axis().is_none())
     }
 
-    /// The place of every point of a cloud, one after the other. The same point has the same place in every tile.
+    /// The places of all points of a cloud, one after the other. A point has the same place in every tile.
     #[must_use]
     pub fn places(&self, cloud: &TileCloud) -> Vec<f64> {
         let mut places = Vec::with_capacity(cloud.len() * self.axes.len());
@@ -79,18 +80,19 @@ impl FieldSpace {
         places
     }
 
-    /// How far apart in lattice units, along x or y, two points may be that are within `distance` in this space (before
-    /// [`Self::unit`]).
+    /// Largest separation along x or y, in lattice units, of two points within `distance` in this space
+    /// (before [`Self::unit`]).
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     pub fn horizontal(&self, distance: f64) -> i64 {
         let flat = self.axes.iter().filter(|axis| matches!(axis.field, Field::X | Field::Y));
         let least = flat.map(|axis| axis.factor).fold(f64::INFINITY, f64::min);
-        // Upwards, and beyond any rounding of the distance.
+        // Rounded up, and by more than the rounding error of the distance.
         (distance / least * (1.0 + 1e-9)).ceil() as i64
     }
 
-    /// No two points of a drive with these corners are further apart, before [`Self::unit`].
+    /// An upper bound of the distance between two points of a drive with these corners, before
+    /// [`Self::unit`].
     #[must_use]
     pub fn diagonal(&self, (lo, hi): ([i64; 3], [i64; 3])) -> f64 {
         let extent = |axis: &FieldAxis| {

@@ -1,5 +1,19 @@
-//! The nouns that every other module shares: frames and units, point classes, reach, the points of one tile, the
+//! The nouns that all modules share: frames and units, point classes, reach, the points of one tile, the
 //! records of a file, the parts of an object, the columns of the table of objects.
+//!
+//! ```
+//! use chainage::model::{Lattice, ObjectPart, TileCloud};
+//!
+//! // A triangle of 4 m by 3 m, in two parts: merged in any order, they make the same object.
+//! let points = [[0, 0, 0], [4_000, 0, 500], [0, 3_000, 1_000]];
+//! let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+//! let part = |core: &dyn Fn(usize) -> bool| ObjectPart::collect(&cloud, &[1, 1, 1], 1, core, |_| 0).remove(0);
+//! let mut object = part(&|point| point == 2);
+//! object.merge(&part(&|point| point != 2));
+//! assert_eq!(object.points, 3);
+//! assert_eq!(object.hi, [4_000, 3_000, 1_000]);
+//! assert!((object.hull_area_units2() - 6e6).abs() < 1e-9);
+//! ```
 
 mod chart;
 mod class;

@@ -1,5 +1,16 @@
-//! What is near what: cells of the plane, voxels, nearest neighbours, and sets of what is joined. Knows points and
-//! lengths; no files and no methods.
+//! What is near what: cells of the plane, voxels, nearest neighbours, and disjoint sets.
+//!
+//! ```
+//! use chainage::model::{Lattice, TileCloud};
+//! use chainage::spatial::VoxelIndex;
+//!
+//! // Voxels of 0.3 m: two points share one, and the third is in the voxel above it.
+//! let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &[[0, 0, 0], [100, 0, 100], [0, 0, 400]]);
+//! let voxels = VoxelIndex::build("example", &cloud, 300)?;
+//! assert_eq!(voxels.counts(), [2, 1]);
+//! assert_eq!(voxels.columns().len(), 1);
+//! # Ok::<(), chainage::model::AlgorithmError>(())
+//! ```
 
 mod all_nearest;
 mod cells;
