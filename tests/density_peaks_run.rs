@@ -18,7 +18,8 @@ const RESULTS: [&str; 5] = [
     "density-peaks-decision.svg",
     "density-peaks-curvature.svg",
 ];
-const PASSES: [&str; 7] = ["survey", "scatter", "ground", "voxels", "peaks", "borders", "export"];
+const PASSES: [&str; 9] =
+    ["survey", "scatter", "ground", "voxels", "peaks", "borders", "stitch", "relabel", "export"];
 
 fn request(out: &Path, settings: &[&str]) -> RunRequest<'static> {
     let mut settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
@@ -79,7 +80,7 @@ fn interrupted_in(pass: &'static str, after: usize, out: &Path, settings: &[&str
 /// Number of units that a run resumed from an earlier one, by pass.
 fn resumed(summary: &RunSummary) -> Vec<(&'static str, bool)> {
     let whole = |figures: &chainage::run::PassFigures| (figures.pass, figures.resumed == figures.units);
-    summary.passes.iter().filter(|figures| figures.pass != "stitch").map(whole).collect()
+    summary.passes.iter().map(whole).collect()
 }
 
 fn order(pass: &str) -> usize {

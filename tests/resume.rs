@@ -303,8 +303,10 @@ fn damaged_unit_files_are_noticed_and_computed_again() {
             let before = events(&out).len();
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             let after = &events(&out)[before..];
-            let again: usize =
-                ["survey", "scatter", "ground", "cluster"].iter().map(|pass| finished(after, pass)).sum();
+            let again: usize = ["survey", "scatter", "ground", "cluster", "stitch", "relabel"]
+                .iter()
+                .map(|pass| finished(after, pass))
+                .sum();
             assert_eq!(again, files.len(), "{damage}");
             let refusals = after.iter().filter(|event| event["event"] == "refused").count();
             assert_eq!(refusals, if damage == "removed" { 0 } else { files.len() }, "{damage}");

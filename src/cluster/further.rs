@@ -21,6 +21,9 @@ pub(crate) trait Asking {
     fn needed(&self) -> i64;
 }
 
+/// Looks at the points of some cells on behalf of those who still ask.
+type Read<'a, A> = &'a mut dyn FnMut(TilePoints, &[Cell], &mut [A]) -> Result<()>;
+
 /// What a tile has read, for those who may ask for more.
 pub(crate) struct Further<'a> {
     tile: &'a dyn TileWindow,
@@ -46,7 +49,7 @@ impl<'a> Further<'a> {
     pub(crate) fn answer<A: Asking>(
         &self,
         mut asking: Vec<A>,
-        read: &mut dyn FnMut(TilePoints, &[Cell], &mut [A]) -> Result<()>,
+        read: Read<'_, A>,
         settle: &mut dyn FnMut(A),
     ) -> Result<()> {
         let mut looked_at = self.looked_at();

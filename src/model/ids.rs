@@ -27,10 +27,6 @@ macro_rules! number {
             /// # Panics
             /// When the place does not fit 32 bits.
             #[must_use]
-            #[expect(
-                clippy::expect_used,
-                reason = "wrong data would be worse than a panic, which is caught at the tile"
-            )]
             pub fn at(place: usize) -> Self {
                 Self(u32::try_from(place).expect(concat!("a run has fewer than 2^32 of them: ", $what)))
             }

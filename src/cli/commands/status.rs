@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use chainage::run::{Registries, RunStatus, status};
+use chainage::run::{PassStatus, Registries, RunStatus, status};
 
 use crate::cli::drive_args::Settings;
 use crate::cli::exit::Outcome;
@@ -46,11 +46,7 @@ fn page(state: &RunStatus, why: bool) -> String {
         .collect();
     let mut text = print::table(&["pass", "units", "done", "stale"], &rows);
     if why {
-        for pass in &state.passes {
-            for reason in &pass.why {
-                text.push_str(&format!("  {} is stale: {reason}\n", pass.pass));
-            }
-        }
+        text.push_str(&reasons(&state.passes));
     }
     let verdict = if state.finished {
         "finished: every output is there"
@@ -58,5 +54,25 @@ fn page(state: &RunStatus, why: bool) -> String {
         "not finished: the same command resumes"
     };
     text.push_str(&format!("  {verdict}\n"));
+    text
+}
+
+/// What has changed, pass by pass. Passes that only depend on changed passes before them follow these in one line.
+fn reasons(passes: &[PassStatus]) -> String {
+    let mut text = String::new();
+    let mut following = Vec::new();
+    for pass in passes.iter().filter(|pass| !pass.why.is_empty()) {
+        let (before, own): (Vec<_>, Vec<_>) = pass.why.iter().partition(|reason| reason.is_of_another_pass());
+        for reason in &own {
+            text.push_str(&format!("  {} is stale: {reason}\n", pass.pass));
+        }
+        if own.is_empty() && !before.is_empty() {
+            following.push(pass.pass);
+        }
+    }
+    if !following.is_empty() {
+        let verb = if following.len() == 1 { "follows" } else { "follow" };
+        text.push_str(&format!("  {} {verb}\n", following.join(", ")));
+    }
     text
 }

@@ -217,7 +217,7 @@ impl Asking for Open {
     /// One unit more than the farthest: of two equally far points the one with the smaller id counts.
     fn needed(&self) -> i64 {
         let farthest = self.found.get(NEIGHBOURS - 1);
-        farthest.map_or(i64::MAX, |farthest| farthest.0.isqrt() as i64 + 2)
+        farthest.map_or(i64::MAX, |farthest| farthest.0.isqrt().cast_signed() + 2)
     }
 }
 

@@ -7,19 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{FileId, PointClass};
-use crate::run::drive::Drive;
-
-/// Sections of the payload of a unit of the pass `ground`.
-pub(crate) mod sections {
-    /// Counts and heights.
-    pub(crate) const SUMMARY: usize = 0;
-    /// The blocks that the tile owns records of.
-    pub(crate) const BLOCKS: usize = 1;
-    /// Which records of each block these are.
-    pub(crate) const RUNS: usize = 2;
-    /// Class code of each record, in order.
-    pub(crate) const CLASSES: usize = 3;
-}
+use crate::run::drive::opened::Drive;
+use crate::run::drive::sections;
 
 /// A block of which a tile owns records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -58,8 +58,9 @@ impl Driver for Here<'_> {
     fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>> {
         let outline = pass.outline();
         let dir = self.run_dir.pass(&outline.folder, outline.depends.clone());
-        dir.prepare()?;
+        // First what is beside the units: where that was lost, the pass may remove its folder.
         pass.prepare(&dir)?;
+        dir.prepare()?;
         let keeper = Keeper {
             run_dir: self.run_dir,
             dir: &dir,

@@ -96,10 +96,8 @@ impl Pass for FieldsPass<'_> {
         self.drive.largest_block_bytes(&self.runs[unit], 2)
     }
 
-    fn prepare(&self, dir: &PassDir) -> Result<()> {
-        self.stored.open(self.run_dir, self.drive)?;
-        // The folder went where a column was lost.
-        Ok(dir.prepare()?)
+    fn prepare(&self, _dir: &PassDir) -> Result<()> {
+        self.stored.open(self.run_dir, self.drive)
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {

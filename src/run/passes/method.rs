@@ -12,7 +12,8 @@ use crate::run::chain::with_section;
 use crate::run::drive::Classified;
 use crate::run::engine::{Driver, Outline, Pass, Payloads, Rounds, prefix};
 use crate::run::error::RunError;
-use crate::run::passes::window::{Around, MethodDrive, Progress, StepResults, sections};
+use crate::run::passes::sections;
+use crate::run::passes::window::{Around, MethodDrive, Progress, StepResults};
 use crate::stitch::{LocalLabels, LocalObject};
 use crate::store::{Inputs, RunDir};
 

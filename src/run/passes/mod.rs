@@ -7,6 +7,7 @@ pub(crate) mod ground;
 pub(crate) mod method;
 pub(crate) mod relabel;
 pub(crate) mod scatter;
+mod sections;
 pub(crate) mod stitch;
 pub(crate) mod survey;
 mod window;

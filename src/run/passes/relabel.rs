@@ -7,8 +7,9 @@ use crate::error::{Error, Result};
 use crate::model::{FileId, PointClass, TileId};
 use crate::run::drive::{BlockRun, Drive, OwnedBlock, PerPoint, is_object, lengths, scatter, sections};
 use crate::run::engine::{Outline, Pass, Payloads, prefix};
+use crate::run::passes::sections as of_step;
 use crate::run::passes::stitch::Objects;
-use crate::run::passes::window::{self, Progress};
+use crate::run::passes::window::Progress;
 use crate::store::{Inputs, PassDir, RunDir, UnitReader};
 
 const NUMBER: u32 = 5;
@@ -104,7 +105,7 @@ impl<'a> RelabelPass<'a> {
             id,
             runs: start(&ground, sections::RUNS)?,
             classes: start(&ground, sections::CLASSES)?,
-            first_label: start(&labels, window::sections::LABELS)?,
+            first_label: start(&labels, of_step::LABELS)?,
             ground,
             labels,
         })
@@ -155,11 +156,9 @@ impl Pass for RelabelPass<'_> {
             + self.runs[unit].points.min(1 << 16) * 24
     }
 
-    fn prepare(&self, dir: &PassDir) -> Result<()> {
+    fn prepare(&self, _dir: &PassDir) -> Result<()> {
         self.columns.classes.open(self.run_dir, self.drive())?;
-        self.columns.objects.open(self.run_dir, self.drive())?;
-        // The folder went where a column was lost.
-        Ok(dir.prepare()?)
+        self.columns.objects.open(self.run_dir, self.drive())
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {

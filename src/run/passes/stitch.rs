@@ -12,7 +12,8 @@ use crate::error::{Error, Result};
 use crate::model::{Chart, ObjectPart, TileId};
 use crate::run::drive::{TileVerdicts, is_object};
 use crate::run::engine::{Outline, Pass, Payloads};
-use crate::run::passes::window::{Progress, sections};
+use crate::run::passes::sections;
+use crate::run::passes::window::Progress;
 use crate::stitch::{LocalLabels, LocalObject, SeamPoint, Stitched, Stitcher};
 use crate::store::Inputs;
 

@@ -5,21 +5,10 @@ use crate::error::{Error, Result};
 use crate::model::{Field, FieldSums, Lattice, PointClass, TileId};
 use crate::run::drive::{Classified, Drive, StoredFields};
 use crate::run::engine::{Payloads, Rounds};
+use crate::run::passes::sections;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 use crate::store::UnitReader;
 use crate::tiling::{Plan, Region, Wanted};
-
-/// Sections of the payload of a unit of a step.
-pub(crate) mod sections {
-    /// What the method keeps of the tile.
-    pub(crate) const PAYLOAD: usize = 0;
-    /// What other tiles see in the next round.
-    pub(crate) const BORDER: usize = 1;
-    /// Of the last step: the objects of the tile, whole or in part, and the points that it shares with others.
-    pub(crate) const OBJECTS: usize = 2;
-    /// Of the last step: the label of each point of objects in the core, by ascending id, as little-endian u32.
-    pub(crate) const LABELS: usize = 3;
-}
 
 /// The drive that a method works on, and the method.
 pub(crate) struct MethodDrive<'a> {

@@ -18,6 +18,9 @@ use crate::error::Result;
 use crate::model::{FieldSpace, TileId};
 use crate::spatial::{Cell, LookedAt, Neighbours, Points};
 
+/// Rounds at most: each one has at least one neighbour more than the one before, and [`LARGEST_K`] is the most.
+const MOST_ROUNDS: u32 = 200;
+const _: () = assert!(MOST_ROUNDS as usize == LARGEST_K);
 /// Name of the step.
 pub(crate) const STEP: &str = "epsilon";
 /// Halo of this step in metres: most points of a street have their 40 nearest neighbours within it (chosen; the share
@@ -123,8 +126,7 @@ impl CurveStep {
             name: STEP,
             settings: &["dbscan.fields", "dbscan.weights", "epsilon.*"],
             bytes: BytesPer::ObjectPoint(60 + 20 * fields as u64),
-            // Every round has at least one neighbour more.
-            repeat: Repeat::UntilSettled { most: LARGEST_K as u32 },
+            repeat: Repeat::UntilSettled { most: MOST_ROUNDS },
         }
     }
 
