@@ -142,24 +142,12 @@ fn modules_use_only_what_is_in_layers_below() {
     assert_eq!(joined, all.collect(), "run joins the flow: the test sees imports");
 }
 
-/// Folders whose circles are still to be opened. To be deleted, with its two uses, when there are none left.
-const CIRCLES_TO_OPEN: [&str; 3] = ["cluster/", "ground/", "run/"];
-
 #[test]
 fn no_files_import_each_other_in_a_circle() {
     let graph = graph();
-    let (known, new): (Vec<_>, Vec<_>) = imports::circles(&graph).into_iter().partition(|circle| {
-        CIRCLES_TO_OPEN.iter().any(|folder| circle.iter().all(|file| file.starts_with(folder)))
-    });
-    let drawn = |circles: &[BTreeSet<imports::File>]| -> String {
-        circles.iter().map(|circle| imports::drawn(&graph, circle)).collect::<Vec<_>>().join("\n")
-    };
-    println!("{} circles still to be opened:\n{}", known.len(), drawn(&known));
-    assert!(new.is_empty(), "{} circles:\n{}", new.len(), drawn(&new));
-    for folder in CIRCLES_TO_OPEN {
-        let open = known.iter().flatten().any(|file| file.starts_with(folder));
-        assert!(open, "{folder} has no circle any more: take it from the list");
-    }
+    let circles = imports::circles(&graph);
+    let drawn: Vec<String> = circles.iter().map(|circle| imports::drawn(&graph, circle)).collect();
+    assert!(circles.is_empty(), "{} circles:\n{}", circles.len(), drawn.join("\n"));
 }
 
 #[test]

@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::input::{Catalog, InputOptions};
 use crate::run::chain::{Chain, Registries};
 use crate::run::drive::{Drive, identity};
+use crate::run::passes::survey;
 use crate::run::plan::Budget;
 use crate::store::RunDir;
 
@@ -50,7 +51,7 @@ impl<'a> Opened<'a> {
     ) -> Result<Self> {
         identity::check_input(run_dir, &catalog)?;
         record(run_dir, inputs, config)?;
-        let drive = Drive::open(catalog, config, run_dir)?;
+        let drive = Drive::open(catalog, config, run_dir, &survey::folder())?;
         Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
     }
 }

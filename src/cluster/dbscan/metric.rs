@@ -1,8 +1,7 @@
 //! `dbscan` on x, y and z in metres.
 
-use super::NAME;
 use super::core_points;
-use super::settings::{DbscanConfig, DbscanVariant, given};
+use super::settings::{DbscanConfig, DbscanVariant, NAME, given};
 use crate::cluster::linking::single_link;
 use crate::cluster::local::Clusterer;
 use crate::config::ConfigError;

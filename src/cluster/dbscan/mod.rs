@@ -27,7 +27,7 @@ use self::epsilon::{CurveStep, DriveEpsilon, EpsilonConfig, HALO_M};
 use self::fields::FieldDbscan;
 pub use self::metric::Dbscan;
 pub use self::settings::{Auto, DbscanConfig, DbscanVariant, Epsilon};
-use self::settings::{check_radius, given};
+use self::settings::{NAME, check_radius, given};
 use super::local::{self, Clusterer, OneStep};
 use super::method::{
     BytesPer, ClusterEntry, DriveWindow, Figures, Mapped, Method, Reduced, Repeat, Sections, Step, TileWindow,
@@ -35,8 +35,6 @@ use super::method::{
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
 use crate::model::{AlgorithmError, Field, FieldSpace, Lattice, Reach};
-
-const NAME: &str = "dbscan";
 
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::config::ConfigError;
 use crate::model::{Field, Lattice, Reach};
 
+/// Name of the method and of its section.
+pub(super) const NAME: &str = "dbscan";
+
 /// A radius that is given, or is to be estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
@@ -182,7 +185,6 @@ pub(super) fn given(config: &DbscanConfig) -> Result<f64, ConfigError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cluster::dbscan::NAME;
     use crate::config;
 
     #[test]

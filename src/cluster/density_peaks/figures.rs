@@ -12,10 +12,10 @@ use serde_json::json;
 
 use super::curvature::ONE;
 use super::decision::{class_density, density_class};
+use super::settings::{DensityPeaksConfig, STAGE_VOXELS};
 use super::stage_borders::{PairSum, merges};
 use super::stage_peaks;
 use super::stage_voxels;
-use super::{DensityPeaksConfig, STAGE_VOXELS};
 use crate::cluster::DriveWindow;
 use crate::error::Result;
 use crate::model::{Chart, ChartAxis, Series, TileId};

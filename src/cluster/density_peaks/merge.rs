@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use super::columns::join;
 use super::figures::{Figures, Reassigned};
+use super::settings::{DensityPeaksConfig, STAGE_PEAKS};
 use super::stage_borders::{self, Halo, PairSum, merges};
 use super::stage_peaks;
-use super::{DensityPeaksConfig, STAGE_PEAKS};
 use crate::cluster::{DriveWindow, Grouped};
 use crate::error::Result;
 use crate::model::TileId;

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use super::columns::{Columns, Finder, Voxel, disc};
 use super::decision::density_class;
+use super::settings::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
 use super::stage_voxels::{self, StoredVoxel};
-use super::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
 use crate::cluster::sliced;
 use crate::cluster::{DriveWindow, Mapped, TileWindow};
 use crate::codec;

@@ -13,7 +13,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::columns::{Border, Columns, Voxel, join};
-use super::{NAME, STAGE_VOXELS};
+use super::settings::{NAME, STAGE_VOXELS};
 use crate::cluster::sliced;
 use crate::cluster::{DriveWindow, Mapped, TileWindow};
 use crate::codec;

@@ -7,9 +7,9 @@
 use std::ops::Range;
 
 use super::columns::Columns;
+use super::settings::{NAME, STAGE_PEAKS};
 use super::stage_peaks;
 use super::stage_voxels::{self, global_indices};
-use super::{NAME, STAGE_PEAKS};
 use crate::cluster::{TilePoints, TileWindow};
 use crate::error::{Error, Result};
 use crate::model::TileId;

@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::codec;
 use crate::error::Result;
 use crate::input::{Catalog, InputFile};
-use crate::run::drive::Drive;
-use crate::run::passes::survey::SurveyPass;
+use crate::run::drive::{BlockRun, Drive};
 use crate::store::{PassDir, RunDir, StoreError, UnitState};
 use crate::survey::SurveyPart;
 
@@ -72,26 +71,26 @@ pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
 }
 
 /// Compares the content of files whose time of modification differs with what the survey saw, and refuses other
-/// content; a file that was only copied or touched is accepted.
+/// content. A file that was only copied or touched is accepted. `runs` are the units of the survey in `dir`, and `survey`
+/// surveys one of them without keeping anything.
 pub(crate) fn check_content(
     run_dir: &RunDir,
     drive: &Drive,
-    pass: &SurveyPass<'_>,
     dir: &PassDir,
+    runs: &[BlockRun],
+    survey: &dyn Fn(usize) -> Result<SurveyPart>,
 ) -> Result<()> {
     let now: Vec<FileIdentity> = drive.catalog.files().iter().map(FileIdentity::of).collect();
     let stored = run_dir.read_json::<Vec<FileIdentity>>(NAME)?.unwrap_or_default();
     if stored == now {
         return Ok(());
     }
-    for (unit, run) in pass.runs.iter().enumerate() {
+    for (unit, run) in runs.iter().enumerate() {
         if stored.get(run.file) == now.get(run.file) || dir.state(unit)? != UnitState::Done {
             continue;
         }
         let old: SurveyPart = codec::decode(&dir.payload(unit)?)?;
-        // Without unpacking: what is stored of the input that the run was begun with must stay that.
-        let new = pass.survey(unit, false)?;
-        if old.content != new.content {
+        if old.content != survey(unit)?.content {
             let what = format!("the points of {} have changed", now[run.file].name);
             return Err(StoreError::OtherInput { path: run_dir.out().to_owned(), what }.into());
         }

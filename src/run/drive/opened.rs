@@ -8,7 +8,6 @@ use crate::error::Result;
 use crate::input::{Catalog, Fields, InputFile};
 use crate::model::{FileId, Lattice, LatticeTransform, RecordView};
 use crate::run::drive::columns::sync_columns;
-use crate::run::passes;
 use crate::spatial::CellGrid;
 use crate::store::{Column, RunDir, StoreError};
 use crate::survey::{Collector, SurveyError};
@@ -49,14 +48,13 @@ impl Drive {
         Self { catalog, grid, positions }
     }
 
-    /// The drive of `catalog` with its columns in `run_dir`.
-    pub(crate) fn open(catalog: Catalog, config: &Config, run_dir: &RunDir) -> Result<Self> {
+    /// The drive of `catalog` with its columns in `run_dir`; the pass with the folder `survey` fills them.
+    pub(crate) fn open(catalog: Catalog, config: &Config, run_dir: &RunDir, survey: &str) -> Result<Self> {
         let mut drive = Self::without_columns(catalog, config);
         drive.positions.clear();
         for (number, file) in drive.catalog.files().iter().enumerate() {
             let unpacked = file.is_compressed();
-            let column =
-                || run_dir.column("positions", number, file.point_count(), &passes::survey::folder());
+            let column = || run_dir.column("positions", number, file.point_count(), survey);
             drive.positions.push(unpacked.then(column).transpose()?);
         }
         Ok(drive)

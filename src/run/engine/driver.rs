@@ -1,8 +1,6 @@
 //! Who computes the units of a pass: this process ([`Here`]), this process without a run directory ([`InMemory`]), or
 //! nobody ([`Nobody`], which looks at what is there). All of them walk the same list of passes.
 
-use serde_json::json;
-
 use crate::error::Result;
 use crate::run::engine::folders::Outline;
 use crate::run::engine::pass::{Pass, Payloads};
@@ -192,10 +190,4 @@ impl Driver for Nobody<'_> {
     fn computes(&self) -> bool {
         false
     }
-}
-
-/// Says in the log that a stored unit is not used.
-pub(crate) fn log_refusal(run_dir: &RunDir, pass: &str, unit: usize, refusal: &crate::store::Refusal) {
-    let text = format!("pass {pass}, unit {unit}: stored result not used ({refusal:?})");
-    run_dir.log_event(&json!({ "event": "refused", "text": text }).to_string());
 }

@@ -14,12 +14,11 @@ use crossbeam_channel::bounded;
 use serde_json::json;
 
 use crate::error::{Error, Result};
-use crate::run::engine::driver::log_refusal;
 use crate::run::engine::in_flight::InFlight;
 use crate::run::engine::pass::Pass;
 use crate::run::engine::{CancelToken, Event, Observer};
 use crate::run::error::RunError;
-use crate::store::{PassDir, RunDir, UnitState};
+use crate::store::{PassDir, Refusal, RunDir, UnitState};
 
 /// What units in flight may take together.
 #[derive(Debug, Clone, Copy)]
@@ -247,6 +246,12 @@ fn conclude<P: Pass>(
         }
     }
     Ok(None)
+}
+
+/// Says in the log that a stored unit is not used.
+fn log_refusal(run_dir: &RunDir, pass: &str, unit: usize, refusal: &Refusal) {
+    let text = format!("pass {pass}, unit {unit}: stored result not used ({refusal:?})");
+    run_dir.log_event(&json!({ "event": "refused", "text": text }).to_string());
 }
 
 /// The payloads of all units, computed on threads and kept in memory; the first error by unit where any failed.

@@ -15,7 +15,7 @@ pub(crate) struct SurveyPass<'a> {
     drive: &'a Drive,
     /// Where positions of compressed files go; none where nothing is kept.
     run_dir: Option<&'a RunDir>,
-    pub(crate) runs: Vec<BlockRun>,
+    runs: Vec<BlockRun>,
     outline: Outline,
 }
 
@@ -39,7 +39,7 @@ impl<'a> SurveyPass<'a> {
     }
 
     /// Surveys a unit; with `unpack` it also leaves the positions of a compressed file in their column.
-    pub(crate) fn survey(&self, unit: usize, unpack: bool) -> Result<SurveyPart> {
+    fn survey(&self, unit: usize, unpack: bool) -> Result<SurveyPart> {
         let run = &self.runs[unit];
         self.drive.file(run.file).check_unchanged()?;
         let mut collector = Collector::new(self.drive.grid);
@@ -73,7 +73,9 @@ impl Pass for SurveyPass<'_> {
 
     /// Compares the content of files that were touched since with what was surveyed.
     fn prepare(&self, dir: &PassDir) -> Result<()> {
-        self.run_dir.map_or(Ok(()), |run_dir| identity::check_content(run_dir, self.drive, self, dir))
+        let Some(run_dir) = self.run_dir else { return Ok(()) };
+        // Without unpacking: positions of the input that the run was started with must stay.
+        identity::check_content(run_dir, self.drive, dir, &self.runs, &|unit| self.survey(unit, false))
     }
 
     fn prefetch(&self, unit: usize) {

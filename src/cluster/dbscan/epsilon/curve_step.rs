@@ -9,7 +9,7 @@
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
-use super::found::{Cost, DriveEpsilon};
+use super::found::{AskingCost, Cost, DriveEpsilon, HALO_M};
 use super::{Attempt, CurveSums, EpsilonConfig, LARGEST_K, estimate};
 use crate::cluster::further::{Asking, Further};
 use crate::cluster::method::{BytesPer, DriveWindow, Mapped, Reduced, Repeat, Step, TileWindow};
@@ -23,9 +23,6 @@ const MOST_ROUNDS: u32 = 200;
 const _: () = assert!(MOST_ROUNDS as usize == LARGEST_K);
 /// Name of the step.
 pub(crate) const STEP: &str = "epsilon";
-/// Halo of this step in metres: most points of a street have their 40 nearest neighbours within it (chosen; the share
-/// that asks for more is reported).
-pub(crate) const HALO_M: f64 = 2.0;
 /// Points that wait until what they ask for is read.
 const ASKING_AT_ONCE: usize = 16_384;
 
@@ -52,17 +49,6 @@ impl Sample {
     fn takes(&self, id: u64) -> bool {
         self.below == u64::MAX || xxh3_64_with_seed(&id.to_le_bytes(), self.seed) < self.below
     }
-}
-
-/// What exactness at the borders of tiles cost.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct AskingCost {
-    /// Points that asked for more than core and halo.
-    pub(crate) asked: u64,
-    /// Points that were read for them.
-    pub(crate) read: u64,
-    /// Points that were read in the first place.
-    pub(crate) gathered: u64,
 }
 
 /// What a tile leaves behind.

@@ -4,11 +4,24 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use super::curve_step::{AskingCost, HALO_M};
 use super::{Curve, Estimate};
 use crate::codec;
 use crate::error::Result;
 use crate::model::FieldSpace;
+
+/// Halo of this step in metres: most points of a street have their 40 nearest neighbours within it (chosen; the share
+/// that asks for more is reported).
+pub(crate) const HALO_M: f64 = 2.0;
+/// What exactness at the borders of tiles cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct AskingCost {
+    /// Points that asked for more than core and halo.
+    pub(crate) asked: u64,
+    /// Points that were read for them.
+    pub(crate) read: u64,
+    /// Points that were read in the first place.
+    pub(crate) gathered: u64,
+}
 
 /// An epsilon that was estimated over a drive, and what it came from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -17,9 +17,10 @@ mod settings;
 
 pub use chart::svg;
 pub use curve::{Curve, CurveSums};
-pub(crate) use curve_step::{CurveStep, HALO_M, STEP};
+pub(crate) use curve_step::{CurveStep, STEP};
 pub use error::EpsilonError;
 pub use fit::{Attempt, Estimate, estimate};
+pub(crate) use found::HALO_M;
 pub use found::{Cost, DriveEpsilon};
 pub use polynomial::Polynomial;
 pub use settings::EpsilonConfig;
