@@ -2,6 +2,7 @@
 //! The table is not trusted: every number is checked against the file before it is used or memory is
 //! allocated.
 
+use crate::model::in_u32;
 use std::io::BufReader;
 use std::ops::Range;
 use std::path::Path;
@@ -53,7 +54,7 @@ pub(crate) fn las_blocks(path: &Path, header: &Header, size: u64) -> Result<Vec<
             let start = header.points_start + first * record_len;
             Block {
                 first_record: first,
-                count: u32::try_from(records).unwrap_or(u32::MAX),
+                count: in_u32(records, "records of a block"),
                 bytes: start..start + records * record_len,
             }
         })
@@ -275,7 +276,7 @@ impl Finder<'_> {
                 return Err(ChunkTableProblem::Dense { chunk, points, bytes, limit }.into());
             }
             if points > 0 {
-                let count = u32::try_from(points).unwrap_or(u32::MAX);
+                let count = in_u32(points, "points of a chunk");
                 blocks.push(Block { first_record, count, bytes: position..end });
             }
             first_record += points;

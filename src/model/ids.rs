@@ -3,6 +3,19 @@
 
 use serde::{Deserialize, Serialize};
 
+/// A count or a number that fits 32 bits wherever memory and files allow it.
+///
+/// # Panics
+/// With `what`, when it does not fit: wrong data would be worse. A panic is caught at the tile.
+#[must_use]
+pub(crate) fn in_u32<N: TryInto<u32>>(number: N, what: &str) -> u32 {
+    match number.try_into() {
+        Ok(number) => number,
+        #[expect(clippy::panic, reason = "cut off, it would be another number")]
+        Err(_) => panic!("{what}: more than 32 bits can count"),
+    }
+}
+
 /// Number of a tile in its plan, from 0 in the order of chainage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -28,7 +41,7 @@ macro_rules! number {
             /// When the place does not fit 32 bits.
             #[must_use]
             pub fn at(place: usize) -> Self {
-                Self(u32::try_from(place).expect(concat!("a run has fewer than 2^32 of them: ", $what)))
+                Self(in_u32(place, $what))
             }
 
             #[doc = concat!("The place of the ", $what, " in a list.")]

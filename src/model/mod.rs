@@ -37,6 +37,7 @@ pub use error::AlgorithmError;
 pub use field::{Field, FieldSums};
 pub use field_space::{FieldAxis, FieldSpace};
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
+pub(crate) use ids::in_u32;
 pub use ids::{FileId, TileId};
 pub use object::ObjectPart;
 pub use reach::Reach;

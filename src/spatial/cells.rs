@@ -3,6 +3,7 @@
 //! A cell is a square of `edge` lattice units, anchored at multiples of its edge. A map consists of pages of
 //! 64 x 64 cells, so that a stray point kilometres away costs one page and not the area in between.
 
+use crate::model::in_u32;
 use rustc_hash::FxHashMap;
 
 /// A cell of the occupancy raster: `floor(x / edge)`, `floor(y / edge)`.
@@ -112,7 +113,7 @@ impl<T: Copy + Default + PartialEq> CellMap<T> {
         let pages = &mut self.pages;
         *self.index.entry(page).or_insert_with(|| {
             pages.push((page, vec![T::default(); PAGE_CELLS].into_boxed_slice()));
-            u32::try_from(pages.len() - 1).unwrap_or(u32::MAX)
+            in_u32(pages.len() - 1, "pages of cells")
         })
     }
 

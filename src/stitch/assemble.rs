@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::model::{ObjectPart, TileId};
+use crate::model::{ObjectPart, TileId, in_u32};
 use crate::spatial::DisjointSets;
 use crate::stitch::LocalObject;
 
@@ -29,7 +29,7 @@ pub struct Stitched {
 impl Stitcher {
     /// Adds the objects of the next tile.
     pub fn tile(&mut self, objects: Vec<LocalObject>) {
-        let count = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
+        let count = in_u32(self.parts.len(), "labels of all tiles");
         self.first_node.push(count);
         self.parts.extend(objects.into_iter().map(|object| object.part));
     }
@@ -45,7 +45,7 @@ impl Stitcher {
     #[must_use]
     pub fn link(&mut self, one: (TileId, u32), other: (TileId, u32)) -> bool {
         let (Some(a), Some(b)) = (self.node(one.0, one.1), self.node(other.0, other.1)) else { return false };
-        let len = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
+        let len = in_u32(self.parts.len(), "labels of all tiles");
         self.sets.get_or_insert_with(|| DisjointSets::new(len)).union(a, b);
         true
     }
@@ -53,7 +53,7 @@ impl Stitcher {
     /// The whole objects whose size is in `size`, numbered by smallest point id.
     #[must_use]
     pub fn finish(mut self, size: &RangeInclusive<u64>) -> Stitched {
-        let nodes = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
+        let nodes = in_u32(self.parts.len(), "labels of all tiles");
         let mut sets = self.sets.take().unwrap_or_else(|| DisjointSets::new(nodes));
         let mut united = 0;
         let roots: Vec<u32> = (0..nodes).map(|node| sets.find(node)).collect();

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::codec;
 use crate::error::Result;
+use crate::model::in_u32;
 use crate::store::column::Column;
 use crate::store::unit_file::{self, FORMAT_VERSION, Refusal};
 use crate::store::{Fingerprint, Inputs, StaleReason, StoreError};
@@ -314,7 +315,7 @@ impl PassDir {
     }
 
     fn number(unit: usize) -> u32 {
-        u32::try_from(unit).unwrap_or(u32::MAX)
+        in_u32(unit, "units of a pass")
     }
 
     /// Creates the folder and records what the pass depends on. Results that depend on something else go: units of

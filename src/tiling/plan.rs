@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::TileId;
+use crate::model::{TileId, in_u32};
 use crate::spatial::{Area, Cell, CellGrid, CellMap, PackedCells};
 
 /// Largest extent of a core in lattice units (60 km at 1 mm). Stray points far outside get tiles of their
@@ -229,7 +229,7 @@ impl Plan {
         // The beginnings of tiles are ascending. A cell belongs to the last tile that begins at or before it.
         let owners = request.strips.map(|cell, strip| {
             let owner = tiles.partition_point(|tile| tile.first <= (strip, cell));
-            u32::try_from(owner).unwrap_or(u32::MAX)
+            in_u32(owner, "tiles")
         });
         Self { tiles, grid: request.grid, cells: Arc::clone(request.cells), owners }
     }
@@ -347,7 +347,7 @@ impl Plan {
 
 /// The stored value for the owner of a cell; 0 means no tile.
 fn owner_of(tile: usize) -> u32 {
-    u32::try_from(tile + 1).unwrap_or(u32::MAX)
+    in_u32(tile + 1, "tiles")
 }
 
 /// The cells that a tile reads, and their roles.

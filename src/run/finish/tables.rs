@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::inventory::{self, Object, Site, Station, Terrain};
-use crate::model::{Chart, ObjectPart};
+use crate::model::{Chart, ObjectPart, in_u32};
 use crate::output::objects::{self, ObjectRow, ObjectTable};
 use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
@@ -34,8 +34,7 @@ pub(crate) fn write_tables(
         file_names: &file_names,
     };
     let row = |index: usize| {
-        // There are no more objects than ids.
-        let id = u32::try_from(index + 1).unwrap_or(u32::MAX);
+        let id = in_u32(index + 1, "objects");
         let object = Object::new(id, &parts[index], &site);
         ObjectRow { outline: inventory::outline(&object), values: inventory::values(&object) }
     };

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::input::Fields;
+use crate::model::in_u32;
 use crate::output::{LabelledFile, OutputError};
 use crate::run::chain::with_section;
 use crate::run::drive::{Drive, Surveyed};
@@ -247,7 +248,7 @@ impl Pass for ExportPass<'_> {
         for chunk in &target.chunks[unit.chunks.clone()] {
             let Some(part) = &part else {
                 self.label(unit.file, chunk, &mut desk)?;
-                let count = u32::try_from(length(chunk)).unwrap_or(u32::MAX);
+                let count = in_u32(length(chunk), "records of a chunk");
                 pack(&mut payload, count, &target.labelled.compress(&desk.out)?);
                 continue;
             };

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::error::{Error, Result};
-use crate::model::{FileId, PointClass, TileId};
+use crate::model::{FileId, PointClass, TileId, in_u32};
 use crate::run::drive::{BlockRun, Drive, OwnedBlock, PerPoint, is_object, lengths, scatter, sections};
 use crate::run::engine::{Outline, Pass, Payloads, prefix};
 use crate::run::passes::sections as of_step;
@@ -172,7 +172,7 @@ impl Pass for RelabelPass<'_> {
             values.classes.resize(block.count as usize, PointClass::Object.code());
             values.objects.clear();
             values.objects.resize(block.count as usize, 0);
-            let key = (FileId::at(run.file), u32::try_from(number).unwrap_or(u32::MAX));
+            let key = (FileId::at(run.file), in_u32(number, "blocks of a file"));
             let mut known = 0;
             for (tile, entry) in self.owners.get(&key).into_iter().flatten() {
                 let tile = match open.entry(*tile) {

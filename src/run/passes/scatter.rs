@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 use crate::codec;
 use crate::error::Result;
-use crate::model::{TileId, record_xyz};
+use crate::model::{TileId, in_u32, record_xyz};
 use crate::run::drive::ScatteredUnit;
 use crate::run::drive::{BlockRun, Drive, Groups, STRIDE, Scattered, Surveyed};
 use crate::run::engine::{Outline, Pass, Payloads};
@@ -56,7 +56,7 @@ impl<'a> ScatterPass<'a> {
         let mut owners = self.plan.owners().cursor();
         let mut buffer = Vec::new();
         for block in run.blocks.clone() {
-            let mut record = u32::try_from(input.blocks()[block].first_record - first).unwrap_or(u32::MAX);
+            let mut record = in_u32(input.blocks()[block].first_record - first, "records of a unit");
             self.drive.geometry(run.file, block, &mut buffer, |view, transform| {
                 for bytes in view.bytes.chunks_exact(view.stride) {
                     let [x, y, _] = transform.apply(record_xyz(bytes));

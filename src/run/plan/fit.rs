@@ -2,6 +2,7 @@
 
 use crate::config::Config;
 use crate::error::Result;
+use crate::model::in_u32;
 use crate::run::chain::Chain;
 use crate::run::drive::{Drive, Surveyed};
 use crate::run::engine::{Driver, Event};
@@ -31,7 +32,7 @@ impl<'a> Street<'a> {
     pub(crate) fn of(surveyed: &'a Surveyed, drive: &Drive) -> Self {
         let edge_m = drive.lattice().metres(drive.grid.edge());
         let centre = |cell: Cell| cell.map(|index| (f64::from(index) + 0.5) * edge_m);
-        let strip = |cell| u32::try_from(surveyed.axis.nearest(centre(cell)) + 1).unwrap_or(u32::MAX);
+        let strip = |cell| in_u32(surveyed.axis.nearest(centre(cell)) + 1, "vertices of the axis");
         Self { surveyed, grid: drive.grid, strips: surveyed.cells.map(|cell, _| strip(cell)) }
     }
 
