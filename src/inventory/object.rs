@@ -49,18 +49,18 @@ impl Site<'_> {
     }
 }
 
-/// A whole object: its number, what is known of its points, and what several attributes derive from that.
+/// A whole object: its number, the summary of its points, and values that several attributes derive from it.
 #[derive(Debug, Clone, Copy)]
 pub struct Object<'a> {
     /// Object id, from 1.
     pub id: u32,
-    /// What is known of its points, on the lattice.
+    /// Summary of its points, on the lattice.
     pub part: &'a ObjectPart,
-    /// What it shares with all objects.
+    /// The values that all objects share.
     pub site: &'a Site<'a>,
-    /// Mean of its points on the lattice, rounded towards zero: the lattice is finer than what is written.
+    /// Mean of its points on the lattice, rounded towards zero: the lattice is finer than the written decimals.
     pub centre: [i64; 3],
-    /// Height of the ground in metres in the cell nearest to its centre, where one is known nearby.
+    /// Height of the ground in metres in the cell nearest to its centre, if one is known nearby.
     pub ground_m: Option<f64>,
 }
 

@@ -49,12 +49,12 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The scene of all copies, about `origin`; rays that are traced together are nowhere more than `wider` metres from
-    /// the one in their middle.
+    /// The scene of all copies, about `origin`. Rays that are traced together are nowhere more than `wider` metres
+    /// from the middle one.
     pub(super) fn new<'a>(origin: DVec3, wider: f32, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
         let item = |Placed { model, at, turn, owner }: Placed| {
             let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
-            // The box around the box of the model as it stands here.
+            // The box around the transformed box of the model.
             let middle = to_window.transform_point3a(model.bounds().center());
             let half = to_window.matrix3.abs() * (model.bounds().diagonal() * 0.5);
             let bounds = Aabb::new(middle - half, middle + half);
@@ -67,7 +67,7 @@ impl Window {
         Self { origin, items, bvh: hierarchy(&boxes, 1) }
     }
 
-    /// The items that rays may meet which are traced together about this one, roughly from near to far.
+    /// The items that the rays traced together with this one may hit, roughly from near to far.
     pub(super) fn about(&self, origin: Vec3A, direction: Vec3A, far: f32) -> Vec<u32> {
         let mut about = Vec::new();
         self.bvh.ray_traverse_anyhit(Ray::new(origin, direction, 0.0, far), |ray, slot| {
@@ -86,7 +86,8 @@ impl Window {
         })
     }
 
-    /// The closest hit on some items along the ray from `near` to `far`, if any; its instance is the index of the item.
+    /// The closest hit on the given items along the ray from `near` to `far`, if any. Its instance is the index of
+    /// the item.
     pub(super) fn hit(
         &self,
         about: &[u32],
@@ -95,7 +96,7 @@ impl Window {
         near: f32,
         far: f32,
     ) -> Option<RayHit> {
-        // It starts at `near`: boxes behind a ray are passed over, boxes before its tmin would not be.
+        // The ray starts at `near`: the hierarchy skips boxes behind a ray, but not boxes before its tmin.
         let mut ray = Ray::new(origin + direction * near, direction, 0.0, far - near);
         let mut best = RayHit::none();
         for &index in about {

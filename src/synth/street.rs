@@ -1,4 +1,4 @@
-//! The street, cell by cell: what stands where. A cell is a pure function of (preset, seed, cell).
+//! The street, cell by cell: its objects and their places. A cell is a pure function of (preset, seed, cell).
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -15,7 +15,7 @@ use super::preset::{Lot, Plan, Row, kind};
 use super::random::{Random, pick, sequence};
 use super::scene::{Owner, Placed};
 
-/// Numbers of objects that a cell has for itself.
+/// Object numbers that each cell has for itself.
 pub(super) const IDS: u32 = 1_000;
 
 /// Models by kind.
@@ -25,13 +25,13 @@ pub(super) type Library = BTreeMap<String, Vec<Arc<Model>>>;
 struct Site<'a> {
     library: &'a Library,
     ground: Arc<Ground>,
-    /// Place and radius of what stands already.
+    /// Place and radius of each thing that is placed already.
     taken: Vec<(DVec2, f64)>,
     last_id: u32,
     placed: Vec<Placed>,
 }
 
-/// What stands in cell `index` of a plan, and its ground; the axis is laid beyond it.
+/// The objects in cell `index` of a plan, and its ground. The axis is laid beyond it.
 pub(super) fn cell(plan: Plan, axis: &Axis, library: &Library, index: usize) -> Vec<Placed> {
     let ground = Arc::new(Ground::new(plan, axis, index));
     let (model, owner) = (Arc::new(ground.mesh()), Owner::Ground(Arc::clone(&ground)));
@@ -87,7 +87,7 @@ impl Site<'_> {
                     Arc::new(Object { id: self.last_id, class, kind: name, base, height, s })
                 }
             };
-            // From end to end of what has a span, level for what has none.
+            // A thing with a span leads from end to end. A thing without one stands level.
             let (at, way) = if kind.span > 0.0 {
                 let [from, to] = ends.map(|s| self.ground.at(line(s)));
                 ((from + to) * 0.5, (to - from) / kind.span)
@@ -105,7 +105,7 @@ impl Site<'_> {
         }
     }
 
-    /// Whether something of radius `r` may stand at a place.
+    /// Whether a thing of radius `r` may stand at a place.
     fn free(&self, place: DVec2, r: f64) -> bool {
         let (ground, walk) = (&self.ground, self.ground.plan.section(place.x).walk);
         let over_dip = place.y.abs() > walk && ground.plan.dip(place.x) > 0.2;
@@ -115,11 +115,11 @@ impl Site<'_> {
         place.x <= ground.end && !over_dip && !crowded && !touched
     }
 
-    /// Where the front of a building stands on a lot of length `length` about a place, and its size; `None` where there
-    /// is no room.
+    /// Place of the front of a building on a lot of length `length` around a place, and size of the building;
+    /// `None` if there is no room.
     fn front(&self, lot: &Lot, length: f64, place: DVec2, random: &mut Random) -> Option<(DVec2, Vec3)> {
         let [a, b] = [-0.5, 0.5].map(|end| self.ground.line.at(place.x + length * end).way);
-        // Towards the inside of a bend lots are shorter, and a straight front cuts the arc.
+        // On the inside of a bend lots are shorter, and a straight front cuts the arc.
         let bend = a.angle_to(b) / length * place.y.signum();
         let front = place.y.abs() + random.random_range(0.0..=lot.setback);
         let length = length * (1.0 - (bend * (front + lot.depth)).max(0.0)).max(0.2);

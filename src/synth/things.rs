@@ -16,7 +16,7 @@ use super::tree::{self, Level};
 static THINGS: LazyLock<BTreeMap<String, Vec<Thing>>> =
     LazyLock::new(|| shipped(include_str!("things.toml")));
 
-/// An entry of `things.toml`, which explains all of it.
+/// An entry of `things.toml`. That file explains its keys.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Thing {
@@ -88,7 +88,7 @@ impl Thing {
         Model::new(all)
     }
 
-    /// Its parts, with their points moved into the frame of another thing; radii and normals remain.
+    /// Its parts, with their points transformed into the frame of another thing. Radii and normals stay the same.
     fn parts(&self, map: &Affine3A, random: &mut Random) -> Vec<Primitive> {
         let mut all = Vec::new();
         for part in &self.parts {
@@ -105,7 +105,7 @@ impl Thing {
 }
 
 impl Hull {
-    /// The body between the outline and its mirror image, of the material for the model of this number.
+    /// The body between the outline and its mirror image, with the material for the model of this number.
     fn triangles(&self, number: usize) -> impl Iterator<Item = Primitive> {
         let mirrored = |point: Vec3| point.with_y(-point.y);
         let span = move |ends: &[Vec3]| {

@@ -10,7 +10,7 @@ use laz::{LazVlr, LazVlrBuilder};
 
 use crate::output::OutputError;
 
-/// Records of a chunk where nothing else decides: LASzip's default, what most readers are tuned for.
+/// Records of a chunk if nothing else determines it: LASzip's default, for which most readers are tuned.
 pub(crate) const CHUNK_RECORDS: u32 = 50_000;
 /// Bytes in front of the first chunk, which hold the file offset of the chunk table (i64, little-endian).
 pub(crate) const TABLE_OFFSET_BYTES: u64 = 8;
@@ -50,7 +50,7 @@ pub(crate) fn laz_vlr(point_format: u8, extra_bytes: u16, chunk: ChunkSize) -> R
 /// The data of the LASzip record (user id `laszip encoded`, record id 22204).
 ///
 /// # Errors
-/// [`OutputError::Compress`] should the encoder refuse.
+/// [`OutputError::Compress`] if the encoder refuses.
 pub(crate) fn laz_vlr_data(vlr: &LazVlr) -> Result<Vec<u8>, OutputError> {
     let mut data = Vec::new();
     vlr.write_to(&mut data).map_err(|source| compress_error(source.into()))?;
@@ -60,7 +60,7 @@ pub(crate) fn laz_vlr_data(vlr: &LazVlr) -> Result<Vec<u8>, OutputError> {
 /// The bytes of the chunk that holds exactly `records` (whole records, little-endian, as in a LAS file; not empty).
 ///
 /// # Errors
-/// [`OutputError::PartialRecord`] when the slice is no whole number of records, [`OutputError::Compress`] for a
+/// [`OutputError::PartialRecord`] if the slice is not a whole number of records, [`OutputError::Compress`] for a
 /// LASzip record with items of an unknown version.
 pub(crate) fn compress_chunk(vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8>, OutputError> {
     let record_bytes = vlr.items_size();
@@ -92,7 +92,7 @@ fn run<C: RecordCompressor<Vec<u8>>>(
 /// The bytes of the chunk table that follows the last chunk, for chunks in file order.
 ///
 /// # Errors
-/// [`OutputError::Compress`] should the encoder refuse.
+/// [`OutputError::Compress`] if the encoder refuses.
 pub(crate) fn chunk_table(vlr: &LazVlr, chunks: &[ChunkExtent]) -> Result<Vec<u8>, OutputError> {
     let mut table = ChunkTable::with_capacity(chunks.len());
     for chunk in chunks {

@@ -1,4 +1,4 @@
-//! Charts as SVG; the only user of the plotting crate. Knows nothing of what a chart is about.
+//! Charts as SVG; the only user of the plotting crate. It does not know what a chart is about.
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -21,7 +21,7 @@ pub struct ChartError {
 /// The drawing.
 ///
 /// # Errors
-/// When the plotting crate refuses, which it does for axes that are not finite.
+/// If the plotting crate refuses, for example because an axis is not finite.
 pub fn chart_svg(chart: &Chart) -> Result<String, ChartError> {
     let mut svg = String::new();
     {
@@ -32,7 +32,7 @@ pub fn chart_svg(chart: &Chart) -> Result<String, ChartError> {
     Ok(svg)
 }
 
-/// An axis as it is drawn: logarithms where it is logarithmic.
+/// An axis as drawn: a logarithmic axis has logarithms.
 struct Scale {
     logarithmic: bool,
     from: f64,
@@ -54,7 +54,7 @@ impl Scale {
         Self { logarithmic: axis.logarithmic, from, to: to + (to - from) * (0.05 + head) }
     }
 
-    /// Where a value is drawn; what a logarithmic axis cannot show stands at its beginning.
+    /// The position of a value on the axis. A value that a logarithmic axis cannot show is drawn at its beginning.
     fn place(&self, value: f64) -> f64 {
         if !self.logarithmic {
             value
@@ -65,7 +65,7 @@ impl Scale {
         }
     }
 
-    /// What is written at a mark of the axis; nothing between powers of ten.
+    /// The text at a mark of the axis. Between powers of ten it is empty.
     fn label(&self, at: f64) -> String {
         if !self.logarithmic {
             let text = format!("{at:.3}");
