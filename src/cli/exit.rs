@@ -96,7 +96,8 @@ mod tests {
     #[test]
     fn every_kind_of_failure_has_its_code() {
         let units = || {
-            let (pass, first) = ("ground".to_owned(), "unit 3: internal error: no".to_owned());
+            let pass = "ground".to_owned();
+            let first = "unit 3: internal error: no".to_owned();
             Error::from(RunError::UnitsFailed { pass, failed: 1, total: 9, first })
         };
         let interrupted = Error::from(RunError::Interrupted { pass: "ground".to_owned(), done: 1, total: 9 });

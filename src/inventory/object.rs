@@ -21,7 +21,8 @@ pub struct Site<'a> {
     pub units_m: [f64; 3],
     /// Heights of the ground.
     pub terrain: &'a Terrain,
-    /// Where a place, in metres, is along the axis. A function, so that attributes do not depend on how the axis is found.
+    /// Finds where a place, in metres, is along the axis. A function, so that attributes do not depend on how the
+    /// axis is found.
     pub locate: &'a dyn Fn([f64; 2]) -> Station,
     /// Names of the input files, in their order.
     pub file_names: &'a [&'a str],
@@ -134,7 +135,8 @@ pub(crate) mod tests {
         units_m: [f64; 3],
     ) -> Vec<Option<f64>> {
         let terrain = terrain_at(ground);
-        let (site, part) = (site(&terrain, units_m), box_part());
+        let site = site(&terrain, units_m);
+        let part = box_part();
         let mut values = Vec::new();
         attribute.finish(&Object::new(7, &part, &site), &mut values);
         let decimal = |value: &Value<'_>| match value {
@@ -154,7 +156,8 @@ pub(crate) mod tests {
     #[test]
     fn the_ground_of_an_object_is_that_below_its_centre() {
         let terrain = terrain_at(&[([1, 3], 250), ([0, 0], 900)]);
-        let (site, part) = (site(&terrain, METRES), box_part());
+        let site = site(&terrain, METRES);
+        let part = box_part();
         let object = Object::new(7, &part, &site);
         assert_eq!(object.centre, [1_524, 3_048, 2_524]);
         assert_eq!((object.ground_m, object.above_ground_m(1_000)), (Some(0.25), Some(0.75)));

@@ -91,7 +91,8 @@ impl Line {
     /// The part of this line within a range of chainage.
     pub(super) fn part(&self, from: f64, to: f64) -> Self {
         let cut = |arc: &Arc| {
-            let (from, to) = (arc.from.max(from), arc.to.min(to));
+            let from = arc.from.max(from);
+            let to = arc.to.min(to);
             (from < to).then(|| Arc { from, to, node: arc.at(from), ..*arc })
         };
         Self(self.0.iter().filter_map(cut).collect())
@@ -187,7 +188,8 @@ mod tests {
     #[test]
     fn arcs_join_without_a_gap_and_do_not_depend_on_how_far_the_street_is_laid() {
         let line = street(500.0);
-        let (a, b) = (line.at(350.0 - 1e-7), line.at(350.0 + 1e-7));
+        let a = line.at(350.0 - 1e-7);
+        let b = line.at(350.0 + 1e-7);
         assert!(a.point.distance(b.point) < 1e-6 && a.way.distance(b.way) < 1e-6);
         assert_eq!(line.at(123.0).point, street(2_000.0).at(123.0).point);
     }
@@ -211,7 +213,8 @@ mod tests {
     fn the_loop_ends_where_the_stem_ends_in_the_opposite_direction() {
         let axis = Axis::new(9, (0.4, 600.0), Some(1_400.0));
         assert!((axis.end - 1_200.0).abs() < 1e-9); // 100 m of lead, 300 m of stem, 800 m of loop
-        let (stem, closed) = (axis.line.at(400.0), axis.line.at(axis.end));
+        let stem = axis.line.at(400.0);
+        let closed = axis.line.at(axis.end);
         assert!(stem.point.distance(closed.point) < 1e-6, "{stem:?} {closed:?}");
         assert!((closed.way + stem.way).length() < 1e-6);
     }

@@ -18,12 +18,14 @@ impl Plan {
     /// Height of the ground at `offset` (left positive) from the axis at chainage `s`; there the axis passes
     /// through `node`.
     pub(super) fn height(&self, node: Node, s: f64, offset: f64) -> f64 {
-        let (section, d) = (self.section(s), offset.abs());
+        let section = self.section(s);
+        let d = offset.abs();
         let beyond = d - section.walk;
         let over = smooth(beyond / BLEND);
         // Land and slopes depend on the place, not on the chainage. Where a street returns, both parts therefore
         // agree.
-        let (on_axis, here) = (node.point, node.left(offset));
+        let on_axis = node.point;
+        let here = node.left(offset);
         let base = self.land.over(on_axis) * (1.0 - over) + self.land.over(here) * over;
         let slope = section.slopes * self.slopes.over(here);
         let dip = self.dip(s) * (beyond / FACE).clamp(0.0, 1.0);
@@ -56,7 +58,8 @@ pub(super) struct Ground {
 impl Ground {
     /// The ground of a cell; the axis is laid beyond it.
     pub(super) fn new(plan: Plan, axis: &Axis, cell: usize) -> Self {
-        let (start, end) = (cell as f64 * CELL, axis.end);
+        let start = cell as f64 * CELL;
+        let end = axis.end;
         let Node { point, way } = axis.line.at(start + CELL * 0.5);
         let far = |from, to| if end.is_finite() { axis.line.part(from, to) } else { Line::default() };
         Self {
@@ -123,7 +126,8 @@ impl Ground {
     pub(super) fn material(&self, point: Vec3) -> &'static Material {
         let local = self.turn.rotate(point.as_dvec3().truncate());
         let (s, offset) = self.line.nearest(self.origin.truncate() + local).unwrap_or_default();
-        let (section, d) = (self.plan.section(s), offset.abs());
+        let section = self.plan.section(s);
+        let d = offset.abs();
         let near = |line: f64| (d - line).abs() < 0.07;
         let centre = section.median < 0.3 && (d - 0.13).abs() < 0.06;
         let edge = near(section.lanes - 0.1) || (section.median >= 0.3 && near(section.median + 0.3));

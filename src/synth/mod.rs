@@ -64,7 +64,8 @@ const LONGEST: f64 = 75.0;
 /// `folder`. `progress` receives the points and metres so far.
 ///
 /// # Errors
-/// [`ConfigError`](crate::config::ConfigError) for settings out of range; [`OutputError`](crate::output::OutputError) when the folder is not empty or cannot be written.
+/// [`ConfigError`](crate::config::ConfigError) for settings out of range;
+/// [`OutputError`](crate::output::OutputError) if the folder is not empty or cannot be written.
 pub fn generate(
     settings: &Settings,
     folder: &Path,
@@ -104,9 +105,12 @@ impl<'a> Run<'a> {
         mut sink: Sink<'_>,
         progress: &mut (dyn FnMut(Summary) + Send),
     ) -> Result<Summary, Error> {
-        let (length, limit) = (self.settings.length(), self.settings.points.unwrap_or(u64::MAX));
-        let (mut next, mut so_far) = (0, Summary::default());
-        let (mut batch, mut lowest) = (Vec::new(), 0);
+        let length = self.settings.length();
+        let limit = self.settings.points.unwrap_or(u64::MAX);
+        let mut next = 0;
+        let mut so_far = Summary::default();
+        let mut batch = Vec::new();
+        let mut lowest = 0;
         while so_far.length_m < length && so_far.points < limit {
             let mut slices = self.slices(next, length);
             // The files of the last round are written while this one is traced.
@@ -159,7 +163,8 @@ impl<'a> Run<'a> {
         let starts = (0..ROUND).map(|number| from + number * step);
         let slice = |from: u64| {
             let [start, end] = [from, from + step].map(|profile| self.settings.scanner.time(profile, 0, 0));
-            let (window, track) = (Arc::clone(&window), self.drive.track(&self.axis.line, start..end));
+            let window = Arc::clone(&window);
+            let track = self.drive.track(&self.axis.line, start..end);
             Slice { window, track, profiles: from..from + step, records: Vec::new() }
         };
         starts.take_while(|start| self.driven(*start) < length).map(slice).collect()

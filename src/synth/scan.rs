@@ -106,7 +106,8 @@ impl Slice {
         let mounts: Vec<DMat4> = (0..scanner.heads).map(|number| mount(number, scanner.heads)).collect();
         // First echo of the previous pulse of every head.
         let mut before = [None; 2];
-        let (together, mut about) = (scanner.together(), [const { Vec::new() }; 2]);
+        let together = scanner.together();
+        let mut about = [const { Vec::new() }; 2];
         let mut echoes = Vec::with_capacity(ECHOES + 1);
         for profile in profiles.clone() {
             let aim = |pulse: u64, number: usize| {
@@ -191,7 +192,8 @@ impl Beam<'_> {
     /// The echoes of the surfaces along the beam.
     fn listen(&mut self) {
         // Nothing nearer is seen: the vehicle itself is there.
-        let (mut near, far) = (1.2, self.scanner.range_m as f32);
+        let mut near = 1.2;
+        let far = self.scanner.range_m as f32;
         while self.echoes.len() < ECHOES
             && let Some(hit) = self.window.hit(self.about, self.origin, self.direction, near, far)
         {
@@ -241,7 +243,8 @@ impl Beam<'_> {
     /// An edge between this pulse and the one before. A footprint across it returns a mixed point or two echoes.
     /// The probability is the share of the step between two pulses that the footprint covers.
     fn edge(&mut self, first: Echo, before: Echo) {
-        let (jump, near) = (before.range - first.range, before.range.min(first.range));
+        let jump = before.range - first.range;
+        let near = before.range.min(first.range);
         let step = near * (TAU / self.scanner.pulses() as f64) as f32;
         let alone = self.echoes.len() == 1 && jump.abs() >= 0.05;
         if !alone || !self.random.random_bool(f64::from(self.scanner.beam(near) / step).min(0.5)) {
@@ -280,7 +283,8 @@ mod tests {
         let down = look(0, 0.0);
         assert!(down.z < -0.9 && down.x < -0.2 && (down.length() - 1.0).abs() < 1e-12, "{down}");
         // The planes of the two heads are mirror images: y changes sign, and with it the angle.
-        let (a, b) = (look(0, 1.5), look(1, -1.5));
+        let a = look(0, 1.5);
+        let b = look(1, -1.5);
         assert!((a - DVec3::new(b.x, -b.y, b.z)).length() < 1e-9, "{a} {b}");
     }
 }

@@ -152,7 +152,8 @@ mod tests {
         let at = DVec3::new(110.0, 5.0, 0.0);
         let placed = Placed { model, at, turn, owner: Owner::Object(Arc::new(object)) };
         let window = Window::new(DVec3::X * 100.0, 0.0, vec![&placed]);
-        let (o, d) = (Vec3A::new(10.0, 5.0, 10.0), Vec3A::NEG_Z);
+        let o = Vec3A::new(10.0, 5.0, 10.0);
+        let d = Vec3A::NEG_Z;
         let about = window.about(o, d, 100.0);
         let hit = window.hit(&about, o, d, 0.0, 100.0).unwrap();
         assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
@@ -181,12 +182,15 @@ mod tests {
             Placed { model: Arc::clone(&model), at: within(30.0).as_dvec3(), turn, owner }
         };
         let placed: Vec<Placed> = (0..300).map(place).collect();
-        let (far, angle) = (60.0, 0.02);
+        let far = 60.0;
+        let angle = 0.02;
         let window = Window::new(DVec3::ZERO, far * angle, &placed);
         let all: Vec<u32> = (0..300).collect();
-        let (mut hits, mut few) = (0, 0);
+        let mut hits = 0;
+        let mut few = 0;
         for _ in 0..500 {
-            let (o, middle) = (Vec3A::from(within(30.0)), Vec3A::from(within(1.0)).normalize());
+            let o = Vec3A::from(within(30.0));
+            let middle = Vec3A::from(within(1.0)).normalize();
             let about = window.about(o, middle, far);
             few += usize::from(about.len() < 100);
             for _ in 0..20 {

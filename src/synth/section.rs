@@ -37,7 +37,8 @@ impl Section {
 
     /// The section between two others, with weight `w` from 0 to 1.
     pub(super) fn between(&self, other: &Self, w: f64) -> Self {
-        let (a, b) = (self.widths(), other.widths());
+        let a = self.widths();
+        let b = other.widths();
         bytemuck::cast::<[f64; 8], _>(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * w))
     }
 
@@ -48,7 +49,9 @@ impl Section {
 
     /// Offsets from the axis at which the profile bends, from right to left.
     pub(super) fn breaks(&self) -> impl Iterator<Item = f64> {
-        let (m, k, w) = (self.median, self.kerb, self.walk);
+        let m = self.median;
+        let k = self.kerb;
+        let w = self.walk;
         let street = [m, m + FACE, (m + k) * 0.5, k, k + FACE, self.verge.max(k + 2.0 * FACE), w, w + FACE];
         let beyond = [2.0, 5.0, 9.0, 15.0, 24.0, 36.0, 55.0].map(|d| w + d);
         let left = street.into_iter().chain(beyond);

@@ -68,7 +68,8 @@ impl Shape {
     /// Where `ray` first meets the surface.
     #[inline]
     pub(super) fn hit(&self, ray: &Ray) -> f32 {
-        let (o, d) = (ray.origin, ray.direction);
+        let o = ray.origin;
+        let d = ray.direction;
         let t = match *self {
             Self::Triangle(corners) => {
                 let [v0, v1, v2] = corners.map(Vec3A::from);
@@ -77,7 +78,8 @@ impl Shape {
             Self::Block(low, high) => Aabb::new(low.into(), high.into()).intersect_ray(ray),
             Self::Rod(from, to, radii) => return hit_rod(ray, from.into(), (to - from).into(), radii),
             Self::Disc(centre, normal, radius) => {
-                let (c, n) = (Vec3A::from(centre), Vec3A::from(normal));
+                let c = Vec3A::from(centre);
+                let n = Vec3A::from(normal);
                 let t = (c - o).dot(n) / d.dot(n);
                 if (o + d * t - c).length_squared() <= radius * radius { t } else { MISS }
             }
@@ -138,7 +140,8 @@ impl Primitive {
 /// The nearer root of a t^2 + 2 b t + c = 0 that `accept` accepts, counted from `start`.
 fn root(ray: &Ray, start: f32, [a, b, c]: [f32; 3], accept: impl Fn(f32) -> bool) -> f32 {
     let spread = (b * b - a * c).sqrt(); // NaN without a root; NaN is never within the ray
-    let (first, second) = ((-b - spread) / a, (-b + spread) / a);
+    let first = (-b - spread) / a;
+    let second = (-b + spread) / a;
     let within = |t: &f32| start + t > ray.tmin && start + t < ray.tmax && accept(*t);
     [first.min(second), first.max(second)].into_iter().find(within).map_or(MISS, |t| start + t)
 }
@@ -150,7 +153,8 @@ fn hit_rod(ray: &Ray, base: Vec3A, axis: Vec3A, [r0, r1]: [f32; 2]) -> f32 {
     let start = (base + axis * 0.5 - ray.origin).dot(d) / d.length_squared();
     let p = ray.origin + d * start - base;
     let h = axis.length_squared();
-    let (m, n) = (p.dot(axis) / h, d.dot(axis) / h);
+    let m = p.dot(axis) / h;
+    let n = d.dot(axis) / h;
     let taper = r1 - r0;
     let radius = r0 + taper * m;
     let a = d.length_squared() - n * n * h - (taper * n) * (taper * n);

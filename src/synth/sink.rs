@@ -149,7 +149,8 @@ impl<'a> Sink<'a> {
         let [x, y, z] = (base + WORLD).to_array();
         let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
         let [x1, y1, z1] = (high.as_dvec3() * 0.001 + WORLD).to_array();
-        let (tall, driven) = (z1 - z0, LEAD..LEAD + self.summary.length_m);
+        let tall = z1 - z0;
+        let driven = LEAD..LEAD + self.summary.length_m;
         let inside = u8::from(driven.contains(&s));
         self.summary.objects += 1;
         writeln!(

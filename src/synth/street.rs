@@ -34,7 +34,8 @@ struct Site<'a> {
 /// The objects in cell `index` of a plan, and its ground. The axis is laid beyond it.
 pub(super) fn cell(plan: Plan, axis: &Axis, library: &Library, index: usize) -> Vec<Placed> {
     let ground = Arc::new(Ground::new(plan, axis, index));
-    let (model, owner) = (Arc::new(ground.mesh()), Owner::Ground(Arc::clone(&ground)));
+    let model = Arc::new(ground.mesh());
+    let owner = Owner::Ground(Arc::clone(&ground));
     let turn = Mat3A::from_rotation_z(ground.turn.to_angle() as f32);
     let placed = vec![Placed { model, at: ground.origin, turn, owner }];
     let last_id = index as u32 * IDS;
@@ -58,7 +59,8 @@ impl Site<'_> {
         let on_street = |s: f64| s <= end && std::ptr::eq(plan.layout(cell_at(s)), plan.layout(cell));
         let mut whole: Option<(u64, Arc<Object>)> = None;
         for place in first..next {
-            let (group, nth) = (place / together, place % together);
+            let group = place / together;
+            let nth = place % together;
             let mut random = sequence(plan.seed, stream, place);
             let mut shared = sequence(plan.seed, stream + 1_000, group);
             let s = place as f64 * row.every + row.from + row.jitter * random.random_range(-0.5..=0.5);
@@ -79,7 +81,9 @@ impl Site<'_> {
             let model = pick(&self.library[name], &mut random);
             let turn = random.random_range(kind.turn.0..=kind.turn.1).to_radians();
             let [wide, tall] = [0; 2].map(|_| 1.0 + random.random_range(-kind.varies..=kind.varies));
-            let (class, base, height) = (kind.class, self.ground.at(place), f64::from(model.height() * tall));
+            let class = kind.class;
+            let base = self.ground.at(place);
+            let height = f64::from(model.height() * tall);
             let object = match whole {
                 Some((of, object)) if row.joined.is_some() && of == group => object,
                 _ => {
@@ -107,7 +111,8 @@ impl Site<'_> {
 
     /// Whether a thing of radius `r` may stand at a place.
     fn free(&self, place: DVec2, r: f64) -> bool {
-        let (ground, walk) = (&self.ground, self.ground.plan.section(place.x).walk);
+        let ground = &self.ground;
+        let walk = self.ground.plan.section(place.x).walk;
         let over_dip = place.y.abs() > walk && ground.plan.dip(place.x) > 0.2;
         let apart = place.y.abs().max(walk + r + 1.0);
         let crowded = ground.elsewhere(ground.line.at(place.x).left(place.y), apart).is_some();

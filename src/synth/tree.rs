@@ -46,7 +46,8 @@ fn leaf(at: Vec3, size: f32, random: &mut Random) -> Primitive {
 
 /// `count` leaves within a box.
 pub(super) fn strew(within: &Aabb, count: u16, random: &mut Random) -> Vec<Primitive> {
-    let (low, size) = (Vec3::from(within.min), Vec3::from(within.diagonal()));
+    let low = Vec3::from(within.min);
+    let size = Vec3::from(within.diagonal());
     (0..count).map(|_| leaf(low + size * random.random::<Vec3>(), 0.04, random)).collect()
 }
 
@@ -61,7 +62,8 @@ pub(super) fn grow(levels: &[Level], parent: &[Vec3], random: &mut Random) -> Ve
         let x = (f32::from(number) + random.random::<f32>()) / f32::from(level.count);
         let place = level.along[0].lerp(level.along[1], x) * pieces as f32;
         let piece = (place as usize).min(pieces - 1);
-        let (below, above) = (parent[piece], parent[piece + 1]);
+        let below = parent[piece];
+        let above = parent[piece + 1];
         let onward = (above - below).normalize();
         let azimuth = (f32::from(number) * level.turn).to_radians() + random.random_range(-0.2..=0.2);
         let outward = onward.cross(Vec3::Z).normalize_or(Vec3::X).rotate_axis(onward, azimuth);

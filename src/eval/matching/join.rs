@@ -75,7 +75,8 @@ impl Pair<'_> {
             || Worker { reader: BlockReader::default(), met: Met::new(&numbers), batch: Batch::default() };
         let workers = files.runs.par_iter().try_fold(worker, |mut worker, run| -> Result<_> {
             let Worker { reader, met, batch } = &mut worker;
-            let (file, fields) = (files.file(run), &files.fields[run.file]);
+            let file = files.file(run);
+            let fields = &files.fields[run.file];
             let time = file.layout().gps_time.filter(|_| self.with_time);
             let records = reader.records(file, run)?.chunks_exact(file.layout().record_len);
             for (record, index) in records.zip(run.first..) {
@@ -154,7 +155,8 @@ fn run_length(entries: &[Entry], key: u64) -> usize {
 fn table(pairs: Tally<[u32; 2], u64>, predicted: &[(Label, Place)], referred: &[(Label, Place)]) -> Table {
     let codes = [Predicted::Other, Predicted::Ground, Predicted::Noise];
     let cell = |[left, right]: [u32; 2]| {
-        let (ours, theirs) = (predicted[left as usize].0, referred[right as usize].0);
+        let ours = predicted[left as usize].0;
+        let theirs = referred[right as usize].0;
         let predicted = codes.into_iter().find(|code| *code as u16 == ours.class).unwrap_or_default();
         Cell { object: theirs.id, segment: ours.id, class: theirs.class, predicted }
     };

@@ -97,7 +97,8 @@ mod tests {
     fn threads_agree_on_numbers_and_their_places_add_up() {
         let numbers = Numbers::default();
         let label = |id: i64| Label { id, class: 2 };
-        let (mut one, mut other) = (Met::new(&numbers), Met::new(&numbers));
+        let mut one = Met::new(&numbers);
+        let mut other = Met::new(&numbers);
         assert_eq!(
             [one.add(label(7), [1; 3]), one.add(label(7), [2; 3]), one.add(label(0), [9; 3])],
             [0, 0, 1]

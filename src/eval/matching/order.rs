@@ -39,7 +39,8 @@ pub(super) fn count_same_files(
         for run in runs {
             let file = prediction.file(run);
             let records = reader.records(file, run)?;
-            let (predicted, referred) = (&prediction.fields[run.file], &reference.fields[run.file]);
+            let predicted = &prediction.fields[run.file];
+            let referred = &reference.fields[run.file];
             for (record, index) in records.chunks_exact(file.layout().record_len).zip(run.first..) {
                 let (segment, predicted) =
                     predicted.read(record).map_err(|label| prediction.wrong(run, index, label))?;
@@ -83,8 +84,8 @@ impl Pair<'_> {
     fn count_part(&self, runs: &[Run], readers: &mut Readers) -> Part {
         let mut counter = Counter::default();
         let different = self.walk(runs, readers, |stretch| {
-            let (predicted, referred) =
-                (&self.prediction.fields[stretch.runs.0.file], &self.reference.fields[stretch.runs.1.file]);
+            let predicted = &self.prediction.fields[stretch.runs.0.file];
+            let referred = &self.reference.fields[stretch.runs.1.file];
             let same = SamePoint::new(self, stretch.files);
             for ((left, right), index) in stretch.records().zip(stretch.first..) {
                 let Some(at) = same.position(left, right) else { return Ok(Some(index)) };
@@ -133,7 +134,8 @@ impl Pair<'_> {
                 self.reference.runs.partition_point(|other| other.first + other.count <= run.first);
             for other in self.reference.runs[overlapping..].iter().take_while(|other| other.first < end) {
                 let other_file = self.reference.file(other);
-                let (first, last) = (run.first.max(other.first), end.min(other.first + other.count));
+                let first = run.first.max(other.first);
+                let last = end.min(other.first + other.count);
                 let stretch = Stretch {
                     runs: (run, other),
                     files: (file, other_file),
@@ -188,7 +190,8 @@ impl<'b> Stretch<'b> {
 /// For each side: how many units of the finer of both lattices one unit of its lattice has.
 pub(super) fn multiples(prediction: &Catalog, reference: &Catalog) -> (i64, i64) {
     let units = |lattice: Lattice| i64::from(lattice.units_per_m());
-    let (left, right) = (units(prediction.lattice()), units(reference.lattice()));
+    let left = units(prediction.lattice());
+    let right = units(reference.lattice());
     // There are two lattices, and one is a multiple of the other.
     let finest = left.max(right);
     (finest / left, finest / right)

@@ -285,7 +285,8 @@ mod tests {
             buckets.add(&mut batch).unwrap();
         }
         assert_eq!(buckets.count(), 3);
-        let (mut found, mut taken) = (Vec::new(), Taken::default());
+        let mut found = Vec::new();
+        let mut taken = Taken::default();
         for bucket in 0..3 {
             buckets.take(bucket, &mut taken).unwrap();
             assert!(taken.entries().len() > 3_000 && taken.entries().is_sorted());

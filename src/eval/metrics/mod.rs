@@ -119,8 +119,8 @@ impl Figures {
     /// Recognition quality, TP / (TP + FP / 2 + FN / 2).
     #[must_use]
     pub fn rq(&self) -> Option<f64> {
-        let (matched, all) =
-            (2 * self.true_positives, self.objects + self.true_positives + self.false_positives);
+        let matched = 2 * self.true_positives;
+        let all = self.objects + self.true_positives + self.false_positives;
         ratio(matched as f64, all as f64)
     }
 
@@ -175,7 +175,8 @@ impl PointScore {
     fn count(table: &Table, known: bool, reference: impl Fn(u16) -> bool, predicted: Predicted) -> Self {
         let mut score = Self::default();
         for (cell, points) in table.cells.iter().filter(|_| known) {
-            let (in_reference, in_prediction) = (reference(cell.class), cell.predicted == predicted);
+            let in_reference = reference(cell.class);
+            let in_prediction = cell.predicted == predicted;
             score.reference += if in_reference { *points } else { 0 };
             score.predicted += if in_prediction { *points } else { 0 };
             score.both += if in_reference && in_prediction { *points } else { 0 };

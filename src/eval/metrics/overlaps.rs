@@ -119,7 +119,8 @@ impl Scene {
             if id <= 0 || classes.is_ground(class) || classes.is_noise(class) {
                 continue;
             }
-            let (points, centroid_m) = (total(cells), metres(&table.objects, id, lattice));
+            let points = total(cells);
+            let centroid_m = metres(&table.objects, id, lattice);
             if points < min_points {
                 scene.small_objects.push(SmallObject { id, class, points, centroid_m });
             } else {

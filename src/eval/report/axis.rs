@@ -123,10 +123,12 @@ impl Axis {
 
 /// Squared distance to the segment and chainage of its nearest point.
 fn nearest_on_segment(from: [f64; 3], to: [f64; 3], at: [f64; 3]) -> (f64, f64) {
-    let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+    let dx = to[0] - from[0];
+    let dy = to[1] - from[1];
     // Neighbouring vertices are apart, otherwise one of them would have been skipped.
     let share = (((at[0] - from[0]) * dx + (at[1] - from[1]) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
-    let (x, y) = (from[0] + share * dx - at[0], from[1] + share * dy - at[1]);
+    let x = from[0] + share * dx - at[0];
+    let y = from[1] + share * dy - at[1];
     (x * x + y * y, from[2] + share * (to[2] - from[2]))
 }
 

@@ -145,7 +145,8 @@ impl<'a> ObjectRows<'a> {
         let Self { judged, settings, chainages_m } = self;
         let scene = &judged.scene;
         let object = &scene.objects[index];
-        let (outcome, main) = (&judged.segmentation[index], object.main());
+        let outcome = &judged.segmentation[index];
+        let main = object.main();
         let segment_id = |segment: usize| scene.segments[segment].id;
         let [x_m, y_m, z_m] = object.centroid_m.map(millimetres);
         ObjectRow {

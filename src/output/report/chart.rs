@@ -43,7 +43,8 @@ impl Scale {
     /// An axis with room for `values`: some at its end, and `head` of it for what is written there.
     fn new(axis: &ChartAxis, values: impl Iterator<Item = f64>, head: f64) -> Self {
         let values = values.chain(axis.thresholds.iter().map(|threshold| threshold.1));
-        let (mut least, mut most) = (f64::INFINITY, 0.0);
+        let mut least = f64::INFINITY;
+        let mut most = 0.0;
         for value in values.filter(|value| *value > 0.0) {
             (least, most) = (value.min(least), value.max(most));
         }
@@ -178,7 +179,8 @@ mod tests {
 
     fn chart(series: Vec<Series>) -> Chart {
         let title = "a title".to_owned();
-        let (x, y) = (axis("metres", false, &[("half", 0.5)]), axis("number", true, &[("ten", 10.0)]));
+        let x = axis("metres", false, &[("half", 0.5)]);
+        let y = axis("number", true, &[("ten", 10.0)]);
         Chart { name: "test".into(), title, x, y, series }
     }
 
