@@ -1,4 +1,4 @@
-//! Attribute `files`: the input files that hold points of the object.
+//! Attribute `files`: the input files that contain points of the object.
 
 use std::borrow::Cow;
 

@@ -17,7 +17,7 @@ pub enum OutputError {
         /// Why.
         source: std::io::Error,
     },
-    /// The output folder holds something already.
+    /// The output folder is not empty.
     #[error("{path} is not empty", path = path.display())]
     NotEmpty {
         /// The folder.

@@ -44,7 +44,7 @@ pub(super) struct Window {
     /// World coordinates of the window's origin, relative to the street's.
     pub(super) origin: DVec3,
     pub(super) items: Vec<Item>,
-    /// Over the boxes of the items, wider by some metres to every side.
+    /// Hierarchy over the boxes of the items, each enlarged by some metres on every side.
     bvh: Bvh2,
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Which dimensions hold the labels, and how points are matched.
+/// Which dimensions contain the labels, and how points are matched.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CompareSettings {
     /// Dimension of the predicted segments.

@@ -156,7 +156,7 @@ impl<'a, F> Files<'a, F> {
         self.catalog.files().iter().all(|file| file.layout().gps_time.is_some())
     }
 
-    /// The run that holds the record of this index.
+    /// The run that contains the record of this index.
     fn run_of(&self, index: u64) -> &Run {
         &self.runs[self.runs.partition_point(|run| run.first + run.count <= index)]
     }

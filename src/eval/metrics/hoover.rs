@@ -11,8 +11,8 @@
 //! that counts (Hoover et al.). Sizes count all points, including the ground points of a segment.
 //!
 //! At T > 0.5 a correct pair is unique. At T = 0.5 two objects can each be exactly half of one segment, and two
-//! segments can each be exactly half of one object. Then the pair is ambiguous. It is not correct, and the next
-//! classes are tried for the object.
+//! segments can each contain exactly half of one object. Then the pair is ambiguous. It is not correct, and the
+//! next classes are tried for the object.
 
 use std::fmt;
 use std::str::FromStr;

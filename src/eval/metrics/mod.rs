@@ -55,7 +55,7 @@ pub struct Figures {
     pub objects: u64,
     /// Their points.
     pub points: u64,
-    /// Objects without a point in any segment: USR, OSR and OA do not count them.
+    /// Objects without a point in any segment: USR, OSR and OA do not count them as errors.
     pub without_segment: u64,
     /// Under-segmented objects.
     pub under: u64,

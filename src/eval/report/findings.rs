@@ -19,7 +19,7 @@ pub struct Finding {
     /// Id of the predicted segment, when it is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segment: Option<i64>,
-    /// Class code; none for a segment that holds no point of an object.
+    /// Class code; none for a segment that contains no point of an object.
     pub class: Option<u16>,
     /// What the class is called.
     pub class_name: Option<String>,
@@ -64,7 +64,7 @@ pub struct Behind<'a> {
     pub under_segmented: Findings<'a>,
     /// OSR: over-segmented objects.
     pub over_segmented: Findings<'a>,
-    /// Objects that USR and OSR do not count, because no segment contains a point of them.
+    /// Objects that USR and OSR do not count as errors, because no segment contains a point of them.
     pub without_segment: Findings<'a>,
     /// F1, PQ, RQ: objects without a match.
     pub false_negatives: Findings<'a>,

@@ -39,7 +39,7 @@ fn head(report: &Report<'_>) -> String {
     );
     if report.overall.without_segment > 0 {
         text += &format!(
-            "{} objects have no segment at all: USR, OSR and OA do not count them\n",
+            "{} objects have no segment at all: USR, OSR and OA do not count them as errors\n",
             report.overall.without_segment
         );
     }

@@ -19,7 +19,7 @@ const VERSION: u32 = 1;
 pub struct Provenance {
     /// Files of the prediction.
     pub prediction: Vec<String>,
-    /// Files of the reference; those of the prediction when they hold the reference too.
+    /// Files of the reference; those of the prediction if they contain the reference too.
     pub reference: Vec<String>,
     /// Dimension of the segments.
     pub prediction_dim: String,

@@ -12,10 +12,10 @@ use crate::output::OutputError;
 
 /// Records of a chunk if nothing else determines it: LASzip's default, for which most readers are tuned.
 pub(crate) const CHUNK_RECORDS: u32 = 50_000;
-/// Bytes in front of the first chunk, which hold the file offset of the chunk table (i64, little-endian).
+/// Bytes in front of the first chunk, which contain the file offset of the chunk table (i64, little-endian).
 pub(crate) const TABLE_OFFSET_BYTES: u64 = 8;
 
-/// How many records a chunk holds.
+/// How many records a chunk has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ChunkSize {
     /// This many, the last chunk excepted; LASzip's own default is 50,000.
@@ -57,7 +57,7 @@ pub(crate) fn laz_vlr_data(vlr: &LazVlr) -> Result<Vec<u8>, OutputError> {
     Ok(data)
 }
 
-/// The bytes of the chunk that holds exactly `records` (whole records, little-endian, as in a LAS file; not empty).
+/// The bytes of the chunk that contains exactly `records` (whole records, little-endian, as in a LAS file; not empty).
 ///
 /// # Errors
 /// [`OutputError::PartialRecord`] if the slice is not a whole number of records, [`OutputError::Compress`] for a

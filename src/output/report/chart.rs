@@ -40,7 +40,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// An axis with room for `values`: some at its end, and `head` of it for what is written there.
+    /// An axis with room for `values`, a margin at its end, and the share `head` of its length for the text there.
     fn new(axis: &ChartAxis, values: impl Iterator<Item = f64>, head: f64) -> Self {
         let values = values.chain(axis.thresholds.iter().map(|threshold| threshold.1));
         let mut least = f64::INFINITY;
