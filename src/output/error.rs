@@ -103,7 +103,7 @@ pub enum OutputError {
         name: String,
         /// Points planned.
         promised: u64,
-        /// Points that came.
+        /// Points written.
         written: u64,
     },
     /// Chunks were asked of a copy that has none.

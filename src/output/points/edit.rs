@@ -215,7 +215,7 @@ fn patch_header(
         put(prologue, EVLR_COUNT, &evlrs.to_le_bytes());
     }
     if input.header().counts.len() > 1 {
-        // The two counts of the input disagree. The copy has the number of points that it contains.
+        // The two counts of the input disagree. The copy states the number of points that it contains.
         let points = input.point_count();
         put(prologue, LEGACY_POINTS, &u32::try_from(points).unwrap_or(0).to_le_bytes());
         put(prologue, POINTS, &points.to_le_bytes());
