@@ -1,8 +1,8 @@
-"""Charts as SVG whose bytes repeat, for the scripts that draw one beside their tables."""
+"""Charts as SVG with reproducible bytes, for the scripts that draw one beside their tables."""
 
 
 def plots():
-    """matplotlib.pyplot, or None where it is absent, which is said."""
+    """matplotlib.pyplot, or None with a message if it is absent."""
     try:
         import matplotlib
     except ImportError as missing:

@@ -63,7 +63,7 @@ dependencies() {
         return
     fi
     cargo deny --locked check --hide-inclusion-graph bans licenses sources || return
-    # The database of advisories is a git repository, which not every network lets through.
+    # The database of advisories is a git repository, which some networks block.
     if timeout 60 cargo deny --locked fetch db >/dev/null 2>&1; then
         cargo deny --locked --offline check --hide-inclusion-graph advisories
     else

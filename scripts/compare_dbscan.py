@@ -4,7 +4,7 @@
 usage: compare_dbscan.py PROGRAM [TABLE.txt ...]
 
 Tables have two coordinates and no header. Border points are not compared: scikit-learn gives them to the first
-cluster that finds them, chainage to the nearest core point. Ends with 1 when anything differs.
+cluster that finds them, chainage to the nearest core point. Exit code 1: something differs.
 """
 
 import csv

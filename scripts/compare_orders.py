@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Writes a scene with its records shuffled and cut into five files, and compares what chainage made of them.
+"""Writes a scene with its records shuffled and cut into five files, and compares the results of chainage.
 
     scripts/compare_orders.py write SCENE.laz FOLDER
     scripts/compare_orders.py compare LABELLED.laz ORDER.npy SHUFFLED.las SPLIT_1.las ... SPLIT_5.las
 
-Used by scripts/exactness.sh. Compared are the partition (every object by its first point) and the classes, point by
-point. Needs laspy[lazrs] and numpy.
+Used by scripts/exactness.sh. It compares the partition (every object by its first point) and the classes,
+point by point. Needs laspy[lazrs] and numpy.
 """
 
 import pathlib

@@ -3,10 +3,10 @@
 
 usage: compare_speed_dbscan.py PROGRAM SCENE.laz FOLDER [--install]
 
-The points are those of the scene that are neither ground nor noise for the program; epsilon is 0.3 m. For the program the
-passes `cluster` and `epsilon` are timed, which read their points from the drive and store what they find; for the others the
-one call with all points in memory. Medians of three rounds. What is not installed is skipped with a line that says so;
---install first tries to install Open3D into FOLDER/packages with pip. FOLDER takes state and packages.
+The points are those of the scene that the program takes for neither ground nor noise. Epsilon is 0.3 m. For the program
+the passes `cluster` and `epsilon` are timed: they read their points from the drive and store their results. For the others
+one call is timed, with all points in memory. Medians of three rounds. Libraries that are not installed are skipped with a
+line. --install first tries to install Open3D into FOLDER/packages with pip. FOLDER takes state and packages.
 """
 
 import json

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Digests of everything that a user gets, to prove that a change of the code changes none of it.
+"""Digests of all outputs, to prove that a change of the code does not change them.
 
     scripts/digest.py              prints "DIGEST  CASE/FILE" lines
-    scripts/digest.py --check      compares them with tests/digests.txt; exit code 1 names what differs
+    scripts/digest.py --check      compares them with tests/digests.txt; exit code 1 if one differs, with its name
     scripts/digest.py --write      writes tests/digests.txt
 
 Every method runs on the shipped samples and, where present, on the shared data (CHAINAGE_SHARED_DATA, else
-../shared/data); `--check` compares the cases that could run and says which it skipped. Labelled files, tables, charts and
-printed JSON are taken byte by byte. Of `report.json` everything but times, memory and the list of passes counts.
+../shared/data); `--check` compares the cases that could run and names the skipped ones. Labelled files, tables, charts and
+printed JSON are compared byte by byte. Times, memory and the list of passes in `report.json` are ignored.
 Needs a release build (target/release/chainage, or CHAINAGE) and Python 3 without further packages.
 """
 
@@ -28,10 +28,10 @@ SWEEP = ROOT / "tests/data/tree_road_sweep.laz"
 PROFILES = ROOT / "tests/data/mls_profiles.las"
 AUTO = ["--method", "dbscan", "--set", "dbscan.epsilon=auto"]
 
-# What differs from call to call, or says how and not what.
+# Values that differ from call to call, or that say how a result was computed.
 VOLATILE = {"seconds", "passes", "peak_resident_bytes", "program", "prediction", "reference"}
 
-# The plan, and so the number of tiles, follows from threads and memory.
+# The plan, and with it the number of tiles, follows from threads and memory.
 EVERY_RUN = ["--progress", "none", "--threads", "2", "--memory", "2G"]
 
 # Name, input, arguments of `run`.
@@ -66,12 +66,12 @@ TABLES = [
     ("aggregation-p-linkage", DATA / "tables/Aggregation.txt", ["--method", "p-linkage", "--scale", "2", "--merge"]),
 ]
 
-# Method settings live under names that versions may change; the values that a run used are proved by its outputs.
+# Versions may rename the settings of methods. The outputs prove the values that a run used.
 REPORT_KEYS = ("input", "crs", "lattice_step_m", "axis", "result")
 
 
 def call(*arguments):
-    """Standard output of the program; its message and an exit where it fails."""
+    """Standard output of the program. If it fails, this prints its message and exits."""
     done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, check=False)
     if done.returncode != 0:
         sys.exit(f"{' '.join(map(str, arguments))}: exit code {done.returncode}\n{done.stderr.decode()}")
@@ -79,7 +79,7 @@ def call(*arguments):
 
 
 def steady(value):
-    """A JSON value without what differs from call to call."""
+    """A JSON value without the values that differ from call to call."""
     if isinstance(value, dict):
         return {key: steady(inner) for key, inner in value.items() if key not in VOLATILE}
     return [steady(inner) for inner in value] if isinstance(value, list) else value

@@ -4,8 +4,8 @@
 #
 #     scripts/exactness.sh [FOLDER-OF-SHARED-DATA] [SCENE...]
 #
-# Needs a release build (target/release/chainage, or CHAINAGE); scenes that are not there are skipped with a line, and so
-# is the comparison of shuffled and split files where python3 has no laspy. Exit code 1: something differs.
+# Needs a release build (target/release/chainage, or CHAINAGE). A missing scene is skipped with a line. Shuffled and
+# split files are skipped if python3 has no laspy. Exit code 1: something differs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 program=${CHAINAGE:-target/release/chainage}
@@ -67,7 +67,7 @@ for scene in "${scenes[@]}"; do
     same "$scratch/whole" "$scratch/tiled" "$name, as the memory allows"
     rm -rf "$scratch/tiled"
 
-    # The same points as LAS: labelled as LAS, they must be the labelled LAZ unpacked, whatever the tiles were.
+    # The same points as LAS. Labelled as LAS, they must equal the unpacked labelled LAZ, for any tiles.
     run "$scratch/unpacked" "$laz" -- --output-format las --keep-classification --tile-length 60
     mkdir -p "$scratch/las-in"
     mv "$scratch/unpacked/$name.las" "$scratch/las-in/$name.las"

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# Peak memory stays flat over any length of drive: a scene once, 4 and 16 times in a row, with one memory budget.
+# Peak memory is the same for any length of drive: a scene once, 4 and 16 times in a row, with one memory budget.
 #
 #     scripts/flat_memory.sh [--method METHOD] [SCENE.laz] [MEMORY-MIB] [COPIES...]
 #
-# METHOD is euclidean unless it is given. Prints points, time and peak resident set (mapped pages included) of each, that run of five
-# that is in the middle: whether both workers need most at the same moment is chance. Exit code 1 when the largest exceeds the
-# smallest by more than 10 %, or the budget by more than 150 MiB. Needs a release build (or CHAINAGE), python3 with
-# laspy[lazrs] and, for 16 copies of the default scene, 12 GB of disk.
+# METHOD is euclidean by default. For each length it prints points, time and peak resident set (mapped pages
+# included). These are medians by peak of five runs, because it is chance whether both workers need most at the same
+# moment. Exit code 1 if the largest peak exceeds the smallest by more than 10 %, or the budget by more than 150
+# MiB. Needs a release build (or CHAINAGE), python3 with laspy[lazrs] and, for 16 copies of the default scene, 12 GB
+# of disk.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 program=${CHAINAGE:-target/release/chainage}

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Kills a run at random moments (SIGKILL, seeded), again and again, lets it finish, and compares every output but the
-# report with those of an undisturbed run, byte for byte; for LAZ and for LAS.
+# Kills a run again and again at random moments (SIGKILL, seeded), then lets it finish. Compares every output except
+# the report with those of an undisturbed run, byte for byte; for LAZ and for LAS.
 #
 #     scripts/kill_and_resume.sh [--method METHOD] [SCENE.laz] [KILLS] [TILE-LENGTH]
 #
-# Without a scene: downtown_ts2.laz of the shared data if it is there, else the shipped sample. A run that is finished
-# before all kills are spent is compared, and another one begun. Needs a release build (or CHAINAGE). Exit code 1: an
-# output differs.
+# Without a scene it uses downtown_ts2.laz of the shared data if it is there, else the shipped sample. If a run
+# finishes before all kills are spent, it is compared and another one is started. Needs a release build (or
+# CHAINAGE). Exit code 1: an output differs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 program=${CHAINAGE:-target/release/chainage}
@@ -57,10 +57,10 @@ for kind in laz las; do
     run undisturbed
     whole_ms=$((($(date +%s%N) - began) / 1000000))
     began=$(date +%s%N)
-    run undisturbed # once more: what it takes to find that there is nothing to do
+    run undisturbed # once more: measures the time to find that there is nothing to do
     start_ms=$((($(date +%s%N) - began) / 1000000))
-    # Moments are uniform over what a start and twice an equal share of the work take: one run takes about all kills, and
-    # they fall into every pass, because what was finished stays.
+    # Each kill comes at a uniformly random moment within the time of a start and twice an equal share of the work.
+    # So one run takes about all kills, and they fall into every pass, because finished work is kept.
     shortest=$((start_ms / 2 + 1))
     span=$((start_ms + 2 * whole_ms / kills + 1))
     spent=0 hit=0 finished=0
@@ -84,7 +84,7 @@ for kind in laz las; do
     run killed
     same "$kind"
     rm -rf "$scratch/killed" "$scratch/undisturbed"
-    echo "$method, $name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) run(s) came to the same bytes"
-    echo "  by the pass that was under way: $(sort "$scratch/passes" | uniq -c | awk '{ printf "%s %s  ", $2, $1 }')"
+    echo "$method, $name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) run(s) gave the same bytes"
+    echo "  by the pass in progress: $(sort "$scratch/passes" | uniq -c | awk '{ printf "%s %s  ", $2, $1 }')"
 done
 echo "kill_and_resume: passed"

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Memory of synth, run and eval over the length of a drive, as a table for benches/results.
+# Memory of synth, run and eval for different lengths of a drive, as a table for benches/results.
 #
 #     scripts/lengths.sh [KILOMETRES...]        1 4 16
 #
-# The preset is mixed, as LAS, with a pulse rate that gives 12.5 million points per kilometre and a seed whose first
-# kilometre has the densest kind of street; run has a budget of 150 MiB, so that the shortest drive has a dozen tiles.
-# Peaks are resident sets with mapped pages; run and eval are measured three times, medians count: whether the workers
-# need most at the same moment is chance.
-# Exit code 1 when the largest peak of a command exceeds its smallest by more than 10 %.
+# The drive is mixed, as LAS. Its pulse rate gives 12.5 million points per kilometre. The first kilometre of its
+# seed has the densest kind of street. run has a budget of 150 MiB, so that the shortest drive has a dozen tiles.
+# Peaks are resident sets with mapped pages. run and eval are measured three times, and medians count, because it is
+# chance whether the workers need most at the same moment.
+# Exit code 1 if the largest peak of a command exceeds its smallest by more than 10 %.
 # Needs a release build (or CHAINAGE), GNU time, python3 and, for 16 km, 20 GB of disk.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -29,7 +29,7 @@ for kilometres in "${lengths[@]}"; do
     for _ in 1 2 3; do
         rm -rf "$scratch/out"
         measure "$kilometres" run "$scratch/drive" -o "$scratch/out" --memory 150M --progress none
-        # The labelled copies against the drive, matched by record order: what eval reads of two sets of files.
+        # eval compares the labelled copies with the drive, matched by record order: it reads two sets of files.
         measure "$kilometres" eval "$scratch"/out/*.las --reference "$scratch/drive" --json "$scratch/eval.json"
     done
     python3 -c "import json, sys; print(sys.argv[1], 'points', json.load(open(sys.argv[2]))['counts']['points'], 0)" \

@@ -4,12 +4,12 @@
     scripts/render.py FILES.laz -o picture.png --by cluster_id [--azimuth 30] [--elevation 35] [--width 1600]
     scripts/render.py FILES.laz -o picture.png --by gt_class --trajectory trajectory.csv --at 40 [--up 6] [--tilt 8]
 
---at is in metres along the trajectory; from there one looks along it, --up metres above it, --tilt degrees down. Nearer
-points are drawn larger, and edges of depth dark.
+--at is in metres along the trajectory. The view from there is along the trajectory, --up metres above it, --tilt degrees
+down. Nearer points are drawn larger, and edges of depth are dark.
 
 --by takes cluster_id (or any integer dimension: one colour per value, 0 is grey), gt_class (classes of `chainage
-synth`), class (LAS classes), intensity, or height. --box xmin ymin xmax ymax cuts a window; --ground false leaves ground out; --tiles M draws
-every tile of M metres along x with ids of its own, as a tile-by-tile tool would number them (dimension is then
+synth`), class (LAS classes), intensity, or height. --box xmin ymin xmax ymax cuts a window. --ground false leaves ground out. --tiles M
+draws every tile of M metres along x with its own ids, as a tile-by-tile tool would number them (the dimension is then
 `cluster_id` combined with the tile). Needs numpy, laspy[lazrs] and pillow.
 """
 
@@ -47,7 +47,7 @@ def parse():
 
 
 def colours_of(ids):
-    """One colour per id by hashing, bright enough to be told apart; 0 is grey."""
+    """One colour per id by hashing, bright enough to be distinguished; 0 is grey."""
     mixed = ids.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     mixed ^= mixed >> np.uint64(29)
     mixed *= np.uint64(0xBF58476D1CE4E5B9)
@@ -108,7 +108,7 @@ def load(args):
 
 
 def camera(args):
-    """Position, and the directions right, up and ahead, of someone on the trajectory who looks along it."""
+    """Position, and the directions right, up and ahead, of a viewer on the trajectory who looks along it."""
     with open(args.trajectory, newline="") as rows:
         way = np.array([[float(row[axis]) for axis in "xyz"] for row in csv.DictReader(rows)])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T))])
@@ -131,7 +131,7 @@ def draw_perspective(xyz, rgb, args):
     row = (height / 2 - focus * (centred @ up) / depth).astype(int)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     column, row, rgb, depth = column[inside], row[inside], rgb[inside], depth[inside]
-    # A point is some 4 cm wide: farther ones first, each as many pixels as it covers.
+    # A point is some 4 cm wide. Farther points are drawn first, each with as many pixels as it covers.
     size = np.clip(0.04 * focus / depth, 1, 6).astype(int)
     order = np.argsort(-depth, kind="stable")
     image = np.full((height, width, 3), 255, np.uint8)
@@ -152,7 +152,7 @@ def draw_perspective(xyz, rgb, args):
 
 
 def edges(far):
-    """Eye-dome lighting: how much light a pixel keeps whose neighbours are nearer."""
+    """Eye-dome lighting: share of its light that a pixel keeps if its neighbours are nearer."""
     filled = np.where(np.isinf(far), 500.0, far)
     log = np.log2(filled)
     drop = np.zeros_like(log)

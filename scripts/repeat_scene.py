@@ -4,7 +4,7 @@
     scripts/repeat_scene.py SCENE.laz OUT.las 16 [--shuffle] [--files 5]
 
 Used by scripts/flat_memory.sh and by the speed figures. Needs laspy[lazrs] and numpy. Memory stays at a few copies of
-one scene. --shuffle permutes the records; --files cuts the drive into so many files OUT_1.las, OUT_2.las, ...
+one scene. --shuffle permutes the records; --files N cuts the drive into N files OUT_1.las, OUT_2.las, ...
 """
 
 import argparse

@@ -4,9 +4,9 @@
 #
 #     scripts/score.sh [METHOD,...] [LENGTH] [FOLDER]        euclidean,density-peaks 300m
 #
-# A METHOD that ends in .toml is a configuration, and named after its file: euclidean,config/dense-trees.toml.
-# FOLDER keeps report.json and the evaluation of every run, and runs that are there already are not done again. Needs a
-# release build (or CHAINAGE) and python3; the labelled scenes are left out where they are not there.
+# A METHOD that ends in .toml is a configuration and is named after its file: euclidean,config/dense-trees.toml.
+# FOLDER keeps report.json and the evaluation of every run. Runs that are there already are not repeated. Needs a
+# release build (or CHAINAGE) and python3. Labelled scenes that are missing are left out.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 program=${CHAINAGE:-target/release/chainage}

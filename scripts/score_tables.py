@@ -3,7 +3,7 @@
 
     scripts/score_tables.py FOLDER METHOD,... DRIVE...
 
-FOLDER holds DRIVE.METHOD.report.json and DRIVE.METHOD.eval.json.
+FOLDER contains DRIVE.METHOD.report.json and DRIVE.METHOD.eval.json.
 """
 
 import json

@@ -3,8 +3,8 @@
 
     scripts/seams.py STREET.las FOLDER [--tile 25] [--chainage target/release/chainage] [options of scripts/render.py]
 
-Writes FOLDER/tile_by_tile.png and FOLDER/chainage.png and prints how many ids each way gives and how many objects are
-cut. Tile by tile, ids restart in every tile, as they do in tools that process tiles independently. Needs numpy,
+Writes FOLDER/tile_by_tile.png and FOLDER/chainage.png and prints the number of ids of both and the number of objects
+that are cut. Tile by tile, ids restart in every tile, as they do in tools that process tiles independently. Needs numpy,
 laspy[lazrs] and pillow.
 """
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Moves the settings of `density-peaks` around their defaults, one at a time, and tabulates the scores.
+"""Moves the settings of `density-peaks` around their defaults, one at a time, and prints tables of the scores.
 
     scripts/study_density_peaks.py PROGRAM RESULTS FOLDER [SCENE.laz...]
 
-Drives: the scenes named, and 60 m each of the presets avenue and mixed. FOLDER takes state and synthetic drives; what is
-there is not done again. RESULTS takes density-peaks-study.md and density-peaks-study.svg. VS moves the voxels of all
-steps and keeps the other lengths in metres, as Table 2 of the paper has them; the others are in voxels of 0.3 m.
+Drives: the scenes named, and 60 m each of the presets avenue and mixed. FOLDER takes state and synthetic drives; results
+that are there are not computed again. RESULTS takes density-peaks-study.md and density-peaks-study.svg. VS moves the voxels of all
+steps and keeps the other lengths in metres, as in Table 2 of the paper. The other settings are in voxels of 0.3 m.
 """
 
 import json
@@ -38,7 +38,7 @@ def settings_of(name, value):
 
 
 def score(program, drive, out, name, value):
-    """What `run` and `eval` say; kept in a file beside the state."""
+    """The results of `run` and `eval`; kept in a file beside the state."""
     kept = out.parent / f"{out.name}-{name}-{value}.json"
     if kept.exists():
         return json.loads(kept.read_text())
@@ -97,7 +97,7 @@ def page(results):
 
 
 def draw(path, results):
-    """OA and F1* over each setting; nothing where matplotlib is absent."""
+    """OA and F1* over each setting; nothing if matplotlib is absent."""
     plt = plots()
     if plt is None:
         return

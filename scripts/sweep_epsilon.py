@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Runs `dbscan` with epsilons around the estimate on a labelled scene, and tabulates what became of its objects.
+"""Runs `dbscan` with epsilons around the estimate on a labelled scene, and prints a table of the detected objects.
 
 usage: sweep_epsilon.py PROGRAM SCENE.laz FOLDER
 
-FOLDER takes the state of the runs and the results: SCENE-epsilon.md, SCENE-epsilon.svg and SCENE-epsilon.json. The estimate is that of
-`chainage cluster --epsilon auto` on the points that are neither ground nor noise; the sweep goes from 0.4 to 3 times
-the estimate, as Tables 5 and 6 of paper 002 do around theirs.
+FOLDER takes the state of the runs and the results: SCENE-epsilon.md, SCENE-epsilon.svg and SCENE-epsilon.json. The
+estimate is that of `chainage cluster --epsilon auto` on the points that are neither ground nor noise. The sweep goes from
+0.4 to 3 times the estimate, like Tables 5 and 6 of Wang et al. 2019 (doi:10.3390/s19010172).
 """
 
 import json
@@ -39,7 +39,7 @@ def run(program, scene, out, epsilon):
 
 
 def estimate(program, points, folder):
-    """The program's estimate over points that it takes for parts of objects."""
+    """The program's estimate over the points that it assigns to objects."""
     table = folder / "objects.csv"
     np.savetxt(table, points, fmt="%.3f", delimiter=",", header="x,y,z", comments="")
     done = subprocess.run(
@@ -94,7 +94,7 @@ def page(scene, points, found, rows):
 
 
 def draw(path, scene, found, rows):
-    """Shares over epsilon, the estimate marked; nothing where matplotlib is absent."""
+    """Shares over epsilon, the estimate marked; nothing if matplotlib is absent."""
     plt = plots()
     if plt is None:
         return

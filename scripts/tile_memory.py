@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Peak memory of each pass over one tile that holds a whole scene, per point: what BYTES_PER_POINT of the passes must cover.
+"""Peak memory per point of each pass over one tile that contains a whole scene. BYTES_PER_POINT of the passes must cover it.
 
     scripts/tile_memory.py PROGRAM FILE.las [METHOD...]
 
-Anonymous resident memory (mapped files left out) is sampled every millisecond while one thread works on one tile; the pass
-is read from the log of the run. Figures are per point of the tile, ground included, and per point of objects: tiles are planned by the former.
+Anonymous resident memory (without mapped files) is sampled every millisecond while one thread works on one tile. The
+pass is read from the log of the run. Figures are per point of the tile, including ground, and per point of objects. The
+planning of tiles uses the former.
 """
 
 import json

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Draws the objects of a labelled scene that a run has lost most points of: prediction beside reference.
+"""Draws the objects of a labelled scene of which a run has lost most points: prediction beside reference.
 
     scripts/worst_objects.py OUT EVAL.json FOLDER [--count 10]
 
-OUT is the folder of a run, EVAL.json what `chainage eval OUT --json EVAL.json` wrote. An object's loss is its points times
+OUT is the folder of a run. `chainage eval OUT --json EVAL.json` writes EVAL.json. An object's loss is its points times
 (1 - best IoU). FOLDER gets sheets of five objects: predicted segments left, reference right, from above and from the side;
-colours stand for segments or objects, light grey is ground, dark grey is no segment. The table that goes with them is
+colours are segments or objects, light grey is ground, dark grey is no segment. The table of these objects is
 printed. Needs numpy, laspy[lazrs] and pillow.
 """
 

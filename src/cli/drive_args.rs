@@ -78,7 +78,7 @@ impl Settings {
         arguments
     }
 
-    /// The same over another file.
+    /// The configuration with another file.
     pub(crate) fn resolve_over(
         &self,
         file: Option<&Path>,

@@ -1,4 +1,4 @@
-//! Exit codes, and how an error is told: once, with its causes and the next command to type.
+//! Exit codes, and how an error is reported: once, with its causes and the next command to type.
 
 use std::io::{self, Write};
 
@@ -22,10 +22,10 @@ pub(crate) type Outcome = Result<u8, CliError>;
 /// A command that did not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
-    /// The library says no.
+    /// The library returned an error.
     #[error(transparent)]
     Library(#[from] Error),
-    /// Standard output or a file of the command line's own cannot be written.
+    /// Standard output or a file of the command line itself cannot be written.
     #[error("cannot write {target}")]
     Write { target: String, source: io::Error },
 }
@@ -36,7 +36,7 @@ impl CliError {
         Self::Write { target: "to standard output".to_owned(), source }
     }
 
-    /// Whether the reader of a pipe went away, which is no failure of ours.
+    /// Whether the reader closed the pipe. This is not a failure.
     pub(crate) fn is_broken_pipe(&self) -> bool {
         matches!(self, Self::Write { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
     }
@@ -59,7 +59,7 @@ impl CliError {
         }
     }
 
-    /// Tells the error on standard error.
+    /// Reports the error on standard error.
     pub(crate) fn print(&self) {
         let mut text = format!("error: {self}\n");
         let mut cause = std::error::Error::source(self);
@@ -72,7 +72,7 @@ impl CliError {
         {
             text.push_str(&format!("hint: {hint}\n"));
         }
-        // Where standard error is closed there is nobody left to tell.
+        // If standard error is closed, nothing can be reported.
         let _ = io::stderr().write_all(text.as_bytes());
     }
 }
@@ -96,7 +96,8 @@ mod tests {
     #[test]
     fn every_kind_of_failure_has_its_code() {
         let units = || {
-            let (pass, first) = ("ground".to_owned(), "unit 3: internal error: no".to_owned());
+            let pass = "ground".to_owned();
+            let first = "unit 3: internal error: no".to_owned();
             Error::from(RunError::UnitsFailed { pass, failed: 1, total: 9, first })
         };
         let interrupted = Error::from(RunError::Interrupted { pass: "ground".to_owned(), done: 1, total: 9 });

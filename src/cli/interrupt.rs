@@ -9,7 +9,8 @@ use crate::cli::exit::{self, CliError};
 
 /// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume.
 pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
-    let (cancel, asked) = (Arc::clone(cancel), AtomicBool::new(false));
+    let cancel = Arc::clone(cancel);
+    let asked = AtomicBool::new(false);
     ctrlc::set_handler(move || {
         if asked.swap(true, Ordering::Relaxed) {
             // The state is consistent at every moment, so leaving at once loses only what is in flight.

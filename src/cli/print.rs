@@ -42,7 +42,7 @@ impl JsonOutput {
     }
 }
 
-/// Writes a result where it was asked for; whether that was standard output.
+/// Writes a result to its destination. Returns whether this is standard output.
 pub(crate) fn deliver(
     to: Option<&Path>,
     content: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -52,7 +52,7 @@ pub(crate) fn deliver(
         return Ok(save(path, content).map(|()| false).map_err(chainage::Error::from)?);
     }
     match to_standard_output(content) {
-        // A reader that has seen enough does not keep other results from being written.
+        // If a reader closes the pipe early, the other results are still written.
         Err(error) if !error.is_broken_pipe() => Err(error),
         _ => Ok(true),
     }

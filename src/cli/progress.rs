@@ -153,6 +153,6 @@ impl Observer for Progress {
 }
 
 fn line(text: &str) {
-    // Where standard error is closed there is nobody left to tell.
+    // If standard error is closed, nothing can be reported.
     let _ = std::io::stderr().write_all(format!("{text}\n").as_bytes());
 }

@@ -8,7 +8,7 @@ use chainage::config::ConfigError;
 use chainage::spatial::Points;
 use chainage::table::Table;
 
-/// A table and the points that its rows are.
+/// A table, and its rows as points.
 pub(crate) struct TablePoints {
     pub(crate) table: Table,
     /// The columns that are the coordinates.
@@ -17,8 +17,8 @@ pub(crate) struct TablePoints {
 }
 
 impl TablePoints {
-    /// Reads a table; `columns` by name or number, all numeric ones where none are named. With weights (one per column, or
-    /// none for all 1) columns are standardised.
+    /// Reads a table. `columns` are names or numbers; if there are none, all numeric columns are used. With weights
+    /// (one per column, or none for all 1) columns are standardised.
     pub(crate) fn read(
         path: &Path,
         header: bool,
@@ -46,7 +46,7 @@ pub(crate) fn is_table(path: &Path) -> bool {
     matches!(extension.as_deref(), Some("csv" | "txt" | "tsv"))
 }
 
-/// Estimates epsilon, with `first` neighbours or as many more as it takes.
+/// Estimates epsilon with `first` neighbours, or with more if they are needed.
 pub(crate) fn estimate(points: &Points, first: usize) -> chainage::Result<Estimate> {
     let mut k = first;
     loop {

@@ -37,7 +37,7 @@ impl ClassTable {
     /// Reads a table from the TOML `text` of `origin` (a file, for messages).
     ///
     /// # Errors
-    /// [`ConfigError::Syntax`] when it is no TOML, [`ConfigError::Value`] when a key or a code is not as expected.
+    /// [`ConfigError::Syntax`] if it is not TOML, [`ConfigError::Value`] if a key or a code is not as expected.
     pub fn parse(origin: &str, text: &str) -> Result<Self, ConfigError> {
         let table = text
             .parse::<toml::Table>()

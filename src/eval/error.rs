@@ -65,8 +65,8 @@ pub enum EvalError {
         /// The dimensions that it has.
         known: Vec<String>,
     },
-    /// A dimension of a type that holds no ids.
-    #[error("dimension {name} of {path} is of type {data_type}, which holds no single number", path = path.display())]
+    /// A dimension of a type that contains no ids.
+    #[error("dimension {name} of {path} is of type {data_type}, which does not contain single numbers", path = path.display())]
     DimensionType {
         /// The file.
         path: PathBuf,
@@ -76,7 +76,7 @@ pub enum EvalError {
         data_type: u8,
     },
     /// A label that is not a whole number in range.
-    #[error("{name} = {value} in record {record} of {path} is no {expected}", path = path.display())]
+    #[error("{name} = {value} in record {record} of {path} is not {expected}", path = path.display())]
     Label {
         /// The file.
         path: PathBuf,
@@ -84,9 +84,9 @@ pub enum EvalError {
         record: u64,
         /// The dimension.
         name: String,
-        /// What it holds.
+        /// Its value.
         value: String,
-        /// What would do.
+        /// What would be valid.
         expected: &'static str,
     },
     /// The two sides do not have the same number of points.
@@ -109,7 +109,7 @@ pub enum EvalError {
          of the reference"
     )]
     Unmatched {
-        /// Points of the prediction without one; as many as of the reference.
+        /// Points of the prediction without a counterpart; the reference has as many.
         unmatched: u64,
         /// Points of each side.
         points: u64,
@@ -118,7 +118,7 @@ pub enum EvalError {
         /// The first such point of the reference.
         reference: Box<PointSite>,
     },
-    /// A trajectory that cannot be read as one.
+    /// A trajectory file with an invalid line.
     #[error("line {line} of {path}: expected {expected}", path = path.display())]
     Trajectory {
         /// The file.

@@ -1,7 +1,8 @@
 //! The sparse contingency table: how many points every combination of labels has. Not: what that means.
 //!
-//! It grows with objects and segments, not with points; while it is counted, most of it waits on disk (`parts.rs`).
-//! Counts and sums are integers, so that no order of counting and no number of threads can change them.
+//! It grows with objects and segments, not with points. While points are counted, most of it is on disk
+//! (`parts.rs`).
+//! Counts and sums are integers, so that neither the order of counting nor the number of threads can change them.
 
 use std::hash::Hash;
 use std::ops::AddAssign;
@@ -68,8 +69,8 @@ impl AddAssign for Place {
     }
 }
 
-/// Sums per key. Scans run along surfaces, so the key of a point is mostly that of the point before: a run is
-/// summed outside the map.
+/// Sums per key. Scans run along surfaces, so a point mostly has the key of the point before. A run of equal keys
+/// is summed outside the map.
 #[derive(Debug)]
 pub struct Tally<K, V> {
     sums: FxHashMap<K, V>,
@@ -111,7 +112,7 @@ impl<K: Copy + Ord + Hash, V: Default + AddAssign> Tally<K, V> {
     }
 }
 
-/// Sorts entries and adds up those of one key.
+/// Sorts entries and adds up those with the same key.
 fn add_up<K: Copy + Ord, V: Copy + AddAssign>(entries: &mut Vec<(K, V)>) {
     entries.sort_unstable_by_key(|entry| entry.0);
     entries.dedup_by(|next, kept| {
@@ -183,14 +184,14 @@ pub struct Table {
 }
 
 impl Table {
-    /// Appends the entries of another part; the table is one again after [`Table::add_up`].
+    /// Appends the entries of another part. The table is valid again after [`Table::add_up`].
     pub(super) fn append(&mut self, mut other: Self) {
         self.cells.append(&mut other.cells);
         self.objects.append(&mut other.objects);
         self.segments.append(&mut other.segments);
     }
 
-    /// Sorts the entries and adds up those of the same labels.
+    /// Sorts the entries and adds up those with the same labels.
     pub(super) fn add_up(&mut self) {
         add_up(&mut self.cells);
         add_up(&mut self.objects);

@@ -5,12 +5,12 @@ use crate::model::{Column, Value};
 
 /// An attribute of objects: one or more columns of the table of objects.
 ///
-/// Tiles cut objects, so an attribute is computed from what merges exactly in any order. Today that is
-/// [`ObjectPart`](crate::model::ObjectPart), which all attributes share: a tile collects it
+/// Tiles cut objects, so an attribute is computed from values that merge exactly in any order. Today that is
+/// [`ObjectPart`](crate::model::ObjectPart), which all attributes share. A tile collects it
 /// ([`ObjectPart::collect`](crate::model::ObjectPart::collect)), stitching merges it
-/// ([`ObjectPart::merge`](crate::model::ObjectPart::merge)), and [`Self::finish`] reads the whole. An attribute that needs
-/// more than that of the points of an object (the outline of a crown, the diameter of a stem) gets an accumulator of its
-/// own with the same two steps, `part` for a tile and `merge`, beside `columns` and `finish`.
+/// ([`ObjectPart::merge`](crate::model::ObjectPart::merge)), and [`Self::finish`] reads the whole. Some attributes
+/// need more from the points of an object (the outline of a crown, the diameter of a stem). Such an attribute gets
+/// its own accumulator with the same two steps, `part` for a tile and `merge`, beside `columns` and `finish`.
 pub trait Attribute: std::fmt::Debug + Sync {
     /// The columns, in their order.
     fn columns(&self) -> &'static [Column];

@@ -1,4 +1,4 @@
-//! Attribute `files`: the input files that hold points of the object.
+//! Attribute `files`: the input files that contain points of the object.
 
 use std::borrow::Cow;
 
@@ -34,7 +34,8 @@ mod tests {
     #[test]
     fn files_are_named_in_the_order_of_the_input() {
         let terrain = terrain_at(&[]);
-        let (site, part) = (site(&terrain, METRES), box_part());
+        let site = site(&terrain, METRES);
+        let part = box_part();
         let mut values = Vec::new();
         Files.finish(&Object::new(1, &part, &site), &mut values);
         assert_eq!(values, [Value::Texts(vec!["a.las".into(), "c.las".into()])]);

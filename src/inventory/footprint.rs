@@ -45,7 +45,8 @@ mod tests {
 
     #[test]
     fn outlines_are_in_the_units_of_the_input() {
-        let (terrain, part) = (terrain_at(&[]), box_part());
+        let terrain = terrain_at(&[]);
+        let part = box_part();
         let found = outline(&Object::new(1, &part, &site(&terrain, FEET)));
         let expected = [[0.0, 0.0], [10.0, 0.0], [10.0, 20.0], [0.0, 20.0]];
         assert!(near(&found.concat().into_iter().map(Some).collect::<Vec<_>>(), &expected.concat()));

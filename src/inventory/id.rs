@@ -31,7 +31,8 @@ mod tests {
     #[test]
     fn the_id_is_the_one_given() {
         let terrain = terrain_at(&[]);
-        let (site, part) = (site(&terrain, METRES), box_part());
+        let site = site(&terrain, METRES);
+        let part = box_part();
         let mut values = Vec::new();
         Id.finish(&Object::new(7, &part, &site), &mut values);
         assert_eq!(values, [Value::Count(7)]);

@@ -21,7 +21,8 @@ pub struct Site<'a> {
     pub units_m: [f64; 3],
     /// Heights of the ground.
     pub terrain: &'a Terrain,
-    /// Where a place, in metres, is along the axis. A function, so that attributes do not depend on how the axis is found.
+    /// Finds where a place, in metres, is along the axis. A function, so that attributes do not depend on how the
+    /// axis is found.
     pub locate: &'a dyn Fn([f64; 2]) -> Station,
     /// Names of the input files, in their order.
     pub file_names: &'a [&'a str],
@@ -49,18 +50,18 @@ impl Site<'_> {
     }
 }
 
-/// A whole object: its number, what is known of its points, and what several attributes derive from that.
+/// A whole object: its number, the summary of its points, and values that several attributes derive from it.
 #[derive(Debug, Clone, Copy)]
 pub struct Object<'a> {
     /// Object id, from 1.
     pub id: u32,
-    /// What is known of its points, on the lattice.
+    /// Summary of its points, on the lattice.
     pub part: &'a ObjectPart,
-    /// What it shares with all objects.
+    /// The values that all objects share.
     pub site: &'a Site<'a>,
-    /// Mean of its points on the lattice, rounded towards zero: the lattice is finer than what is written.
+    /// Mean of its points on the lattice, rounded towards zero: the lattice is finer than the written decimals.
     pub centre: [i64; 3],
-    /// Height of the ground in metres in the cell nearest to its centre, where one is known nearby.
+    /// Height of the ground in metres in the cell nearest to its centre, if one is known nearby.
     pub ground_m: Option<f64>,
 }
 
@@ -134,7 +135,8 @@ pub(crate) mod tests {
         units_m: [f64; 3],
     ) -> Vec<Option<f64>> {
         let terrain = terrain_at(ground);
-        let (site, part) = (site(&terrain, units_m), box_part());
+        let site = site(&terrain, units_m);
+        let part = box_part();
         let mut values = Vec::new();
         attribute.finish(&Object::new(7, &part, &site), &mut values);
         let decimal = |value: &Value<'_>| match value {
@@ -154,7 +156,8 @@ pub(crate) mod tests {
     #[test]
     fn the_ground_of_an_object_is_that_below_its_centre() {
         let terrain = terrain_at(&[([1, 3], 250), ([0, 0], 900)]);
-        let (site, part) = (site(&terrain, METRES), box_part());
+        let site = site(&terrain, METRES);
+        let part = box_part();
         let object = Object::new(7, &part, &site);
         assert_eq!(object.centre, [1_524, 3_048, 2_524]);
         assert_eq!((object.ground_m, object.above_ground_m(1_000)), (Some(0.25), Some(0.75)));

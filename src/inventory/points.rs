@@ -31,7 +31,8 @@ mod tests {
     #[test]
     fn points_are_those_of_all_parts() {
         let terrain = terrain_at(&[]);
-        let (site, mut part) = (site(&terrain, METRES), box_part());
+        let site = site(&terrain, METRES);
+        let mut part = box_part();
         part.merge(&box_part());
         let mut values = Vec::new();
         Points.finish(&Object::new(1, &part, &site), &mut values);

@@ -3,7 +3,7 @@
 use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
-/// How far from an object's centre ground is looked for, in metres (methods, section 5.1 has the same distance).
+/// Search radius for ground around the centre of an object, in metres (methods, section 5.1 has the same distance).
 const SEARCH_M: f64 = 10.0;
 
 /// Mean height of the ground points of every cell that has any.
@@ -33,14 +33,14 @@ impl TerrainSums {
         Self { grid, lattice, lowest, heights: CellMap::default() }
     }
 
-    /// Adds a cell with the number of its ground points and the sum of their lattice z. A cell is added once: it belongs
-    /// to one tile.
+    /// Adds a cell with the number of its ground points and the sum of their lattice z. A cell is added only once,
+    /// because it belongs to one tile.
     pub fn add(&mut self, cell: Cell, points: u32, sum: i64) {
         let over = sum.div_euclid(i64::from(points.max(1))) - self.lowest;
         *self.heights.entry(cell) = u32::try_from(over).unwrap_or(0) + 1;
     }
 
-    /// The terrain of what was added.
+    /// The terrain of all added cells.
     #[must_use]
     pub fn into_terrain(self) -> Terrain {
         let Self { grid, lattice, lowest, heights } = self;
@@ -49,12 +49,12 @@ impl TerrainSums {
 }
 
 impl Terrain {
-    /// Mean height of the ground in metres in the cell whose centre is nearest to a place in lattice units, of equally near
-    /// ones the first; `None` beyond 10 m.
+    /// Mean height of the ground in metres in the cell whose centre is nearest to a place in lattice units. If
+    /// several are equally near, the first counts. `None` beyond 10 m.
     #[must_use]
     pub fn height_m(&self, place: [i64; 2]) -> Option<f64> {
         let reach = self.lattice.units(SEARCH_M);
-        // Twice the distance, so that the centre of a cell is whole.
+        // Distances are doubled, so that the centre of a cell is an integer.
         let apart = |index: i64, k: usize| (2 * index + 1) * self.grid.edge() - 2 * place[k];
         let rows = |k: usize| self.grid.index(place[k] - reach)..=self.grid.index(place[k] + reach);
         let mut heights = self.heights.cursor();

@@ -17,7 +17,7 @@ pub enum OutputError {
         /// Why.
         source: std::io::Error,
     },
-    /// The output folder holds something already.
+    /// The output folder is not empty.
     #[error("{path} is not empty", path = path.display())]
     NotEmpty {
         /// The folder.
@@ -61,7 +61,7 @@ pub enum OutputError {
         expected: u8,
     },
     /// The new records would be longer than the format allows.
-    #[error("the labelled records of {path} would have {length} bytes, at most {limit} can be", path = path.display())]
+    #[error("the labelled records of {path} would have {length} bytes; at most {limit} are possible", path = path.display())]
     RecordLength {
         /// The input file.
         path: PathBuf,
@@ -71,7 +71,7 @@ pub enum OutputError {
         limit: usize,
     },
     /// Header and records before the points would be longer than the format allows.
-    #[error("{path}: {length} bytes before the points, at most 4294967295 can be", path = path.display())]
+    #[error("{path}: {length} bytes before the points; at most 4294967295 are possible", path = path.display())]
     Header {
         /// The input file.
         path: PathBuf,
@@ -95,13 +95,15 @@ pub enum OutputError {
         name: String,
     },
     /// The chunks of a compressed copy are not the planned ones.
-    #[error("{name}: {written} of {promised} points came, or in other chunks than planned")]
+    #[error(
+        "{name}: {promised} points were planned and {written} were written, or the chunks differ from the plan"
+    )]
     Incomplete {
         /// Name of the copy.
         name: String,
         /// Points planned.
         promised: u64,
-        /// Points that came.
+        /// Points written.
         written: u64,
     },
     /// Chunks were asked of a copy that has none.
@@ -110,8 +112,8 @@ pub enum OutputError {
         /// Name of the copy.
         name: String,
     },
-    /// Bytes that are no whole number of point records.
-    #[error("{bytes} bytes of points are no whole number of records of {record_bytes} bytes")]
+    /// Bytes that are not a whole number of point records.
+    #[error("{bytes} bytes of points are not a whole number of records of {record_bytes} bytes")]
     PartialRecord {
         /// Bytes that were to be written.
         bytes: usize,

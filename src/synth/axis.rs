@@ -1,7 +1,7 @@
-//! The axis of the street in plan: arcs in a row. No heights, no cross-section.
+//! The axis of the street in plan: a sequence of arcs. No heights, no cross-section.
 //!
-//! Coordinates are metres from the street's origin, east and north; chainage `s` counts along the axis. An arc of 50 m
-//! takes 56 bytes, which is all that grows with a drive.
+//! Coordinates are metres from the street's origin, east and north; chainage `s` counts along the axis. An arc of
+//! 50 m takes 56 bytes. Nothing else grows with a drive.
 
 use std::f64::consts::FRAC_PI_6;
 
@@ -9,13 +9,13 @@ use glam::DVec2;
 
 use super::random::{Waves, sequence};
 
-/// Length of a cell of the street, and of an arc of an open one, metres.
+/// Length of a cell of the street, and of an arc of an open street, metres.
 pub(super) const CELL: f64 = 50.0;
-/// Street in front of the start of the drive, so that the scanner sees something behind it, metres.
+/// Length of the street before the start of the drive, metres. It gives the scanner something to see behind it.
 pub(super) const LEAD: f64 = 100.0;
 /// Length of the stretch that the `loop` preset drives twice, metres.
 pub(super) const STEM: f64 = 300.0;
-/// Curvature of what is called straight, 1/m: a radius that no street notices.
+/// Least curvature of an arc, 1/m: its radius is so large that the arc is straight in practice.
 const STRAIGHT: f64 = 1e-9;
 
 /// A point of the axis.
@@ -57,8 +57,8 @@ impl Arc {
         Node { point, way: chord.rotate(half) }
     }
 
-    /// Chainage and signed offset (left positive) of the place that is nearest to a point; beyond the ends the distance
-    /// counts. Arcs are shorter than half a circle.
+    /// Chainage and signed offset (left positive) of the nearest place on the arc. Beyond the ends, the distance to
+    /// the end is used. Arcs are shorter than half a circle.
     fn nearest(&self, point: DVec2) -> (f64, f64) {
         // From the centre, in radii.
         let local = self.node.local(point) * self.curvature;
@@ -82,7 +82,7 @@ impl Line {
         self.0[self.0.partition_point(|arc| arc.to < s).min(self.0.len() - 1)].at(s)
     }
 
-    /// Chainage and signed offset of the place that is nearest to a point, if there is any line.
+    /// Chainage and signed offset of the nearest place on the line, if there is any line.
     pub(super) fn nearest(&self, point: DVec2) -> Option<(f64, f64)> {
         let places = self.0.iter().map(|arc| arc.nearest(point));
         places.min_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))
@@ -91,7 +91,8 @@ impl Line {
     /// The part of this line within a range of chainage.
     pub(super) fn part(&self, from: f64, to: f64) -> Self {
         let cut = |arc: &Arc| {
-            let (from, to) = (arc.from.max(from), arc.to.min(to));
+            let from = arc.from.max(from);
+            let to = arc.to.min(to);
             (from < to).then(|| Arc { from, to, node: arc.at(from), ..*arc })
         };
         Self(self.0.iter().filter_map(cut).collect())
@@ -120,25 +121,25 @@ impl Line {
 /// The axis of the whole street.
 #[derive(Debug)]
 pub(super) struct Axis {
-    /// As far as it was laid.
+    /// The part that is laid already.
     pub(super) line: Line,
     /// Heading of an open street.
     heading: Waves<2>,
-    /// Chainage at which the street comes back to its stem, infinite if it does not.
+    /// Chainage at which the street returns to its stem; infinite if it does not.
     pub(super) end: f64,
 }
 
 impl Axis {
-    /// An open street with bends of this amplitude (radians) and wave length, or one that comes back to its stem after
-    /// `loop_drive` metres in all.
+    /// An open street with bends of this amplitude (radians) and wave length, or a street that returns to its stem
+    /// after `loop_drive` metres in all.
     pub(super) fn new(seed: u64, (turn, length): (f64, f64), loop_drive: Option<f64>) -> Self {
         let parts = [(turn, length), (0.15 * turn, 0.37 * length)];
         let heading = Waves::new(parts, &mut sequence(seed, 1, 0));
         let mut axis = Self { line: Line::default(), heading, end: f64::INFINITY };
         if let Some(drive) = loop_drive {
             axis.line.extend(LEAD + STEM, 0.0);
-            // A drop: 60 degrees to the left, 300 to the right, 60 to the left again, all with one radius, end where
-            // they began, in the opposite direction.
+            // The loop has the shape of a drop: 60 degrees to the left, 300 to the right, 60 to the left again, all
+            // with one radius. It ends where it began, in the opposite direction.
             let arc = (drive - 2.0 * STEM) / 14.0;
             for steps in [2.0, -5.0, -5.0, 2.0f64] {
                 axis.line.extend(steps.abs() * arc, FRAC_PI_6.copysign(steps) / arc);
@@ -156,18 +157,20 @@ impl Axis {
         }
     }
 
-    /// The cells whose middles are within `reach` of the axis at chainage `s`, in order; the street is laid beyond them.
+    /// The cells whose middles are within `reach` of the axis at chainage `s`, in order. The street is laid beyond
+    /// them.
     pub(super) fn near(&mut self, s: f64, reach: f64) -> Vec<usize> {
         self.reach(s + reach + 3.0 * CELL);
         let place = self.line.at(s).point;
         let middle = |cell: &usize| self.line.at((*cell as f64 + 0.5) * CELL).point;
-        // Of all cells: a street may come back. Some ten nanoseconds for each, once for ten metres of driving.
+        // All cells are checked, because a street may return. This takes some ten nanoseconds per cell, once per
+        // ten metres of driving.
         let cells = 0..(self.line.end() / CELL).ceil() as usize;
         cells.filter(|cell| middle(cell).distance(place) < reach).collect()
     }
 }
 
-/// The cell of a chainage; the first one in front of the street's start, too.
+/// The cell of a chainage. A chainage before the start of the street is in the first cell.
 pub(super) fn cell_at(s: f64) -> usize {
     (s / CELL).max(0.0) as usize
 }
@@ -185,7 +188,8 @@ mod tests {
     #[test]
     fn arcs_join_without_a_gap_and_do_not_depend_on_how_far_the_street_is_laid() {
         let line = street(500.0);
-        let (a, b) = (line.at(350.0 - 1e-7), line.at(350.0 + 1e-7));
+        let a = line.at(350.0 - 1e-7);
+        let b = line.at(350.0 + 1e-7);
         assert!(a.point.distance(b.point) < 1e-6 && a.way.distance(b.way) < 1e-6);
         assert_eq!(line.at(123.0).point, street(2_000.0).at(123.0).point);
     }
@@ -209,7 +213,8 @@ mod tests {
     fn the_loop_ends_where_the_stem_ends_in_the_opposite_direction() {
         let axis = Axis::new(9, (0.4, 600.0), Some(1_400.0));
         assert!((axis.end - 1_200.0).abs() < 1e-9); // 100 m of lead, 300 m of stem, 800 m of loop
-        let (stem, closed) = (axis.line.at(400.0), axis.line.at(axis.end));
+        let stem = axis.line.at(400.0);
+        let closed = axis.line.at(axis.end);
         assert!(stem.point.distance(closed.point) < 1e-6, "{stem:?} {closed:?}");
         assert!((closed.way + stem.way).length() < 1e-6);
     }

@@ -1,4 +1,4 @@
-//! The vehicle: how far it is at a time, where it is and how it is turned. No scanner.
+//! The vehicle: its distance, position and attitude at any time. No scanner.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
@@ -9,9 +9,9 @@ use super::axis::{LEAD, Line, STEM};
 use super::preset::Plan;
 use super::random::{Waves, sequence};
 
-/// Height of the trajectory's point over the road, metres.
+/// Height of the trajectory's reference point over the road, metres.
 const HEIGHT: f64 = 2.35;
-/// Poses per second; in between they are interpolated, so that the trajectory file says all there is.
+/// Poses per second. Poses in between are interpolated, so that the trajectory file is complete.
 const POSES_HZ: f64 = 100.0;
 
 /// Position and attitude at a time; angles in radians.
@@ -39,7 +39,7 @@ impl Pose {
     }
 }
 
-/// The poses of a stretch of time and about it.
+/// The poses of a stretch of time, with the ones just before and after it.
 #[derive(Debug)]
 pub(super) struct Track {
     pub(super) time: Range<f64>,
@@ -48,7 +48,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// The map of the vehicle's frame at time `t`, between those of the two poses about it.
+    /// The transform of the vehicle's frame at time `t`, interpolated between the poses before and after it.
     pub(super) fn at(&self, t: f64) -> DMat4 {
         let along = (t - self.poses[0].t) * POSES_HZ;
         let index = (along as usize).min(self.maps.len() - 2);
@@ -61,14 +61,14 @@ impl Track {
 #[derive(Debug)]
 pub(super) struct Drive {
     plan: Plan,
-    /// Chainage at which the street comes back to its stem.
+    /// Chainage at which the street returns to its stem.
     end: f64,
-    /// Mean speed, m/s, and how far ahead of it the vehicle is, metres over seconds.
+    /// Mean speed in m/s, and the vehicle's lead over it: metres as a function of seconds.
     speed: f64,
     ahead: Waves<2>,
-    /// Metres to the left of the driving line, over metres driven.
+    /// Metres to the left of the driving line, as a function of metres driven.
     wander: Waves<1>,
-    /// Movements of the body on its springs, over seconds: metres; radians.
+    /// Movements of the body on its springs, as functions of seconds: metres; radians.
     bounce: Waves<2>,
     pitch: Waves<1>,
     roll: Waves<2>,
@@ -112,7 +112,7 @@ impl Drive {
 
     fn pose(&self, axis: &Line, t: f64) -> Pose {
         let (here, way) = self.place(t);
-        // Counted along the drive, not along the street: no jump where the loop closes.
+        // Measured along the drive, not along the street: there is no jump where the loop closes.
         let driven = self.distance(t);
         let offset = |s: f64| {
             let wander = self.wander.along(driven + (s - here) * way);

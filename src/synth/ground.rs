@@ -1,4 +1,4 @@
-//! The surface of the ground of one cell: height, mesh, and what lies where.
+//! The ground surface of one cell: height, mesh, materials.
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -11,17 +11,21 @@ use super::shape::Shape;
 
 /// Distance between rows of the mesh, metres.
 const ROW: f64 = 2.0;
-/// How far from the axis the land over the axis has become the land itself, beyond the pavement, metres.
+/// Distance beyond the pavement over which the height of the axis turns into the height of the land, metres.
 const BLEND: f64 = 10.0;
 
 impl Plan {
-    /// Height of the ground at `offset` (left positive) from the axis at chainage `s`, where it goes through `node`.
+    /// Height of the ground at `offset` (left positive) from the axis at chainage `s`; there the axis passes
+    /// through `node`.
     pub(super) fn height(&self, node: Node, s: f64, offset: f64) -> f64 {
-        let (section, d) = (self.section(s), offset.abs());
+        let section = self.section(s);
+        let d = offset.abs();
         let beyond = d - section.walk;
         let over = smooth(beyond / BLEND);
-        // Land and slopes belong to the place, not to the chainage: where a street comes back, both parts agree.
-        let (on_axis, here) = (node.point, node.left(offset));
+        // Land and slopes depend on the place, not on the chainage. Where a street returns, both parts therefore
+        // agree.
+        let on_axis = node.point;
+        let here = node.left(offset);
         let base = self.land.over(on_axis) * (1.0 - over) + self.land.over(here) * over;
         let slope = section.slopes * self.slopes.over(here);
         let dip = self.dip(s) * (beyond / FACE).clamp(0.0, 1.0);
@@ -34,19 +38,19 @@ fn smooth(x: f64) -> f64 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// The ground of one cell, and where other parts of the street are from it.
+/// The ground of one cell, and its position relative to other parts of the street.
 #[derive(Debug)]
 pub(super) struct Ground {
     pub(super) plan: Plan,
     pub(super) cell: usize,
-    /// Chainage of the start of the cell, and that at which the whole street ends.
+    /// Chainage of the start of the cell, and of the end of the whole street.
     pub(super) start: f64,
     pub(super) end: f64,
-    /// The axis in this cell and its neighbours, and where it is two cells away or more and may come back.
+    /// The axis in this cell and its neighbours, and the axis in cells further away, which may return to this cell.
     pub(super) line: Line,
     foreign: Line,
-    /// Middle of the cell, metres from the street's origin, and direction of the axis there: the frame of the
-    /// mesh, so that boxes are tight around its rows.
+    /// Middle of the cell, metres from the street's origin, and direction of the axis there. They are the frame of
+    /// the mesh, so that boxes are tight around its rows.
     pub(super) origin: DVec3,
     pub(super) turn: DVec2,
 }
@@ -54,7 +58,8 @@ pub(super) struct Ground {
 impl Ground {
     /// The ground of a cell; the axis is laid beyond it.
     pub(super) fn new(plan: Plan, axis: &Axis, cell: usize) -> Self {
-        let (start, end) = (cell as f64 * CELL, axis.end);
+        let start = cell as f64 * CELL;
+        let end = axis.end;
         let Node { point, way } = axis.line.at(start + CELL * 0.5);
         let far = |from, to| if end.is_finite() { axis.line.part(from, to) } else { Line::default() };
         Self {
@@ -75,13 +80,13 @@ impl Ground {
         node.left(place.y).extend(self.plan.height(node, place.x, place.y))
     }
 
-    /// Chainage and offset of a point from another part of the street, if that is nearer than `offset`.
+    /// Chainage and offset of a point relative to another part of the street, if that part is nearer than `offset`.
     pub(super) fn elsewhere(&self, point: DVec2, offset: f64) -> Option<(f64, f64)> {
         self.foreign.nearest(point).filter(|(_, other)| other.abs() < offset.abs())
     }
 
-    /// A point of the mesh in its frame, and whether it lies well within another part of the street: where that is nearer to its
-    /// axis, its height counts.
+    /// A point of the mesh in its frame, and whether it lies well within another part of the street. If the axis of
+    /// that part is nearer, its height applies.
     fn vertex(&self, s: f64, offset: f64) -> (Vec3, bool) {
         let mut point = self.at(DVec2::new(s, offset));
         let mut nearer = 0.0;
@@ -106,7 +111,7 @@ impl Ground {
         for pair in rows.windows(2) {
             for (here, next) in pair[0].windows(2).zip(pair[1].windows(2)) {
                 let corners = [here[0], here[1], next[0], next[1]];
-                // What lies well within another part of the street is that part's.
+                // The other part of the street has its own surface there.
                 if !corners.iter().all(|(_, far)| *far) {
                     let [a, b, c, d] = corners.map(|(point, _)| point);
                     let halves = [[a, b, c], [d, c, b]].map(Shape::Triangle);
@@ -121,7 +126,8 @@ impl Ground {
     pub(super) fn material(&self, point: Vec3) -> &'static Material {
         let local = self.turn.rotate(point.as_dvec3().truncate());
         let (s, offset) = self.line.nearest(self.origin.truncate() + local).unwrap_or_default();
-        let (section, d) = (self.plan.section(s), offset.abs());
+        let section = self.plan.section(s);
+        let d = offset.abs();
         let near = |line: f64| (d - line).abs() < 0.07;
         let centre = section.median < 0.3 && (d - 0.13).abs() < 0.06;
         let edge = near(section.lanes - 0.1) || (section.median >= 0.3 && near(section.median + 0.3));

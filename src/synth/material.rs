@@ -1,4 +1,4 @@
-//! How surfaces answer a pulse of near-infrared light; no geometry.
+//! How surfaces reflect a pulse of near-infrared light; no geometry.
 
 use std::sync::LazyLock;
 
@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::shipped::shipped;
 
-/// Optical facts of a material; explained in `materials.toml`.
+/// Optical properties of a material; explained in `materials.toml`.
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Material {
@@ -20,7 +20,7 @@ pub(super) struct Material {
 static MATERIALS: LazyLock<FxHashMap<String, Material>> =
     LazyLock::new(|| shipped(include_str!("materials.toml")));
 
-/// The material of this name, which there is.
+/// The material of this name, which must exist.
 pub(super) fn material(name: &str) -> &'static Material {
     &MATERIALS[name]
 }

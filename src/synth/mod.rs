@@ -1,11 +1,11 @@
-//! A labelled synthetic drive of any length: a street, a vehicle that drives along it, and a scanner whose every
-//! pulse is traced.
+//! A labelled synthetic drive of any length: a street, a vehicle that drives along it, and a scanner. Every pulse
+//! of the scanner is traced.
 //!
-//! `preset` says what kind of street there is where, `street` builds it cell by cell from `axis`, `ground` and
-//! `things`; `scene` finds the closest hit; `drive`, `scanner` and `scan` turn time into pulses and pulses into
-//! echoes; `sink` writes. Every cell and every slice of time is a pure function of settings and seed, so the bytes
-//! do not depend on the number of threads, and memory does not depend on the length. The rest of the crate does not
-//! know this module.
+//! `preset` chooses the kind of street at every place. `street` builds it cell by cell from `axis`, `ground` and
+//! `things`. `scene` finds the closest hit. `drive`, `scanner` and `scan` turn time into pulses and pulses into
+//! echoes. `sink` writes. Every cell and every slice of time is a pure function of settings and seed, so the bytes
+//! do not depend on the number of threads. Memory does not depend on the length. The rest of the crate does not use
+//! this module.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -53,18 +53,19 @@ pub use preset::Preset;
 pub use scanner::Scanner;
 pub use settings::{Settings, Summary};
 
-/// Slices of a round, and slices of a second, about: the memory of two rounds is what a drive of any length takes.
+/// Slices per round, and about how many slices a second has. A drive of any length takes the memory of two rounds.
 const ROUND: u64 = 24;
 const SLICES_HZ: f64 = 40.0;
 
-/// Length of the longest thing along the street, a facade, metres.
+/// Length of the longest thing along the street (a facade), metres.
 const LONGEST: f64 = 75.0;
 
-/// Drives and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json` into `folder`; `progress`
-/// hears of the points and metres so far.
+/// Simulates a drive and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json` into
+/// `folder`. `progress` receives the points and metres so far.
 ///
 /// # Errors
-/// [`ConfigError`](crate::config::ConfigError) for settings out of range; [`OutputError`](crate::output::OutputError) when the folder is not empty or cannot be written.
+/// [`ConfigError`](crate::config::ConfigError) for settings out of range;
+/// [`OutputError`](crate::output::OutputError) if the folder is not empty or cannot be written.
 pub fn generate(
     settings: &Settings,
     folder: &Path,
@@ -79,7 +80,7 @@ pub fn generate(
     pool.install(|| Run::new(settings).drive(Sink::create(folder, settings)?, progress))
 }
 
-/// A drive under way.
+/// A drive in progress.
 struct Run<'a> {
     settings: &'a Settings,
     plan: Plan,
@@ -104,9 +105,12 @@ impl<'a> Run<'a> {
         mut sink: Sink<'_>,
         progress: &mut (dyn FnMut(Summary) + Send),
     ) -> Result<Summary, Error> {
-        let (length, limit) = (self.settings.length(), self.settings.points.unwrap_or(u64::MAX));
-        let (mut next, mut so_far) = (0, Summary::default());
-        let (mut batch, mut lowest) = (Vec::new(), 0);
+        let length = self.settings.length();
+        let limit = self.settings.points.unwrap_or(u64::MAX);
+        let mut next = 0;
+        let mut so_far = Summary::default();
+        let mut batch = Vec::new();
+        let mut lowest = 0;
         while so_far.length_m < length && so_far.points < limit {
             let mut slices = self.slices(next, length);
             // The files of the last round are written while this one is traced.
@@ -124,7 +128,7 @@ impl<'a> Run<'a> {
                 next = slice.profiles.end;
                 batch.push(slice);
             }
-            // A street that closes comes back to its first cells.
+            // A closed street returns to its first cells.
             let first = self.cells.keys().next().filter(|_| self.axis.end.is_infinite());
             lowest = first.map_or(0, |cell| *cell as u32 * IDS);
             so_far.length_m = self.driven(next);
@@ -139,11 +143,13 @@ impl<'a> Run<'a> {
         self.drive.distance(self.settings.scanner.time(profile, 0, 0))
     }
 
-    /// A round of slices from profile `from` on, to be traced, within `length` metres; all of them see the same window.
+    /// A round of slices to be traced, from profile `from` on and within `length` metres. All of them see the same
+    /// window.
     fn slices(&mut self, from: u64, length: f64) -> Vec<Slice> {
         let step = (self.settings.scanner.profiles_hz / SLICES_HZ).ceil() as u64;
         let (s, _) = self.drive.place(self.settings.scanner.time(from, 0, 0));
-        // Objects belong to the cell of their middle, and what is half a cell or half a building away belongs here.
+        // An object belongs to the cell of its middle, so objects that are half a cell or half a building away are
+        // included.
         let ahead = self.driven(from + step * ROUND) - self.driven(from);
         let near = self.axis.near(s, self.settings.scanner.range_m + ahead + (CELL + LONGEST) * 0.5);
         self.cells.retain(|cell, _| near.contains(cell));
@@ -157,7 +163,8 @@ impl<'a> Run<'a> {
         let starts = (0..ROUND).map(|number| from + number * step);
         let slice = |from: u64| {
             let [start, end] = [from, from + step].map(|profile| self.settings.scanner.time(profile, 0, 0));
-            let (window, track) = (Arc::clone(&window), self.drive.track(&self.axis.line, start..end));
+            let window = Arc::clone(&window);
+            let track = self.drive.track(&self.axis.line, start..end);
             Slice { window, track, profiles: from..from + step, records: Vec::new() }
         };
         starts.take_while(|start| self.driven(*start) < length).map(slice).collect()

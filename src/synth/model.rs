@@ -1,7 +1,7 @@
 //! Models: primitives that are built once and placed often, with a hierarchy of bounding boxes over them.
 //!
-//! Of the kept crates, `obvhs` (two-child hierarchy) and `parry3d` (PLOC) trace a tree-lined test scene at the same
-//! 0.19 microseconds per ray; `obvhs` builds 4 times as fast and brings a third of the dependencies.
+//! Two candidate crates, `obvhs` (two-child hierarchy) and `parry3d` (PLOC), trace a tree-lined test scene at the
+//! same 0.19 microseconds per ray. `obvhs` builds 4 times as fast and has a third of the dependencies.
 
 use std::time::Duration;
 
@@ -29,7 +29,7 @@ impl Model {
     pub(super) fn new(primitives: Vec<Primitive>) -> Self {
         let boxes: Vec<Aabb> = primitives.iter().map(|primitive| primitive.shape.bounds()).collect();
         let bvh = hierarchy(&boxes, 8);
-        // In leaf order, so that a leaf reads neighbours.
+        // In leaf order, so that the primitives of a leaf are adjacent in memory.
         let primitives =
             bvh.primitive_indices.iter().map(|&index| primitives[index as usize].clone()).collect();
         Self { primitives, bvh }

@@ -1,8 +1,8 @@
-//! What is known of an object besides its points.
+//! Properties of an object besides its points.
 
 use glam::DVec3;
 
-/// What there is to know of an object, beside its points.
+/// Properties of an object besides its points.
 #[derive(Debug)]
 pub(super) struct Object {
     /// Number in the drive, from 1.

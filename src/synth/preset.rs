@@ -1,4 +1,4 @@
-//! The presets, and which of their tables (`presets.toml`) holds where along the street.
+//! The presets, and which of their tables (`presets.toml`) applies at which place of the street.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -23,9 +23,9 @@ pub enum Preset {
     Avenue,
     /// Two carriageways with guard rails, gantries, overpasses and slopes.
     Highway,
-    /// Stretches of the others, each some hundred metres long.
+    /// Stretches of the others in turn, each some hundred metres long.
     Mixed,
-    /// A suburban drive that comes back over its first 300 m in the other direction.
+    /// A suburban drive that returns over its first 300 m in the other direction.
     Loop,
 }
 
@@ -41,7 +41,7 @@ impl Preset {
     }
 }
 
-/// What all things of a kind have in common; the kind is what stands in front of the underscore of a name.
+/// Properties of all things of a kind. The kind is the part of a name before the underscore.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Kind {
@@ -51,11 +51,11 @@ pub(super) struct Kind {
     pub(super) radius: f64,
     /// Range of the angle by which models are turned from facing away from the road, degrees.
     pub(super) turn: (f64, f64),
-    /// Share by which models are wider or narrower, taller or shorter.
+    /// Relative variation of the width and the height of models.
     pub(super) varies: f32,
-    /// Length along the street from end to end of which it leads, in plan and height, metres; 0: it stands level.
+    /// Span along the street, metres: the thing leads from end to end of it in plan and height. 0: it stands level.
     pub(super) span: f64,
-    /// Whether it cannot stand on a bridge.
+    /// Whether it must not stand on a bridge.
     pub(super) rooted: bool,
 }
 
@@ -65,12 +65,12 @@ pub(super) struct Kind {
 pub(super) struct Row {
     /// Names to choose from.
     pub(super) names: Vec<String>,
-    /// The line of the cross-section along which it stands: as shares of the section's widths.
+    /// The line of the cross-section along which it stands, as shares of the section's widths.
     #[serde(default)]
     at: Section,
     /// Distance from there outwards, metres.
     out: f64,
-    /// Distance of the places along the axis, metres, where they begin, and how much of it is random.
+    /// Distance between the places along the axis, metres; where they begin; the largest random shift.
     pub(super) every: f64,
     #[serde(default)]
     pub(super) from: f64,
@@ -78,9 +78,9 @@ pub(super) struct Row {
     pub(super) jitter: f64,
     /// Share of the places that are taken.
     pub(super) share: f64,
-    /// How many places in succession are taken together or not at all.
+    /// How many successive places are either all taken or all empty.
     pub(super) together: Option<u64>,
-    /// Where those together are one object: share of its pieces that may be missing at its end.
+    /// If those places form one object: share of its pieces that may be missing at its end.
     pub(super) joined: Option<f64>,
     /// Whether it stands on the left only.
     #[serde(default)]
@@ -88,7 +88,7 @@ pub(super) struct Row {
     /// Whether it stands on bridges only.
     #[serde(default)]
     pub(super) bridge: bool,
-    /// Where the things are buildings: how they stand on their lots.
+    /// For buildings: how they stand on their lots.
     pub(super) lot: Option<Lot>,
 }
 
@@ -100,11 +100,11 @@ impl Row {
     }
 }
 
-/// How buildings stand in the middle of their lots, which are as long as the places of their row are apart.
+/// How buildings stand in the middle of their lots. A lot is as long as the places of its row are apart.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Lot {
-    /// How much farther than its row a front may stand back, metres.
+    /// How much further back than its row a front may stand, metres.
     pub(super) setback: f64,
     /// Share of a lot's length that the front takes.
     pub(super) front: (f64, f64),
@@ -119,7 +119,7 @@ pub(super) struct Layout {
     bends: (f64, f64),
     hills: (f64, f64),
     pub(super) section: Section,
-    /// Whether what is not road is paved, too.
+    /// Whether everything beside the road is paved, too.
     pub(super) paved: bool,
     pub(super) rows: Vec<Row>,
     bridge_every: Option<f64>,
@@ -136,24 +136,24 @@ pub(super) struct Tables {
 
 pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(|| shipped(include_str!("presets.toml")));
 
-// Here and not with the scanner, which knows no table.
+// It is here and not in the scanner's module, which uses no table.
 impl Default for Scanner {
     fn default() -> Self {
         TABLES.scanner.clone()
     }
 }
 
-/// What all things of a kind have in common.
+/// Properties of all things of a kind.
 pub(super) fn kind(name: &str) -> &'static Kind {
     &TABLES.kinds[name.split('_').next().unwrap_or(name)]
 }
 
-/// Cells in a row with one layout in the `mixed` preset: 350 m.
+/// Number of successive cells with one layout in the `mixed` preset: 350 m.
 const STRETCH: usize = 7;
 /// Half length of the dip under a bridge, metres, and its depth.
 const DIP: (f64, f64) = (32.0, 5.5);
 
-/// Which street there is at which chainage; a pure function of preset and seed.
+/// The kind of street at every chainage; a pure function of preset and seed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
     preset: Preset,
@@ -161,7 +161,7 @@ pub(super) struct Plan {
     pub(super) bends: (f64, f64),
     /// Height of the land before anything was built on it.
     pub(super) land: Waves<3>,
-    /// Slopes beside the street, as a share of the section's.
+    /// Amplitude of the slopes beside the street, as a share of the section's amplitude.
     pub(super) slopes: Waves<2>,
 }
 
@@ -180,7 +180,7 @@ impl Plan {
     /// The layout of a cell.
     pub(super) fn layout(&self, cell: usize) -> &'static Layout {
         let street = match self.preset {
-            // All of them in turn; the seed says which is the first.
+            // All of them in turn. The seed chooses the first.
             Preset::Mixed => Preset::ALL[(cell / STRETCH + (self.seed % 4) as usize) % 4],
             Preset::Loop => Preset::Suburb,
             other => other,
@@ -188,17 +188,18 @@ impl Plan {
         &TABLES.streets[&street]
     }
 
-    /// The cross-section at chainage `s`: that of the cell, blended from that of the cell before it over the first
-    /// half.
+    /// The cross-section at chainage `s`: that of the cell. In the first half of the cell it is blended from that
+    /// of the cell before.
     pub(super) fn section(&self, s: f64) -> Section {
         let cell = cell_at(s);
         let [before, here] = [cell.saturating_sub(1), cell].map(|cell| &self.layout(cell).section);
         before.between(here, ((s / CELL - cell as f64) * 2.0).clamp(0.0, 1.0))
     }
 
-    /// How far the land beside the pavement is below it at chainage `s`, metres: 0 but on bridges.
+    /// How far the land beside the pavement is below the pavement at chainage `s`, metres: 0 except near bridges.
     pub(super) fn dip(&self, s: f64) -> f64 {
-        // The first bridge stands well within the drive, and where it is driven twice within the stem of a loop.
+        // The first bridge stands well within the drive. In a loop it stands within the stem, which is driven
+        // twice.
         let off = |every: f64| (s - LEAD + every * 0.3).rem_euclid(every) - every * 0.5;
         let off = self.layout(cell_at(s)).bridge_every.map_or(f64::INFINITY, off);
         DIP.1 * (1.0 - (off / DIP.0).powi(2)).max(0.0)

@@ -1,4 +1,4 @@
-//! Scanning: which ray is fired when, what comes back, and the point records of a slice of time.
+//! Scanning: the ray of every pulse, its echoes, and the point records of a slice of time.
 //!
 //! A slice is a pure function of (settings, seed, window, profiles): slices may be traced by any thread.
 
@@ -19,25 +19,28 @@ use super::settings::Settings;
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
-/// Heads of a pair look backwards and outwards: azimuth of the axis of rotation from straight back, and its
-/// elevation, degrees. A crossed pair, fitted to the labelled scenes.
+/// The heads of a pair look backwards and outwards: azimuth of the axis of rotation from straight back, and its
+/// elevation, degrees. They are a crossed pair, fitted to the labelled scenes.
 const AZIMUTH: f64 = 45.0;
 const ELEVATION: f64 = 22.0;
-/// Fraction by which the phase of the profiles advances: the most irrational one, so that no rows line up.
+/// Fraction by which the phase advances from profile to profile. The golden section is the most irrational number,
+/// so that no rows line up.
 const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
-/// Two echoes of one pulse closer than this are one echo in between, metres (pulse length of some nanoseconds).
+/// Two echoes of one pulse that are closer than this merge into one between them, metres (pulse length of some
+/// nanoseconds).
 const SEPARATION: f32 = 0.6;
-/// Most echoes of a pulse that are kept.
+/// Maximum number of echoes of a pulse.
 const ECHOES: usize = 5;
-/// Intensity of a white surface at normal incidence nearer than 6 m, and how it falls with range and incidence:
-/// fitted to the medians of the labelled scenes by range and class.
+/// Intensity of a white surface at normal incidence nearer than 6 m, and how it falls with range and incidence.
+/// Fitted to the medians of the labelled scenes by range and class.
 const BRIGHTNESS: (f32, f32, f32) = (31_700.0, 0.75, 0.7);
-/// Reflectance times the cosine of incidence at which a target at full range is just seen; the square of the range
-/// scales it.
+/// Least reflectance times cosine of incidence of a target that is seen at full range. It scales with the square of
+/// the range.
 const FAINTEST: f32 = 0.06;
 
-/// From the frame of the first or second of so many profile heads to the vehicle's (forward, left, up): at scan angle 0 a
-/// head looks along its -z, at 90 degrees along its -y. A single one looks back over the left shoulder.
+/// Transform from the frame of profile head `number` of `heads` to the frame of the vehicle (forward, left, up). A
+/// head looks along its -z at scan angle 0 and along its -y at 90 degrees. A single head looks back over the left
+/// shoulder.
 fn mount(number: u8, heads: u8) -> DMat4 {
     let side = if number == 0 { 1.0 } else { -1.0 };
     let lever = DVec3::new(-0.4, if heads > 1 { 0.35 * side } else { 0.0 }, 0.0);
@@ -54,7 +57,7 @@ fn fan(angle: f64) -> DVec3 {
 #[derive(Debug, Clone, Copy)]
 struct Echo {
     range: f32,
-    /// Number and class of the object; of the ground 0 and 1, of a stray 0 and 0.
+    /// Number and class of the object: 0 and 1 for the ground, 0 and 0 for a stray.
     instance: u32,
     class: u8,
     intensity: u16,
@@ -84,11 +87,11 @@ pub(super) struct Record {
 
 const _: () = assert!(cfg!(target_endian = "little"), "records are written as they are in memory");
 
-/// A slice of time, before and after it was traced.
+/// A slice of time, before and after tracing.
 pub(super) struct Slice {
-    /// What there is about it.
+    /// The scene around it.
     pub(super) window: Arc<Window>,
-    /// The poses in it and about it.
+    /// The poses within it and around it.
     pub(super) track: Track,
     /// Profiles of all heads.
     pub(super) profiles: Range<u64>,
@@ -103,12 +106,13 @@ impl Slice {
         let mounts: Vec<DMat4> = (0..scanner.heads).map(|number| mount(number, scanner.heads)).collect();
         // First echo of the previous pulse of every head.
         let mut before = [None; 2];
-        let (together, mut about) = (scanner.together(), [const { Vec::new() }; 2]);
+        let together = scanner.together();
+        let mut about = [const { Vec::new() }; 2];
         let mut echoes = Vec::with_capacity(ECHOES + 1);
         for profile in profiles.clone() {
             let aim = |pulse: u64, number: usize| {
                 let t = scanner.time(profile, pulse, number);
-                // The mirror is not locked to the laser: every profile starts at another fraction of a step.
+                // The mirror is not locked to the laser, so every profile starts at another fraction of a step.
                 let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
                 let angle = (pulse as f64 + phase) * TAU / scanner.pulses() as f64 - PI;
                 let head = track.at(t) * mounts[number];
@@ -143,7 +147,7 @@ impl Slice {
                             returns: (index + 1) as u8 | (echoes.len() as u8) << 4,
                             flags: (number as u8) << 4,
                             angle: (angle.to_degrees() / 0.006).round() as i16,
-                            // After 65,535 files, as many as the field can tell apart, the last one goes on.
+                            // After 65,535 files, the most that the field can number, the last one continues.
                             file: file.min(65_534.0) as u16 + 1,
                             gps_time: START_TIME + t,
                             instance: echo.instance,
@@ -161,7 +165,7 @@ impl Slice {
 struct Beam<'a> {
     scanner: &'a Scanner,
     window: &'a Window,
-    /// What the beam may meet.
+    /// The items that the beam may hit.
     about: &'a [u32],
     origin: Vec3A,
     direction: Vec3A,
@@ -170,7 +174,7 @@ struct Beam<'a> {
 }
 
 impl Beam<'_> {
-    /// Finds the echoes; `before` is the first one of the pulse before, the result the first one of this.
+    /// Finds the echoes. `before` is the first echo of the pulse before; returns the first echo of this one.
     fn fire(&mut self, before: Option<Echo>) -> Option<Echo> {
         self.echoes.clear();
         self.listen();
@@ -187,8 +191,9 @@ impl Beam<'_> {
 
     /// The echoes of the surfaces along the beam.
     fn listen(&mut self) {
-        // Nothing nearer than this: the vehicle itself is there.
-        let (mut near, far) = (1.2, self.scanner.range_m as f32);
+        // Nothing nearer is seen: the vehicle itself is there.
+        let mut near = 1.2;
+        let far = self.scanner.range_m as f32;
         while self.echoes.len() < ECHOES
             && let Some(hit) = self.window.hit(self.about, self.origin, self.direction, near, far)
         {
@@ -201,7 +206,7 @@ impl Beam<'_> {
                 }
                 (Some(echo), _) => self.echoes.push(echo),
             }
-            // The part of the beam that passes the rim of a leaf goes on.
+            // The part of the beam outside the rim of a leaf continues.
             if rim > self.scanner.beam(hit.t) {
                 return;
             }
@@ -235,10 +240,11 @@ impl Beam<'_> {
         (Some(Echo { range, instance, class, intensity }), surface.rim)
     }
 
-    /// An edge between this pulse and the one before: the footprint that straddles it returns a mixed point or two
-    /// echoes. The chance is the share of the step between two pulses that the footprint covers.
+    /// An edge between this pulse and the one before. A footprint across it returns a mixed point or two echoes.
+    /// The probability is the share of the step between two pulses that the footprint covers.
     fn edge(&mut self, first: Echo, before: Echo) {
-        let (jump, near) = (before.range - first.range, before.range.min(first.range));
+        let jump = before.range - first.range;
+        let near = before.range.min(first.range);
         let step = near * (TAU / self.scanner.pulses() as f64) as f32;
         let alone = self.echoes.len() == 1 && jump.abs() >= 0.05;
         if !alone || !self.random.random_bool(f64::from(self.scanner.beam(near) / step).min(0.5)) {
@@ -251,7 +257,7 @@ impl Beam<'_> {
         }
     }
 
-    /// An echo of nothing: a bird, dust, a second reflection that seems to come from below the ground.
+    /// An echo without a target: a bird, dust, or a second reflection that seems to come from below the ground.
     fn stray(&mut self) {
         let random = &mut self.random;
         let range = match self.echoes.first() {
@@ -277,7 +283,8 @@ mod tests {
         let down = look(0, 0.0);
         assert!(down.z < -0.9 && down.x < -0.2 && (down.length() - 1.0).abs() < 1e-12, "{down}");
         // The planes of the two heads are mirror images: y changes sign, and with it the angle.
-        let (a, b) = (look(0, 1.5), look(1, -1.5));
+        let a = look(0, 1.5);
+        let b = look(1, -1.5);
         assert!((a - DVec3::new(b.x, -b.y, b.z)).length() < 1e-9, "{a} {b}");
     }
 }

@@ -1,11 +1,12 @@
-//! The scanner: its rates, and which pulses are traced together. Not: its mount and what comes back.
+//! The scanner: its rates, and which pulses are traced together. Not: its mount and its echoes.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-/// Pulses that are traced together at least, within an angle in radians, and the time of them in seconds at most.
+/// Pulses that are traced together: their minimum number, the range of their angle in radians, their longest time
+/// in seconds.
 const FAN_PULSES: f64 = 6.0;
 const FAN_RAD: Range<f64> = 0.04..0.1;
 const FAN_S: f64 = 0.001;
@@ -27,28 +28,29 @@ pub struct Scanner {
     pub noise_m: f64,
     /// Divergence of the beam, milliradians.
     pub divergence_mrad: f64,
-    /// Share of pulses that return an isolated echo of nothing.
+    /// Share of pulses that return an isolated echo without a target.
     pub strays: f64,
 }
 
 impl Scanner {
-    /// Pulses of one profile of one head; the pulse rate is exact, the profile rate follows.
+    /// Pulses of one profile of one head. The pulse rate is exact; the profile rate is adjusted to it.
     pub(super) fn pulses(&self) -> u64 {
         (self.pulse_rate_hz / self.profiles_hz).round().max(1.0) as u64
     }
 
-    /// Pulses that are traced together: some that follow each other, but one where they are far apart.
+    /// Number of pulses that are traced together: consecutive ones, or a single one if they are far apart.
     pub(super) fn together(&self) -> u64 {
         (self.fan() * self.pulses() as f64 / TAU).min(FAN_S * self.pulse_rate_hz).max(1.0) as u64
     }
 
-    /// Angle within which pulses are traced together, radians: a list of what they may meet should serve several.
+    /// Angle within which pulses are traced together, radians. One list of possible targets should serve several
+    /// pulses.
     fn fan(&self) -> f64 {
         (FAN_PULSES * TAU / self.pulses() as f64).clamp(FAN_RAD.start, FAN_RAD.end)
     }
 
-    /// How far a beam may be from the middle one of those it is traced with, metres. In half a millisecond the vehicle
-    /// goes 2 cm and, at 150 km/h in a bend of 50 m, turns by 0.4 mrad.
+    /// Largest distance of a beam from the middle beam of its group, metres. In half a millisecond the vehicle
+    /// moves 2 cm and, at 150 km/h in a bend of 50 m, turns by 0.4 mrad.
     pub(super) fn spread(&self) -> f32 {
         (self.range_m * (self.fan() * 0.5 + 0.001) + 0.1) as f32
     }

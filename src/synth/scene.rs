@@ -44,17 +44,17 @@ pub(super) struct Window {
     /// World coordinates of the window's origin, relative to the street's.
     pub(super) origin: DVec3,
     pub(super) items: Vec<Item>,
-    /// Over the boxes of the items, wider by some metres to every side.
+    /// Hierarchy over the boxes of the items, each enlarged by some metres on every side.
     bvh: Bvh2,
 }
 
 impl Window {
-    /// The scene of all copies, about `origin`; rays that are traced together are nowhere more than `wider` metres from
-    /// the one in their middle.
+    /// The scene of all copies, about `origin`. Rays that are traced together are nowhere more than `wider` metres
+    /// from the middle one.
     pub(super) fn new<'a>(origin: DVec3, wider: f32, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
         let item = |Placed { model, at, turn, owner }: Placed| {
             let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
-            // The box around the box of the model as it stands here.
+            // The box around the transformed box of the model.
             let middle = to_window.transform_point3a(model.bounds().center());
             let half = to_window.matrix3.abs() * (model.bounds().diagonal() * 0.5);
             let bounds = Aabb::new(middle - half, middle + half);
@@ -67,7 +67,7 @@ impl Window {
         Self { origin, items, bvh: hierarchy(&boxes, 1) }
     }
 
-    /// The items that rays may meet which are traced together about this one, roughly from near to far.
+    /// The items that the rays traced together with this one may hit, roughly from near to far.
     pub(super) fn about(&self, origin: Vec3A, direction: Vec3A, far: f32) -> Vec<u32> {
         let mut about = Vec::new();
         self.bvh.ray_traverse_anyhit(Ray::new(origin, direction, 0.0, far), |ray, slot| {
@@ -86,7 +86,8 @@ impl Window {
         })
     }
 
-    /// The closest hit on some items along the ray from `near` to `far`, if any; its instance is the index of the item.
+    /// The closest hit on the given items along the ray from `near` to `far`, if any. Its instance is the index of
+    /// the item.
     pub(super) fn hit(
         &self,
         about: &[u32],
@@ -95,7 +96,7 @@ impl Window {
         near: f32,
         far: f32,
     ) -> Option<RayHit> {
-        // It starts at `near`: boxes behind a ray are passed over, boxes before its tmin would not be.
+        // The ray starts at `near`: the hierarchy skips boxes behind a ray, but not boxes before its tmin.
         let mut ray = Ray::new(origin + direction * near, direction, 0.0, far - near);
         let mut best = RayHit::none();
         for &index in about {
@@ -151,7 +152,8 @@ mod tests {
         let at = DVec3::new(110.0, 5.0, 0.0);
         let placed = Placed { model, at, turn, owner: Owner::Object(Arc::new(object)) };
         let window = Window::new(DVec3::X * 100.0, 0.0, vec![&placed]);
-        let (o, d) = (Vec3A::new(10.0, 5.0, 10.0), Vec3A::NEG_Z);
+        let o = Vec3A::new(10.0, 5.0, 10.0);
+        let d = Vec3A::NEG_Z;
         let about = window.about(o, d, 100.0);
         let hit = window.hit(&about, o, d, 0.0, 100.0).unwrap();
         assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
@@ -180,12 +182,15 @@ mod tests {
             Placed { model: Arc::clone(&model), at: within(30.0).as_dvec3(), turn, owner }
         };
         let placed: Vec<Placed> = (0..300).map(place).collect();
-        let (far, angle) = (60.0, 0.02);
+        let far = 60.0;
+        let angle = 0.02;
         let window = Window::new(DVec3::ZERO, far * angle, &placed);
         let all: Vec<u32> = (0..300).collect();
-        let (mut hits, mut few) = (0, 0);
+        let mut hits = 0;
+        let mut few = 0;
         for _ in 0..500 {
-            let (o, middle) = (Vec3A::from(within(30.0)), Vec3A::from(within(1.0)).normalize());
+            let o = Vec3A::from(within(30.0));
+            let middle = Vec3A::from(within(1.0)).normalize();
             let about = window.about(o, middle, far);
             few += usize::from(about.len() < 100);
             for _ in 0..20 {

@@ -6,7 +6,7 @@ use serde::Deserialize;
 /// Width of a kerb's face or of another step, metres.
 pub(super) const FACE: f64 = 0.03;
 
-/// Half of a cross-section; all widths are distances from the axis, metres, not falling from one to the next.
+/// Half of a cross-section. All widths are distances from the axis in metres; none is smaller than the one before.
 #[derive(Debug, Clone, Copy, Default, Deserialize, Pod, Zeroable)]
 #[repr(C)]
 #[serde(default, deny_unknown_fields)]
@@ -35,9 +35,10 @@ impl Section {
         bytemuck::cast_ref(self)
     }
 
-    /// Between two sections, `w` 0 to 1.
+    /// The section between two others, with weight `w` from 0 to 1.
     pub(super) fn between(&self, other: &Self, w: f64) -> Self {
-        let (a, b) = (self.widths(), other.widths());
+        let a = self.widths();
+        let b = other.widths();
         bytemuck::cast::<[f64; 8], _>(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * w))
     }
 
@@ -48,15 +49,17 @@ impl Section {
 
     /// Offsets from the axis at which the profile bends, from right to left.
     pub(super) fn breaks(&self) -> impl Iterator<Item = f64> {
-        let (m, k, w) = (self.median, self.kerb, self.walk);
+        let m = self.median;
+        let k = self.kerb;
+        let w = self.walk;
         let street = [m, m + FACE, (m + k) * 0.5, k, k + FACE, self.verge.max(k + 2.0 * FACE), w, w + FACE];
         let beyond = [2.0, 5.0, 9.0, 15.0, 24.0, 36.0, 55.0].map(|d| w + d);
         let left = street.into_iter().chain(beyond);
         left.clone().rev().map(|d| -d).chain([0.0]).chain(left)
     }
 
-    /// Height over the axis at distance `d`, without land, dips and slopes: a camber of 2.5 %, kerbs, a pavement
-    /// that falls to the road by 2 %.
+    /// Height over the axis at distance `d`, without land, dips and slopes: a camber of 2.5 %, kerbs, and a
+    /// pavement that falls towards the road by 2 %.
     pub(super) fn profile(&self, d: f64) -> f64 {
         let road = -0.025 * d.min(self.kerb);
         // A median narrower than a kerb stone has no height, so that sections blend into each other.

@@ -1,4 +1,4 @@
-//! What decides a drive, its limits, and what was written of it.
+//! The settings of a drive, their limits, and a summary of the output.
 
 use serde::Serialize;
 
@@ -8,10 +8,10 @@ use super::axis::STEM;
 use super::preset::Preset;
 use super::scanner::Scanner;
 
-/// Shortest drive that comes back, metres.
+/// Shortest drive with a loop, metres.
 const LEAST_LOOP: f64 = 2.0 * STEM + 500.0;
 
-/// Everything that decides what is written.
+/// Everything that determines the output.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
     /// Kind of street.
@@ -75,10 +75,11 @@ impl Settings {
         })
     }
 
-    /// Metres after which the drive ends at the latest; a loop has a length that gives about the points asked for.
+    /// Metres after which the drive ends at the latest. The length of a loop follows from the number of points
+    /// asked for.
     pub(super) fn length(&self) -> f64 {
         let enough = |points: u64| {
-            // So many points there are per pulse in a suburb, about.
+            // About this many points are measured per pulse in a suburb.
             let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.62;
             (points as f64 / rate * (self.speed_kmh.0 + self.speed_kmh.1) / 7.2).max(LEAST_LOOP)
         };
@@ -87,7 +88,7 @@ impl Settings {
     }
 }
 
-/// What was written.
+/// Summary of the output.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Summary {
     /// Points in all files.

@@ -1,8 +1,8 @@
-//! The solids and surfaces of the scene and where a ray meets them, in the frame of a model. No transforms, no
-//! materials' physics.
+//! The solids and surfaces of the scene and their intersections with rays, in the frame of a model. No transforms,
+//! no physics of materials.
 //!
 //! A hit is the smallest `t` in (tmin, tmax) with `origin + t direction` on the surface, or infinity. Directions
-//! need not have length one: a ray is moved into a scaled model without changing `t`.
+//! need not have length one: a ray can be transformed into a scaled model without changing `t`.
 
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -15,7 +15,7 @@ use super::material::{Material, material};
 /// No hit.
 pub(super) const MISS: f32 = f32::INFINITY;
 
-/// A primitive: what models are built of, in code and in `things.toml`.
+/// A primitive: models consist of them, in code and in `things.toml`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Shape {
@@ -23,7 +23,7 @@ pub(super) enum Shape {
     Triangle([Vec3; 3]),
     /// Axis-aligned box: low and high corner.
     Block(Vec3, Vec3),
-    /// Side of a cylinder or truncated cone, open at its ends: middles and radii of the ends.
+    /// Side of a cylinder or truncated cone, open at its ends: centres and radii of the ends.
     Rod(Vec3, Vec3, [f32; 2]),
     /// Centre, unit normal and radius.
     Disc(Vec3, Vec3, f32),
@@ -44,7 +44,7 @@ pub(super) struct Surface {
     /// Unit normal, on either side.
     pub(super) normal: Vec3,
     pub(super) material: &'static Material,
-    /// Distance to the rim of a leaf, metres; infinite for what is no leaf.
+    /// Distance to the rim of a leaf, metres; infinite for other shapes.
     pub(super) rim: f32,
 }
 
@@ -68,7 +68,8 @@ impl Shape {
     /// Where `ray` first meets the surface.
     #[inline]
     pub(super) fn hit(&self, ray: &Ray) -> f32 {
-        let (o, d) = (ray.origin, ray.direction);
+        let o = ray.origin;
+        let d = ray.direction;
         let t = match *self {
             Self::Triangle(corners) => {
                 let [v0, v1, v2] = corners.map(Vec3A::from);
@@ -77,7 +78,8 @@ impl Shape {
             Self::Block(low, high) => Aabb::new(low.into(), high.into()).intersect_ray(ray),
             Self::Rod(from, to, radii) => return hit_rod(ray, from.into(), (to - from).into(), radii),
             Self::Disc(centre, normal, radius) => {
-                let (c, n) = (Vec3A::from(centre), Vec3A::from(normal));
+                let c = Vec3A::from(centre);
+                let n = Vec3A::from(normal);
                 let t = (c - o).dot(n) / d.dot(n);
                 if (o + d * t - c).length_squared() <= radius * radius { t } else { MISS }
             }
@@ -135,22 +137,24 @@ impl Primitive {
     }
 }
 
-/// The nearer root of a t^2 + 2 b t + c = 0 that `accept` takes, counted from `start`.
+/// The nearer root of a t^2 + 2 b t + c = 0 that `accept` accepts, counted from `start`.
 fn root(ray: &Ray, start: f32, [a, b, c]: [f32; 3], accept: impl Fn(f32) -> bool) -> f32 {
-    let spread = (b * b - a * c).sqrt(); // not a number where there is no root, and then nothing is within the ray
-    let (first, second) = ((-b - spread) / a, (-b + spread) / a);
+    let spread = (b * b - a * c).sqrt(); // NaN without a root; NaN is never within the ray
+    let first = (-b - spread) / a;
+    let second = (-b + spread) / a;
     let within = |t: &f32| start + t > ray.tmin && start + t < ray.tmax && accept(*t);
     [first.min(second), first.max(second)].into_iter().find(within).map_or(MISS, |t| start + t)
 }
 
 fn hit_rod(ray: &Ray, base: Vec3A, axis: Vec3A, [r0, r1]: [f32; 2]) -> f32 {
     let d = ray.direction;
-    // Start at the point of the ray that is nearest to the middle: the square of a range of 100 m would drown the
-    // square of a radius of 1 cm in f32.
+    // Start at the point of the ray that is nearest to the centre. In f32, the square of a range of 100 m would
+    // swamp the square of a radius of 1 cm.
     let start = (base + axis * 0.5 - ray.origin).dot(d) / d.length_squared();
     let p = ray.origin + d * start - base;
     let h = axis.length_squared();
-    let (m, n) = (p.dot(axis) / h, d.dot(axis) / h);
+    let m = p.dot(axis) / h;
+    let n = d.dot(axis) / h;
     let taper = r1 - r0;
     let radius = r0 + taper * m;
     let a = d.length_squared() - n * n * h - (taper * n) * (taper * n);

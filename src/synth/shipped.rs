@@ -1,4 +1,4 @@
-//! The tables that the generator brings along.
+//! The tables that are part of the generator.
 
 use serde::de::DeserializeOwned;
 

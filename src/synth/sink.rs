@@ -1,4 +1,4 @@
-//! Where slices go, in order: the point files, the table of objects, the trajectory, the description of the scene.
+//! Writes slices in order: the point files, the table of objects, the trajectory, the description of the scene.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -82,7 +82,7 @@ impl<'a> Sink<'a> {
         })
     }
 
-    /// Writes slices, after which objects with numbers below `lowest` get no more points.
+    /// Writes slices. After them, objects with numbers below `lowest` get no more points.
     pub(super) fn write(&mut self, slices: Vec<Slice>, lowest: u32) -> Result<(), OutputError> {
         let folder = self.folder;
         let failed = |source| OutputError::Write { path: folder.to_owned(), source };
@@ -104,7 +104,7 @@ impl<'a> Sink<'a> {
         Ok(())
     }
 
-    /// Counts points of one object that was seen in a window.
+    /// Counts points of one object of a window.
     fn count(&mut self, window: &Window, records: &[Record]) {
         let id = records[0].instance;
         let new = || Tally { object: window.object(id), points: 0, low: IVec3::MAX, high: IVec3::MIN };
@@ -115,7 +115,7 @@ impl<'a> Sink<'a> {
         }
     }
 
-    /// The open file, which is that of point source `number` from now on.
+    /// The open file. From now on it is that of point source `number`.
     fn open(&mut self, number: u16) -> Result<&mut NewFile, OutputError> {
         let (current, file) = match self.file.take() {
             Some((current, file)) if current == number => (current, file),
@@ -149,7 +149,8 @@ impl<'a> Sink<'a> {
         let [x, y, z] = (base + WORLD).to_array();
         let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
         let [x1, y1, z1] = (high.as_dvec3() * 0.001 + WORLD).to_array();
-        let (tall, driven) = (z1 - z0, LEAD..LEAD + self.summary.length_m);
+        let tall = z1 - z0;
+        let driven = LEAD..LEAD + self.summary.length_m;
         let inside = u8::from(driven.contains(&s));
         self.summary.objects += 1;
         writeln!(
@@ -159,7 +160,7 @@ impl<'a> Sink<'a> {
         )
     }
 
-    /// Completes all files and says what they were made from. `length_m` is what was driven.
+    /// Completes all files and writes the settings they were made from. `length_m` is the length driven.
     pub(super) fn finish(mut self, length_m: f64) -> Result<Summary, OutputError> {
         self.summary.length_m = length_m;
         self.write(Vec::new(), u32::MAX)?;

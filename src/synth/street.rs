@@ -1,4 +1,4 @@
-//! The street, cell by cell: what stands where. A cell is a pure function of (preset, seed, cell).
+//! The street, cell by cell: its objects and their places. A cell is a pure function of (preset, seed, cell).
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -15,7 +15,7 @@ use super::preset::{Lot, Plan, Row, kind};
 use super::random::{Random, pick, sequence};
 use super::scene::{Owner, Placed};
 
-/// Numbers of objects that a cell has for itself.
+/// Object numbers that each cell has for itself.
 pub(super) const IDS: u32 = 1_000;
 
 /// Models by kind.
@@ -25,16 +25,17 @@ pub(super) type Library = BTreeMap<String, Vec<Arc<Model>>>;
 struct Site<'a> {
     library: &'a Library,
     ground: Arc<Ground>,
-    /// Place and radius of what stands already.
+    /// Place and radius of each thing that is placed already.
     taken: Vec<(DVec2, f64)>,
     last_id: u32,
     placed: Vec<Placed>,
 }
 
-/// What stands in cell `index` of a plan, and its ground; the axis is laid beyond it.
+/// The objects in cell `index` of a plan, and its ground. The axis is laid beyond it.
 pub(super) fn cell(plan: Plan, axis: &Axis, library: &Library, index: usize) -> Vec<Placed> {
     let ground = Arc::new(Ground::new(plan, axis, index));
-    let (model, owner) = (Arc::new(ground.mesh()), Owner::Ground(Arc::clone(&ground)));
+    let model = Arc::new(ground.mesh());
+    let owner = Owner::Ground(Arc::clone(&ground));
     let turn = Mat3A::from_rotation_z(ground.turn.to_angle() as f32);
     let placed = vec![Placed { model, at: ground.origin, turn, owner }];
     let last_id = index as u32 * IDS;
@@ -58,7 +59,8 @@ impl Site<'_> {
         let on_street = |s: f64| s <= end && std::ptr::eq(plan.layout(cell_at(s)), plan.layout(cell));
         let mut whole: Option<(u64, Arc<Object>)> = None;
         for place in first..next {
-            let (group, nth) = (place / together, place % together);
+            let group = place / together;
+            let nth = place % together;
             let mut random = sequence(plan.seed, stream, place);
             let mut shared = sequence(plan.seed, stream + 1_000, group);
             let s = place as f64 * row.every + row.from + row.jitter * random.random_range(-0.5..=0.5);
@@ -79,7 +81,9 @@ impl Site<'_> {
             let model = pick(&self.library[name], &mut random);
             let turn = random.random_range(kind.turn.0..=kind.turn.1).to_radians();
             let [wide, tall] = [0; 2].map(|_| 1.0 + random.random_range(-kind.varies..=kind.varies));
-            let (class, base, height) = (kind.class, self.ground.at(place), f64::from(model.height() * tall));
+            let class = kind.class;
+            let base = self.ground.at(place);
+            let height = f64::from(model.height() * tall);
             let object = match whole {
                 Some((of, object)) if row.joined.is_some() && of == group => object,
                 _ => {
@@ -87,7 +91,7 @@ impl Site<'_> {
                     Arc::new(Object { id: self.last_id, class, kind: name, base, height, s })
                 }
             };
-            // From end to end of what has a span, level for what has none.
+            // A thing with a span leads from end to end. A thing without one stands level.
             let (at, way) = if kind.span > 0.0 {
                 let [from, to] = ends.map(|s| self.ground.at(line(s)));
                 ((from + to) * 0.5, (to - from) / kind.span)
@@ -105,9 +109,10 @@ impl Site<'_> {
         }
     }
 
-    /// Whether something of radius `r` may stand at a place.
+    /// Whether a thing of radius `r` may stand at a place.
     fn free(&self, place: DVec2, r: f64) -> bool {
-        let (ground, walk) = (&self.ground, self.ground.plan.section(place.x).walk);
+        let ground = &self.ground;
+        let walk = self.ground.plan.section(place.x).walk;
         let over_dip = place.y.abs() > walk && ground.plan.dip(place.x) > 0.2;
         let apart = place.y.abs().max(walk + r + 1.0);
         let crowded = ground.elsewhere(ground.line.at(place.x).left(place.y), apart).is_some();
@@ -115,11 +120,11 @@ impl Site<'_> {
         place.x <= ground.end && !over_dip && !crowded && !touched
     }
 
-    /// Where the front of a building stands on a lot of length `length` about a place, and its size; `None` where there
-    /// is no room.
+    /// Place of the front of a building on a lot of length `length` around a place, and size of the building;
+    /// `None` if there is no room.
     fn front(&self, lot: &Lot, length: f64, place: DVec2, random: &mut Random) -> Option<(DVec2, Vec3)> {
         let [a, b] = [-0.5, 0.5].map(|end| self.ground.line.at(place.x + length * end).way);
-        // Towards the inside of a bend lots are shorter, and a straight front cuts the arc.
+        // On the inside of a bend lots are shorter, and a straight front cuts the arc.
         let bend = a.angle_to(b) / length * place.y.signum();
         let front = place.y.abs() + random.random_range(0.0..=lot.setback);
         let length = length * (1.0 - (bend * (front + lot.depth)).max(0.0)).max(0.2);

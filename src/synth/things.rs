@@ -16,7 +16,7 @@ use super::tree::{self, Level};
 static THINGS: LazyLock<BTreeMap<String, Vec<Thing>>> =
     LazyLock::new(|| shipped(include_str!("things.toml")));
 
-/// An entry of `things.toml`, which explains all of it.
+/// An entry of `things.toml`. That file explains its keys.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Thing {
@@ -78,7 +78,8 @@ impl Thing {
         all.extend(tree::grow(&self.growth, &[Vec3::ZERO, Vec3::Z], random));
         let mut foot = 0.0;
         for Storeys { of, count, height } in &self.stack {
-            let (piece, height) = (pick(&THINGS[of], random), random.random_range(height.0..=height.1));
+            let piece = pick(&THINGS[of], random);
+            let height = random.random_range(height.0..=height.1);
             for _ in 0..random.random_range(count.0..=count.1) {
                 let upwards = Affine3A::from_translation(Vec3::Z * foot);
                 all.extend(piece.parts(&(upwards * Affine3A::from_scale(vec3(1.0, 1.0, height))), random));
@@ -88,7 +89,7 @@ impl Thing {
         Model::new(all)
     }
 
-    /// Its parts, with their points moved into the frame of another thing; radii and normals remain.
+    /// Its parts, with their points transformed into the frame of another thing. Radii and normals stay the same.
     fn parts(&self, map: &Affine3A, random: &mut Random) -> Vec<Primitive> {
         let mut all = Vec::new();
         for part in &self.parts {
@@ -105,7 +106,7 @@ impl Thing {
 }
 
 impl Hull {
-    /// The body between the outline and its mirror image, of the material for the model of this number.
+    /// The body between the outline and its mirror image, with the material for the model of this number.
     fn triangles(&self, number: usize) -> impl Iterator<Item = Primitive> {
         let mirrored = |point: Vec3| point.with_y(-point.y);
         let span = move |ends: &[Vec3]| {
@@ -134,7 +135,9 @@ mod tests {
             THINGS["storey"][0].parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut sequence(1, 2, 3));
         let object = Object { id: 1, class: 5, kind: "building", base: DVec3::ZERO, height: 3.0, s: 0.0 };
         let owner = Owner::Object(object.into());
-        let (model, at, turn) = (Model::new(parts).into(), DVec3::ZERO, Mat3A::IDENTITY);
+        let model = Model::new(parts).into();
+        let at = DVec3::ZERO;
+        let turn = Mat3A::IDENTITY;
         let window = Window::new(DVec3::ZERO, 0.0, &[Placed { model, at, turn, owner }]);
         for (origin, direction, t, name) in [
             ([1.5, -5.0, 1.5], [0.0, 1.0, 0.0], 5.2, "glass"), // middle of the first bay to the right
@@ -146,7 +149,8 @@ mod tests {
             ([-26.0, 0.3, 1.5], [1.0, 0.0, 0.0], 5.0, "plaster"), // its corner
             ([-2.9, -5.0, 1.5], [1.0, 1.0, 0.0], 5.1, "plaster"), // at 45 degrees: the reveal at x = 2.2
         ] {
-            let (o, d) = (Vec3A::from(origin), Vec3A::from(direction));
+            let o = Vec3A::from(origin);
+            let d = Vec3A::from(direction);
             let hit = window.hit(&[0], o, d, 0.0, 100.0).unwrap();
             assert!((hit.t - t).abs() < 0.03, "{origin:?}: {}", hit.t);
             assert_eq!(*window.surface(&hit, o, d).0.material, *material(name), "{origin:?}");

@@ -1,4 +1,4 @@
-//! What grows, from bushes to palms: stems upon stems, level by level, with leaves; and leaves strewn over hedges.
+//! Plants, from bushes to palms: stems grow on stems, level by level, with leaves. Also leaves strewn over hedges.
 //!
 //! After Weber and Penn, Creation and rendering of realistic trees (SIGGRAPH 1995), simplified: one rule for every
 //! level; a habit is a table of levels.
@@ -11,7 +11,7 @@ use serde::Deserialize;
 use super::random::{Random, direction, gauss};
 use super::shape::{Primitive, Shape};
 
-/// The stems of one level of growth, and the leaves about their ends; explained in `things.toml`.
+/// The stems of one level of growth, and the leaves around their ends; explained in `things.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Level {
@@ -27,10 +27,10 @@ pub(super) struct Level {
     leaves: Option<(u16, f32, f32)>,
 }
 
-/// How far a stem turns by chance from its foot to its end.
+/// Amount by which a stem turns at random from its foot to its end.
 const WANDER: f32 = 0.1;
 
-/// A Bézier curve: from the first number to the last, drawn towards the one between.
+/// A Bézier curve from the first number to the last, drawn towards the middle one.
 #[derive(Debug, Deserialize)]
 struct Curve(f32, f32, f32);
 
@@ -46,11 +46,13 @@ fn leaf(at: Vec3, size: f32, random: &mut Random) -> Primitive {
 
 /// `count` leaves within a box.
 pub(super) fn strew(within: &Aabb, count: u16, random: &mut Random) -> Vec<Primitive> {
-    let (low, size) = (Vec3::from(within.min), Vec3::from(within.diagonal()));
+    let low = Vec3::from(within.min);
+    let size = Vec3::from(within.diagonal());
     (0..count).map(|_| leaf(low + size * random.random::<Vec3>(), 0.04, random)).collect()
 }
 
-/// What grows from a stem of these points, at equal distances: the stems of the first level, the others upon them.
+/// The parts that grow on a stem through these points, which are equally spaced: the stems of the first level, and
+/// the other levels on them.
 pub(super) fn grow(levels: &[Level], parent: &[Vec3], random: &mut Random) -> Vec<Primitive> {
     let Some((level, further)) = levels.split_first() else { return Vec::new() };
     let pieces = parent.len() - 1;
@@ -60,7 +62,8 @@ pub(super) fn grow(levels: &[Level], parent: &[Vec3], random: &mut Random) -> Ve
         let x = (f32::from(number) + random.random::<f32>()) / f32::from(level.count);
         let place = level.along[0].lerp(level.along[1], x) * pieces as f32;
         let piece = (place as usize).min(pieces - 1);
-        let (below, above) = (parent[piece], parent[piece + 1]);
+        let below = parent[piece];
+        let above = parent[piece + 1];
         let onward = (above - below).normalize();
         let azimuth = (f32::from(number) * level.turn).to_radians() + random.random_range(-0.2..=0.2);
         let outward = onward.cross(Vec3::Z).normalize_or(Vec3::X).rotate_axis(onward, azimuth);

@@ -30,7 +30,7 @@ pub(crate) struct BenchArgs {
     settings: Settings,
 }
 
-/// What one run in a process of its own took.
+/// Time, memory and output of one run in its own process.
 struct Measured {
     seconds: f64,
     passes: Vec<(String, f64)>,
@@ -49,7 +49,7 @@ impl BenchArgs {
         std::fs::create_dir_all(&scratch)
             .map_err(|source| CliError::Write { target: scratch.display().to_string(), source })?;
         let result = self.measure(&scratch);
-        // What is left behind is only scratch; a failure to remove it does not change the figures.
+        // Only scratch files are left behind. A failure to remove them does not change the figures.
         let _ = std::fs::remove_dir_all(&scratch);
         let report = result?;
         self.json.show(&report, || page(&report))?;
@@ -72,7 +72,7 @@ impl BenchArgs {
         let mut codecs: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
         let input_bytes: u64 = files.iter().map(|file| file.1).sum();
         let mut output_bytes = input_bytes;
-        // One round more, first, that is not counted: it brings the input into the page cache.
+        // One more round comes first and is not counted: it brings the input into the page cache.
         for round in 0..=self.rounds.max(1) {
             settle(&paths, output_bytes, scratch)?;
             let floor = copy_floor(&paths, output_bytes, scratch, false)?;
@@ -185,11 +185,11 @@ impl BenchArgs {
     }
 }
 
-/// Brings the machine into the same state before everything that is measured: nothing is left to be written back, and
-/// as much memory as the output takes was in use just now. A virtual machine gives unused memory back to its host, and
-/// pays for every page when it takes it again: the same copy took 1.1 or 3.0 s.
+/// Brings the machine into the same state before each measurement. Nothing is left to be written back, and as much
+/// memory as the output takes was in use just before. A virtual machine gives unused memory back to its host and
+/// pays for every page that it needs again: the same copy took 1.1 or 3.0 s.
 fn settle(paths: &[PathBuf], output_bytes: u64, scratch: &Path) -> Result<(), CliError> {
-    // Where there is no `sync`, the figures are only less steady.
+    // Without `sync`, the figures only vary more.
     let _ = Command::new("sync").status();
     copy_floor(paths, output_bytes, scratch, false)?;
     let _ = Command::new("sync").status();

@@ -117,11 +117,11 @@ fn positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| format!("{text} is not a number above 0"))
 }
 
-/// What a method came to.
+/// Result of a method.
 struct Found {
     labels: Vec<u32>,
     clusters: u32,
-    /// Settings and what followed from them.
+    /// The settings and the values derived from them.
     facts: Value,
     /// The same in a line.
     line: String,
@@ -190,7 +190,7 @@ impl ClusterArgs {
         Ok(())
     }
 
-    /// A drawing of the estimate needs one.
+    /// A drawing of the estimate is refused if nothing is estimated.
     fn nothing_in_vain(&self) -> Result<(), ConfigError> {
         let estimated = self.method == Method::Dbscan && matches!(self.dbscan.epsilon, EpsilonChoice::Auto);
         match &self.dbscan.svg {

@@ -174,7 +174,7 @@ fn refused(key: &str, value: &str, expected: &str) -> chainage::Error {
     ConfigError::value(key, value, expected).into()
 }
 
-/// The curve in a table, up to k = 10 and then every fifth, and what followed from it.
+/// The curve as a table, up to k = 10 and then every fifth k, and the results.
 fn page(found: &Estimate, unit: &str, names: &[&str]) -> String {
     let shown = |k: usize| k <= 10 || k.is_multiple_of(5) || k == found.k;
     let row = |(k, (mean, error)): (usize, (&f64, &f64))| {
@@ -202,7 +202,7 @@ fn page(found: &Estimate, unit: &str, names: &[&str]) -> String {
     text
 }
 
-/// The folder with the state of an estimation; one of its own goes with the value.
+/// The folder with the state of an estimation. A temporary folder is removed when the value is dropped.
 struct State {
     folder: PathBuf,
     own: bool,
@@ -223,7 +223,7 @@ impl State {
 impl Drop for State {
     fn drop(&mut self) {
         if self.own {
-            // What cannot be removed stays where temporary files are.
+            // If the folder cannot be removed, it stays among the temporary files.
             let _ = std::fs::remove_dir_all(&self.folder);
         }
     }

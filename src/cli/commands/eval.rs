@@ -99,7 +99,7 @@ pub(crate) struct EvalArgs {
     worst: usize,
 }
 
-/// The refusal is worded by the library; clap adds the option and the value.
+/// The library words the error; clap adds the option and the value.
 fn tolerance(text: &str) -> Result<Tolerance, String> {
     text.parse().map_err(|error: ConfigError| error.to_string())
 }
@@ -118,7 +118,7 @@ impl EvalArgs {
 
     fn compare(&self) -> chainage::Result<(Counted, MetricSettings, Option<Axis>, Provenance)> {
         self.one_standard_output()?;
-        // Every record is read once: mapping saves no time, and how many pages of a mapped file are resident depends
+        // Every record is read once, so mapping saves no time. How many pages of a mapped file are resident depends
         // on how it came into the page cache (7 to 18 MB of four blocks of 2 MB, Linux 6.18).
         let options = InputOptions { mmap: false, ..InputOptions::default() };
         let metrics = self.metrics()?;
@@ -202,7 +202,7 @@ impl EvalArgs {
     }
 }
 
-/// Tells the person at the terminal; nobody is there when it fails.
+/// Prints a note on standard error. If this fails, nobody reads it, so the error is ignored.
 fn note(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }

@@ -24,7 +24,7 @@ pub(crate) struct StatusArgs {
 
 impl StatusArgs {
     pub(crate) fn run(&self) -> Outcome {
-        // Without settings of its own: those of the last call.
+        // It has no settings of its own and uses those of the last call.
         let resolve = |last: &std::path::Path| {
             let file = self.settings.config.as_deref().or(Some(last));
             self.settings.resolve_over(file, &[])
@@ -57,7 +57,7 @@ fn page(state: &RunStatus, why: bool) -> String {
     text
 }
 
-/// What has changed, pass by pass. Passes that only depend on changed passes before them follow these in one line.
+/// Describes what has changed, pass by pass. One line names the passes that follow because an earlier pass changed.
 fn reasons(passes: &[PassStatus]) -> String {
     let mut text = String::new();
     let mut following = Vec::new();

@@ -130,7 +130,8 @@ impl SynthArgs {
             let share =
                 settings.points.map_or(driven, |points| driven.max(progress.points as f64 / points as f64));
             bar.set_position((share * 1_000.0) as u64);
-            let (points, driven) = (progress.points as f64 / 1e6, progress.length_m / 1_000.0);
+            let points = progress.points as f64 / 1e6;
+            let driven = progress.length_m / 1_000.0;
             bar.set_message(format!("{driven:.2} km, {points:.1} M points, {:.2} M/s", rate / 1e6));
         };
         let summary = generate(&settings, &self.out, &mut show)?;

@@ -21,7 +21,7 @@ enum Storage {
     I64,
     F32,
     F64,
-    /// A byte of which some bits count.
+    /// Some bits of a byte.
     Bits(u8),
 }
 
@@ -44,7 +44,7 @@ impl Storage {
     }
 }
 
-/// A value as read: exact where it is stored as an integer.
+/// A value as read. It is exact if it is stored as an integer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Value {
     Integer(i128),
@@ -106,10 +106,10 @@ impl LabelField {
         Some(Self { name: name.to_owned(), storage, offset, scaling: None })
     }
 
-    /// The id in a record: 0, negative and NaN are none, and read as 0.
+    /// The id in a record. Zero, negative values and NaN mean no id and are read as 0.
     ///
     /// # Errors
-    /// The value, when it is no whole number or too large.
+    /// The value, if it is not a whole number or is too large.
     #[inline]
     pub(super) fn id(&self, record: &[u8]) -> Result<i64, WrongLabel> {
         if let Some(id) = self.plain(record) {
@@ -126,7 +126,7 @@ impl LabelField {
     /// The class code in a record.
     ///
     /// # Errors
-    /// The value, when it is no whole number from 0 to 65,535.
+    /// The value, if it is not a whole number from 0 to 65,535.
     #[inline]
     pub(super) fn class(&self, record: &[u8]) -> Result<u16, WrongLabel> {
         if let Some(code) = self.plain(record).and_then(|code| u16::try_from(code).ok()) {
@@ -140,7 +140,7 @@ impl LabelField {
         }
     }
 
-    /// What is stored the way nearly all labels are: as a small unsigned integer, without a scale.
+    /// The value in the storage of nearly all labels: a small unsigned integer without a scale.
     #[inline]
     fn plain(&self, record: &[u8]) -> Option<u32> {
         let at = &record[self.offset..];
@@ -176,12 +176,12 @@ impl LabelField {
         }
     }
 
-    /// A whole number that was stored as a real one.
+    /// A whole number that was stored as a floating-point number.
     #[expect(clippy::cast_possible_truncation, reason = "the range was checked")]
     fn whole(&self, value: Value, expected: &'static str) -> Result<i64, WrongLabel> {
-        /// Beyond it not every whole number is an f64.
+        /// An f64 cannot represent every whole number beyond this one.
         const LARGEST: f64 = 9_007_199_254_740_992.0;
-        /// A scale like 0.1 leaves whole numbers off by rounding only.
+        /// A scale like 0.1 changes whole numbers by rounding only.
         const ROUNDING: f64 = 1e-6;
         match value {
             Value::Real(real) if real.abs() <= LARGEST && (real - real.round()).abs() <= ROUNDING => {
@@ -201,10 +201,10 @@ impl LabelField {
     }
 }
 
-const ID: &str = "id (a whole number; 0 or less is none)";
-const CODE: &str = "class code (a whole number from 0 to 65535)";
+const ID: &str = "an id (a whole number; 0 or less means none)";
+const CODE: &str = "a class code (a whole number from 0 to 65535)";
 
-/// A value that is no label.
+/// A value that is not a valid label.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct WrongLabel {
     name: String,
@@ -225,7 +225,7 @@ impl WrongLabel {
     }
 }
 
-/// The names that can be asked for.
+/// The names of all dimensions that can contain labels.
 fn known(layout: &RecordLayout) -> Vec<String> {
     let extra = layout.dimensions.iter().filter(|dimension| Storage::of_type(dimension.data_type).is_some());
     let standard = ["classification", "user_data", "point_source_id", "intensity"];

@@ -1,11 +1,11 @@
 //! Matching the points of both sides by coordinates and time where their orders differ, out of core.
 //!
-//! Both sides are parted into buckets on disk by a hash of the key; then one bucket after the other is sorted and
-//! joined in memory. Points of the same key are matched in their order of appearance. Memory: four buckets per thread;
-//! only points that all have one key cannot be parted. Disk: 16 bytes per point and side.
+//! Both sides are partitioned into buckets on disk by a hash of the key. Then one bucket after the other is sorted
+//! and joined in memory. Points of the same key are matched in their order of appearance. Memory: four buckets per
+//! thread. Points that all have the same key cannot be partitioned. Disk: 16 bytes per point and side.
 //!
-//! Two different keys are taken for the same when bucket and hash agree, in 64 bits for 200 million points: in one
-//! of a thousand such drives two points may exchange their labels.
+//! Two different keys are confused if bucket and hash agree. These have 64 bits for 200 million points: in one of a
+//! thousand such drives, two points may exchange their labels.
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_128;
@@ -19,15 +19,15 @@ use crate::eval::matching::sides::{BlockReader, Files, LabelFields, time_bits};
 use crate::eval::table::{Cell, Place, Predicted, Table, Tally};
 use crate::input::record_xyz;
 
-/// Buckets that a thread joins before its counts are merged with those of others, at least.
+/// Minimum number of buckets that a thread joins before its counts are merged with those of others.
 const BUCKETS_AT_A_TIME: usize = 4;
 
 impl Pair<'_> {
     /// Counts the points of both sides, matched by coordinates and time.
     ///
     /// # Errors
-    /// [`EvalError::Unmatched`] when a point has no counterpart; a block that cannot be read; a label that is none;
-    /// scratch files that cannot be written.
+    /// [`EvalError::Unmatched`] if a point has no counterpart; errors of a block that cannot be read, of an invalid
+    /// label, of scratch files that cannot be written.
     pub(super) fn count_by_key(&self, folder: &ScratchFolder) -> Result<Table> {
         let points = self.prediction.catalog.point_count();
         let left = Buckets::new(folder, "prediction", points);
@@ -56,13 +56,13 @@ impl Pair<'_> {
                 reference: Box::new(self.reference.site(reference, self.with_time)?),
             }
             .into()),
-            // As many points on both sides: one side alone cannot have a point too many.
+            // Both sides have the same number of points, so a surplus point on one side implies one on the other.
             _ => Ok(table(joined.pairs, &predicted, &referred)),
         }
     }
 
-    /// Parts one side into buckets, its lattice unit being `multiple` units of the finer lattice; returns its labels
-    /// by number, with their places.
+    /// Partitions one side into buckets. Its lattice unit is `multiple` units of the finer lattice. Returns its
+    /// labels by number, with their places.
     fn part<F: LabelFields + Sync>(
         &self,
         files: &Files<'_, F>,
@@ -75,14 +75,15 @@ impl Pair<'_> {
             || Worker { reader: BlockReader::default(), met: Met::new(&numbers), batch: Batch::default() };
         let workers = files.runs.par_iter().try_fold(worker, |mut worker, run| -> Result<_> {
             let Worker { reader, met, batch } = &mut worker;
-            let (file, fields) = (files.file(run), &files.fields[run.file]);
+            let file = files.file(run);
+            let fields = &files.fields[run.file];
             let time = file.layout().gps_time.filter(|_| self.with_time);
             let records = reader.records(file, run)?.chunks_exact(file.layout().record_len);
             for (record, index) in records.zip(run.first..) {
                 let label = fields.label(record).map_err(|label| files.wrong(run, index, label))?;
                 let at = file.transform().apply(record_xyz(record)).map(|units| units * multiple);
-                // Places are means on the lattice of the reference; the finer lattice divides without a remainder
-                // where the points of both sides are the same.
+                // Places are means on the lattice of the reference. If both sides have the same points, this
+                // division leaves no remainder.
                 let number = met.add(label, at.map(|units| units / of_reference));
                 let hash = hash(at, time.map_or(0, |offset| time_bits(record, offset)));
                 batch.push(buckets.of(hash), Entry::new(hash, index, number));
@@ -98,14 +99,14 @@ impl Pair<'_> {
     }
 }
 
-/// What a thread keeps from block to block while it parts a side.
+/// The state that a thread keeps between blocks while it partitions a side.
 struct Worker<'a> {
     reader: BlockReader,
     met: Met<'a>,
     batch: Batch,
 }
 
-/// Hash of what a point is recognised by: its coordinates in units of the finer lattice, and its time.
+/// Hash of the key of a point: its coordinates in units of the finer lattice, and its time.
 fn hash(at: [i64; 3], time: u64) -> u128 {
     let mut bytes = [0_u8; 32];
     for (place, units) in bytes.chunks_exact_mut(8).zip(at) {
@@ -115,7 +116,7 @@ fn hash(at: [i64; 3], time: u64) -> u128 {
     xxh3_128(&bytes)
 }
 
-/// What a thread finds while it joins buckets.
+/// Result of one thread that joins buckets.
 #[derive(Debug, Default)]
 struct Joined {
     /// Points per pair of numbers of labels.
@@ -154,7 +155,8 @@ fn run_length(entries: &[Entry], key: u64) -> usize {
 fn table(pairs: Tally<[u32; 2], u64>, predicted: &[(Label, Place)], referred: &[(Label, Place)]) -> Table {
     let codes = [Predicted::Other, Predicted::Ground, Predicted::Noise];
     let cell = |[left, right]: [u32; 2]| {
-        let (ours, theirs) = (predicted[left as usize].0, referred[right as usize].0);
+        let ours = predicted[left as usize].0;
+        let theirs = referred[right as usize].0;
         let predicted = codes.into_iter().find(|code| *code as u16 == ours.class).unwrap_or_default();
         Cell { object: theirs.id, segment: ours.id, class: theirs.class, predicted }
     };
@@ -172,7 +174,7 @@ fn table(pairs: Tally<[u32; 2], u64>, predicted: &[(Label, Place)], referred: &[
     Table { cells, objects: places(referred), segments: places(predicted) }
 }
 
-/// Points without a counterpart: how many of the prediction, and the smallest index on each side.
+/// Points without a counterpart: their number in the prediction, and their smallest index on each side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Unmatched {
     count: u64,

@@ -6,12 +6,12 @@ use rustc_hash::FxHashMap;
 
 use crate::eval::table::Place;
 
-/// What one side says about a point.
+/// The label that one side gives a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub(super) struct Label {
     /// Object or segment; 0 is none.
     pub(super) id: i64,
-    /// Class of the reference, or code of what is predicted.
+    /// Class of the reference, or code of the predicted class.
     pub(super) class: u16,
 }
 
@@ -36,7 +36,7 @@ impl Numbers {
     }
 }
 
-/// The labels that one thread has met.
+/// The labels that one thread has read.
 #[derive(Debug)]
 pub(super) struct Met<'a> {
     numbers: &'a Numbers,
@@ -80,7 +80,7 @@ impl<'a> Met<'a> {
     }
 }
 
-/// The places of two threads together.
+/// Merges the places of two threads.
 pub(super) fn join_places(mut left: Vec<Place>, mut right: Vec<Place>) -> Vec<Place> {
     if left.len() < right.len() {
         std::mem::swap(&mut left, &mut right);
@@ -97,7 +97,8 @@ mod tests {
     fn threads_agree_on_numbers_and_their_places_add_up() {
         let numbers = Numbers::default();
         let label = |id: i64| Label { id, class: 2 };
-        let (mut one, mut other) = (Met::new(&numbers), Met::new(&numbers));
+        let mut one = Met::new(&numbers);
+        let mut other = Met::new(&numbers);
         assert_eq!(
             [one.add(label(7), [1; 3]), one.add(label(7), [2; 3]), one.add(label(0), [9; 3])],
             [0, 0, 1]

@@ -48,7 +48,7 @@ impl Matching {
     }
 }
 
-/// A table and what its positions mean.
+/// A table, the lattice of its positions, and how its points were matched.
 #[derive(Debug, Clone)]
 pub struct Counted {
     /// The contingency table.
@@ -59,12 +59,12 @@ pub struct Counted {
     pub matching: Matching,
 }
 
-/// Counts all points of the prediction against the reference (the prediction itself, when there is none). `note` is
-/// told when the points have to be matched by coordinates, which takes scratch space and time.
+/// Counts all points of the prediction against the reference; without a reference, against the prediction itself.
+/// `note` is called if the points must be matched by coordinates, which takes scratch space and time.
 ///
 /// # Errors
-/// A dimension that is missing or holds no labels, files that cannot be read, points that differ, scratch files that
-/// cannot be written.
+/// A dimension that is missing or contains no labels, files that cannot be read, points that differ, scratch files
+/// that cannot be written.
 pub fn count(
     prediction: &Catalog,
     reference: Option<&Catalog>,
@@ -113,7 +113,7 @@ fn same_counts(pair: &Pair<'_>) -> Result<()> {
     if counts[0] == counts[1] {
         return Ok(());
     }
-    // Where all common points agree, the first that differs is the first that one side has more.
+    // If all common points agree, the first difference is the first surplus point of one side.
     let first = pair.first_difference()?.unwrap_or_else(|| counts[0].min(counts[1]));
     let site = |found: Result<PointSite>| found.map(Box::new);
     let prediction =

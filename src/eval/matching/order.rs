@@ -1,4 +1,4 @@
-//! Counting where both sides have their points in the same order, and finding the first point where they have not.
+//! Counts points if both sides have them in the same order, and finds the first point that differs.
 
 use rayon::prelude::*;
 
@@ -9,8 +9,8 @@ use crate::eval::table::{Cell, Counter, Table};
 use crate::input::{Catalog, InputFile, record_xyz};
 use crate::model::{AxisTransform, Lattice};
 
-/// Blocks of the prediction that one thread takes at a time: long enough that blocks of the reference that reach
-/// over an end are rarely decoded twice, short enough to occupy all threads.
+/// Blocks of the prediction that one thread takes at a time. They are many, so that a block of the reference across
+/// their ends is rarely decoded twice. They are few, so that all threads are occupied.
 const BLOCKS_AT_A_TIME: usize = 8;
 
 /// Both sides of a comparison of two sets of files.
@@ -22,13 +22,13 @@ pub(super) struct Pair<'a> {
     pub(super) with_time: bool,
 }
 
-/// What one thread found: the table of its part; `None` when a point in it is another.
+/// Result of one thread: the table of its part; `None` if a point in it differs between the sides.
 type Part = Result<Option<Table>>;
 
 /// Counts every point of both labels in one set of files.
 ///
 /// # Errors
-/// A block that cannot be read, a label that is none, [`EvalError::Scratch`](crate::eval::EvalError::Scratch).
+/// A block that cannot be read, an invalid label, [`EvalError::Scratch`](crate::eval::EvalError::Scratch).
 pub(super) fn count_same_files(
     prediction: &Files<'_, PredictionFields>,
     reference: &Files<'_, ReferenceFields>,
@@ -39,7 +39,8 @@ pub(super) fn count_same_files(
         for run in runs {
             let file = prediction.file(run);
             let records = reader.records(file, run)?;
-            let (predicted, referred) = (&prediction.fields[run.file], &reference.fields[run.file]);
+            let predicted = &prediction.fields[run.file];
+            let referred = &reference.fields[run.file];
             for (record, index) in records.chunks_exact(file.layout().record_len).zip(run.first..) {
                 let (segment, predicted) =
                     predicted.read(record).map_err(|label| prediction.wrong(run, index, label))?;
@@ -60,12 +61,12 @@ pub(super) fn count_same_files(
 }
 
 impl Pair<'_> {
-    /// Counts the points of both sides in order; `None` when they are in different orders, or different points.
+    /// Counts the points of both sides in order; `None` if their order or their points differ.
     ///
     /// # Errors
-    /// A block that cannot be read, a label that is none, [`EvalError::Scratch`](crate::eval::EvalError::Scratch).
+    /// A block that cannot be read, an invalid label, [`EvalError::Scratch`](crate::eval::EvalError::Scratch).
     pub(super) fn count_in_order(&self, parts: Parts<'_>) -> Result<Option<Table>> {
-        // A difference stops the others like an error does.
+        // A difference stops the other threads, as an error does.
         let idle = Idle::default();
         let count = |runs: &[Run]| {
             let part = idle.lend(|readers| self.count_part(runs, readers));
@@ -83,8 +84,8 @@ impl Pair<'_> {
     fn count_part(&self, runs: &[Run], readers: &mut Readers) -> Part {
         let mut counter = Counter::default();
         let different = self.walk(runs, readers, |stretch| {
-            let (predicted, referred) =
-                (&self.prediction.fields[stretch.runs.0.file], &self.reference.fields[stretch.runs.1.file]);
+            let predicted = &self.prediction.fields[stretch.runs.0.file];
+            let referred = &self.reference.fields[stretch.runs.1.file];
             let same = SamePoint::new(self, stretch.files);
             for ((left, right), index) in stretch.records().zip(stretch.first..) {
                 let Some(at) = same.position(left, right) else { return Ok(Some(index)) };
@@ -101,7 +102,7 @@ impl Pair<'_> {
         Ok(different.is_none().then(|| counter.finish()))
     }
 
-    /// Index of the first point that is another, among those that both sides have; `None` when there is none.
+    /// Index of the first point that differs, among the indices that both sides have; `None` if none differs.
     ///
     /// # Errors
     /// A block that cannot be read.
@@ -117,8 +118,8 @@ impl Pair<'_> {
         self.prediction.runs.par_chunks(BLOCKS_AT_A_TIME).find_map_first(find).transpose()
     }
 
-    /// Goes over the records of `runs` of the prediction and the records of the reference of the same index, as far
-    /// as there are any, until `visit` returns an index.
+    /// Visits the records of `runs` of the prediction together with the records of the same indices of the
+    /// reference, as far as there are any. Stops if `visit` returns an index.
     fn walk(
         &self,
         runs: &[Run],
@@ -133,7 +134,8 @@ impl Pair<'_> {
                 self.reference.runs.partition_point(|other| other.first + other.count <= run.first);
             for other in self.reference.runs[overlapping..].iter().take_while(|other| other.first < end) {
                 let other_file = self.reference.file(other);
-                let (first, last) = (run.first.max(other.first), end.min(other.first + other.count));
+                let first = run.first.max(other.first);
+                let last = end.min(other.first + other.count);
                 let stretch = Stretch {
                     runs: (run, other),
                     files: (file, other_file),
@@ -169,7 +171,7 @@ fn part<'b>(records: &'b [u8], file: &InputFile, run: &Run, indices: std::ops::R
     &records[byte(indices.start)..byte(indices.end)]
 }
 
-/// Records of the same indices on both sides, of one block each.
+/// Records of the same indices on both sides, each from one block.
 struct Stretch<'b> {
     runs: (&'b Run, &'b Run),
     files: (&'b InputFile, &'b InputFile),
@@ -185,20 +187,21 @@ impl<'b> Stretch<'b> {
     }
 }
 
-/// Lattice units per metre that both sides are compared in, and their multiples of it.
+/// For each side: how many units of the finer of both lattices one unit of its lattice has.
 pub(super) fn multiples(prediction: &Catalog, reference: &Catalog) -> (i64, i64) {
     let units = |lattice: Lattice| i64::from(lattice.units_per_m());
-    let (left, right) = (units(prediction.lattice()), units(reference.lattice()));
+    let left = units(prediction.lattice());
+    let right = units(reference.lattice());
     // There are two lattices, and one is a multiple of the other.
     let finest = left.max(right);
     (finest / left, finest / right)
 }
 
-/// Whether records of two files are one point.
+/// Compares records of two files: are they the same point?
 struct SamePoint<'b> {
     files: (&'b InputFile, &'b InputFile),
     multiples: (i64, i64),
-    /// Whether equal record coordinates are one position; the common case, and the fast one.
+    /// Whether equal record coordinates mean equal positions: the common case, and the fast one.
     same_lattice: bool,
     /// Largest difference of coordinates, in units of the finer lattice.
     tolerance: [i64; 3],
@@ -216,7 +219,7 @@ impl<'b> SamePoint<'b> {
         Self { files, multiples, same_lattice, tolerance, times }
     }
 
-    /// The position on the lattice of the reference, when both records are there at the same time.
+    /// The position on the lattice of the reference, if both records have the same position and time.
     #[inline]
     fn position(&self, left: &[u8], right: &[u8]) -> Option<[i64; 3]> {
         let stored = (record_xyz(left), record_xyz(right));
@@ -233,8 +236,8 @@ impl<'b> SamePoint<'b> {
     }
 }
 
-/// How far one coordinate may be from the other when it was stored again with another scale or offset: half a step
-/// of each, and a unit for the lattice; not at all when the steps of one file are steps of the other.
+/// Largest difference of a coordinate that was stored again with another scale or offset: half a step of each file,
+/// and a unit for the lattice. It is 0 if the steps of one file are steps of the other.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "scales are at most kilometres, a tolerance for rounding"

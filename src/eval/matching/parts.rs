@@ -1,7 +1,7 @@
 //! Adds up the tables of the parts of a drive. Not: counting them.
 //!
-//! A few objects and segments are held in memory; beyond that their counts wait in a scratch file until all points are
-//! read, so that memory does not grow with the drive while blocks of both sides are held, too.
+//! The counts of a few objects and segments are kept in memory. Further counts go to a scratch file until all
+//! points are read. Therefore memory does not grow with the drive while blocks of both sides are in memory, too.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, Write};
@@ -14,7 +14,7 @@ use crate::eval::error::EvalError;
 use crate::eval::matching::scratch::ScratchFolder;
 use crate::eval::table::Table;
 
-/// Entries that are held: half a mebibyte, about a kilometre of a dense street.
+/// Entries kept in memory: half a mebibyte, about a kilometre of a dense street.
 const HELD_ENTRIES: usize = 1 << 13;
 
 /// Tables of parts that come in any order, from any thread.
@@ -42,7 +42,7 @@ struct Waiting {
 }
 
 impl<'a> Parts<'a> {
-    /// No parts yet; when there are many, they wait in a file in a folder of their own in `scratch`.
+    /// Starts without parts. Many parts are stored in a file, in a new folder inside `scratch`.
     pub(super) fn new(scratch: &'a Path) -> Self {
         Self { scratch, collected: Mutex::default() }
     }
@@ -122,7 +122,7 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         let parts = Parts::new(parent.path());
         let mut whole = Counter::default();
-        // Every part has the objects of three others, too, and what all of them have does not fit.
+        // Every part shares objects with three others, and the objects of all parts do not fit into memory.
         for part in 0..40 {
             let mut counter = Counter::default();
             for object in part * 100..(part + 4) * 100 {

@@ -1,4 +1,5 @@
-//! Scratch files that points are parted into by a hash of their key, to be sorted a bucket at a time in memory.
+//! Scratch files. Points are partitioned into them by a hash of their key, so that one bucket at a time can be
+//! sorted in memory.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -10,9 +11,9 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::eval::error::EvalError;
 
-/// Entries that a bucket should have: 4 MiB, of which every thread holds four.
+/// Entries that a bucket should have: 4 MiB. Every thread has four buckets in memory.
 const BUCKET_ENTRIES: u64 = 1 << 18;
-/// Buckets at most; 250 million points have this many, and more points have larger buckets.
+/// Maximum number of buckets. 250 million points have this many; more points have larger buckets.
 const MAX_BUCKETS: u64 = 1024;
 /// Entries that are collected before a bucket's file is opened to append them: 32 KiB.
 const FLUSH_ENTRIES: usize = 2048;
@@ -28,7 +29,7 @@ const INDEX_BITS: u32 = 40;
 
 #[expect(clippy::cast_possible_truncation, reason = "parts of a number are cut out of it")]
 impl Entry {
-    /// The entry of a point; the upper bits of `hash` count, the lower 64 choose its bucket.
+    /// The entry of a point. It keeps the upper bits of `hash`; the lower 64 choose its bucket.
     pub(super) fn new(hash: u128, index: u64, label: u32) -> Self {
         let index = u128::from(index & ((1 << INDEX_BITS) - 1));
         Self((hash >> (32 + INDEX_BITS)) << (32 + INDEX_BITS) | index << 32 | u128::from(label))
@@ -50,7 +51,7 @@ impl Entry {
     }
 }
 
-/// Entries by a digit of theirs, and where those of a digit end; kept for its memory.
+/// Entries grouped by one of their digits, and the end of each group. Kept to reuse its memory.
 #[derive(Debug, Default)]
 struct ByDigit {
     entries: Vec<Entry>,
@@ -58,7 +59,7 @@ struct ByDigit {
 }
 
 impl ByDigit {
-    /// Takes entries with their digits below `count`; those of one digit stay in their order.
+    /// Takes entries with their digits below `count`. Entries of one digit keep their order.
     fn fill<'e>(&mut self, count: usize, from: impl Iterator<Item = (usize, &'e Entry)> + Clone) {
         let Self { entries, ends } = self;
         ends.clear();
@@ -67,7 +68,7 @@ impl ByDigit {
         (0..count).for_each(|digit| ends[digit + 1] += ends[digit]);
         entries.resize(ends[count], Entry::zeroed());
         for (digit, entry) in from {
-            // The start of a digit moves on to its end.
+            // The start of a group moves on until it is the end of the group.
             entries[ends[digit]] = *entry;
             ends[digit] += 1;
         }
@@ -86,7 +87,7 @@ impl ByDigit {
     }
 }
 
-/// Entries on their way to their buckets.
+/// Entries that are not written to their buckets yet.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     buckets: Vec<u16>,
@@ -116,7 +117,8 @@ impl Taken {
         &self.by_key.entries
     }
 
-    /// Sorts what was read: keys are hashes and spread evenly, so a digit of few bits leaves little to compare.
+    /// Sorts the entries that were read. Keys are hashes and spread evenly, so after grouping by a digit of few
+    /// bits there is little left to compare.
     fn sort(&mut self) {
         const DIGIT_BITS: u32 = 8;
         let digit = |entry: &Entry| (entry.0 >> (u128::BITS - DIGIT_BITS)) as usize;
@@ -125,14 +127,14 @@ impl Taken {
     }
 }
 
-/// A folder for scratch files that goes away with this value.
+/// A folder for scratch files. It is removed when this value is dropped.
 #[derive(Debug)]
 pub(super) struct ScratchFolder {
     path: PathBuf,
 }
 
 impl ScratchFolder {
-    /// Makes a folder of its own in `parent`.
+    /// Makes a new folder in `parent`.
     ///
     /// # Errors
     /// [`EvalError::Scratch`].
@@ -143,14 +145,14 @@ impl ScratchFolder {
             let path = parent.join(format!("chainage-eval-{}-{number}", std::process::id()));
             match fs_err::create_dir(&path) {
                 Ok(()) => return Ok(Self { path }),
-                // Left by a process of the same number that was killed: the next name will do.
+                // A killed process of the same number left this folder. The next name is tried.
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
                 Err(source) => return Err(EvalError::Scratch { path, source }),
             }
         }
     }
 
-    /// Where a file of this name in it is.
+    /// The path of the file of this name.
     pub(super) fn join(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
@@ -158,7 +160,7 @@ impl ScratchFolder {
 
 impl Drop for ScratchFolder {
     fn drop(&mut self) {
-        // Nothing depends on it, and there is nobody to tell.
+        // Nothing depends on the result, and nobody could receive the error.
         let _ = fs_err::remove_dir_all(&self.path);
     }
 }
@@ -172,7 +174,7 @@ pub(super) struct Buckets<'a> {
 }
 
 impl<'a> Buckets<'a> {
-    /// Empty buckets for so many points; the same number of points gives the same buckets.
+    /// Empty buckets for this number of points. The same number of points gives the same buckets.
     pub(super) fn new(folder: &'a ScratchFolder, name: &'static str, points: u64) -> Self {
         let count = points.div_ceil(BUCKET_ENTRIES).clamp(1, MAX_BUCKETS) as usize;
         Self { folder, name, waiting: (0..count).map(|_| Mutex::default()).collect() }
@@ -227,7 +229,7 @@ impl<'a> Buckets<'a> {
             .map_err(|source| EvalError::Scratch { path, source })
     }
 
-    /// Replaces what was `taken` by the entries of a bucket, sorted; the end of its file.
+    /// Replaces the contents of `taken` with the sorted entries of a bucket, and removes the file of the bucket.
     ///
     /// # Errors
     /// [`EvalError::Scratch`].
@@ -243,7 +245,7 @@ impl<'a> Buckets<'a> {
         }
         taken.read.append(&mut waiting);
         taken.sort();
-        // The space is wanted back, but the folder goes away in any case.
+        // This frees the space early. If it fails, the file is removed with the folder.
         let _ = std::fs::remove_file(&path);
         Ok(())
     }
@@ -283,7 +285,8 @@ mod tests {
             buckets.add(&mut batch).unwrap();
         }
         assert_eq!(buckets.count(), 3);
-        let (mut found, mut taken) = (Vec::new(), Taken::default());
+        let mut found = Vec::new();
+        let mut taken = Taken::default();
         for bucket in 0..3 {
             buckets.take(bucket, &mut taken).unwrap();
             assert!(taken.entries().len() > 3_000 && taken.entries().is_sorted());

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Which dimensions hold the labels, and how points are matched.
+/// Which dimensions contain the labels, and how points are matched.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CompareSettings {
     /// Dimension of the predicted segments.
@@ -15,7 +15,7 @@ pub struct CompareSettings {
     pub ground_classes: Vec<u16>,
     /// LAS classes of the prediction that are isolated noise.
     pub noise_classes: Vec<u16>,
-    /// Whether points are recognised by coordinates alone, though both sides have times.
+    /// Whether points are matched by coordinates alone, even if both sides have times.
     pub ignore_time: bool,
     /// Folder for scratch files.
     pub scratch: PathBuf,

@@ -1,4 +1,4 @@
-//! The two sides of a comparison: their records in order, and where their labels are. Not: which record is which.
+//! The two sides of a comparison: their records in order, and where their labels are. Not: matching the records.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -77,7 +77,7 @@ impl ReferenceFields {
     }
 }
 
-/// Reads what one side says about a point.
+/// Reads the label that one side gives a point.
 pub(super) trait LabelFields {
     /// The label of a record.
     fn label(&self, record: &[u8]) -> Result<Label, WrongLabel>;
@@ -146,7 +146,7 @@ impl<'a, F> Files<'a, F> {
         &self.catalog.files()[run.file]
     }
 
-    /// A wrong label in the record of this index among all files.
+    /// The error of a wrong label in the record of this index among all files.
     pub(super) fn wrong(&self, run: &Run, index: u64, label: WrongLabel) -> EvalError {
         label.at(self.file(run).path(), index - self.catalog.first_id(run.file))
     }
@@ -156,7 +156,7 @@ impl<'a, F> Files<'a, F> {
         self.catalog.files().iter().all(|file| file.layout().gps_time.is_some())
     }
 
-    /// The run that holds the record of this index.
+    /// The run that contains the record of this index.
     fn run_of(&self, index: u64) -> &Run {
         &self.runs[self.runs.partition_point(|run| run.first + run.count <= index)]
     }
@@ -224,8 +224,8 @@ impl BlockReader {
 /// Readers for the left and the right side.
 pub(super) type Readers = [BlockReader; 2];
 
-/// Readers that no thread uses at the moment. Their buffers are as large as blocks; made again and again, they would
-/// leave memory with the allocator that never becomes free.
+/// Readers that no thread uses at the moment. Their buffers are as large as blocks. If they were allocated again
+/// and again, the allocator would keep memory that never becomes free.
 #[derive(Debug, Default)]
 pub(super) struct Idle(Mutex<Vec<Readers>>);
 

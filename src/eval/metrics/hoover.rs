@@ -1,17 +1,18 @@
-//! Hoover's classes of detection (the paper on estimating epsilon, section 4.1; Hoover et al. 1996, doi:10.1109/34.506791) at a tolerance T.
+//! Hoover's classes of detection at a tolerance T (Wang et al. 2019, section 4.1, doi:10.3390/s19010172; Hoover et
+//! al. 1996, doi:10.1109/34.506791).
 //!
-//! Tried in this order, the first that holds counts:
+//! The classes are tried in this order, and the first that applies counts:
 //! * *correct*: a segment and the object overlap by at least T of both;
 //! * *over*: two or more segments that each lie at least T in the object cover at least T of it together;
 //! * *under*: a segment covers at least T of the object and of another one;
-//! * *missed*: else.
+//! * *missed*: none of these.
 //!
-//! *Noise* is a segment of no object: one that takes part in no correct detection, no over- and no
-//! under-segmentation that counts (Hoover et al.). Sizes are those of all points, ground below a segment included.
+//! *Noise* is a segment of no object: it takes part in no correct detection and in no over- or under-segmentation
+//! that counts (Hoover et al.). Sizes count all points, including the ground points of a segment.
 //!
-//! At T > 0.5 a correct pair is unique. At T = 0.5 two objects can be exactly half of one segment each, and one object
-//! exactly half in each of two segments; "one segment and one object" then has no answer, such pairs are not correct,
-//! and the object is judged by what follows.
+//! At T > 0.5 a correct pair is unique. At T = 0.5 two objects can each be exactly half of one segment, and two
+//! segments can each contain exactly half of one object. Then the pair is ambiguous. It is not correct, and the
+//! next classes are tried for the object.
 
 use std::fmt;
 use std::str::FromStr;
@@ -73,7 +74,7 @@ impl FromStr for Tolerance {
     }
 }
 
-/// What became of one object at one tolerance; segments and objects by index.
+/// Outcome of one object at one tolerance. Segments and objects are given by index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detection {
     /// One segment and the object overlap.
@@ -93,7 +94,7 @@ pub enum Detection {
         /// Objects it covers, this one included.
         objects: usize,
     },
-    /// Nothing of that.
+    /// None of these.
     Missed,
 }
 
@@ -172,11 +173,11 @@ impl Rules<'_> {
         }
     }
 
-    /// The one segment that overlaps the object by T of both, when it does so with no other object, and no other
-    /// segment does so with this object.
+    /// The one segment that overlaps the object by at least T of both. `None` if it also overlaps another object
+    /// so, or if another segment overlaps this object so.
     fn only_partner(&self, object: &Object) -> Option<usize> {
         let segment_of = |overlap: &Overlap| &self.scene.segments[overlap.index];
-        // T is at least a half: only the two largest overlaps of either side can be mutual.
+        // T is at least a half, so only the two largest overlaps of either side can reach T of both.
         let mut partners =
             object.overlaps.iter().take(2).filter(|part| self.mutual(part.points, object, segment_of(part)));
         let partner = partners.next().filter(|_| partners.next().is_none())?;
@@ -222,14 +223,14 @@ mod tests {
             ("merged", 0.8, vec![(1, 1, 50), (2, 1, 50)], vec!["under"; 2], vec![false]),
             ("merged equals at 0.5", 0.5, vec![(1, 1, 50), (2, 1, 50)], vec!["under"; 2], vec![false]),
             ("merged at 0.5", 0.5, vec![(1, 1, 60), (2, 1, 40)], vec!["correct", "under"], vec![false]),
-            // 80 of 100 is 0.8 of the object; 79 is not, and one segment is no over-segmentation.
+            // 80 of 100 is 0.8 of the object; 79 is not. One segment alone is not an over-segmentation.
             ("80 of 100", 0.8, vec![(1, 1, 80), (1, 0, 20)], vec!["correct"], vec![false]),
             ("79 of 100", 0.8, vec![(1, 1, 79), (1, 0, 21)], vec!["missed"], vec![true]),
             // The segment lies 100 / 125 = 0.8 in the object, then 100 / 126.
             ("25 of ground", 0.8, vec![(1, 1, 100), (0, 1, 25)], vec!["correct"], vec![false]),
             ("26 of ground", 0.8, vec![(1, 1, 100), (0, 1, 26)], vec!["missed"], vec![true]),
             ("segment elsewhere", 0.8, vec![(1, 1, 50), (0, 2, 50)], vec!["correct"], vec![false, true]),
-            // Three parts of which one lies only 0.5 in the object; the two others cover 0.7 and 0.8.
+            // Three parts. One of them lies only 0.5 in the object; the two others cover 0.7 and 0.8.
             (
                 "parts 0.7",
                 0.8,

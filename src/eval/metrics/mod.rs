@@ -1,9 +1,9 @@
-//! The figures per class and overall: counts over what the metrics said of every object and segment.
+//! The figures per class and overall: counts over the results of the metrics for every object and segment.
 //!
-//! A figure without anything to count is `None`, never 0 or NaN. Where there are objects but no match, SQ is 0, as
-//! in the reference code of panoptic quality. False positives and noise count in the class of the object of which
-//! the segment holds most points; noise that holds none of any object counts overall only. Published figures per
-//! class often count false positives in no class, because their segments have none: that F1 is given beside.
+//! A figure is `None` if there is nothing to count, never 0 or NaN. If there are objects but no match, SQ is 0, as
+//! in the reference code of panoptic quality. A false positive or a noise segment counts in the class of the object
+//! that has most points in it. Noise without points of any object counts overall only. Published figures per class
+//! often count false positives in no class, because their segments have no class. That F1 is given as well.
 
 pub mod hoover;
 pub mod overlaps;
@@ -42,7 +42,7 @@ pub struct HooverCounts {
     pub over: u64,
     /// Objects that share a segment.
     pub under: u64,
-    /// Objects that are nothing of these.
+    /// Objects of none of these kinds.
     pub missed: u64,
     /// Segments of no object.
     pub noise: u64,
@@ -55,7 +55,7 @@ pub struct Figures {
     pub objects: u64,
     /// Their points.
     pub points: u64,
-    /// Objects of which no segment holds a point: USR, OSR and OA do not see them.
+    /// Objects without a point in any segment: USR, OSR and OA do not count them as errors.
     pub without_segment: u64,
     /// Under-segmented objects.
     pub under: u64,
@@ -104,13 +104,13 @@ impl Figures {
         self.objects - self.true_positives
     }
 
-    /// Share of the counting segments that are an object.
+    /// Share of the counted segments that match an object.
     #[must_use]
     pub fn precision(&self) -> Option<f64> {
         ratio(self.true_positives as f64, (self.true_positives + self.false_positives) as f64)
     }
 
-    /// Share of the objects that are a segment.
+    /// Share of the objects that match a segment.
     #[must_use]
     pub fn recall(&self) -> Option<f64> {
         ratio(self.true_positives as f64, self.objects as f64)
@@ -119,8 +119,8 @@ impl Figures {
     /// Recognition quality, TP / (TP + FP / 2 + FN / 2).
     #[must_use]
     pub fn rq(&self) -> Option<f64> {
-        let (matched, all) =
-            (2 * self.true_positives, self.objects + self.true_positives + self.false_positives);
+        let matched = 2 * self.true_positives;
+        let all = self.objects + self.true_positives + self.false_positives;
         ratio(matched as f64, all as f64)
     }
 
@@ -130,8 +130,8 @@ impl Figures {
         self.rq()
     }
 
-    /// F1 of the matches when no segment is false, 2 R / (1 + R): what is reported by those who give segments no
-    /// class and therefore count false ones in no class.
+    /// F1 of the matches if no false segment counts, 2 R / (1 + R). This figure is reported by authors whose
+    /// segments have no class, because they count false segments in no class.
     #[must_use]
     pub fn f1_without_false_positives(&self) -> Option<f64> {
         ratio((2 * self.true_positives) as f64, (self.objects + self.true_positives) as f64)
@@ -157,7 +157,7 @@ impl Figures {
     }
 }
 
-/// How well a set of points was found.
+/// Scores of a set of points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PointScore {
     /// Points in the reference.
@@ -169,12 +169,14 @@ pub struct PointScore {
 }
 
 impl PointScore {
-    /// Counts the points that are `reference` and those that the prediction calls `predicted`; nothing when no class
-    /// of the reference has that role (`known` is false), because then nothing can be said of the prediction either.
+    /// Counts the points of `reference` and the points that the prediction calls `predicted`. If no class of the
+    /// reference has that role (`known` is false), it counts nothing: then nothing can be said about the prediction
+    /// either.
     fn count(table: &Table, known: bool, reference: impl Fn(u16) -> bool, predicted: Predicted) -> Self {
         let mut score = Self::default();
         for (cell, points) in table.cells.iter().filter(|_| known) {
-            let (in_reference, in_prediction) = (reference(cell.class), cell.predicted == predicted);
+            let in_reference = reference(cell.class);
+            let in_prediction = cell.predicted == predicted;
             score.reference += if in_reference { *points } else { 0 };
             score.predicted += if in_prediction { *points } else { 0 };
             score.both += if in_reference && in_prediction { *points } else { 0 };
@@ -201,7 +203,7 @@ impl PointScore {
     }
 }
 
-/// What the metrics say of every object and segment.
+/// Results of the metrics for every object and segment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
     /// Objects, segments and overlaps.
@@ -214,7 +216,7 @@ pub struct Judged {
     pub hoover: Vec<Hoover>,
 }
 
-/// Everything the metrics say about a drive.
+/// Results of all metrics for a drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
     /// Points compared.
@@ -242,7 +244,7 @@ impl Evaluation {
         let ground = PointScore::count(&table, classes.has_ground(), is_ground, Predicted::Ground);
         let noise = PointScore::count(&table, classes.has_noise(), is_noise, Predicted::Noise);
         let scene = Scene::build(&table, classes, lattice, settings.min_points);
-        // What is judged takes as much memory again.
+        // The results take as much memory again.
         drop(table);
         let judged = Judged::of(scene, settings);
         let classes = judged.codes().into_iter().map(|code| (code, judged.of_class(code))).collect();

@@ -1,11 +1,11 @@
-//! The objects and segments of a contingency table and how they overlap; what every metric starts from.
+//! The objects and segments of a contingency table and their overlaps. Every metric starts from them.
 //!
-//! What the page of the metrics leaves open is settled here:
-//! * The class of an object is that of most of its points (ties: the smaller code). An object whose class is ground
-//!   or noise is none.
-//! * An object with fewer points than `min_points` (30) is not evaluated, and its points are *unlabelled*, like those
-//!   of no object at all.
-//! * The class of a segment is the class of the evaluated object of which it holds most points (ties: the smaller id).
+//! The page of the metrics leaves three points open. They are settled here:
+//! * The class of an object is the class of most of its points (ties: the smaller code). If this class is ground or
+//!   noise, it is not an object.
+//! * An object with fewer points than `min_points` (30) is not evaluated. Its points are *unlabelled*, like points
+//!   of no object.
+//! * The class of a segment is the class of the evaluated object that has most points in it (ties: the smaller id).
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -17,7 +17,8 @@ use crate::model::Lattice;
 /// Points that an object and a segment have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Overlap {
-    /// The other side: index into [`Scene::segments`] seen from an object, into [`Scene::objects`] from a segment.
+    /// The other side: for an object an index into [`Scene::segments`], for a segment an index into
+    /// [`Scene::objects`].
     pub index: usize,
     /// Points in common, at least 1.
     pub points: u64,
@@ -40,12 +41,13 @@ pub struct Object {
     pub predicted_noise: u64,
     /// Mean position in metres.
     pub centroid_m: [f64; 3],
-    /// Segments that hold points of it: most points first, ties by the smaller id.
+    /// Segments that contain points of it: most points first, ties by the smaller id.
     pub overlaps: Box<[Overlap]>,
 }
 
 impl Object {
-    /// S(o): the segment that holds most of the object; ties go to the smaller id, none when no segment holds any.
+    /// S(o): the segment that contains most points of the object. Ties go to the smaller id; none if no segment
+    /// contains any.
     #[must_use]
     pub fn main(&self) -> Option<Overlap> {
         self.overlaps.first().copied()
@@ -63,12 +65,12 @@ pub struct Segment {
     pub labelled: u64,
     /// Mean position in metres.
     pub centroid_m: [f64; 3],
-    /// Evaluated objects it holds points of: most points first, ties by the smaller id.
+    /// Evaluated objects that have points in it: most points first, ties by the smaller id.
     pub overlaps: Box<[Overlap]>,
 }
 
 impl Segment {
-    /// The object it holds most points of.
+    /// The object that has most points in it.
     #[must_use]
     pub fn main(&self) -> Option<Overlap> {
         self.overlaps.first().copied()
@@ -117,7 +119,8 @@ impl Scene {
             if id <= 0 || classes.is_ground(class) || classes.is_noise(class) {
                 continue;
             }
-            let (points, centroid_m) = (total(cells), metres(&table.objects, id, lattice));
+            let points = total(cells);
+            let centroid_m = metres(&table.objects, id, lattice);
             if points < min_points {
                 scene.small_objects.push(SmallObject { id, class, points, centroid_m });
             } else {
@@ -153,7 +156,7 @@ impl Scene {
         self.objects.push(object);
     }
 
-    /// Tells the segments what their objects know.
+    /// Copies the overlaps of the objects to their segments.
     fn add_overlaps_to_segments(&mut self) {
         let of_object = |(index, object): (usize, &Object)| {
             object
@@ -173,7 +176,7 @@ impl Scene {
         }
     }
 
-    /// Class of a segment; `None` when it holds no point of an evaluated object.
+    /// Class of a segment; `None` if it contains no point of an evaluated object.
     #[must_use]
     pub fn segment_class(&self, segment: &Segment) -> Option<u16> {
         segment.main().map(|overlap| self.objects[overlap.index].class)

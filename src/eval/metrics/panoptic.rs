@@ -1,16 +1,17 @@
-//! Panoptic quality (Kirillov et al. 2019, doi:10.1109/CVPR.2019.00963): which segment is which object at IoU > 0.5.
+//! Panoptic quality (Kirillov et al. 2019, doi:10.1109/CVPR.2019.00963): matches segments and objects at IoU > 0.5.
 //!
-//! Settled where the page leaves it open:
-//! * Segments of fewer than `min_points` (30) points take no part, not even as matches, as such objects do not either.
-//! * A segment of which more than half belongs to no evaluated object is not counted as false (the void rule of
+//! The page of the metrics leaves four points open. They are settled here:
+//! * Segments of fewer than `min_points` (30) points are ignored, even as matches. The same applies to such
+//!   objects.
+//! * A segment does not count as false if more than half of it belongs to no evaluated object (the void rule of
 //!   Kirillov et al., section 4.2, threshold 0.5). It cannot match: its IoU with any object is below 0.5.
-//! * Points of a segment outside objects do count in its IoU. The paper removes void there, but void is what nobody
-//!   has labelled, and our unlabelled points are mostly ground, known not to be of the object.
-//! * The mean best IoU is over all segments, small ones included.
+//! * Points of a segment outside objects count in its IoU. The paper removes void there. But void in the paper is
+//!   what nobody has labelled. Our unlabelled points are mostly ground, which is known not to belong to the object.
+//! * The mean best IoU is taken over all segments, including small ones.
 
 use crate::eval::metrics::overlaps::{Object, Overlap, Scene};
 
-/// Points in common and in all.
+/// Number of points in the intersection and in the union.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Iou {
     /// Index of the segment.
@@ -33,29 +34,29 @@ impl Iou {
         self.intersection as f64 / self.union as f64
     }
 
-    /// Whether the two are a match: at most one segment per object and one object per segment can be.
+    /// Whether the two match. An object matches at most one segment, and a segment at most one object.
     #[must_use]
     pub fn is_match(self) -> bool {
         2 * self.intersection > self.union
     }
 
-    /// Whether this is more than the other, exactly.
+    /// Whether this IoU is larger than the other, compared exactly.
     fn exceeds(self, other: Self) -> bool {
         u128::from(self.intersection) * u128::from(other.union)
             > u128::from(other.intersection) * u128::from(self.union)
     }
 }
 
-/// What became of a segment.
+/// Outcome of a segment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SegmentRole {
-    /// It is an object.
+    /// It matches an object.
     Matched,
-    /// It is none and counts against its class.
+    /// It matches no object and counts against its class.
     FalsePositive,
-    /// Too few points to count.
+    /// It has too few points to count.
     Small,
-    /// Mostly on points of no object.
+    /// Most of its points belong to no object.
     Unlabelled,
 }
 

@@ -1,14 +1,14 @@
 //! Adjusted Rand index (Hubert and Arabie 1985, doi:10.1007/BF01908075) over the points of evaluated objects.
 //!
-//! Points without a segment count as one group of their own, as any implementation does that is given the label 0.
-//! The four pair counts are exact integers; the formula and its answer for a single group (1) are those of
+//! Points without a segment count as one group, as in every implementation that receives the label 0 for them. The
+//! four pair counts are exact integers. The formula, and its result 1 for a single group, are those of
 //! scikit-learn's `adjusted_rand_score`.
 
 use std::collections::BTreeMap;
 
 use crate::eval::metrics::overlaps::{Object, Scene};
 
-/// The index over the points of those objects that `counts` accepts; `None` when there is no such point.
+/// The index over the points of the objects that `counts` accepts; `None` if there is no such point.
 #[must_use]
 pub fn adjusted_rand_index(scene: &Scene, counts: impl Fn(&Object) -> bool) -> Option<f64> {
     let mut sums = PairSums::default();
@@ -43,9 +43,8 @@ struct PairSums {
 }
 
 impl PairSums {
-    /// Ordered pairs of points: together in both (tp), in the segments only (fp), in the objects only (fn), in
-    /// neither (tn). Every sum below stays under 2 n^4, which fits an i128 up to
-    /// 3 * 10^9 points.
+    /// Ordered pairs of points that are together in both (tp), in the segments only (fp), in the objects only (fn),
+    /// in neither (tn). Every sum below stays under 2 n^4, which fits an i128 up to 3 * 10^9 points.
     fn index(&self) -> f64 {
         let tp = self.cells - self.points;
         let fp = self.columns - self.cells;

@@ -1,39 +1,40 @@
 //! Under- and over-segmentation of objects (Li et al. 2017, section 4.4). Not: rates, which are counts over objects.
 //!
-//! S(o) is the segment that holds most of object o (ties: the smaller id).
-//! * o is *under-segmented* when S(o) also is S(o') of another evaluated object, or holds at least 20 % of one.
-//! * o is *over-segmented* when a second segment holds at least 10 % and at least 30 points of it.
+//! S(o) is the segment that contains most points of object o (ties: the smaller id).
+//! * o is *under-segmented* if S(o) is also S(o') of another evaluated object, or contains at least 20 % of one.
+//! * o is *over-segmented* if a second segment contains at least 10 % and at least 30 points of it.
 //! * OA = 1 - (USR + OSR) / 2.
 //!
-//! An object of which no segment holds a point is neither: the definition has no third case, so an empty prediction
-//! has OA 1. Such objects are counted beside OA (`without_segment`), and the other metrics count them as missed.
+//! An object without a point in any segment is neither: the definition has no third case, so an empty prediction
+//! has OA 1. Such objects are counted beside OA (`without_segment`). The other metrics count them as missed.
 
 use crate::eval::metrics::overlaps::{Overlap, Scene};
 
-/// Share of another object that makes its segment a shared one, in percent (Li et al. 2017, section 4.4).
+/// Share of another object from which on its segment is shared, in percent (Li et al. 2017, section 4.4).
 const SHARED_PERCENT: u64 = 20;
-/// Share of an object in a second segment that makes it over-segmented, in percent (Li et al. 2017, section 4.4).
+/// Share of an object in a second segment from which on it is over-segmented, in percent (Li et al. 2017, section
+/// 4.4).
 const SECOND_PERCENT: u64 = 10;
-/// Points of an object in a second segment that make it over-segmented (Li et al. 2017, section 4.4).
+/// Points of an object in a second segment from which on it is over-segmented (Li et al. 2017, section 4.4).
 const SECOND_POINTS: u64 = 30;
 
-/// What became of one object.
+/// Outcome of one object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Segmentation {
-    /// The other object that makes it under-segmented, as index, and the points of it that S(o) holds.
+    /// The other object that makes it under-segmented, as index, and how many of its points S(o) contains.
     pub shared_with: Option<Overlap>,
-    /// The second segment that makes it over-segmented, and its points of the object.
+    /// The second segment that makes it over-segmented, and how many points of the object it contains.
     pub second: Option<Overlap>,
 }
 
 impl Segmentation {
-    /// Whether the object's segment also is that of another, or holds much of another.
+    /// Whether the object's segment is also that of another object, or contains much of another.
     #[must_use]
     pub fn is_under(&self) -> bool {
         self.shared_with.is_some()
     }
 
-    /// Whether a second segment holds much of the object.
+    /// Whether a second segment contains much of the object.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.second.is_some()
@@ -56,8 +57,8 @@ pub fn judge(scene: &Scene) -> Vec<Segmentation> {
     scene.objects.iter().enumerate().map(judge_one).collect()
 }
 
-/// Per segment the first two objects, largest overlap first, that are its own or of which it holds much. Two are
-/// enough: an object is under-segmented when one of them is another one.
+/// Per segment: the first two objects, largest overlap first, whose S(o) it is or of which it contains much. Two
+/// are enough: an object is under-segmented if one of them is another object.
 fn claims(scene: &Scene) -> Vec<[Option<Overlap>; 2]> {
     let claims_of = |(index, segment): (usize, &crate::eval::metrics::overlaps::Segment)| {
         let mut claims = segment.overlaps.iter().copied().filter(|overlap| {
@@ -94,7 +95,7 @@ mod tests {
             // 30 of 301 is less than 10 %, 30 of 300 is not.
             ("30 of 301", vec![(1, 1, 271), (1, 2, 30)], vec![(false, false)]),
             ("30 of 300", vec![(1, 1, 270), (1, 2, 30)], vec![(false, true)]),
-            // S(1) = 1 holds 20 % of object 2, whose own segment is 2: only object 1 is under-segmented.
+            // S(1) = 1 contains 20 % of object 2, whose own segment is 2: only object 1 is under-segmented.
             (
                 "20 % of another",
                 vec![(1, 1, 50), (2, 1, 20), (2, 2, 80)],

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::eval::error::EvalError;
 use crate::input::InputError;
 
-/// Vertices of a trajectory nearer than this to the one before are skipped: 1 m is finer than anyone searches for an
-/// object, and a trajectory at 200 Hz has a hundred times more.
+/// Trajectory vertices closer than this to the vertex before are skipped. 1 m is finer than anyone searches for an
+/// object. A trajectory at 200 Hz has a hundred times more vertices.
 const SPACING_M: f64 = 1.0;
 
 /// A line in the plane that gives a position its chainage in metres.
@@ -19,7 +19,7 @@ pub enum Axis {
     },
     /// A straight line.
     Principal {
-        /// A point of it, x and y in metres: chainage 0.
+        /// A point on it, x and y in metres; its chainage is 0.
         origin: [f64; 2],
         /// Unit vector of it.
         direction: [f64; 2],
@@ -55,7 +55,7 @@ impl Axis {
             points.push([x, y]);
         }
         if points.len() < 2 {
-            return Err((text.lines().count(), "two positions at least"));
+            return Err((text.lines().count(), "at least two positions"));
         }
         Ok(Self::polyline(&points))
     }
@@ -77,8 +77,8 @@ impl Axis {
         Self::Trajectory { vertices }
     }
 
-    /// The axis of largest spread of `positions` in the plane, towards larger x (or y, when it is steep), with
-    /// chainage 0 at the first of them along it.
+    /// The axis along the largest spread of `positions` in the plane, towards larger x (or y, if it is steep).
+    /// Chainage 0 is at the first of them along the axis.
     #[must_use]
     pub fn principal(positions: &[[f64; 3]]) -> Self {
         let n = positions.len().max(1) as f64;
@@ -100,7 +100,7 @@ impl Axis {
         Self::Principal { origin, direction }
     }
 
-    /// Distance along the axis, in metres, of the point of the axis that is nearest to `at` in the plane.
+    /// Distance along the axis, in metres, to the point of the axis that is nearest to `at` in the plane.
     #[must_use]
     pub fn chainage_m(&self, at: [f64; 3]) -> f64 {
         match self {
@@ -123,10 +123,12 @@ impl Axis {
 
 /// Squared distance to the segment and chainage of its nearest point.
 fn nearest_on_segment(from: [f64; 3], to: [f64; 3], at: [f64; 3]) -> (f64, f64) {
-    let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-    // Vertices that follow each other are apart, or they would not both have been kept.
+    let dx = to[0] - from[0];
+    let dy = to[1] - from[1];
+    // Neighbouring vertices are apart, otherwise one of them would have been skipped.
     let share = (((at[0] - from[0]) * dx + (at[1] - from[1]) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
-    let (x, y) = (from[0] + share * dx - at[0], from[1] + share * dy - at[1]);
+    let x = from[0] + share * dx - at[0];
+    let y = from[1] + share * dy - at[1];
     (x * x + y * y, from[2] + share * (to[2] - from[2]))
 }
 

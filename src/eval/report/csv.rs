@@ -6,11 +6,11 @@ use crate::eval::report::rows::{ObjectRow, SmallRow};
 use crate::eval::report::values::Report;
 
 impl Report<'_> {
-    /// Writes every reference object with its outcome under each metric, as CSV by id, with one column of Hoover's classes
-    /// per tolerance; objects that are too small to be evaluated have no outcome.
+    /// Writes every reference object with its outcome under each metric, as CSV by id, with one column of Hoover's
+    /// classes per tolerance. Objects that are too small to be evaluated have no outcome.
     ///
     /// # Errors
-    /// What `to` answers.
+    /// Errors of the writer `to`.
     pub fn write_objects_csv(&self, to: &mut dyn Write) -> io::Result<()> {
         write!(
             to,
@@ -34,10 +34,10 @@ impl Report<'_> {
     }
 }
 
-/// What is known of an object that is not evaluated, in the columns of one that is.
+/// The row of an object that is not evaluated, in the columns of one that is.
 fn small_csv_line(row: &SmallRow, tolerances: usize, min_points: u64) -> String {
     let [x, y, z] = row.at_m;
-    // Ten columns up to those of the tolerances, three after them, and the words.
+    // Ten columns before those of the tolerances, three after them, and the words.
     let empty = ",".repeat(10 + tolerances + 3 + 1);
     format!(
         "{},{},{},{:.3},{x:.3},{y:.3},{z:.3},{}{empty}fewer than {min_points} points: not evaluated\n",
@@ -76,7 +76,7 @@ fn csv_line(row: &ObjectRow) -> String {
         row.points_predicted_noise.to_string(),
         quoted(&row.what),
     ];
-    // No tolerances, no columns of theirs.
+    // Without tolerances there are no columns for them.
     let present = fields.into_iter().enumerate().filter(|(at, _)| *at != 18 || !row.hoover.is_empty());
     present.map(|field| field.1).collect::<Vec<_>>().join(",") + "\n"
 }

@@ -1,5 +1,5 @@
-//! The objects and segments behind each figure: id, class, place and what went wrong. Lists hold numbers; what there is
-//! to say of each is put into words when it is written, so that a report of a long drive stays small.
+//! The objects and segments behind each figure: id, class, place and what went wrong. Lists contain numbers. The
+//! words of an entry are made when it is written, so that a report of a long drive stays small.
 
 use serde::{Serialize, Serializer};
 
@@ -10,7 +10,7 @@ use crate::eval::report::axis::Axis;
 use crate::eval::report::rounding::millimetres;
 use crate::eval::report::rows::ObjectRows;
 
-/// Something to go and look at.
+/// An object or a segment that is worth a look.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
     /// Id of the reference object, when it is one.
@@ -19,7 +19,7 @@ pub struct Finding {
     /// Id of the predicted segment, when it is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segment: Option<i64>,
-    /// Class code; none for a segment that holds no point of an object.
+    /// Class code; none for a segment that contains no point of an object.
     pub class: Option<u16>,
     /// What the class is called.
     pub class_name: Option<String>,
@@ -64,7 +64,7 @@ pub struct Behind<'a> {
     pub under_segmented: Findings<'a>,
     /// OSR: over-segmented objects.
     pub over_segmented: Findings<'a>,
-    /// Objects that USR and OSR do not see, because no segment holds a point of them.
+    /// Objects that USR and OSR do not count as errors, because no segment contains a point of them.
     pub without_segment: Findings<'a>,
     /// F1, PQ, RQ: objects without a match.
     pub false_negatives: Findings<'a>,
@@ -89,15 +89,16 @@ pub struct HooverFindings<'a> {
     pub under: Findings<'a>,
     /// Objects that are missed.
     pub missed: Findings<'a>,
-    /// Segments of no object that have as many points as an object needs; smaller ones are only counted, there can
-    /// be millions of them.
+    /// Noise segments with at least as many points as an object needs. Smaller ones are only counted: there can be
+    /// millions of them.
     pub noise: Findings<'a>,
 }
 
-/// IoU below which a match is listed: the tolerance of the paper on estimating epsilon, chosen for want of another.
+/// IoU below which a match is listed: the tolerance of Wang et al. 2019 (doi:10.3390/s19010172), because no other
+/// value is established.
 const POOR_IOU: f64 = 0.8;
 
-/// Collects what is behind the figures; `rows` are those of the judged objects.
+/// Collects the objects and segments behind the figures. `rows` are the rows of the evaluated objects.
 pub(super) fn behind<'a>(
     judged: &'a Judged,
     settings: &'a MetricSettings,

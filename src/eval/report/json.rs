@@ -8,7 +8,7 @@ impl Report<'_> {
     /// Writes the whole report as JSON, keys in a fixed order.
     ///
     /// # Errors
-    /// What `to` answers.
+    /// Errors of the writer `to`.
     pub fn write_json(&self, to: &mut dyn Write) -> io::Result<()> {
         serde_json::to_writer_pretty(&mut *to, self)?;
         to.write_all(b"\n")

@@ -1,4 +1,4 @@
-//! What is shown of an evaluation: values, and the forms in which they are written.
+//! How an evaluation is shown: its values, and the forms in which they are written.
 
 pub mod axis;
 mod csv;

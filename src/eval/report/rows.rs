@@ -1,5 +1,5 @@
-//! One row per reference object: where it is and what became of it under each metric. Rows are made while they are
-//! written, so that a report of a long drive stays small.
+//! One row per reference object: its place and its outcome under each metric. Rows are made while they are written,
+//! so that a report of a long drive stays small.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::eval::metrics::{Judged, MetricSettings};
 use crate::eval::report::axis::Axis;
 use crate::eval::report::rounding::{millimetres, share};
 
-/// What became of one object.
+/// Outcome of one object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ObjectRow {
     /// Id in the reference.
@@ -31,7 +31,7 @@ pub struct ObjectRow {
     pub z_m: f64,
     /// Points of the object.
     pub points: u64,
-    /// S(o), the segment that holds most of it.
+    /// S(o), the segment that contains most of it.
     pub segment: Option<i64>,
     /// Points of that segment.
     pub segment_points: u64,
@@ -43,11 +43,11 @@ pub struct ObjectRow {
     pub best_iou_segment: Option<i64>,
     /// Whether it is matched at IoU > 0.5.
     pub matched: bool,
-    /// Whether S(o) also is or holds much of another object.
+    /// Whether S(o) is also that of another object, or contains much of another.
     pub under_segmented: bool,
     /// That object.
     pub shares_with: Option<i64>,
-    /// Whether a second segment holds much of it.
+    /// Whether a second segment contains much of it.
     pub over_segmented: bool,
     /// That segment.
     pub second_segment: Option<i64>,
@@ -114,7 +114,8 @@ impl Serialize for SmallRows<'_> {
 pub struct ObjectRows<'a> {
     judged: &'a Judged,
     settings: &'a MetricSettings,
-    /// Per object; along a trajectory, each takes as long as a hundred rows.
+    /// Per object. They are stored, because a chainage along a trajectory takes as long to compute as a hundred
+    /// rows.
     chainages_m: Arc<[f64]>,
 }
 
@@ -144,7 +145,8 @@ impl<'a> ObjectRows<'a> {
         let Self { judged, settings, chainages_m } = self;
         let scene = &judged.scene;
         let object = &scene.objects[index];
-        let (outcome, main) = (&judged.segmentation[index], object.main());
+        let outcome = &judged.segmentation[index];
+        let main = object.main();
         let segment_id = |segment: usize| scene.segments[segment].id;
         let [x_m, y_m, z_m] = object.centroid_m.map(millimetres);
         ObjectRow {
@@ -221,7 +223,7 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
         (object.predicted_noise, "called noise"),
         (object.unassigned, "without segment"),
     ];
-    // A tenth, as for over-segmentation: less does not change what the object is.
+    // The threshold is a tenth, as for over-segmentation: less does not change what the object is.
     phrases.extend(
         lost.into_iter()
             .filter(|(points, _)| 10 * points >= object.points)

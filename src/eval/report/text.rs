@@ -39,7 +39,7 @@ fn head(report: &Report<'_>) -> String {
     );
     if report.overall.without_segment > 0 {
         text += &format!(
-            "{} objects have no segment at all: USR, OSR and OA do not see them\n",
+            "{} objects have no segment at all: USR, OSR and OA do not count them as errors\n",
             report.overall.without_segment
         );
     }
@@ -74,8 +74,8 @@ fn shares(report: &Report<'_>) -> String {
         values.into_iter().for_each(|value| text += &format!(" {:>6}", cell(value)));
     }
     text += &format!("\nmean over classes: PQ {}\n", cell(report.overall.pq_class_mean));
-    // Two figures go by the name of F1 per class, and they can be far apart.
-    text + "F1 counts false segments in the class of the object they hold most of, F1* counts none\n"
+    // Two figures are called F1 per class, and they can differ much.
+    text + "F1 counts a false segment in the class of the object with most points in it, F1* counts none\n"
 }
 
 fn hoover(report: &Report<'_>) -> String {

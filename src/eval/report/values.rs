@@ -11,15 +11,15 @@ use crate::eval::report::findings::{self, Behind};
 use crate::eval::report::rounding::share;
 use crate::eval::report::rows::{ObjectRows, SmallRows};
 
-/// Version of the JSON form; raised when a key changes its meaning or goes away.
+/// Version of the JSON form; raised if a key changes its meaning or is removed.
 const VERSION: u32 = 1;
 
-/// What was compared with what; for the head of a report.
+/// Both sides of the comparison and how they were compared, for the head of a report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Provenance {
     /// Files of the prediction.
     pub prediction: Vec<String>,
-    /// Files of the reference; those of the prediction when they hold the reference too.
+    /// Files of the reference; those of the prediction if they contain the reference too.
     pub reference: Vec<String>,
     /// Dimension of the segments.
     pub prediction_dim: String,
@@ -29,7 +29,7 @@ pub struct Provenance {
     pub class_dim: Option<String>,
     /// How the points of both sides were matched.
     pub matched_by: String,
-    /// What chainages are measured along: the trajectory file, or the principal axis.
+    /// The line along which chainages are measured: the trajectory file, or the principal axis.
     pub chainage_along: String,
 }
 

@@ -15,7 +15,7 @@ impl ObjectFormat for Csv {
     fn write(&self, table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
         let names: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
         writeln!(out, "{}", names.join(","))?;
-        // A line is put together in memory: `out` is asked once per row and not once per field.
+        // A line is built in memory, so that `out` is called once per row and not once per field.
         let mut line = Vec::new();
         for row in table.rows() {
             line.clear();

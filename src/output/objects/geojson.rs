@@ -1,8 +1,8 @@
 //! GeoJSON: a feature collection with one feature per line. The values of a row are the properties, and its outline is
 //! the geometry: a polygon, or a line or a point where the outline has no area.
 //!
-//! RFC 7946 knows geographic coordinates only; ours are projected, so a member `crs` of the older GeoJSON specification
-//! (2008, section 3) names the EPSG code when it is known. QGIS and GDAL honour it.
+//! RFC 7946 allows geographic coordinates only, but ours are projected. Therefore a member `crs` of the older
+//! GeoJSON specification (2008, section 3) names the EPSG code if it is known. QGIS and GDAL honour it.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -19,8 +19,8 @@ use crate::output::objects::table::{ObjectFormat, ObjectRow, ObjectTable};
 pub(super) struct GeoJson;
 
 impl ObjectFormat for GeoJson {
-    // The frame is written here and not by geojson's FeatureWriter, which writes a comma too many after a foreign
-    // member when no feature follows (1.0.0).
+    // The frame is written here and not by geojson's FeatureWriter: version 1.0.0 writes a superfluous comma after
+    // a foreign member if no feature follows.
     fn write(&self, table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, r#"{{"type":"FeatureCollection","#)?;
         if let Some(epsg) = table.epsg {
@@ -28,7 +28,7 @@ impl ObjectFormat for GeoJson {
             writeln!(out, r#""crs":{},"#, json!({"type": "name", "properties": {"name": name}}))?;
         }
         write!(out, r#""features":["#)?;
-        // A line is put together in memory: `out` is asked once per row and not once per token.
+        // A line is built in memory, so that `out` is called once per row and not once per token.
         let mut line = Vec::new();
         for (index, row) in table.rows().enumerate() {
             line.clear();

@@ -1,4 +1,4 @@
-//! The table of objects as files. A format writes whatever columns come and knows none of them.
+//! The table of objects as files. A format writes all columns that it is given and depends on none of them.
 //!
 //! A format is one file here and one line in [`REGISTRY`].
 

@@ -1,8 +1,9 @@
-//! Numbers of the table, rounded so that the bytes of every format depend on nothing but the values.
+//! Numbers of the table, rounded so that the bytes of every format depend on the values only.
 
 use crate::model::ColumnType;
 
-/// Decimal places of coordinates in outlines. They are coordinates of the input: at three places, millimetres or less.
+/// Decimal places of coordinates in outlines. The coordinates are in units of the input: three places are
+/// millimetres or less.
 pub(super) const OUTLINE_PLACES: u8 = 3;
 
 /// Decimal places of the numbers of a column; none where it has no decimals.
@@ -13,9 +14,9 @@ pub(super) fn places(column_type: ColumnType) -> u8 {
     }
 }
 
-/// Rounded to so many places, without a negative zero; `None` for what is not finite.
+/// Rounded to this many places, without a negative zero; `None` for a value that is not finite.
 pub(super) fn rounded(value: f64, places: u8) -> Option<f64> {
-    // Exact, which `powi` does not promise.
+    // This is exact. `powi` does not promise that.
     let scale = f64::from(10_u32.saturating_pow(places.into()));
     value.is_finite().then(|| (value * scale).round() / scale + 0.0)
 }

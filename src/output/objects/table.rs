@@ -61,7 +61,7 @@ pub(crate) mod tests {
         Column { name, column_type, unit: ColumnUnit::None, definition: "" }
     }
 
-    /// A column of each type, with numbers of other places.
+    /// A column of each type, and numbers with different places.
     pub(crate) const COLUMNS: &[Column] = &[
         column("id", ColumnType::Count),
         column("min_x", ColumnType::Decimal { places: 3 }),
@@ -105,7 +105,7 @@ pub(crate) mod tests {
         String::from_utf8(out).unwrap()
     }
 
-    /// Whether a format reports that a writer refuses after so many bytes.
+    /// Whether a format returns an error if the writer refuses after this many bytes.
     pub(crate) fn refuses_after(format: &dyn ObjectFormat, bytes: usize) -> bool {
         let row = |_| car();
         let table = ObjectTable { columns: COLUMNS, epsg: None, len: 1, row: &row };

@@ -4,7 +4,7 @@ use crate::input::RecordLayout;
 
 /// Bytes of one descriptor (LAS 1.4 R15, table 24).
 pub(crate) const DESCRIPTOR: usize = 192;
-/// Data type of undocumented bytes; the options field then holds their number.
+/// Data type of undocumented bytes; the options field then contains their number.
 const UNDOCUMENTED: u8 = 0;
 
 /// Type of an extra-bytes dimension, with its code in the descriptor (LAS 1.4 R15, table 25).

@@ -32,7 +32,7 @@ pub(super) struct Edited {
     pub(super) tail: Tail,
 }
 
-/// Header fields that depend on where the bytes after the points come to lie.
+/// Header fields that depend on the position of the bytes after the points.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Positions {
     /// First extended record, from the start of the tail.
@@ -53,7 +53,7 @@ impl Positions {
     }
 }
 
-/// What becomes of a variable length record.
+/// What happens to a variable length record.
 enum Fate {
     Keep,
     Drop,
@@ -103,11 +103,11 @@ pub(super) fn edit(
 
 struct Editor<'a> {
     input: &'a InputFile,
-    /// Descriptors to add, until they have found their place.
+    /// Descriptors to add, until they are placed.
     descriptors: Option<Vec<u8>>,
-    /// Whether there are none to add: the records stay as they are.
+    /// Whether there are no descriptors to add: then the records stay as they are.
     unchanged: bool,
-    /// Payload of the new laszip record, until it has found its place.
+    /// Payload of the new laszip record, until it is placed.
     laz: Option<Vec<u8>>,
 }
 
@@ -143,7 +143,8 @@ impl Editor<'_> {
         if !record.is(SPEC_USER, EXTRA_BYTES) || self.unchanged {
             return Ok(Fate::Keep);
         }
-        // The specification knows one such record, and some readers look at only one: the first takes them all.
+        // The specification allows only one such record, and some readers read only one. So the first gets all
+        // descriptors.
         let Some(new) = self.descriptors.take() else { return Ok(Fate::Drop) };
         let mut payload = self.input.layout().descriptors.clone();
         payload.extend(new);
@@ -155,7 +156,7 @@ impl Editor<'_> {
         let header = self.input.header();
         let mut tail = Tail::default();
         let mut positions = Positions { first_evlr: None, waveforms: header.waveform_start };
-        // After compressed points comes their table, which is made anew.
+        // Compressed points are followed by their chunk table, which is written anew.
         let start = match (self.input.is_compressed(), header.tail_start) {
             (false, _) => self.points_end(),
             (true, Some(start)) => start,
@@ -214,7 +215,7 @@ fn patch_header(
         put(prologue, EVLR_COUNT, &evlrs.to_le_bytes());
     }
     if input.header().counts.len() > 1 {
-        // The two counts of the input disagree; the copy says what it holds.
+        // The two counts of the input disagree. The copy states the number of points that it contains.
         let points = input.point_count();
         put(prologue, LEGACY_POINTS, &u32::try_from(points).unwrap_or(0).to_le_bytes());
         put(prologue, POINTS, &points.to_le_bytes());
@@ -245,7 +246,7 @@ pub(super) fn laz_record(
     if !matches!(layout.point_format, 4 | 5) {
         return Ok(vlr);
     }
-    // `laz` names the wave packets of formats 4 and 5 version 2; LASzip knows only version 1 of them, which is the
+    // `laz` gives the wave packets of formats 4 and 5 version 2. LASzip knows only version 1 of them, which is the
     // same coding, and refuses the file. The version is the last of the three words of an item.
     const WAVE_PACKET: [u8; 2] = [9, 0];
     let mut payload = laz_vlr_data(&vlr)?;

@@ -1,9 +1,10 @@
 //! A labelled copy of one input file: planned first, then made from records in any order of chunks.
 //!
 //! The copy is made by editing bytes, so that everything the edit does not name survives: padding of the header,
-//! records of any user, coordinate reference system, waveforms, every bit of a point. What changes: the positions
-//! in the header, the record length, one extra-bytes record, the laszip record, and in every point the label and,
-//! if asked for, the class.
+//! The copy is made by editing bytes. Everything that is not edited survives: padding of the header, records of any user,
+//! coordinate reference system, waveforms, every bit of a point. Changed are: the positions in the header, the
+//! record length, one extra-bytes record, the laszip record, and in every point the label and, if requested, the
+//! class.
 
 use std::io::{Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -32,7 +33,7 @@ pub struct LabelledFile {
     name: String,
     points: u64,
     record: RecordPlan,
-    /// Header and records up to the points; positions after the points are filled in where they are known.
+    /// Header and records up to the points. Positions after the points are filled in when they are known.
     prologue: Vec<u8>,
     positions: Positions,
     tail: Tail,
@@ -169,7 +170,7 @@ impl LabelledFile {
     /// what follows.
     ///
     /// # Errors
-    /// What a chunk brings, [`OutputError::Write`], [`OutputError::Source`], [`OutputError::Incomplete`] when the
+    /// Errors of the chunks, [`OutputError::Write`], [`OutputError::Source`], [`OutputError::Incomplete`] if the
     /// chunks are not those of [`LabelledFile::chunks`].
     pub fn assemble_laz<E: From<OutputError>>(
         &self,
@@ -235,7 +236,7 @@ pub fn check_names<'a>(copies: impl IntoIterator<Item = &'a LabelledFile>) -> Re
     Ok(())
 }
 
-/// The runs of records of the copy, and how the table of chunks is to store them.
+/// The runs of records of the copy, and how the table of chunks stores them.
 fn chunks(input: &InputFile, compressed: bool) -> (ChunkSize, Vec<Range<u64>>) {
     let chunking = input.coding().map(|coding| coding.chunking);
     let size = match chunking {

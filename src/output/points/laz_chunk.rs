@@ -10,12 +10,12 @@ use laz::{LazVlr, LazVlrBuilder};
 
 use crate::output::OutputError;
 
-/// Records of a chunk where nothing else decides: LASzip's default, what most readers are tuned for.
+/// Records of a chunk if nothing else determines it: LASzip's default, for which most readers are tuned.
 pub(crate) const CHUNK_RECORDS: u32 = 50_000;
-/// Bytes in front of the first chunk, which hold the file offset of the chunk table (i64, little-endian).
+/// Bytes in front of the first chunk, which contain the file offset of the chunk table (i64, little-endian).
 pub(crate) const TABLE_OFFSET_BYTES: u64 = 8;
 
-/// How many records a chunk holds.
+/// How many records a chunk has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ChunkSize {
     /// This many, the last chunk excepted; LASzip's own default is 50,000.
@@ -50,17 +50,17 @@ pub(crate) fn laz_vlr(point_format: u8, extra_bytes: u16, chunk: ChunkSize) -> R
 /// The data of the LASzip record (user id `laszip encoded`, record id 22204).
 ///
 /// # Errors
-/// [`OutputError::Compress`] should the encoder refuse.
+/// [`OutputError::Compress`] if the encoder refuses.
 pub(crate) fn laz_vlr_data(vlr: &LazVlr) -> Result<Vec<u8>, OutputError> {
     let mut data = Vec::new();
     vlr.write_to(&mut data).map_err(|source| compress_error(source.into()))?;
     Ok(data)
 }
 
-/// The bytes of the chunk that holds exactly `records` (whole records, little-endian, as in a LAS file; not empty).
+/// The bytes of the chunk that contains exactly `records` (whole records, little-endian, as in a LAS file; not empty).
 ///
 /// # Errors
-/// [`OutputError::PartialRecord`] when the slice is no whole number of records, [`OutputError::Compress`] for a
+/// [`OutputError::PartialRecord`] if the slice is not a whole number of records, [`OutputError::Compress`] for a
 /// LASzip record with items of an unknown version.
 pub(crate) fn compress_chunk(vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8>, OutputError> {
     let record_bytes = vlr.items_size();
@@ -92,7 +92,7 @@ fn run<C: RecordCompressor<Vec<u8>>>(
 /// The bytes of the chunk table that follows the last chunk, for chunks in file order.
 ///
 /// # Errors
-/// [`OutputError::Compress`] should the encoder refuse.
+/// [`OutputError::Compress`] if the encoder refuses.
 pub(crate) fn chunk_table(vlr: &LazVlr, chunks: &[ChunkExtent]) -> Result<Vec<u8>, OutputError> {
     let mut table = ChunkTable::with_capacity(chunks.len());
     for chunk in chunks {

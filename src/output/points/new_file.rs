@@ -1,5 +1,5 @@
-//! Streaming writer of a new LAS 1.4 or LAZ file: header, records in the given order, patched totals. It knows
-//! nothing of what the records mean beyond position and return number.
+//! Streaming writer of a new LAS 1.4 or LAZ file: header, records in the given order, totals patched in at the end.
+//! Of the meaning of records it knows position and return number only.
 //!
 //! The file grows under a temporary name in its folder and gets its own name when it is complete and synced. LAZ
 //! chunks are compressed by the threads of the current rayon pool and written in order, so the bytes do not depend
@@ -26,7 +26,7 @@ use crate::whole_file::WholeFile;
 /// Bytes of a LAS 1.4 header (specification 1.4 R15, table 3).
 const HEADER_BYTES: u16 = 375;
 
-/// Where the file offset of the chunk table goes; LASzip's -1 for "not known yet".
+/// Placeholder for the file offset of the chunk table: LASzip's -1 for "not known yet".
 #[expect(clippy::cast_possible_truncation, reason = "8 fits")]
 const TABLE_PLACE: [u8; TABLE_OFFSET_BYTES as usize] = [0xff; TABLE_OFFSET_BYTES as usize];
 
@@ -83,7 +83,7 @@ pub(crate) struct NewFile {
     position: u64,
 }
 
-/// What the header says about all records.
+/// The totals of all records in the header.
 #[derive(Debug)]
 struct Totals {
     by_return: [u64; 15],
@@ -155,7 +155,7 @@ impl NewFile {
     /// Appends whole records, little-endian, as the schema says.
     ///
     /// # Errors
-    /// [`OutputError::PartialRecord`] when the slice is no whole number of records; [`OutputError::Write`].
+    /// [`OutputError::PartialRecord`] if the slice is not a whole number of records; [`OutputError::Write`].
     pub(crate) fn append(&mut self, records: &[u8]) -> Result<(), OutputError> {
         if !records.len().is_multiple_of(self.record_bytes) {
             let record_bytes = self.record_bytes as u64;

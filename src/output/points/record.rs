@@ -22,7 +22,7 @@ pub(super) struct RecordPlan {
     output_len: usize,
     /// Where the label goes (u32).
     label: usize,
-    /// Where the original class goes (u8), when it is to be kept and is not kept already.
+    /// Place of the original class (u8), if it is to be kept and is not kept already.
     original_class: Option<usize>,
     /// Byte of the class, and its bits that are the class; `None` when it stays.
     class: Option<(usize, u8)>,
@@ -111,7 +111,7 @@ impl RecordPlan {
         }
     }
 
-    /// The LAS class of a class code; `None` for what keeps its class.
+    /// The LAS class of a class code; `None` if the point keeps its class.
     fn las_class(&self, code: u8) -> Option<u8> {
         match PointClass::from_code(code)? {
             PointClass::Object => None,
@@ -122,7 +122,7 @@ impl RecordPlan {
     }
 }
 
-/// Where a dimension of an earlier run is; an error when its name is taken by something else.
+/// Place of a dimension that an earlier run added; an error if another dimension has its name.
 fn existing(input: &InputFile, name: &str, kind: ExtraType) -> Result<Option<usize>, OutputError> {
     let Some(dimension) = input.layout().dimension(name) else { return Ok(None) };
     let plain = dimension.scale.is_none() && dimension.value_offset.is_none();

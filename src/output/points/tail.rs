@@ -60,7 +60,7 @@ impl Tail {
     /// Writes the bytes; memory does not grow with them.
     ///
     /// # Errors
-    /// Reading the input or writing; the second value says which.
+    /// If reading the input or writing fails. The error says which.
     pub(super) fn write(&self, source: &ByteSource, out: &mut impl Write) -> Result<(), TailError> {
         let mut buffer = Vec::new();
         for piece in &self.pieces {

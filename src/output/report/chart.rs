@@ -1,4 +1,4 @@
-//! Charts as SVG; the only user of the plotting crate. Knows nothing of what a chart is about.
+//! Charts as SVG; the only user of the plotting crate. It does not know what a chart is about.
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -21,7 +21,7 @@ pub struct ChartError {
 /// The drawing.
 ///
 /// # Errors
-/// When the plotting crate refuses, which it does for axes that are not finite.
+/// If the plotting crate refuses, for example because an axis is not finite.
 pub fn chart_svg(chart: &Chart) -> Result<String, ChartError> {
     let mut svg = String::new();
     {
@@ -32,7 +32,7 @@ pub fn chart_svg(chart: &Chart) -> Result<String, ChartError> {
     Ok(svg)
 }
 
-/// An axis as it is drawn: logarithms where it is logarithmic.
+/// An axis as drawn: a logarithmic axis has logarithms.
 struct Scale {
     logarithmic: bool,
     from: f64,
@@ -40,10 +40,11 @@ struct Scale {
 }
 
 impl Scale {
-    /// An axis with room for `values`: some at its end, and `head` of it for what is written there.
+    /// An axis with room for `values`, a margin at its end, and the share `head` of its length for the text there.
     fn new(axis: &ChartAxis, values: impl Iterator<Item = f64>, head: f64) -> Self {
         let values = values.chain(axis.thresholds.iter().map(|threshold| threshold.1));
-        let (mut least, mut most) = (f64::INFINITY, 0.0);
+        let mut least = f64::INFINITY;
+        let mut most = 0.0;
         for value in values.filter(|value| *value > 0.0) {
             (least, most) = (value.min(least), value.max(most));
         }
@@ -54,7 +55,7 @@ impl Scale {
         Self { logarithmic: axis.logarithmic, from, to: to + (to - from) * (0.05 + head) }
     }
 
-    /// Where a value is drawn; what a logarithmic axis cannot show stands at its beginning.
+    /// The position of a value on the axis. A value that a logarithmic axis cannot show is drawn at its beginning.
     fn place(&self, value: f64) -> f64 {
         if !self.logarithmic {
             value
@@ -65,7 +66,7 @@ impl Scale {
         }
     }
 
-    /// What is written at a mark of the axis; nothing between powers of ten.
+    /// The text at a mark of the axis. Between powers of ten it is empty.
     fn label(&self, at: f64) -> String {
         if !self.logarithmic {
             let text = format!("{at:.3}");
@@ -178,7 +179,8 @@ mod tests {
 
     fn chart(series: Vec<Series>) -> Chart {
         let title = "a title".to_owned();
-        let (x, y) = (axis("metres", false, &[("half", 0.5)]), axis("number", true, &[("ten", 10.0)]));
+        let x = axis("metres", false, &[("half", 0.5)]);
+        let y = axis("number", true, &[("ten", 10.0)]);
         Chart { name: "test".into(), title, x, y, series }
     }
 
