@@ -1,8 +1,8 @@
-//! Clusters: which of the points that are neither ground nor noise belong to one object.
+//! Clusters: which points belong to one object. Ground and noise are excluded before.
 //!
-//! A method is a file or a folder here and one line in [`REGISTRY`]. It sees points, its own settings, and the drive
-//! through windows; no files, no paths, no threads, no clock. A method that looks at one tile at a time implements
-//! [`Clusterer`]; one of several steps implements [`Method`].
+//! A method is a file or a folder here and one line in [`REGISTRY`]. It sees points, its own settings, and
+//! the drive through windows. It sees no files, no paths, no threads and no clock. A method that processes
+//! one tile at a time implements [`Clusterer`]. A method of several steps implements [`Method`].
 
 pub mod dbscan;
 mod density_peaks;
