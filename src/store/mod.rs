@@ -1,4 +1,5 @@
-//! The run directory: lock, fingerprints, unit files, columns, atomic writes. Knows bytes and names; nothing of points.
+//! The run directory: lock, fingerprints, unit files, columns, atomic writes. This module knows bytes and
+//! names, but no points.
 
 mod column;
 mod error;
