@@ -1,5 +1,23 @@
 //! Runs a drive. This module joins all modules above: `open -> catalog -> survey -> plan -> passes over tiles
 //! -> stitch -> relabel -> export`. The state is on disk after every unit. Read [`flow`] first.
+//!
+//! ```
+//! use chainage::config::Config;
+//! use chainage::run::{CancelToken, Registries, RunRequest, Silent, run};
+//!
+//! let out = std::env::temp_dir().join(format!("chainage-example-{}", std::process::id()));
+//! let request = RunRequest {
+//!     inputs: vec!["tests/data/mls_profiles.las".into()],
+//!     out: out.clone(),
+//!     config: Config::resolve(None, &[])?,
+//!     fresh: false,
+//!     registries: Registries::default(),
+//! };
+//! let summary = run(&request, &Silent, &CancelToken::default())?;
+//! std::fs::remove_dir_all(&out)?;
+//! assert!(summary.objects > 0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod chain;
 mod drive;
