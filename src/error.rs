@@ -1,14 +1,14 @@
-//! The one error type of the library. It knows no other module: an area of the library has an error of its own, which
-//! implements [`Failure`] and becomes an [`Error`] by `?`.
+//! The one error type of the library. It knows no other module. Each area of the library has its own error,
+//! which implements [`Failure`] and becomes an [`Error`] by `?`.
 //!
-//! Rules: a text is a lower-case fragment without a final stop that names the object (path, tile, key) and both
-//! numbers; the cause is [`std::error::Error::source`] and is never repeated in the text; [`Failure::hint`] is the next
-//! command to type, or nothing. Every failure has an [`ErrorKind`], and the program maps every kind to an exit code;
-//! neither step has a wildcard.
+//! Rules: a text is a lower-case fragment without a full stop that names the object (path, tile, key) and
+//! both numbers. The cause is [`std::error::Error::source`] and is never repeated in the text.
+//! [`Failure::hint`] is the next command to type, or nothing. Every failure has an [`ErrorKind`], and the
+//! program maps every kind to an exit code. Neither mapping has a wildcard.
 
 use std::borrow::Cow;
 
-/// What went wrong, with the object it went wrong with.
+/// A failure, with the object that it concerns.
 ///
 /// ```
 /// use chainage::config::ConfigError;
@@ -23,22 +23,22 @@ pub struct Error(Box<dyn Failure>);
 /// Result with the library's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What every error of an area of the library can say of itself.
+/// What every error of an area of the library provides.
 pub trait Failure: std::error::Error + Send + Sync + 'static {
     /// The kind of failure, for exit codes.
     fn kind(&self) -> ErrorKind;
 
-    /// The next thing to type or do, where there is one.
+    /// The next command to type or thing to do, if there is one.
     fn hint(&self) -> Option<Cow<'static, str>> {
         None
     }
 
-    /// Whether every other unit of a pass would fail for the same reason, so that there is no point in going on.
+    /// Whether every other unit of a pass would fail for the same reason, so that the pass stops.
     fn stops_all(&self) -> bool {
         false
     }
 
-    /// Whether a file of the input is at fault and the text says so by itself.
+    /// Whether an input file is the cause and the text names it.
     fn concerns_input(&self) -> bool {
         false
     }
@@ -59,7 +59,7 @@ pub enum ErrorKind {
     State,
     /// The run directory is in use by another process.
     Locked,
-    /// Some units failed, the rest was finished.
+    /// Some units failed, and the others were finished.
     UnitsFailed,
     /// Two things that should be the same are not.
     Difference,
@@ -68,7 +68,7 @@ pub enum ErrorKind {
 }
 
 impl Error {
-    /// A promise of our own did not hold.
+    /// A violated invariant of chainage itself.
     pub fn bug(text: impl Into<String>) -> Self {
         Self::from(Bug(text.into()))
     }
@@ -79,7 +79,7 @@ impl Error {
         self.0.kind()
     }
 
-    /// The next thing to type or do, where there is one.
+    /// The next command to type or thing to do, if there is one.
     #[must_use]
     pub fn hint(&self) -> Option<Cow<'static, str>> {
         self.0.hint()
@@ -91,7 +91,7 @@ impl Error {
         self.0.stops_all()
     }
 
-    /// Whether a file of the input is at fault and the text says so by itself.
+    /// Whether an input file is the cause and the text names it.
     #[must_use]
     pub fn concerns_input(&self) -> bool {
         self.0.concerns_input()
@@ -129,7 +129,7 @@ impl std::error::Error for Error {
     }
 }
 
-/// A promise of our own did not hold.
+/// A violated invariant of chainage itself.
 #[derive(Debug, thiserror::Error)]
 #[error("internal error: {0}")]
 struct Bug(String);

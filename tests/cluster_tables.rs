@@ -166,7 +166,7 @@ fn the_program_repeats_the_rows_and_adds_a_column() {
         (
             &["-o", "-", "--epsilon", "auto"],
             4,
-            "a curve over 40 neighbours needs at least 40 points, there are 5",
+            "a curve over 40 neighbours needs at least 40 points, but there are 5",
         ),
         (&["-o", "-", "--standardise", "--weights", "1"], 3, "must be one weight for each of 2 columns"),
     ] {

@@ -193,9 +193,9 @@ fn another_input_is_refused_and_a_touched_one_is_not() {
     refused(&inputs.list("street.las"), &out, &[], 6, &["the points of street.las have changed", "--fresh"]);
     // Another name, more files, another size.
     std::fs::copy(inputs.path("street.las"), inputs.path("other.las")).expect("copied");
-    refused(&inputs.list("other.las"), &out, &[], 6, &["file street.las then, other.las in its place now"]);
+    refused(&inputs.list("other.las"), &out, &[], 6, &["file street.las before, other.las now"]);
     let two = vec![inputs.path("street.las"), inputs.path("other.las")];
-    refused(&two, &out, &[], 6, &["1 files then, 2 now"]);
+    refused(&two, &out, &[], 6, &["number of files: 1 before, 2 now"]);
     let mut longer = std::fs::read(inputs.path("street.las")).expect("read");
     longer.extend([0; 100]);
     std::fs::write(inputs.path("street.las"), longer).expect("written");

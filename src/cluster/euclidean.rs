@@ -1,12 +1,12 @@
-//! The clustering method `euclidean`: single-link clusters of points within a fixed distance; it knows no sizes
-//! and no shapes.
+//! The clustering method `euclidean`: single-link clusters of points within a fixed distance. It knows no
+//! sizes and no shapes.
 //!
 //! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning data"
-//! (2016), section 3.2. Ours: the default distance, that it is inclusive, and how clusters are found (see
+//! (2016), section 3.2. Ours: the default distance, that it is inclusive, and the algorithm (see
 //! `linking::single_link`).
 //!
-//! Known failures: those of single link: objects that touch are one (crowns of neighbouring trees, a car at a
-//! fence), an object scanned more sparsely than d_t is many.
+//! Known failures: those of single link. Objects that touch become one object (crowns of neighbouring trees,
+//! a car at a fence). An object that is scanned more sparsely than d_t becomes several objects.
 
 use serde::Deserialize;
 
@@ -32,8 +32,9 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EuclideanConfig {
-    /// Points at most this far apart, in metres, are of one object, 0.001 to 10. Default 0.3 (chosen: the 0.15
-    /// m of Guan et al. 2016, section 4, splits what is scanned from further away than their avenue is wide).
+    /// Points at most this far apart, in metres, belong to one object, 0.001 to 10. Default 0.3 (chosen: the
+    /// 0.15 m of Guan et al. 2016, section 4, splits objects that are further from the scanner than the width
+    /// of their avenue).
     pub d_t: f64,
     /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (chosen; the paper
     /// gives no number).
@@ -147,8 +148,8 @@ mod tests {
 
     #[test]
     fn two_hundred_thousand_points_slightly_too_far_apart_are_two_objects() {
-        // Two sheets of 1.2 m x 1.2 m tilted by 45 degrees, 426 / sqrt(2) = 301.2 mm apart. This is a test of
-        // time as well: pair by pair, it would take minutes.
+        // Two sheets of 1.2 m x 1.2 m tilted by 45 degrees, 426 / sqrt(2) = 301.2 mm apart. This tests the
+        // running time as well: a comparison of all pairs would take minutes.
         let sheet = |lift: i64| {
             (0..100_000_i64).map(move |index| [index % 400 * 3, index / 400 * 5, index % 400 * 3 + lift])
         };

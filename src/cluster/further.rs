@@ -1,7 +1,8 @@
-//! Reading further around for those that are not certain: what depends on the nearest neighbours of a place is exact only
-//! if no cell that has not been read may hold a nearer one. Whoever may be wrong *asks for more*: the cells within the
-//! distance that it asks about (at first no further than twice the halo, then four times, ...) are read in pieces, for
-//! these askers alone, until all are certain.
+//! Reads points further around a tile for results that are not certain yet. A result that depends on the
+//! nearest neighbours of a place is exact only if no unread cell may contain a nearer one. Until then, the
+//! place *asks for more*. The cells within the distance that it needs are read in pieces, for these askers
+//! alone, until all are certain. The distance is limited to twice the halo at first, then to four times, and
+//! so on.
 
 use std::collections::BTreeMap;
 
@@ -9,43 +10,43 @@ use super::method::{TilePoints, TileWindow};
 use crate::error::Result;
 use crate::spatial::{Cell, CellMap, LookedAt};
 
-/// Points of one piece of what is read at once.
+/// Approximate number of points that are read at once.
 const PIECE_POINTS: u64 = 1_000_000;
 
-/// Something that may be wrong before more has been read around it.
+/// A result that may be wrong until more points around it have been read.
 pub(crate) trait Asking {
-    /// The cell that it is in.
+    /// The cell of its place.
     fn cell(&self) -> Cell;
 
-    /// Lattice units around it within which everything has to be known; `i64::MAX` for the whole drive.
+    /// Radius in lattice units within which all points must be known; `i64::MAX` for the whole drive.
     fn needed(&self) -> i64;
 }
 
-/// Looks at the points of some cells on behalf of those who still ask.
+/// Looks at the points of some cells for the remaining askers.
 type Read<'a, A> = &'a mut dyn FnMut(TilePoints, &[Cell], &mut [A]) -> Result<()>;
 
-/// What a tile has read, for those who may ask for more.
+/// The cells that a tile has read, for results that may need more.
 pub(crate) struct Further<'a> {
     tile: &'a dyn TileWindow,
-    /// Cells that were read in the first place.
+    /// Cells within the halo of the tile.
     cells: &'a CellMap<u8>,
-    /// How far around the tile that is, in lattice units.
+    /// Halo of the tile, in lattice units.
     reach: i64,
 }
 
 impl<'a> Further<'a> {
-    /// The tile has read `cells`, which are those within `reach`.
+    /// The tile has read `cells`, which are the cells within `reach`.
     pub(crate) fn new(tile: &'a dyn TileWindow, cells: &'a CellMap<u8>, reach: i64) -> Self {
         Self { tile, cells, reach }
     }
 
-    /// What is known at first.
+    /// The cells that have been read at first.
     pub(crate) fn looked_at(&self) -> LookedAt<'a> {
         LookedAt::of(self.tile.occupied(), self.tile.grid(), self.cells)
     }
 
-    /// Reads around the askers what they need, piece by piece, until all are certain. `read` gets the points of a piece,
-    /// its cells and all who still ask; `settle` gets each of them when it is certain.
+    /// Reads the surroundings of the askers, piece by piece, until all are certain. `read` gets the points of
+    /// a piece, its cells and the remaining askers. `settle` gets each asker when it is certain.
     pub(crate) fn answer<A: Asking>(
         &self,
         mut asking: Vec<A>,

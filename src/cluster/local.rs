@@ -1,5 +1,5 @@
-//! A method of one step that looks at one tile at a time: it joins points, and tiles are stitched where they share
-//! points.
+//! A method of one step that processes one tile at a time. It joins points, and labels are stitched where
+//! tiles share points.
 
 use std::ops::RangeInclusive;
 
@@ -9,32 +9,33 @@ use super::method::{
 use crate::error::{Error, Result};
 use crate::model::{AlgorithmError, Lattice, Reach, TileCloud};
 
-/// Bytes per point of objects that a tile needs at its peak: `scripts/tile_memory.py` measured 47 to 83 on streets and 76 to
-/// 84 in forests.
+/// Bytes per point of objects that a tile needs at its peak. `scripts/tile_memory.py` measured 47 to 83 on
+/// streets and 76 to 84 in forests.
 pub(crate) const BYTES_PER_POINT: u64 = 88;
 
 /// A method that joins points to objects, tile by tile.
 pub trait Clusterer: std::fmt::Debug + Send + Sync {
-    /// Name in the registry and of the section of its settings.
+    /// Name of the method in the registry, and of its section in the configuration.
     fn name(&self) -> &'static str;
 
-    /// How far from a point other points matter for what it is joined with.
+    /// Distance within which other points can decide which points a point is joined with.
     fn reach(&self, lattice: Lattice) -> Reach;
 
     /// Smallest and largest number of points of an object, applied to whole objects after stitching.
     fn object_size(&self) -> RangeInclusive<u64>;
 
-    /// Labels the points of `cloud` (objects only, no ground or noise): `labels[i]` in `1..=n`, or 0 for a point
-    /// that is in no object whatever its other neighbours are. Returns n. Two points have the same label when they
-    /// are connected through points of the cloud; the engine unites labels across tiles.
+    /// Labels the points of `cloud` (objects only, no ground or noise): `labels[i]` in `1..=n`, or 0 if the
+    /// point is in no object, whatever its other neighbours are. Returns n. Two points have the same label if
+    /// they are connected through points of the cloud. The engine unites labels across tiles.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError>;
 
-    /// The same for a tile that owns the points where `core` is true. A method whose points can be in an object
-    /// without passing the connection on (border points of `dbscan`) gives such points a label only where the tile
-    /// owns them: what is around the others may lie outside, and a label they have elsewhere must not unite objects.
+    /// The same for a tile that owns the points where `core` is true. In some methods a point can be in an
+    /// object without passing the connection on (border points of `dbscan`). Such a method labels these
+    /// points only if the tile owns them. The surroundings of other points may be cut off, and their labels
+    /// must not unite objects.
     ///
     /// # Errors
     /// Those of [`Clusterer::cluster`].
@@ -57,7 +58,7 @@ pub struct OneStep<C> {
 }
 
 impl<C: Clusterer> OneStep<C> {
-    /// The method of a clusterer that depends on these settings, see [`Step::settings`].
+    /// The method of a clusterer. `settings` are those that it depends on, see [`Step::settings`].
     pub fn new(clusterer: C, settings: &'static [&'static str]) -> Self {
         let bytes = BytesPer::ObjectPoint(BYTES_PER_POINT);
         Self { clusterer, steps: [Step { name: "cluster", settings, bytes, repeat: Repeat::Once }] }

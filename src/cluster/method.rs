@@ -1,10 +1,10 @@
-//! What a method is: steps with barriers between them, and the two windows through which it sees the drive. It sees no
-//! files, no threads and no clock: the engine keeps what steps return.
+//! The trait of methods: steps with barriers between them, and the two windows through which a method sees
+//! the drive. A method sees no files, no threads and no clock. The engine stores the results of its steps.
 //!
-//! A step maps every tile to bytes (its *payload*), in any order and in parallel, and ends in a reduction, in tile order,
-//! to bytes for the whole drive (its *global*). A later step sees the globals of all earlier ones and the payloads of
-//! tiles around it. A step runs once, or in rounds until it has settled. The last step labels points; its reduction says
-//! which labels are one object.
+//! A step maps every tile to bytes (its *payload*), in any order and in parallel. At its end, a reduction in
+//! tile order computes bytes for the whole drive (its *global*). A later step sees the globals of all earlier
+//! steps and the payloads of nearby tiles. A step runs once, or in rounds until it has settled. The last step
+//! labels points, and its reduction decides which labels are one object.
 
 use std::ops::RangeInclusive;
 
@@ -18,21 +18,22 @@ use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 pub enum Repeat {
     /// Once.
     Once,
-    /// In rounds. In a round a tile sees the borders ([`Mapped::border`]) that other tiles had in the round before, and
-    /// computes its payload anew from them. Only tiles that see a changed border run again. When none does, the step is
-    /// reduced; the reduction may ask for another round of all tiles ([`Reduced::Again`]).
+    /// In rounds. In a round a tile sees the borders ([`Mapped::border`]) of other tiles after the previous
+    /// round, and computes its payload again. Only tiles that see a changed border run again. If no border
+    /// changes, the step is reduced. The reduction may ask for another round of all tiles
+    /// ([`Reduced::Again`]).
     UntilSettled {
-        /// Rounds after which the run gives up with an error.
+        /// Maximum number of rounds. After these the run ends with an error.
         most: u32,
     },
 }
 
-/// Whose bytes the memory of a step is estimated from.
+/// The points from which the memory of a step is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BytesPer {
-    /// So many bytes for every point that a tile reads, ground included.
+    /// Bytes for every point that a tile reads, ground included.
     Point(u64),
-    /// So many bytes for every point of objects that a tile reads.
+    /// Bytes for every point of objects that a tile reads.
     ObjectPoint(u64),
 }
 
@@ -41,8 +42,8 @@ pub enum BytesPer {
 pub struct Step {
     /// Name of its pass.
     pub name: &'static str,
-    /// Settings that its payloads depend on, beside all those of earlier steps: `section.key`, or `section.*` for all of
-    /// a section.
+    /// Settings on which its payloads depend, in addition to those of earlier steps: `section.key`, or
+    /// `section.*` for a whole section.
     pub settings: &'static [&'static str],
     /// Memory that a tile needs at its peak, measured or estimated from sizes.
     pub bytes: BytesPer,
@@ -50,78 +51,78 @@ pub struct Step {
     pub repeat: Repeat,
 }
 
-/// Points around a tile, none of them noise.
+/// Points around a tile, without noise.
 #[derive(Debug)]
 pub struct TilePoints {
     /// Core and halo points; the core points in ascending id.
     pub cloud: TileCloud,
     /// Whether the tile owns the point.
     pub core: Vec<bool>,
-    /// Whether the point is ground; empty when only points of objects were asked for.
+    /// Whether the point is ground. Empty if only points of objects were requested.
     pub ground: Vec<bool>,
 }
 
 /// Points with their labels.
 #[derive(Debug)]
 pub struct Labelled {
-    /// The points; all points of objects in the core are among them.
+    /// The points. They include all points of objects in the core.
     pub points: TilePoints,
-    /// Label of each: `1..=count`, or 0 for none.
+    /// Label of each point: `1..=count`, or 0 for none.
     pub labels: Vec<u32>,
     /// Number of labels.
     pub count: u32,
-    /// Whether labels of points that the tile does not own count: then labels of two tiles that share a point are one
-    /// object ([`Reduced::SharedPoints`]). Else they are ignored.
+    /// Whether the labels of points that the tile does not own are used. If so, the labels of two tiles for
+    /// the same point are one object ([`Reduced::SharedPoints`]). Otherwise these labels are ignored.
     pub with_halo: bool,
 }
 
-/// What a step returns for a tile.
+/// The result of a step for a tile.
 #[derive(Debug, Default)]
 pub struct Mapped {
-    /// What is kept.
+    /// The payload.
     pub payload: Vec<u8>,
-    /// What other tiles see of it in the next round, where the step is repeated.
+    /// The border that other tiles see in the next round, if the step is repeated.
     pub border: Vec<u8>,
-    /// The labels; from the last step only.
+    /// The labels. Only the last step has them.
     pub labelled: Option<Labelled>,
 }
 
 impl Mapped {
-    /// A payload, without border and labels.
+    /// A result without border and labels.
     #[must_use]
     pub fn payload(payload: Vec<u8>) -> Self {
         Self { payload, ..Self::default() }
     }
 }
 
-/// Which labels are one object, and what there is to say about it.
+/// Which labels are one object, with figures and charts for the report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grouped {
-    /// Group of label 1, 2, ... of each tile; equal groups are one object, 0 is none.
+    /// Group of label 1, 2, ... of each tile. Labels with equal groups are one object, and 0 is no object.
     pub groups: Vec<Vec<u32>>,
-    /// Figures of the steps, for the report, by the name they have there.
+    /// Figures of the steps for the report, by name.
     pub figures: Figures,
-    /// Charts, for people who choose thresholds.
+    /// Charts for the choice of thresholds.
     pub charts: Vec<Chart>,
 }
 
 /// Figures for the report, by name.
 pub type Figures = serde_json::Map<String, serde_json::Value>;
 
-/// What a reduction returns.
+/// The result of a reduction.
 #[derive(Debug)]
 pub enum Reduced {
-    /// The global of a step that is not the last.
+    /// The global of a step. The step is not the last.
     Global(Vec<u8>),
-    /// Another round of all tiles, which see these bytes as [`DriveWindow::again`].
+    /// A request for another round of all tiles. These bytes are [`DriveWindow::again`] in that round.
     Again(Vec<u8>),
-    /// Of the last step: labels of two tiles that share a point are one object.
+    /// Of the last step: labels of two tiles for the same point are one object.
     SharedPoints,
     /// Of the last step: the method says which labels are one object.
     Groups(Grouped),
 }
 
-/// What reductions, and steps too, see of the drive.
+/// The drive as reductions and steps see it.
 pub trait DriveWindow {
     /// The lattice of the run.
     fn lattice(&self) -> Lattice;
@@ -133,20 +134,20 @@ pub trait DriveWindow {
     fn extent(&self) -> ([i64; 3], [i64; 3]);
     /// Length of the longest tile along the axis in metres.
     fn longest_tile_m(&self) -> f64;
-    /// Sums of the fields that the method asked for ([`Method::fields`]) over all points of the drive.
+    /// Sums of the fields that the method asks for ([`Method::fields`]) over all points of the drive.
     fn field_sums(&self) -> &[(Field, FieldSums)];
-    /// The payload of a tile from an earlier step; for a reduction, the step itself, too.
+    /// The payload of a tile from an earlier step. In a reduction, the payload of this step as well.
     ///
     /// # Errors
     /// When it cannot be read.
     fn payload(&self, step: usize, tile: TileId) -> Result<Vec<u8>>;
     /// The global of an earlier step.
     fn global(&self, step: usize) -> &[u8];
-    /// What the reduction of the round before has returned with [`Reduced::Again`]; empty in the first rounds.
+    /// The bytes that the previous reduction returned with [`Reduced::Again`]. Empty before that.
     fn again(&self) -> &[u8];
 }
 
-/// What a step sees of a tile.
+/// A tile as a step sees it.
 pub trait TileWindow: DriveWindow {
     /// The tile.
     fn tile(&self) -> TileId;
@@ -154,30 +155,30 @@ pub trait TileWindow: DriveWindow {
     fn grid(&self) -> CellGrid;
     /// Points of objects, ground and noise in each occupied cell of the drive.
     fn occupied(&self) -> &PackedCells;
-    /// The cells that [`Self::points`] reads; values are not 0 there.
+    /// The cells that [`Self::points`] reads. Their values are not 0.
     fn cells(&self, reach: i64) -> CellMap<u8>;
-    /// Points of the tile and of every cell within `reach` lattice units of its cells, horizontally; with
-    /// `objects_only` without ground.
+    /// Points of the tile and of every cell within `reach` lattice units of its cells, horizontally. With
+    /// `objects_only`, ground is left out.
     ///
     /// # Errors
     /// When they cannot be read.
     fn points(&self, reach: i64, objects_only: bool) -> Result<TilePoints>;
-    /// Points of objects of these cells, wherever they are; none of them counts as core.
+    /// Points of objects in these cells, anywhere in the drive. None of them is a core point.
     ///
     /// # Errors
     /// When they cannot be read.
     fn points_of(&self, cells: Vec<Cell>) -> Result<TilePoints>;
-    /// Tiles that own cells within `reach` lattice units of the points that [`Self::points`] gives for 0, itself included,
-    /// ascending; so those of `points(a)` and of everything within b of them are in `near(a + b)`.
+    /// Tiles that own cells within `reach` lattice units of the points of [`Self::points`] with reach 0, this
+    /// tile included, ascending. So `near(a + b)` contains the owners of all cells within b of `points(a)`.
     fn near(&self, reach: i64) -> Vec<TileId>;
     /// Tiles that own cells within `reach` lattice units of the points of these cells, ascending.
     fn near_cells(&self, cells: &[Cell], reach: i64) -> Vec<TileId>;
-    /// The tile that owns the first occupied cell (in the order of cells) that meets the square from `lo` to `hi`
-    /// (inclusive), in lattice units; `None` where no point of the drive can be.
+    /// The tile that owns the first occupied cell (in the order of cells) that meets the square from `lo` to
+    /// `hi` (inclusive), in lattice units. `None` if the drive cannot have points there.
     fn owner(&self, lo: [i64; 2], hi: [i64; 2]) -> Option<TileId>;
-    /// Number of the round of a step that is repeated, from 0.
+    /// Number of the round, from 0, if the step is repeated.
     fn round(&self) -> u32;
-    /// The border that a tile had after the round before; empty in round 0.
+    /// The border of a tile after the previous round. Empty in round 0.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -186,55 +187,57 @@ pub trait TileWindow: DriveWindow {
 
 /// A method that joins points to objects.
 pub trait Method: std::fmt::Debug + Send + Sync {
-    /// Name in the registry and of the section of its settings.
+    /// Name of the method in the registry, and of its section in the configuration.
     fn name(&self) -> &'static str;
 
     /// Smallest and largest number of points of an object, applied to whole objects.
     fn object_size(&self) -> RangeInclusive<u64>;
 
-    /// The steps in their order; the last one runs once and labels points.
+    /// The steps in their order. The last one runs once and labels points.
     fn steps(&self) -> &[Step];
 
-    /// Further fields of points that it needs, with sums over the drive.
+    /// Further fields of points that the method needs. Their sums over the drive are computed.
     fn fields(&self) -> &[Field] {
         &[]
     }
 
-    /// How far around a tile points are read as a rule, before anything is known of the drive; the plan follows from it.
+    /// Distance around a tile within which points are read as a rule. The plan uses it before anything is
+    /// known of the drive.
     fn planning_reach(&self, lattice: Lattice) -> Reach;
 
-    /// Whether [`Self::planning_reach`] only stands in for a reach that is known once the drive is.
+    /// Whether [`Self::planning_reach`] is only an estimate, because the reach depends on the drive.
     fn reach_is_provisional(&self) -> bool {
         false
     }
 
-    /// How far around a tile a step reads points, in lattice units, now that the earlier steps are complete.
+    /// Distance around a tile within which a step reads points, in lattice units. The earlier steps are
+    /// complete.
     ///
     /// # Errors
-    /// When what they found cannot be used.
+    /// When the results of the earlier steps cannot be used.
     fn reach(&self, _step: usize, drive: &dyn DriveWindow) -> Result<i64> {
         let lattice = drive.lattice();
         Ok(lattice.units_up(self.planning_reach(lattice).metres()))
     }
 
-    /// How far around a tile a step that is repeated looks at the borders of others, in lattice units.
+    /// Distance around a tile within which a repeated step sees the borders of other tiles, in lattice units.
     fn border_reach(&self, _step: usize, _lattice: Lattice) -> i64 {
         0
     }
 
-    /// What a step makes of a tile.
+    /// Computes a step for a tile.
     ///
     /// # Errors
     /// When the window fails or the points cannot be indexed.
     fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped>;
 
-    /// What a step has found over all tiles.
+    /// Reduces a step over all tiles.
     ///
     /// # Errors
     /// When the window fails.
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced>;
 
-    /// What there is to report once all steps but the last are complete, by name.
+    /// Figures to report once all steps except the last are complete, by name.
     ///
     /// # Errors
     /// When a global cannot be read.
@@ -243,7 +246,7 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// The sections of the configuration by name; empty tables where there is none.
+/// The sections of the configuration by name. A missing section is an empty table.
 pub type Sections<'a> = &'a dyn Fn(&str) -> toml::Table;
 
 /// One line of the registry.
@@ -251,10 +254,10 @@ pub type Sections<'a> = &'a dyn Fn(&str) -> toml::Table;
 pub struct ClusterEntry {
     /// Name of the method and of its section in the configuration.
     pub name: &'static str,
-    /// What it does, in one line.
+    /// A description in one line.
     pub summary: &'static str,
-    /// Where it is published.
+    /// Its publication.
     pub reference: &'static str,
-    /// Builds the method from the sections of the configuration that it asks for; missing keys have their defaults.
+    /// Builds the method from its sections of the configuration. Missing keys have their defaults.
     pub build: fn(Sections<'_>) -> Result<Box<dyn Method>, ConfigError>,
 }

@@ -1,8 +1,23 @@
-//! Clusters: which of the points that are neither ground nor noise belong to one object.
+//! Clusters: which points belong to one object. Ground and noise are excluded before.
 //!
-//! A method is a file or a folder here and one line in [`REGISTRY`]. It sees points, its own settings, and the drive
-//! through windows; no files, no paths, no threads, no clock. A method that looks at one tile at a time implements
-//! [`Clusterer`]; one of several steps implements [`Method`].
+//! A method is a file or a folder here and one line in [`REGISTRY`]. It sees points, its own settings, and
+//! the drive through windows. It sees no files, no paths, no threads and no clock. A method that processes
+//! one tile at a time implements [`Clusterer`]. A method of several steps implements [`Method`].
+//!
+//! ```
+//! use chainage::cluster::{Clusterer, Euclidean, EuclideanConfig};
+//! use chainage::model::{Lattice, TileCloud};
+//!
+//! // Two groups of points in millimetres, 5 m apart.
+//! let points = [[0, 0, 0], [0, 0, 200], [0, 0, 400], [5_000, 0, 0], [5_000, 0, 100]];
+//! let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+//! let method = Euclidean::new(&EuclideanConfig { d_t: 0.3, ..EuclideanConfig::default() })?;
+//! let mut labels = [0; 5];
+//! let clusters = method.cluster(&cloud, &mut labels)?;
+//! assert_eq!(clusters, 2);
+//! assert_eq!(labels, [1, 1, 1, 2, 2]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod dbscan;
 mod density_peaks;

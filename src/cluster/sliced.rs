@@ -1,5 +1,5 @@
-//! A global in slices: one value for the drive and one for each tile, so that a tile decodes what concerns it and its
-//! neighbours, and not what is known of the whole drive.
+//! A global in slices: one value for the drive and one for each tile. A tile decodes its own slice and those
+//! of its neighbours, and not the values of the whole drive.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

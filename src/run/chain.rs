@@ -1,4 +1,5 @@
-//! The chain of methods of a run: noise, ground filter, clustering; what they reach, and what they depend on.
+//! The chain of methods of a run (noise, ground filter, clustering), with their reach and the values that
+//! they depend on.
 
 use crate::cluster::{self, ClusterEntry, Method};
 use crate::config::{self, Config, ConfigError};
@@ -6,7 +7,7 @@ use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoGround, No
 use crate::model::Lattice;
 use crate::store::Inputs;
 
-/// Where methods are looked up; a test or a program of its own may add to it.
+/// The registries of methods. A test or another program may add methods.
 #[derive(Debug, Clone, Copy)]
 pub struct Registries<'a> {
     /// Ground filters.
@@ -29,7 +30,7 @@ pub(crate) struct Chain {
     pub(crate) method: Box<dyn Method>,
     /// Reach of noise and filter together, in lattice units.
     pub(crate) ground_reach: i64,
-    /// Reach that the method plans with, in lattice units.
+    /// Reach with which the plan allows for the clustering method, in lattice units.
     pub(crate) cluster_reach: i64,
 }
 
@@ -70,7 +71,7 @@ fn ground_filter(config: &Config, registries: &Registries<'_>) -> Result<Box<dyn
     (entry.build)(&config.method_table(name))
 }
 
-/// Adds every setting of a section to what a pass depends on.
+/// Adds every setting of a section to the values that a pass depends on.
 pub(crate) fn with_section(mut inputs: Inputs, config: &Config, name: &str) -> Inputs {
     for (key, value) in config.method_table(name) {
         inputs = inputs.with(format!("{name}.{key}"), value);

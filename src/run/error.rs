@@ -1,31 +1,31 @@
-//! Why a pass did not complete although nothing is wrong with the run directory or the input.
+//! Errors of a pass that is incomplete although the run directory and the input are valid.
 
 use std::borrow::Cow;
 
 use crate::error::{ErrorKind, Failure};
 
-/// A pass did not complete; what was finished is kept.
+/// A pass is incomplete. Its finished units are kept.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
     /// The run was asked to stop.
     #[error("interrupted with {done} of {total} units of pass {pass} done")]
     Interrupted {
-        /// Name of the pass that was under way.
+        /// Name of the interrupted pass.
         pass: String,
-        /// Units of it that are kept.
+        /// Number of its finished units, which are kept.
         done: usize,
-        /// Units of it in all.
+        /// Number of its units.
         total: usize,
     },
-    /// A step that is repeated until it has settled did not.
+    /// A step that repeats until it has settled did not settle.
     #[error("pass {pass} has not settled after {rounds} rounds: {tiles} tiles would run again")]
     NotSettled {
         /// Name of the pass.
         pass: String,
-        /// Rounds after which it gives up.
+        /// Maximum number of rounds.
         rounds: u32,
-        /// Tiles whose neighbours still change.
+        /// Number of tiles whose neighbours still change.
         tiles: usize,
     },
     /// Some tiles failed; the others were finished.
@@ -33,11 +33,11 @@ pub enum RunError {
     UnitsFailed {
         /// Name of the pass.
         pass: String,
-        /// Units that failed.
+        /// Number of failed units.
         failed: usize,
-        /// Units of the pass in all.
+        /// Number of units of the pass.
         total: usize,
-        /// What the first failure said.
+        /// Text of the first failure.
         first: String,
     },
 }

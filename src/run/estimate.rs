@@ -1,4 +1,4 @@
-//! Estimating epsilon over a drive without clustering it: the flow, stopped after the step that estimates.
+//! Estimates epsilon over a drive without clustering it: the flow stops after the step that estimates.
 
 use std::path::PathBuf;
 
@@ -10,20 +10,21 @@ use crate::run::engine::{CancelToken, Driver, Event, Here, Observer, PassFigures
 use crate::run::open::{self, Opened};
 use crate::run::{computed, flow};
 
-/// What epsilon is to be estimated over.
+/// A request to estimate epsilon.
 #[derive(Debug, Clone)]
 pub struct EstimateRequest<'a> {
     /// LAS/LAZ files, folders and patterns.
     pub inputs: Vec<PathBuf>,
-    /// Where the state goes: a run with the same settings in the same place goes on from it.
+    /// Folder of the state. A run with the same settings in the same folder continues from it.
     pub out: PathBuf,
-    /// Settings; the method is one that estimates epsilon.
+    /// Settings. The method must be one that estimates epsilon.
     pub config: Config,
-    /// Where methods are looked up.
+    /// The registries of methods.
     pub registries: Registries<'a>,
 }
 
-/// Estimates epsilon over the points of a drive that are neither ground nor noise. Resumes what is there.
+/// Estimates epsilon over the points of a drive that are neither ground nor noise. Resumes from stored
+/// results.
 ///
 /// # Errors
 /// Any [`Error`](crate::Error); a [`ConfigError`] when the method does not estimate an epsilon.

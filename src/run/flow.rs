@@ -1,7 +1,9 @@
-//! The flow: the one list of passes, and the walk along it. `run`, `estimate-epsilon`, `status`, `plan` and `info` walk it,
-//! each with a driver of its own; the walk stops where a pass is not complete and the driver does not compute it.
+//! The flow: the one list of passes, and the walk along it. `run`, `estimate-epsilon`, `status`, `plan` and
+//! `info` walk it, each with its own driver. The walk stops at a pass that is incomplete and that the driver
+//! does not compute.
 //!
-//! What a pass returned makes the next value: the survey a plan, the plan tiles, the ground pass tiles with classes.
+//! The result of a pass is used to build the next value: the survey gives a plan, the plan gives tiles, and
+//! the ground pass gives tiles with classes.
 
 use crate::cluster::{Figures, Method};
 use crate::error::Result;
@@ -25,10 +27,11 @@ use crate::store::RunDir;
 use crate::survey::SurveyError;
 use crate::tiling::Plan;
 
-/// Records that tiles may read per point they need before the points are grouped by tile (architecture, section 3).
+/// Largest number of records that tiles may read per needed point before the points are grouped by tile
+/// (architecture, section 3).
 const LARGEST_AMPLIFICATION: f64 = 3.0;
 
-/// A drive that was surveyed and cut into tiles.
+/// A drive that was surveyed and divided into tiles.
 pub(crate) struct Planned {
     pub(crate) surveyed: Surveyed,
     pub(crate) plan: Plan,
@@ -38,9 +41,10 @@ pub(crate) struct Planned {
 pub(crate) struct Outcome {
     pub(crate) counts: Counts,
     pub(crate) objects: usize,
-    /// What is finished once the report is written, with the outline of the export; none when it had been before.
+    /// What is marked as finished once the report is written, with the outline of the export. `None` if it
+    /// was finished before.
     pub(crate) unmarked: Option<(Outline, Finished)>,
-    /// What the clustering method has to say about its steps.
+    /// What the clustering method reports about its steps.
     pub(crate) figures: Figures,
 }
 
@@ -59,7 +63,8 @@ pub(crate) fn survey<D: Driver>(
     Surveyed::new(&open.drive, survey, open.config).map(Some)
 }
 
-/// Cuts the drive into tiles that fit the budget beside what is held of the whole drive.
+/// Divides the drive into tiles that fit the budget, after the memory for data of the whole drive is
+/// subtracted.
 pub(crate) fn plan<D: Driver>(
     open: &Opened<'_>,
     driver: &mut D,
@@ -71,7 +76,8 @@ pub(crate) fn plan<D: Driver>(
     Ok(plan.map(|plan| Planned { surveyed, plan }))
 }
 
-/// The passes behind the plan, in order. What a pass depends on is known before any of them is complete.
+/// The passes after the plan, in order. The values that a pass depends on are known before any of them is
+/// complete.
 pub(crate) struct List {
     scatter: Option<Outline>,
     ground: Outline,
@@ -84,7 +90,9 @@ pub(crate) struct List {
 
 impl List {
     fn of(open: &Opened<'_>, planned: &Planned, scatters: bool) -> Self {
-        let (Planned { surveyed, plan }, config, chain) = (planned, open.config, &open.chain);
+        let Planned { surveyed, plan } = planned;
+        let config = open.config;
+        let chain = &open.chain;
         let method: &dyn Method = &*chain.method;
         let ground = ground::outline(surveyed, plan, config, chain);
         let steps = method::outlines(&ground, config, method);
@@ -105,7 +113,8 @@ impl List {
 
     /// All of them with their numbers of units, as far as these are known.
     fn all(&self, open: &Opened<'_>, planned: &Planned) -> Vec<(Outline, Option<usize>)> {
-        let (tiles, runs) = (Some(planned.plan.tiles.len()), Some(open.drive.block_runs().len()));
+        let tiles = Some(planned.plan.tiles.len());
+        let runs = Some(open.drive.block_runs().len());
         let mut all = Vec::new();
         all.extend(self.scatter.iter().map(|outline| (outline, runs)));
         all.push((&self.ground, tiles));
@@ -116,7 +125,7 @@ impl List {
     }
 }
 
-/// Completes the passes from the plan to step `last` of the method, and lets `then` go on from there.
+/// Completes the passes from the plan to step `last` of the method, and then calls `then`.
 fn through_step<D: Driver, R>(
     open: &Opened<'_>,
     driver: &mut D,
@@ -125,7 +134,9 @@ fn through_step<D: Driver, R>(
     last: usize,
     then: impl FnOnce(&mut D, &List, &Progress<'_>) -> Result<Option<R>>,
 ) -> Result<Option<R>> {
-    let (Planned { surveyed, plan }, drive, chain) = (planned, &open.drive, &open.chain);
+    let Planned { surveyed, plan } = planned;
+    let drive = &open.drive;
+    let chain = &open.chain;
     let mut tiled = Tiled::whole_blocks(drive, surveyed, plan);
     let amplification = tiled.amplification(chain.ground_reach);
     let list = List::of(open, planned, amplification > LARGEST_AMPLIFICATION);
@@ -133,7 +144,7 @@ fn through_step<D: Driver, R>(
 
     if let Some(outline) = &list.scatter {
         let text = format!(
-            "the order of the records would make tiles read {amplification:.1} times what they need: \
+            "with this order of the records, tiles would read {amplification:.1} times the records that they need: \
              the points are grouped by tile first"
         );
         driver.tell(&Event::Warning { text: &text });
@@ -158,7 +169,7 @@ fn through_step<D: Driver, R>(
     then(driver, &list, &progress)
 }
 
-/// The global of a step of the method that is not the last.
+/// The global of a step of the method. The step is not the last.
 pub(crate) fn global_of_step<D: Driver>(
     open: &Opened<'_>,
     driver: &mut D,

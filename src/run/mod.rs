@@ -1,5 +1,23 @@
-//! Running: joins everything above. `open -> catalog -> survey -> plan -> passes over tiles -> stitch -> relabel ->
-//! export`, with the state on disk after every unit. Read [`flow`] first.
+//! Runs a drive. This module joins all modules above: `open -> catalog -> survey -> plan -> passes over tiles
+//! -> stitch -> relabel -> export`. The state is on disk after every unit. Read [`flow`] first.
+//!
+//! ```
+//! use chainage::config::Config;
+//! use chainage::run::{CancelToken, Registries, RunRequest, Silent, run};
+//!
+//! let out = std::env::temp_dir().join(format!("chainage-example-{}", std::process::id()));
+//! let request = RunRequest {
+//!     inputs: vec!["tests/data/mls_profiles.las".into()],
+//!     out: out.clone(),
+//!     config: Config::resolve(None, &[])?,
+//!     fresh: false,
+//!     registries: Registries::default(),
+//! };
+//! let summary = run(&request, &Silent, &CancelToken::default())?;
+//! std::fs::remove_dir_all(&out)?;
+//! assert!(summary.objects > 0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod chain;
 mod drive;
@@ -35,7 +53,7 @@ pub use look::{
 pub use look::{PassStatus, RunStatus, status};
 pub use summary::{Counts, RunSummary};
 
-/// What to run.
+/// A request for a run.
 #[derive(Debug, Clone)]
 pub struct RunRequest<'a> {
     /// LAS/LAZ files, folders and patterns.
@@ -44,16 +62,17 @@ pub struct RunRequest<'a> {
     pub out: PathBuf,
     /// Settings.
     pub config: Config,
-    /// Discard the state of an earlier run in `out`.
+    /// Whether to discard the state of an earlier run in `out`.
     pub fresh: bool,
-    /// Where methods are looked up.
+    /// The registries of methods.
     pub registries: Registries<'a>,
 }
 
-/// Processes a drive: labelled copies, object table and report in `request.out`; resumes what is there.
+/// Processes a drive. The labelled copies, object table and report are in `request.out`. Resumes from stored
+/// results.
 ///
 /// # Errors
-/// Any [`Error`]; what was finished before it is kept and used by the next call, unless the state itself is refused.
+/// Any [`Error`]. Finished units are kept, and the next call uses them, unless the state itself is refused.
 pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<RunSummary> {
     let started = std::time::Instant::now();
     let config = &request.config;
@@ -93,7 +112,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     Ok(summary)
 }
 
-/// What a driver that computes everything has completed.
+/// The result of a driver that computes every pass.
 fn computed<T>(complete: Option<T>) -> Result<T> {
     complete.ok_or_else(|| Error::bug("a pass was not computed"))
 }

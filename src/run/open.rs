@@ -1,4 +1,4 @@
-//! From a request to an opened drive, its methods, and a locked run directory.
+//! Opens a request: the drive, its methods, and a locked run directory.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::run::passes::survey;
 use crate::run::plan::Budget;
 use crate::store::RunDir;
 
-/// A drive with the methods and the settings that it is processed with.
+/// A drive with the methods and the settings of a run.
 pub(crate) struct Opened<'a> {
     pub(crate) config: &'a Config,
     pub(crate) drive: Drive,
@@ -19,18 +19,18 @@ pub(crate) struct Opened<'a> {
     pub(crate) budget: Budget,
 }
 
-/// Record of the input paths of the last call.
+/// File with the input paths of the last call.
 const REQUEST: &str = "request.json";
-/// Record of its settings.
+/// File with the settings of the last call.
 const CONFIGURATION: &str = "run.toml";
 
-/// Opens the files of a drive as the settings say.
+/// Opens the files of a drive according to the settings.
 pub(crate) fn catalog(inputs: &[PathBuf], config: &Config) -> Result<Catalog> {
     Ok(Catalog::open(inputs, &InputOptions { mmap: config.input.mmap, unit: config.input.unit })?)
 }
 
 impl<'a> Opened<'a> {
-    /// A drive to look at: without a run directory, or with one that stays as it is.
+    /// Opens a drive to look at it, without a run directory, or with one that is not changed.
     pub(crate) fn to_look(
         inputs: &[PathBuf],
         config: &'a Config,
@@ -41,7 +41,8 @@ impl<'a> Opened<'a> {
         Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
     }
 
-    /// A drive whose passes are run in a locked run directory, which is that of this input.
+    /// Opens a drive to run its passes in a locked run directory. Checks that the run directory belongs to
+    /// this input.
     pub(crate) fn to_run(
         inputs: &[PathBuf],
         catalog: Catalog,
@@ -71,7 +72,7 @@ pub(crate) fn recorded(run_dir: &RunDir) -> Result<(Vec<PathBuf>, PathBuf)> {
     Ok((run_dir.read_json(REQUEST)?.unwrap_or_default(), run_dir.path(CONFIGURATION)))
 }
 
-/// The run directory `out`, locked, and apart from the input.
+/// Locks the run directory `out`. It must not contain input files.
 pub(crate) fn lock(catalog: &Catalog, out: &Path, fresh: bool) -> Result<RunDir> {
     identity::check_apart(catalog, out)?;
     Ok(RunDir::open(out, fresh)?)

@@ -32,22 +32,22 @@ pub struct RunSummary {
     pub tiles: usize,
     /// Wall time of this call in seconds.
     pub seconds: f64,
-    /// Whether every output had been there already.
+    /// Whether every output existed already.
     pub nothing_to_do: bool,
-    /// Figures of the steps of the clustering method by name, where it has any: `stages` of `density-peaks`, and the
-    /// `epsilon` that was estimated with its curve.
+    /// Figures of the steps of the clustering method by name, if it has any: `stages` of `density-peaks`, and
+    /// the estimated `epsilon` with its curve.
     #[serde(flatten)]
     pub figures: Figures,
     /// Passes with their times.
     pub passes: Vec<PassFigures>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// Peak resident set in bytes, mapped pages included, where the system says.
+    /// Peak resident set in bytes, mapped pages included, if the system reports it.
     pub peak_resident_bytes: Option<u64>,
 }
 
 impl RunSummary {
-    /// The epsilon that was estimated, with its curve, where the method asked for one.
+    /// The estimated epsilon with its curve, if the method asked for one.
     #[must_use]
     pub fn epsilon(&self) -> Option<DriveEpsilon> {
         self.figures.get("epsilon").and_then(|value| serde_json::from_value(value.clone()).ok())

@@ -1,4 +1,4 @@
-//! From the labels of all tiles to whole objects with ids.
+//! Joins the labels of all tiles to whole objects with ids.
 
 use std::ops::RangeInclusive;
 
@@ -9,7 +9,7 @@ use crate::stitch::LocalObject;
 /// Collects the objects of the tiles in tile order, then the links between them.
 #[derive(Debug, Default)]
 pub struct Stitcher {
-    /// Nodes before each tile's first label, and the end.
+    /// Number of labels before each tile's first label.
     first_node: Vec<u32>,
     parts: Vec<ObjectPart>,
     sets: Option<DisjointSets>,
@@ -18,9 +18,9 @@ pub struct Stitcher {
 /// The objects of the drive.
 #[derive(Debug, Default, PartialEq)]
 pub struct Stitched {
-    /// Object 1, 2, ... in ascending smallest point id.
+    /// Object 1, 2, ... in ascending order of the smallest point id.
     pub objects: Vec<ObjectPart>,
-    /// Object id of label 1, 2, ... of each tile; 0 where the whole object is too small or too large.
+    /// Object id of label 1, 2, ... of each tile. 0 if the whole object is too small or too large.
     pub ids: Vec<Vec<u32>>,
     /// Labels that were united with a label of another tile.
     pub united: u64,
@@ -41,7 +41,8 @@ impl Stitcher {
         ((node as usize) < end).then_some(node)
     }
 
-    /// Unites two labels that hold the same point, after all tiles have been added. Says whether both labels exist.
+    /// Unites two labels of the same point, after all tiles have been added. Returns whether both labels
+    /// exist.
     #[must_use]
     pub fn link(&mut self, one: (TileId, u32), other: (TileId, u32)) -> bool {
         let (Some(a), Some(b)) = (self.node(one.0, one.1), self.node(other.0, other.1)) else { return false };
@@ -50,7 +51,7 @@ impl Stitcher {
         true
     }
 
-    /// The whole objects whose size is in `size`, numbered by smallest point id.
+    /// The whole objects whose number of points is in `size`, numbered by smallest point id.
     #[must_use]
     pub fn finish(mut self, size: &RangeInclusive<u64>) -> Stitched {
         let nodes = in_u32(self.parts.len(), "labels of all tiles");

@@ -1,4 +1,5 @@
-//! What one tile knows after clustering: its objects, whole or in part, and the points it shares with others.
+//! What a tile knows after clustering: its objects, whole or in part, and the points that it shares with
+//! other tiles.
 
 use std::ops::RangeInclusive;
 
@@ -6,16 +7,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::{ObjectPart, TileCloud, TileId};
 
-/// An object, or the part of one that lies in the core.
+/// An object, or its part in the core.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LocalObject {
-    /// Whether it goes on outside the core.
+    /// Whether it may continue outside of the core.
     pub open: bool,
-    /// What the core holds of it.
+    /// Its points in the core.
     pub part: ObjectPart,
 }
 
-/// A halo point with its label here.
+/// A halo point with its label in this tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SeamPoint {
     /// The point.
@@ -26,7 +27,7 @@ pub struct SeamPoint {
     pub label: u32,
 }
 
-/// What one tile knows after clustering.
+/// What a tile knows after clustering.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LocalLabels {
     /// Object of label 1, 2, ...
@@ -36,10 +37,11 @@ pub struct LocalLabels {
 }
 
 impl LocalLabels {
-    /// Keeps the labels of a tile that matter and numbers them anew from 1: those with a point in the core, unless
-    /// they are closed and smaller than `size` allows. Closed labels that are too large stay until objects are whole:
-    /// another tile may own border points of theirs, which this one gave no label. Rewrites `labels` (0: none). `owner` tells the owning tile
-    /// of a halo point, `file` the file of a point id.
+    /// Keeps the labels of a tile that have a point in the core, and numbers them from 1. A closed label with
+    /// fewer points than `size` allows is dropped. A closed label with too many points is kept until objects
+    /// are whole, because another tile may own border points of it that this tile did not label. Rewrites
+    /// `labels` (0: none). `owner` returns the tile that owns a halo point, and `file` the file of a point
+    /// id.
     pub fn collect(
         cloud: &TileCloud,
         core: &[bool],

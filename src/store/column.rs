@@ -1,6 +1,6 @@
-//! One small value per point of one file (position, field, class, object), on disk by record. Passes whose units own
-//! whole runs of records write it, so that every value has one writer. Not checksummed: the unit file of the writing
-//! unit says that its values are there.
+//! One small value per point of a file (position, field, class, object), stored on disk by record. The units
+//! of a pass that writes it own whole ranges of records, so every value has one writer. A column has no
+//! checksum: the unit file of the writing unit confirms that its values are complete.
 
 use std::fs::File;
 use std::io;
@@ -16,7 +16,7 @@ pub(crate) struct Column<T> {
     path: PathBuf,
     file: File,
     len: u64,
-    /// Whether anything was written since the last sync began.
+    /// Whether anything was written since the last sync started.
     unsynced: AtomicBool,
     value: std::marker::PhantomData<T>,
 }
@@ -24,7 +24,7 @@ pub(crate) struct Column<T> {
 impl<T: Pod + Default> Column<T> {
     const WIDTH: u64 = size_of::<T>() as u64;
 
-    /// Whether a column of `len` records is there.
+    /// Whether a column of `len` records exists.
     pub(crate) fn is_whole(path: &Path, len: u64) -> bool {
         std::fs::metadata(path).is_ok_and(|facts| facts.len() == len * Self::WIDTH)
     }
@@ -35,7 +35,8 @@ impl<T: Pod + Default> Column<T> {
         if file.metadata()?.len() != len * Self::WIDTH {
             file.set_len(len * Self::WIDTH)?;
         }
-        let (path, value) = (path.to_owned(), std::marker::PhantomData);
+        let path = path.to_owned();
+        let value = std::marker::PhantomData;
         Ok(Self { path, file, len, unsynced: AtomicBool::new(false), value })
     }
 
@@ -54,14 +55,14 @@ impl<T: Pod + Default> Column<T> {
     pub(crate) fn write_run(&self, first: u64, values: &[T]) -> io::Result<()> {
         debug_assert!(first + values.len() as u64 <= self.len);
         let written = self.file.write_all_at(bytemuck::cast_slice(values), first * Self::WIDTH);
-        // After the write: a sync that runs meanwhile must not count as the one that covers it.
+        // Set after the write, so that a sync in the meantime does not cover it.
         self.unsynced.store(true, Ordering::Release);
         written
     }
 
-    /// Makes everything written so far survive a power cut; called by one thread at a time.
+    /// Syncs all written values to the disk. Only one thread at a time may call it.
     pub(crate) fn sync(&self) -> io::Result<()> {
-        // Cleared before the sync, so that what is written meanwhile counts for the next one.
+        // Cleared before the sync, so that the next sync covers values that are written in the meantime.
         if self.unsynced.swap(false, Ordering::Acquire) { self.file.sync_data() } else { Ok(()) }
     }
 }

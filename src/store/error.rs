@@ -1,4 +1,4 @@
-//! What can go wrong with the run directory.
+//! Errors of the run directory.
 
 use std::borrow::Cow;
 use std::io;
@@ -15,7 +15,7 @@ pub enum StoreError {
     Locked {
         /// The output directory.
         path: PathBuf,
-        /// Who holds it, as far as known.
+        /// The process that uses it, if known.
         holder: String,
     },
     /// The file system refused to read or write a file of the state.
@@ -28,18 +28,18 @@ pub enum StoreError {
         /// Why.
         source: io::Error,
     },
-    /// There is no run in the directory.
-    #[error("{path} holds no run of chainage", path = path.display())]
+    /// The directory has no run.
+    #[error("{path} contains no run of chainage", path = path.display())]
     NoRun {
         /// The output directory.
         path: PathBuf,
     },
     /// The state was written by another version, which computes or stores differently.
-    #[error("{path} was begun by chainage {old} (state version {old_version}), this is {new} (state version {new_version})", path = path.display())]
+    #[error("{path} was started by chainage {old} (state version {old_version}), this is {new} (state version {new_version})", path = path.display())]
     Version {
         /// The output directory.
         path: PathBuf,
-        /// Program version that began the run.
+        /// Program version that started the run.
         old: String,
         /// Its state version.
         old_version: u32,
@@ -48,15 +48,15 @@ pub enum StoreError {
         /// Its state version.
         new_version: u32,
     },
-    /// The input is not the one the run was begun with.
-    #[error("{path} was begun with another input: {what}", path = path.display())]
+    /// The input is not the input with which the run was started.
+    #[error("{path} was started with other input: {what}", path = path.display())]
     OtherInput {
         /// The output directory.
         path: PathBuf,
         /// The first difference, with both values.
         what: String,
     },
-    /// A file of the state was damaged after it had been written.
+    /// A file of the state was damaged after it was written.
     #[error("{path} is damaged: {what}", path = path.display())]
     Damaged {
         /// The file.
@@ -64,7 +64,7 @@ pub enum StoreError {
         /// What is wrong with it.
         what: String,
     },
-    /// The output directory holds an input file, or a foreign file under the name of an output.
+    /// The output directory contains an input file, or a foreign file has the name of an output.
     #[error("{path} would be overwritten", path = path.display())]
     InTheWay {
         /// The file.
@@ -97,7 +97,7 @@ impl Failure for StoreError {
             Self::Io { source, .. } if source.kind() == io::ErrorKind::StorageFull => {
                 Some("free some space and type the same command again: it resumes".into())
             }
-            Self::NoRun { .. } => Some("chainage run FILES... -o OUT begins one".into()),
+            Self::NoRun { .. } => Some("start one with chainage run FILES... -o OUT".into()),
             Self::Version { .. } | Self::OtherInput { .. } => {
                 Some("choose another output directory, or start over here with chainage run --fresh".into())
             }
@@ -107,7 +107,7 @@ impl Failure for StoreError {
         }
     }
 
-    /// Nothing can be written any more.
+    /// Whether nothing can be written any more.
     fn stops_all(&self) -> bool {
         true
     }

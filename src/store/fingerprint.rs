@@ -1,7 +1,9 @@
-//! What a pass depends on, as a list of named values and as one number; and why something stored no longer fits.
+//! The values that a pass depends on, as a list of named values and as one number; and why a stored result no
+//! longer fits.
 //!
-//! In a fingerprint: format version, method, parameters, geometry, content of the input. Not in it: threads, memory
-//! budget, paths, verbosity; they change when and where something is computed and never what.
+//! A fingerprint includes the format version, the method, its parameters, the geometry and the content of the
+//! input. It does not include threads, memory budget, paths and verbosity: these change when and where a
+//! result is computed, but not the result.
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_128;
@@ -17,19 +19,19 @@ impl Inputs {
         Self::default()
     }
 
-    /// With one more named value.
+    /// Adds a named value.
     #[must_use]
     pub fn with(mut self, name: impl Into<String>, value: impl ToString) -> Self {
         self.0.push((name.into(), value.to_string()));
         self
     }
 
-    /// One number for all of it.
+    /// One number for the whole list.
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         let mut bytes = Vec::new();
         for (name, value) in &self.0 {
-            // Lengths first, so that no two lists have the same bytes.
+            // Each text is preceded by its length, so that different lists have different bytes.
             for text in [name, value] {
                 bytes.extend_from_slice(&(text.len() as u64).to_le_bytes());
                 bytes.extend_from_slice(text.as_bytes());
@@ -38,7 +40,7 @@ impl Inputs {
         Fingerprint(xxh3_128(&bytes))
     }
 
-    /// What differs from `stored`, by name.
+    /// The differences from `stored`, by name.
     #[must_use]
     pub fn differences(&self, stored: &Self) -> Vec<StaleReason> {
         let find = |list: &Self, name: &str| {
@@ -60,7 +62,7 @@ impl Inputs {
     }
 }
 
-/// One number for everything that a stored result depends on.
+/// One number for all values that a stored result depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fingerprint(pub u128);
 
@@ -70,10 +72,10 @@ impl std::fmt::Display for Fingerprint {
     }
 }
 
-/// One reason why a stored result does not fit any more.
+/// One reason why a stored result no longer fits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct StaleReason {
-    /// What changed.
+    /// Name of the changed value.
     pub name: String,
     /// Its value when the result was stored.
     pub old: Option<String>,
@@ -82,7 +84,7 @@ pub struct StaleReason {
 }
 
 impl StaleReason {
-    /// Whether nothing of the pass itself has changed, but a pass that it depends on.
+    /// Whether the change is in an earlier pass, and not in a value of this pass.
     #[must_use]
     pub fn is_of_another_pass(&self) -> bool {
         self.name.starts_with("pass ")

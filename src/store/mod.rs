@@ -1,4 +1,15 @@
-//! The run directory: lock, fingerprints, unit files, columns, atomic writes. Knows bytes and names; nothing of points.
+//! The run directory: lock, fingerprints, unit files, columns, atomic writes. This module knows bytes and
+//! names, but no points.
+//!
+//! ```
+//! use chainage::store::Inputs;
+//!
+//! let old = Inputs::new().with("euclidean.d_t", 0.3);
+//! let new = Inputs::new().with("euclidean.d_t", 0.4);
+//! assert_ne!(old.fingerprint(), new.fingerprint());
+//! let reasons = new.differences(&old);
+//! assert_eq!(reasons[0].to_string(), "euclidean.d_t: 0.3 -> 0.4");
+//! ```
 
 mod column;
 mod error;

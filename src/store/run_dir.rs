@@ -24,14 +24,15 @@ pub const STATE_FOLDER: &str = ".chainage";
 /// Name of the record of the files that were written beside the state.
 const OUTPUTS: &str = "outputs.json";
 
-/// Which program began the run.
+/// The program version that started the run.
 #[derive(Debug, Serialize, Deserialize)]
 struct Identity {
     program: String,
     state_version: u32,
 }
 
-/// An output directory with its state, locked for this process while the value lives (unless opened to look only).
+/// An output directory with its state. This process holds the lock as long as the value lives (not if it was
+/// opened to look only).
 #[derive(Debug)]
 pub struct RunDir {
     out: PathBuf,
@@ -40,7 +41,7 @@ pub struct RunDir {
 }
 
 impl RunDir {
-    /// Creates or reopens the state in `out` and locks it. `fresh` discards what is there.
+    /// Creates or reopens the state in `out` and locks it. `fresh` discards the state of an earlier run.
     ///
     /// # Errors
     /// When another process holds the lock, the state is of another version, or the file system refuses.
@@ -59,7 +60,7 @@ impl RunDir {
         Ok(run)
     }
 
-    /// Opens the state in `out` to look at it, without the lock and without changing anything.
+    /// Opens the state in `out` to look at it. It takes no lock and changes nothing.
     ///
     /// # Errors
     /// When there is none, or it is of another version.
@@ -85,7 +86,8 @@ impl RunDir {
         })
     }
 
-    /// Removes everything of the state but the lock and the names of the outputs, which stay ours.
+    /// Removes the state except for the lock and the names of the outputs. The outputs remain known as files
+    /// of chainage.
     fn discard(&self) -> Result<(), StoreError> {
         for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
             let path = entry.map_err(StoreError::io("read", &self.state))?.path();
@@ -111,8 +113,8 @@ impl RunDir {
         self.state.join(name)
     }
 
-    /// Names of the files beside the state that this and earlier runs have written or were about to write: what else is
-    /// there is foreign.
+    /// Names of the files beside the state that this run and earlier runs have written or were about to
+    /// write. All other files there are foreign.
     ///
     /// # Errors
     /// When the record cannot be read.
@@ -134,7 +136,7 @@ impl RunDir {
     /// Reads a small JSON file of the state; `None` when there is none.
     ///
     /// # Errors
-    /// When it cannot be read or is not what it should be.
+    /// When it cannot be read or does not have the expected content.
     pub fn read_json<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, StoreError> {
         let path = self.path(name);
         match fs_err::read(&path) {
@@ -167,7 +169,7 @@ impl RunDir {
         whole_file::write(&path, |to| to.write_all(text.as_bytes())).map_err(StoreError::io("write", &path))
     }
 
-    /// Appends a line to the log of events; a log that cannot be written does not stop a run.
+    /// Appends a line to the log of events. A failure of this does not stop a run.
     pub fn log_event(&self, line: &str) {
         let path = self.path("events.jsonl");
         let appended = File::options().create(true).append(true).open(path);
@@ -183,7 +185,7 @@ impl RunDir {
         PassDir { folder: self.state.join(folder), fingerprint: inputs.fingerprint(), inputs }
     }
 
-    /// Removes every pass whose folder begins with `prefix`, except those that are to be kept.
+    /// Removes every pass whose folder begins with `prefix`, except those that `keep` accepts.
     ///
     /// # Errors
     /// When the file system refuses.
@@ -198,8 +200,9 @@ impl RunDir {
         Ok(())
     }
 
-    /// A column with one value per record of file number `file`, which has `records`. The passes whose folders
-    /// begin with `writers` fill it: where it was lost or cut, they have nothing to show for their finished units.
+    /// A column with one value per record of file number `file`, which has `records` records. The passes
+    /// whose folders begin with `writers` fill it. If the column was lost or cut, these passes are
+    /// removed.
     ///
     /// # Errors
     /// When it cannot be opened or created.
@@ -224,7 +227,7 @@ fn identity() -> Identity {
     Identity { program: env!("CARGO_PKG_VERSION").to_owned(), state_version: FORMAT_VERSION }
 }
 
-/// Takes the lock; the system releases it when the process ends, however it ends.
+/// Takes the lock. The system releases it when the process ends, for whatever reason.
 fn lock(out: &Path, path: &Path) -> Result<File, StoreError> {
     let io = |action| StoreError::io(action, path);
     let mut file =
@@ -247,14 +250,14 @@ fn lock(out: &Path, path: &Path) -> Result<File, StoreError> {
     Ok(file)
 }
 
-/// Whether a unit's result is there.
+/// Whether a unit has a stored result.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum UnitState {
     /// Nothing has been stored.
     Missing,
-    /// The result is there and fits.
+    /// The result is complete and fits.
     Done,
-    /// Something is there that cannot be used.
+    /// A file exists that cannot be used.
     Refused(Refusal),
 }
 
@@ -283,7 +286,7 @@ impl UnitReader {
         Ok(bytes)
     }
 
-    /// Where a section of the payload is, see [`codec::pack`].
+    /// The range of a section of the payload, see [`codec::pack`].
     pub(crate) fn section(&self, number: usize) -> Result<Range<u64>> {
         codec::section_range(&mut |part| self.read(part).ok(), number)
             .ok_or_else(|| codec::no_section(number))
@@ -295,7 +298,7 @@ impl UnitReader {
     }
 }
 
-/// The folder of one pass: a file per unit, and what the pass depends on.
+/// The folder of one pass: a file per unit, and the values that the pass depends on.
 #[derive(Debug, Clone)]
 pub struct PassDir {
     folder: PathBuf,
@@ -304,7 +307,7 @@ pub struct PassDir {
 }
 
 impl PassDir {
-    /// One number for everything the pass depends on.
+    /// One number for all values that the pass depends on.
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         self.fingerprint
@@ -318,8 +321,9 @@ impl PassDir {
         in_u32(unit, "units of a pass")
     }
 
-    /// Creates the folder and records what the pass depends on. Results that depend on something else go: units of
-    /// this pass will write over values that the old ones vouch for, and not unit by unit where the tiles are others.
+    /// Creates the folder and records the values that the pass depends on. Results that depend on other
+    /// values are removed all at once: units of this pass will overwrite the column values that belong to
+    /// them, and with other tiles a unit overwrites values of several old units.
     ///
     /// # Errors
     /// When the file system refuses.
@@ -342,7 +346,7 @@ impl PassDir {
     fn stored_inputs(&self) -> Result<Option<Inputs>, StoreError> {
         let path = self.folder.join("inputs.json");
         match fs_err::read(&path) {
-            // A damaged record of reasons is no reason to stop: the unit files decide, each for itself.
+            // If this record is damaged, the run goes on, because each unit file has its own fingerprint.
             Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
             Err(source) => Err(StoreError::Io { action: "read", path, source }),
@@ -357,7 +361,7 @@ impl PassDir {
         Ok(self.stored_inputs()?.map_or_else(Vec::new, |stored| self.inputs.differences(&stored)))
     }
 
-    /// The payload of a unit, if it is there and fits.
+    /// The payload of a unit, if it exists and fits.
     ///
     /// # Errors
     /// When the file system refuses.
@@ -379,7 +383,7 @@ impl PassDir {
         Ok(Ok(bytes))
     }
 
-    /// Whether a unit's result is there.
+    /// Whether a unit has a stored result.
     ///
     /// # Errors
     /// When the file system refuses.
@@ -397,14 +401,14 @@ impl PassDir {
     pub fn payload(&self, unit: usize) -> Result<Vec<u8>, StoreError> {
         self.load(unit)?.map_err(|state| StoreError::Damaged {
             path: self.unit_path(unit),
-            what: format!("{state:?} although it had been written"),
+            what: format!("{state:?} after it was written"),
         })
     }
 
-    /// A reader of parts of the payload of a unit that is done.
+    /// A reader of parts of the payload of a finished unit.
     ///
     /// # Errors
-    /// When it is missing or not that of this pass.
+    /// When it is missing or belongs to another pass.
     pub(crate) fn reader(&self, unit: usize) -> Result<UnitReader, StoreError> {
         let path = self.unit_path(unit);
         let file = File::open(&path).map_err(StoreError::io("open", &path))?;
@@ -414,7 +418,7 @@ impl PassDir {
         match unit_file::payload_range(&header, length, Self::number(unit), self.fingerprint) {
             Ok(payload) => Ok(UnitReader { path, file, payload }),
             Err(refusal) => {
-                Err(StoreError::Damaged { path, what: format!("{refusal:?} although it had been written") })
+                Err(StoreError::Damaged { path, what: format!("{refusal:?} after it was written") })
             }
         }
     }
@@ -452,7 +456,7 @@ impl PassDir {
         }
     }
 
-    /// Takes back a unit's result before anything it stands for is overwritten.
+    /// Invalidates a unit's result before the values that belong to it are overwritten.
     ///
     /// # Errors
     /// When the file system refuses.
@@ -465,7 +469,7 @@ impl PassDir {
         }
     }
 
-    /// Stores the result of a unit: from here on it is done.
+    /// Stores the result of a unit. From then on the unit is done.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -475,7 +479,7 @@ impl PassDir {
         whole_file::write(&path, |to| to.write_all(&bytes)).map_err(StoreError::io("write", &path))
     }
 
-    /// Records why a unit failed, for people.
+    /// Records for people why a unit failed.
     ///
     /// # Errors
     /// When it cannot be written.

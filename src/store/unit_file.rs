@@ -10,8 +10,8 @@
 //! checksum := u64                      XXH3 of everything before it
 //! trailer := "COMMITED"                8 bytes; a file without it was cut
 //! ```
-//! All numbers little-endian. A reader refuses a file that is cut, damaged or of another version or fingerprint, and
-//! says why; it never believes `length` before it has compared it with the size of the file.
+//! All numbers are little-endian. A reader refuses a file that is cut, damaged, or of another version or
+//! fingerprint, and gives the reason. It compares `length` with the size of the file before it uses it.
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use crate::store::Fingerprint;
 
-/// Version of the state on disk; a change of any payload raises it.
+/// Version of the state on disk. A change of any payload raises it.
 pub const FORMAT_VERSION: u32 = 3;
 
 const MAGIC: &[u8; 8] = b"CHAINAGE";
@@ -27,14 +27,14 @@ const TRAILER: &[u8; 8] = b"COMMITED";
 pub(crate) const HEADER_LEN: usize = 8 + 4 + 4 + 16 + 8;
 pub(crate) const FOOTER_LEN: usize = 8 + 8;
 
-/// Why a unit file is not used.
+/// Why a unit file cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Refusal {
-    /// Cut, or bytes changed.
+    /// The file is cut, or bytes have changed.
     Damaged(&'static str),
-    /// Whole, but of another version of the format.
+    /// The file is complete, but of another version of the format.
     OtherVersion(u32),
-    /// Whole, but it depends on something that has changed since.
+    /// The file is complete, but a value that it depends on has changed.
     Stale,
 }
 
@@ -53,8 +53,8 @@ pub(crate) fn encode(unit: u32, fingerprint: Fingerprint, payload: &[u8]) -> Vec
     bytes
 }
 
-/// Where the payload of a unit file of `length` bytes is, by its header alone: for readers of a part of it, after the
-/// whole was checked when the pass began or was written by it.
+/// The range of the payload in a unit file of `length` bytes, from its header alone. It is for readers of a
+/// part of the payload. The whole file was checked when the pass began, or this pass has written it.
 pub(crate) fn payload_range(
     header: &[u8; HEADER_LEN],
     length: u64,
@@ -78,7 +78,7 @@ pub(crate) fn payload_range(
     Ok(HEADER_LEN as u64..HEADER_LEN as u64 + payload)
 }
 
-/// The payload of a unit file, in place: what stands between header and footer of `bytes`.
+/// The payload of a unit file, in place: the bytes between header and footer.
 pub(crate) fn decode(bytes: &[u8], unit: u32, fingerprint: Fingerprint) -> Result<&[u8], Refusal> {
     let damaged = Refusal::Damaged;
     if bytes.len() < HEADER_LEN + FOOTER_LEN {

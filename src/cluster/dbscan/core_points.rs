@@ -1,10 +1,11 @@
-//! The kernel of `dbscan`, variant `core`: which points are core points, which of them are connected, and which core
-//! point a border point is nearest to. Knows no settings.
+//! The kernel of the variant `core` of `dbscan`. It finds the core points, their connected components, and
+//! the nearest core point of each border point. It knows no settings.
 //!
-//! Points of one cell are within epsilon of each other by construction (see `euclidean`): a cell with enough points has
-//! core points only, and the core points of a cell are connected. So only cells with few points are ever compared point
-//! by point: O(124 cells x `min_points`) comparisons per point at worst. Distances are squares of lattice units in i64.
-//! Memory: 32 bytes per point beside the index of `euclidean`.
+//! Points of one cell are within epsilon of each other by construction (see `euclidean`). Therefore every
+//! point of a cell with enough points is a core point, and the core points of a cell are connected. Only
+//! cells with few points are compared point by point. This takes O(124 cells x `min_points`) comparisons per
+//! point at worst. Distances are squares of lattice units in i64. Memory: 32 bytes per point in addition to
+//! the index of `euclidean`.
 
 use std::ops::Range;
 
@@ -14,7 +15,8 @@ use crate::model::AlgorithmError;
 use crate::model::TileCloud;
 use crate::spatial::VoxelIndex;
 
-/// Labels the points 1..=n, 0 for noise and for border points that the tile does not own (`own` is false); returns n.
+/// Labels the points with 1..=n and returns n. Noise has the label 0, and so have border points that the tile
+/// does not own (`own` is false).
 pub(super) fn cluster(
     method: &'static str,
     cloud: &TileCloud,
@@ -41,7 +43,7 @@ pub(super) fn cluster(
     Ok(clusters)
 }
 
-/// The points, cell by cell; in each cell core points first, once they are known.
+/// The points in the order of their cells. Once the core points are known, they come first in each cell.
 struct Cells {
     points: Vec<Point>,
     /// Index in the cloud of each of them.
@@ -50,7 +52,7 @@ struct Cells {
     first: Vec<usize>,
     /// End of the core points of each cell.
     core_end: Vec<usize>,
-    /// Boxes of the points that are compared: all of a cell, then its core points.
+    /// Bounding boxes: first of all points of a cell, later of its core points only.
     bounds: Vec<Bounds>,
 }
 
@@ -77,7 +79,7 @@ impl Cells {
         self.first[cell]..self.core_end[cell]
     }
 
-    /// Number of points within `reach` of each point, itself included; counting ends when `enough` are found.
+    /// Number of points within `reach` of each point, the point itself included. Counting stops at `enough`.
     fn count_neighbours(&self, index: &VoxelIndex, reach: i64, enough: u32) -> Vec<u32> {
         let mut counts = vec![0; self.points.len()];
         for cell in 0..index.len() {
@@ -98,7 +100,7 @@ impl Cells {
         counts
     }
 
-    /// Points of a cell within `limit` (squared) of a point; not more than `enough` need to be counted.
+    /// Number of points of a cell within `limit` (squared) of a point. Counting stops at `enough`.
     fn count_near(&self, point: &Point, cell: usize, limit: i64, enough: u32) -> u32 {
         let bounds = &self.bounds[cell];
         if bounds.nearest_to(point) > limit {
@@ -112,13 +114,14 @@ impl Cells {
         as_u32(near.take(enough as usize).count())
     }
 
-    /// Moves the core points of every cell to its front, and takes the boxes of these alone.
+    /// Moves the core points of every cell to its front, and computes the bounding box of the core points.
     fn put_core_points_first(&mut self, counts: &[u32], enough: u32) {
         for cell in 0..self.core_end.len() {
             let mut end = self.first[cell];
             for at in self.all(cell) {
                 if counts[at] >= enough {
-                    // What lies between the front and here has been looked at, so that its count is not needed.
+                    // Points between the front and this one have been visited, so their counts are no longer
+                    // needed.
                     self.points.swap(at, end);
                     self.order.swap(at, end);
                     end += 1;
@@ -131,13 +134,15 @@ impl Cells {
 
     /// Whether core points of two cells are within `limit` (squared) of each other.
     fn touch(&self, a: usize, b: usize, limit: i64) -> bool {
-        let (one, other) = (self.core(a), self.core(b));
+        let one = self.core(a);
+        let other = self.core(b);
         !one.is_empty()
             && !other.is_empty()
             && any_within((&self.points[one], &self.bounds[a]), (&self.points[other], &self.bounds[b]), limit)
     }
 
-    /// Labels of the sets that have core points, in the order of the smallest id of these, and how many there are.
+    /// Labels of the sets with core points, and their number. The sets are ordered by their smallest point
+    /// id.
     fn number(&self, roots: &[usize], cloud: &TileCloud) -> (Vec<u32>, u32) {
         let mut smallest = vec![u64::MAX; roots.len()];
         for (cell, &root) in roots.iter().enumerate() {
@@ -164,7 +169,7 @@ impl Cells {
         labels: &mut [u32],
     ) {
         let limit = reach.pow(2);
-        // Squared distance and id of the nearest core point so far, for the points that are none.
+        // Squared distance and id of the nearest core point so far, for points that are not core points.
         let mut nearest = vec![(limit, u64::MAX); self.points.len()];
         let mut look = |cell: usize, other: usize| {
             if self.core(other).is_empty() {
@@ -193,7 +198,8 @@ impl Cells {
     }
 }
 
-/// Visits every pair of cells that can hold points within `reach` of each other, once, near ones first.
+/// Visits once every pair of cells that can contain points within `reach` of each other. Near pairs come
+/// first.
 fn each_pair(index: &VoxelIndex, reach: i64, mut visit: impl FnMut(usize, usize)) {
     for LayerStep { offset, dk } in layers(reach).into_iter().flatten() {
         let heights = index.heights();

@@ -1,10 +1,11 @@
 //! `dbscan` on drives in a space of standardised fields: coordinates with intensity or colours.
 //!
-//! The same two variants as in metres (see `dbscan`), over a kd-tree. Exact over tiles for the same reasons: points that
-//! are within epsilon in this space are within epsilon times the standard deviation over the weight of x, and of y, in the
-//! plane; that is the reach. A point has the same place in this space in every tile, because statistics are those of the
-//! whole drive. Cost: one query of radius epsilon per point (`core`: three). Memory: about 8 bytes per field, 20 of the
-//! tree and 20 more, per point.
+//! The variants are the same as in metres (see `dbscan`), and neighbours are found with a kd-tree. Results
+//! are exact over tiles for the same reasons. In this space the distance of two points is at most epsilon
+//! only if their x, and likewise their y, differ by at most epsilon times the standard deviation over the
+//! weight. This gives the reach in the plane. A point has the same coordinates in this space in every tile,
+//! because the statistics are those of the whole drive. Cost: one query of radius epsilon per point (`core`:
+//! three). Memory per point: about 8 bytes per field, 20 of the tree and 20 more.
 
 use super::settings::{DbscanConfig, DbscanVariant};
 use crate::cluster::Clusterer;
@@ -62,7 +63,7 @@ impl Clusterer for FieldDbscan {
             min_points: self.config.min_points,
             max_points: 0,
         };
-        // Ties go to the smaller id, whatever the order of the points.
+        // Of equal distances, the smaller id counts. The order of the points does not matter.
         let (found, count) = method.connected_sets(&points, core, &cloud.id).map_err(too_many)?;
         labels.copy_from_slice(&found);
         Ok(count)

@@ -83,7 +83,8 @@ mod tests {
 
     #[test]
     fn border_points_join_the_nearest_core_point_and_noise_nothing() {
-        // Two heaps of five core points, 200 apart. 140 is 100 from 240 (id 0) and from 40 (id 9); 139 only from 40.
+        // Two groups of five core points, 200 apart. 140 is 100 from 240 (id 0) and from 40 (id 9); 139 only
+        // from 40.
         let places = [240, 260, 280, 300, 320, -40, -20, 0, 20, 40, 140, 139, 900];
         let (labels, clusters) = core(5, &line(&places), &[true; 13]);
         assert_eq!((labels, clusters), (vec![1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 1, 2, 0], 2));
@@ -92,7 +93,7 @@ mod tests {
     #[test]
     fn border_points_of_other_tiles_have_no_label() {
         let places = [0, 50, 100, 150];
-        // Three within 100: 50 and 100 (four), 0 and 150 (three).
+        // Three neighbours within 100: 50 and 100 are core points (they have four), 0 and 150 have three.
         assert_eq!(core(4, &line(&places), &[true; 4]).0, [1, 1, 1, 1]);
         assert_eq!(core(4, &line(&places), &[true, true, false, false]).0, [1, 1, 1, 0]);
     }

@@ -1,18 +1,22 @@
-//! The clustering method `dbscan`: on x, y and z in metres (`metric`), in a space of standardised fields (`fields`), and on
-//! tables (`rows`); with an epsilon that is given, or estimated from the drive (`epsilon`).
+//! The clustering method `dbscan`: on x, y and z in metres (`metric`), in a space of standardised fields
+//! (`fields`), and on tables (`rows`). Epsilon is a setting, or it is estimated from the drive (`epsilon`).
 //!
-//! Source: the paper on estimating epsilon, algorithm 1 (variant `size`), and Ester, Kriegel, Sander, Xu, "A density-based algorithm for
-//! discovering clusters" (1996) (variant `core`). `size` is single link at epsilon, as `euclidean` is, with the same
-//! kernel; `core` has its own, see `core_points`. Ours: border points go to the nearest core point, ties to the smaller
-//! id, so that no order of points decides.
+//! The variant `size` is algorithm 1 of Wang, Ji, Wang, Wen, Li, Sun, "An Improved DBSCAN Method for LiDAR
+//! Data Segmentation with Automatic Eps Estimation", Sensors 19(1), 172 (2019), doi:10.3390/s19010172. The
+//! variant `core` is that of Ester, Kriegel, Sander, Xu, "A density-based algorithm for discovering clusters
+//! in large spatial databases with noise" (1996). `size` is single link at epsilon, like `euclidean`, with
+//! the same kernel. `core` has its own kernel, see `core_points`. Ours: a border point goes to its nearest
+//! core point, and of equally near ones to the one with the smaller id. So the order of the points does not
+//! matter.
 //!
-//! Why `core` is exact over tiles: the region is the core of the tile and all within 2 epsilon. Whether a point within
-//! epsilon of the tile's core is a core point is certain. Further out a neighbourhood may be cut off, and a point may
-//! only *miss* being a core point: what is joined is always joined truly. Every link has an end in the core of some
-//! tile, where both ends are certain. Border points pass nothing on, so they get a label in their own tile alone, where
-//! every core point within epsilon of them is known.
+//! Why `core` is exact over tiles: a tile reads its core and everything within 2 epsilon. So for every point
+//! within epsilon of the tile's core it is certain whether it is a core point. Further out, neighbourhoods
+//! may be cut off, and a point may be *missed* as a core point. So every link that a tile finds is a true
+//! link. Every link has an end in the core of some tile, and this tile knows both ends with certainty. Border
+//! points do not pass connections on. Therefore only the tile that owns a border point labels it, and this
+//! tile knows every core point within epsilon of it.
 //!
-//! Known failures: those of single link for `size`; `core` cuts thin parts (wires, sparse crowns) off.
+//! Known failures: those of single link for `size`; `core` cuts off thin parts (wires, sparse crowns).
 
 mod core_points;
 pub mod epsilon;
@@ -39,11 +43,12 @@ use crate::model::{AlgorithmError, Field, FieldSpace, Lattice, Reach};
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
     summary: "connected points within epsilon, or core points with their border",
-    reference: "the paper on estimating epsilon, algorithm 1; Ester et al. 1996",
+    reference: "Wang et al. 2019, algorithm 1, doi:10.3390/s19010172; Ester et al. 1996",
     build,
 };
 
-/// Ready for tiles where epsilon is given in metres, else once something is known of the whole drive.
+/// One step per tile if epsilon is given in metres, else a method that first learns something from the whole
+/// drive.
 fn build(sections: Sections<'_>) -> Result<Box<dyn Method>, ConfigError> {
     let config: DbscanConfig = config::section(NAME, &sections(NAME))?;
     config.validate()?;
@@ -55,12 +60,12 @@ fn build(sections: Sections<'_>) -> Result<Box<dyn Method>, ConfigError> {
     })
 }
 
-/// `dbscan` where something has to be known of the whole drive: statistics of fields, epsilon, or both.
+/// `dbscan` with values of the whole drive: statistics of fields, epsilon, or both.
 #[derive(Debug, Clone)]
 struct OverDrive {
     config: DbscanConfig,
     epsilon: EpsilonConfig,
-    /// Fields that distances are taken in, standardised; empty for x, y and z in metres.
+    /// Standardised fields in which distances are measured. Empty for x, y and z in metres.
     fields: Vec<Field>,
     steps: Vec<Step>,
 }
@@ -73,19 +78,20 @@ impl OverDrive {
         if config.epsilon == Epsilon::AUTO {
             steps.push(CurveStep::step(fields.len().max(3)));
         }
-        // The places of the points and a tree come on top, estimated from their sizes.
+        // The coordinates of the points and a tree come in addition; their bytes are estimated from their
+        // sizes.
         let bytes = BytesPer::ObjectPoint(local::BYTES_PER_POINT + 32 * fields.len() as u64);
         let settings: &[&str] = if steps.is_empty() { &["dbscan.*"] } else { &["dbscan.*", "epsilon.*"] };
         steps.push(Step { name: "cluster", settings, bytes, repeat: Repeat::Once });
         Ok(Self { config: config.clone(), epsilon: epsilon.clone(), fields, steps })
     }
 
-    /// Whether a step estimates epsilon; else it labels points.
+    /// Whether a step estimates epsilon. Otherwise it labels points.
     fn estimates(&self, step: usize) -> bool {
         step + 1 < self.steps.len()
     }
 
-    /// The space that distances are taken in.
+    /// The space in which distances are measured.
     fn space(&self, drive: &dyn DriveWindow) -> Result<FieldSpace> {
         if self.fields.is_empty() {
             return Ok(FieldSpace::metres(drive.lattice()));
@@ -101,7 +107,7 @@ impl OverDrive {
         CurveStep::new(&self.epsilon, self.space(drive)?, drive)
     }
 
-    /// The method of one tile, now that this is known.
+    /// The method of one tile, with epsilon and space known.
     fn clusterer(&self, drive: &dyn DriveWindow) -> Result<Box<dyn Clusterer>> {
         let mut config = self.config.clone();
         if self.steps.len() > 1 {
@@ -133,7 +139,7 @@ impl Method for OverDrive {
         &self.fields
     }
 
-    /// That of the estimate: what is estimated is not known yet.
+    /// The reach of the estimate. The estimated epsilon is not known yet.
     fn planning_reach(&self, _lattice: Lattice) -> Reach {
         Reach::Exact { metres: HALO_M }
     }
@@ -149,7 +155,8 @@ impl Method for OverDrive {
             return Ok(lattice.units(HALO_M));
         }
         let reach = lattice.units(self.clusterer(drive)?.reach(lattice).metres());
-        let (reach_m, longest_m) = (lattice.metres(reach), drive.longest_tile_m());
+        let reach_m = lattice.metres(reach);
+        let longest_m = drive.longest_tile_m();
         if !self.config.is_metric() && drive.tiles() > 1 && reach_m > longest_m {
             return Err(AlgorithmError::ReachBeyondTile { method: NAME, reach_m, longest_m }.into());
         }
@@ -175,7 +182,7 @@ impl Method for OverDrive {
         if self.steps.len() > 1 {
             let found = DriveEpsilon::decode(drive.global(0))?;
             let value = serde_json::to_value(&found)
-                .map_err(|error| Error::bug(format!("an estimate does not become JSON: {error}")))?;
+                .map_err(|error| Error::bug(format!("an estimate cannot be written as JSON: {error}")))?;
             figures.insert("epsilon".to_owned(), value);
         }
         Ok(figures)

@@ -1,8 +1,8 @@
-//! `dbscan` in n dimensions, both variants, and the curve that its epsilon is estimated from.
+//! `dbscan` in n dimensions, both variants, and the curve for the estimate of epsilon.
 //!
-//! Source: the paper on estimating epsilon, algorithm 1 (`size`: single link at epsilon, clusters kept by their size) and Ester et al. 1996
-//! (`core`), whose border points go to the nearest core point here, ties to the smaller row, so that the order of the
-//! rows does not decide.
+//! Source: Wang et al. 2019 (see `dbscan`), algorithm 1 (`size`: single link at epsilon, clusters are kept by
+//! their size), and Ester et al. 1996 (`core`). Ours: a border point goes to its nearest core point, and of
+//! equally near ones to the smaller row. So the order of the rows does not matter.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -14,17 +14,17 @@ use crate::spatial::Index;
 use crate::spatial::Neighbours;
 use crate::spatial::{Points, SpatialError};
 
-/// Leaves that a thread takes at once, some thousands of points.
+/// Number of leaves that a thread processes at a time: some thousands of points.
 const LEAVES_AT_ONCE: usize = 256;
 
-/// What makes points a cluster.
+/// How points form a cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DbscanVariant {
-    /// Points connected by steps of at most epsilon; clusters kept when their size is in range.
+    /// Points connected by steps of at most epsilon. Clusters whose size is not in range are noise.
     Size,
-    /// Core points (at least `min_points` within epsilon, itself included) connected by such steps, with the border
-    /// points around them.
+    /// Core points (at least `min_points` points within epsilon, itself included) connected by such steps,
+    /// with the border points around them.
     Core,
 }
 
@@ -42,7 +42,7 @@ pub struct Dbscan {
 }
 
 impl Dbscan {
-    /// Labels every point, 0 for noise, and tells the number of clusters.
+    /// Labels every point (0 for noise) and returns the number of clusters.
     ///
     /// Cost: one query of radius epsilon per point (`core`: three); memory does not grow with epsilon.
     ///
@@ -58,8 +58,8 @@ impl Dbscan {
         })
     }
 
-    /// The same for a part of the points that is read with what is around it: sets of any size, and border points only
-    /// where they are `own`. `ids` break ties and order the labels.
+    /// The same for a part of the points that is read with its surroundings. Sets of any size are kept, and
+    /// border points get a label only if they are `own`. `ids` break ties and order the labels.
     ///
     /// # Errors
     /// [`SpatialError`] when the points cannot be indexed.
@@ -131,7 +131,8 @@ impl Dbscan {
     }
 }
 
-/// Mean distance to the 2nd to `k`-th nearest neighbours over all points; `k` is cut to the number of points.
+/// Mean distance to the 2nd to `k`-th nearest neighbours over all points. `k` is limited to the number of
+/// points.
 ///
 /// # Errors
 /// [`SpatialError`] when the points cannot be indexed.
@@ -158,7 +159,7 @@ pub fn neighbour_curve(points: &Points, k: usize) -> Result<Curve, SpatialError>
     Ok(sums.curve(population))
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "Points holds at most 2^32 - 1 points")]
+#[expect(clippy::cast_possible_truncation, reason = "Points has at most 2^32 - 1 points")]
 fn as_u32(point: usize) -> u32 {
     point as u32
 }
@@ -185,8 +186,9 @@ mod tests {
 
     #[test]
     fn border_points_go_to_the_nearest_core_point_and_ties_to_the_smaller_row() {
-        // Cores have 4 within 1: 0.0 and 0.5 of the left heap, 2.0 and 2.5 of the right one. 1.0 is exactly
-        // between 0.0.. and 2.0: core points 0.5 (0.5 away) and 2.0 (1.0 away). 1.25 is 0.75 from both 0.5 and 2.0.
+        // Core points have 4 points within 1: 0.0 and 0.5 of the left group, 2.0 and 2.5 of the right one.
+        // 1.0 is a border point of both groups: core points 0.5 (0.5 away) and 2.0 (1.0 away). 1.25 is 0.75
+        // from both 0.5 and 2.0.
         let left = [-0.5, 0.0, 0.5, 0.2];
         let right = [2.0, 2.3, 2.5, 3.0];
         let places: Vec<f64> = right.iter().chain(&left).copied().chain([1.25]).collect();

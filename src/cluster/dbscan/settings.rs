@@ -1,4 +1,4 @@
-//! Settings of `dbscan`: variant, radius, sizes, and the fields that distances are taken in.
+//! Settings of `dbscan`: variant, radius, sizes, and the fields in which distances are measured.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::model::{Field, Lattice, Reach};
 /// Name of the method and of its section.
 pub(super) const NAME: &str = "dbscan";
 
-/// A radius that is given, or is to be estimated.
+/// A radius that is a number, or that is estimated from the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Epsilon {
@@ -18,7 +18,7 @@ pub enum Epsilon {
     Estimated(Auto),
 }
 
-/// The word that stands for an estimate.
+/// The word that asks for an estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Auto {
     /// `auto`.
@@ -46,11 +46,12 @@ impl std::fmt::Display for Epsilon {
     }
 }
 
-/// What makes points an object.
+/// How points form an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DbscanVariant {
-    /// Points connected by steps of at most epsilon, kept when their number is in range.
+    /// Points connected by steps of at most epsilon. Objects whose number of points is not in range are
+    /// dropped.
     Size,
     /// Core points connected by such steps, with the border points around them.
     Core,
@@ -60,7 +61,7 @@ pub enum DbscanVariant {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DbscanConfig {
-    /// The variant. Default `size`, which is what the paper on estimating epsilon prints.
+    /// The variant. Default `size`, the algorithm that Wang et al. 2019 print.
     pub variant: DbscanVariant,
     /// Radius of a neighbourhood in the unit of the fields, inclusive, 0.001 to 10 (metres are rounded to the lattice), or
     /// `auto`. Default 0.3 m (chosen: as `euclidean`).
@@ -70,16 +71,17 @@ pub struct DbscanConfig {
     pub min_points: u64,
     /// Objects with more points, in the whole drive, are dropped; 0: no limit. Default 0.
     pub max_points: u64,
-    /// Fields that distances are taken in: x, y and z in metres; or x, y and others (not more than 8), each minus its mean
-    /// over its standard deviation over all points of the drive. Default x, y, z.
+    /// Fields in which distances are measured: x, y and z in metres; or x, y and others (at most 8). The mean
+    /// over all points of the drive is subtracted from each of the latter, and the difference is divided by
+    /// the standard deviation. Default x, y, z.
     pub fields: Vec<Field>,
-    /// Weight that each of them is multiplied with after that, above 0; none where all are 1. Default none.
+    /// Weight by which each standardised field is multiplied, above 0. Empty: all are 1. Default empty.
     pub weights: Vec<f64>,
 }
 
-/// Fields whose distances are metres.
+/// The fields of distances in metres.
 const METRIC: [Field; 3] = [Field::X, Field::Y, Field::Z];
-/// Fields at most.
+/// Maximum number of fields.
 const MOST_FIELDS: usize = 8;
 
 impl Default for DbscanConfig {
@@ -124,7 +126,7 @@ impl DbscanConfig {
             return refused("up to 8 different fields");
         }
         if ![Field::X, Field::Y].iter().all(|field| self.fields.contains(field)) {
-            return refused("fields with x and y among them: objects are somewhere");
+            return refused("fields with x and y among them, because tiles need them");
         }
         if self.fields.iter().all(|field| field.axis().is_some()) && !self.is_metric() {
             return refused("x, y, z; or x, y and intensity, red, green, blue or nir");
@@ -149,8 +151,9 @@ impl DbscanConfig {
         self.fields == METRIC
     }
 
-    /// The reach, when points within epsilon are within `epsilon` lattice units in the plane: a point that joins a cluster
-    /// by a core point is within twice that of what makes it one.
+    /// The reach, if points within epsilon are within `epsilon` lattice units in the plane. In the variant
+    /// `core` it is twice this: a point joins a cluster through a core point within epsilon, and the
+    /// neighbours that make this one a core point are within epsilon of it.
     pub(super) fn reach(&self, epsilon: i64, lattice: Lattice) -> Reach {
         let units = if self.variant == DbscanVariant::Core { 2 * epsilon } else { epsilon };
         Reach::Exact { metres: lattice.metres(units) }
@@ -174,7 +177,7 @@ pub(super) fn check_radius(key: &str, epsilon: f64) -> Result<(), ConfigError> {
     Err(ConfigError::value(key, epsilon, "0.001 to 10 (metres), or \"auto\""))
 }
 
-/// The radius, where it is given.
+/// The radius, if it is a number.
 pub(super) fn given(config: &DbscanConfig) -> Result<f64, ConfigError> {
     match config.epsilon {
         Epsilon::Given(epsilon) => Ok(epsilon),

@@ -1,4 +1,5 @@
-//! Voxels as sorted columns with global indices, and how they touch; knows no points and no densities.
+//! Voxels as sorted columns with global indices, and which voxels touch. This file knows no points and no
+//! densities.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "voxels of a tile fit u32 (VoxelIndex), differences of indices are small"
@@ -24,7 +25,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Takes indices in ascending order; equal ones are kept.
+    /// Takes indices in ascending order. Repeated indices are kept.
     pub(super) fn new(sorted: impl Iterator<Item = Voxel>) -> Self {
         let mut columns = Self::default();
         for [i, j, k] in sorted {
@@ -59,13 +60,13 @@ impl Columns {
         self.first[column] as usize..self.first[column + 1] as usize
     }
 
-    /// A look-up for the voxels at (i, j).
+    /// A fast look-up for the voxels at (i, j).
     pub(super) fn finder(&self) -> Finder<'_> {
         Finder { columns: self, places: self.places.cursor() }
     }
 
-    /// Every voxel's set, named by its smallest member: 26-connected components of the voxels that `keep` keeps;
-    /// the others are sets of their own.
+    /// The set of every voxel, named by its smallest member. The sets are the 26-connected components of the
+    /// voxels that `keep` accepts. Every other voxel is a set of its own.
     pub(super) fn components(&self, keep: impl Fn(usize) -> bool) -> Vec<u32> {
         let mut sets = DisjointSets::new(self.len() as u32);
         self.touching(|a, b| {
@@ -101,11 +102,12 @@ impl Columns {
         }
     }
 
-    /// Voxels that tiles have to agree on: those in or beside (26 neighbours) a voxel of one's own, and in or beside
-    /// a foreign one. A voxel may be both. When two voxels touch and belong to different tiles, both tiles name both
-    /// of them here, so that equal names join what the tiles know of a component.
+    /// Voxels whose components tiles must agree on. They are in or beside (26 neighbours) an own voxel, and
+    /// in or beside a foreign one. A voxel may be both. If two voxels touch and belong to different tiles,
+    /// both tiles name both of them here. So equal names join the parts of a component that the tiles know.
     pub(super) fn shared(&self, own: &[bool], foreign: &[bool]) -> Vec<usize> {
-        let (mut near_own, mut near_foreign) = (own.to_vec(), foreign.to_vec());
+        let mut near_own = own.to_vec();
+        let mut near_foreign = foreign.to_vec();
         self.touching(|a, b| {
             near_own[a] |= own[b];
             near_own[b] |= own[a];
@@ -124,7 +126,7 @@ impl Columns {
     }
 }
 
-/// See [`Columns::finder`]; remembers where it last looked.
+/// See [`Columns::finder`]. Remembers the position of the last search.
 pub(super) struct Finder<'a> {
     columns: &'a Columns,
     places: CellCursor<'a, u32>,
@@ -157,7 +159,7 @@ pub(super) fn disc(most: i64) -> Vec<(i64, [i32; 2])> {
     steps
 }
 
-/// Local components of each tile and the voxels they share: what joins them over the drive.
+/// Local components of each tile, and the shared voxels that join components over the drive.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Border {
     /// Local components.
@@ -212,7 +214,7 @@ mod tests {
     #[test]
     fn tiles_name_the_voxels_on_both_sides_of_a_border() {
         let columns = Columns::new((0..5).map(|i| [i, 0, 0]));
-        // 0, 1, 2 are one's own, 3 and 4 foreign: 2 and 3 touch.
+        // 0, 1 and 2 are own voxels, 3 and 4 are foreign; 2 and 3 touch.
         let own = [true, true, true, false, false];
         let foreign = own.map(|own| !own);
         assert_eq!(columns.shared(&own, &foreign), [2, 3]);

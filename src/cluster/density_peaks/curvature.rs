@@ -1,16 +1,19 @@
-//! Curvature at a point from the points around it (equation 12 of the paper), the same to the last bit wherever it is
-//! computed: sums are exact integers, and the eigenvalues come from a fixed sequence of correctly rounded operations.
+//! Curvature at a point from the points around it (equation 12 of the paper). The result is the same to the
+//! last bit wherever it is computed: sums are exact integers, and eigenvalues come from a fixed sequence of
+//! correctly rounded operations.
 
-/// One, as curvatures are counted: in steps of 2^-40, so that their sums are exact in any order.
+/// The curvature 1. Curvatures are counted in steps of 2^-40, so that their sums are exact in any order.
 pub(super) const ONE: i64 = 1 << 40;
 
-/// e3 / (e1 + e2 + e3) of the covariance of `places` (relative to any place of the lattice), in steps of 2^-40; 0 when
-/// all are one place.
+/// e3 / (e1 + e2 + e3) of the covariance of `places` (relative to any place of the lattice), in steps of
+/// 2^-40. 0 if all places are equal.
 pub(super) fn curvature(places: &[[i64; 3]]) -> i64 {
-    // Neighbours are mostly near, and 64 bits are enough for 20 of them within 30 km at 1 mm; others need 128.
+    // Most neighbours are near. 64 bits are enough for 20 of them within 30 km at 1 mm. Others need 128.
     let small = places.len() <= 20 && places.iter().flatten().all(|value| value.unsigned_abs() < SMALL);
     let moment = |a: usize, b: usize| if small { moment_64(places, a, b) } else { moment_128(places, a, b) };
-    let (xy, xz, yz) = (moment(0, 1), moment(0, 2), moment(1, 2));
+    let xy = moment(0, 1);
+    let xz = moment(0, 2);
+    let yz = moment(1, 2);
     let matrix = [[moment(0, 0), xy, xz], [xy, moment(1, 1), yz], [xz, yz, moment(2, 2)]];
     let trace = matrix[0][0] + matrix[1][1] + matrix[2][2];
     if trace <= 0.0 {
@@ -23,12 +26,16 @@ pub(super) fn curvature(places: &[[i64; 3]]) -> i64 {
     steps
 }
 
-/// Coordinates below this leave room: 20 * 20 * (2^25)^2 < 2^59.
+/// Below this limit, sums of products fit 64 bits: 20 * 20 * (2^25)^2 < 2^59.
 const SMALL: u64 = 1 << 25;
 
-/// n times the sum of the products of two coordinates, minus the product of their sums: n^2 times the covariance.
+/// n times the sum of the products of two coordinates, minus the product of their sums. This is n^2 times the
+/// covariance.
 fn moment_64(places: &[[i64; 3]], a: usize, b: usize) -> f64 {
-    let (mut count, mut products, mut of_a, mut of_b) = (0_i64, 0, 0, 0);
+    let mut count = 0_i64;
+    let mut products = 0;
+    let mut of_a = 0;
+    let mut of_b = 0;
     for place in places {
         count += 1;
         products += place[a] * place[b];
@@ -38,7 +45,7 @@ fn moment_64(places: &[[i64; 3]], a: usize, b: usize) -> f64 {
     (count * products - of_a * of_b) as f64
 }
 
-/// The same for any coordinates.
+/// The same for coordinates of any size.
 fn moment_128(places: &[[i64; 3]], a: usize, b: usize) -> f64 {
     let sum = |of: &dyn Fn(&[i64; 3]) -> i128| places.iter().map(of).sum::<i128>();
     let products = sum(&|place| i128::from(place[a]) * i128::from(place[b]));
@@ -46,8 +53,9 @@ fn moment_128(places: &[[i64; 3]], a: usize, b: usize) -> f64 {
     (places.len() as i128 * products - sums[0] * sums[1]) as f64
 }
 
-/// Eigenvalues of a symmetric matrix by Jacobi's rotations, in the order 01, 02, 12: sums, products, quotients and
-/// square roots only, which every machine rounds alike. Twelve sweeps are far more than the five or six it takes.
+/// Eigenvalues of a symmetric matrix by Jacobi's rotations, in the order 01, 02, 12. It uses only sums,
+/// products, quotients and square roots, which every machine rounds alike. Twelve sweeps are far more than
+/// the five or six that are needed.
 fn eigenvalues(mut m: [[f64; 3]; 3]) -> [f64; 3] {
     for _ in 0..12 {
         for (p, q, r) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
@@ -64,7 +72,8 @@ fn eigenvalues(mut m: [[f64; 3]; 3]) -> [f64; 3] {
             m[q][q] += t * off;
             m[p][q] = 0.0;
             m[q][p] = 0.0;
-            let (pr, qr) = (m[p][r], m[q][r]);
+            let pr = m[p][r];
+            let qr = m[q][r];
             m[p][r] = c * pr - s * qr;
             m[q][r] = s * pr + c * qr;
             m[r][p] = m[p][r];

@@ -1,6 +1,7 @@
-//! Classes of densities: how finely the decision graph tells them apart.
+//! Classes of densities in the decision graph.
 
-/// Bits of a density that its class leaves out: what is left are the exponent and three bits, eight classes to an octave.
+/// Low bits of a density that its class ignores. The class consists of the exponent and three more bits:
+/// eight classes per octave.
 const CLASS_BITS: u32 = 49;
 
 /// The class of a density (never negative) in the decision graph.

@@ -1,5 +1,6 @@
-//! What the stages came to, one row per drive as in section 4 of the paper; and the two charts by which people choose
-//! thresholds (Figure 4 of the paper): the decision graph, and curvatures of merged and unmerged pairs.
+//! Results of the stages, one row per drive as in section 4 of the paper, and the two charts for the choice
+//! of thresholds (Figure 4 of the paper): the decision graph, and the curvatures of merged and unmerged
+//! pairs.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -23,7 +24,7 @@ use crate::model::{Chart, ChartAxis, Series, TileId};
 /// Width of a class of the histogram of curvatures.
 const CURVATURE_CLASS: f64 = 0.005;
 
-/// Halo voxels by what became of them.
+/// Numbers of halo voxels that joined a segment or were dropped.
 #[derive(Debug, Default)]
 pub(super) struct Reassigned {
     pub(super) joined: u64,
@@ -51,7 +52,7 @@ pub(super) struct Figures {
 }
 
 impl Figures {
-    /// From what the stages keep.
+    /// Collects the figures from the payloads of the stages.
     pub(super) fn collect(
         drive: &dyn DriveWindow,
         clusters: u32,
@@ -78,7 +79,7 @@ impl Figures {
             }
             figures.centres.extend(payload.centres);
         }
-        // The order of tiles must not show.
+        // Sorted, so that the order of tiles does not show.
         figures.centres.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
         for sum in sums.values() {
             let mean = sum.curvature as f64 / sum.sides as f64 / ONE as f64;
@@ -91,7 +92,7 @@ impl Figures {
         Ok(figures)
     }
 
-    /// For the report.
+    /// The figures for the report.
     pub(super) fn to_json(&self) -> serde_json::Value {
         json!({
             "points": self.points,
@@ -114,7 +115,8 @@ impl Figures {
         vec![self.decision_graph(config), self.histogram(config)]
     }
 
-    /// Densities span three powers of ten, most of them below the threshold: hence the logarithm.
+    /// Densities span three powers of ten, and most are below the threshold. Therefore the axis is
+    /// logarithmic.
     fn decision_graph(&self, config: &DensityPeaksConfig) -> Chart {
         let points = |name: &str, classes: &BTreeMap<(u32, u32), u64>| Series::Points {
             name: name.to_owned(),
@@ -146,7 +148,7 @@ impl Figures {
         }
     }
 
-    /// Numbers of pairs differ a hundredfold: hence the logarithm.
+    /// Numbers of pairs differ by a factor of a hundred. Therefore the axis is logarithmic.
     fn histogram(&self, config: &DensityPeaksConfig) -> Chart {
         let left = |class: u32| f64::from(class) * CURVATURE_CLASS;
         let merged = self.curvatures.iter().map(|(&class, n)| [left(class), 0.0, n[1] as f64]);

@@ -1,8 +1,8 @@
-//! The points of clusters around a tile, grouped by voxel: the nearest of them to any place, and representatives of
-//! small cells. Searches only; what is done with what they find is not known here.
+//! The points of clusters around a tile, grouped by voxel. It finds the points nearest to a place, and one
+//! representative of each small cell. It searches only: callers decide what to do with the results.
 //!
-//! Points stand voxel by voxel in columns of their own, so that the voxels above each other are one stretch of memory,
-//! and a search is a few loops over stretches that the compiler turns into vector code.
+//! Points are grouped voxel by voxel in columns of their own. So the voxels of one column are one contiguous
+//! range of memory, and a search is a few loops over ranges that the compiler vectorises.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -16,59 +16,59 @@ use super::surroundings::Surroundings;
 use crate::model::VoxelGrid;
 use crate::spatial::Cell;
 
-/// Edge of the cells of representatives in metres (chosen: the spacing of points near the scanner is a few
-/// centimetres, and the pairs of two borders grow with the square of their points).
+/// Edge of the cells of representatives in metres (chosen: points near the scanner are a few centimetres
+/// apart, and the number of pairs between two borders grows with the square of the number of points).
 pub(super) const REPRESENTATIVE_M: f64 = 0.1;
 
-/// A neighbour: squared distance in lattice units, and position among [`LabelledPoints`].
+/// A neighbour: squared distance in lattice units, and index in [`LabelledPoints`].
 pub(super) type Neighbour = (u64, u32);
 
-/// See the module.
+/// The labelled points, see the module.
 pub(super) struct LabelledPoints<'a> {
     around: &'a Surroundings,
     /// Edge of a voxel in lattice units.
     edge: i64,
     places: Places,
-    /// Position of each point among the surroundings.
+    /// Index of each point among the surroundings.
     source: Vec<u32>,
 }
 
-/// Places grouped by voxel.
+/// Coordinates grouped by voxel.
 #[derive(Debug, Default)]
 pub(super) struct Places {
     /// Local coordinates.
     axes: [Vec<i32>; 3],
-    /// First place of each voxel, and the end.
+    /// First index of each voxel, and the end.
     first: Vec<u32>,
 }
 
 impl Places {
-    /// Those of a voxel.
+    /// Range of the points of a voxel.
     pub(super) fn of(&self, voxel: usize) -> Range<usize> {
         self.first[voxel] as usize..self.first[voxel + 1] as usize
     }
 
-    /// Those of a stretch of voxels.
+    /// Range of the points of consecutive voxels.
     fn of_all(&self, voxels: Range<usize>) -> Range<usize> {
         self.first[voxels.start] as usize..self.first[voxels.end] as usize
     }
 
-    /// Local coordinates of one.
+    /// Local coordinates of a point.
     pub(super) fn get(&self, place: usize) -> [i32; 3] {
         [0, 1, 2].map(|axis| self.axes[axis][place])
     }
 
-    /// Squared distances of a stretch of places to one place, in order.
+    /// Squared distances from consecutive points to one place, in order.
     fn distances(&self, stretch: Range<usize>, to: [i32; 3]) -> impl Iterator<Item = u64> + '_ {
         let [x, y, z] = [0, 1, 2].map(|axis| &self.axes[axis][stretch.clone()]);
-        // Unsigned differences: what the smallest vector units have a multiplication for.
+        // Unsigned differences, because the smallest vector units can multiply these.
         let square = move |value: i32, axis: usize| u64::from(value.abs_diff(to[axis])).pow(2);
         x.iter().zip(y).zip(z).map(move |((&x, &y), &z)| square(x, 0) + square(y, 1) + square(z, 2))
     }
 }
 
 impl<'a> LabelledPoints<'a> {
-    /// The points of clusters of `around`, whose voxels have edges of `edge` lattice units.
+    /// The points of clusters in `around`. Its voxels have edges of `edge` lattice units.
     pub(super) fn new(around: &'a Surroundings, edge: u32) -> Self {
         let voxels = around.voxels.len();
         let labelled = |voxel: u32| around.cluster[voxel as usize] != 0;
@@ -109,20 +109,20 @@ impl<'a> LabelledPoints<'a> {
         self.around.cluster_of(self.source[point as usize] as usize)
     }
 
-    /// Place of a point relative to a local place.
+    /// Coordinates of a point relative to a local place.
     pub(super) fn relative(&self, point: u32, to: [i32; 3]) -> [i64; 3] {
         let place = self.places.get(point as usize);
         [0, 1, 2].map(|axis| i64::from(place[axis]) - i64::from(to[axis]))
     }
 
-    /// The smallest id of each cell of [`REPRESENTATIVE_M`] and cluster, of the voxels that are `wanted`. Where cells
-    /// cross borders of voxels, `wanted` has to hold all voxels of a cluster that share a cell.
+    /// The smallest id of each cell of [`REPRESENTATIVE_M`] and each cluster, over the `wanted` voxels. Where
+    /// cells cross borders of voxels, `wanted` must contain all voxels of a cluster that share a cell.
     pub(super) fn representatives(&self, wanted: &[bool]) -> Representatives {
         let cloud = &self.around.points.cloud;
         let cell_edge = cloud.lattice.units(REPRESENTATIVE_M).max(1);
         let grid = VoxelGrid::new(cloud.origin, cell_edge as u32);
         let nested = self.edge % cell_edge == 0;
-        // Cell and cluster, id, voxel, point: for cells that several voxels share.
+        // Cell and cluster, id, voxel, point, for cells that several voxels share.
         let mut shared: Vec<([u32; 4], u64, u32, u32)> = Vec::new();
         let mut of_voxel: Vec<([u32; 3], u64, u32)> = Vec::new();
         let mut result = Representatives::default();
@@ -182,7 +182,7 @@ impl<'a> LabelledPoints<'a> {
         to.bounds.push(bounds);
     }
 
-    /// A search that goes `reach` lattice units far.
+    /// A search with a radius of `reach` lattice units.
     pub(super) fn search(&self, reach: i64) -> Search<'_> {
         Search {
             points: self,
@@ -194,7 +194,8 @@ impl<'a> LabelledPoints<'a> {
         }
     }
 
-    /// The `most` nearest points to a local place at a squared distance of at most `limit`, by comparing with all.
+    /// The `most` nearest points to a local place at a squared distance of at most `limit`, found by
+    /// comparison with all.
     pub(super) fn nearest_of_all(&self, place: [i32; 3], most: usize, limit: u64) -> Vec<Neighbour> {
         let all = self.places.distances(0..self.source.len(), place).zip(0_u32..);
         let mut found: Vec<Neighbour> = all.filter(|neighbour| neighbour.0 <= limit).collect();
@@ -202,7 +203,8 @@ impl<'a> LabelledPoints<'a> {
         found
     }
 
-    /// Leaves the `most` nearest, of equally near ones those with smaller ids, the last of them at the end.
+    /// Keeps the `most` nearest points, with the farthest at the end. Of equally near points, those with
+    /// smaller ids are kept.
     fn keep_nearest(&self, found: &mut Vec<Neighbour>, most: usize) {
         if found.len() > most {
             let by_id = |a: &Neighbour, b: &Neighbour| self.id(a.1).cmp(&self.id(b.1));
@@ -212,18 +214,18 @@ impl<'a> LabelledPoints<'a> {
     }
 }
 
-/// The points that stand for the cells near borders of clusters, by voxel.
+/// The representatives of the cells near borders of clusters, by voxel.
 #[derive(Debug, Default)]
 pub(super) struct Representatives {
     pub(super) places: Places,
     /// Whether the tile owns the point.
     pub(super) core: Vec<bool>,
-    /// Least and largest coordinates of each voxel.
+    /// Smallest and largest coordinates of each voxel.
     bounds: Vec<[[i32; 3]; 2]>,
 }
 
 impl Representatives {
-    /// How many of a voxel are nearer to a place than the root of `limit`.
+    /// Number of representatives of a voxel whose squared distance to a place is below `limit`.
     pub(super) fn nearer(&self, voxel: usize, place: [i32; 3], limit: u64) -> u64 {
         let stretch = self.places.of(voxel);
         let [least, most] = self.bounds[voxel];
@@ -241,32 +243,34 @@ struct Beside {
     voxels: Range<usize>,
 }
 
-/// A search for nearest points; remembers the columns around the last place.
+/// A search for nearest points. Remembers the columns around the last place.
 pub(super) struct Search<'a> {
     points: &'a LabelledPoints<'a>,
     finder: Finder<'a>,
     farthest: i32,
     centre: Option<Cell>,
-    /// Occupied columns by their distance in columns, as far as they were needed.
+    /// Occupied columns sorted by their distance in columns, up to the largest distance needed so far.
     rings: Vec<Vec<Beside>>,
     found: Vec<Neighbour>,
 }
 
-/// Neighbours that may be gathered beyond those wanted before the farther ones are thrown away.
+/// Number of surplus neighbours that are collected before the farther ones are removed.
 const SLACK: usize = 44;
 
 impl Search<'_> {
-    /// The `most` nearest points to a local place at a squared distance of at most `limit`, in no order; of equally
-    /// near ones those with smaller ids. `limit` must be within the reach of the search.
+    /// The `most` nearest points to a local place at a squared distance of at most `limit`, in no particular
+    /// order. Of equally near points, those with smaller ids are kept. `limit` must be within the reach of
+    /// the search.
     ///
-    /// Looks at shells of voxels around that of the place, until nothing in the next one can be near enough.
+    /// It visits shells of voxels around the voxel of the place, and stops when the next shell cannot contain
+    /// a point that is near enough.
     pub(super) fn nearest(&mut self, place: [i32; 3], most: usize, limit: u64) -> &[Neighbour] {
         let edge = self.points.edge;
         let origin = self.points.around.points.cloud.origin;
         let global = [0, 1, 2].map(|axis| origin[axis] + i64::from(place[axis]));
         let voxel: Voxel = global.map(|value| value.div_euclid(edge) as i32);
         let within = global.map(|value| value.rem_euclid(edge));
-        // From the place to the nearest face of its voxel.
+        // Distance from the place to the nearest face of its voxel.
         let margin = within.iter().map(|&value| (value + 1).min(edge - value)).min().unwrap_or(0);
         let cell = [voxel[0], voxel[1]];
         if self.centre != Some(cell) {
@@ -293,7 +297,7 @@ impl Search<'_> {
         &self.found
     }
 
-    /// Looks at what column number `at` of ring `inner` adds to the shell `ring`.
+    /// Visits the voxels that column number `at` of ring `inner` adds to the shell `ring`.
     fn look_at(
         &mut self,
         [inner, ring]: [i32; 2],
@@ -318,7 +322,7 @@ impl Search<'_> {
             let end = start + heights[start..].partition_point(|&height| height <= high);
             points.places.of_all(voxels.start + start..voxels.start + end)
         };
-        // A column of the ring itself is new as a whole; of others only the ends of the shell are.
+        // A column of this ring is new as a whole. Columns of inner rings add only the two ends of the shell.
         let stretches = if inner == ring {
             [stretch(k - ring, k + ring), 0..0]
         } else {

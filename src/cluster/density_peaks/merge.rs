@@ -1,5 +1,5 @@
-//! The reduction of stage `borders`: merging by curvature and re-assignment of halo voxels. Small numbers only: no
-//! points, no voxels.
+//! The reduction of stage `borders`: merging by curvature and re-assignment of halo voxels. It works on sums
+//! of pairs and components only, and sees no points and no voxels.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,9 @@ pub(super) fn group(drive: &dyn DriveWindow, config: &DensityPeaksConfig) -> Res
     let threshold = config.c_t;
     let clusters = stage_peaks::clusters(drive.global(STAGE_PEAKS))?;
     let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
-    let (mut borders, mut halos, mut labels) = (Vec::new(), Vec::new(), Vec::new());
+    let mut borders = Vec::new();
+    let mut halos = Vec::new();
+    let mut labels = Vec::new();
     for tile in TileId::first(drive.tiles()) {
         let payload = stage_borders::load(drive, tile)?;
         for (one, other, sum) in payload.pairs {
@@ -56,8 +58,8 @@ fn merge(clusters: u32, sums: &BTreeMap<(u32, u32), PairSum>, threshold: f64) ->
     (0..=clusters).map(|cluster| sets.find(cluster)).collect()
 }
 
-/// Segment of every component of halo voxels of every tile, 0 where none is near; `components` names them over the
-/// drive.
+/// Segment of every component of halo voxels of every tile; 0 if no segment is near. `components` gives their
+/// names over the drive.
 fn reassign(components: &[Vec<u32>], halos: &[Vec<Halo>], segments: &[u32]) -> (Vec<Vec<u32>>, Reassigned) {
     let mut nearest = BTreeMap::<u32, (u64, u64, u32)>::new();
     let all = || components.iter().flatten().zip(halos.iter().flatten());
@@ -102,7 +104,8 @@ mod tests {
     fn a_component_of_two_tiles_joins_what_is_nearest_to_either() {
         let halo = |voxels, nearest| Halo { voxels, nearest };
         let halos = [vec![halo(5, Some((90, 7, 2))), halo(1, None)], vec![halo(3, Some((90, 6, 3)))]];
-        // Components 0 and 1 of the drive; equally near: the smaller id, cluster 3, which is of segment 1.
+        // Components 0 and 1 of the drive. Of equally near points the smaller id counts: cluster 3, which is
+        // in segment 1.
         let (groups, reassigned) = reassign(&[vec![0, 1], vec![0]], &halos, &[0, 1, 2, 1]);
         assert_eq!(groups, [vec![1, 0], vec![1]]);
         assert_eq!((reassigned.joined, reassigned.dropped), (8, 1));

@@ -1,30 +1,36 @@
-//! The clustering method `density-peaks`: the voxels at the foot of tall, dense columns are centres, everything else
-//! follows the nearest denser voxel, and clusters whose borders are smooth are merged.
+//! The clustering method `density-peaks`. The voxels at the foot of tall, dense columns are centres. Every
+//! other voxel follows its nearest denser voxel. Clusters with smooth borders are merged.
 //!
-//! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
-//! segmentation" (2017), sections 3.2 and 3.3, equations 3 to 13, Table 2. Ours, where the paper is silent: every tie
-//! (larger density, then lower (k, j, i); nearer, then denser; nearer, then smaller id), the 10 m within which ground is
-//! looked for, representatives of 0.1 m, the 20 points of a curvature, the threshold `c_t`, the 1.5 m of re-assignment.
+//! Source: Li, Li, Li, Yang, Liu, "A Density-Based Clustering Method for Urban Scene Mobile Laser Scanning
+//! Data Segmentation", Remote Sensing 9(4), 331 (2017), doi:10.3390/rs9040331, sections 3.2 and 3.3,
+//! equations 3 to 13, Table 2. It builds on Rodriguez, Laio, "Clustering by fast search and find of density
+//! peaks", Science 344(6191), 1492-1496 (2014), doi:10.1126/science.1242072. "The paper" in this folder is Li
+//! et al. 2017. Ours, because the paper does not say: every tie (larger density, then lower (k, j, i);
+//! nearer, then denser; nearer, then smaller id), the 10 m within which ground is searched, representatives
+//! of 0.1 m, the 20 points of a curvature, the threshold `c_t`, the 1.5 m of re-assignment.
 //!
-//! Stages, each with a barrier: `voxels` (points to voxels, components of the drive, the largest count), `peaks`
-//! (densities, parents, centres, chains across tiles), `borders` (points again: pair sums, nearest segments of halo
-//! voxels, labels). Points are read twice. Between, a tile reads the voxels of its neighbours. Every sum is an exact
-//! integer; densities and curvatures are computed by one fixed formula from exact integers. So tiled equals untiled to
-//! the bit. The neighbours of a curvature are searched as far as it takes: where 20 labelled points are not within
-//! 1.5 m, the tile reads further around itself for those alone, at worst the whole drive.
+//! There are three stages, each with a barrier. `voxels`: points to voxels, components over the drive, the
+//! largest count. `peaks`: densities, parents, centres, chains across tiles. `borders`, again on points: sums
+//! of pairs, nearest segments of halo voxels, labels. Points are read twice. In the last two stages, a tile
+//! also reads the voxels of its neighbours. Every sum is an exact integer, and densities and curvatures are
+//! computed by one fixed formula from exact integers. So tiled equals untiled to the bit. If fewer than 20
+//! labelled points are within 1.5 m of a representative, the tile reads further around it, for these
+//! representatives alone and at worst over the whole drive.
 //!
-//! Cost: O(points) for voxels and labels; a search for a parent looks at columns in the order of their distance and
-//! stops at the first denser voxel, for nearly all voxels the one below; pairs are only counted where voxels of two
-//! clusters are near each other. A tile decodes its own slice of what holds for the drive and those of its neighbours.
-//! Memory beside the points: about 90 bytes per voxel (`BYTES_PER_POINT` is measured); reductions hold
-//! the ends of chains and 16 bytes per voxel along the borders of tiles, and the pairs of clusters, not the voxels.
+//! Cost: O(points) for voxels and labels. The search for a parent visits columns in the order of their
+//! distance and stops at the first denser voxel, which for nearly all voxels is the one below. Pairs are
+//! counted only where voxels of two clusters are near each other. Of the values for the drive, a tile decodes
+//! its own slice and those of its neighbours. Memory in addition to the points: about 90 bytes per voxel
+//! (`BYTES_PER_POINT` is measured). Reductions keep the ends of chains, 16 bytes per voxel along the borders
+//! of tiles, and the pairs of clusters, but not the voxels.
 //!
-//! Known failures, from the objects that lose most points (`benches/results/density-peaks-worst.md`): what begins high
-//! above ground (set-back storeys, balconies, wires) is divided by its height, has no centre, and stays without object
-//! when nothing labelled is within `reassign`; trees that touch a facade are merged with it, since the flat wall
-//! outweighs the crown in the mean curvature; a crown wider than the distance to the next stem is cut into the prisms
-//! above each stem, hedge and lamp pole below it, and a pole inside a crown takes that part of the crown with it; cars half
-//! a metre apart are one object.
+//! Known failures, from the objects that lose most points (`benches/results/density-peaks-worst.md`). The
+//! density of voxels that begin high above ground (set-back storeys, balconies, wires) is divided by their
+//! height: they have no centre, and stay without an object if nothing labelled is within `reassign`. Trees
+//! that touch a facade are merged with it, because the flat wall outweighs the crown in the mean curvature. A
+//! crown that is wider than the distance to the next stem is cut into the prisms above each stem, hedge and
+//! lamp pole below it. A pole inside a crown takes the part of the crown around it. Cars half a metre apart
+//! are one object.
 
 mod columns;
 mod curvature;
@@ -50,13 +56,13 @@ use crate::model::{Lattice, Reach};
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
     summary: "voxels follow the nearest denser one to the foot of an object; smooth borders merge",
-    reference: "Li et al. 2017, sections 3.2 and 3.3",
+    reference: "Li et al. 2017, sections 3.2 and 3.3, doi:10.3390/rs9040331",
     build: |sections| Ok(Box::new(DensityPeaks::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
-/// Bytes per point that a tile of a stage needs at its peak. `scripts/tile_memory.py` measured 17 to 48 on streets, where
-/// half of the points or more are ground, and 61 to 66 in forests, where nearly all are of objects and few to a voxel; the
-/// stage `borders` is the hungriest.
+/// Bytes per point that a tile of a stage needs at its peak. `scripts/tile_memory.py` measured 17 to 48 on
+/// streets, where at least half of the points are ground, and 61 to 66 in forests, where nearly all points
+/// are of objects and a voxel has few of them. The stage `borders` needs most.
 const BYTES_PER_POINT: u64 = 68;
 
 const fn stage(name: &'static str, settings: &'static [&'static str]) -> Step {
@@ -69,7 +75,7 @@ const STAGES: [Step; 3] = [
         "peaks",
         &["density-peaks.rho_t", "density-peaks.delta_t", "density-peaks.d_t", "density-peaks.d_neighbor"],
     ),
-    // Not `c_t`: it decides over sums that do not depend on it.
+    // Without `c_t`: its decision uses sums that do not depend on it.
     stage("borders", &["density-peaks.d_th", "density-peaks.reassign"]),
 ];
 
@@ -99,12 +105,13 @@ impl Method for DensityPeaks {
         NAME
     }
 
-    /// That of the points of the last stage; voxels are read further around, and matter less.
+    /// The reach of the points of the last stage. Voxels are read from further away, but they need less
+    /// memory.
     fn planning_reach(&self, _lattice: Lattice) -> Reach {
         Reach::Exact { metres: stage_borders::reach_m(&self.config) }
     }
 
-    /// Every object: what is small was noise.
+    /// Objects of any size. Small sets of points were noise before.
     fn object_size(&self) -> RangeInclusive<u64> {
         1..=u64::MAX
     }

@@ -22,10 +22,10 @@ pub struct DensityPeaksConfig {
     pub rho_t: f64,
     /// A centre is further than this from the nearest denser voxel, in voxels, 0 to 100. Default 3 (Table 2: 0.9 m).
     pub delta_t: f64,
-    /// From this height above ground, in voxels, densities are divided by the height, 0 to 1000. Default 5 (Table 2:
-    /// 1.5 m).
+    /// Above this height over ground, in voxels, densities are divided by the height, 0 to 1000. Default 5
+    /// (Table 2: 1.5 m).
     pub d_t: f64,
-    /// Denser voxels are looked for nearer than this, in voxels, 1 to 50. Default 13 (Table 2: 3.9 m).
+    /// Search distance for denser voxels (exclusive), in voxels, 1 to 50. Default 13 (Table 2: 3.9 m).
     pub d_neighbor: f64,
     /// Points of two clusters closer than this, in metres, are a pair, 0.01 to 5. Default 0.5 (equation 11).
     pub d_th: f64,
@@ -39,7 +39,10 @@ pub struct DensityPeaksConfig {
 
 impl Default for DensityPeaksConfig {
     fn default() -> Self {
-        let (rho_t, delta_t, d_t, d_neighbor) = (4.0, 3.0, 5.0, 13.0);
+        let rho_t = 4.0;
+        let delta_t = 3.0;
+        let d_t = 5.0;
+        let d_neighbor = 13.0;
         Self { voxel: 0.3, rho_t, delta_t, d_t, d_neighbor, d_th: 0.5, c_t: 0.08, reassign: 1.5 }
     }
 }

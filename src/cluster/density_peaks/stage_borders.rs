@@ -1,6 +1,7 @@
-//! Stage `borders`: on points, where clusters meet: curvatures of the pairs of representatives of two clusters, the
-//! labelled point nearest to each component of halo voxels, and the labels of the tile's own points. Nothing is merged
-//! here: thresholds on the sums belong to the reduction.
+//! Stage `borders`, on the points where clusters meet. It computes the curvatures of the pairs of
+//! representatives of two clusters, the labelled point nearest to each component of halo voxels, and the
+//! labels of the tile's own points. It does not merge clusters: the reduction applies the thresholds to the
+//! sums.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "points of a tile fit u32; radii are validated settings of a few metres; a threshold of at most 1 in steps of 2^-40"
@@ -24,43 +25,45 @@ use crate::error::Result;
 use crate::model::TileId;
 use crate::spatial::Cell;
 
-/// Points that a curvature is computed from (chosen; the paper gives no number).
+/// Number of points of a curvature (chosen; the paper gives no number).
 const NEIGHBOURS: usize = 20;
-/// How far around representatives neighbours are read at first, in metres; further where that is not enough.
+/// Radius around representatives within which neighbours are searched first, in metres. The radius grows if
+/// they are too few.
 const FIRST_SEARCH_M: f64 = 1.5;
 
-/// What is known of a component of halo voxels.
+/// A component of halo voxels, as seen by a tile.
 #[derive(Debug, Default, Clone, Serialize, Deserialize)]
 pub(super) struct Halo {
-    /// Voxels of it that the tile owns.
+    /// Number of its voxels that the tile owns.
     pub(super) voxels: u64,
     /// The labelled point nearest to any point of the tile: squared distance, id and cluster.
     pub(super) nearest: Option<(u64, u64, u32)>,
 }
 
-/// The pairs of two clusters. Every pair is seen from both of its points, each by the tile that owns it.
+/// The pairs of representatives of two clusters. Every pair is counted at both of its points, each by the
+/// tile that owns the point.
 #[derive(Debug, Default, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct PairSum {
-    /// Points that pairs are seen from: twice their number, over the whole drive.
+    /// Number of ends of pairs: twice the number of pairs, over the whole drive.
     pub(super) sides: u64,
     /// Sum of the curvatures of these points, in steps of 2^-40.
     pub(super) curvature: i128,
 }
 
-/// Whether the mean over the pairs of the mean of both curvatures is below the threshold; in exact integers.
+/// Whether the mean curvature over the ends of all pairs is below the threshold, in exact integers.
 pub(super) fn merges(sum: &PairSum, threshold: f64) -> bool {
     let limit = (threshold * ONE as f64).round() as i128;
     sum.curvature < i128::from(sum.sides) * limit
 }
 
-/// What a tile keeps.
+/// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct BordersPayload {
-    /// Cluster of label 1, 2, ...; the components in `halos` have the labels after these.
+    /// Cluster of label 1, 2, ... The components in `halos` have the labels after these.
     pub(super) clusters: Vec<u32>,
     pub(super) halos: Vec<Halo>,
     pub(super) border: Border,
-    /// Clusters that meet, the smaller first, ascending.
+    /// Clusters with pairs, the smaller first, ascending.
     pub(super) pairs: Vec<(u32, u32, PairSum)>,
 }
 
@@ -70,12 +73,13 @@ struct Lengths {
     edge: u32,
     pair: i64,
     reassign: i64,
-    /// How far around the tile points have been read.
+    /// Distance around the tile up to which points have been read.
     reach: i64,
 }
 
-/// How far around a tile points are read as a rule, in metres: neighbours, partners with all of their cells, and what
-/// halo voxels may join.
+/// Distance around a tile up to which points are read as a rule, in metres. It covers the neighbours of
+/// representatives, their partners with all points of the partners' cells, and the points that halo voxels
+/// may join.
 pub(super) fn reach_m(config: &DensityPeaksConfig) -> f64 {
     let partners = config.d_th + 2.0 * REPRESENTATIVE_M;
     FIRST_SEARCH_M.max(partners).max(config.reassign).max(3.0 * config.voxel) + 0.01
@@ -122,11 +126,12 @@ pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32)
     Ok(Mapped { payload, labelled: Some(labelled), ..Mapped::default() })
 }
 
-/// Components of halo voxels, by voxel; every halo voxel that the tile owns or has a point in has one.
+/// The component of each halo voxel. Every halo voxel that the tile owns or has a point in has one.
 fn halos(around: &Surroundings, is_halo: impl Fn(usize) -> bool, payload: &mut BordersPayload) -> Vec<u32> {
     let count = around.voxels.len();
-    // A voxel concerns the tile that owns it and those that own its points: these have to agree on its component.
-    let (mut own, mut foreign) = (vec![false; count], vec![true; count]);
+    // The tile that owns a voxel and the tiles that own its points must agree on its component.
+    let mut own = vec![false; count];
+    let mut foreign = vec![true; count];
     for &voxel in &around.owned {
         own[voxel as usize] = true;
         foreign[voxel as usize] = false;
@@ -151,8 +156,8 @@ fn halos(around: &Surroundings, is_halo: impl Fn(usize) -> bool, payload: &mut B
     component
 }
 
-/// For each component of halo voxels the labelled point nearest to its points in the core. A point is compared only
-/// with what is at least as near as the best so far.
+/// For each component of halo voxels, the labelled point nearest to its points in the core. A point is
+/// compared only with points at most as far away as the nearest so far.
 fn nearest_labelled(
     around: &Surroundings,
     labelled: &LabelledPoints<'_>,
@@ -179,23 +184,26 @@ fn nearest_labelled(
     }
 }
 
-/// A representative that has partners: its place, its cluster, and how many partners it has in which other clusters.
+/// A representative with partners: its place, its cluster, and the number of its partners in each other
+/// cluster.
 struct Meeting {
     place: [i32; 3],
     cluster: u32,
     partners: Vec<(u32, u64)>,
 }
 
-/// One whose nearest labelled points may lie outside of what was read.
+/// A representative whose nearest labelled points may lie outside of the cells that were read.
 struct Open {
     meeting: Meeting,
     cell: Cell,
-    /// The nearest so far, nearest first: squared distance, id, and place relative to it.
+    /// The nearest points so far, nearest first: squared distance, id, and place relative to the
+    /// representative.
     found: Vec<(u64, u64, [i64; 3])>,
 }
 
 impl Open {
-    /// Adds the nearest of these points; `place` is the place of the representative among them.
+    /// Adds the nearest of these points. `place` is the place of the representative in their local
+    /// coordinates.
     fn look(&mut self, labelled: &LabelledPoints<'_>, place: [i32; 3]) {
         let limit = self.found.get(NEIGHBOURS - 1).map_or(u64::MAX, |farthest| farthest.0);
         let nearest = labelled.nearest_of_all(place, NEIGHBOURS, limit);
@@ -214,17 +222,18 @@ impl Asking for Open {
         self.cell
     }
 
-    /// One unit more than the farthest: of two equally far points the one with the smaller id counts.
+    /// One unit more than the distance of the farthest, because of two equally far points the one with the
+    /// smaller id counts.
     fn needed(&self) -> i64 {
         let farthest = self.found.get(NEIGHBOURS - 1);
         farthest.map_or(i64::MAX, |farthest| farthest.0.isqrt().cast_signed() + 2)
     }
 }
 
-/// The sums over the pairs of representatives of different clusters, as seen from the points of the core.
+/// The sums over the pairs of representatives of different clusters, counted at the points of the core.
 ///
-/// A voxel's representatives are of one cluster, so that whole voxels are compared: those without another cluster
-/// near are passed over, and of the others one count goes through all places of a voxel.
+/// All representatives of a voxel are of one cluster, so whole voxels are compared. Voxels without another
+/// cluster nearby are skipped. For the others, one loop counts the partners among all places of a voxel.
 fn pair_sums(
     tile: &dyn TileWindow,
     lengths: &Lengths,
@@ -232,9 +241,9 @@ fn pair_sums(
     labelled: &LabelledPoints<'_>,
 ) -> Result<Vec<(u32, u32, PairSum)>> {
     let edge = i64::from(lengths.edge);
-    // Voxels n indices apart are further than n - 1 edges from each other.
+    // The distance of voxels that are n indices apart is more than n - 1 edges.
     let steps = ((lengths.pair - 1) / edge + 1) as i32;
-    // Cells of representatives may cross borders of voxels: then those beside count as well.
+    // Cells of representatives may cross borders of voxels. Then the voxels beside are needed as well.
     let cell = tile.lattice().units(REPRESENTATIVE_M);
     let beside = if edge % cell == 0 { 0 } else { (cell / edge + 1) as i32 };
     let other = |cluster: u32, other: u32| other != 0 && other != cluster;
@@ -258,7 +267,8 @@ fn pair_sums(
             .filter(|range| !range.is_empty())
             .collect();
         for voxel in voxels.voxels(column) {
-            let (cluster, k) = (around.cluster[voxel], heights[voxel]);
+            let cluster = around.cluster[voxel];
+            let k = heights[voxel];
             if cores(voxel).next().is_none() {
                 continue;
             }
@@ -290,16 +300,16 @@ fn pair_sums(
     curvatures.finish()
 }
 
-/// Sums of curvatures, and the search for them.
+/// The sums of curvatures, and the search for neighbours.
 struct Curvatures<'a> {
     tile: &'a dyn TileWindow,
     lengths: &'a Lengths,
     labelled: &'a LabelledPoints<'a>,
     search: Search<'a>,
-    /// Squared distance up to which every point around one of the core has been read.
+    /// Squared distance around a point of the core up to which every point has been read.
     certain: u64,
     sums: BTreeMap<(u32, u32), PairSum>,
-    /// Those whose neighbours may lie outside of what was read.
+    /// Representatives whose neighbours may lie outside of the cells that were read.
     open: Vec<Meeting>,
 }
 
@@ -317,7 +327,7 @@ impl<'a> Curvatures<'a> {
         }
     }
 
-    /// Adds what a representative contributes.
+    /// Adds the contribution of a representative.
     fn add(&mut self, meeting: Meeting) {
         let found = self.search.nearest(meeting.place, NEIGHBOURS, self.certain);
         if found.len() == NEIGHBOURS {
@@ -337,16 +347,20 @@ impl<'a> Curvatures<'a> {
         }
     }
 
-    /// The sums. Those whose nearest points may lie outside of what was read ask for more.
+    /// The sums. Representatives whose nearest points may lie outside of the cells that were read ask for
+    /// more.
     fn finish(mut self) -> Result<Vec<(u32, u32, PairSum)>> {
-        let (tile, edge, origin) = (self.tile, self.lengths.edge, self.labelled.origin());
+        let tile = self.tile;
+        let edge = self.lengths.edge;
+        let origin = self.labelled.origin();
         let open: Vec<Open> = std::mem::take(&mut self.open)
             .into_iter()
             .map(|meeting| {
                 let at = |axis: usize| origin[axis] + i64::from(meeting.place[axis]);
-                // Points that were read lie in cells.
+                // All points that were read lie in occupied cells.
                 let cell = tile.grid().cell(at(0), at(1)).unwrap_or_default();
-                let (place, found) = (meeting.place, Vec::new());
+                let place = meeting.place;
+                let found = Vec::new();
                 let mut open = Open { meeting, cell, found };
                 open.look(self.labelled, place);
                 open
@@ -362,7 +376,7 @@ impl<'a> Curvatures<'a> {
                 let shift = [0, 1, 2].map(|axis| origin[axis] - labelled.origin()[axis]);
                 for open in asking {
                     let place = [0, 1, 2].map(|axis| i64::from(open.meeting.place[axis]) + shift[axis]);
-                    // Beyond the range of local coordinates nothing is near.
+                    // Beyond the range of local coordinates no point is near.
                     let limits = (i64::from(i32::MIN), i64::from(i32::MAX));
                     open.look(&labelled, place.map(|value| value.clamp(limits.0, limits.1) as i32));
                 }
@@ -383,7 +397,7 @@ fn of_neighbours(labelled: &LabelledPoints<'_>, found: &[Neighbour], place: [i32
     curvature(&places)
 }
 
-/// What a tile keeps.
+/// The payload of a tile, decoded.
 pub(super) fn load(drive: &dyn DriveWindow, tile: TileId) -> Result<BordersPayload> {
     codec::decode(&drive.payload(STAGE_BORDERS, tile)?)
 }

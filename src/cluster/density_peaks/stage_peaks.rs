@@ -1,5 +1,6 @@
-//! Stage `peaks`: height above ground, density, parent, delta and centres of the voxels of a tile (section 3.2 of the
-//! paper); and chains of parents that leave a tile, resolved over the drive. Voxels only, no points.
+//! Stage `peaks`: height above ground, density, parent, delta and centres of the voxels of a tile (section
+//! 3.2 of the paper). Its reduction resolves over the drive the chains of parents that leave a tile. It works
+//! on voxels only, not on points.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -24,38 +25,38 @@ use crate::error::{Error, Result};
 use crate::model::TileId;
 use crate::spatial::{Cell, CellMap};
 
-/// How far from a column ground is looked for, in metres (chosen; the paper says "the horizontally closest").
+/// Search distance for ground around a column, in metres (chosen; the paper says "the horizontally closest").
 const GROUND_SEARCH_M: f64 = 10.0;
 
-/// What a tile keeps.
+/// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct PeaksPayload {
-    /// Where the chain of parents of each of the tile's voxels ends, in the order of its columns: 0 without a centre,
-    /// else 1 + position in `centres` followed by `exits`.
+    /// The end of the chain of parents of each of the tile's voxels, in the order of its columns. 0: no
+    /// centre. Otherwise 1 + position in `centres` followed by `exits`.
     pub(super) ends: Vec<u32>,
     /// Centres: density, and squared delta.
     pub(super) centres: Vec<(f64, u32)>,
-    /// Voxels of other tiles at which chains leave: tile, and position among its voxels.
+    /// Voxels of other tiles to which chains lead: tile, and position among its voxels.
     exits: Vec<(TileId, u32)>,
     /// The decision graph: class of density, squared delta, number of voxels.
     pub(super) graph: Vec<(u32, u32, u64)>,
 }
 
-/// Number of clusters, which is that of centres, from the global of this stage.
+/// Number of clusters, which equals the number of centres, from the global of this stage.
 pub(super) fn clusters(global: &[u8]) -> Result<u32> {
     sliced::head(global)
 }
 
-/// Cluster (from 1) of every end but 0 of a tile, from the global of this stage; 0 where the chain ends without a
-/// centre.
+/// Cluster (from 1) of every end of a tile except end 0, from the global of this stage. 0: the chain ends
+/// without a centre.
 pub(super) fn ends(global: &[u8], tile: TileId) -> Result<Vec<u32>> {
     sliced::slice(global, tile)
 }
 
-/// Voxels of a tile and of everything around it, with all that the search for parents needs.
+/// Voxels of a tile and of its surroundings, with the values for the search for parents.
 struct Neighbourhood {
     columns: Columns,
-    /// Component of the drive.
+    /// Component over the drive.
     component: Vec<u32>,
     /// Tile, and position among its voxels.
     origin: Vec<(TileId, u32)>,
@@ -76,7 +77,7 @@ impl Neighbourhood {
         let window = Window::around(own.columns().map(|column| column.0));
         let voxel_window = window.grown(steps);
         let ground_window = voxel_window.grown(ground_steps);
-        // Column, tile, and where its voxels stand among those of the tile.
+        // Column, tile, and the range of the column's voxels among those of the tile.
         let mut found: Vec<(Cell, TileId, Range<usize>)> = Vec::new();
         let mut tiles = BTreeMap::<TileId, (Vec<StoredVoxel>, Vec<u32>)>::new();
         let mut ground: Vec<(Cell, i32)> = Vec::new();
@@ -94,7 +95,9 @@ impl Neighbourhood {
         let columns = Columns::new(found.iter().flat_map(|(cell, near, voxels)| {
             tiles[near].0[voxels.clone()].iter().map(|voxel| [cell[0], cell[1], voxel.k])
         }));
-        let (mut stored, mut component, mut origin) = (Vec::new(), Vec::new(), Vec::new());
+        let mut stored = Vec::new();
+        let mut component = Vec::new();
+        let mut origin = Vec::new();
         for (_, near, voxels) in found {
             let (of_tile, components) = &tiles[&near];
             let here = &of_tile[voxels.clone()];
@@ -120,11 +123,12 @@ impl Neighbourhood {
         self.order(a, b).is_lt()
     }
 
-    /// The nearest denser voxel of the same component at a squared distance below `limit`, with that distance; of
-    /// several equally near the densest. Columns are looked at in the order of their distance, those without any denser
-    /// voxel are passed over, and within a column voxels from the nearest outwards up to the first that is denser: so
-    /// the search ends at once where the voxel below is the parent, as it is for most. The bench `nearest_denser` holds
-    /// this against four other ways (`benches/results/nearest-denser.md`).
+    /// The nearest denser voxel of the same component at a squared distance below `limit`, with that
+    /// distance. Of equally near voxels it is the densest. Columns are visited in the order of their
+    /// distance, and columns without a denser voxel are skipped. Within a column, voxels are visited from the
+    /// nearest outwards up to the first denser one. For most voxels the parent is the voxel below, and the
+    /// search ends at once. The bench `nearest_denser` compares this with four other ways
+    /// (`benches/results/nearest-denser.md`).
     fn parent(
         &self,
         finder: &mut Finder<'_>,
@@ -216,8 +220,9 @@ impl<'a> Ground<'a> {
         Self { columns, places }
     }
 
-    /// k of the horizontally nearest ground voxel of each column, at a squared distance of at most `most`: of equally
-    /// near ones the lowest; the lowest voxel of the column itself where there is none.
+    /// k of the horizontally nearest ground voxel of each column, at a squared distance of at most `most`. Of
+    /// equally near ones it is the lowest. Without ground nearby, it is the lowest voxel of the column
+    /// itself.
     fn below(&self, columns: &Columns, most: i64) -> Vec<i32> {
         let steps = disc(most);
         let mut places = self.places.cursor();
@@ -239,7 +244,7 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// Equation 3: one fixed formula over exact integers, so that every tile finds the same number.
+/// Equation 3, as one fixed formula over exact integers, so that every tile computes the same number.
 fn densities(
     columns: &Columns,
     stored: &[StoredVoxel],
@@ -270,7 +275,7 @@ fn densities(
     density
 }
 
-/// Where a chain of parents ends, while a tile is worked on.
+/// The end of a chain of parents during the work on a tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
     /// Without a centre.
@@ -297,7 +302,8 @@ pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32)
     let mut finder = around.columns.finder();
     for voxel in own {
         let parent = around.parent(&mut finder, &steps, (voxel, indices[voxel]), limit);
-        let (rho, delta) = (around.density[voxel], parent.map_or(limit, |parent| parent.0 as f64));
+        let rho = around.density[voxel];
+        let delta = parent.map_or(limit, |parent| parent.0 as f64);
         *graph.entry((density_class(rho), delta as u32)).or_default() += 1;
         let slot = around.origin[voxel].1 as usize;
         if rho > config.rho_t && delta > config.delta_t.powi(2) {
@@ -306,7 +312,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32)
         } else if let Some((_, parent)) = parent {
             let origin = around.origin[parent];
             ends[slot] = if origin.0 == tile.tile() {
-                // Denser, so that its end is known by now.
+                // The parent is denser, so its end is already known.
                 ends[origin.1 as usize]
             } else {
                 End::Exit(*exits.entry(origin).or_insert_with(|| {
@@ -327,7 +333,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32)
     Ok(Mapped::payload(codec::encode(&payload)?))
 }
 
-/// A chain that leaves a tile: the end of which it is, and where it goes on.
+/// A chain that leaves a tile: its end there, and the voxel to which it leads.
 struct Exit {
     /// Tile and end (from 1) at which it leaves.
     from: (TileId, u32),
@@ -335,8 +341,8 @@ struct Exit {
     to: (TileId, u32),
 }
 
-/// The cluster of every end. Keeps the ends of all tiles and the exits in memory, no voxels: chains that leave a tile
-/// are few, those of the voxels near borders.
+/// The cluster of every end. It keeps the ends of all tiles and the exits in memory, but no voxels. Only
+/// chains from voxels near borders leave a tile, so the exits are few.
 pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let mut ends: Vec<Vec<u32>> = Vec::new();
     let mut exits: Vec<Exit> = Vec::new();
@@ -348,7 +354,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
         exits.extend((centres + 1..).zip(&payload.exits).map(|(end, &to)| Exit { from: (tile, end), to }));
         clusters += centres;
     }
-    // What each exit leads to, a tile at a time.
+    // The end to which each exit leads. The exits are sorted, so that each tile is loaded once.
     exits.sort_unstable_by_key(|exit| exit.to);
     let mut loaded = None;
     let mut next: Vec<Vec<u32>> = ends.iter().map(|ends| vec![0; ends.len()]).collect();
@@ -362,7 +368,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
         let end = end.ok_or_else(|| Error::bug(format!("tile {tile} has no voxel {position}")))?;
         target.insert(exit.from, (tile, end));
     }
-    // Along a chain density grows, so that it comes to an end.
+    // Density grows along a chain, so every chain ends.
     for exit in &exits {
         let mut at = exit.from;
         while let Some(&on) = target.get(&at) {
@@ -378,7 +384,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     sliced::encode(&clusters, &ends)
 }
 
-/// The chains of a tile.
+/// The payload of a tile, decoded.
 pub(super) fn load(drive: &dyn DriveWindow, tile: TileId) -> Result<PeaksPayload> {
     codec::decode(&drive.payload(STAGE_PEAKS, tile)?)
 }

@@ -1,8 +1,9 @@
-//! Stage `voxels`: the voxels of a tile, the ground below them, and their connected components; and what holds for the
-//! whole drive: the largest count, and components across tiles. No densities here.
+//! Stage `voxels`: the voxels of a tile, the ground below them, and their connected components. Its reduction
+//! gives the largest count and the components over the drive. It computes no densities.
 //!
-//! A tile owns whole columns: the column belongs to the owner of the first occupied cell it meets. Points are read so
-//! far around the tile that it sees all points of its columns, and of the columns beside them.
+//! A tile owns whole columns: the owner of the first occupied cell that a column meets owns the column. A
+//! tile reads points so far around itself that it has all points of its columns, and of the columns beside
+//! them.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "counts of a tile fit u32 and edges are at most 2 m (VoxelIndex, validated settings)"
@@ -25,16 +26,16 @@ use crate::spatial::{Cell, VoxelIndex};
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct StoredVoxel {
     pub(super) k: i32,
-    /// Its points that are neither ground nor noise.
+    /// Number of its points that are neither ground nor noise.
     pub(super) points: u32,
     /// Its component in the tile.
     pub(super) component: u32,
 }
 
-/// What a tile keeps.
+/// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct VoxelPayload {
-    /// Columns with voxels of objects, ascending, and the number of these.
+    /// Columns with voxels of objects, ascending, and the number of these voxels.
     columns: Vec<(Cell, u32)>,
     /// The voxels of objects, column by column from the lowest up.
     pub(super) stored: Vec<StoredVoxel>,
@@ -48,7 +49,7 @@ pub(super) struct VoxelPayload {
 }
 
 impl VoxelPayload {
-    /// Columns with voxels of objects, ascending, and where these stand in `stored`.
+    /// Columns with voxels of objects, ascending, and the range of these voxels in `stored`.
     pub(super) fn columns(&self) -> impl Iterator<Item = (Cell, Range<usize>)> + '_ {
         let mut end = 0;
         self.columns.iter().map(move |&(cell, count)| {
@@ -59,17 +60,18 @@ impl VoxelPayload {
     }
 }
 
-/// Most points of objects in one voxel of the drive, from the global of this stage.
+/// Largest number of points of objects in one voxel of the drive, from the global of this stage.
 pub(super) fn most(global: &[u8]) -> Result<u32> {
     sliced::head(global)
 }
 
-/// Component of the drive of each component of a tile, from the global of this stage.
+/// Component over the drive of each component of a tile, from the global of this stage.
 pub(super) fn components(global: &[u8], tile: TileId) -> Result<Vec<u32>> {
     sliced::slice(global, tile)
 }
 
-/// How far around a tile points matter to its columns and those beside them: two edges per axis.
+/// Distance around a tile that contains all points of its columns and of the columns beside them: two edges
+/// per axis.
 pub(super) fn reach(edge: u32) -> i64 {
     (f64::from(edge) * 2.0 * std::f64::consts::SQRT_2).ceil() as i64
 }
@@ -100,11 +102,12 @@ pub(super) fn global_indices(
     Ok(voxels)
 }
 
-/// The payload of a tile.
+/// Computes the payload of a tile.
 pub(super) fn map(tile: &dyn TileWindow, edge: u32) -> Result<Mapped> {
     let points = tile.points(reach(edge), false)?;
     let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
-    let (mut objects, mut ground) = (vec![0_u32; index.len()], vec![false; index.len()]);
+    let mut objects = vec![0_u32; index.len()];
+    let mut ground = vec![false; index.len()];
     for (range, voxel) in index.streaks() {
         for point in range {
             objects[voxel] += u32::from(!points.ground[point]);
@@ -161,8 +164,8 @@ pub(super) fn map(tile: &dyn TileWindow, edge: u32) -> Result<Mapped> {
     Ok(Mapped::payload(codec::encode(&payload)?))
 }
 
-/// Numbers the components (named by their smallest voxel in `roots`) that a tile needs from 0: those with voxels in
-/// `wanted` or in `shared`. Voxels of other components have the number `u32::MAX`.
+/// Numbers the components that a tile needs, from 0: those with voxels in `wanted` or in `shared`. `roots`
+/// names a component by its smallest voxel. Voxels of other components get the number `u32::MAX`.
 pub(super) fn number(
     columns: &Columns,
     roots: &[u32],
@@ -183,9 +186,10 @@ pub(super) fn number(
     (of_voxel, Border { count: needed.len() as u32, shared })
 }
 
-/// The largest count and the components of the drive.
+/// The largest count and the components over the drive.
 pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
-    let (mut most, mut borders) = (0, Vec::new());
+    let mut most = 0;
+    let mut borders = Vec::new();
     for tile in TileId::first(drive.tiles()) {
         let payload: VoxelPayload = load(drive, tile)?;
         most = payload.stored.iter().map(|voxel| voxel.points).max().unwrap_or(0).max(most);
@@ -194,7 +198,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     sliced::encode(&most, &join(&borders))
 }
 
-/// The voxels of a tile.
+/// The payload of a tile, decoded.
 pub(super) fn load(drive: &dyn DriveWindow, tile: TileId) -> Result<VoxelPayload> {
     codec::decode(&drive.payload(STAGE_VOXELS, tile)?)
 }

@@ -1,4 +1,5 @@
-//! The points around a tile with the clusters that their voxels are in, and which voxels have others near them.
+//! The points around a tile with the clusters of their voxels, and which voxels have voxels of other clusters
+//! nearby.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "points of a tile fit u32 and local coordinates i32, see TileCloud and VoxelIndex"
@@ -15,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::model::TileId;
 use crate::spatial::{Cell, VoxelIndex};
 
-/// How far from a point the cells of its voxel may go, in lattice units.
+/// Distance from a point within which all cells of its voxel lie, in lattice units.
 fn owner_reach(tile: &dyn TileWindow, edge: u32) -> i64 {
     2 * tile.grid().edge() + 2 * i64::from(edge)
 }
@@ -23,26 +24,27 @@ fn owner_reach(tile: &dyn TileWindow, edge: u32) -> i64 {
 /// Points around a tile with their voxels and clusters.
 pub(super) struct Surroundings {
     pub(super) points: TilePoints,
-    /// Voxel of each point, by position in `voxels`.
+    /// Voxel of each point, as an index into `voxels`.
     pub(super) voxel: Vec<u32>,
-    /// The voxels that hold any of the points.
+    /// The voxels of the points.
     pub(super) voxels: Columns,
     /// Cluster of each voxel, from 1; 0 without one.
     pub(super) cluster: Vec<u32>,
-    /// Voxels that the tile owns, by position in `voxels`.
+    /// Voxels that the tile owns, as indices into `voxels`.
     pub(super) owned: Vec<u32>,
 }
 
 impl Surroundings {
-    /// Reads the points of objects within `reach` of a tile, and looks their clusters up.
+    /// Reads the points of objects within `reach` of a tile, and finds their clusters.
     pub(super) fn load(tile: &dyn TileWindow, edge: u32, reach: i64) -> Result<Self> {
         let points = tile.points(reach, true)?;
-        // Points come by whole cells, and the owner of their voxel may be a cell further: at most two edges of each.
+        // Points are read by whole cells, and the owner of their voxel may own another cell: at most two
+        // edges of each away.
         let near = tile.near(reach + owner_reach(tile, edge));
         Self::of(tile, edge, points, &near)
     }
 
-    /// Looks up the clusters of points of objects of some cells.
+    /// Finds the clusters of the given points of objects in some cells.
     pub(super) fn of_cells(
         tile: &dyn TileWindow,
         edge: u32,
@@ -53,10 +55,11 @@ impl Surroundings {
         Self::of(tile, edge, points, &near)
     }
 
-    /// The same, where `near` are all tiles that may own a voxel of the points.
+    /// The same. `near` are all tiles that may own a voxel of the points.
     fn of(tile: &dyn TileWindow, edge: u32, points: TilePoints, near: &[TileId]) -> Result<Self> {
         let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
-        // Every voxel has a point, and so the same order and number as here.
+        // Every voxel of the index has a point, so the order and the numbers of voxels are the same in
+        // `voxels`.
         let indices = global_indices(&index, |_| true)?;
         let voxels = Columns::new(indices.iter().map(|entry| entry.0));
         let mut voxel = vec![0; points.cloud.len()];
@@ -98,8 +101,8 @@ impl Surroundings {
         self.cluster[self.voxel[point] as usize]
     }
 
-    /// Voxels whose cluster is `wanted` and that have one whose cluster is a `partner` of theirs within `steps` indices
-    /// on every axis.
+    /// For each voxel, whether its cluster is `wanted` and there is a voxel within `steps` indices on every
+    /// axis whose cluster is a `partner` of it.
     pub(super) fn near(
         &self,
         steps: i32,
@@ -118,7 +121,7 @@ impl Surroundings {
             around.clear();
             let cells = (-steps..=steps).flat_map(|di| (-steps..=steps).map(move |dj| [i + di, j + dj]));
             around.extend(cells.map(|cell| finder.column(cell)).filter(|range| !range.is_empty()));
-            // Inside objects every column around is of one cluster, the same.
+            // Inside an object all columns around have the same cluster.
             let first = self.cluster[voxels.start];
             let uniform =
                 |range: &Range<usize>| self.cluster[range.clone()].iter().all(|&other| other == first);
@@ -126,7 +129,8 @@ impl Surroundings {
                 continue;
             }
             for voxel in voxels.filter(|&voxel| wanted(self.cluster[voxel])) {
-                let (cluster, k) = (self.cluster[voxel], heights[voxel]);
+                let cluster = self.cluster[voxel];
+                let k = heights[voxel];
                 near[voxel] = around.iter().any(|range| {
                     let start =
                         range.start + heights[range.clone()].partition_point(|&other| other < k - steps);

@@ -1,16 +1,17 @@
 //! Whether any point of one set is within a distance of any point of another, exactly, in integers.
 //!
-//! Not the closest pair: the first pair found ends the search. Small sets are tried pair by pair. Large ones
-//! are first cut to the points near the other's box, then halved along the longest side of a box, nearer half
-//! first, until boxes decide or sets are small. Halving in the middle of a box, and not of the points, ends
-//! after at most as many levels as coordinates have bits, whatever lies where; piles of equal points are boxes
-//! of size 0, which always decide. Two parallel sheets of n points each slightly too far apart cost about n
-//! comparisons times the few hundred points that are nearly opposite, not n * n.
+//! This is not a search for the closest pair: it ends at the first pair within the distance. Small sets are
+//! compared pair by pair. Large sets are first reduced to the points near the other's box. Then they are
+//! halved along the longest side of a box, nearer half first, until boxes decide or sets are small. The box
+//! is halved in its middle, independently of the points. Therefore the number of levels is at most the number
+//! of bits of a coordinate. A set of equal points has a box of size 0, which always decides. Two parallel
+//! sheets of n points each, slightly too far apart, cost about n times the few hundred points that are nearly
+//! opposite, not n * n comparisons.
 
 /// A point in local lattice units.
 pub(crate) type Point = [i32; 3];
 
-/// Pairs that are tried one by one; below it halving costs more than it saves (measured with
+/// Up to this number of pairs, all are compared one by one, because halving would cost more (measured with
 /// `benches/kernels.rs`).
 const FEW_PAIRS: usize = 1_024;
 
@@ -22,7 +23,7 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    /// The box of `points`, at least one.
+    /// The bounding box of `points`. There must be at least one point.
     pub(crate) fn of(points: &[Point]) -> Self {
         let mut bounds = Self { low: [i32::MAX; 3], high: [i32::MIN; 3] };
         for point in points {
@@ -79,10 +80,11 @@ pub(crate) fn squared_distance(a: &Point, b: &Point) -> i64 {
 /// Whether some point of `a` and some point of `b`, with these boxes, are at a squared distance of at most
 /// `limit`.
 ///
-/// Neither is empty, and no two coordinates differ by 2^30 or more (the sum of three squares has to fit i64):
-/// the points are those of neighbouring cells, whose side is at most 10 m.
+/// Neither set may be empty. Coordinates must differ by less than 2^30, so that the sum of three squares fits
+/// i64. The points of neighbouring cells meet this, because the side of a cell is at most 10 m.
 pub(crate) fn any_within(a: (&[Point], &Bounds), b: (&[Point], &Bounds), limit: i64) -> bool {
-    let ((a, a_bounds), (b, b_bounds)) = (a, b);
+    let (a, a_bounds) = a;
+    let (b, b_bounds) = b;
     if a_bounds.nearest(b_bounds) > limit {
         return false;
     }
@@ -92,7 +94,7 @@ pub(crate) fn any_within(a: (&[Point], &Bounds), b: (&[Point], &Bounds), limit: 
     if a_bounds.farthest(b_bounds) <= limit {
         return true;
     }
-    // Often the very first points of dense neighbours do.
+    // In dense neighbouring cells, the very first points often decide.
     if squared_distance(&a[0], &b[0]) <= limit {
         return true;
     }
@@ -119,8 +121,8 @@ fn halve(a: &mut [Point], b: &mut [Point], limit: i64) -> bool {
     if a.len() * b.len() <= FEW_PAIRS {
         return a.iter().any(|p| b.iter().any(|q| squared_distance(p, q) <= limit));
     }
-    // Boxes that do not decide are not both of size 0, so the longer side is at least 1 and both halves get
-    // points.
+    // If boxes do not decide, at least one of them is larger than 0. So the longer side is at least 1, and
+    // both halves get points.
     let (cut, other) = if a_bounds.longest() >= b_bounds.longest() { (a, b) } else { (b, a) };
     let bounds = Bounds::of(cut);
     let (side, axis) = bounds.longest();
@@ -143,7 +145,7 @@ fn keep_near<'a>(points: &'a mut [Point], bounds: &Bounds, limit: i64) -> &'a mu
     &mut points[..near]
 }
 
-/// Moves the points that satisfy `front` to the front and returns how many they are; the order changes.
+/// Moves the points that satisfy `front` to the front and returns their number. The order changes.
 fn partition(points: &mut [Point], front: impl Fn(&Point) -> bool) -> usize {
     let mut kept = 0;
     for index in 0..points.len() {
@@ -177,9 +179,10 @@ mod tests {
 
     #[test]
     fn tilted_sheets_are_as_far_apart_as_they_are() {
-        // Planes z = x and z = x + 40: 40 / sqrt(2) apart, reached between lattice points: (20, 0, -20),
+        // Planes z = x and z = x + 40 are 40 / sqrt(2) apart, and lattice points reach this: (20, 0, -20),
         // squared 800.
-        let (a, b) = (sheet(60, 0), sheet(60, 40));
+        let a = sheet(60, 0);
+        let b = sheet(60, 40);
         assert!(a.len() * b.len() > FEW_PAIRS);
         assert!(search(&a, &b, 800));
         assert!(!search(&a, &b, 799));
@@ -193,7 +196,7 @@ mod tests {
         assert!(search(&pile(0), &pile(300), 300 * 300));
         assert!(!search(&pile(0), &pile(301), 300 * 300));
         assert!(search(&[[7, 7, 7]], &[[7, 7, 7]], 0));
-        // A pile and two far points of which one is within reach.
+        // Many equal points, and two far points, one of them within reach.
         let mut mixed = pile(400);
         mixed.push([-300, 1, 0]);
         assert!(!search(&pile(0), &mixed, 300 * 300));

@@ -1,4 +1,4 @@
-//! Points within a distance, joined exactly: shared by `euclidean`, `dbscan` and tables.
+//! Exact single-link and numbering of clusters, shared by `euclidean`, `dbscan` and tables.
 
 pub(crate) mod closeness;
 pub(crate) mod numbering;

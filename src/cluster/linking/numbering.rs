@@ -2,14 +2,15 @@
 
 use std::ops::RangeInclusive;
 
-/// Numbers the clusters of points 1, 2, ... by their smallest row; `name[i]` is any number that the points of a cluster
-/// share, `None` for noise. Clusters whose size is not in `size` become noise. Returns the labels (0: noise) and how
-/// many clusters there are.
+/// Numbers the clusters of points 1, 2, ... by their smallest row. `name[i]` is any number that is the same
+/// for all points of a cluster, `None` for noise. Clusters whose size is not in `size` become noise. Returns
+/// the labels (0: noise) and the number of clusters.
 pub(crate) fn number(names: &[Option<u32>], size: &RangeInclusive<u64>) -> (Vec<u32>, u32) {
     let slots = names.iter().flatten().max().map_or(0, |&name| name as usize + 1);
     let mut points = vec![0_u64; slots];
     names.iter().flatten().for_each(|&name| points[name as usize] += 1);
-    let (mut label_of, mut clusters) = (vec![0_u32; slots], 0);
+    let mut label_of = vec![0_u32; slots];
+    let mut clusters = 0;
     let label = |name: &Option<u32>| {
         let Some(name) = name.map(|name| name as usize).filter(|&name| size.contains(&points[name])) else {
             return 0;
@@ -24,7 +25,7 @@ pub(crate) fn number(names: &[Option<u32>], size: &RangeInclusive<u64>) -> (Vec<
     (labels, clusters)
 }
 
-/// The same with all clusters, in the order of the smallest of the `ids` of their points.
+/// The same for clusters of any size, in the order of the smallest of the `ids` of their points.
 pub(crate) fn number_by_id(names: &[Option<u32>], ids: &[u64]) -> (Vec<u32>, u32) {
     let slots = names.iter().flatten().max().map_or(0, |&name| name as usize + 1);
     let mut smallest = vec![u64::MAX; slots];

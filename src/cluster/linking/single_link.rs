@@ -1,22 +1,22 @@
-//! Single-link clusters of the points of a tile: two points are joined when they are within a distance.
+//! Single-link clusters of the points of a tile: two points are joined if they are within a distance d.
 //!
-//! Points are not searched breadth first over a kd-tree, but over cells. Points of one cell of side s are within d of
-//! each other by construction, with the largest s (in lattice units) that has 3 (s - 1)^2 <= d^2. So cells are nodes,
-//! and two cells are joined when some pair of their points is within d. Nearest cells come first and cells that are
-//! already united are skipped, so that most pairs of cells are never looked at. Distances are compared as squares of
-//! lattice units in i64: exact for any d.
+//! The search works on cells, not breadth first over a kd-tree. The side s of a cell is the largest (in
+//! lattice units) that has 3 (s - 1)^2 <= d^2. So points of one cell are within d of each other by
+//! construction. Cells are the nodes, and two cells are joined if some pair of their points is within d.
+//! Nearest cells come first, and cells that are already united are skipped, so most pairs of cells are never
+//! compared. Distances are compared as squares of lattice units in i64, which is exact for any d.
 //!
 //! Cost: O(points + 62 cells) plus the points of neighbouring cells that are *not* of one cluster (see
-//! `closeness`). Memory: 12 bytes per point, 12 per streak of consecutive points in a cell and 24 more while
-//! sorting, 68 per cell; at worst, with points far apart, every point is a streak and a cell: 92 bytes. The
+//! `closeness`). Memory: 12 bytes per point, 12 per streak of consecutive points in a cell and 24 more during
+//! sorting, 68 per cell. If points are far apart, every point is a streak and a cell: 92 bytes at worst. The
 //! bench is `benches/kernels.rs`.
 
 use super::closeness::{Bounds, Point, any_within};
 use crate::model::{AlgorithmError, TileCloud};
 use crate::spatial::{DisjointSets, Linker, VoxelIndex};
 
-/// Labels the points with their single-link cluster at a distance of `reach` lattice units, inclusive; returns the
-/// number of clusters.
+/// Labels the points with their single-link cluster at a distance of `reach` lattice units, inclusive.
+/// Returns the number of clusters.
 pub(crate) fn single_link(
     method: &'static str,
     cloud: &TileCloud,
@@ -34,7 +34,7 @@ pub(crate) fn single_link(
     Ok(clusters)
 }
 
-/// Sets of cells, of those that can hold points within `reach` of each other and that `touch`.
+/// Sets of cells. Two cells are united if they can contain points within `reach` of each other, and `touch`.
 pub(crate) fn link_cells(
     index: &VoxelIndex,
     reach: i64,
@@ -54,22 +54,23 @@ pub(crate) fn link_cells(
     linker.into_sets()
 }
 
-/// The largest side s of a cell, in lattice units, with 3 (s - 1)^2 <= reach^2: points of one cell differ by s
-/// - 1 at most on each axis.
+/// The largest side s of a cell, in lattice units, with 3 (s - 1)^2 <= reach^2. The coordinates of points of
+/// one cell differ by s - 1 at most on each axis.
 pub(crate) fn cell_side(reach: i64) -> u32 {
     u32::try_from((reach.pow(2) / 3).isqrt() + 1).unwrap_or(u32::MAX)
 }
 
-/// Cells at one column offset, and how far up or down.
+/// Cells at one column offset, with the range of vertical offsets.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct LayerStep {
     pub(crate) offset: [i64; 2],
     pub(crate) dk: std::ops::RangeInclusive<i64>,
 }
 
-/// Half of the neighbours of a cell that can hold a point within `reach` of one of its own (the other half see
-/// it as their neighbour): its own column, then touching columns, then those further out. A cell further than 2
-/// away on an axis is beyond reach: its gap is more than 2 s, and s > reach / sqrt(3).
+/// Half of the neighbours of a cell that can contain a point within `reach` of one of its own; for the other
+/// half, the cell is such a neighbour. The order is: its own column, then touching columns, then columns
+/// further out. A cell further than 2 away on an axis is beyond reach, because its gap is more than 2 s, and
+/// s > reach / sqrt(3).
 pub(crate) fn layers(reach: i64) -> [Vec<LayerStep>; 3] {
     let side = i64::from(cell_side(reach));
     let gap_squared = |d: i64| if d == 0 { 0 } else { ((d.abs() - 1) * side + 1).pow(2) };
@@ -125,8 +126,8 @@ impl Cells {
     }
 }
 
-/// The label of every cell, and how many there are: sets are numbered from 1 by the smallest id of their
-/// points, so that the order of the points does not matter.
+/// The label of every cell, and the number of labels. Sets are numbered from 1 by the smallest id of their
+/// points, so the order of the points does not matter.
 fn number_by_smallest_id(index: &VoxelIndex, cloud: &TileCloud, sets: &mut DisjointSets) -> (Vec<u32>, u32) {
     let roots: Vec<u32> = (0..as_u32(index.len())).map(|cell| sets.find(cell)).collect();
     let mut smallest = vec![u64::MAX; index.len()];
@@ -182,7 +183,7 @@ mod tests {
                 .flat_map(|LayerStep { offset: [di, dj], dk }| dk.map(move |dk| [di, dj, dk]))
                 .collect();
             steps.sort_unstable();
-            // The smallest distance between points of cells 0 and d on an axis, looked for point by point.
+            // The smallest distance between points of cells 0 and d on an axis, found by brute force.
             let gap = |d: i64| {
                 (d * side..(d + 1) * side).flat_map(|q| [0, side - 1].map(|p| (q - p).abs())).min().unwrap()
             };

@@ -1,10 +1,11 @@
 //! `p-linkage` in n dimensions: every point is linked to the closest denser point within a cut-off distance.
 //!
-//! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation" (2016), section 2, equations 1 to
-//! 3 and algorithm 1. Ours: equal densities are ordered by row, the earlier being the denser, so that repeated points
-//! are one cluster; terms of the density below 1e-12 are left out; every term is rounded to a multiple of 2^-48, so
-//! that sums are exact and no order of rows can change which of two points is denser; two clusters are merged on what
-//! they were before any merging, and merging is transitive.
+//! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation" (2016), section 2,
+//! equations 1 to 3 and algorithm 1. "The paper" in this file is Lu et al. 2016. Ours: of equal densities the
+//! earlier row is the denser, so repeated points are one cluster. Terms of the density below 1e-12 are left
+//! out. Every term is rounded to a multiple of 2^-48, so sums are exact, and the order of rows cannot change
+//! which of two points is denser. Whether two clusters are merged depends on the clusters before any merging,
+//! and merging is transitive.
 
 use std::collections::BTreeMap;
 use std::num::NonZero;
@@ -16,7 +17,7 @@ use crate::spatial::DisjointSets;
 use crate::spatial::Index;
 use crate::spatial::{Points, SpatialError};
 
-/// Terms of the density below this are left out: exp(-x^2) for x beyond 5.26.
+/// Terms of the density below this are left out: exp(-x^2) for x above 5.26.
 const SMALLEST_TERM: f64 = 1e-12;
 /// Terms are multiples of 2^-48, finer than the smallest of them.
 const DENSITY_BITS: i32 = 48;
@@ -26,7 +27,7 @@ const DENSITY_BITS: i32 = 48;
 pub struct PLinkage {
     /// The cut-off distance is this times the median distance to the nearest neighbour (paper, section 4.1: 5).
     pub scale: f64,
-    /// Whether neighbouring clusters of like density are merged (equation 3): for data of even density.
+    /// Whether neighbouring clusters of similar density are merged (equation 3), for data of even density.
     pub merge: bool,
 }
 
@@ -36,7 +37,7 @@ impl Default for PLinkage {
     }
 }
 
-/// What `p-linkage` found.
+/// The result of `p-linkage`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linkage {
     /// Cluster of every point, 0 for outliers.
@@ -45,7 +46,7 @@ pub struct Linkage {
     pub clusters: u32,
     /// The cut-off distance.
     pub cutoff: f64,
-    /// Median of the densities: trees whose root is not denser are outliers.
+    /// Median of the densities. Trees whose root is not denser than this are outliers.
     pub median_density: f64,
 }
 
@@ -95,7 +96,8 @@ fn median_nearest(index: &Index<'_>, len: usize) -> f64 {
 /// The middle value, or the mean of the two middle ones.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
-    let (low, high) = ((values.len() - 1) / 2, values.len() / 2);
+    let low = (values.len() - 1) / 2;
+    let high = values.len() / 2;
     f64::midpoint(values[low], values[high])
 }
 
@@ -113,7 +115,8 @@ fn density(index: &Index<'_>, point: usize, cutoff: f64) -> f64 {
     sum as f64 / unit
 }
 
-/// The closest denser point within the cut-off distance (exclusive) of every point; ties go to the smaller row.
+/// The closest denser point within the cut-off distance (exclusive) of every point. Ties go to the smaller
+/// row.
 fn links(index: &Index<'_>, density: &[f64], cutoff: f64) -> Vec<Option<u32>> {
     let denser = |other: usize, point: usize| {
         density[other].total_cmp(&density[point]).then(point.cmp(&other)).is_gt()
@@ -131,7 +134,7 @@ fn links(index: &Index<'_>, density: &[f64], cutoff: f64) -> Vec<Option<u32>> {
     (0..density.len()).map(link).collect()
 }
 
-/// The local maximum that the links of every point lead to.
+/// The local maximum to which the links of every point lead.
 fn roots(links: &[Option<u32>], density: &[f64]) -> Vec<u32> {
     let mut order: Vec<usize> = (0..links.len()).collect();
     order.sort_by(|&a, &b| density[b].total_cmp(&density[a]).then(a.cmp(&b)));
@@ -150,7 +153,7 @@ fn mean_and_deviation(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
-/// Merges clusters whose borders are as dense as their neighbours, equation 3.
+/// Merges two clusters if the border of each is about as dense as the other cluster, equation 3.
 fn merge(index: &Index<'_>, density: &[f64], cutoff: f64, names: &mut [Option<u32>]) {
     let mut members: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     // Points of the first cluster with a point of the second within the cut-off distance.
@@ -186,7 +189,7 @@ fn merge(index: &Index<'_>, density: &[f64], cutoff: f64, names: &mut [Option<u3
     names.iter_mut().flatten().for_each(|name| *name = sets.find(*name));
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "Points holds at most 2^32 - 1 points")]
+#[expect(clippy::cast_possible_truncation, reason = "Points has at most 2^32 - 1 points")]
 fn as_u32(point: usize) -> u32 {
     point as u32
 }
@@ -202,8 +205,9 @@ mod tests {
 
     #[test]
     fn points_climb_to_the_densest_point_within_the_cutoff() {
-        // Nearest neighbours at 1, but for the last: cut-off 1.5. In the middle of a heap of three the density is
-        // 2 exp(-4 / 9) = 1.28, beside it 0.81, which is the median; 20 is its own root, and less dense.
+        // Nearest neighbours are at a distance of 1, except for the last point: cut-off 1.5. In the middle of
+        // a group of three the density is 2 exp(-4 / 9) = 1.28, beside it 0.81, which is the median. 20 is
+        // its own root, and less dense.
         let found = cluster(&[0.0, 1.0, 2.0, 9.0, 10.0, 11.0, 20.0], 1.5);
         assert!((found.cutoff - 1.5).abs() < 1e-12, "{}", found.cutoff);
         assert!((found.median_density - 0.810_19).abs() < 1e-4, "{}", found.median_density);

@@ -1,4 +1,4 @@
-//! Which axis is taken: that of a trajectory, of GPS time, or of the points.
+//! Selects the axis: from a trajectory, from GPS time, or from the points.
 
 use serde::Serialize;
 
@@ -8,14 +8,14 @@ use crate::run::drive::Drive;
 use crate::spatial::PackedCells;
 use crate::survey::{Axis, AxisSource, Survey, read_trajectory};
 
-/// Where the axis came from and how long it is, for reports.
+/// The source and the length of the axis, for reports.
 #[derive(Debug, Clone, Serialize)]
 pub struct AxisFacts {
-    /// Where it came from.
+    /// Its source.
     pub source: AxisSource,
     /// Its length in metres.
     pub length_m: f64,
-    /// Stretches it consists of; more than one where the drive came back to a street it knew.
+    /// Number of its stretches. More than one if the drive returned to a street.
     pub stretches: usize,
 }
 
@@ -25,7 +25,7 @@ impl AxisFacts {
     }
 }
 
-/// The axis of a drive, as the settings ask for it.
+/// The axis of a drive according to the settings.
 pub(super) fn find_axis(
     drive: &Drive,
     survey: &Survey,
@@ -42,14 +42,14 @@ pub(super) fn find_axis(
         if let Some(axis) = Axis::from_positions(AxisSource::Trajectory, &track) {
             return Ok(axis);
         }
-        warnings.push(format!("the trajectory {} does not get anywhere, not used", path.display()));
+        warnings.push(format!("the trajectory {} has no length: it is not used", path.display()));
     }
     if config.axis.source != AxisChoice::Principal {
         if let Some(axis) = Axis::from_time_bins(&survey.time_bins, drive.lattice()) {
             return Ok(axis);
         }
         if config.axis.source == AxisChoice::GpsTime {
-            warnings.push("GPS time gives no track, the axis is the principal axis of the points".to_owned());
+            warnings.push("GPS time gives no track: the axis is the principal axis of the points".to_owned());
         }
     }
     Ok(Axis::principal(cells, drive.grid, drive.lattice()))

@@ -1,11 +1,11 @@
-//! Columns on disk, made durable.
+//! Syncing columns to the disk.
 
 use bytemuck::Pod;
 
 use crate::error::Result;
 use crate::store::{Column, StoreError};
 
-/// Makes everything written to `columns` survive a power cut.
+/// Syncs `columns` to the disk.
 pub(crate) fn sync_columns<'a, T: Pod + Default>(
     columns: impl IntoIterator<Item = &'a Column<T>>,
 ) -> Result<()> {

@@ -6,20 +6,21 @@ use crate::model::Field;
 use crate::run::drive::{Drive, PerPoint};
 use crate::store::RunDir;
 
-/// Records that are read from a column at once.
+/// Number of records that are read from a column at once.
 const PAGE: u64 = 65_536;
 
 /// Columns of further fields.
 #[derive(Debug)]
 pub(crate) struct StoredFields {
-    /// The fields that a method asked for, coordinates among them.
+    /// The fields that a method asks for, coordinates included.
     pub(crate) fields: Vec<Field>,
-    /// Those of them that are no coordinates.
+    /// The columns of those fields that are not coordinates.
     pub(crate) columns: Vec<(Field, PerPoint<u16>)>,
 }
 
 impl StoredFields {
-    /// The columns of those of `fields` that are no coordinates; the passes whose folders begin with `writers` write them.
+    /// The columns of those of `fields` that are not coordinates. The passes whose folders begin with
+    /// `writers` write them.
     ///
     /// # Errors
     /// When a file has no such field.
@@ -28,7 +29,8 @@ impl StoredFields {
         for &field in fields.iter().filter(|field| field.axis().is_none()) {
             for file in drive.catalog.files() {
                 if file.layout().field(field).is_none() {
-                    let (path, point_format) = (file.path().to_owned(), file.layout().point_format);
+                    let path = file.path().to_owned();
+                    let point_format = file.layout().point_format;
                     return Err(InputError::NoField { path, point_format, field: field.name() }.into());
                 }
             }
@@ -42,12 +44,13 @@ impl StoredFields {
         self.columns.iter().try_for_each(|(_, column)| column.open(run_dir, drive))
     }
 
-    /// The fields of points by their ids, which ascend mostly.
+    /// The fields of points by their ids. The ids are mostly ascending.
     pub(crate) fn of_points(&self, drive: &Drive, ids: &[u64]) -> Result<Vec<(Field, Vec<u16>)>> {
         let mut fields = Vec::new();
         for (field, column) in &self.columns {
             let mut values = Vec::with_capacity(ids.len());
-            let (mut page, mut page_ids) = (Vec::new(), 0..0);
+            let mut page = Vec::new();
+            let mut page_ids = 0..0;
             for &id in ids {
                 if !page_ids.contains(&id) {
                     let (file, record) = drive.locate(id);

@@ -1,4 +1,5 @@
-//! Whether the input of a run directory is still the input of this call, and whether the two stay apart.
+//! Checks that the input is still the input with which the run was started, and that it is not in the output
+//! directory.
 
 use std::path::Path;
 use std::time::UNIX_EPOCH;
@@ -12,7 +13,7 @@ use crate::run::drive::{BlockRun, Drive};
 use crate::store::{PassDir, RunDir, StoreError, UnitState};
 use crate::survey::SurveyPart;
 
-/// One input file as it was when the run began.
+/// One input file at the start of the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct FileIdentity {
     name: String,
@@ -32,7 +33,7 @@ impl FileIdentity {
 
 const NAME: &str = "input.json";
 
-/// Refuses an output directory that holds an input file: input is never written, and never at risk.
+/// Refuses an output directory that contains an input file, so that input is never overwritten.
 pub(crate) fn check_apart(catalog: &Catalog, out: &Path) -> Result<()> {
     let Ok(out) = fs_err::canonicalize(out) else { return Ok(()) };
     for file in catalog.files() {
@@ -45,8 +46,8 @@ pub(crate) fn check_apart(catalog: &Catalog, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses files with other names, sizes or record counts than those the run was begun with; records them when the
-/// run begins.
+/// Refuses files whose names, sizes or record counts differ from those at the start of the run. At the start,
+/// it records them.
 pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     let now: Vec<FileIdentity> = catalog.files().iter().map(FileIdentity::of).collect();
     let Some(stored) = run_dir.read_json::<Vec<FileIdentity>>(NAME)? else {
@@ -54,15 +55,15 @@ pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     };
     let other = |what: String| Err(StoreError::OtherInput { path: run_dir.out().to_owned(), what }.into());
     if stored.len() != now.len() {
-        return other(format!("{} files then, {} now", stored.len(), now.len()));
+        return other(format!("number of files: {} before, {} now", stored.len(), now.len()));
     }
     for (old, new) in stored.iter().zip(&now) {
         if old.name != new.name {
-            return other(format!("file {} then, {} in its place now", old.name, new.name));
+            return other(format!("file {} before, {} now", old.name, new.name));
         }
         if old.bytes != new.bytes || old.records != new.records {
             return other(format!(
-                "{} had {} bytes and {} records then, {} bytes and {} records now",
+                "{} had {} bytes and {} records before, now it has {} bytes and {} records",
                 old.name, old.bytes, old.records, new.bytes, new.records
             ));
         }
@@ -70,9 +71,9 @@ pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     Ok(())
 }
 
-/// Compares the content of files whose time of modification differs with what the survey saw, and refuses other
-/// content. A file that was only copied or touched is accepted. `runs` are the units of the survey in `dir`, and `survey`
-/// surveys one of them without keeping anything.
+/// For files with another modification time, compares their content with that at the survey. Other content is
+/// refused. A file that was only copied or touched is accepted. `runs` are the units of the survey in `dir`. `survey`
+/// surveys one of them and stores nothing.
 pub(crate) fn check_content(
     run_dir: &RunDir,
     drive: &Drive,

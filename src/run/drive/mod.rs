@@ -1,4 +1,5 @@
-//! The drive as passes see it: files and blocks, values per point, what the survey found, and the points of tiles.
+//! The drive as passes see it: files and blocks, values per point, the results of the survey, and the points
+//! of tiles.
 
 mod axis;
 mod columns;

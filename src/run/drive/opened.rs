@@ -1,5 +1,5 @@
-//! The opened drive: files, lattice, raster, blocks of records with their geometry, and the units of passes that stream
-//! through them.
+//! The opened drive: files, lattice, raster, blocks of records with their geometry, and the units of passes
+//! that read it in order.
 
 use std::ops::Range;
 
@@ -14,21 +14,21 @@ use crate::survey::{Collector, SurveyError};
 
 /// Smallest and largest number of points of one unit of a pass over blocks.
 const UNIT_POINTS: (u64, u64) = (200_000, 8_000_000);
-/// A drive is cut into about this many units by passes over blocks.
+/// Approximate number of units into which passes over blocks divide a drive.
 const UNITS_PER_DRIVE: u64 = 256;
 
-/// A run of blocks of one file: the unit of passes that stream through the input.
+/// Consecutive blocks of one file: the unit of passes that read the input in order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct BlockRun {
     /// Number of the file in the catalog.
     pub(crate) file: usize,
     /// Its blocks.
     pub(crate) blocks: Range<usize>,
-    /// Records in them.
+    /// Number of their records.
     pub(crate) points: u64,
 }
 
-/// Record coordinates of compressed files, unpacked once: x, y, z as in the records, twelve bytes each.
+/// Record coordinates of compressed files, unpacked once: x, y, z as in the records, twelve bytes per record.
 type Positions = Column<[i32; 3]>;
 
 /// The drive.
@@ -36,7 +36,7 @@ type Positions = Column<[i32; 3]>;
 pub(crate) struct Drive {
     pub(crate) catalog: Catalog,
     pub(crate) grid: CellGrid,
-    /// For compressed files only.
+    /// Only for compressed files.
     positions: Vec<Option<Positions>>,
 }
 
@@ -85,7 +85,7 @@ impl Drive {
         (file, id - self.catalog.first_id(file))
     }
 
-    /// The drive cut into runs of blocks; a pure function of the input.
+    /// The drive divided into runs of consecutive blocks, a pure function of the input.
     pub(crate) fn block_runs(&self) -> Vec<BlockRun> {
         let target = (self.catalog.point_count() / UNITS_PER_DRIVE).clamp(UNIT_POINTS.0, UNIT_POINTS.1);
         let mut runs: Vec<BlockRun> = Vec::new();
@@ -104,7 +104,8 @@ impl Drive {
         runs
     }
 
-    /// Bytes of the largest block of a run, decoded, with `more` per record: what a unit takes that works block by block.
+    /// Memory of a unit that works block by block: bytes of the largest block of a run, decoded, with `more`
+    /// bytes per record.
     pub(crate) fn largest_block_bytes(&self, run: &BlockRun, more: u64) -> u64 {
         let file = self.file(run.file);
         let records =
@@ -112,7 +113,8 @@ impl Drive {
         records * (file.layout().record_len as u64 + more)
     }
 
-    /// Surveys a block straight from the file (decoded, if compressed), and unpacks its positions if asked to.
+    /// Surveys a block directly from the file (decoded, if compressed), and unpacks its positions if
+    /// requested.
     pub(crate) fn survey_block(
         &self,
         (file, block): (usize, usize),
@@ -121,7 +123,8 @@ impl Drive {
         collector: &mut Collector,
     ) -> Result<()> {
         let input = self.file(file);
-        let (layout, run) = (input.layout(), &input.blocks()[block]);
+        let layout = input.layout();
+        let run = &input.blocks()[block];
         {
             let bytes = input.records(block, Fields::Geometry, buffer)?;
             let view = RecordView { bytes, stride: layout.record_len, gps_time: layout.gps_time };
@@ -141,7 +144,7 @@ impl Drive {
         Ok(())
     }
 
-    /// Makes all unpacked positions survive a power cut.
+    /// Syncs all unpacked positions to the disk.
     pub(crate) fn sync_positions(&self) -> Result<()> {
         sync_columns(self.positions.iter().flatten())
     }
@@ -173,7 +176,7 @@ impl Drive {
         Ok(seen)
     }
 
-    /// Whether every file is still what it was when it was opened.
+    /// Whether every file is unchanged since it was opened.
     pub(crate) fn check_unchanged(&self) -> Result<()> {
         for file in self.catalog.files() {
             file.check_unchanged()?;

@@ -1,5 +1,5 @@
-//! What is known of a drive once it is surveyed and before it is cut into tiles: survey, axis, occupied cells. Shared by
-//! `info`, `plan` and `run`.
+//! The survey, the axis and the occupied cells of a drive: what is known before the drive is divided into
+//! tiles. `info`, `plan` and `run` use it.
 
 use std::sync::Arc;
 
@@ -11,10 +11,10 @@ use crate::run::drive::warnings::{warn_of_header_boxes, warn_of_strays};
 use crate::spatial::{BlockZone, PackedCells};
 use crate::survey::{Axis, Survey, SurveyError};
 
-/// Heights of a drive fit local coordinates up to this extent in lattice units.
+/// Largest extent of heights in lattice units, so that they fit local coordinates.
 const HEIGHT_LIMIT_UNITS: i64 = i32::MAX as i64;
-/// The owners of cells take at most this part of what their points take: neighbours have the same one, which takes 1 or 2
-/// bits, while a count of points takes 8 or 16.
+/// The owners of cells take at most this fraction of the memory of the points per cell. Neighbouring cells
+/// mostly have the same owner, which takes 1 or 2 bits, while a count of points takes 8 or 16.
 const OWNERS_PART: u64 = 4;
 
 /// Survey, axis and occupied cells of a drive.
@@ -22,7 +22,7 @@ const OWNERS_PART: u64 = 4;
 pub(crate) struct Surveyed {
     pub(crate) survey: Survey,
     pub(crate) axis: Axis,
-    /// Points of the occupied cells.
+    /// Number of points of each occupied cell.
     pub(crate) cells: Arc<PackedCells>,
     pub(crate) warnings: Vec<String>,
 }
@@ -43,8 +43,8 @@ impl Surveyed {
         Ok(Self { survey, axis, cells, warnings })
     }
 
-    /// Bytes that are held for as long as the run lasts and grow with the street: what is known of its cells, with the plan,
-    /// of its axis, and of its blocks.
+    /// Bytes that are in use during the whole run and grow with the length of the drive: its cells with the
+    /// plan, its axis, and its blocks.
     pub(crate) fn held_bytes(&self) -> u64 {
         let zones = self.survey.zones.iter().flatten().map(BlockZone::bytes).sum::<u64>();
         self.cells.bytes() + self.cells.bytes() / OWNERS_PART + self.axis.bytes() + zones

@@ -1,4 +1,5 @@
-//! One value per point of the drive on disk: each is written once, by a pass whose units own whole runs of records.
+//! Columns with one value per point on disk. The units of the writing pass own whole ranges of records, so
+//! each value is written once.
 
 use std::sync::OnceLock;
 
@@ -14,13 +15,13 @@ use crate::store::{Column, RunDir, StoreError};
 pub(crate) struct PerPoint<T> {
     /// Folder in the state.
     name: String,
-    /// How the folders of the passes begin that write it: without the columns their units have nothing to show.
+    /// Prefix of the folders of the passes that write it. If a column is lost, these passes are removed.
     writers: String,
     files: OnceLock<Vec<Column<T>>>,
 }
 
 impl<T: Pod + Default> PerPoint<T> {
-    /// The values in the folder `name`, which the passes whose folders begin with `writers` write.
+    /// The values in the folder `name`. The passes whose folders begin with `writers` write them.
     pub(crate) fn new(name: impl Into<String>, writers: impl Into<String>) -> Self {
         Self { name: name.into(), writers: writers.into(), files: OnceLock::new() }
     }
@@ -52,7 +53,7 @@ impl<T: Pod + Default> PerPoint<T> {
         Ok(column.write_run(first, values).map_err(StoreError::io("write", column.path()))?)
     }
 
-    /// Makes everything written so far survive a power cut.
+    /// Syncs all written values to the disk.
     pub(crate) fn sync(&self) -> Result<()> {
         sync_columns(self.columns()?)
     }

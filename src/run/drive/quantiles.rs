@@ -1,4 +1,4 @@
-//! Where most of a drive lies: how many occupied cells there are in every row of the raster.
+//! Quantiles of the occupied cells on each axis: where most of a drive lies.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ impl Rows {
         Self { rows, cells: cells.len() }
     }
 
-    /// The row below which a share of the cells lies, 0 to 1; 0 where there are none.
+    /// The row below which a given share of the cells lies, 0 to 1. 0 if there are no cells.
     pub(crate) fn quantile(&self, share: f64) -> i32 {
         #[expect(
             clippy::cast_possible_truncation,

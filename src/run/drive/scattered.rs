@@ -1,4 +1,4 @@
-//! The points of the drive grouped by tile, as the pass `scatter` wrote them.
+//! The points of the drive grouped by tile. The pass `scatter` writes them.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -10,10 +10,10 @@ use crate::error::Result;
 use crate::model::TileId;
 use crate::store::StoreError;
 
-/// Bytes of a point in a scattered file.
+/// Bytes of a point in such a file.
 pub(crate) const STRIDE: usize = 16;
 
-/// Where the points of each tile are in the file of a unit: (tile, first point), ascending, and the end.
+/// The position of each tile's points in the file of a unit: (tile, first point), ascending, and the end.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Groups {
     pub(crate) first: Vec<(TileId, u64)>,
@@ -33,7 +33,7 @@ pub(crate) struct ScatteredUnit {
     pub(crate) file: File,
     /// Number of the input file.
     pub(crate) number: usize,
-    /// Record of the unit's first point in that file.
+    /// Record number of the unit's first point in that file.
     pub(crate) first_record: u64,
     pub(crate) groups: Groups,
 }

@@ -1,5 +1,5 @@
-//! The points of tiles: which blocks to read, and the gathering out of them, before and after the classes of points are
-//! known.
+//! The points of tiles: which blocks to read, and how points are gathered from them, before and after their
+//! classes are known.
 
 use crate::codec;
 use crate::error::{Error, Result};
@@ -10,25 +10,26 @@ use crate::run::engine::Payloads;
 use crate::spatial::BlockZone;
 use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region, Wanted};
 
-/// A code that no point has: of records that none of the tiles in question owns.
+/// The code of records that none of the tiles in question owns. No point has it.
 const NOBODYS: u8 = u8::MAX;
 
-/// A drive that is cut into tiles.
+/// A drive divided into tiles.
 pub(crate) struct Tiled<'a> {
     pub(crate) drive: &'a Drive,
     pub(crate) surveyed: &'a Surveyed,
     pub(crate) plan: &'a Plan,
-    /// The points grouped by tile, where the order of the records is bad; else tiles read whole blocks.
+    /// The points grouped by tile, if the order of the records is unfavourable. Otherwise tiles read whole
+    /// blocks.
     scattered: Option<Scattered>,
 }
 
 impl<'a> Tiled<'a> {
-    /// The tiles of a plan, reading whole blocks.
+    /// The tiles of a plan. They read whole blocks.
     pub(crate) fn whole_blocks(drive: &'a Drive, surveyed: &'a Surveyed, plan: &'a Plan) -> Self {
         Self { drive, surveyed, plan, scattered: None }
     }
 
-    /// The same, reading what was grouped by tile.
+    /// The same tiles. They read points that are grouped by tile.
     pub(crate) fn grouped(self, scattered: Scattered) -> Self {
         Self { scattered: Some(scattered), ..self }
     }
@@ -43,7 +44,7 @@ impl<'a> Tiled<'a> {
         &self.surveyed.survey.zones
     }
 
-    /// Blocks (file, block) that may hold points of `region`.
+    /// Blocks (file, block) that may contain points of `region`.
     fn blocks<'b>(&'b self, region: &'b Region) -> impl Iterator<Item = (usize, usize)> + 'b {
         self.zones().iter().enumerate().flat_map(move |(file, zones)| {
             zones
@@ -54,14 +55,15 @@ impl<'a> Tiled<'a> {
         })
     }
 
-    /// Records that reading `region` means.
+    /// Number of records that are read for `region`.
     pub(crate) fn records_read(&self, region: &Region) -> u64 {
         self.blocks(region).map(|(file, block)| u64::from(self.zones()[file][block].count)).sum()
     }
 
-    /// Records read per point needed, when tiles read whole blocks.
+    /// Records read per point needed, if tiles read whole blocks.
     pub(crate) fn amplification(&self, reach: i64) -> f64 {
-        let (mut read, mut needed) = (0, 0);
+        let mut read = 0;
+        let mut needed = 0;
         for tile in 0..self.count() {
             let region = self.plan.region(tile, reach);
             read += self.records_read(&region);
@@ -88,7 +90,8 @@ impl<'a> Tiled<'a> {
         self.gather(&self.plan.region(tile, reach), Wanted::All, &[])
     }
 
-    /// The `wanted` points of a region; `verdicts` are those of its tiles, needed unless all points are wanted.
+    /// The `wanted` points of a region. `verdicts` are those of its tiles, and are needed unless all points
+    /// are wanted.
     fn gather(&self, region: &Region, wanted: Wanted, verdicts: &[TileVerdicts]) -> Result<Gathered> {
         self.drive.check_unchanged()?;
         let lowest = self.surveyed.lowest();
@@ -106,7 +109,8 @@ impl<'a> Tiled<'a> {
         gatherer: &mut Gatherer<'_>,
         verdicts: &[TileVerdicts],
     ) -> Result<()> {
-        let (mut buffer, mut codes) = (Vec::new(), Vec::new());
+        let mut buffer = Vec::new();
+        let mut codes = Vec::new();
         for (file, block) in self.blocks(region) {
             if !verdicts.is_empty() {
                 codes.clear();
@@ -141,7 +145,7 @@ impl<'a> Tiled<'a> {
         verdicts: &[TileVerdicts],
     ) -> Result<()> {
         let record = |bytes: &[u8]| u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
-        // Points of a tile come in the order of their ids, as its classes do.
+        // The points of a tile and its classes are both in the order of the ids.
         let mut seen = vec![0; region.tiles.len()];
         for unit in &scattered.units {
             let first_id = self.drive.catalog.first_id(unit.number) + unit.first_record;
@@ -167,7 +171,7 @@ impl<'a> Tiled<'a> {
 /// A drive in tiles whose ground and noise are known.
 pub(crate) struct Classified<'a> {
     pub(crate) tiled: &'a Tiled<'a>,
-    /// The pass that found them.
+    /// The pass that determined them.
     pub(crate) ground: Payloads,
     /// Points of objects in the core of each tile.
     pub(crate) objects: Vec<u64>,
@@ -179,12 +183,13 @@ impl Classified<'_> {
         TileVerdicts::decode(&self.ground.get(tile.index())?)
     }
 
-    /// One section of what the pass has kept of a tile, decoded.
+    /// One section of the payload of a tile, decoded.
     pub(crate) fn section<T: serde::de::DeserializeOwned>(&self, tile: TileId, section: usize) -> Result<T> {
         codec::decode(&self.ground.reader(tile.index())?.read_section(section)?)
     }
 
-    /// Points of objects in a tile and within `reach` of it, about: their share is taken for that in the core.
+    /// Approximate number of points of objects in a tile and within `reach` of it. Their share is assumed to
+    /// be that in the core.
     pub(crate) fn object_points(&self, tile: usize, reach: i64) -> u64 {
         let plan = self.tiled.plan;
         let core = u128::from(plan.tiles[tile].points.max(1));
@@ -192,7 +197,7 @@ impl Classified<'_> {
         u64::try_from(all / core).unwrap_or(u64::MAX)
     }
 
-    /// The `wanted` points of a region with the further fields that there are.
+    /// The `wanted` points of a region with the stored further fields.
     pub(crate) fn gather(
         &self,
         region: &Region,

@@ -1,6 +1,6 @@
-//! What the pass `ground` found, tile by tile: which records a tile owns, and their classes. A tile keeps this in its own
-//! unit, so that every value has one writer; whoever needs the classes of a block puts them together from the tiles
-//! that own records of it.
+//! The result of the pass `ground` for each tile: which records the tile owns, and their classes. A tile
+//! stores them in its own unit, so every value has one writer. Readers of a block combine the classes of all
+//! tiles that own records of it.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,18 +10,18 @@ use crate::model::{FileId, PointClass};
 use crate::run::drive::opened::Drive;
 use crate::run::drive::sections;
 
-/// A block of which a tile owns records.
+/// A block with records that a tile owns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct OwnedBlock {
     /// The file.
     pub(crate) file: FileId,
     /// Number of the block in the file.
     pub(crate) block: u32,
-    /// Where its runs begin and end among those of the tile, in bytes.
+    /// Start and end of its runs among those of the tile, in bytes.
     pub(crate) runs: (u64, u64),
-    /// Points of the tile before those of this block, and points of it in this block.
+    /// Number of points of the tile before this block, and in this block.
     pub(crate) points: (u64, u64),
-    /// Points of objects among the points before, and among those in this block.
+    /// Number of points of objects of the tile before this block, and in this block.
     pub(crate) objects: (u64, u64),
 }
 
@@ -30,13 +30,13 @@ pub(crate) struct OwnedBlock {
 pub(crate) struct TileVerdicts {
     /// Ascending by file and block.
     pub(crate) blocks: Vec<OwnedBlock>,
-    /// Lengths of records that are not owned and owned, in turn, of one block after the other.
+    /// Run lengths of records, not owned and owned in turn, block after block.
     pub(crate) runs: Vec<u8>,
     /// Class code of each owned record, in order.
     pub(crate) classes: Vec<u8>,
 }
 
-/// The lengths of records that are not owned and owned, in turn.
+/// Run lengths of records, not owned and owned in turn.
 pub(crate) fn lengths(runs: &[u8]) -> Result<Vec<u32>> {
     codec::decode(runs)
 }
@@ -114,22 +114,24 @@ pub(crate) fn is_object(code: u8) -> bool {
     code == PointClass::Object.code()
 }
 
-/// The part of a column in memory that begins at `first` and has `count` values.
+/// The part of a column in memory that starts at `first` and has `count` values.
 pub(crate) fn range(first: u64, count: u64) -> std::ops::Range<usize> {
     let at = |value: u64| usize::try_from(value).unwrap_or(usize::MAX);
     at(first)..at(first + count)
 }
 
-/// Writes `values` over the owned records of `all`, where `runs` tells which these are.
+/// Writes `values` over the owned records of `all`. `runs` gives the run lengths of records that are not
+/// owned and owned.
 pub(crate) fn scatter<T: Copy>(runs: &[u32], values: &[T], all: &mut [T]) -> Result<()> {
-    let (mut record, mut value) = (0, 0);
+    let mut record = 0;
+    let mut value = 0;
     for pair in runs.chunks_exact(2) {
         record += pair[0] as usize;
         let length = pair[1] as usize;
         let (Some(to), Some(from)) =
             (all.get_mut(record..record + length), values.get(value..value + length))
         else {
-            return Err(Error::bug("the records of a tile are not those of its block"));
+            return Err(Error::bug("the records of a tile do not match its block"));
         };
         to.copy_from_slice(from);
         record += length;
@@ -138,7 +140,7 @@ pub(crate) fn scatter<T: Copy>(runs: &[u32], values: &[T], all: &mut [T]) -> Res
     Ok(())
 }
 
-/// Lengths of records that are not among `ids` and are, in turn, from the id `first` on.
+/// Run lengths of records that are not among `ids` and that are, in turn, from the id `first` on.
 fn run_lengths(ids: &[u64], first: u64) -> Vec<u32> {
     #[expect(
         clippy::cast_possible_truncation,

@@ -1,14 +1,14 @@
-//! What is odd about a drive and makes no run impossible: headers that do not fit, points far from all others.
+//! Warnings about a drive that do not prevent a run: headers that do not match, points far from all others.
 
 use crate::run::drive::Drive;
 use crate::run::drive::quantiles::Rows;
 use crate::spatial::PackedCells;
 use crate::survey::Survey;
 
-/// How far points may lie outside the boxes of the headers, in metres: less is rounding.
+/// Distance outside of the boxes of the headers that counts as rounding, in metres.
 const BOX_TOLERANCE_M: f64 = 0.01;
 
-/// LAZ has no checksums: damage that still decodes shows at points outside the box of the header.
+/// LAZ has no checksums. Damage that can still be decoded shows as points outside of the box of the header.
 pub(super) fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mut Vec<String>) {
     let Some((lo, hi)) = survey.extent else { return };
     let files = drive.catalog.files().iter().filter(|file| file.point_count() > 0);
@@ -29,13 +29,14 @@ pub(super) fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mu
         .fold(0.0, f64::max);
     if beyond > BOX_TOLERANCE_M {
         warnings.push(format!(
-            "points lie up to {beyond:.2} m outside the boxes that the headers give: a header was not kept up to \
-             date, or records are damaged"
+            "points lie up to {beyond:.2} m outside the boxes that the headers give: a header was not updated, \
+             or records are damaged"
         ));
     }
 }
 
-/// Points far from all others are usually errors of the scanner or of a merge; they are processed like any other.
+/// Points far from all others are usually errors of the scanner or of a merge. They are processed like other
+/// points.
 pub(super) fn warn_of_strays(survey: &Survey, cells: &PackedCells, edge_m: f64, warnings: &mut Vec<String>) {
     let Some((lo, hi)) = survey.extent else { return };
     let mut far = 0;

@@ -1,8 +1,8 @@
-//! Stopping on request.
+//! Stops a run on request.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Stops a run: finishes units in flight, keeps everything.
+/// Stops a run: units in flight are finished, and every result is kept.
 #[derive(Debug, Default)]
 pub struct CancelToken(AtomicBool);
 

@@ -1,5 +1,5 @@
-//! Who computes the units of a pass: this process ([`Here`]), this process without a run directory ([`InMemory`]), or
-//! nobody ([`Nobody`], which looks at what is there). All of them walk the same list of passes.
+//! The drivers of a pass: this process ([`Here`]), this process without a run directory ([`InMemory`]), or
+//! nobody ([`Nobody`], which only looks at stored results). All of them walk the same list of passes.
 
 use crate::error::Result;
 use crate::run::engine::folders::Outline;
@@ -10,10 +10,11 @@ use crate::store::{PassDir, RunDir, StaleReason, UnitState};
 
 /// Walks the list of passes.
 pub(crate) trait Driver {
-    /// Says which passes are to follow, as far as that is known now, with their numbers of units.
+    /// Announces the passes that will follow, as far as they are known, with their numbers of units.
     fn expect(&mut self, _passes: &[(Outline, Option<usize>)]) {}
 
-    /// What the drive knows once `pass` is complete; `None` where it is not and this driver does not compute it.
+    /// The result of `pass` for the drive once it is complete. `None` if it is incomplete and this driver
+    /// does not compute it.
     fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>>;
 
     /// The run directory, if there is one.
@@ -22,21 +23,21 @@ pub(crate) trait Driver {
     /// Whether this driver may change the run directory.
     fn computes(&self) -> bool;
 
-    /// Bytes for all units in flight together, from here on.
+    /// Sets the memory for all units in flight together from now on, in bytes.
     fn limit_memory(&mut self, _bytes: u64) {}
 
-    /// Tells whoever watches.
+    /// Reports an event to the observer.
     fn tell(&self, _event: &Event<'_>) {}
 }
 
-/// Computes what is missing on the threads of this process, and keeps it in the run directory.
+/// Computes missing units on the threads of this process, and stores them in the run directory.
 pub(crate) struct Here<'a> {
     run_dir: &'a RunDir,
     limits: Limits,
     fail_fast: bool,
     observer: &'a dyn Observer,
     cancel: &'a CancelToken,
-    /// What the passes cost so far.
+    /// Figures of the passes so far.
     pub(crate) figures: Vec<PassFigures>,
 }
 
@@ -56,7 +57,7 @@ impl Driver for Here<'_> {
     fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>> {
         let outline = pass.outline();
         let dir = self.run_dir.pass(&outline.folder, outline.depends.clone());
-        // First what is beside the units: where that was lost, the pass may remove its folder.
+        // First the files beside the units: if they were lost, the pass may remove its folder.
         pass.prepare(&dir)?;
         dir.prepare()?;
         let keeper = Keeper {
@@ -89,7 +90,7 @@ impl Driver for Here<'_> {
     }
 }
 
-/// Computes every unit on the threads of this process and keeps nothing.
+/// Computes every unit on the threads of this process and stores nothing.
 pub(crate) struct InMemory {
     pub(crate) limits: Limits,
 }
@@ -109,7 +110,7 @@ impl Driver for InMemory {
     }
 }
 
-/// The state of a pass that was looked at.
+/// The state of a pass.
 #[derive(Debug, Clone)]
 pub(crate) struct PassState {
     pub(crate) outline: Outline,
@@ -119,12 +120,13 @@ pub(crate) struct PassState {
     pub(crate) why: Vec<StaleReason>,
 }
 
-/// Computes nothing and changes nothing: counts the units that are there.
+/// Computes nothing and changes nothing. It counts the stored units.
 pub(crate) struct Nobody<'a> {
     pub(crate) run_dir: &'a RunDir,
-    /// Passes in the order of the flow: those that were looked at, then those that are expected to follow.
+    /// Passes in the order of the flow: first those that were visited, then those that are expected to
+    /// follow.
     pub(crate) passes: Vec<PassState>,
-    /// How many of them were looked at.
+    /// Number of visited passes.
     looked_at: usize,
 }
 
@@ -133,7 +135,7 @@ impl<'a> Nobody<'a> {
         Self { run_dir, passes: Vec::new(), looked_at: 0 }
     }
 
-    /// The passes, with the units of those that only were expected counted too.
+    /// The passes. For those that were only expected, the stored units are counted now.
     pub(crate) fn finish(mut self) -> Result<Vec<PassState>> {
         for state in &mut self.passes[self.looked_at..] {
             *state = look(self.run_dir, &state.outline, state.units)?.0;
@@ -145,7 +147,8 @@ impl<'a> Nobody<'a> {
 /// The state of a pass, and its folder.
 fn look(run_dir: &RunDir, outline: &Outline, units: Option<usize>) -> Result<(PassState, PassDir)> {
     let dir = run_dir.pass(&outline.folder, outline.depends.clone());
-    let (mut done, mut stale) = (0, 0);
+    let mut done = 0;
+    let mut stale = 0;
     for unit in dir.stored_units()? {
         match dir.state(unit)? {
             UnitState::Done if units.is_none_or(|units| unit < units) => done += 1,
@@ -172,7 +175,8 @@ impl Driver for Nobody<'_> {
     fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>> {
         let (state, dir) = look(self.run_dir, pass.outline(), Some(pass.units()))?;
         let complete = state.done == pass.units();
-        // A round or a longer curve is only known once the one before is complete: it was not expected.
+        // Later rounds, and those with more neighbours, are known only once the round before is complete:
+        // they were not expected.
         let expected = self.passes.get(self.looked_at);
         if expected.is_some_and(|expected| expected.outline.folder == state.outline.folder) {
             self.passes[self.looked_at] = state;

@@ -1,38 +1,39 @@
-//! Names of passes: as the user sees them, and as folders of the state.
+//! Names of passes for the user, and of their folders in the state.
 
 use crate::store::Inputs;
 
 /// Between the folder of a pass and the number of a round.
 const ROUND: &str = "-round-";
 
-/// What is known of a pass before it is run: its name, its folder, and what it depends on.
+/// The outline of a pass: its name, its folder, and the values that it depends on. It is known before the
+/// pass runs.
 #[derive(Debug, Clone)]
 pub(crate) struct Outline {
     /// Name, as the user sees it.
     pub(crate) name: &'static str,
     /// Folder of its units in the state.
     pub(crate) folder: String,
-    /// What it depends on, by name.
+    /// The values that it depends on, by name.
     pub(crate) depends: Inputs,
 }
 
 impl Outline {
-    /// The pass `name`, number `number` of the flow.
+    /// The pass `name`, with its number in the flow.
     pub(crate) fn new(number: u32, name: &'static str, depends: Inputs) -> Self {
         Self { name, folder: format!("{}{name}", prefix(number)), depends }
     }
 
-    /// A pass of a method: they share a number, and are numbered among themselves.
+    /// A pass of a method. These passes share a number in the flow and have numbers of their own.
     pub(crate) fn of_step(number: u32, step: usize, name: &'static str, depends: Inputs) -> Self {
         Self { name, folder: format!("{}{}-{name}", prefix(number), step + 1), depends }
     }
 
-    /// Whether a folder is that of this pass or of one of its rounds.
+    /// Whether a folder belongs to this pass or to one of its rounds.
     pub(crate) fn owns(&self, folder: &str) -> bool {
         folder.strip_prefix(&self.folder).is_some_and(|rest| rest.is_empty() || rest.starts_with(ROUND))
     }
 
-    /// Round `round` of a step that is repeated; the first is the pass itself.
+    /// Round `round` of a repeated step. The first round is the pass itself.
     pub(crate) fn round(&self, round: u32) -> Self {
         if round == 0 {
             return self.clone();
@@ -42,7 +43,7 @@ impl Outline {
     }
 }
 
-/// How the folders of all passes with a number begin.
+/// Prefix of the folders of all passes with a number.
 pub(crate) fn prefix(number: u32) -> String {
     format!("pass-{number:02}-")
 }

@@ -1,8 +1,8 @@
-//! How much memory the units in flight need together, and who has to wait for it.
+//! Counts the memory of all units in flight, and makes units wait for memory.
 
 use std::sync::{Condvar, Mutex, PoisonError};
 
-/// Bytes that the units in flight need together.
+/// Bytes that all units in flight need together.
 #[derive(Debug, Default)]
 pub(crate) struct InFlight {
     bytes: Mutex<u64>,
@@ -10,7 +10,8 @@ pub(crate) struct InFlight {
 }
 
 impl InFlight {
-    /// Waits until `bytes` more fit into `memory`, or nothing else is in flight: what never fits is worked on alone.
+    /// Waits until `bytes` more fit into `memory`, or until nothing else is in flight. A unit that never fits
+    /// runs alone.
     pub(crate) fn start(&self, bytes: u64, memory: u64) {
         let flying = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);
         let full = |flying: &mut u64| *flying > 0 && flying.saturating_add(bytes) > memory;
@@ -18,7 +19,7 @@ impl InFlight {
         *flying = flying.saturating_add(bytes);
     }
 
-    /// Gives back what a unit needed.
+    /// Releases the bytes of a unit.
     pub(crate) fn land(&self, bytes: u64) {
         *self.bytes.lock().unwrap_or_else(PoisonError::into_inner) -= bytes;
         self.landed.notify_all();
@@ -37,7 +38,9 @@ mod tests {
     #[test]
     fn units_fly_together_only_within_the_memory_and_the_largest_alone() {
         let units = [60, 40, 50, 200, 10, 30, 60, 100, 1, 150, 50, 50];
-        let (flight, flying, together) = (InFlight::default(), AtomicU64::new(0), AtomicU64::new(0));
+        let flight = InFlight::default();
+        let flying = AtomicU64::new(0);
+        let together = AtomicU64::new(0);
         let (jobs, inbox) = bounded::<u64>(0);
         std::thread::scope(|scope| {
             for _ in 0..3 {
@@ -59,7 +62,7 @@ mod tests {
             }
             drop((jobs, inbox));
         });
-        // 40 beside 60; 30 and 60 beside 10; 50 beside 50, at least some of them.
+        // 40 beside 60; 30 and 60 beside 10; 50 beside 50: at least some of these are in flight together.
         assert!(together.load(SeqCst) > 1, "nothing flew together");
         assert_eq!(*flight.bytes.lock().unwrap(), 0);
     }

@@ -1,6 +1,6 @@
-//! Memory as the system sees it: what is free, and what this process took at its peak.
+//! Memory as the system reports it: free memory, and the peak of this process.
 
-/// Memory assumed where the system does not say what is free.
+/// Memory that is assumed if the system does not report free memory.
 const UNKNOWN_FREE_BYTES: u64 = 4 << 30;
 
 /// Bytes of memory that are free.
@@ -8,7 +8,8 @@ pub(crate) fn free_bytes() -> u64 {
     status_kib("/proc/meminfo", "MemAvailable:").map_or(UNKNOWN_FREE_BYTES, |kib| kib << 10)
 }
 
-/// Peak resident set of this process in bytes, mapped pages included; `None` where the system does not say.
+/// Peak resident set of this process in bytes, mapped pages included. `None` if the system does not report
+/// it.
 pub(crate) fn peak_resident_bytes() -> Option<u64> {
     status_kib("/proc/self/status", "VmHWM:").map(|kib| kib << 10)
 }

@@ -1,5 +1,5 @@
-//! The engine: passes over units, computed on threads within a memory budget, kept on disk and resumed. It knows units,
-//! bytes and files; no points and no drive.
+//! The engine: it computes the units of passes on threads within a memory budget, stores their results and
+//! resumes. It knows units, bytes and files, but no points and no drive.
 
 mod cancel;
 mod driver;

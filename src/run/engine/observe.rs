@@ -1,21 +1,21 @@
-//! What a run tells whoever watches it: progress as a trait of the library, so that it never prints.
+//! The events of a run, and the trait for observers. The library itself prints nothing.
 
 use serde_json::json;
 
 /// Something that happened.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event<'a> {
-    /// A pass begins; `done` of its `units` are already there from an earlier run.
+    /// A pass starts. `done` of its `units` were finished by an earlier run.
     PassStarted {
         /// Name of the pass.
         pass: &'static str,
-        /// Units in all.
+        /// Number of units.
         units: usize,
-        /// Units already there.
+        /// Number of units finished earlier.
         done: usize,
         /// Points in all units.
         points: u64,
-        /// Points in the units already there.
+        /// Points in the units finished earlier.
         points_done: u64,
     },
     /// A unit was finished and stored.
@@ -26,16 +26,16 @@ pub enum Event<'a> {
         unit: usize,
         /// Points in it.
         points: u64,
-        /// Seconds it took one worker.
+        /// Seconds on one worker.
         seconds: f64,
     },
-    /// A unit failed; the others go on.
+    /// A unit failed. The others go on.
     UnitFailed {
         /// Name of the pass.
         pass: &'static str,
         /// Number of the unit.
         unit: usize,
-        /// Why.
+        /// The reason.
         reason: &'a str,
     },
     /// A pass is complete.
@@ -45,9 +45,9 @@ pub enum Event<'a> {
         /// Seconds since it started.
         seconds: f64,
     },
-    /// Something the user should know.
+    /// A warning for the user.
     Warning {
-        /// What.
+        /// The text.
         text: &'a str,
     },
 }
@@ -77,11 +77,11 @@ impl Event<'_> {
 
 /// Watches a run. Calls come from one thread at a time.
 pub trait Observer: Sync {
-    /// Something happened.
+    /// Receives an event.
     fn event(&self, event: &Event<'_>);
 }
 
-/// An observer that looks away.
+/// An observer that ignores all events.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

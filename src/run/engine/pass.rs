@@ -1,5 +1,5 @@
-//! What a pass is. It says everything about itself: units, what they need, what it depends on, what a unit computes, and
-//! what the drive knows once all units are done.
+//! The trait of passes. A pass declares its units, their memory and the values that they depend on; it
+//! computes a unit; and it reduces all units to a result for the drive.
 
 use crate::error::{Error, Result};
 use crate::run::engine::folders::Outline;
@@ -7,10 +7,10 @@ use crate::store::{PassDir, UnitReader};
 
 /// One pass over units.
 pub(crate) trait Pass: Sync {
-    /// What the drive knows once the pass is complete.
+    /// The result for the drive once the pass is complete.
     type Global;
 
-    /// Name, folder, and what the pass depends on.
+    /// Name, folder, and the values that the pass depends on.
     fn outline(&self) -> &Outline;
 
     /// Number of units.
@@ -22,24 +22,25 @@ pub(crate) trait Pass: Sync {
     /// Estimated bytes that a unit in flight needs.
     fn bytes(&self, unit: usize) -> u64;
 
-    /// Makes ready what units write beside their payloads, before any of them runs; may invalidate units for which that
-    /// was lost.
+    /// Prepares the files that units write beside their payloads, before any unit runs. It may invalidate
+    /// units whose files were lost.
     fn prepare(&self, _dir: &PassDir) -> Result<()> {
         Ok(())
     }
 
-    /// Asks the system to read ahead what `unit` will need.
+    /// Asks the system to read ahead the data of `unit`.
     fn prefetch(&self, _unit: usize) {}
 
-    /// Computes a unit: returns its payload, and may write beside it what [`Pass::sync`] makes durable.
+    /// Computes a unit and returns its payload. It may also write files beside the payload, which
+    /// [`Pass::sync`] syncs.
     fn run(&self, unit: usize) -> Result<Vec<u8>>;
 
-    /// Makes everything that finished units wrote beside their payloads survive a power cut.
+    /// Syncs to the disk all files that finished units wrote beside their payloads.
     fn sync(&self) -> Result<()> {
         Ok(())
     }
 
-    /// The reduction at the barrier: reads payloads in unit order.
+    /// The reduction at the barrier. It reads the payloads in the order of the units.
     fn reduce(&self, payloads: &Payloads) -> Result<Self::Global>;
 }
 
@@ -48,7 +49,7 @@ pub(crate) trait Pass: Sync {
 pub(crate) enum Payloads {
     /// On disk.
     Stored(PassDir),
-    /// In memory, of passes that are run without a run directory.
+    /// In memory, for passes without a run directory.
     InMemory(Vec<Vec<u8>>),
 }
 

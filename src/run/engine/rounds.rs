@@ -1,9 +1,10 @@
-//! Rounds: a pass that is repeated until it has settled. In the first round all places (tiles) run; in a later one only
-//! those that see a place whose border has changed, or all where the reduction asks for another round. What a place
-//! computes is a pure function of itself and of the borders that its neighbours had in the round before, so a place
-//! that sees no change would find what it found before, and keeps it.
+//! Rounds of a pass that is repeated until it has settled. In the first round all places (tiles) run. In a
+//! later round, only places run that see a changed border, or all places if the reduction asks for another
+//! round. The result of a place is a pure function of the place and of the borders of its neighbours in the
+//! previous round. A place that sees no change would compute the same result again, so its last result is
+//! kept.
 
-/// Which places run in which round, and where the latest result of each is.
+/// Which places run in which round, and where the latest result of each place is.
 #[derive(Debug, Clone)]
 pub(crate) struct Rounds {
     round: u32,
@@ -16,8 +17,8 @@ pub(crate) struct Rounds {
 }
 
 impl Rounds {
-    /// The first round over so many places; `no_border` is the digest of a border with nothing in it, which is what all
-    /// of them see.
+    /// The first round over `places` places. `no_border` is the digest of an empty border, which all of them
+    /// see.
     pub(crate) fn new(places: usize, no_border: u64) -> Self {
         Self {
             round: 0,
@@ -37,13 +38,13 @@ impl Rounds {
         &self.due
     }
 
-    /// Round and unit of the latest result of a place, of the rounds that are complete.
+    /// Round and unit of the latest result of a place, from the complete rounds.
     pub(crate) fn latest(&self, place: usize) -> (u32, usize) {
         self.latest[place]
     }
 
-    /// Takes the digests of the borders of this round, by unit, and says which places see a change: those that `sees`
-    /// names for a place whose border is another than before.
+    /// Takes the digests of the borders of this round, by unit, and returns the places that see a change.
+    /// `sees` gives the places that see the border of a place.
     pub(crate) fn complete(
         &mut self,
         borders: &[u64],
@@ -61,13 +62,13 @@ impl Rounds {
         next
     }
 
-    /// Goes on to another round of these places.
+    /// Starts another round of these places.
     pub(crate) fn next(&mut self, due: Vec<usize>) {
         self.round += 1;
         self.due = due;
     }
 
-    /// Goes on to another round of all places.
+    /// Starts another round of all places.
     pub(crate) fn again(&mut self) {
         self.next((0..self.latest.len()).collect());
     }

@@ -1,10 +1,11 @@
-//! The units of one pass on worker threads, within the memory budget; what is finished is kept and resumed.
+//! Computes the units of one pass on worker threads within the memory budget, stores finished units, and
+//! resumes.
 //!
-//! A pass is a pure function over its units (tiles, runs of blocks): files and small values in, a payload and column
-//! values out. Units go to workers in order, each as soon as there is memory for it. A worker reads and computes its
-//! unit. A keeper syncs what has come in meanwhile and then commits it, so that finished work survives whatever comes
-//! next and no worker waits for the disk. Order is restored where it matters, in the reductions, which read the
-//! payloads in unit order.
+//! A pass is a pure function over its units (tiles, runs of blocks): the input is files and small values, the
+//! output is a payload and column values. Units go to workers in order, as soon as there is memory for them.
+//! A worker reads and computes its unit. The calling thread syncs the values of all units that have arrived
+//! and then commits these units. So finished work survives an interruption, and no worker waits
+//! for the disk. Reductions need an order, so they read the payloads in the order of the units.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,7 +21,7 @@ use crate::run::engine::{CancelToken, Event, Observer};
 use crate::run::error::RunError;
 use crate::store::{PassDir, Refusal, RunDir, UnitState};
 
-/// What units in flight may take together.
+/// Limits for all units in flight.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     /// Worker threads.
@@ -29,7 +30,7 @@ pub(crate) struct Limits {
     pub(crate) memory: u64,
 }
 
-/// Runs the units of one pass and keeps their results.
+/// Runs the units of one pass and stores their results.
 pub(crate) struct Keeper<'a> {
     pub(crate) run_dir: &'a RunDir,
     pub(crate) dir: &'a PassDir,
@@ -39,29 +40,30 @@ pub(crate) struct Keeper<'a> {
     pub(crate) cancel: &'a CancelToken,
 }
 
-/// What a pass cost.
+/// Figures of a pass.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct PassFigures {
     /// Name of the pass.
     pub pass: &'static str,
-    /// Units in all.
+    /// Number of units.
     pub units: usize,
-    /// Units that were already there.
+    /// Number of units that were finished earlier.
     pub resumed: usize,
-    /// Points processed now.
+    /// Points processed by this call.
     pub points: u64,
     /// Wall time in seconds.
     pub seconds: f64,
 }
 
 impl Keeper<'_> {
-    /// Runs every unit of `pass` whose result is not there yet.
+    /// Runs every unit of `pass` that has no stored result.
     pub(crate) fn execute<P: Pass>(&self, pass: &P) -> Result<PassFigures> {
         let started = Instant::now();
         let dir = self.dir;
         let name = pass.outline().name;
         let mut todo = Vec::new();
-        let (mut points, mut points_done) = (0, 0);
+        let mut points = 0;
+        let mut points_done = 0;
         for unit in 0..pass.units() {
             points += pass.points(unit);
             match dir.state(unit)? {
@@ -87,16 +89,20 @@ impl Keeper<'_> {
 
     /// Hands units to workers until all are done, one fails fatally, or the run is cancelled.
     fn work<P: Pass>(&self, pass: &P, todo: &[usize]) -> Vec<(usize, Error)> {
-        let (dir, name) = (self.dir, pass.outline().name);
+        let dir = self.dir;
+        let name = pass.outline().name;
         let workers = self.limits.threads.min(todo.len()).max(1);
-        let (stop, flight) = (AtomicBool::new(false), InFlight::default());
-        // Without a place to wait in: a unit that was handed over is being worked on.
+        let stop = AtomicBool::new(false);
+        let flight = InFlight::default();
+        // The channel has no buffer, so a unit that was handed over is in progress.
         let (jobs, inbox) = bounded::<(usize, u64)>(0);
         let (report, results) = bounded(workers);
         let mut failures = Vec::new();
         std::thread::scope(|scope| {
             for _ in 0..workers {
-                let (inbox, report, flight) = (inbox.clone(), report.clone(), &flight);
+                let inbox = inbox.clone();
+                let report = report.clone();
+                let flight = &flight;
                 scope.spawn(move || {
                     for (unit, bytes) in inbox {
                         let began = Instant::now();
@@ -110,7 +116,8 @@ impl Keeper<'_> {
                 });
             }
             drop((inbox, report));
-            let (stop, flight) = (&stop, &flight);
+            let stop = &stop;
+            let flight = &flight;
             scope.spawn(move || {
                 for &unit in todo {
                     pass.prefetch(unit);
@@ -122,7 +129,7 @@ impl Keeper<'_> {
                     }
                 }
             });
-            // One sync serves all units that have come in while the last one went on.
+            // One sync covers all units that have arrived during the previous sync.
             for first in &results {
                 let batch: Vec<Computed> = std::iter::once(first).chain(results.try_iter()).collect();
                 for (unit, error) in self.keep(pass, batch) {
@@ -138,7 +145,8 @@ impl Keeper<'_> {
         failures
     }
 
-    /// Commits computed units: first what they wrote beside their payloads must be on the disk, then the payloads.
+    /// Commits computed units. The files beside their payloads are synced first, then the payloads are
+    /// stored.
     fn keep<P: Pass>(&self, pass: &P, batch: Vec<Computed>) -> Vec<(usize, Error)> {
         let mut failures = Vec::new();
         let mut done = Vec::new();
@@ -167,40 +175,41 @@ impl Keeper<'_> {
         failures
     }
 
-    /// Tells the observer and the log.
+    /// Reports an event to the observer and the log.
     fn tell(&self, event: &Event<'_>) {
         self.observer.event(event);
         self.run_dir.log_event(&event.to_json().to_string());
     }
 }
 
-/// A unit that a worker is done with.
+/// A unit that a worker has finished.
 struct Computed {
     unit: usize,
     seconds: f64,
     payload: Result<Vec<u8>>,
 }
 
-/// Computes one unit anew.
+/// Computes one unit again.
 fn run_unit<P: Pass>(pass: &P, dir: &PassDir, unit: usize) -> Result<Vec<u8>> {
-    // Values beside the payload are about to be overwritten: the old record of this unit must not vouch for them.
+    // The values beside the payload will be overwritten, so the old result of this unit must not confirm
+    // them.
     dir.invalidate(unit)?;
     compute_unit(pass, unit)
 }
 
-/// Computes one unit; a panic is caught here and counts as a bug of this unit.
+/// Computes one unit. A panic is caught here and counts as a bug in this unit.
 fn compute_unit<P: Pass>(pass: &P, unit: usize) -> Result<Vec<u8>> {
     catch_unwind(AssertUnwindSafe(|| pass.run(unit))).unwrap_or_else(|panic| {
         let text = panic
             .downcast_ref::<&str>()
             .map(ToString::to_string)
             .or_else(|| panic.downcast_ref::<String>().cloned())
-            .unwrap_or_else(|| "panic without a text".to_owned());
+            .unwrap_or_else(|| "panic without a message".to_owned());
         Err(Error::bug(format!("pass {}, unit {unit}: {text}", pass.outline().name)))
     })
 }
 
-/// How the pass as a whole ended: the error to return, if any.
+/// The error of the pass as a whole, if any.
 fn conclude<P: Pass>(
     pass: &P,
     dir: &PassDir,
@@ -220,7 +229,7 @@ fn conclude<P: Pass>(
                 &json!({ "pass": pass.outline().name, "unit": unit, "kind": kind, "error": error.to_string() }),
             )?;
         }
-        // An input that cannot be read says so itself; the same command would fail again.
+        // If an input cannot be read, its own error is returned, because the same command would fail again.
         if failures.iter().all(|(_, error)| error.concerns_input()) {
             return Ok(Some(failures.swap_remove(0).1));
         }
@@ -241,20 +250,22 @@ fn conclude<P: Pass>(
             done += usize::from(dir.state(unit)? == UnitState::Done);
         }
         if done < pass.units() {
-            let (pass, total) = (pass.outline().name.to_owned(), pass.units());
+            let total = pass.units();
+            let pass = pass.outline().name.to_owned();
             return Ok(Some(RunError::Interrupted { pass, done, total }.into()));
         }
     }
     Ok(None)
 }
 
-/// Says in the log that a stored unit is not used.
+/// Logs that a stored unit is not used.
 fn log_refusal(run_dir: &RunDir, pass: &str, unit: usize, refusal: &Refusal) {
     let text = format!("pass {pass}, unit {unit}: stored result not used ({refusal:?})");
     run_dir.log_event(&json!({ "event": "refused", "text": text }).to_string());
 }
 
-/// The payloads of all units, computed on threads and kept in memory; the first error by unit where any failed.
+/// The payloads of all units, computed on threads and kept in memory. If units failed, the error of the first
+/// one.
 pub(crate) fn compute<P: Pass>(pass: &P, limits: Limits) -> Result<Vec<Vec<u8>>> {
     let workers = limits.threads.min(pass.units()).max(1);
     let flight = InFlight::default();
@@ -264,7 +275,9 @@ pub(crate) fn compute<P: Pass>(pass: &P, limits: Limits) -> Result<Vec<Vec<u8>>>
     found.resize_with(pass.units(), || None);
     std::thread::scope(|scope| {
         for _ in 0..workers {
-            let (inbox, report, flight) = (inbox.clone(), report.clone(), &flight);
+            let inbox = inbox.clone();
+            let report = report.clone();
+            let flight = &flight;
             scope.spawn(move || {
                 for (unit, bytes) in inbox {
                     let payload = compute_unit(pass, unit);

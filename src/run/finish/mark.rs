@@ -1,4 +1,4 @@
-//! The mark that says that every output of a run is there.
+//! The mark that every output of a run is complete.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::store::{Fingerprint, PassDir, RunDir, StoreError};
 
 const FINISHED: &str = "finished.json";
 
-/// What a finished run left.
+/// The outputs of a finished run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Finished {
     pub(crate) objects: usize,
@@ -21,11 +21,11 @@ struct Mark {
     fingerprint: String,
     objects: usize,
     files: Vec<String>,
-    /// Bytes of each file, so that one that was cut or replaced is noticed.
+    /// Size of each file in bytes, so that a cut or replaced file is noticed.
     bytes: Vec<u64>,
 }
 
-/// What an earlier call finished under the same fingerprint, if all of it is still there.
+/// The outputs of an earlier call with the same fingerprint, if all of them still exist.
 pub(crate) fn already_finished(run_dir: &RunDir, export: Fingerprint) -> Result<Option<Finished>> {
     let Some(mark) = run_dir.read_json::<Mark>(FINISHED)? else { return Ok(None) };
     let names = mark.files.iter().map(String::as_str).chain(BESIDE);
@@ -35,8 +35,8 @@ pub(crate) fn already_finished(run_dir: &RunDir, export: Fingerprint) -> Result<
     Ok((same && whole).then_some(Finished { objects: mark.objects, files: mark.files }))
 }
 
-/// Removes the mark before outputs are written again. Units of the export whose files have already been named have
-/// nothing left to resume from, so they go too.
+/// Removes the mark before outputs are written again. If the output files already have their names, the units
+/// of the export have no files to resume from, so these units are removed as well.
 pub(crate) fn withdraw(run_dir: &RunDir, export: &PassDir) -> Result<()> {
     if run_dir.read_json::<Mark>(FINISHED)?.is_some() {
         export.clear()?;
@@ -46,7 +46,8 @@ pub(crate) fn withdraw(run_dir: &RunDir, export: &PassDir) -> Result<()> {
     Ok(())
 }
 
-/// Marks the run, whose last output has been written, as finished and removes what only an unfinished export needs.
+/// Marks the run as finished after its last output was written, and removes the files that only an unfinished
+/// export needs.
 pub(crate) fn mark_finished(run_dir: &RunDir, export: &PassDir, finished: &Finished) -> Result<()> {
     let mut bytes = Vec::new();
     for name in finished.files.iter().map(String::as_str).chain(BESIDE) {
@@ -54,7 +55,8 @@ pub(crate) fn mark_finished(run_dir: &RunDir, export: &PassDir, finished: &Finis
         bytes.push(fs_err::metadata(&path).map_err(StoreError::io("read", &path))?.len());
     }
     let fingerprint = export.fingerprint().to_string();
-    let (objects, files) = (finished.objects, finished.files.clone());
+    let objects = finished.objects;
+    let files = finished.files.clone();
     run_dir.write_json(FINISHED, &Mark { fingerprint, objects, files, bytes })?;
     export.clear()?;
     let folder = run_dir.path("export");

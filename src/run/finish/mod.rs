@@ -1,4 +1,4 @@
-//! The end of a run: names, tables, report, and the mark that says that everything is there.
+//! The end of a run: names, tables, report, and the mark that all outputs are complete.
 
 pub(crate) mod mark;
 pub(crate) mod names;

@@ -1,4 +1,4 @@
-//! What a run will write, and whether it may.
+//! The names of the outputs of a run, and whether they may be written.
 
 use crate::config::{ClassificationChoice, Config};
 use crate::error::Result;
@@ -9,7 +9,7 @@ use crate::store::{RunDir, StoreError};
 
 /// Name of the report.
 pub(super) const REPORT: &str = "report.json";
-/// What a finished run leaves beside the labelled copies.
+/// Outputs of a finished run beside the labelled copies.
 pub(super) const BESIDE: [&str; objects::REGISTRY.len() + 1] = {
     let mut names = [REPORT; objects::REGISTRY.len() + 1];
     let mut index = 0;
@@ -20,7 +20,8 @@ pub(super) const BESIDE: [&str; objects::REGISTRY.len() + 1] = {
     names
 };
 
-/// The labelled copies to be written: names do not collide, and nothing foreign is in the place of any output.
+/// The labelled copies to be written. Their names do not collide, and no foreign file has the name of an
+/// output.
 pub(crate) fn plan_files(
     catalog: &Catalog,
     config: &Config,

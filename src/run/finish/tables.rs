@@ -1,4 +1,4 @@
-//! The tables of objects, and charts for people who choose thresholds.
+//! The tables of objects, and charts for the choice of thresholds.
 
 use std::io::Write;
 use std::path::Path;
@@ -38,7 +38,8 @@ pub(crate) fn write_tables(
         let object = Object::new(id, &parts[index], &site);
         ObjectRow { outline: inventory::outline(&object), values: inventory::values(&object) }
     };
-    let (columns, len) = (inventory::columns(), parts.len());
+    let columns = inventory::columns();
+    let len = parts.len();
     let table = ObjectTable { columns: &columns, epsg: crs.epsg, len, row: &row };
     for entry in objects::REGISTRY {
         let name = entry.file_name;
@@ -50,7 +51,7 @@ pub(crate) fn write_tables(
     Ok(())
 }
 
-/// Writes every chart as `NAME.svg`, and removes those that an earlier call with another method left.
+/// Writes every chart as `NAME.svg`, and removes the charts of an earlier call with another method.
 pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<()> {
     let names: Vec<String> = charts.iter().map(|chart| format!("{}.svg", chart.name)).collect();
     for name in run_dir.own_outputs()?.iter().filter(|name| name.ends_with(".svg") && !names.contains(name)) {
@@ -81,7 +82,7 @@ pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<()> {
     Ok(())
 }
 
-/// Writes a file of the output under its final name when it is complete.
+/// Writes an output file. It gets its final name when it is complete.
 pub(super) fn write_whole(
     run_dir: &RunDir,
     name: &str,

@@ -1,5 +1,6 @@
-//! Floors: what a run cannot be faster than. The copy floor reads every input byte and writes every output byte once,
-//! sequentially, with nothing computed; the codec floor decodes and encodes every LAZ chunk and writes nothing.
+//! Lower limits of the running time. The copy floor reads every input byte and writes every output byte once,
+//! sequentially, without any computation. The codec floor decodes and encodes every LAZ chunk and writes
+//! nothing.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -14,11 +15,11 @@ use crate::input::{Fields, InputError};
 use crate::output::{LabelOptions, LabelledFile, OutputError};
 use crate::run::open;
 
-/// Bytes per read and write: large enough that the calls do not count.
+/// Bytes per read and write: large enough that the time of the calls is negligible.
 const PIECE: usize = 1 << 20;
 
-/// Seconds to read `inputs` once and to write `output_bytes` to a file in `folder`, which is removed again. With
-/// `durable` the file is synced to the disk, as everything is that a run writes.
+/// Seconds to read `inputs` once and to write `output_bytes` to a file in `folder`. The file is removed
+/// again. With `durable` it is synced to the disk, like every file that a run writes.
 ///
 /// # Errors
 /// When a file cannot be read or written.
@@ -55,8 +56,8 @@ pub fn copy_floor(inputs: &[PathBuf], output_bytes: u64, folder: &Path, durable:
     Ok(seconds)
 }
 
-/// Seconds to decode every chunk of compressed `inputs` and to encode it again with labels of zero, on `threads`.
-/// `None` when no input is compressed.
+/// Seconds to decode every chunk of compressed `inputs` and to encode it again with labels of zero, on
+/// `threads` threads. `None` if no input is compressed.
 ///
 /// # Errors
 /// When a file cannot be read.
@@ -74,7 +75,8 @@ pub fn codec_floor(inputs: &[PathBuf], config: &Config, threads: usize) -> Resul
         let labelled = LabelledFile::plan(file, &LabelOptions::default())?;
         pool.install(|| {
             (0..file.blocks().len()).into_par_iter().try_for_each(|block| -> Result<()> {
-                let (mut buffer, mut out) = (Vec::new(), Vec::new());
+                let mut buffer = Vec::new();
+                let mut out = Vec::new();
                 let records = file.records(block, Fields::All, &mut buffer)?;
                 let count = file.blocks()[block].count as usize;
                 labelled.label(records, &vec![0; count], &vec![0; count], &mut out);
@@ -86,7 +88,7 @@ pub fn codec_floor(inputs: &[PathBuf], config: &Config, threads: usize) -> Resul
     Ok(Some(started.elapsed().as_secs_f64()))
 }
 
-/// Files that the arguments of a command name, and their bytes.
+/// The files that the arguments of a command name, and their bytes.
 ///
 /// # Errors
 /// When a file cannot be opened.

@@ -1,4 +1,4 @@
-//! What is in a drive, from every point of it.
+//! Facts of a drive, computed from every point.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use crate::run::engine::InMemory;
 use crate::run::open::Opened;
 use crate::run::{computed, flow};
 
-/// What is known of one file.
+/// Facts of one file.
 #[derive(Debug, Clone, Serialize)]
 pub struct FileFacts {
     /// File name.
@@ -33,16 +33,16 @@ pub struct FileFacts {
     pub dimensions: Vec<String>,
 }
 
-/// What is known of a drive.
+/// Facts of a drive.
 #[derive(Debug, Clone, Serialize)]
 pub struct DriveFacts {
     /// Its files.
     pub files: Vec<FileFacts>,
-    /// Points in all.
+    /// Number of points.
     pub points: u64,
-    /// Bytes in all.
+    /// Number of bytes.
     pub bytes: u64,
-    /// Coordinate reference system, as far as known.
+    /// Coordinate reference system, if known.
     pub crs: String,
     /// EPSG code, if known.
     pub epsg: Option<u32>,
@@ -54,7 +54,7 @@ pub struct DriveFacts {
     pub gps_time_s: Option<(f64, f64)>,
     /// Occupied area in square metres.
     pub area_m2: f64,
-    /// Points per occupied square metre: mean.
+    /// Mean number of points per occupied square metre.
     pub density_mean: f64,
     /// Points per square metre in the median occupied cell.
     pub density_median: f64,
@@ -62,11 +62,11 @@ pub struct DriveFacts {
     pub density_max: f64,
     /// The axis.
     pub axis: AxisFacts,
-    /// What is wrong or unusual.
+    /// Problems and unusual facts.
     pub warnings: Vec<String>,
 }
 
-/// What is in a drive, from every point of it; changes nothing.
+/// Computes the facts of a drive from every point. Changes nothing.
 ///
 /// # Errors
 /// When a file cannot be used.

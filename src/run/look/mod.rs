@@ -1,5 +1,5 @@
-//! Looking without touching: what is in a drive, which tiles a run would work on, what a run directory holds, and what a
-//! run cannot be faster than.
+//! Commands that change nothing: facts of a drive, the tiles that a run would process, the state of a run
+//! directory, and the lower limits of the running time.
 
 mod floors;
 mod info;

@@ -1,4 +1,4 @@
-//! The tiles that a run would work on.
+//! The tiles that a run would process.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,8 @@ use crate::run::flow::{self, Planned};
 use crate::run::open::Opened;
 use crate::run::plan::{self, tile_bytes};
 
-/// Points per second and thread of the whole run on the machine of `benches/results`, for the estimate of `plan`.
+/// Points per second and thread of a whole run on the machine of `benches/results`, for the time that `plan`
+/// estimates.
 const POINTS_PER_SECOND: f64 = 2e6;
 
 /// One tile of a plan.
@@ -32,7 +33,7 @@ pub struct TileFacts {
     pub bytes: u64,
 }
 
-/// The tiles that a run would work on.
+/// The tiles that a run would process.
 #[derive(Debug, Serialize)]
 pub struct PlanFacts {
     /// Tiles in order of chainage.
@@ -43,7 +44,7 @@ pub struct PlanFacts {
     pub threads: usize,
     /// Memory budget in bytes.
     pub memory: u64,
-    /// Estimated peak of memory for tiles in flight, in bytes.
+    /// Estimated peak of the memory of tiles in flight, in bytes.
     pub memory_needed: u64,
     /// Reach of ground and noise in metres.
     pub ground_reach_m: f64,
@@ -57,14 +58,14 @@ pub struct PlanFacts {
     pub seconds: f64,
     /// The axis.
     pub axis: AxisFacts,
-    /// What is wrong or unusual.
+    /// Problems and unusual facts.
     pub warnings: Vec<String>,
     /// The map: tiles and axis as SVG.
     #[serde(skip)]
     pub svg: String,
 }
 
-/// The tiles that a run would work on; changes nothing.
+/// Plans the tiles that a run would process. Changes nothing.
 ///
 /// # Errors
 /// When a file or a setting cannot be used.
@@ -107,14 +108,15 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     warnings.extend(surveyed.warnings.iter().cloned());
     if largest > budget.memory {
         warnings.push(format!(
-            "a tile needs about {} MiB, the budget is {} MiB: it will be processed alone",
+            "the largest tile needs about {} MiB, more than the memory budget of {} MiB: it is processed alone",
             largest >> 20,
             budget.memory >> 20
         ));
     }
     if chain.method.reach_is_provisional() {
         warnings.push(
-            "the halo of the clusters is known once the drive is: that of the estimate stands for it"
+            "the halo of the clustering is known only after epsilon is estimated: \
+             this plan uses the halo of the estimation"
                 .to_owned(),
         );
     }

@@ -1,5 +1,5 @@
-//! What a run directory holds: which units are done, which are left, which are stale and why. Changes nothing: it walks the
-//! flow with a driver that computes nothing.
+//! The state of a run directory: which units are done, which are left, which are stale and why. It changes
+//! nothing: it walks the flow with a driver that computes nothing.
 
 use std::path::{Path, PathBuf};
 
@@ -18,13 +18,13 @@ use crate::store::{RunDir, StaleReason};
 pub struct PassStatus {
     /// Its name.
     pub pass: &'static str,
-    /// Units in all; `None` where that is not known before an earlier pass is complete.
+    /// Number of units. `None` if it is not known before an earlier pass is complete.
     pub units: Option<usize>,
-    /// Units whose result is there and fits.
+    /// Number of units with a stored result that fits.
     pub done: usize,
-    /// Units whose result is there but is damaged or depends on something that has changed.
+    /// Number of units with a stored result that is damaged, or that depends on a value that has changed.
     pub stale: usize,
-    /// What has changed.
+    /// The changed values.
     pub why: Vec<StaleReason>,
 }
 
@@ -37,15 +37,15 @@ pub struct RunStatus {
     pub inputs: Vec<PathBuf>,
     /// Passes in order.
     pub passes: Vec<PassStatus>,
-    /// Whether all outputs are there and fit.
+    /// Whether all outputs exist and fit.
     pub finished: bool,
 }
 
-/// The state of the run in `out`, compared with its last configuration or with the settings that `resolve` makes of
-/// the path of that configuration.
+/// The state of the run in `out`. It is compared with the last configuration, or with the settings that
+/// `resolve` returns for the path of that configuration.
 ///
 /// # Errors
-/// When there is no run, or its input cannot be opened any more.
+/// When there is no run, or its input can no longer be opened.
 pub fn status(
     out: &Path,
     registries: &Registries<'_>,
@@ -62,7 +62,7 @@ pub fn status(
     Ok(RunStatus { out: out.to_owned(), inputs, passes, finished })
 }
 
-/// Walks as far as everything is there.
+/// Walks along the flow up to the first incomplete pass.
 fn walk(open: &Opened<'_>, driver: &mut Nobody<'_>, run_dir: &RunDir) -> Result<Option<Outcome>> {
     let Some(surveyed) = flow::survey(open, driver, None)? else { return Ok(None) };
     let Some(planned) = flow::plan(open, driver, surveyed)? else { return Ok(None) };

@@ -1,4 +1,5 @@
-//! Pass `export`: the labelled copies, a run of blocks at a time; and its reduction, which gives them their names.
+//! Pass `export`: writes the labelled copies, a run of blocks at a time. Its reduction gives them their
+//! names.
 
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -23,14 +24,14 @@ use crate::whole_file::publish;
 const NUMBER: u32 = 6;
 const NAME: &str = "export";
 
-/// Points of one unit at most.
+/// Maximum number of points of one unit.
 const UNIT_POINTS: u64 = 1_000_000;
 
-/// Records that are labelled and written at a time to a file without chunks: what was just labelled is still in the
-/// core's own cache when the system copies it, with the lock of the file held.
+/// Number of records that are labelled and written at a time to a file without chunks. They are then still in
+/// the core's own cache when the system copies them, with the lock of the file held.
 const PIECE_RECORDS: u64 = 8_192;
 
-/// Records of one file that one unit writes.
+/// The records of one file that one unit writes.
 struct Unit {
     file: usize,
     /// Chunks of the output file.
@@ -38,14 +39,14 @@ struct Unit {
     points: u64,
 }
 
-/// One output file that is being written.
+/// An output file in progress.
 struct Target {
     labelled: LabelledFile,
-    /// Record ranges that are written as one piece each.
+    /// Ranges of records, each of which is written as one piece.
     chunks: Vec<Range<u64>>,
-    /// Where an uncompressed file grows until it is complete.
+    /// The temporary path of an uncompressed copy until it is complete.
     part: PathBuf,
-    /// Whether anything was written to it since the last sync began.
+    /// Whether anything was written to it since the last sync started.
     unsynced: AtomicBool,
 }
 
@@ -96,7 +97,7 @@ impl<'a> ExportPass<'a> {
         pass
     }
 
-    /// Objects and classes of the records of a range, ready to be written.
+    /// Reads objects and classes of the records of a range, ready to be written.
     fn labels(&self, file: usize, records: &Range<u64>, desk: &mut Desk) -> Result<()> {
         let count = usize::try_from(length(records)).unwrap_or(0);
         desk.labels.resize(count, 0);
@@ -105,7 +106,7 @@ impl<'a> ExportPass<'a> {
         self.columns.classes.read(file, records.start, &mut desk.classes)
     }
 
-    /// Puts the labelled records of a range on the desk.
+    /// Puts the labelled records of a range into the buffers.
     fn label(&self, file: usize, records: &Range<u64>, desk: &mut Desk) -> Result<()> {
         let input = self.drive.file(file);
         let stride = input.layout().record_len;
@@ -120,7 +121,8 @@ impl<'a> ExportPass<'a> {
             let from = records.start.max(run.first_record);
             let to = records.end.min(run.first_record + u64::from(run.count));
             let at = |record: u64| usize::try_from(record - run.first_record).unwrap_or(0) * stride;
-            // A file without chunks is one block: it stays decoded on the desk while its pieces are written.
+            // A file without chunks is one block: it stays decoded in the buffers while its pieces are
+            // written.
             let mut decoded = std::mem::take(&mut desk.decoded);
             let kept = desk.block == Some(block) && input.is_compressed();
             let all = if kept { &decoded[..] } else { input.records(block, Fields::All, &mut decoded)? };
@@ -136,10 +138,11 @@ impl<'a> ExportPass<'a> {
         Ok(())
     }
 
-    /// Whether the finished copy of a file has its name: the intent to name it is on disk before it is named, so a
-    /// missing part then means that it was.
+    /// Whether the finished copy of a file has its name. The intent to rename it is on disk before the
+    /// rename, so a missing temporary file means that it was renamed.
     fn is_named(&self, file: usize, dir: &PassDir) -> Result<bool> {
-        let (run_dir, target) = (self.run_dir, &self.targets[file]);
+        let run_dir = self.run_dir;
+        let target = &self.targets[file];
         let meant = run_dir.read_json::<String>(&intent(file))?;
         let path = run_dir.out().join(target.labelled.name());
         Ok(meant.is_some_and(|stored| stored == dir.fingerprint().to_string())
@@ -147,7 +150,7 @@ impl<'a> ExportPass<'a> {
             && !target.part.exists())
     }
 
-    /// The compressed chunks of a file in order, a unit at a time.
+    /// The compressed chunks of a file in order, one unit at a time.
     fn chunks<'b>(
         &'b self,
         file: usize,
@@ -163,12 +166,13 @@ impl<'a> ExportPass<'a> {
     }
 }
 
-/// Buffers of one worker, kept from chunk to chunk: fresh ones would have to be zeroed by the system every time.
+/// Buffers of one worker, kept from chunk to chunk, because the system would have to zero new ones every
+/// time.
 #[derive(Default)]
 struct Desk {
     labels: Vec<u32>,
     classes: Vec<u8>,
-    /// Block whose records are in `decoded`.
+    /// The block whose records are in `decoded`.
     block: Option<usize>,
     decoded: Vec<u8>,
     /// Labelled records.
@@ -197,7 +201,7 @@ fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
     Ok(chunks)
 }
 
-/// Record of the intent to give the copy of a file its name.
+/// Path of the file that records the intent to rename the copy of a file.
 fn intent(file: usize) -> String {
     format!("export/{file:05}.json")
 }
@@ -234,7 +238,7 @@ impl Pass for ExportPass<'_> {
 
     fn bytes(&self, unit: usize) -> u64 {
         let unit = &self.units[unit];
-        // Records as read, as labelled, and (compressed) as a payload.
+        // Records as read, as labelled, and (if compressed) as a payload.
         unit.points * (self.drive.file(unit.file).layout().record_len as u64 * 3 + 16)
     }
 
@@ -273,8 +277,8 @@ impl Pass for ExportPass<'_> {
         Ok(())
     }
 
-    /// Makes sure that finished units have their bytes: where the half-written copy was lost, or was started for something
-    /// else since, its units are invalidated, and the copy is started again.
+    /// Makes sure that the bytes of finished units exist. If the temporary file of a copy was lost, or was
+    /// started for other values, its units are invalidated and the copy is started again.
     fn prepare(&self, dir: &PassDir) -> Result<()> {
         let run_dir = self.run_dir;
         mark::withdraw(run_dir, dir)?;
@@ -288,7 +292,8 @@ impl Pass for ExportPass<'_> {
                 continue;
             }
             for (unit, _) in self.units.iter().enumerate().filter(|(_, unit)| unit.file == file) {
-                // Chunks of a compressed copy are in the units themselves, and fit or do not by their fingerprint.
+                // Chunks of a compressed copy are in the units themselves, whose fingerprints decide whether
+                // they fit.
                 if !target.labelled.is_compressed() {
                     dir.invalidate(unit)?;
                 }
@@ -301,7 +306,8 @@ impl Pass for ExportPass<'_> {
             run_dir.write_json(&record, &fingerprint)?;
             let part = open_part(target)?;
             if !target.labelled.is_compressed() {
-                // Its whole length at once: each unit then is the one writer of its own range of bytes.
+                // The file gets its full length at once, so each unit is the only writer of its range of
+                // bytes.
                 let end = target.labelled.epilogue_offset() + target.labelled.epilogue_len();
                 part.set_len(end)
                     .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
@@ -310,9 +316,11 @@ impl Pass for ExportPass<'_> {
         Ok(())
     }
 
-    /// Gives every labelled copy its final name, now that all units are done. May be interrupted and called again.
+    /// Gives every labelled copy its final name after all units are done. It may be interrupted and called
+    /// again.
     fn reduce(&self, payloads: &Payloads) -> Result<Vec<String>> {
-        let (dir, run_dir) = (payloads.dir()?, self.run_dir);
+        let dir = payloads.dir()?;
+        let run_dir = self.run_dir;
         for (file, target) in self.targets.iter().enumerate() {
             let path = run_dir.out().join(target.labelled.name());
             let failed = |source| OutputError::Write { path: path.clone(), source };

@@ -1,5 +1,6 @@
-//! Pass `fields`: further fields of every point (intensity, colours) in columns of their own, and exact sums of every
-//! field that distances are to be taken in, over all points of the drive, ground and noise included.
+//! Pass `fields`: writes further fields of every point (intensity, colours) to columns, and computes exact
+//! sums of every field in which distances are measured, over all points of the drive, ground and noise
+//! included.
 
 use crate::codec;
 use crate::error::Result;
@@ -13,12 +14,12 @@ use crate::store::{Inputs, PassDir, RunDir};
 const NUMBER: u32 = 1;
 const NAME: &str = "fields";
 
-/// How the folder of the pass begins.
+/// Prefix of the folder of the pass.
 pub(crate) fn writers() -> String {
     format!("{}{NAME}", prefix(NUMBER))
 }
 
-/// The pass depends on the content of the input and on which fields they are.
+/// The pass depends on the content of the input and on the names of the fields.
 pub(crate) fn outline(surveyed: &Surveyed, fields: &[Field]) -> Outline {
     let names: Vec<&str> = fields.iter().map(|field| field.name()).collect();
     let depends = Inputs::new()
@@ -50,7 +51,8 @@ impl<'a> FieldsPass<'a> {
 impl FieldsPass<'_> {
     fn block(&self, file: usize, block: usize, buffer: &mut Vec<u8>, sums: &mut [FieldSums]) -> Result<()> {
         let input = self.drive.file(file);
-        let (layout, transform) = (input.layout(), input.transform());
+        let layout = input.layout();
+        let transform = input.transform();
         let first_record = input.blocks()[block].first_record;
         {
             let bytes = input.records(block, Fields::All, buffer)?;

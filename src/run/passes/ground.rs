@@ -1,4 +1,4 @@
-//! Pass `ground`: tells ground and isolated noise from objects, one class per point, tile by tile.
+//! Pass `ground`: separates ground and isolated noise from objects, one class per point, tile by tile.
 
 use std::collections::BTreeMap;
 
@@ -20,11 +20,12 @@ use crate::tiling::Plan;
 const NUMBER: u32 = 2;
 const NAME: &str = "ground";
 
-/// Raised when a method gives other results than before for the same input and settings.
+/// Raised when a method gives different results for the same input and settings.
 pub(crate) const ALGORITHM_EPOCH: u32 = 1;
 
-/// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting): `scripts/tile_memory.py` measured 37
-/// to 44 on streets, and 44 to 51 in forests, where few points share a voxel.
+/// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting).
+/// `scripts/tile_memory.py` measured 37 to 44 on streets, and 44 to 51 in forests, where few points share a
+/// voxel.
 pub(crate) const BYTES_PER_POINT: u64 = 52;
 
 /// The ground pass depends on the content of the input, the tiles, and its own settings.
@@ -51,16 +52,16 @@ impl<'a> GroundPass<'a> {
     }
 }
 
-/// What a tile keeps beside the classes of its points.
+/// The payload of a tile, without the classes of its points.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct GroundPayload {
     /// Points by class code.
     pub(crate) counts: [u64; 4],
-    /// Ground points and the sum of their lattice z, by cell.
+    /// Number of ground points and the sum of their lattice z, by cell.
     pub(crate) heights: Vec<(Cell, u32, i64)>,
 }
 
-/// Sums of heights by cell; neighbouring points mostly share a cell, so the last one is kept at hand.
+/// Sums of heights by cell. Neighbouring points are mostly in the same cell, so the last one is cached.
 #[derive(Debug, Default)]
 struct HeightSums {
     sums: BTreeMap<Cell, (u32, i64)>,
@@ -121,7 +122,7 @@ impl<'a> Pass for GroundPass<'a> {
         let cloud = &gathered.cloud;
         let mut classes = vec![PointClass::Object; cloud.len()];
         {
-            // The voxels are given back before the columns to be kept are made, which take as much.
+            // The voxels are freed before the columns of the result are created, which need as much memory.
             let mut view = TileView::new(cloud);
             if let Some(noise) = &self.chain.noise {
                 noise.mark(&mut view, &mut classes)?;
@@ -130,7 +131,8 @@ impl<'a> Pass for GroundPass<'a> {
         }
 
         let mut payload = GroundPayload::default();
-        let (mut ids, mut codes) = (Vec::new(), Vec::new());
+        let mut ids = Vec::new();
+        let mut codes = Vec::new();
         let mut heights = HeightSums::default();
         let grid = self.tiled.drive.grid;
         for (point, class) in classes.iter().enumerate().filter(|(point, _)| gathered.core[*point]) {
@@ -150,7 +152,7 @@ impl<'a> Pass for GroundPass<'a> {
         Ok(codec::pack(&[codec::encode(&payload)?, blocks, runs, codes]))
     }
 
-    /// The drive with its ground and noise known.
+    /// The drive with the classes of its points.
     fn reduce(&self, payloads: &Payloads) -> Result<Classified<'a>> {
         let mut classified = Classified { tiled: self.tiled, ground: payloads.clone(), objects: Vec::new() };
         for tile in TileId::first(self.units()) {
@@ -161,9 +163,10 @@ impl<'a> Pass for GroundPass<'a> {
     }
 }
 
-/// Points by class, and the height of the ground, from what the pass kept.
+/// Number of points by class, and the height of the ground, from the payloads.
 pub(crate) fn summed_up(classified: &Classified<'_>) -> Result<(Counts, Terrain)> {
-    let (tiled, mut counts) = (classified.tiled, Counts::default());
+    let tiled = classified.tiled;
+    let mut counts = Counts::default();
     let mut terrain = TerrainSums::new(tiled.drive.grid, tiled.drive.lattice(), tiled.surveyed.lowest());
     for tile in TileId::first(tiled.count()) {
         add(classified.section(tile, sections::SUMMARY)?, &mut counts, &mut terrain);
@@ -171,7 +174,7 @@ pub(crate) fn summed_up(classified: &Classified<'_>) -> Result<(Counts, Terrain)
     Ok((counts, terrain.into_terrain()))
 }
 
-/// Adds what is known of a tile.
+/// Adds the heights of a tile.
 fn add(summary: GroundPayload, counts: &mut Counts, terrain: &mut TerrainSums) {
     let [object, ground, low_noise, high_noise] = summary.counts;
     counts.object += object;

@@ -1,5 +1,6 @@
-//! The steps of a method, whichever it is: each a pass over the tiles, repeated until it has settled where it says so, with
-//! its reduction. The last step labels points; its reduction is the pass `stitch`.
+//! The steps of any clustering method. Each step is a pass over the tiles with a reduction, and is repeated
+//! until it has settled if it asks for this. The last step labels points, and its reduction is the pass
+//! `stitch`.
 
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -19,8 +20,8 @@ use crate::store::{Inputs, RunDir};
 
 const NUMBER: u32 = 3;
 
-/// The steps of a method: the first depends on the pass `ground`, each later one on the step before, and each on its own
-/// settings.
+/// The outlines of the steps of a method. The first step depends on the pass `ground`, each later one on the
+/// step before, and each on its own settings.
 pub(crate) fn outlines(ground: &Outline, config: &Config, method: &dyn Method) -> Vec<Outline> {
     let mut outlines: Vec<Outline> = Vec::new();
     for (number, step) in method.steps().iter().enumerate() {
@@ -38,7 +39,7 @@ pub(crate) fn outlines(ground: &Outline, config: &Config, method: &dyn Method) -
     outlines
 }
 
-/// Adds a setting (`section.key`), or all of a section (`section.*`), to what a pass depends on.
+/// Adds a setting (`section.key`), or a whole section (`section.*`), to the values that a pass depends on.
 fn with_setting(depends: Inputs, config: &Config, key: &str) -> Inputs {
     match key.split_once('.') {
         Some((section, "*")) => with_section(depends, config, section),
@@ -54,7 +55,7 @@ fn with_setting(depends: Inputs, config: &Config, key: &str) -> Inputs {
 struct StepPass<'a> {
     progress: &'a Progress<'a>,
     step: usize,
-    /// How far around a tile the step reads points, in lattice units.
+    /// Distance around a tile within which the step reads points, in lattice units.
     reach: i64,
     outline: Outline,
 }
@@ -71,13 +72,14 @@ impl StepPass<'_> {
     /// The objects of a tile, and the label of each point of objects in its core.
     fn keep(&self, tile: TileId, labelled: Labelled) -> Result<(LocalLabels, Vec<u32>)> {
         let Labelled { points: TilePoints { cloud, core, ground }, mut labels, count, with_halo } = labelled;
-        let (drive, plan) = (self.classified().tiled.drive, self.progress.plan());
+        let drive = self.classified().tiled.drive;
+        let plan = self.progress.plan();
         let file = |id: u64| drive.file_of(id).number();
         let local = if with_halo {
             let owners = plan.owners();
             let owner = |point: usize| {
                 let [x, y, _] = cloud.lattice_point(point);
-                // Gathered points lie in occupied cells, and those have an owner.
+                // Gathered points lie in occupied cells, and these have an owner.
                 TileId::new(drive.grid.cell(x, y).map_or(0, |cell| owners.get(cell)).saturating_sub(1))
             };
             let size = self.progress.over.method.object_size();
@@ -129,7 +131,8 @@ impl Pass for StepPass<'_> {
         let tile = TileId::at(self.tile(unit));
         let around = Around { progress: self.progress, tile };
         let Mapped { payload, border, labelled } = self.progress.over.method.map(self.step, &around)?;
-        let (mut objects, mut labels) = (Vec::new(), Vec::new());
+        let mut objects = Vec::new();
+        let mut labels = Vec::new();
         if let Some(labelled) = labelled {
             let (local, kept) = self.keep(tile, labelled)?;
             objects = codec::encode(&local)?;
@@ -143,14 +146,14 @@ impl Pass for StepPass<'_> {
     }
 }
 
-/// Removes the steps of other methods: their results are not used here, and take space.
+/// Removes the steps of other methods. Their results are not used here and take space.
 pub(crate) fn remove_others(run_dir: &RunDir, outlines: &[Outline]) -> Result<()> {
     let ours = |name: &str| outlines.iter().any(|outline| outline.owns(name));
     Ok(run_dir.remove_passes(&prefix(NUMBER), ours)?)
 }
 
-/// Completes the steps of a method up to and with step `last`; `None` where the driver does not compute what is missing.
-/// The last step of the method is not reduced.
+/// Completes the steps of a method up to and including step `last`. `None` if the driver does not compute
+/// missing units. The last step of the method is not reduced.
 pub(crate) fn complete<'a, D: Driver>(
     driver: &mut D,
     over: &'a MethodDrive<'a>,
@@ -170,7 +173,7 @@ fn begin(over: &MethodDrive<'_>) -> StepResults {
     StepResults { rounds: Rounds::new(over.classified.tiled.count(), xxh3_64(&[])), payloads: Vec::new() }
 }
 
-/// Completes a step in as many rounds as it takes; `false` where the driver does not compute what is missing.
+/// Completes a step in as many rounds as necessary. `false` if the driver does not compute missing units.
 fn complete_step<D: Driver>(
     driver: &mut D,
     progress: &mut Progress<'_>,
@@ -220,7 +223,8 @@ fn complete_step<D: Driver>(
     }
 }
 
-/// Takes in the payloads of a round; says which tiles have to run again because they see a changed border.
+/// Reads the payloads of a round, and returns the tiles that must run again because they see a changed
+/// border.
 fn complete_round(progress: &mut Progress<'_>, step: usize, payloads: Payloads) -> Result<Vec<usize>> {
     let method = progress.over.method;
     if method.steps()[step].repeat == Repeat::Once {
@@ -242,13 +246,14 @@ fn complete_round(progress: &mut Progress<'_>, step: usize, payloads: Payloads) 
     Ok(progress.current.rounds.complete(&borders, sees))
 }
 
-/// How a reduction ended.
+/// The outcome of a reduction.
 enum Step {
     Complete(Vec<u8>),
     Again(Vec<u8>),
 }
 
-/// The reduction of a step that is not the last: as stored behind the units of its round, else computed and stored there.
+/// The reduction of a step that is not the last. It is read from the store behind the units of its round, or
+/// else computed and stored there.
 fn reduce<D: Driver>(
     driver: &D,
     progress: &Progress<'_>,

@@ -1,5 +1,5 @@
-//! One pass, one file: its units, what they need, what it depends on, what a unit computes, its reduction. `flow` walks
-//! the list.
+//! One file per pass: its units, their memory, the values that it depends on, the computation of a unit, and
+//! its reduction. `flow` walks the list of passes.
 
 pub(crate) mod export;
 pub(crate) mod fields;

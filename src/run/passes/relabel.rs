@@ -1,5 +1,5 @@
-//! Pass `relabel`: writes the class and the object of every point, by record. Its units own whole runs of records, so that
-//! every value has one writer; they put together what the tiles know of these records.
+//! Pass `relabel`: writes the class and the object of every point, by record. Its units own whole ranges of
+//! records, so every value has one writer. A unit combines the results of all tiles that own these records.
 
 use std::collections::BTreeMap;
 
@@ -43,7 +43,7 @@ pub(crate) struct RelabelPass<'a> {
     columns: &'a PointColumns,
     run_dir: &'a RunDir,
     runs: Vec<BlockRun>,
-    /// Which tiles own records of a block.
+    /// Finds the tiles that own records of a block.
     owners: BTreeMap<(FileId, u32), Vec<(TileId, OwnedBlock)>>,
     outline: Outline,
 }
@@ -71,7 +71,7 @@ impl<'a> RelabelPass<'a> {
         self.progress.over.classified.tiled.drive
     }
 
-    /// Fills in what one tile knows of a block; returns how many records that is.
+    /// Fills in the values of one tile for a block. Returns the number of these records.
     fn fill(&self, tile: &mut OpenTile, block: &OwnedBlock, to: &mut Values) -> Result<u64> {
         let runs = lengths(&tile.ground.read(offset(tile.runs, block.runs))?)?;
         let (first, count) = block.points;
@@ -112,7 +112,7 @@ impl<'a> RelabelPass<'a> {
     }
 }
 
-/// A tile whose units are being read, and where their sections begin.
+/// A tile whose units are being read, and the start of their sections.
 struct OpenTile {
     id: TileId,
     ground: UnitReader,
@@ -182,7 +182,7 @@ impl Pass for RelabelPass<'_> {
                 known += self.fill(tile, entry, &mut values)?;
             }
             if known != u64::from(block.count) {
-                let text = format!("of {} records of block {number} the tiles own {known}", block.count);
+                let text = format!("the tiles own {known} of the {} records of block {number}", block.count);
                 return Err(Error::bug(text));
             }
             self.columns.classes.write_run(run.file, block.first_record, &values.classes)?;

@@ -1,5 +1,6 @@
-//! Pass `scatter`: where the order of the records is bad for tiles (shuffled, tiled by others, merged), writes the
-//! geometry of every point once more, grouped by owning tile, so that a tile reads what it needs and little else.
+//! Pass `scatter`: if the order of the records is unfavourable for tiles (shuffled, tiled by other software,
+//! merged), writes the geometry of every point again, grouped by owning tile. Then a tile reads little more
+//! than it needs.
 //!
 //! ```text
 //! file of a unit := point*            grouped by owning tile, in file order within a tile
@@ -40,7 +41,8 @@ pub(crate) fn outline(surveyed: &Surveyed, plan: &Plan) -> Outline {
 
 impl<'a> ScatterPass<'a> {
     pub(crate) fn of(drive: &'a Drive, plan: &'a Plan, run_dir: &RunDir, outline: Outline) -> Self {
-        let (runs, folder) = (drive.block_runs(), run_dir.path("scattered"));
+        let runs = drive.block_runs();
+        let folder = run_dir.path("scattered");
         Self { drive, plan, runs, folder, outline }
     }
 
@@ -69,7 +71,7 @@ impl<'a> ScatterPass<'a> {
                 }
             })?;
         }
-        // Stable: file order within a tile.
+        // The sort is stable: within a tile, the points stay in file order.
         points.sort_by_key(|point| point.0);
         Ok(points)
     }
@@ -91,7 +93,7 @@ impl Pass for ScatterPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Points with their tile, and the bytes that are written.
+        // Points with their tile, and the bytes to be written.
         self.runs[unit].points * (20 + STRIDE as u64)
     }
 

@@ -1,5 +1,5 @@
-//! Pass `stitch`: from the labels of all tiles to whole objects with their ids. One unit: it reads what tiles know of
-//! their objects, not their points.
+//! Pass `stitch`: joins the labels of all tiles to whole objects with ids. It has one unit, which reads the
+//! objects of the tiles but not their points.
 
 use std::collections::BTreeMap;
 
@@ -20,8 +20,8 @@ use crate::store::Inputs;
 const NUMBER: u32 = 4;
 const NAME: &str = "stitch";
 
-/// Stitching depends on the last step of the method, and on those of its settings that no step depends on: the last
-/// reduction may use them.
+/// Stitching depends on the last step of the method, and on settings of the method that no step depends on,
+/// because the last reduction may use these.
 pub(crate) fn outline(steps: &[Outline], config: &Config, method: &dyn Method) -> Outline {
     let before = steps.last().map_or_else(String::new, |last| last.depends.fingerprint().to_string());
     let mut depends = Inputs::new().with("pass before", before);
@@ -43,19 +43,19 @@ pub(crate) struct StitchPass<'a> {
     outline: Outline,
 }
 
-/// Whole objects, and what the method has to say about them.
+/// Whole objects, and what the method reports about them.
 #[derive(Debug)]
 pub(crate) struct Objects {
-    /// Object 1, 2, ... in ascending smallest point id.
+    /// Object 1, 2, ... in ascending order of the smallest point id.
     pub(crate) objects: Vec<ObjectPart>,
-    /// Object of label 1, 2, ... of each tile; 0 where the whole object is too small or too large.
+    /// Object of label 1, 2, ... of each tile. 0 if the whole object is too small or too large.
     pub(crate) ids: Vec<Vec<u32>>,
-    /// Figures of its steps, if it has any.
+    /// Figures of the steps of the method, if it has any.
     pub(crate) figures: Figures,
     pub(crate) charts: Vec<Chart>,
 }
 
-/// What is kept; figures as JSON text.
+/// The stored form, with the figures as JSON text.
 #[derive(Serialize, Deserialize)]
 struct Kept {
     objects: Vec<ObjectPart>,
@@ -77,7 +77,7 @@ impl<'a> StitchPass<'a> {
         codec::decode(&self.progress.current.reader(tile)?.read_section(sections::OBJECTS)?)
     }
 
-    /// Labels of two tiles that share a point are one object.
+    /// Labels of two tiles for the same point are one object.
     fn by_shared_points(&self) -> Result<Stitched> {
         let mut stitcher = Stitcher::default();
         for tile in self.tiles() {
@@ -95,7 +95,8 @@ impl<'a> StitchPass<'a> {
         Ok(stitcher.finish(&self.progress.over.method.object_size()))
     }
 
-    /// Unites the labels of `tile` with those that the owner gave to points of its halo, which ascend.
+    /// Unites the labels of `tile` with those that the owner gave to points of its halo. These points are in
+    /// ascending order.
     fn link(&self, stitcher: &mut Stitcher, tile: TileId, owner: TileId, seams: &[SeamPoint]) -> Result<()> {
         let mut labels = OwnLabels::of(self.progress, owner)?;
         let mut last = None;
@@ -155,7 +156,7 @@ impl Pass for StitchPass<'_> {
         1
     }
 
-    /// None: it reads what is known of objects.
+    /// No points: the pass reads objects only.
     fn points(&self, _unit: usize) -> u64 {
         0
     }
@@ -182,17 +183,17 @@ impl Pass for StitchPass<'_> {
     fn reduce(&self, payloads: &Payloads) -> Result<Objects> {
         let Kept { objects, ids, figures, charts } = codec::decode(&payloads.get(0)?)?;
         let figures = serde_json::from_str(&figures)
-            .map_err(|error| Error::bug(format!("figures are not what was stored: {error}")))?;
+            .map_err(|error| Error::bug(format!("stored figures cannot be read: {error}")))?;
         Ok(Objects { objects, ids, figures, charts })
     }
 }
 
-/// The labels that a tile gave to its own points, by ascending id.
+/// The labels that a tile gave to its own points, in ascending order of their ids.
 struct OwnLabels<'a> {
     progress: &'a Progress<'a>,
     verdicts: TileVerdicts,
     labels: Vec<u8>,
-    /// Id of the first record of the block at hand and the end, and the place of each record's label.
+    /// Ids of the records of the current block (first and end), and the position of each record's label.
     first: u64,
     places: Vec<Option<u64>>,
 }
@@ -206,7 +207,7 @@ impl<'a> OwnLabels<'a> {
 
     /// The label of a point of objects in the core of the tile.
     fn label(&mut self, id: u64) -> Result<u32> {
-        let foreign = || Error::bug(format!("point {id} is not of its owner"));
+        let foreign = || Error::bug(format!("point {id} does not belong to its owner"));
         if id < self.first || id - self.first >= self.places.len() as u64 {
             self.load(id)?;
         }
@@ -217,7 +218,7 @@ impl<'a> OwnLabels<'a> {
         labels.get(at).map(|label| u32::from_le_bytes(*label)).ok_or_else(foreign)
     }
 
-    /// Finds the places of the labels of the block with a point.
+    /// Finds the positions of the labels of the block that contains a point.
     fn load(&mut self, id: u64) -> Result<()> {
         let drive = self.progress.over.classified.tiled.drive;
         let (file, record) = drive.locate(id);
@@ -228,7 +229,9 @@ impl<'a> OwnLabels<'a> {
         self.first = drive.first_id(file, number);
         self.places.clear();
         self.places.resize(blocks[number].count as usize, None);
-        let (mut record, mut owned, mut place) = (0, 0, entry.objects.0);
+        let mut record = 0;
+        let mut owned = 0;
+        let mut place = entry.objects.0;
         let classes = self.verdicts.classes(entry);
         for pair in self.verdicts.runs(entry)?.chunks_exact(2) {
             record += pair[0] as usize;

@@ -1,4 +1,4 @@
-//! Pass `survey`: reads every record once; and its reduction, what is known of the drive as a whole.
+//! Pass `survey`: reads every record once. Its reduction gives the facts of the whole drive.
 
 use crate::codec;
 use crate::config::Config;
@@ -13,7 +13,7 @@ const NAME: &str = "survey";
 
 pub(crate) struct SurveyPass<'a> {
     drive: &'a Drive,
-    /// Where positions of compressed files go; none where nothing is kept.
+    /// Columns for the positions of compressed files. `None` if nothing is stored.
     run_dir: Option<&'a RunDir>,
     runs: Vec<BlockRun>,
     outline: Outline,
@@ -38,7 +38,7 @@ impl<'a> SurveyPass<'a> {
         Self { drive, run_dir, runs: drive.block_runs(), outline: Outline::new(NUMBER, NAME, depends) }
     }
 
-    /// Surveys a unit; with `unpack` it also leaves the positions of a compressed file in their column.
+    /// Surveys a unit. With `unpack` it also writes the positions of a compressed file to their column.
     fn survey(&self, unit: usize, unpack: bool) -> Result<SurveyPart> {
         let run = &self.runs[unit];
         self.drive.file(run.file).check_unchanged()?;
@@ -67,11 +67,11 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Positions, as stored and on the lattice, and what is counted.
+        // Positions as stored and on the lattice, and the counts.
         self.drive.largest_block_bytes(&self.runs[unit], 24) + (16 << 20)
     }
 
-    /// Compares the content of files that were touched since with what was surveyed.
+    /// For files that were touched since the survey, compares their content with that at the survey.
     fn prepare(&self, dir: &PassDir) -> Result<()> {
         let Some(run_dir) = self.run_dir else { return Ok(()) };
         // Without unpacking: positions of the input that the run was started with must stay.

@@ -1,4 +1,5 @@
-//! What a step of a method sees: the drive and its tiles, and what earlier steps and rounds have kept.
+//! The windows of a step of a method: the drive and its tiles, and the stored results of earlier steps and
+//! rounds.
 
 use crate::cluster::{DriveWindow, Method, TilePoints, TileWindow};
 use crate::error::{Error, Result};
@@ -14,7 +15,7 @@ use crate::tiling::{Plan, Region, Wanted};
 pub(crate) struct MethodDrive<'a> {
     pub(crate) classified: &'a Classified<'a>,
     pub(crate) method: &'a dyn Method,
-    /// Further fields of points with their sums, where the method asked for any.
+    /// Further fields of points with their sums, if the method asks for any.
     pub(crate) fields: Option<(&'a StoredFields, Vec<(Field, FieldSums)>)>,
 }
 
@@ -25,7 +26,7 @@ pub(crate) struct StepResults {
 }
 
 impl StepResults {
-    /// A reader of what is kept of a tile.
+    /// A reader of the payload of a tile.
     pub(crate) fn reader(&self, tile: TileId) -> Result<UnitReader> {
         let (round, unit) = self.rounds.latest(tile.index());
         let payloads = self.payloads.get(round as usize);
@@ -33,13 +34,13 @@ impl StepResults {
     }
 }
 
-/// A method under way: its complete steps, and the complete rounds of the step that it is at.
+/// A method in progress: its complete steps, and the complete rounds of the current step.
 pub(crate) struct Progress<'a> {
     pub(crate) over: &'a MethodDrive<'a>,
     /// Complete steps with their globals.
     pub(crate) done: Vec<(StepResults, Vec<u8>)>,
     pub(crate) current: StepResults,
-    /// What the last reduction of this step has returned, where it asked for another round.
+    /// The bytes that the last reduction of this step returned, if it asked for another round.
     pub(crate) again: Vec<u8>,
 }
 
@@ -188,13 +189,15 @@ impl TileWindow for Around<'_> {
     }
 
     fn near(&self, reach: i64) -> Vec<TileId> {
-        // A cell is read whole when its border is within reach, so a point may lie a diagonal further than that.
+        // A cell is read whole if its border is within reach, so a point may be further away by the diagonal
+        // of a cell.
         let diagonal = self.grid().edge() * 3 / 2;
         self.region(reach + diagonal).tiles
     }
 
     fn near_cells(&self, cells: &[Cell], reach: i64) -> Vec<TileId> {
-        let (plan, disc) = (self.progress.plan(), self.grid().disc(reach));
+        let plan = self.progress.plan();
+        let disc = self.grid().disc(reach);
         let around = cells
             .iter()
             .flat_map(|cell| disc.iter().map(move |by| [0, 1].map(|k| cell[k].wrapping_add(by[k]))));
@@ -207,8 +210,10 @@ impl TileWindow for Around<'_> {
     }
 
     fn owner(&self, lo: [i64; 2], hi: [i64; 2]) -> Option<TileId> {
-        let (grid, owners) = (self.grid(), self.progress.plan().owners());
-        let (from, to) = (grid.cell(lo[0], lo[1])?, grid.cell(hi[0], hi[1])?);
+        let grid = self.grid();
+        let owners = self.progress.plan().owners();
+        let from = grid.cell(lo[0], lo[1])?;
+        let to = grid.cell(hi[0], hi[1])?;
         let mut cells = (from[0]..=to[0]).flat_map(|i| (from[1]..=to[1]).map(move |j| [i, j]));
         cells.find_map(|cell| owners.get(cell).checked_sub(1)).map(TileId::new)
     }

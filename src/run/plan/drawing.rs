@@ -9,19 +9,21 @@ use crate::tiling::Plan;
 
 /// Width of the drawing in pixels.
 const WIDTH_PX: f64 = 1_400.0;
-/// Colours that neighbours along the drive take in turn.
+/// Colours of consecutive tiles, in turn.
 const COLOURS: [&str; 6] = ["#4e79a7", "#f28e2b", "#59a14f", "#b07aa1", "#76b7b2", "#edc948"];
 
-/// The drawing. Stray cells far outside are left out, they would shrink the drive to a dot.
+/// The drawing. Stray cells far outside are left out, because they would make the drive too small to see.
 pub(crate) fn svg(plan: &Plan, surveyed: &Surveyed, lattice: Lattice) -> String {
     let edge_m = lattice.metres(plan.grid().edge());
     let (lo, hi) = window(&surveyed.cells);
-    let (left, top) = (f64::from(lo[0]) * edge_m, f64::from(hi[1] + 1) * edge_m);
+    let left = f64::from(lo[0]) * edge_m;
+    let top = f64::from(hi[1] + 1) * edge_m;
     let width_m = f64::from(hi[0] - lo[0] + 1) * edge_m;
     let height_m = f64::from(hi[1] - lo[1] + 1) * edge_m;
     let scale = WIDTH_PX / width_m.max(height_m);
     let place = |x: f64, y: f64| ((x - left) * scale, (top - y) * scale);
-    let (width, height) = (width_m * scale, height_m * scale);
+    let width = width_m * scale;
+    let height = height_m * scale;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.1} {height:.1}\" width=\"{width:.0}\" \
          height=\"{height:.0}\" font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" \
@@ -34,7 +36,8 @@ pub(crate) fn svg(plan: &Plan, surveyed: &Surveyed, lattice: Lattice) -> String 
                 continue;
             }
             let (x, y) = place(f64::from(i) * edge_m, f64::from(to + 1) * edge_m);
-            let (w, h) = (edge_m * scale, f64::from(to - from + 1) * edge_m * scale);
+            let w = edge_m * scale;
+            let h = f64::from(to - from + 1) * edge_m * scale;
             let _ = write!(path, "M{x:.1} {y:.1}h{w:.2}v{h:.2}h-{w:.2}z");
         }
         let colour = COLOURS[number % COLOURS.len()];
@@ -70,14 +73,14 @@ pub(crate) fn svg(plan: &Plan, surveyed: &Surveyed, lattice: Lattice) -> String 
     svg
 }
 
-/// Chainage marks about ten to a drawing, at a round distance in metres.
+/// About ten chainage marks per drawing, at a round distance in metres.
 fn mark_spacing(length_m: f64) -> f64 {
     let rough = (length_m / 10.0).max(1.0);
     let decade = 10_f64.powf(rough.log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|step| step * decade).into_iter().find(|&step| step >= rough).unwrap_or(rough)
 }
 
-/// The cells between the 0.5 % and 99.5 % quantiles on both axes, a little widened.
+/// The cells between the 0.5 % and 99.5 % quantiles on both axes, with a small margin.
 fn window(cells: &PackedCells) -> (Cell, Cell) {
     let ends = [0, 1].map(|k| {
         let rows = Rows::of(cells, k);

@@ -1,4 +1,4 @@
-//! The street that a drive went along, and how it is cut into tiles that fit the budget.
+//! Cuts the street of a drive into tiles that fit the budget.
 
 use crate::config::Config;
 use crate::error::Result;
@@ -11,19 +11,20 @@ use crate::run::plan::needs;
 use crate::spatial::{Cell, CellGrid, PackedCells};
 use crate::tiling::{Plan, PlanRequest, TileSize};
 
-/// Plans tried until every thread can have any tile in flight. There may be none, for instance where a street meets itself and
-/// what is around a tile changes with every metre: then some tiles wait for others.
+/// Maximum number of plans that are tried until every thread can process any tile. There may be no such plan,
+/// for instance if a street crosses itself and the halo of a tile changes with every metre. Then some tiles
+/// wait for others.
 const ATTEMPTS: usize = 5;
 
-/// Record of how long the tiles are.
+/// File with the size of the tiles.
 const STORED: &str = "plan.json";
 
-/// The occupied cells in order of chainage. Needed for the plan and not after that.
+/// The occupied cells in order of chainage. Only the plan needs them.
 #[derive(Debug)]
 pub(crate) struct Street<'a> {
     surveyed: &'a Surveyed,
     grid: CellGrid,
-    /// Vertex of the axis that each cell is nearest to, counted from 1.
+    /// The vertex of the axis nearest to each cell, counted from 1.
     strips: PackedCells,
 }
 
@@ -47,7 +48,7 @@ impl<'a> Street<'a> {
         })
     }
 
-    /// The tile size that the configuration asks for or the budget allows, and its plan.
+    /// The tile size of the configuration or of the budget, and its plan.
     pub(crate) fn fit(&self, config: &Config, chain: &Chain, budget: &Budget) -> (TileSize, Plan) {
         if config.tiling.tile_length > 0.0 {
             let size = TileSize::Metres(config.tiling.tile_length);
@@ -72,8 +73,8 @@ impl<'a> Street<'a> {
     }
 }
 
-/// The plan of an earlier call if it still serves, else one that fits the budget; `None` where the driver may not make
-/// one.
+/// The plan of an earlier call if it still fits, or else a new one that fits the budget. `None` if the driver
+/// must not make one.
 pub(crate) fn settle<D: Driver>(
     driver: &D,
     surveyed: &Surveyed,
@@ -105,7 +106,7 @@ pub(crate) fn settle<D: Driver>(
     let largest = needs::largest(chain, &plan);
     if largest > budget.memory {
         let text = format!(
-            "the largest tile needs about {} MiB, the budget is {} MiB: it is processed alone",
+            "the largest tile needs about {} MiB, more than the memory budget of {} MiB: it is processed alone",
             largest >> 20,
             budget.memory >> 20
         );

@@ -1,4 +1,4 @@
-//! The plan: how long tiles may be for the memory that there is.
+//! The plan: the length of tiles for the available memory.
 
 mod budget;
 mod drawing;

@@ -1,4 +1,4 @@
-//! Memory that tiles need, for the plan: the hungriest of the passes over tiles decides.
+//! The memory that tiles need, for the plan. The pass over tiles that needs most decides.
 
 use crate::cluster::BytesPer;
 use crate::run::chain::Chain;
@@ -6,8 +6,8 @@ use crate::run::passes::ground;
 use crate::run::plan::budget::TileNeed;
 use crate::tiling::{Plan, Tile};
 
-/// Share of points that plans take for points of objects, in percent: drives along streets have 27 to 64. What a tile really has
-/// is known after the ground pass; in a forest fewer tiles are then worked on at once.
+/// Share of points of objects that the plan assumes, in percent. Drives along streets have 27 to 64. The true
+/// share is known after the ground pass. In a forest fewer tiles are then in flight at once.
 const OBJECT_SHARE_PERCENT: u64 = 55;
 
 /// Bytes per point of the steps of the method.
@@ -19,19 +19,19 @@ fn of_method(chain: &Chain) -> u64 {
     chain.method.steps().iter().map(|step| bytes(step.bytes)).max().unwrap_or(0)
 }
 
-/// Bytes that a point in flight takes in the hungriest pass.
+/// Bytes per point in flight in the pass that needs most.
 pub(crate) fn bytes_per_point(chain: &Chain) -> u64 {
     ground::BYTES_PER_POINT.max(of_method(chain))
 }
 
-/// Bytes of a tile in the hungriest pass, halo included.
+/// Bytes of a tile in the pass that needs most, halo included.
 pub(crate) fn tile_bytes(chain: &Chain, plan: &Plan, tile: usize) -> u64 {
     let ground = plan.region_points(tile, chain.ground_reach) * ground::BYTES_PER_POINT;
     let cluster = plan.region_points(tile, chain.cluster_reach) * of_method(chain);
     ground.max(cluster)
 }
 
-/// What the tiles of a plan need.
+/// The memory of the tiles of a plan.
 pub(crate) fn of_plan(chain: &Chain, plan: &Plan) -> Vec<TileNeed> {
     let core = |tile: &Tile| tile.points * bytes_per_point(chain);
     (0..)

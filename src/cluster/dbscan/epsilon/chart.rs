@@ -6,15 +6,16 @@ use crate::cluster::dbscan::epsilon::Estimate;
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 520.0;
-/// Space for the axes' numbers and names, in pixels.
+/// Space for the numbers and names of the axes, in pixels.
 const MARGIN: f64 = 64.0;
-/// Marks per axis, about.
+/// Approximate number of marks per axis.
 const MARKS: f64 = 8.0;
 
-/// Draws an estimate; `unit` is the unit of its distances.
+/// Draws an estimate. `unit` is the unit of its distances.
 #[must_use]
 pub fn svg(estimate: &Estimate, unit: &str) -> String {
-    let (last_k, top) = (estimate.k as f64, estimate.d_k * 1.08);
+    let last_k = estimate.k as f64;
+    let top = estimate.d_k * 1.08;
     let x = |k: f64| MARGIN + k / last_k * (WIDTH - 1.5 * MARGIN);
     let y = |distance: f64| HEIGHT - MARGIN - distance / top * (HEIGHT - 1.7 * MARGIN);
     let mut svg = format!(
@@ -63,7 +64,8 @@ pub fn svg(estimate: &Estimate, unit: &str) -> String {
             y(*mean)
         );
     }
-    let (k0, epsilon) = (estimate.k0, estimate.epsilon);
+    let k0 = estimate.k0;
+    let epsilon = estimate.epsilon;
     let _ = writeln!(
         svg,
         "<path d=\"M{0:.1} {1:.1}V{2:.1}H{3:.1}\" fill=\"none\" stroke=\"#e15759\" stroke-dasharray=\"5 3\"/>\
@@ -91,7 +93,7 @@ pub fn svg(estimate: &Estimate, unit: &str) -> String {
     svg
 }
 
-/// Round numbers from 0 to `end`, about [`MARKS`] of them.
+/// About [`MARKS`] round numbers from 0 to `end`.
 fn marks(end: f64) -> impl Iterator<Item = f64> {
     let rough = end / MARKS;
     let decade = 10_f64.powf(rough.log10().floor());

@@ -1,8 +1,9 @@
 //! The mean distance to the k-th nearest neighbour, from sums that do not depend on the order of the points.
 //!
-//! Distances are rounded to multiples of a *quantum* (a power of two) and summed as integers: exact, so that tiles,
-//! threads and the order of records change nothing. With the quantum at 2^-40 of the largest distance, a mean is
-//! off by 5e-13 of that distance at most, and sums of squares have room for 2^48 points.
+//! Distances are rounded to multiples of a *quantum* (a power of two) and summed as integers. The sums are
+//! exact, so tiles, threads and the order of records do not change them. The quantum is 2^-40 of the largest
+//! distance. Therefore the error of a mean is at most 5e-13 of that distance, and sums of squares have room
+//! for 2^48 points.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +21,7 @@ pub struct CurveSums {
 }
 
 impl CurveSums {
-    /// Empty sums for k = 2 to `k`; no distance will be larger than `largest_distance`.
+    /// Empty sums for k = 2 to `k`. No distance may be larger than `largest_distance`.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "a binary exponent of a float")]
     pub fn new(k: usize, largest_distance: f64) -> Self {
@@ -44,7 +45,7 @@ impl CurveSums {
         let per_quantum = f64::from(-self.exponent).exp2();
         self.queries += 1;
         for (sum, distance) in self.sums.iter_mut().zip(distances) {
-            // Half up, by cutting off: `round` is a function call where the processor may be an old one.
+            // Rounds half up by truncation, because `round` is a function call on old processors.
             let quanta = (distance * per_quantum + 0.5) as u64;
             sum[0] += u128::from(quanta);
             sum[1] += u128::from(quanta) * u128::from(quanta);
@@ -61,7 +62,7 @@ impl CurveSums {
         }
     }
 
-    /// The means. `population` is the number of points the queries were drawn from without replacement.
+    /// The means. `population` is the number of points from which the queries were drawn without replacement.
     #[must_use]
     pub fn curve(&self, population: u64) -> Curve {
         let quantum = f64::from(self.exponent).exp2();
@@ -89,13 +90,13 @@ impl CurveSums {
 /// Mean distance to the k-th nearest neighbour for k = 2, 3, ..., K; the point itself is k = 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
-    /// Points whose neighbours were looked for.
+    /// Number of points whose neighbours were searched.
     pub queries: u64,
-    /// Points they were drawn from.
+    /// Number of points from which they were drawn.
     pub population: u64,
     /// D_2, D_3, ..., D_K in the unit of the distances.
     pub mean: Vec<f64>,
-    /// Standard error of each mean; 0 where every point was asked.
+    /// Standard error of each mean; 0 if every point was queried.
     pub standard_error: Vec<f64>,
 }
 
@@ -106,7 +107,7 @@ impl Curve {
         self.mean.len() + 1
     }
 
-    /// Standard error at a real-valued k, between its neighbours linearly.
+    /// Standard error at a real-valued k, by linear interpolation.
     pub(super) fn standard_error_at(&self, k: f64) -> f64 {
         let at = |index: usize| self.standard_error.get(index).copied().unwrap_or(0.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2 <= k <= 200")]
@@ -128,7 +129,7 @@ mod tests {
         let whole = sums.curve(2);
         assert_eq!((whole.k(), &whole.mean[..]), (3, &[2.0, 5.0][..]));
         assert_eq!(whole.standard_error, [0.0, 0.0]);
-        // Variance 2 over two queries, half of the population unseen: sqrt(2 / 2 / 2).
+        // Variance 2 over two queries, and half of the population was not queried: sqrt(2 / 2 / 2).
         let half = sums.curve(4);
         assert!((half.standard_error[0] - 0.5_f64.sqrt()).abs() < 1e-12, "{half:?}");
         assert!((half.standard_error_at(2.5) - (0.5_f64.sqrt() + 4.5_f64.sqrt()) / 2.0).abs() < 1e-12);

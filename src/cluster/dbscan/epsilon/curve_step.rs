@@ -1,10 +1,10 @@
-//! The step `epsilon`: sums of the distances of points to their 2nd to K-th nearest neighbours, tile by tile; and its
-//! reduction, the curve that epsilon is estimated from. Where no epsilon follows from K neighbours, there is another
-//! round with more of them.
+//! The step `epsilon`: sums of the distances of points to their 2nd to K-th nearest neighbours, tile by tile.
+//! Its reduction is the curve from which epsilon is estimated. If no epsilon follows from K neighbours,
+//! another round uses more neighbours.
 //!
-//! The mean is exact. A tile reads its core and a halo. A point whose K-th neighbour is further away than everything
-//! around the point is known asks for more ([`Further`]). Sums are integers, so neither tiles nor threads change the
-//! result.
+//! The mean is exact. A tile reads its core and a halo. If the K-th neighbour of a point may lie outside of
+//! this region, the point asks for more ([`Further`]). Sums are integers, so neither tiles nor threads change
+//! the result.
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
@@ -18,15 +18,16 @@ use crate::error::Result;
 use crate::model::{FieldSpace, TileId};
 use crate::spatial::{Cell, LookedAt, Neighbours, Points};
 
-/// Rounds at most: each one has at least one neighbour more than the one before, and [`LARGEST_K`] is the most.
+/// Maximum number of rounds. Each round uses at least one neighbour more than the round before, and
+/// [`LARGEST_K`] is the maximum.
 const MOST_ROUNDS: u32 = 200;
 const _: () = assert!(MOST_ROUNDS as usize == LARGEST_K);
 /// Name of the step.
 pub(crate) const STEP: &str = "epsilon";
-/// Points that wait until what they ask for is read.
+/// Number of points that may wait before their regions are read.
 const ASKING_AT_ONCE: usize = 16_384;
 
-/// Which points are asked for their neighbours: a share of them, by a hash of their id.
+/// Selects the points whose neighbours are searched: a share of all points, by a hash of the id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Sample {
     seed: u64,
@@ -34,7 +35,7 @@ pub(crate) struct Sample {
 }
 
 impl Sample {
-    /// About `most` of `population` points, all of them for 0.
+    /// Selects about `most` of `population` points, or all points if `most` is 0.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -51,27 +52,27 @@ impl Sample {
     }
 }
 
-/// What a tile leaves behind.
+/// The payload of a tile.
 #[derive(Debug, Serialize, Deserialize)]
 struct Payload {
     sums: CurveSums,
     cost: AskingCost,
 }
 
-/// The step, with what it has to know.
+/// The step with its parameters.
 #[derive(Debug)]
 pub(crate) struct CurveStep {
     space: FieldSpace,
     sample: Sample,
-    /// Neighbours that the estimation starts with.
+    /// Number of neighbours in the first round.
     first: usize,
-    /// Neighbours per point in this round, itself included; not more than there are points.
+    /// Number of neighbours per point in this round, the point itself included. At most the number of points.
     k: usize,
-    /// Points that may be neighbours.
+    /// Number of points that may be neighbours.
     population: u64,
-    /// No distance in the space is larger.
+    /// Upper limit of all distances in the space.
     diagonal: f64,
-    /// How far around its core a tile reads in the first place, in lattice units.
+    /// Halo of a tile before any point asks for more, in lattice units.
     halo: i64,
 }
 
@@ -81,7 +82,8 @@ struct Lonely {
     cell: Cell,
     /// Bits of its smallest squared distances so far, ascending.
     found: Vec<u64>,
-    /// Lattice units within which everything has to be known, so that these are the nearest.
+    /// Radius in lattice units within which every point must be known, so that these neighbours are the
+    /// nearest.
     needed: i64,
 }
 
@@ -104,9 +106,9 @@ impl Asking for Lonely {
 }
 
 impl CurveStep {
-    /// What the engine has to know of the step, with so many fields: per point of objects 29 bytes of the cloud, 8 per field
-    /// of its places, 8 per field and 8 while the tree is built, and what is read for points that ask for more; estimated
-    /// from these sizes.
+    /// The description of the step for the engine. Each point of objects takes 29 bytes in the cloud, 8 per
+    /// field for its coordinates, 8 per field and 8 more while the tree is built, and the bytes of the points
+    /// that are read for askers. The value is estimated from these sizes.
     pub(crate) fn step(fields: usize) -> Step {
         Step {
             name: STEP,
@@ -133,7 +135,8 @@ impl CurveStep {
         })
     }
 
-    /// Lattice units within which everything has to be known, so that these are the nearest neighbours.
+    /// Radius in lattice units within which every point must be known, so that these neighbours are the
+    /// nearest.
     fn needed(&self, found: &[u64]) -> i64 {
         match found.get(self.k - 1) {
             Some(&squared) => self.space.horizontal(f64::from_bits(squared).sqrt()),
@@ -154,18 +157,20 @@ impl CurveStep {
         let gathered = tile.points(self.halo, true)?;
         let cells = tile.cells(self.halo);
         let further = Further::new(tile, &cells, self.halo);
-        let (cloud, core) = (&gathered.cloud, &gathered.core);
+        let cloud = &gathered.cloud;
+        let core = &gathered.core;
         let points = Points::new(self.space.axes.len(), self.space.places(cloud))?;
         let neighbours = Neighbours::new(&points)?;
         let mut payload = Payload { sums: self.sums(), cost: AskingCost::default() };
         payload.cost.gathered = cloud.len() as u64;
         let mut looked_at: LookedAt<'_> = further.looked_at();
-        let (mut asking, mut failure) = (Vec::new(), None);
+        let mut asking = Vec::new();
+        let mut failure = None;
         let wanted = |point: usize| core[point] && self.sample.takes(cloud.id[point]);
         neighbours.each_nearest(&neighbours.leaves(), self.k, &wanted, &mut |point, found| {
             let needed = self.needed(found);
             let [x, y, _] = cloud.lattice_point(point);
-            // Gathered points lie in cells.
+            // All gathered points lie in occupied cells.
             let cell = tile.grid().cell(x, y).unwrap_or_default();
             if needed <= self.halo || looked_at.is_clear(cell, needed) {
                 return self.add(&mut payload.sums, found);
@@ -182,7 +187,7 @@ impl CurveStep {
         codec::encode(&payload).map(Mapped::payload)
     }
 
-    /// Reads around the points what they ask for, until their neighbours are certain.
+    /// Reads the surroundings of the points that asked for more, until their neighbours are certain.
     fn answer(&self, asking: Vec<Lonely>, further: &Further<'_>, payload: &mut Payload) -> Result<()> {
         let Payload { sums, cost } = payload;
         cost.asked += asking.len() as u64;
@@ -204,9 +209,10 @@ impl CurveStep {
         )
     }
 
-    /// The estimate, or how many neighbours it takes.
+    /// The estimate, or the number of neighbours of the next round.
     pub(crate) fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
-        let (mut sums, mut cost) = (self.sums(), AskingCost::default());
+        let mut sums = self.sums();
+        let mut cost = AskingCost::default();
         for tile in TileId::first(drive.tiles()) {
             let part: Payload = codec::decode(&drive.payload(step, tile)?)?;
             sums.merge(&part.sums);
@@ -220,7 +226,8 @@ impl CurveStep {
             Attempt::Found(estimate) => {
                 DriveEpsilon::new(*estimate, self.space.clone(), cost).encode().map(Reduced::Global)
             }
-            // Once and for all, rather than a round for every K: a longer curve holds every shorter one.
+            // Goes to the largest K at once instead of one round per K. A longer curve contains every shorter
+            // one.
             Attempt::Longer(longer) => codec::encode(&longer).map(Reduced::Again),
         }
     }
@@ -235,7 +242,8 @@ mod tests {
         let count = |sample: Sample| (0..100_000).filter(|&id| sample.takes(id)).count();
         assert_eq!(count(Sample::new(1, 0, 100_000)), 100_000);
         assert_eq!(count(Sample::new(1, 100_000, 100_000)), 100_000);
-        let (one, two) = (Sample::new(1, 5_000, 100_000), Sample::new(2, 5_000, 100_000));
+        let one = Sample::new(1, 5_000, 100_000);
+        let two = Sample::new(2, 5_000, 100_000);
         assert!((4_700..5_300).contains(&count(one)) && (4_700..5_300).contains(&count(two)));
         assert!((0..100_000).any(|id| one.takes(id) != two.takes(id)));
     }

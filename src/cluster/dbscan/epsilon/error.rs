@@ -1,4 +1,4 @@
-//! What can keep epsilon from being estimated.
+//! The reasons why epsilon cannot be estimated.
 
 use std::borrow::Cow;
 
@@ -10,11 +10,11 @@ use crate::error::{ErrorKind, Failure};
 #[non_exhaustive]
 pub enum EpsilonError {
     /// Not enough points for the first curve.
-    #[error("a curve over {k} neighbours needs at least {k} points, there are {points}")]
+    #[error("a curve over {k} neighbours needs at least {k} points, but there are {points}")]
     TooFewPoints {
         /// Neighbours per point, the point itself included.
         k: usize,
-        /// Points there are.
+        /// Number of points.
         points: u64,
     },
     /// No K gives a good fit with a tangent point.
@@ -25,12 +25,12 @@ pub enum EpsilonError {
     NoTangent {
         /// The curve up to the last K that was tried.
         curve: Curve,
-        /// What the last fit lacked.
+        /// The condition that the last fit did not meet.
         why: &'static str,
     },
 }
 
-/// A curve in a line: every value up to k = 10, then every tenth of them.
+/// A curve on one line: every value up to k = 10, then every tenth value.
 fn values(curve: &Curve) -> String {
     let shown = |k: usize| k <= 10 || k.is_multiple_of(LARGEST_K / 10) || k == curve.k();
     let entry = |(k, mean): (usize, &f64)| format!("{k}: {mean:.6}");

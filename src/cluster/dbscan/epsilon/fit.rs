@@ -6,19 +6,19 @@ use crate::cluster::dbscan::epsilon::{Curve, EpsilonError, LARGEST_K, Polynomial
 
 /// Degree of the polynomial (paper, section 4: every printed fit).
 const DEGREE: usize = 5;
-/// Goodness of fit that K must reach (paper, section 3.2.3, step 2).
+/// R squared that the fit must reach (paper, section 3.2.3, step 2).
 const LEAST_R_SQUARED: f64 = 0.99;
 
-/// An estimated epsilon and what it came from.
+/// An estimate of epsilon with the curve and the fit that it follows from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The estimate: f(k0), in the unit of the distances.
     pub epsilon: f64,
-    /// Standard error of the mean distance at k0; 0 when every point was asked.
+    /// Standard error of the mean distance at k0; 0 if every point was queried.
     pub standard_error: f64,
-    /// Where f'(k) K / D_K = 1.
+    /// The k at which f'(k) K / D_K = 1.
     pub k0: f64,
-    /// Neighbours that the fit is over, the point itself included.
+    /// K, the number of neighbours of the fit, the point itself included.
     pub k: usize,
     /// Mean distance to the K-th neighbour.
     pub d_k: f64,
@@ -30,21 +30,21 @@ pub struct Estimate {
     pub curve: Curve,
 }
 
-/// What a curve gave.
+/// The result of one attempt.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Attempt {
     /// An estimate.
     Found(Box<Estimate>),
-    /// No K up to the end of the curve will do: look for this many neighbours and try again.
+    /// No K up to the end of the curve gives an estimate. The next attempt needs this many neighbours.
     Longer(usize),
 }
 
-/// Estimates epsilon with K = `first_k` neighbours, or as many more as a good fit with a tangent point needs.
-/// `points` is how many there are to be neighbours.
+/// Estimates epsilon from the first K of `first_k`, `first_k` + 1, ... that gives a good fit with a tangent
+/// point. `points` is the number of points that can be neighbours.
 ///
 /// # Errors
-/// [`EpsilonError::TooFewPoints`] when there are fewer than `first_k`; [`EpsilonError::NoTangent`] when the curve goes to
-/// [`LARGEST_K`] or to every point there is and still no K will do.
+/// [`EpsilonError::TooFewPoints`] if there are fewer points than `first_k`. [`EpsilonError::NoTangent`] if no
+/// K gives an estimate although the curve has reached [`LARGEST_K`] or the number of points.
 pub fn estimate(curve: Curve, first_k: usize, points: u64) -> Result<Attempt, EpsilonError> {
     if points < first_k as u64 {
         return Err(EpsilonError::TooFewPoints { k: first_k, points });
@@ -53,7 +53,8 @@ pub fn estimate(curve: Curve, first_k: usize, points: u64) -> Result<Attempt, Ep
     for k in first_k..=curve.k() {
         match attempt(&curve, k) {
             Ok((fit, r_squared, k0)) => {
-                let (epsilon, d_k) = (fit.at(k0), curve.mean[k - 2]);
+                let epsilon = fit.at(k0);
+                let d_k = curve.mean[k - 2];
                 let standard_error = curve.standard_error_at(k0);
                 return Ok(Attempt::Found(Box::new(Estimate {
                     epsilon,
@@ -77,13 +78,13 @@ pub fn estimate(curve: Curve, first_k: usize, points: u64) -> Result<Attempt, Ep
     }
 }
 
-/// Fit, goodness and k0 over k = 2 to `k`, or what is missing.
+/// Fit, R squared and k0 over k = 2 to `k`, or the condition that is not met.
 fn attempt(curve: &Curve, k: usize) -> Result<(Polynomial, f64, f64), &'static str> {
     let values = &curve.mean[..k - 1];
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let total: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
     let d_k = values[values.len() - 1];
-    // Written so that a NaN is refused as well.
+    // This form of the condition refuses NaN as well.
     if !(total > 0.0 && d_k > 0.0) {
         return Err("the curve is flat");
     }
@@ -111,8 +112,9 @@ mod tests {
         Curve { queries: 1_000, population: 1_000, standard_error: vec![0.0; mean.len()], mean }
     }
 
-    /// The paper's polynomials as printed: coefficients from the constant up, K, D_K, and k0 and epsilon worked
-    /// from these rounded coefficients with numpy's roots; the paper prints 12.063 and 1.14686, 10.860 and 0.097.
+    /// The polynomials as printed in the paper: coefficients from the constant up, K, D_K, k0 and epsilon. k0
+    /// and epsilon were computed from these rounded coefficients with numpy's roots. The paper prints 12.063
+    /// and 1.14686, 10.860 and 0.097.
     const PRINTED: [([f64; 6], usize, f64, f64, f64); 2] = [
         ([0.111, 0.140, -6.553e-3, 2.092e-4, -3.569e-6, 2.497e-8], 40, 2.04, 12.006_68, 1.141),
         ([4.393e-2, 8.452e-3, -4.540e-4, 1.382e-5, -2.048e-7, 1.163e-9], 60, 0.148, 11.033_54, 0.0976),
@@ -134,7 +136,8 @@ mod tests {
             let printed = Polynomial::in_k(coefficients.to_vec());
             let curve = curve((2..=k).map(|k| printed.at(k as f64)).collect());
             let Ok(Attempt::Found(found)) = estimate(curve, k, 1_000) else { panic!("no estimate") };
-            // D_K is that of the rounded coefficients here, 0.1519 and not 0.148 for the second: 3 % off.
+            // D_K of the rounded coefficients: 0.1519 and not 0.148 for the second polynomial, a difference
+            // of 3 %.
             assert!((found.d_k / d_k - 1.0).abs() < 0.03, "{}", found.d_k);
             assert!(
                 (found.k0 - k0).abs() < 0.6 && (found.epsilon / epsilon - 1.0).abs() < 0.015,

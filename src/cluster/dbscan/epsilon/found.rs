@@ -1,4 +1,4 @@
-//! An epsilon that was estimated over a drive, with what it came from and what it cost.
+//! An epsilon that was estimated over a drive, with its curve and its cost.
 
 use std::borrow::Cow;
 
@@ -9,44 +9,47 @@ use crate::codec;
 use crate::error::Result;
 use crate::model::FieldSpace;
 
-/// Halo of this step in metres: most points of a street have their 40 nearest neighbours within it (chosen; the share
-/// that asks for more is reported).
+/// Halo of the step `epsilon` in metres. Most points of a street have their 40 nearest neighbours within it (chosen; the
+/// share of points that ask for more is reported).
 pub(crate) const HALO_M: f64 = 2.0;
-/// What exactness at the borders of tiles cost.
+
+/// What exact results at the borders of tiles cost.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct AskingCost {
     /// Points that asked for more than core and halo.
     pub(crate) asked: u64,
     /// Points that were read for them.
     pub(crate) read: u64,
-    /// Points that were read in the first place.
+    /// Points of core and halo.
     pub(crate) gathered: u64,
 }
 
-/// An epsilon that was estimated over a drive, and what it came from.
+/// An epsilon that was estimated over a drive, with its curve and its cost.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveEpsilon {
-    /// Unit of the distances: `m`, or `standard deviations` where fields are divided by theirs.
+    /// Unit of the distances: `m`, or `standard deviations` if each field is divided by its standard
+    /// deviation.
     pub unit: Cow<'static, str>,
     /// The estimate with its curve, fit and tangent point.
     #[serde(flatten)]
     pub estimate: Estimate,
-    /// The space that distances were taken in.
+    /// The space in which distances are measured.
     pub space: FieldSpace,
-    /// What exactness at the borders of tiles cost.
+    /// What exact results at the borders of tiles cost.
     pub cost: Cost,
 }
 
-/// What exactness at the borders of tiles cost: points whose neighbours may lie beyond what a tile reads ask for more.
+/// What exact results at the borders of tiles cost. Points whose neighbours may lie outside of core and halo
+/// ask for more.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// Metres around its core that a tile reads in the first place.
+    /// Halo of a tile in metres before any point asks for more.
     pub halo_m: f64,
     /// Points that asked for more.
     pub asked_for_more: u64,
-    /// Their share of all points that were asked for their neighbours.
+    /// Their share of all points whose neighbours were searched.
     pub share: f64,
-    /// Points that were read for them, per point read in the first place.
+    /// Points that were read for them, per point of core and halo.
     pub read_share: f64,
 }
 

@@ -22,12 +22,13 @@ impl Polynomial {
     }
 
     /// The polynomial of this degree with the least sum of squared residuals over `values` at k = `first`,
-    /// `first` + 1, ...; t runs from -1 to 1 over them, so that powers up to the fifth stay well conditioned.
-    /// `None` when the values do not determine it.
+    /// `first` + 1, ... The variable t goes from -1 to 1 over these k, so that powers up to the fifth remain
+    /// well conditioned. `None` if the values do not determine the polynomial.
     pub(super) fn fit(first: usize, values: &[f64], degree: usize) -> Option<Self> {
         let half = values.len().saturating_sub(1) as f64 / 2.0;
         let centre = first as f64 + half;
-        let (rows, columns) = (values.len(), degree + 1);
+        let rows = values.len();
+        let columns = degree + 1;
         if rows < columns {
             return None;
         }
@@ -71,8 +72,9 @@ fn differentiate(coefficients: &[f64]) -> Vec<f64> {
     coefficients.iter().enumerate().skip(1).map(|(power, c)| c * power as f64).collect()
 }
 
-/// Real roots in [low, high], ascending: between two neighbouring extrema a polynomial is monotone, so that a change
-/// of sign there is one root, found by halving. A polynomial that is zero everywhere has none.
+/// Real roots in [low, high], ascending. Between two neighbouring extrema a polynomial is monotone, so a
+/// change of sign is one root, and bisection finds it. A polynomial that is zero everywhere has no roots
+/// here.
 fn roots(coefficients: &[f64], low: f64, high: f64) -> Vec<f64> {
     if coefficients.len() < 2 {
         return Vec::new();
@@ -91,9 +93,10 @@ fn roots(coefficients: &[f64], low: f64, high: f64) -> Vec<f64> {
     found
 }
 
-/// The root in [low, high], where the polynomial is monotone.
+/// The root in [low, high]. The polynomial must be monotone there.
 fn root_between(coefficients: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
-    let (at_low, at_high) = (horner(coefficients, low), horner(coefficients, high));
+    let at_low = horner(coefficients, low);
+    let at_high = horner(coefficients, high);
     let zero = |value: f64| value.abs() < f64::MIN_POSITIVE;
     match (zero(at_low), zero(at_high)) {
         (true, true) => return None,

@@ -8,13 +8,14 @@ use crate::config::ConfigError;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EpsilonConfig {
-    /// Neighbours that the curve starts with, the point itself included, 8 to 200. Default 40 (the paper on estimating
-    /// epsilon, section 4.2.2).
+    /// Number of neighbours of the first curve, the point itself included, 8 to 200. Default 40 (Wang et al.
+    /// 2019, section 4.2.2).
     pub k: u64,
-    /// Points whose neighbours are looked for, at most about; neighbours are always looked for among all points.
-    /// 0: every point. Default 2,000,000 (chosen: the standard error is then below a thousandth of the mean).
+    /// Approximate limit of the points whose neighbours are searched. The neighbours are always searched
+    /// among all points. 0: every point. Default 2,000,000 (chosen: the standard error is then below a
+    /// thousandth of the mean).
     pub max_queries: u64,
-    /// Decides which points are asked where there are more. Default 1.
+    /// Selects these points if there are more. Default 1.
     pub seed: u64,
 }
 
