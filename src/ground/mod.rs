@@ -5,6 +5,8 @@
 
 mod lowest;
 mod noise;
+mod upward_growing;
+mod visible;
 mod voxel_column;
 
 use crate::config::ConfigError;
@@ -13,6 +15,7 @@ use crate::model::{Lattice, PointClass, Reach};
 use crate::spatial::TileView;
 
 pub use noise::{IsolatedNoise, NoiseConfig};
+pub use upward_growing::{UpwardGrowing, UpwardGrowingConfig};
 pub use voxel_column::{VoxelColumn, VoxelColumnConfig};
 
 /// A method that tells ground from everything else.
@@ -69,4 +72,4 @@ pub struct GroundEntry {
 }
 
 /// Every ground filter, in the order in which help lists them.
-pub static REGISTRY: &[GroundEntry] = &[voxel_column::ENTRY];
+pub static REGISTRY: &[GroundEntry] = &[voxel_column::ENTRY, upward_growing::ENTRY];

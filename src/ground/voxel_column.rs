@@ -23,6 +23,7 @@ use serde::Deserialize;
 
 use super::lowest::{NONE, lowest_within};
 use super::noise::voxel_edge;
+use super::visible::{mark_ground, visible_voxels};
 use super::{GroundEntry, GroundFilter};
 use crate::config::{self, ConfigError};
 use crate::model::AlgorithmError;
@@ -141,20 +142,9 @@ impl GroundFilter for VoxelColumn {
     fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
         let lattice = view.cloud().lattice;
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let mut visible = vec![false; index.len()];
-        for (points, voxel) in index.streaks() {
-            if !visible[voxel] {
-                visible[voxel] = classes[points].iter().any(|class| !class.is_noise());
-            }
-        }
+        let visible = visible_voxels(index, classes);
         let ground = self.ground_voxels(index, &visible, lattice);
-        for (points, voxel) in index.streaks() {
-            if ground[voxel] {
-                for class in classes[points].iter_mut().filter(|class| !class.is_noise()) {
-                    *class = PointClass::Ground;
-                }
-            }
-        }
+        mark_ground(index, &ground, classes);
         Ok(())
     }
 }
