@@ -3,8 +3,10 @@
 //! A filter is one file here and one line in [`REGISTRY`]. It sees the points of a tile and its own parameters;
 //! no files, no paths, no threads, no clock.
 
+mod blocks;
 mod lowest;
 mod noise;
+mod opening;
 mod upward_growing;
 mod visible;
 mod voxel_column;
@@ -15,6 +17,7 @@ use crate::model::{Lattice, PointClass, Reach};
 use crate::spatial::TileView;
 
 pub use noise::{IsolatedNoise, NoiseConfig};
+pub use opening::{Opening, OpeningConfig};
 pub use upward_growing::{UpwardGrowing, UpwardGrowingConfig};
 pub use voxel_column::{VoxelColumn, VoxelColumnConfig};
 
@@ -72,4 +75,4 @@ pub struct GroundEntry {
 }
 
 /// Every ground filter, in the order in which help lists them.
-pub static REGISTRY: &[GroundEntry] = &[voxel_column::ENTRY, upward_growing::ENTRY];
+pub static REGISTRY: &[GroundEntry] = &[voxel_column::ENTRY, upward_growing::ENTRY, opening::ENTRY];
