@@ -1,5 +1,9 @@
 //! Blocks of columns: between which heights ground can lie in a block, by what is around it.
-#![expect(clippy::cast_possible_truncation, reason = "numbers of columns fit u32, see VoxelIndex")]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "numbers of columns fit u32 (see VoxelIndex), ranks are below them, rises are some hundred metres"
+)]
 
 use rustc_hash::FxHashMap;
 
@@ -86,7 +90,7 @@ impl Blocks {
     }
 
     /// For every block the smallest low of a block within `radius` (in blocks, centres, inclusive) plus `rise` for each
-    /// block of distance; [`NONE`] where there is none.
+    /// block of distance and for the block itself, which is a slope, too; [`NONE`] where there is none.
     pub(super) fn ceilings(&self, lows: &[u32], radius: i64, rise: f64) -> Vec<u32> {
         let low_of = |block| self.columns(block).iter().map(|&column| lows[column as usize]).min();
         let lows: Vec<u32> = (0..self.place.len()).map(|block| low_of(block).unwrap_or(NONE)).collect();
@@ -95,7 +99,7 @@ impl Blocks {
             for dj in -radius..=radius {
                 let squared = di * di + dj * dj;
                 if squared <= radius * radius {
-                    cone.push(([di, dj], (rise * (squared as f64).sqrt()) as u32));
+                    cone.push(([di, dj], (rise * ((squared as f64).sqrt() + 1.0)) as u32));
                 }
             }
         }
@@ -144,9 +148,9 @@ mod tests {
     #[test]
     fn ceilings_rise_with_the_distance_as_far_as_the_radius() {
         let blocks = blocks(&[[0, 0], [2, 0], [4, 0], [2, 2]]);
-        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 1, 10.0), [0, 10, 100, 100]);
+        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 1, 10.0), [10, 20, 110, 110]);
         // The diagonal is 1.41 blocks long.
-        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 2, 10.0), [0, 10, 20, 14]);
-        assert_eq!(blocks.ceilings(&[NONE, NONE, 100, 100], 1, 10.0), [NONE, 110, 100, 100]);
+        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 2, 10.0), [10, 20, 30, 24]);
+        assert_eq!(blocks.ceilings(&[NONE, NONE, 100, 100], 1, 10.0), [NONE, 120, 110, 110]);
     }
 }

@@ -3,8 +3,9 @@
 //! Ours. It takes the morphological opening of the lowest points from Zhang et al., "A progressive morphological
 //! filter for removing nonground measurements from airborne LIDAR data" (2003), and Pingel, Clarke, McBride, "An
 //! improved simple morphological filter for the terrain classification of airborne LIDAR data" (2013), but opens
-//! once and with a small disc: a mobile scanner sees the ground beside whatever stands on a road. Steps, over the
-//! columns of voxels, of points that are not noise:
+//! once and with a small disc: a mobile scanner sees the ground beside whatever stands on a road. It sees all points:
+//! far from the scanner the ground is scattered so thinly that it passes for isolated noise (one true ground point in
+//! a hundred on thinly sampled streets), and what is ground is noise no longer. Steps, over the columns of voxels:
 //!
 //! 1. *Floor.* A quantile of the lowest points of all columns in the 5 x 5 blocks around, less `depth`. What lies
 //!    deeper is multipath or a stray return.
@@ -23,7 +24,7 @@
 //!
 //! Known failures: the lowest `close` of walls, trunks and hedges goes to the ground; so does the floor of a room
 //! behind a window, and the lower rim of a crown at the height of the ground beside it; terraces narrower than the
-//! disc; ground that rises faster than `slope`.
+//! disc; ground that rises faster than `slope`; on slopes the upper rim of what was seen, one `radius` wide.
 
 use std::f64::consts::SQRT_2;
 
@@ -67,7 +68,8 @@ pub struct OpeningConfig {
     pub depth: f64,
     /// Radius of the disc in metres, 0 to 20. Default 1.2: half of what is wider than a car.
     pub radius: f64,
-    /// How fast the ground may rise, 0 to 10 (metres per metre). Default 1.0.
+    /// How fast the ground may rise, 0 to 10 (metres per metre). Default 0.6: embankments
+    /// of 1 : 1.5, as a block has its own rise on top.
     pub slope: f64,
     /// Over what distance in metres, 0 to 50. Default 6.
     pub slope_radius: f64,
@@ -87,7 +89,7 @@ impl Default for OpeningConfig {
             low_quantile: 0.1,
             depth: 0.3,
             radius: 1.2,
-            slope: 1.0,
+            slope: 0.6,
             slope_radius: 6.0,
             close: 0.06,
             height: 0.3,
@@ -160,11 +162,9 @@ impl Opening {
         }
         let mut surface = opening(tile.index, lattice.units(self.config.radius), &lows);
         let block = (BLOCK * i64::from(tile.index.grid().edge)) as f64;
-        let rise = self.config.slope * block;
-        let ceilings = blocks.ceilings(&surface, self.slope_blocks(lattice), rise);
+        let ceilings = blocks.ceilings(&surface, self.slope_blocks(lattice), self.config.slope * block);
         for (column, surface) in surface.iter_mut().enumerate().filter(|(_, surface)| **surface != NONE) {
-            // A block is a slope by itself, too.
-            *surface = ceilings[blocks.of(column)].saturating_add(rise as u32).min(*surface);
+            *surface = ceilings[blocks.of(column)].min(*surface);
         }
         surface
     }
@@ -185,21 +185,17 @@ fn opening(index: &VoxelIndex, radius_units: i64, lows: &[u32]) -> Vec<u32> {
         .collect()
 }
 
-/// The points of a tile by column, without noise.
+/// The points of a tile by column.
 struct Tile<'a> {
     lattice: Lattice,
     index: &'a VoxelIndex,
     z: &'a [i32],
-    classes: &'a [PointClass],
 }
 
 impl Tile<'_> {
     /// Points of a voxel, as (point, local z).
     fn points(&self, voxel: usize) -> impl Iterator<Item = (usize, u32)> {
-        let points = self.index.voxel_points(voxel).flatten();
-        points
-            .filter(|&point| !self.classes[point].is_noise())
-            .map(|point| (point, self.z[point].unsigned_abs()))
+        self.index.voxel_points(voxel).flatten().map(|point| (point, self.z[point].unsigned_abs()))
     }
 
     /// The lowest point of each column.
@@ -244,14 +240,14 @@ impl GroundFilter for Opening {
         let cloud = view.cloud();
         let lattice = cloud.lattice;
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let surface = self.surface(&Tile { lattice, index, z: &cloud.z, classes });
+        let tile = Tile { lattice, index, z: &cloud.z };
+        let surface = self.surface(&tile);
         let units = |metres| lattice.units(metres);
         let (depth, close) = (units(self.config.depth), units(self.config.close));
         let (height, clear) = (units(self.config.height), units(self.config.clear));
         let (base, edge) = (index.grid().base[2], i64::from(index.grid().edge));
         let mut near = Vec::new();
         for (column, &surface) in surface.iter().enumerate().filter(|(_, surface)| **surface != NONE) {
-            let tile = Tile { lattice, index, z: &cloud.z, classes };
             // Heights above the surface of the points that matter; voxels that begin above them are left out.
             let surface = i64::from(surface);
             let begin = |voxel: usize| (base + i64::from(index.heights()[voxel])) * edge - cloud.origin[2];
@@ -268,5 +264,100 @@ impl GroundFilter for Opening {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::TileCloud;
+    use PointClass::{Ground, LowNoise, Object};
+
+    fn classify(points: &[[i64; 3]], class: PointClass) -> Vec<PointClass> {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let mut classes = vec![class; points.len()];
+        let filter = Opening::new(&OpeningConfig::default()).unwrap();
+        filter.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
+        classes
+    }
+
+    /// Three points in each column of 30 x 30 columns, 9 m of a plane that rises by `rise` mm per column along x.
+    fn plane(rise: i64) -> Vec<[i64; 3]> {
+        let columns = (0..30).flat_map(|i| (0..30).map(move |j| (i, j)));
+        columns.flat_map(|(i, j)| [40, 150, 260].map(|at| [i * 300 + at, j * 300 + at, i * rise])).collect()
+    }
+
+    /// What becomes of points beside those of a plane, which is all ground.
+    fn on(plane: &[[i64; 3]], points: &[[i64; 3]]) -> Vec<PointClass> {
+        let classes = classify(&[plane, points].concat(), Object);
+        assert!(classes[..plane.len()].iter().all(|class| *class == Ground));
+        classes[plane.len()..].to_vec()
+    }
+
+    #[test]
+    fn returns_below_the_road_take_nothing_from_the_ground() {
+        // Single ones 0.1 to 5 m below, and ten of multipath in one column.
+        for below in [-100, -200, -400, -600, -5_000] {
+            let expected = if below > -300 { Ground } else { Object };
+            assert_eq!(on(&plane(0), &[[4_500, 4_500, below]]), [expected], "{below}");
+        }
+        assert_eq!(on(&plane(0), &[[4_500, 4_500, -2_000]; 10]), [Object; 10]);
+    }
+
+    #[test]
+    fn kerbs_are_ground_and_the_foot_of_a_wall_is_not() {
+        let kerb = [[4_500, 4_500, 120], [4_500, 4_500, 299], [4_500, 4_500, 300]];
+        assert_eq!(on(&plane(0), &kerb[..2]), [Ground; 2]);
+        assert_eq!(on(&plane(0), &kerb), [Object; 3]);
+        // 0.7 m above the ground is clear of it.
+        assert_eq!(on(&plane(0), &[[4_500, 4_500, 120], [4_500, 4_500, 700]]), [Ground, Object]);
+        assert_eq!(
+            on(&plane(0), &[[4_500, 4_500, 59], [4_500, 4_500, 60], [4_500, 4_500, 699]]),
+            [Ground, Object, Object]
+        );
+    }
+
+    #[test]
+    fn slopes_are_ground_and_what_floats_above_them_is_not() {
+        // 27 degrees: 0.15 m in a column of 0.3 m. The disc finds nothing beyond the upper rim, and cuts it.
+        let points = [plane(150), vec![[4_500, 4_500, 6_000]; 3]].concat();
+        let (seen, classes) = (points.len() - 3, classify(&points, Object));
+        assert!(
+            points[..seen].iter().zip(&classes).all(|(point, class)| *class == Ground || point[0] > 7_800)
+        );
+        assert_eq!(classes[seen..], [Object; 3]);
+        // A roof of 1.8 m x 1.8 m, 3 m above the plane, is cut away even where it hides the ground.
+        let roof: Vec<_> = plane(0)
+            .into_iter()
+            .map(|[x, y, z]| {
+                let hidden = (3_600..5_400).contains(&x) && (3_600..5_400).contains(&y);
+                [x, y, if hidden { z + 3_000 } else { z }]
+            })
+            .collect();
+        let classes = classify(&roof, Object);
+        assert!(classes.iter().zip(&roof).all(|(class, point)| (*class == Ground) == (point[2] == 0)));
+    }
+
+    #[test]
+    fn thin_ground_is_no_noise_and_noise_that_is_not_ground_stays() {
+        let points = [[0, 0, 0], [10, 0, 20], [1_000, 0, 0], [1_010, 0, 10], [1_020, 0, 2_000]];
+        assert_eq!(classify(&points, LowNoise), [Ground, Ground, Ground, Ground, LowNoise]);
+        assert_eq!(classify(&[], Object), []);
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = OpeningConfig::default;
+        for (config, key) in [
+            (OpeningConfig { voxel: 0.0, ..default() }, "opening.voxel = 0"),
+            (OpeningConfig { lowest_points: 0, ..default() }, "opening.lowest_points = 0"),
+            (OpeningConfig { depth: -0.1, ..default() }, "opening.depth = -0.1"),
+            (OpeningConfig { slope: f64::NAN, ..default() }, "opening.slope = NaN"),
+            (OpeningConfig { slope_radius: 51.0, ..default() }, "opening.slope_radius = 51"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
     }
 }

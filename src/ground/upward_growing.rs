@@ -15,7 +15,7 @@
 //! when the first layer at that height is reached. Layers above it are never looked at, and one bit per column
 //! says what of the layer above was reached.
 //!
-//! Cost: O(points + columns log columns). Memory: two bytes per voxel beside the voxels themselves. The bench
+//! Cost: O(points + columns log columns). Memory: five bytes per voxel beside the voxels themselves. The bench
 //! is `benches/kernels.rs`.
 //!
 //! Known failures: what is lower than `height` goes to the ground (kerbs, low shrubs), and so does the lower rim
@@ -25,6 +25,8 @@
 
 #![expect(
     clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
     reason = "numbers of voxels fit u32 (see VoxelIndex), places in a block are below 128, layers below 100 m / 2 cm"
 )]
 
@@ -34,7 +36,7 @@ use std::f64::consts::SQRT_2;
 use serde::Deserialize;
 
 use super::noise::voxel_edge;
-use super::visible::{mark_ground, visible_voxels};
+use super::visible::{mark_ground, visible_points};
 use super::{GroundEntry, GroundFilter};
 use crate::config::{self, ConfigError};
 use crate::model::AlgorithmError;
@@ -121,7 +123,7 @@ impl UpwardGrowing {
     }
 
     /// The voxels that are ground.
-    fn ground_voxels(&self, index: &VoxelIndex, visible: &[bool], lattice: Lattice) -> Vec<bool> {
+    fn ground_voxels(&self, index: &VoxelIndex, visible: &[u32], lattice: Lattice) -> Vec<bool> {
         let edge = i64::from(index.grid().edge);
         let span = self.block_voxels(lattice);
         let base = index.grid().base;
@@ -135,7 +137,7 @@ impl UpwardGrowing {
         for strip in index.columns().chunk_by(|one, other| block_of(0, one[0]) == block_of(0, other[0])) {
             columns.clear();
             for (number, &[i, j]) in (first..).zip(strip) {
-                if let Some(low) = index.column_voxels(number).find(|&voxel| visible[voxel]) {
+                if let Some(low) = index.column_voxels(number).find(|&voxel| visible[voxel] > 0) {
                     let place = [place_of(0, i), place_of(1, j)];
                     columns.push(Column { block: block_of(1, j), place, number, low: index.heights()[low] });
                 }
@@ -200,12 +202,12 @@ impl Block {
     }
 
     /// Takes the voxels up to the layer `limit`, from the highest down.
-    fn gather(&mut self, index: &VoxelIndex, visible: &[bool], columns: &[Column], limit: u32) {
+    fn gather(&mut self, index: &VoxelIndex, visible: &[u32], columns: &[Column], limit: u32) {
         self.voxels.clear();
         for column in columns {
             let [row, bit] = column.place.map(|place| place as u8);
             let heights = index.column_voxels(column.number).map(|voxel| (voxel, index.heights()[voxel]));
-            let low = heights.take_while(|&(_, k)| k <= limit).filter(|&(voxel, _)| visible[voxel]);
+            let low = heights.take_while(|&(_, k)| k <= limit).filter(|&(voxel, _)| visible[voxel] > 0);
             self.voxels.extend(low.map(|(voxel, k)| Voxel { k, row, bit, number: voxel as u32 }));
         }
         self.voxels.sort_unstable_by_key(|voxel| Reverse(voxel.k));
@@ -256,7 +258,7 @@ impl GroundFilter for UpwardGrowing {
     fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
         let lattice = view.cloud().lattice;
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let visible = visible_voxels(index, classes);
+        let visible = visible_points(index, classes);
         let ground = self.ground_voxels(index, &visible, lattice);
         mark_ground(index, &ground, classes);
         Ok(())

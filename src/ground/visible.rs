@@ -3,13 +3,11 @@
 use crate::model::PointClass;
 use crate::spatial::VoxelIndex;
 
-/// Whether each voxel holds a point that is not noise.
-pub(super) fn visible_voxels(index: &VoxelIndex, classes: &[PointClass]) -> Vec<bool> {
-    let mut visible = vec![false; index.len()];
+/// How many points of each voxel are not noise.
+pub(super) fn visible_points(index: &VoxelIndex, classes: &[PointClass]) -> Vec<u32> {
+    let mut visible = vec![0; index.len()];
     for (points, voxel) in index.streaks() {
-        if !visible[voxel] {
-            visible[voxel] = classes[points].iter().any(|class| !class.is_noise());
-        }
+        visible[voxel] += classes[points].iter().map(|class| u32::from(!class.is_noise())).sum::<u32>();
     }
     visible
 }
