@@ -7,6 +7,7 @@ mod blocks;
 mod lowest;
 mod noise;
 mod opening;
+mod scarce;
 mod upward_growing;
 mod visible;
 mod voxel_column;
@@ -18,6 +19,7 @@ use crate::spatial::TileView;
 
 pub use noise::{IsolatedNoise, NoiseConfig};
 pub use opening::{Opening, OpeningConfig};
+pub use scarce::LowPoints;
 pub use upward_growing::{UpwardGrowing, UpwardGrowingConfig};
 pub use voxel_column::{VoxelColumn, VoxelColumnConfig};
 

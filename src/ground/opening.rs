@@ -39,7 +39,7 @@ use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};
 use crate::spatial::{TileView, VoxelIndex};
 
-const NAME: &str = "opening";
+pub(super) const NAME: &str = "opening";
 
 /// Columns along the edge of a block (chosen: 1.5 m by default, which is narrower than a lane).
 const BLOCK: i64 = 5;

@@ -43,7 +43,7 @@ use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};
 use crate::spatial::{TileView, VoxelIndex};
 
-const NAME: &str = "upward-growing";
+pub(super) const NAME: &str = "upward-growing";
 
 /// Voxels along the edge of a block at most: a row of columns is a word of bits.
 const MOST_VOXELS: usize = 128;
