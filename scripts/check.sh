@@ -1,16 +1,25 @@
 #!/usr/bin/env bash
-# Everything that must hold before a change is merged, the same on a laptop and in CI; about a quarter of an hour on two
-# cores from nothing, a few minutes when built.
+# All checks that a change must pass before it is merged. They are the same on a laptop and in CI.
 #
-#     scripts/check.sh [--quick]
+#     scripts/check.sh [--fast | --quick]
 #
-# --quick leaves out the release build and the suites that need it. Those suites use the shared data (CHAINAGE_SHARED_DATA,
-# else ../shared/data) and say that they skip what is not there.
+# --fast   for every save: format, unit tests, contracts of the methods, command line, layers
+# --quick  before a commit: everything that needs no release build
+# Without an option: everything. It takes about a quarter of an hour on two cores from nothing.
+#
+# Some checks use the shared data (CHAINAGE_SHARED_DATA, else ../shared/data), python3 with laspy, typos or cargo-deny.
+# They report what they skip because it is missing. .ci/run installs the tools.
 set -uo pipefail
 cd "$(dirname "$0")/.."
-exec </dev/null # a closed standard input would become the read end of the pipe below (see .ci/run)
-quick=${1:-}
+exec </dev/null # otherwise the pipe below could become standard input (see .ci/run)
+lane=${1:-all}
+case $lane in all | --fast | --quick) ;; *)
+    sed -n '2,12s/^# \{0,1\}//p' "$0"
+    exit 2
+    ;;
+esac
 failed=()
+skipped=()
 summary=
 
 step() { # NAME COMMAND...
@@ -25,22 +34,78 @@ step() { # NAME COMMAND...
     fi
 }
 
-tests() {
+skip() { # TEXT
+    echo "skipped: $1"
+    skipped+=("$1")
+}
+
+tests() { # ARGUMENTS OF cargo test...
     local log
     log=$(mktemp)
-    cargo test --locked 2>&1 | tee "$log"
+    cargo test --locked "$@" 2>&1 | tee "$log"
     local code=${PIPESTATUS[0]}
-    summary=$(grep -E '^(     Running|   Doc-tests|test result)' "$log")
+    summary+=$(grep -E '^(     Running|   Doc-tests|test result)' "$log")$'\n'
     rm -f "$log"
     return "$code"
 }
 
+spelling() {
+    if command -v typos >/dev/null; then
+        typos
+    else
+        skip "spelling (typos is not installed)"
+    fi
+}
+
+dependencies() {
+    if ! cargo deny --version >/dev/null 2>&1; then
+        skip "licences, sources, duplicates and advisories of dependencies (cargo-deny is not installed)"
+        return
+    fi
+    cargo deny --locked check --hide-inclusion-graph bans licenses sources || return
+    # The database of advisories is a git repository, which not every network lets through.
+    if timeout 60 cargo deny --locked fetch db >/dev/null 2>&1; then
+        cargo deny --locked --offline check --hide-inclusion-graph advisories
+    else
+        skip "advisories (their database cannot be fetched)"
+    fi
+}
+
+# No other toolchain is downloaded. If this one is the minimum, all other steps build with the minimum. If it is newer,
+# only clippy helps: its lint incompatible_msrv, among the lints above, finds functions of the standard library that are
+# newer than the minimum, but not newer syntax.
+minimal_rust() {
+    local minimum actual file
+    minimum=$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' Cargo.toml)
+    actual=$(rustc --version | cut -d ' ' -f 2)
+    for file in README.md CONTRIBUTING.md; do
+        grep -q "Rust $minimum" "$file" || { echo "$file does not name Rust $minimum" && return 1; }
+    done
+    if [ "$(printf '%s\n' "$minimum" "$actual" | sort -V | head -n 1)" != "$minimum" ]; then
+        echo "this is Rust $actual, the minimum is $minimum"
+        return 1
+    fi
+    case $actual in
+    "$minimum" | "$minimum".*) echo "this is the minimum, Rust $minimum" ;;
+    *) skip "build with the minimum, Rust $minimum (this is $actual)" ;;
+    esac
+}
+
 step "format" cargo fmt --check
-step "lints" cargo clippy --locked --all-targets -- -D warnings
-step "tests and doc tests" tests
-step "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --quiet
-if [ "$quick" != --quick ]; then
+if [ "$lane" = --fast ]; then
+    step "unit tests" tests --lib
+    step "contracts, command line, layers" tests --test main -- contracts cli:: architecture kernels
+else
+    step "spelling" spelling
+    step "dependencies" dependencies
+    step "lints" cargo clippy --locked --all-targets -- -D warnings
+    step "minimal Rust version" minimal_rust
+    step "tests and doc tests" tests
+    step "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --quiet
+fi
+if [ "$lane" = all ]; then
     step "release build" cargo build --locked --release --quiet
+    step "digests of all outputs" scripts/digest.py --check
     step "exactness" scripts/exactness.sh
     step "kill and resume, LAS and LAZ" scripts/kill_and_resume.sh tests/data/tree_road_sweep.laz 20 4
 fi
@@ -48,6 +113,7 @@ fi
 echo
 echo "== test results"
 echo "$summary"
+[ ${#skipped[@]} -eq 0 ] || printf 'skipped: %s\n' "${skipped[@]}"
 if [ ${#failed[@]} -gt 0 ]; then
     printf 'FAILED: %s\n' "${failed[@]}"
     exit 1

@@ -69,7 +69,7 @@ def main():
 
     print("## Scores\n")
     scores(drives, methods, load)
-    print("\nF1 counts false segments in the class of the object they hold most of, F1* counts none.\n\n## By class\n")
+    print("\nF1 counts a false segment in the class of the object with most of its points. F1* counts none.\n\n## By class\n")
     classes(drives, methods, load)
     if "density-peaks" in methods:
         print("\n## Stages of `density-peaks`\n")

@@ -1,41 +1,42 @@
-//! How the allocator of the program treats large blocks: what is freed goes back to the system at once.
+//! Settings of the C library's allocator: large freed blocks are returned to the system at once.
 //!
-//! A tile is a few dozen columns of megabytes that live for a second. glibc gives a block of at least 128 KiB a mapping of its
-//! own at first, but raises that limit to the size of each such block that is freed, up to 32 MiB (mallopt(3),
-//! `M_MMAP_THRESHOLD`): after the first tiles the columns come out of the heaps of the workers, where what is freed stays for as
-//! long as anything above it lives. What one worker held so grew from tile to tile: over a drive of 4 km, whose tiles need 30 to
-//! 70 MiB, from 50 to 105 MiB. A limit that is set is not raised.
+//! A tile consists of a few dozen columns of megabytes that live for a second. At first, glibc maps each
+//! block of at least 128 KiB separately. It raises this limit to the size of each such block that is freed,
+//! up to 32 MiB (mallopt(3), `M_MMAP_THRESHOLD`). After the first tiles, columns therefore come from the heap
+//! of the worker, and freed memory stays there as long as any block above it is in use. The memory of one
+//! worker grew from tile to tile in this way: from 50 to 105 MiB over a drive of 4 km with tiles of 30 to 70
+//! MiB. A limit that is set explicitly does not rise.
 
-/// Blocks of this many bytes and more get a mapping of their own. Chosen: of a tile, only columns of cells are smaller; and the
-/// buffers that come and go with every block of records, which are about a megabyte and more, are few.
+/// Blocks of at least this many bytes are mapped separately. Chosen, because only the columns of cells of a
+/// tile are smaller, and because the buffers for a block of records (about 1 MB and more) are few.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const MAPPED_BYTES: libc::c_int = 1 << 20;
 
-/// Has memory of large blocks go back to the system when they are freed. To be called before there is a second thread.
+/// Makes large blocks return to the system when they are freed. Must be called while there is one thread.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[expect(unsafe_code, reason = "a setting of the C library can only be made by an unsafe call")]
 pub(crate) fn return_large_blocks() {
-    // SAFETY: mallopt takes two numbers and no pointer, and changes how later blocks are allocated, not any block there is.
-    // It is not safe to call while other threads allocate (mallopt(3), "MT-Unsafe init"): the program calls it first of all.
-    // A refusal (0) leaves things as they were, and only memory is at stake.
+    // SAFETY: mallopt takes two numbers and no pointer. It changes how later blocks are allocated, and no
+    // block that exists. It is not safe while other threads allocate (mallopt(3), "MT-Unsafe init"), so the
+    // program calls it first. A refusal (0) changes nothing, and only memory is at stake.
     let _accepted = unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_BYTES) };
 }
 
-/// Nothing is set where the C library is another one.
+/// Other C libraries: nothing to set.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub(crate) fn return_large_blocks() {}
 
-/// Gives memory back that is free, also between blocks that stay: what the survey knew of cells before they were packed lies
-/// between what stays of it, 4 MiB for 16 km of street.
+/// Returns free memory to the system, including the memory between blocks in use. The counts of the survey
+/// before packing lie between blocks that remain: 4 MiB for 16 km of street.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[expect(unsafe_code, reason = "a request to the C library can only be made by an unsafe call")]
 pub(crate) fn return_free_memory() {
-    // SAFETY: malloc_trim takes a number, locks the heaps that it looks at ("MT-Safe", malloc_trim(3)), and gives back
-    // pages that no block lies on. What it returns, whether there were any, does not matter.
+    // SAFETY: malloc_trim takes a number, locks the heaps that it examines ("MT-Safe", malloc_trim(3)), and
+    // releases only pages without a block. The return value (whether any was released) does not matter.
     let _any = unsafe { libc::malloc_trim(0) };
 }
 
-/// Nothing is asked for where the C library is another one.
+/// Other C libraries: nothing to do.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub(crate) fn return_free_memory() {}
 
@@ -65,7 +66,7 @@ mod tests {
             .sum()
     }
 
-    /// Bytes of this process that are in memory and no file's.
+    /// Bytes of memory of this process that do not belong to a file.
     fn resident() -> usize {
         let status = std::fs::read_to_string("/proc/self/status").expect("a status");
         let line = status.lines().find(|line| line.starts_with("RssAnon:")).expect("a size");
@@ -73,8 +74,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_free_between_blocks_that_stay_goes_back_to_the_system() {
-        // Every other one of 2,000 blocks of 32 KiB, which makes 31 MiB.
+    fn free_memory_between_blocks_in_use_returns_to_the_system() {
+        // Every second one of 2,000 blocks of 32 KiB: 31 MiB.
         let pages: Vec<Vec<u8>> = (0..2_000).map(|_| black_box(vec![1_u8; MIB / 32])).collect();
         let (stay, go): (Vec<_>, Vec<_>) = pages.into_iter().enumerate().partition(|(n, _)| n % 2 == 0);
         let before = resident();
@@ -86,9 +87,9 @@ mod tests {
     }
 
     #[test]
-    fn a_large_block_goes_back_to_the_system_also_below_a_small_one_that_stays() {
+    fn a_large_block_returns_to_the_system_even_below_a_small_one_in_use() {
         super::return_large_blocks();
-        // A worker has a heap of its own, and a block that was freed is what raises the limit.
+        // A worker has its own heap. Freeing a large block is what raises the limit.
         let worker = std::thread::spawn(|| {
             drop(black_box(vec![1_u8; 24 * MIB]));
             let column = black_box(vec![1_u8; 16 * MIB]);
@@ -96,7 +97,7 @@ mod tests {
             let place = addresses(&column);
             assert_eq!(mapped(&place), 16 * MIB);
             drop(column);
-            // Another thread may have been given some of these addresses meanwhile, but not half of them.
+            // Another thread may have got some of these addresses, but not half of them.
             assert!(mapped(&place) < 8 * MIB, "{} bytes below {:p}", mapped(&place), stays.as_ptr());
         });
         worker.join().expect("no panic");

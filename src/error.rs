@@ -37,6 +37,11 @@ pub trait Failure: std::error::Error + Send + Sync + 'static {
     fn stops_all(&self) -> bool {
         false
     }
+
+    /// Whether a file of the input is at fault and the text says so by itself.
+    fn concerns_input(&self) -> bool {
+        false
+    }
 }
 
 /// The kinds of failure that a caller can tell apart; the program gives each an exit code.
@@ -84,6 +89,12 @@ impl Error {
     #[must_use]
     pub fn stops_all(&self) -> bool {
         self.0.stops_all()
+    }
+
+    /// Whether a file of the input is at fault and the text says so by itself.
+    #[must_use]
+    pub fn concerns_input(&self) -> bool {
+        self.0.concerns_input()
     }
 
     /// The failure itself, if it is an `E`.

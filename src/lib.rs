@@ -1,8 +1,35 @@
-//! `chainage` turns the files of one mobile laser scanning drive into the same files with two more facts per point
-//! (is it ground, which object is it part of) and a table of the objects, out of core, resumable, and with a result
-//! in which nobody can tell where the tiles were.
+//! `chainage` divides mobile laser scanning data into ground and objects.
 //!
-//! The modules stand in the order in which data flows through them.
+//! A drive is a set of LAS or LAZ files. The result is a copy of each file with two more facts per point (whether
+//! it is ground, and the id of its object), and a table of the objects. Drives can be longer than memory, runs can
+//! be interrupted and resumed, and the division into tiles does not change the result.
+//!
+//! ```
+//! use chainage::config::Config;
+//! use chainage::run::{CancelToken, Registries, RunRequest, Silent, run};
+//!
+//! let out = tempfile::tempdir()?;
+//! let request = RunRequest {
+//!     inputs: vec!["tests/data/tree_road_sweep.laz".into()],
+//!     out: out.path().to_owned(),
+//!     config: Config::resolve(None, &["euclidean.d_t=0.4".to_owned()])?,
+//!     fresh: false,
+//!     registries: Registries::default(),
+//! };
+//! let summary = run(&request, &Silent, &CancelToken::default())?;
+//! assert_eq!(summary.points, 71_841);
+//! assert!(summary.objects > 10);
+//!
+//! let table = std::fs::read_to_string(out.path().join("objects.csv"))?;
+//! assert_eq!(table.lines().count(), 1 + summary.objects);
+//! assert!(out.path().join("tree_road_sweep.laz").is_file());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`run`] does the work of the program's main command. To write a method of your own, implement
+//! [`ground::GroundFilter`] or one of the traits of [`cluster`], and name it in [`run::Registries`].
+//!
+//! The modules are listed in the order of the data flow.
 
 pub mod error;
 pub mod model;
@@ -24,6 +51,8 @@ pub mod ground;
 pub mod cluster;
 
 pub mod stitch;
+
+pub mod inventory;
 
 pub mod output;
 

@@ -1,13 +1,14 @@
-//! Files that appear under their name only when they are complete, and survive a power cut once they do. It knows
-//! nothing of what is in them.
+//! Files that get their final name only when they are complete, and that survive a power cut from then on.
+//! Their content does not matter here.
 
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Bytes that are collected before they are written.
+/// Bytes collected before a write.
 const BUFFER_BYTES: usize = 1 << 18;
 
-/// A file that grows under a temporary name in its folder. Dropped before it is finished, it is removed.
+/// A file that grows under a temporary name in its folder. If it is dropped before it is finished, it is
+/// removed.
 #[derive(Debug)]
 pub(crate) struct WholeFile {
     path: PathBuf,
@@ -16,7 +17,7 @@ pub(crate) struct WholeFile {
 }
 
 impl WholeFile {
-    /// Begins the file that is to be `path`.
+    /// Starts the file that will become `path`.
     pub(crate) fn create(path: &Path) -> io::Result<Self> {
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(".part");
@@ -25,7 +26,7 @@ impl WholeFile {
         Ok(Self { path: path.to_owned(), temporary, file })
     }
 
-    /// What it is to be called.
+    /// Its final name.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
@@ -56,13 +57,13 @@ impl Seek for WholeFile {
 
 impl Drop for WholeFile {
     fn drop(&mut self) {
-        // Once it has its name there is nothing under this one; before, half a file is of no use to anyone, and a
-        // failure to remove it adds nothing to what went wrong.
+        // After renaming there is no file under the temporary name. Before, half a file is useless, and a
+        // failure to remove it adds nothing to the original error.
         let _ = fs_err::remove_file(&self.temporary);
     }
 }
 
-/// Lets `content` write the file `path`.
+/// Creates the file `path` with the bytes that `content` writes.
 pub(crate) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut file = WholeFile::create(path)?;
     content(&mut file)?;
@@ -78,7 +79,7 @@ pub(crate) fn publish(temporary: &Path, path: &Path) -> io::Result<()> {
 /// Makes the directory entry of `path` durable.
 pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
     match path.parent() {
-        // Only Unix lets a folder be opened and synced; elsewhere the rename itself has to do.
+        // Only Unix can open and sync a folder. Elsewhere the rename has to suffice.
         Some(folder) if cfg!(unix) => {
             let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
             fs_err::File::open(folder)?.sync_all()

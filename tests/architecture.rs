@@ -1,5 +1,5 @@
-//! The rules of the architecture, read from the sources: who may use what, how long a file may be, what stands at its
-//! top; and that defaults are written down once.
+//! The rules of the architecture, read from the sources: who may use what, that no files import each other in a circle,
+//! how long a file may be, what stands at its top; and that defaults are written down once.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -8,9 +8,10 @@ use chainage::config::{Config, DEFAULT_TOML};
 use chainage::ground::{IsolatedNoise, NoiseConfig};
 use chainage::{cluster, ground};
 
+use crate::util::imports::{self, Graph};
 use crate::util::shipped;
 
-/// Lines of the production part of a file at most.
+/// Largest number of lines of the production part of a file.
 const LONGEST: usize = 500;
 
 /// A source file: path below `src`, text, and the text without its unit tests.
@@ -41,7 +42,7 @@ fn sources() -> Vec<Source> {
         .into_iter()
         .map(|file| {
             let text = std::fs::read_to_string(&file).expect("readable");
-            let production = text.split("#[cfg(test)]\nmod tests").next().expect("a first part").to_owned();
+            let production = text.split("#[cfg(test)]\n").next().expect("a first part").to_owned();
             let path = file.strip_prefix(&root).expect("below").to_string_lossy().into_owned();
             Source { path, text, production }
         })
@@ -54,31 +55,13 @@ impl Source {
         self.path.split('/').next().expect("a name").trim_end_matches(".rs")
     }
 
-    /// The code without comments: what it uses is in what is left.
+    /// The code without comments. What remains shows what it uses.
     fn code(&self) -> String {
         self.production
             .lines()
             .map(|line| line.split("//").next().unwrap_or(""))
             .collect::<Vec<_>>()
             .join("\n")
-    }
-
-    /// Modules of this crate that the code names after `crate::` (in braces as well).
-    fn own_modules(&self) -> BTreeSet<String> {
-        let code = self.code();
-        let mut found = BTreeSet::new();
-        for prefix in ["crate::", "chainage::"] {
-            for (at, _) in code.match_indices(prefix) {
-                let rest = &code[at + prefix.len()..];
-                if let Some(list) = rest.strip_prefix('{') {
-                    let end = list.find("};").unwrap_or(list.len());
-                    found.extend(first_names(&list[..end]));
-                } else {
-                    found.extend(first_names(rest.split([';', ' ', ')', '>', ',']).next().unwrap_or("")));
-                }
-            }
-        }
-        found
     }
 
     /// Whether the code names another crate.
@@ -89,69 +72,114 @@ impl Source {
     }
 }
 
-/// The first names of the paths in a `use` list.
-fn first_names(list: &str) -> impl Iterator<Item = String> + '_ {
-    let mut depth = 0;
-    let top = move |c: char| {
-        depth += i32::from(c == '{') - i32::from(c == '}');
-        depth == 0 && c == ','
-    };
-    list.split(top).map(|path| path.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect())
+/// Which file imports which.
+fn graph() -> Graph {
+    let sources = sources();
+    imports::graph(sources.iter().map(|source| (source.path.as_str(), source.production.as_str())))
 }
 
-/// Layers of the flow, which only `run` joins.
-const LAYERS: [&str; 7] = ["input", "survey", "tiling", "ground", "cluster", "stitch", "output"];
+/// The module at the top that a file belongs to.
+fn module_of(file: &str) -> &str {
+    file.split('/').next().expect("a name").trim_end_matches(".rs")
+}
+
+/// The layers, from the ground up. A module uses what is below it, and nothing beside or above it.
+const LAYERS: [&[&str]; 7] = [
+    &["error", "allocator"],
+    &["codec", "whole_file"],
+    &["model"],
+    // Beside each other: what is near what knows no setting, and no setting needs to know it.
+    &["spatial", "config"],
+    &["input", "survey", "tiling", "ground", "cluster", "stitch", "inventory", "output", "store", "table"],
+    &["run", "eval", "synth"],
+    &["cli"],
+];
+
+/// Arrows between modules of one layer: a labelled copy is made of the bytes of its input.
+const BESIDE: [(&str, &str); 1] = [("output", "input")];
+
+/// Modules of the flow that are used beside `run`, which joins them all.
+const JOINED_ELSEWHERE: [(&str, &[&str]); 3] = [
+    ("eval", &["input"]),
+    ("synth", &["output"]),
+    ("cli", &["input", "survey", "ground", "cluster", "output", "table"]),
+];
+
+/// Modules of the flow that `run` does not join: tables are no drives.
+const NOT_IN_THE_FLOW: [&str; 1] = ["table"];
 
 #[test]
-fn layers_do_not_know_each_other_and_only_run_joins_them() {
+fn modules_use_only_what_is_in_layers_below() {
+    let layer = |module: &str| LAYERS.iter().position(|layer| layer.contains(&module));
+    let flow = LAYERS[4];
     let mut joined = BTreeSet::new();
-    for source in sources() {
-        let (module, used) = (source.module().to_owned(), source.own_modules());
-        let layers: BTreeSet<&str> =
-            LAYERS.into_iter().filter(|layer| *layer != module && used.contains(*layer)).collect();
-        if module == "run" {
-            joined.extend(layers);
+    for (file, imported) in graph() {
+        let user = module_of(&file);
+        if user == "main" || user == "lib" {
             continue;
         }
-        let allowed: &[&str] = match module.as_str() {
-            // A labelled copy is made of the bytes of its input.
-            "output" => &["input"],
-            // It wraps the errors of all of them; the program prints facts.
-            // Labelled files are read by one and written by the other, beside the flow.
-            "error" | "lib" | "main" => &LAYERS,
-            "eval" => &["input", "output"],
-            "synth" => &["output"],
-            "cli" => &["input", "survey", "ground", "cluster", "output"],
-            _ => &[],
-        };
-        let foreign: Vec<&&str> = layers.iter().filter(|layer| !allowed.contains(layer)).collect();
-        assert!(foreign.is_empty(), "src/{} uses {foreign:?}", source.path);
-        if LAYERS.contains(&module.as_str()) {
-            assert!(!used.contains("run") && !used.contains("store"), "src/{} uses {used:?}", source.path);
-        }
-        if module == "ground" || module == "cluster" {
-            // Codec: what stages keep is bytes. Space: points of n dimensions in memory, without files.
-            let known = ["model", "config", "error", "codec", "space", module.as_str()];
-            let foreign: Vec<&String> =
-                used.iter().filter(|name| !known.contains(&name.as_str()) && !name.is_empty()).collect();
-            assert!(foreign.is_empty(), "src/{} uses {foreign:?}", source.path);
-        }
-        if module == "model" {
+        let own = layer(user).unwrap_or_else(|| panic!("src/{file} is in no layer"));
+        for used in imported.iter().map(|file| module_of(file)).filter(|used| *used != user) {
+            let theirs = layer(used).unwrap_or_else(|| panic!("{used} is in no layer"));
             assert!(
-                used.iter().all(|name| ["model", "error", ""].contains(&name.as_str())),
-                "src/{}: {used:?}",
-                source.path
+                theirs < own || BESIDE.contains(&(user, used)),
+                "src/{file} uses {used}, which is not below it"
             );
+            if !flow.contains(&used) {
+                continue;
+            }
+            match JOINED_ELSEWHERE.iter().find(|(module, _)| *module == user) {
+                _ if user == "run" => _ = joined.insert(used.to_owned()),
+                Some((_, allowed)) => {
+                    assert!(allowed.contains(&used), "src/{file} uses {used}: only run joins it")
+                }
+                None => {}
+            }
         }
     }
-    assert_eq!(joined, LAYERS.into_iter().collect(), "run joins all layers: the test sees imports");
+    let all =
+        flow.iter().filter(|module| !NOT_IN_THE_FLOW.contains(module)).map(|module| (*module).to_owned());
+    assert_eq!(joined, all.collect(), "run joins the flow: the test sees imports");
+}
+
+#[test]
+fn no_files_import_each_other_in_a_circle() {
+    let graph = graph();
+    let circles = imports::circles(&graph);
+    let drawn: Vec<String> = circles.iter().map(|circle| imports::drawn(&graph, circle)).collect();
+    assert!(circles.is_empty(), "{} circles:\n{}", circles.len(), drawn.join("\n"));
+}
+
+#[test]
+fn imports_are_seen_through_re_exports_and_make_circles() {
+    let read = |sources: &[(&'static str, &'static str)]| imports::graph(sources.iter().copied());
+    // A child that takes from its parent what a sibling defines imports the sibling; the parent imports nobody.
+    let mod_rs = "mod one;\nmod two;\npub use one::{One, Other};\npub(crate) use two::two;\n";
+    let one =
+        "use std::fmt;\npub struct One;\npub struct Other { text: &'static str } // crate::nothing::At\n";
+    let two =
+        "use super::One;\npub(crate) fn two(_: One) -> char { let _ = \"use crate::none::X;\"; '\"' }\n";
+    let sources = [("a/mod.rs", mod_rs), ("a/one.rs", one), ("a/two.rs", two), ("lib.rs", "mod a;")];
+    let graph = read(&sources);
+    assert_eq!(graph["a/two.rs"], BTreeSet::from(["a/one.rs".to_owned()]));
+    assert!(graph["a/mod.rs"].is_empty() && graph["lib.rs"].is_empty() && graph["a/one.rs"].is_empty());
+    assert!(imports::circles(&graph).is_empty());
+    // A path in the code, through a renamed module, closes the circle.
+    let closing = "use crate::a as b;\npub struct One; pub struct Other;\nfn f(x: One) { b::two(x); }\n";
+    let graph = read(&[sources[0], ("a/one.rs", closing), sources[2], sources[3]]);
+    let circle = BTreeSet::from(["a/one.rs".to_owned(), "a/two.rs".to_owned()]);
+    assert_eq!(imports::circles(&graph), [circle]);
+    // A parent whose own code uses what it shows imports its child.
+    let using =
+        "mod one;\nmod two;\npub use one::{One, Other};\npub(crate) use two::two;\npub struct S(Other);\n";
+    let graph = read(&[("a/mod.rs", using), sources[1], sources[2], sources[3]]);
+    assert_eq!(graph["a/mod.rs"], BTreeSet::from(["a/one.rs".to_owned()]));
 }
 
 #[test]
 fn methods_see_no_files_no_threads_and_no_clock() {
-    for source in
-        sources().iter().filter(|source| ["ground", "cluster", "stitch", "tiling"].contains(&source.module()))
-    {
+    let methods = ["ground", "cluster", "stitch", "tiling", "inventory"];
+    for source in sources().iter().filter(|source| methods.contains(&source.module())) {
         for word in [
             "std::fs",
             "fs_err",
@@ -163,12 +191,17 @@ fn methods_see_no_files_no_threads_and_no_clock() {
             "Instant",
             "rand::",
         ] {
-            assert!(!source.code().contains(word), "src/{} knows {word}", source.path);
+            // Rows of a table are all in memory, and there are no tiles to work on beside each other.
+            let rows = word == "rayon" && source.path.ends_with("/rows.rs");
+            assert!(rows || !source.code().contains(word), "src/{} knows {word}", source.path);
         }
+    }
+    for (file, imported) in graph().iter().filter(|(file, _)| methods.contains(&module_of(file))) {
+        assert!(!imported.contains("whole_file.rs"), "src/{file} writes files");
     }
 }
 
-/// Crates that stay in the modules that wrap them: name, and where it may be named.
+/// Crates that remain in the modules that wrap them: their names, and the places where they may be named.
 const WRAPPED: [(&str, &[&str]); 11] = [
     ("clap", &["cli/"]),
     ("clap_complete", &["cli/"]),
@@ -178,8 +211,8 @@ const WRAPPED: [(&str, &[&str]); 11] = [
     ("las", &["input/", "output/"]),
     ("laz", &["input/", "output/"]),
     ("memmap2", &["input/mapped.rs"]),
-    ("kiddo", &["model/nearest.rs", "space/index.rs"]),
-    ("plotters", &["output/chart.rs"]),
+    ("kiddo", &["spatial/nearest.rs", "spatial/neighbours.rs"]),
+    ("plotters", &["output/report/chart.rs"]),
     ("postcard", &["codec.rs"]),
 ];
 
@@ -244,19 +277,20 @@ fn the_file_of_defaults_and_the_defaults_of_methods_are_the_same() {
         let built = [&table, &empty].map(|table| format!("{:?}", (entry.build)(table).expect("valid")));
         assert_eq!(built[0], built[1], "{}", entry.name);
     }
+    let config = Config::resolve(None, &[]).expect("the defaults");
     for entry in cluster::REGISTRY {
-        let table = section(entry.name);
-        assert!(!table.is_empty(), "config/default.toml has no section [{}]", entry.name);
-        let built = [&table, &empty].map(|table| format!("{:?}", (entry.build)(table).expect("valid")));
-        assert_eq!(built[0], built[1], "{}", entry.name);
+        assert!(!section(entry.name).is_empty(), "config/default.toml has no section [{}]", entry.name);
+        let written = (entry.build)(&|name| config.method_table(name)).expect("valid");
+        let default = (entry.build)(&|_| empty.clone()).expect("valid");
+        assert_eq!(format!("{written:?}"), format!("{default:?}"), "{}", entry.name);
     }
     let noise: NoiseConfig = chainage::config::section("noise", &section("noise")).expect("valid");
     assert_eq!(noise, NoiseConfig::default());
     IsolatedNoise::new(&noise).expect("valid");
 }
 
-/// Every section of the defaults belongs to a part of the program or to a method, and every key has a comment or stands
-/// below one.
+/// Every section of the defaults belongs to a part of the program or to a method. Every key has a comment of
+/// its own, or one in the lines above.
 #[test]
 fn the_file_of_defaults_explains_every_key() {
     let methods = ground::REGISTRY

@@ -1,4 +1,4 @@
-//! Tables of compressed chunks: written in every way that writers have, missing, and wrong.
+//! Tables of compressed chunks: written in all the ways of existing writers, missing, and wrong.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -6,18 +6,18 @@ use std::path::Path;
 use chainage::input::{Catalog, Fields, InputError, InputOptions};
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 
-/// A compressed file made from the records of a sample, and these records.
+/// A compressed file made from the records of a sample, together with these records.
 struct Made {
     bytes: Vec<u8>,
     records: Vec<u8>,
     points_start: usize,
-    /// Where the table of chunks is.
+    /// Position of the table of chunks.
     table: usize,
 }
 
 /// Records per chunk.
 const CHUNK: u32 = 1_000;
-/// Points used.
+/// Number of points used.
 const POINTS: usize = 3_500;
 
 /// Compresses the first points of the samples: point format 1 (one point after the other) or 6 (layers).
@@ -26,7 +26,8 @@ fn make(layered: bool, variable: bool) -> Made {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
     let catalog = Catalog::open(std::slice::from_ref(&path), &InputOptions::default()).expect("opens");
     let file = &catalog.files()[0];
-    let (mut buffer, size) = (Vec::new(), file.layout().record_len);
+    let mut buffer = Vec::new();
+    let size = file.layout().record_len;
     let records = file.records(0, Fields::All, &mut buffer).expect("readable")[..POINTS * size].to_vec();
     let head = if layered { 375 } else { 227 };
     let mut bytes = std::fs::read(&path).expect("read")[..head].to_vec();
@@ -63,7 +64,7 @@ fn make(layered: bool, variable: bool) -> Made {
     let mut compressor = LasZipCompressor::new(out, vlr).expect("a compressor");
     for chunk in records.chunks(CHUNK as usize * size) {
         compressor.compress_many(chunk).expect("compressed");
-        // The last chunk is finished by `done`.
+        // `done` finishes the last chunk.
         if variable && chunk.len() == CHUNK as usize * size {
             compressor.finish_current_chunk().expect("compressed");
         }
@@ -134,14 +135,14 @@ fn without_a_table_the_chunks_are_searched_where_that_is_possible() {
         made.bytes.truncate(made.table);
         put(&mut made.bytes, made.points_start, &(-1_i64).to_le_bytes());
         if variable && !layered {
-            // Nothing says where a chunk ends.
+            // There is no information about the end of a chunk.
             assert_eq!(problem(&made.bytes), "Missing { promised: 3500, found: 0 }");
             continue;
         }
         let (records, warnings) = read(&made.bytes).expect("reads");
         assert!(records == made.records, "layered {layered}, variable {variable}");
         assert_eq!(warnings, 1);
-        // A file that was cut while it was written has no table either.
+        // A file that was truncated while it was written has no table either.
         made.bytes.truncate(made.bytes.len() - 10);
         assert_eq!(problem(&made.bytes), "Missing { promised: 3500, found: 3000 }");
     }
@@ -194,8 +195,8 @@ fn a_chunk_that_cannot_hold_its_points_is_refused() {
 fn layers_larger_than_their_chunk_are_refused_with_chunk_and_records() {
     let mut made = make(true, false);
     let size = made.records.len() / POINTS;
-    // The chunk starts with a record and the number of points; then come the sizes of the layers.
+    // The chunk begins with a record and the number of points. The sizes of the layers follow.
     put(&mut made.bytes, made.points_start + 8 + size + 4, &u32::MAX.to_le_bytes());
     let text = problem(&made.bytes);
-    assert!(text.contains("chunk 0 (points 0 to 999) cannot be decoded: its layers take 42949"), "{text}");
+    assert!(text.contains("chunk 0 (points 0 to 999) cannot be decoded: its layers need 42949"), "{text}");
 }

@@ -1,6 +1,8 @@
-//! The command line: every exit code, the texts of errors with their hints, tables and pages, what goes where.
+//! The command line: every exit code, the error messages with their hints, tables and pages, and the choice
+//! between standard output and standard error.
 //!
-//! Texts are part of the interface: a change of one is a change of a snapshot (`INSTA_UPDATE=always cargo test cli`).
+//! Texts are part of the interface. To change one, change its snapshot (`INSTA_UPDATE=always cargo test
+//! cli`).
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -37,7 +39,7 @@ fn samples() -> tempfile::TempDir {
     folder
 }
 
-/// What does not depend on the machine.
+/// Removes from a text what depends on the machine.
 const FIXED: [&str; 4] = ["--threads", "2", "--memory", "256M"];
 
 fn with_fixed<'a>(arguments: &[&'a str]) -> Vec<&'a str> {
@@ -90,7 +92,7 @@ fn json_of_info_plan_run_and_status_is_json_with_the_same_figures() {
     };
     let info = json(&["info", "--json", "tree_road_sweep.laz"]);
     assert_eq!(info["points"], 71_841);
-    // In every way to say it; a file leaves the page on standard output.
+    // In every notation. A file leaves standard output for the page.
     assert_eq!(json(&["info", "--json", "-", "tree_road_sweep.laz"]), info);
     assert_eq!(json(&["info", "tree_road_sweep.laz", "--json=-"]), info);
     assert_eq!(json(&["info", "tree_road_sweep.laz", "--json"]), info);
@@ -141,9 +143,11 @@ fn the_drawing_of_a_plan_is_well_formed() {
     assert!(open.contains(&"path".to_owned()) && open.contains(&"polyline".to_owned()), "{open:?}");
 }
 
-/// The names of all elements of an XML text without entities, comments or CDATA; panics where tags do not nest.
+/// The names of all elements of an XML text without entities, comments or CDATA. Panics if tags are not
+/// nested.
 fn well_formed(text: &str) -> Vec<String> {
-    let (mut open, mut seen) = (Vec::new(), Vec::new());
+    let mut open = Vec::new();
+    let mut seen = Vec::new();
     let mut rest = text;
     while let Some(start) = rest.find('<') {
         assert!(!rest[..start].contains(['>', '&']), "loose text: {}", &rest[..start]);
@@ -210,7 +214,7 @@ fn results_go_to_stdout_and_everything_else_to_stderr() {
 fn a_reader_that_goes_away_is_no_failure() {
     let script =
         format!("{} config | head -1; echo \"code ${{PIPESTATUS[0]}}\"", env!("CARGO_BIN_EXE_chainage"));
-    // Often, because the reader must be gone before the last write.
+    // Repeated, because the reader must have gone before the last write.
     let slow = format!("({} man; echo \"code $?\" >&2) | true", env!("CARGO_BIN_EXE_chainage"));
     let output = Command::new("bash").args(["-c", &script]).output().expect("a shell");
     assert!(String::from_utf8_lossy(&output.stdout).ends_with("code 0\n"), "{}", told(&output));
@@ -220,7 +224,7 @@ fn a_reader_that_goes_away_is_no_failure() {
     }
 }
 
-/// What a call in a folder with samples tells, as a snapshot.
+/// The output of a call in a folder with samples, as a snapshot.
 fn assert_told(name: &str, arguments: &[&str]) {
     let folder = samples();
     let put = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("written");
@@ -324,14 +328,14 @@ fn damage_ends_with_4_or_a_warning() {
     let path = folder.path().join("tree_road_sweep.laz");
     let whole = std::fs::read(&path).expect("the sample");
     let points_at = u32::from_le_bytes(whole[96..100].try_into().expect("four bytes")) as usize;
-    // The first layer of the first chunk claims to be longer than the chunk: 8 bytes to the chunk table, the first
-    // record (30 bytes), the count of points.
+    // The first layer of the first chunk claims to be longer than the chunk. Its size follows 8 bytes for the
+    // chunk table, the first record (30 bytes) and the number of points.
     let mut bytes = whole;
     bytes[points_at + 42..points_at + 46].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]);
     std::fs::write(&path, &bytes).expect("written");
     let run = ["run", "tree_road_sweep.laz", "-o", "out", "--progress", "none"];
     insta::assert_snapshot!("input_damaged_chunk", told(&call(folder.path(), &run)));
-    // LAZ has no checksums: damage that still decodes shows at points outside the box of the header.
+    // LAZ has no checksums. Damage that can still be decoded shows as points outside the box of the header.
     let path = folder.path().join("mls_profiles.las");
     let mut bytes = std::fs::read(&path).expect("the sample");
     let points_at = u32::from_le_bytes(bytes[96..100].try_into().expect("four bytes")) as usize;

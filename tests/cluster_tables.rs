@@ -1,4 +1,5 @@
-//! `chainage cluster`: the paper's figures on its tables, clusters against brute force, and the program itself.
+//! `chainage cluster`: the figures of the paper on its tables, clusters against brute force, and the program
+//! itself.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,7 +33,9 @@ fn adjusted_rand_index(one: &[u32], other: &[u32]) -> f64 {
         (0..one.len()).for_each(|point| *groups.entry(key(point)).or_default() += 1.0);
         pairs(groups)
     };
-    let (both, a, b) = (group(&|p| (one[p], other[p])), group(&|p| (one[p], 0)), group(&|p| (0, other[p])));
+    let both = group(&|p| (one[p], other[p]));
+    let a = group(&|p| (one[p], 0));
+    let b = group(&|p| (0, other[p]));
     let n = one.len() as f64;
     let expected = a * b / (n * (n - 1.0) / 2.0);
     (both - expected) / (f64::midpoint(a, b) - expected)
@@ -55,8 +58,8 @@ fn the_shape_sets_give_the_clusters_of_the_paper() {
     }
 }
 
-/// Three round clouds of 200 points each, as far apart as in figure 5 of the paper, in any number of dimensions: sums
-/// of twelve uniform numbers are nearly normal.
+/// Three round clouds of 200 points each, with the distances of figure 5 of the paper (Lu et al. 2016), in
+/// any number of dimensions. Sums of twelve uniform numbers are nearly normal.
 fn three_clouds(dimensions: usize) -> Points {
     let mut state = 7_u64;
     let mut uniform = || {
@@ -89,7 +92,7 @@ fn three_clouds_of_200_points_are_three_clusters_in_3_and_4_dimensions() {
     }
 }
 
-/// Clouds on a grid of quarters, so that distances of exactly epsilon abound and squares are exact.
+/// Clouds on a grid of quarters: distances of exactly epsilon are frequent, and squares are exact.
 fn clouds() -> impl Strategy<Value = (usize, Vec<Vec<i64>>)> {
     (prop::sample::select(&[2_usize, 3, 4, 6, 8]), 3..14_i64).prop_flat_map(|(dimensions, extent)| {
         let row = prop::collection::vec(0..extent, dimensions);
@@ -157,9 +160,9 @@ fn the_program_repeats_the_rows_and_adds_a_column() {
         ),
         (&["-o", "x.csv", "--svg", "x.svg", "--epsilon", "2"], 3, "--svg = x.svg: must be left out unless"),
         (&["-o", "-", "--columns", "x,name"], 4, "line 2 of"),
-        (&["-o", "-", "--columns", "x"], 4, "points of 1 dimensions cannot be clustered, only of 2 to 8"),
-        (&["-o", "-", "--columns", "x,z"], 4, "has no column z, there is: name, x, y"),
-        (&["-o", "-", "--id-column", "x"], 4, "has a column x already"),
+        (&["-o", "-", "--columns", "x"], 4, "points have 1 dimensions; only 2 to 8 can be clustered"),
+        (&["-o", "-", "--columns", "x,z"], 4, "has no column z; its columns are: name, x, y"),
+        (&["-o", "-", "--id-column", "x"], 4, "already has a column x"),
         (
             &["-o", "-", "--epsilon", "auto"],
             4,

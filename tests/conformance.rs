@@ -1,8 +1,8 @@
-//! Every LAS and LAZ file of three projects' own test suites, each with the outcome it deserves.
+//! Every LAS and LAZ file of the test suites of three projects, each with its expected outcome.
 //!
-//! `tests/conformance.csv` has one row per file: path, outcome (`ok` or the variant of the error), and the points
-//! that can be read. Geographic files are refused, and read again with a stated unit to test their points all the
-//! same. The files are optional data; the test says so when they are not there.
+//! `tests/conformance.csv` has one row per file: path, outcome (`ok` or the variant of the error), and the
+//! number of readable points. Geographic files are refused; they are read again with a unit in the settings
+//! to test their points as well. The files are optional data. The test says so if they are missing.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,7 +26,9 @@ fn table() -> BTreeMap<String, Expected> {
         .map(|row| {
             let mut cells = row.splitn(4, ',');
             let mut cell = || cells.next().expect("path, outcome, points, reason");
-            let (path, outcome, points) = (cell().to_owned(), cell().to_owned(), cell());
+            let path = cell().to_owned();
+            let outcome = cell().to_owned();
+            let points = cell();
             (path, Expected { outcome, points: points.parse().expect("a number of points") })
         })
         .collect()
@@ -42,11 +44,13 @@ fn options(mmap: bool, unit: LengthUnit) -> InputOptions {
     InputOptions { mmap, unit }
 }
 
-/// Reads every block with both kinds of fields, mapped and read, and compares what must be equal.
+/// Reads every block with both kinds of fields, mapped and read, and compares the parts that must be equal.
 fn read_all(path: &Path, unit: LengthUnit) -> u64 {
     let open = |mmap| Catalog::open(&[path.to_owned()], &options(mmap, unit)).expect("opened before");
-    let (mapped, read) = (open(true), open(false));
-    let (mapped, read) = (&mapped.files()[0], &read.files()[0]);
+    let mapped = open(true);
+    let read = open(false);
+    let mapped = &mapped.files()[0];
+    let read = &read.files()[0];
     assert_eq!(mapped.blocks(), read.blocks());
     let mut points = 0;
     for block in 0..mapped.blocks().len() {
@@ -58,7 +62,9 @@ fn read_all(path: &Path, unit: LengthUnit) -> u64 {
 
 fn compare_block(mapped: &InputFile, read: &InputFile, block: usize) -> u64 {
     let record_len = mapped.layout().record_len;
-    let (mut one, mut two, mut three) = (Vec::new(), vec![7; 5], Vec::new());
+    let mut one = Vec::new();
+    let mut two = vec![7; 5];
+    let mut three = Vec::new();
     mapped.prefetch(block);
     let all = mapped.records(block, Fields::All, &mut one).expect("readable");
     let same = read.records(block, Fields::All, &mut two).expect("readable");

@@ -1,8 +1,9 @@
-//! Damaged files: whatever bytes are cut or changed, reading ends soon, in bounded memory, with points or an error.
+//! Damaged files: whatever bytes are removed or changed, reading ends soon and in bounded memory, with points
+//! or with an error.
 //!
-//! Every file of the conformance folder and of the shipped samples is cut and changed at seeded random places. The
-//! rounds run in a child process whose memory is limited, because an allocation that follows a damaged number must
-//! show as a failure. `CHAINAGE_DAMAGE_ROUNDS` sets the rounds per file and kind (default 2).
+//! Every file of the conformance folder and of the shipped samples is truncated and changed at seeded random
+//! places. The rounds run in a child process with a memory limit, because an allocation of a damaged size
+//! must fail the test. `CHAINAGE_DAMAGE_ROUNDS` sets the number of rounds per file and kind (default 2).
 
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
@@ -16,9 +17,9 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::util;
 
-/// Address space of the child in KiB: program, stacks, mapped file and everything allocated.
+/// Address space of the child in KiB: program, stacks, mapped file and all allocations.
 const MEMORY_KIB: u32 = 512 << 10;
-/// Longest time one damaged file may take.
+/// Longest time for one damaged file.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn rounds() -> u32 {
@@ -81,7 +82,7 @@ struct Tally {
     slowest_case: String,
 }
 
-/// A copy of one file that is damaged and repaired in place.
+/// A copy of one file, which is damaged and repaired in place.
 struct Bench {
     copy: PathBuf,
     original: Vec<u8>,
@@ -106,7 +107,8 @@ impl Bench {
         file.write_all(bytes).expect("written");
     }
 
-    /// A place to damage: half in what describes the points (start and end of the file), half anywhere.
+    /// A place to damage: half of them in the description of the points (start and end of the file), half
+    /// anywhere.
     fn place(&mut self) -> usize {
         let size = self.original.len();
         let start = u32::from_le_bytes(self.original[96..100].try_into().expect("four bytes")) as usize;
@@ -166,7 +168,7 @@ impl Bench {
     }
 }
 
-/// Plans copies and writes what surrounds their points: these follow the damaged records of the header.
+/// Plans copies and writes everything around their points. This follows the damaged records of the header.
 fn plan_copies(catalog: &Catalog) {
     let input = &catalog.files()[0];
     for format in [OutputFormat::Las, OutputFormat::Laz] {

@@ -1,10 +1,10 @@
-//! `dbscan` on drives: both variants against brute force, cut into tiles in every way, and through the program.
+//! `dbscan` on drives: both variants against brute force, with any cut into tiles, and through the program.
 
 use std::path::Path;
 
 use assert_cmd::Command;
 use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant};
-use chainage::model::{Lattice, TileCloud};
+use chainage::model::{Lattice, TileCloud, TileId};
 use chainage::stitch::{LocalLabels, Stitcher};
 use proptest::prelude::*;
 
@@ -26,7 +26,7 @@ fn method(variant: DbscanVariant, min_points: u64, max_points: u64) -> Dbscan {
     .unwrap()
 }
 
-/// Points of a narrow street, 4 m long, sparse or dense, many at distances of exactly 300, some equal.
+/// Points of a narrow street 4 m long, sparse or dense, many at distances of exactly 300, some of them equal.
 fn points() -> impl Strategy<Value = Points> {
     let coordinate = |extent: i64| prop_oneof![0..extent, (0..extent / 100).prop_map(|step| step * 100)];
     let point = (coordinate(4_000), coordinate(500), coordinate(500)).prop_map(|(x, y, z)| [x, y, z]);
@@ -43,13 +43,14 @@ fn expected(points: &Points, variant: DbscanVariant, min_points: usize, max_poin
     }
 }
 
-/// Object of every point when the street is cut into tiles of `width` along x that see `reach` beyond.
+/// Object of every point when the street is cut into tiles of `width` along x that read `reach` beyond.
 fn tiled(method: &Dbscan, points: &Points, width: i64, reach: i64) -> Vec<u32> {
-    let owner = |point: usize| u32::try_from(points[point][0] / width).unwrap();
-    let tiles = (0..points.len()).map(owner).max().unwrap_or(0) + 1;
-    let (mut locals, mut label_of) = (Vec::new(), vec![(0, 0); points.len()]);
-    for tile in 0..tiles {
-        let (low, high) = (i64::from(tile) * width - reach, i64::from(tile + 1) * width - 1 + reach);
+    let owner = |point: usize| TileId::new(u32::try_from(points[point][0] / width).unwrap());
+    let tiles = (0..points.len()).map(owner).max().unwrap_or_default().index() + 1;
+    let (mut locals, mut label_of) = (Vec::new(), vec![(TileId::default(), 0); points.len()]);
+    for tile in TileId::first(tiles) {
+        let start = i64::from(tile.number()) * width;
+        let (low, high) = (start - reach, start + width - 1 + reach);
         let seen: Vec<usize> = (0..points.len()).filter(|&p| (low..=high).contains(&points[p][0])).collect();
         let coordinates: Points = seen.iter().map(|&point| points[point]).collect();
         let mut cloud = TileCloud::from_lattice_points(LATTICE, &coordinates);
@@ -67,16 +68,16 @@ fn tiled(method: &Dbscan, points: &Points, width: i64, reach: i64) -> Vec<u32> {
     }
     let mut stitcher = Stitcher::default();
     locals.iter().for_each(|local| stitcher.tile(local.objects.clone()));
-    for (tile, local) in (0..).zip(&locals) {
+    for (tile, local) in TileId::first(tiles).zip(&locals) {
         for seam in &local.seams {
             let there = label_of[usize::try_from(seam.id).unwrap()];
             assert!(stitcher.link((tile, seam.label), there), "{seam:?} {there:?}");
         }
     }
     let stitched = stitcher.finish(&method.object_size());
-    let object = |&(tile, label): &(u32, u32)| match label {
+    let object = |&(tile, label): &(TileId, u32)| match label {
         0 => 0,
-        label => stitched.ids[tile as usize][label as usize - 1],
+        label => stitched.ids[tile.index()][label as usize - 1],
     };
     label_of.iter().map(object).collect()
 }
@@ -103,7 +104,7 @@ proptest! {
     }
 }
 
-/// The comparison notices tiles that see too little: with half of the reach a core point is missed.
+/// The comparison notices tiles that read too little: with half of the reach, a core point is missed.
 #[test]
 fn tiles_that_see_too_little_are_noticed() {
     let points: Points = [0, 150, 300, 450, 600, 750, 900].map(|x| [x, 0, 0]).to_vec();

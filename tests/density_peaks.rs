@@ -1,36 +1,42 @@
-//! `density-peaks` against brute force over whole clouds, and over any division into tiles.
+//! `density-peaks` against brute force over whole clouds, and with any division into tiles.
 
 use chainage::cluster::{DensityPeaks, DensityPeaksConfig};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::util::memory_drive::MemoryDrive;
 use crate::util::peaks_oracle::{self, Settings};
-use crate::util::staged::MemoryDrive;
 
 type Points = Vec<[i64; 3]>;
 
-/// A small street: ground with a hole or two, poles, walls, crowns on stems, dust; never the same density.
+/// A small street: ground with a hole or two, poles, walls, crowns on stems, dust. Its density varies
+/// everywhere.
 fn scene(rng: &mut ChaCha8Rng) -> (Points, Vec<bool>) {
-    let (length, width) = (rng.random_range(3_000..9_000_i64), rng.random_range(1_000..5_000_i64));
+    let length = rng.random_range(3_000..9_000_i64);
+    let width = rng.random_range(1_000..5_000_i64);
     let shift = [
         rng.random_range(-4_000..4_000_i64),
         rng.random_range(-4_000..4_000_i64),
         rng.random_range(-900..900_i64),
     ];
-    let (mut points, mut ground) = (Points::new(), Vec::new());
+    let mut points = Points::new();
+    let mut ground = Vec::new();
     let mut add = |point: [i64; 3], is_ground: bool| {
         points.push([0, 1, 2].map(|axis| point[axis] + shift[axis]));
         ground.push(is_ground);
     };
     if rng.random_range(0..8) > 0 {
         for _ in 0..60 {
-            let (x, y) = (rng.random_range(0..length), rng.random_range(0..width));
+            let x = rng.random_range(0..length);
+            let y = rng.random_range(0..width);
             add([x, y, x / 20 + rng.random_range(-30..30)], true);
         }
     }
     for _ in 0..rng.random_range(2..7) {
-        let (x, y) = (rng.random_range(0..length), rng.random_range(0..width));
-        let (height, step) = (rng.random_range(500..4_500_i64), rng.random_range(60..290));
+        let x = rng.random_range(0..length);
+        let y = rng.random_range(0..width);
+        let height = rng.random_range(500..4_500_i64);
+        let step = rng.random_range(60..290);
         let thick = *[5, 60, 400].get(rng.random_range(0..3_usize)).unwrap();
         for z in (0..height).step_by(step) {
             add([x + rng.random_range(0..thick), y + rng.random_range(0..thick), z + 100], false);
@@ -43,7 +49,8 @@ fn scene(rng: &mut ChaCha8Rng) -> (Points, Vec<bool>) {
         }
     }
     if rng.random_range(0..2) == 0 {
-        let (y, spacing) = (rng.random_range(0..width), rng.random_range(150..280));
+        let y = rng.random_range(0..width);
+        let spacing = rng.random_range(150..280);
         for x in (0..length).step_by(spacing) {
             for z in (200..2_400).step_by(spacing) {
                 add([x, y + rng.random_range(0..15), z], false);
@@ -100,13 +107,18 @@ fn method(s: &Settings) -> DensityPeaks {
 
 #[test]
 fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
-    let (mut compared, mut centres, mut merged, mut reassigned, mut dropped, mut far) = (0, 0, 0, 0, 0, 0);
+    let mut compared = 0;
+    let mut centres = 0;
+    let mut merged = 0;
+    let mut reassigned = 0;
+    let mut dropped = 0;
+    let mut far = 0;
     for seed in 0..60 {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let (points, ground) = scene(&mut rng);
         let settings = settings(&mut rng);
         let expected = peaks_oracle::density_peaks(&points, &ground, &settings);
-        // The oracle's curvatures are floating-point sums; no decision may hang on their rounding.
+        // The curvatures of the oracle are floating-point sums. No decision may depend on their rounding.
         if expected.margin < 1e-9 {
             continue;
         }
@@ -118,12 +130,12 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
         far += usize::from(expected.farthest_neighbour > 1_500.0);
         let method = method(&settings);
         for tiles in [1_u32, 2, 5] {
-            // Stripes, and cells dealt at random.
+            // Stripes, and cells assigned to tiles at random.
             for stripes in [true, false] {
                 let mut dice = ChaCha8Rng::seed_from_u64(u64::from(rng.next_u32()));
-                let deal = |cell: [i64; 2]| {
+                let deal = |cell: [i32; 2]| {
                     let tile = if stripes {
-                        cell[0].rem_euclid(i64::from(tiles))
+                        i64::from(cell[0]).rem_euclid(i64::from(tiles))
                     } else {
                         dice.random_range(0..i64::from(tiles))
                     };
@@ -134,8 +146,10 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
                     outcome.objects, expected.objects,
                     "seed {seed}, {tiles} tiles, stripes {stripes}"
                 );
-                let figure =
-                    |name: &str| usize::try_from(outcome.grouped.figures[name].as_u64().unwrap()).unwrap();
+                let figure = |name: &str| {
+                    let grouped = outcome.grouped.as_ref().unwrap();
+                    usize::try_from(grouped.figures["stages"][name].as_u64().unwrap()).unwrap()
+                };
                 assert_eq!(figure("clusters_before_merging"), expected.centres, "seed {seed}, {tiles} tiles");
                 assert_eq!(figure("clusters_after_merging"), expected.segments, "seed {seed}, {tiles} tiles");
                 assert_eq!(

@@ -1,5 +1,5 @@
-//! `density-peaks` on the engine, on the real scan that ships with the project: the same bytes for any tiles and
-//! threads, after an interruption in every pass, and after a change of a threshold.
+//! `density-peaks` in the engine, on the shipped scan: the same bytes for any tiles and threads, after an
+//! interruption in every pass, and after a change of a threshold.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -10,7 +10,7 @@ use chainage::run::{
     CancelToken, Event, Observer, Registries, RunError, RunRequest, RunSummary, Silent, run,
 };
 
-/// What a run leaves that must not depend on how it was run.
+/// Outputs of a run that must not depend on how it ran.
 const RESULTS: [&str; 5] = [
     "tree_road_sweep.laz",
     "objects.csv",
@@ -18,7 +18,8 @@ const RESULTS: [&str; 5] = [
     "density-peaks-decision.svg",
     "density-peaks-curvature.svg",
 ];
-const PASSES: [&str; 7] = ["survey", "scatter", "ground", "voxels", "peaks", "borders", "export"];
+const PASSES: [&str; 9] =
+    ["survey", "scatter", "ground", "voxels", "peaks", "borders", "stitch", "relabel", "export"];
 
 fn request(out: &Path, settings: &[&str]) -> RunRequest<'static> {
     let mut settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
@@ -76,10 +77,10 @@ fn interrupted_in(pass: &'static str, after: usize, out: &Path, settings: &[&str
     run(&request(out, settings), &stop, &cancel)
 }
 
-/// Units that a run took over from an earlier one, by pass.
+/// Number of units that a run resumed from an earlier one, by pass.
 fn resumed(summary: &RunSummary) -> Vec<(&'static str, bool)> {
     let whole = |figures: &chainage::run::PassFigures| (figures.pass, figures.resumed == figures.units);
-    summary.passes.iter().filter(|figures| figures.pass != "stitch").map(whole).collect()
+    summary.passes.iter().map(whole).collect()
 }
 
 fn order(pass: &str) -> usize {
@@ -114,7 +115,8 @@ fn a_run_stopped_in_any_pass_ends_in_the_same_bytes() {
         for after in [0, 1] {
             let out = folder.path().join(format!("{pass}-{after}"));
             match interrupted_in(pass, after, &out, &settings) {
-                // Units in flight are finished: a pass of one unit is complete, and the next one stops.
+                // Units in progress are finished. A pass of one unit is complete then, and the next one
+                // stops.
                 Err(error) => {
                     let Some(RunError::Interrupted { pass: stopped, .. }) = error.cause() else {
                         panic!("{error}")
@@ -134,7 +136,7 @@ fn a_run_stopped_in_any_pass_ends_in_the_same_bytes() {
     }
 }
 
-/// The last unit file of a pass: what its reduction has left.
+/// The last unit file of a pass: the result of its reduction.
 fn global_of(out: &Path, pass: &str) -> PathBuf {
     let folder = std::fs::read_dir(out.join(".chainage")).unwrap().map(|entry| entry.unwrap().path());
     let folder = folder.filter(|path| path.to_str().unwrap().ends_with(&format!("-{pass}"))).max().unwrap();
@@ -172,7 +174,8 @@ fn a_run_that_died_in_a_reduction_does_it_again() {
 fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let base = ["tiling.tile_length=20"];
-    let (out, fresh) = (folder.path().join("changed"), folder.path().join("fresh"));
+    let out = folder.path().join("changed");
+    let fresh = folder.path().join("fresh");
     run_in(&out, &base);
     for (setting, kept) in [
         ("density-peaks.c_t=0.02", 6),
@@ -188,7 +191,7 @@ fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
         let _ = std::fs::remove_dir_all(&fresh);
         run_in(&fresh, &settings);
         assert_same(&out, &results(&fresh), setting);
-        // Back to where it was, so that the next change is one from the defaults.
+        // Restored, so that the next change is one from the defaults.
         run_in(&out, &base);
     }
     assert!(run_in(&out, &base).nothing_to_do);
@@ -207,7 +210,8 @@ fn every_configuration_that_ships_is_accepted_and_says_what_the_defaults_are() {
         }
         let config = Config::resolve(Some(&path), &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
         for entry in chainage::cluster::REGISTRY {
-            (entry.build)(&config.method_table(entry.name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+            (entry.build)(&|name| config.method_table(name))
+                .unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         if name == "density-peaks.toml" {
             let default = Config::resolve(None, &["cluster.method=density-peaks".to_owned()]).unwrap();

@@ -1,9 +1,9 @@
-//! Odd drives: nothing, next to nothing, everything in one place, points from elsewhere; and methods of one's own, good
-//! and bad.
+//! Odd drives: no points, few points, all points in one place, points from elsewhere. Also methods from
+//! outside the project, good and bad.
 
 use std::path::{Path, PathBuf};
 
-use chainage::cluster::{ClusterEntry, Clusterer, Method};
+use chainage::cluster::{ClusterEntry, Clusterer, OneStep};
 use chainage::ground::{GroundEntry, GroundFilter};
 use chainage::input::InputError;
 use chainage::model::{AlgorithmError, Lattice, PointClass, Reach, TileCloud};
@@ -43,7 +43,7 @@ fn list(tile_m: f64, more: &[&str]) -> Vec<String> {
     list
 }
 
-/// Runs one file and returns what it became.
+/// Runs one file and returns the result.
 fn label(points: &[Point], tile_m: f64, more: &[&str]) -> (RunSummary, Labelled) {
     let scratch = Scratch::new();
     let files = vec![scratch.file("a.las", &Shape::default(), points)];
@@ -85,7 +85,7 @@ fn ten_thousand_equal_points_are_one_place() {
     let (summary, labelled) = label(&vec![Point::at([700, 800, 900]); 10_000], 1.0, &[]);
     assert_eq!((summary.tiles, summary.counts.ground), (1, 10_000));
     assert!(labelled.class.iter().all(|class| *class == 2));
-    // Above something low they are an object.
+    // Above something low, they are an object.
     let mut points = vec![Point::at([700, 800, 5_900]); 10_000];
     points.extend([Point::at([700, 800, 0]); 20]);
     let (summary, labelled) = label(&points, 1.0, &[]);
@@ -124,7 +124,7 @@ fn points_kilometres_away_are_processed_like_any_other_and_change_nothing_here()
     }
 }
 
-/// Two clusters so far apart that a tile that held both could not count its extent in 31 bits.
+/// Two clusters so far apart that a tile with both could not count its extent in 31 bits.
 #[test]
 fn a_drive_as_wide_as_records_allow_keeps_its_objects() {
     let shape = Shape { scale_tenths: 1, ..Shape::default() };
@@ -258,7 +258,7 @@ impl GroundFilter for Below {
     }
 }
 
-/// A clustering method as a newcomer would write it: what is in one cube of a metre is one object.
+/// A clustering method as a newcomer would write it: the points in one cube of a metre are one object.
 #[derive(Debug)]
 struct Cubes;
 
@@ -294,7 +294,7 @@ const CUBES: ClusterEntry = ClusterEntry {
     name: "cubes",
     summary: "cubes of a metre",
     reference: "none",
-    build: |_| Ok(Method::Local(Box::new(Cubes))),
+    build: |_| Ok(Box::new(OneStep::new(Cubes, &[]))),
 };
 
 #[test]
@@ -302,7 +302,8 @@ fn a_method_is_one_type_and_one_line() {
     let scratch = Scratch::new();
     let points = Street::middling(7, Course::Hairpin).points();
     let files = vec![scratch.file("a.las", &Shape::default(), &points)];
-    let (mut filters, mut methods) = (ground::REGISTRY.to_vec(), cluster::REGISTRY.to_vec());
+    let mut filters = ground::REGISTRY.to_vec();
+    let mut methods = cluster::REGISTRY.to_vec();
     filters.push(BELOW);
     methods.push(CUBES);
     let registries = Registries { ground: &filters, cluster: &methods };
@@ -324,7 +325,7 @@ fn a_method_is_one_type_and_one_line() {
     assert_same_outputs(&scratch.out("3"), &scratch.out("1000000"), "cubes");
 }
 
-/// Fails where it sees one place, by an error or by a panic, and leaves everything else alone.
+/// Fails at one place, by an error or by a panic, and does nothing elsewhere.
 #[derive(Debug)]
 struct Failing {
     panics: bool,
@@ -359,10 +360,12 @@ const FAILING: ClusterEntry = ClusterEntry {
     name: "failing",
     summary: "fails at one place",
     reference: "none",
-    build: |_| Ok(Method::Local(Box::new(Failing { panics: false }))),
+    build: |_| Ok(Box::new(OneStep::new(Failing { panics: false }, &["failing.*"]))),
 };
-const PANICKING: ClusterEntry =
-    ClusterEntry { build: |_| Ok(Method::Local(Box::new(Failing { panics: true }))), ..FAILING };
+const PANICKING: ClusterEntry = ClusterEntry {
+    build: |_| Ok(Box::new(OneStep::new(Failing { panics: true }, &["failing.*"]))),
+    ..FAILING
+};
 
 /// Objects on ground every metre, over 40 m.
 fn row() -> Vec<Point> {
@@ -401,7 +404,7 @@ fn run_failing(files: &[PathBuf], out: &Path, entry: ClusterEntry, more: &[&str]
     (error, failures.0.into_inner().unwrap())
 }
 
-/// Tiles of a pass that have failed and that are done, by the files they left.
+/// Numbers of failed and finished tiles of a pass, from their files.
 fn units(out: &Path, pass: &str) -> (Vec<String>, usize) {
     let names: Vec<String> = std::fs::read_dir(out.join(".chainage").join(pass))
         .unwrap()
@@ -417,7 +420,7 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
     let scratch = Scratch::new();
     let files = vec![scratch.file("a.las", &Shape { format: 0, ..Shape::default() }, &row())];
     for (entry, kind, text) in [
-        (FAILING, "Input", "failing: 5000000000 points in one tile, at most 4294967295 can be counted"),
+        (FAILING, "Input", "failing: a tile has 5000000000 points, the limit is 4294967295"),
         (PANICKING, "Bug", "internal error: pass cluster, unit 4: this method cannot count to three"),
     ] {
         let out = scratch.out(kind);
@@ -429,10 +432,10 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
         assert!(first.contains(text), "{first}");
         assert_eq!(error.kind(), ErrorKind::UnitsFailed);
         assert_eq!(told, [format!("cluster 4: {text}")]);
-        let (failed, done) = units(&out, "pass-03-cluster");
+        let (failed, done) = units(&out, "pass-03-1-cluster");
         assert_eq!((failed, done), (vec!["unit-000004.err.json".to_owned()], 7));
         let record: serde_json::Value = serde_json::from_slice(
-            &std::fs::read(out.join(".chainage/pass-03-cluster/unit-000004.err.json")).unwrap(),
+            &std::fs::read(out.join(".chainage/pass-03-1-cluster/unit-000004.err.json")).unwrap(),
         )
         .unwrap();
         assert_eq!(
@@ -441,15 +444,16 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
         );
         assert_eq!(record["error"], text);
         assert!(!out.join("a.las").exists(), "a copy that is not complete has its name");
-        // A method that does not fail there resumes: the one tile is done, and the record of the failure goes.
+        // A method that does not fail there resumes: the one tile is done, and the record of the failure
+        // disappears.
         let mut list = list(5.0, &["cluster.method=failing", "tiling.cell=0.5"]);
         list.push("run.threads=1".to_owned());
-        let good = ClusterEntry { build: |_| Ok(Method::Local(Box::new(Cubes))), ..FAILING };
+        let good = ClusterEntry { build: |_| Ok(Box::new(OneStep::new(Cubes, &[]))), ..FAILING };
         let registries = Registries { ground: ground::REGISTRY, cluster: &[good] };
         let summary = run_with(&files, &out, &list, registries).unwrap();
         let figures = summary.passes.iter().find(|figures| figures.pass == "cluster").unwrap();
         assert_eq!((figures.units, figures.resumed), (8, 7));
-        assert_eq!(units(&out, "pass-03-cluster"), (Vec::new(), 8));
+        assert_eq!(units(&out, "pass-03-1-cluster"), (Vec::new(), 8));
     }
 }
 
@@ -460,8 +464,8 @@ fn fail_fast_stops_at_the_first_failure() {
     let out = scratch.out("out");
     let more = ["run.fail_fast=true", "run.threads=1", "tiling.tile_length=1"];
     let (error, _) = run_failing(&files, &out, FAILING, &more);
-    // The bad place is three tiles wide, and tiles that were under way are finished.
+    // The bad place is three tiles wide, and tiles in progress are finished.
     assert!(matches!(error.cause(), Some(RunError::UnitsFailed { failed: 1..=3, total: 40, .. })), "{error}");
-    let (_, done) = units(&out, "pass-03-cluster");
+    let (_, done) = units(&out, "pass-03-1-cluster");
     assert!((20..27).contains(&done), "{done} tiles were done all the same");
 }

@@ -1,12 +1,14 @@
-//! Estimated epsilon on drives: the curve against brute force over the whole cloud, however it is cut; runs with `auto` and
-//! with fields beyond coordinates; what is computed again when something changes; and the program.
+//! Estimated epsilon on drives: the curve against brute force over the whole cloud, with any cut; runs with
+//! `auto` and with other fields than coordinates; what a change makes the program compute again; and the
+//! program itself.
 
 use std::path::{Path, PathBuf};
 
 use chainage::cluster::Epsilon;
+use chainage::cluster::dbscan::epsilon::DriveEpsilon;
 use chainage::cluster::dbscan::epsilon::{Curve, EpsilonError};
 use chainage::cluster::dbscan::rows as space;
-use chainage::run::{CancelToken, DriveEpsilon, EstimateRequest, Registries, Silent, estimate_epsilon};
+use chainage::run::{CancelToken, EstimateRequest, Registries, Silent, estimate_epsilon};
 use chainage::spatial::Points;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
@@ -20,7 +22,7 @@ use crate::util::program::{ended, events, finished, program, run_command, run_to
 use crate::util::shipped;
 use crate::util::street::{COURSES, Course, Street, permutation};
 
-/// Estimates over files with these settings beside those of an estimation; an error that shows its curve is its curve.
+/// Estimates epsilon over files, with these settings added to those of an estimation.
 fn estimated(inputs: &[PathBuf], out: &Path, more: &[String]) -> Result<DriveEpsilon, chainage::Error> {
     let mut list = settings(&["cluster.method=dbscan", "dbscan.epsilon=auto", "run.memory_mib=256"]);
     list.extend_from_slice(more);
@@ -33,7 +35,7 @@ fn estimated(inputs: &[PathBuf], out: &Path, more: &[String]) -> Result<DriveEps
     estimate_epsilon(&request, &Silent, &CancelToken::default()).map(|(found, _)| found)
 }
 
-/// The curve, whether or not an epsilon followed from it; `None` where there are too few points.
+/// The curve, even if it gives no epsilon; `None` if there are too few points.
 fn curve_of(result: Result<DriveEpsilon, chainage::Error>) -> Option<Curve> {
     match result {
         Ok(found) => Some(found.estimate.curve),
@@ -95,7 +97,7 @@ fn cases() -> impl Strategy<Value = Case> {
     )
 }
 
-/// Points kept, by brute force: all, or what is neither noise nor ground.
+/// The points used, by brute force: all, or those that are neither noise nor ground.
 fn kept(points: &[Point], ground: bool) -> Vec<[i64; 3]> {
     let at: Vec<[i64; 3]> = points.iter().map(|point| point.mm).collect();
     if !ground {
@@ -106,8 +108,8 @@ fn kept(points: &[Point], ground: bool) -> Vec<[i64; 3]> {
     (0..at.len()).filter(|&p| !hidden[p] && !ground[p]).map(|p| at[p]).collect()
 }
 
-/// Most streets here are so sparse, and their tiles so short, that hardly a point finds its neighbours in core and halo:
-/// without asking for more this fails in its first cases.
+/// Most of these streets are so sparse, and their tiles so short, that hardly any point finds its neighbours
+/// in core and halo. Without reading further around, this fails in its first cases.
 #[test]
 fn the_curve_is_that_of_the_whole_cloud_however_it_is_cut() {
     let mut asked = 0;
@@ -137,7 +139,8 @@ fn the_curve_is_that_of_the_whole_cloud_however_it_is_cut() {
         };
         let tiled = estimate("tiled", case.tile_m, case.threads);
         asked += tiled.as_ref().map_or(0, |found| found.cost.asked_for_more);
-        let (tiled, whole) = (curve_of(tiled), curve_of(estimate("whole", 1e6, 1)));
+        let tiled = curve_of(tiled);
+        let whole = curve_of(estimate("whole", 1e6, 1));
         prop_assert_eq!(&tiled, &whole, "bits of the means");
         let Some(curve) = tiled else {
             prop_assert!(kept.len() < case.k);
@@ -162,7 +165,7 @@ fn the_curve_is_that_of_the_whole_cloud_however_it_is_cut() {
     assert!(asked > 0, "no point asked for more: the test does not see it");
 }
 
-/// A heap of points and, 900 m further, one more: its neighbours are at the other end of the drive.
+/// A heap of points, and one more point 900 m away: its neighbours are at the other end of the drive.
 #[test]
 fn a_point_far_from_all_others_finds_its_neighbours() {
     let folder = scratch();
@@ -201,7 +204,8 @@ fn a_sample_of_the_points_is_the_same_in_any_tiles_and_near_the_whole() {
     assert_ne!(other.curve.mean, part.curve.mean);
 }
 
-/// A run with an estimated epsilon has the bytes of one tile, and the labels of a run with this epsilon.
+/// A run with an estimated epsilon has the bytes of one with one tile, and the labels of a run with this
+/// epsilon.
 #[test]
 fn nobody_can_tell_the_tiles_of_a_run_with_an_estimate() {
     let folder = scratch();
@@ -217,7 +221,7 @@ fn nobody_can_tell_the_tiles_of_a_run_with_an_estimate() {
             let summary =
                 drive(&sweep, &out, &set(&[more, settings(&[&format!("run.threads={threads}")])].concat()))
                     .expect("a run");
-            outs.push((out, summary.epsilon.expect("an estimate").estimate));
+            outs.push((out, summary.epsilon().expect("an estimate").estimate));
         }
         for (out, estimate) in &outs[1..] {
             assert_eq!(estimate, &outs[0].1, "{variant}");
@@ -238,7 +242,7 @@ fn nobody_can_tell_the_tiles_of_a_run_with_an_estimate() {
 
 const FIELDS: &str = r#"dbscan.fields=["x","y","z","intensity"]"#;
 
-/// Objects in a space of fields: those that the same method for tables finds over all points at once.
+/// Objects in a space of fields are those that the same method for tables finds over all points at once.
 #[test]
 fn fields_beyond_coordinates_are_standardised_over_the_drive_and_exact_over_tiles() {
     let folder = scratch();
@@ -259,7 +263,8 @@ fn fields_beyond_coordinates_are_standardised_over_the_drive_and_exact_over_tile
             drive(&sweep, &out, &[&set[..], &more].concat()).expect("a run");
             out
         };
-        let (whole, tiled) = (run("whole", "1000", "1"), run("tiled", "9", "2"));
+        let whole = run("whole", "1000", "1");
+        let tiled = run("tiled", "9", "2");
         assert_same_outputs(&whole, &tiled, variant);
         let found = Labelled::read(&sweep, &whole);
         let values: Vec<f64> = (0..found.at.len())
@@ -285,10 +290,11 @@ fn an_estimate_in_a_space_of_fields_is_the_same_in_any_tiles() {
         let more = settings(&[FIELDS, &format!("tiling.tile_length={tile}"), "epsilon.max_queries=20000"]);
         estimated(&sweep, &folder.path().join(tile), &more).expect("an estimate")
     };
-    let (whole, tiled) = (estimate("1000"), estimate("8"));
+    let whole = estimate("1000");
+    let tiled = estimate("8");
     assert_eq!(
         (&whole.estimate, &whole.space, whole.unit),
-        (&tiled.estimate, &tiled.space, "standard deviations")
+        (&tiled.estimate, &tiled.space, "standard deviations".into())
     );
     assert!(tiled.cost.asked_for_more > 0, "{:?}", tiled.cost);
 }
@@ -363,7 +369,8 @@ fn only_what_depends_on_a_change_is_estimated_again() {
 fn killed_while_it_estimates_it_goes_on_to_the_same_bytes() {
     let folder = scratch();
     let (inputs, options) = resumable(folder.path());
-    let (undisturbed, out) = (folder.path().join("undisturbed"), folder.path().join("killed"));
+    let undisturbed = folder.path().join("undisturbed");
+    let out = folder.path().join("killed");
     run_to_the_end(&inputs, &undisturbed, &options);
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let mut cut_short = 0;
@@ -385,7 +392,8 @@ fn killed_while_it_estimates_it_goes_on_to_the_same_bytes() {
     );
 }
 
-/// What the program prints: a table, JSON, a drawing; on a drive, whose state a run goes on from, and on a table.
+/// The output of the program: a table, JSON, a drawing; for a drive, whose state a run then uses, and for a
+/// table.
 #[test]
 fn the_program_estimates_and_leaves_nothing_behind() {
     let folder = scratch();
@@ -409,13 +417,13 @@ fn the_program_estimates_and_leaves_nothing_behind() {
     let json: serde_json::Value = serde_json::from_str(&json).unwrap_or_else(|_| panic!("{json}{errors}"));
     assert!(json["cost"]["share"].is_number() && json["fit"]["coefficients"].is_array(), "{json}");
     assert!(std::fs::read_to_string(folder.path().join("curve.svg")).expect("drawn").contains("epsilon"));
-    // The state serves a run.
+    // A run uses the state.
     let out = folder.path().join("state");
     let before = events(&out).len();
     run_to_the_end(&[PathBuf::from(sweep)], &out, &["--method", "dbscan", "--set", "dbscan.epsilon=auto"]);
     let after = &events(&out)[before..];
     assert_eq!(["ground", "epsilon"].map(|pass| finished(after, pass)), [0, 0]);
-    // A table with the same points gives the same.
+    // A table with the same points gives the same result.
     let labelled = Labelled::read(&[PathBuf::from(sweep)], &out);
     let rows = (0..labelled.at.len()).filter(|&p| ![2, 7, 18].contains(&labelled.class[p]));
     let text: String =

@@ -1,11 +1,12 @@
-//! The heart: however a drive is cut into tiles, files and threads, the result is that of the whole cloud by brute
-//! force; and what must not change it does not. Partitions, classes, ids and bytes are compared, never counts.
+//! The central tests: for any cut of a drive into tiles, files and threads, the result equals that of the
+//! whole cloud by brute force. What must not change the result does not. Partitions, classes, ids and bytes
+//! are compared, never counts.
 
 use std::cell::Cell as Counter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use chainage::cluster::{self, ClusterEntry, Clusterer, Euclidean, EuclideanConfig, Method};
+use chainage::cluster::{self, ClusterEntry, Clusterer, Euclidean, EuclideanConfig, OneStep};
 use chainage::ground::{self, GroundEntry, GroundFilter, VoxelColumn, VoxelColumnConfig};
 use chainage::model::{AlgorithmError, Lattice, PointClass, Reach, TileCloud};
 use chainage::run::Registries;
@@ -20,11 +21,11 @@ use crate::util::las::{Point, Shape};
 use crate::util::oracle;
 use crate::util::street::{COURSES, Course, Street, number, permutation};
 
-/// Isolated noise in small scenes: fewer points are enough to be something.
+/// Isolated noise in small scenes: fewer points already form an object.
 const SMALL: [&str; 4] =
     ["noise.min_component_points=4", "noise.high=0.9", "euclidean.min_points=3", "run.memory_mib=256"];
 
-/// Settings of small scenes, tiles of so many metres, threads, and more.
+/// Settings for small scenes, with tiles of this many metres, this many threads, and more.
 fn small(tile_m: f64, threads: usize, more: &[String]) -> Vec<String> {
     let mut list = settings(&SMALL);
     list.push(format!("tiling.tile_length={tile_m}"));
@@ -36,7 +37,8 @@ fn small(tile_m: f64, threads: usize, more: &[String]) -> Vec<String> {
 /// Everything in one tile.
 const WHOLE_M: f64 = 1e6;
 
-/// Writes points cut into files of these shapes, in order; compressed if `chunk` says in chunks of how many records.
+/// Writes points into files of these shapes, in order. `chunk` compresses them, with that many records per
+/// chunk.
 fn write_files(folder: &Path, points: &[Point], shapes: &[Shape], chunk: Option<u32>) -> Vec<PathBuf> {
     let bound = |part: usize| points.len() * part / shapes.len();
     let write = |(part, shape): (usize, &Shape)| {
@@ -97,7 +99,7 @@ struct Case {
     max_points: usize,
     trajectory: bool,
     shuffled: bool,
-    /// Records per chunk of compressed files; small, so that tiles read a few chunks and not the drive.
+    /// Records per chunk of compressed files: few, so that tiles read some chunks and not the whole drive.
     chunk: Option<u32>,
 }
 
@@ -156,7 +158,7 @@ impl Case {
         points
     }
 
-    /// Format of the file that each of `count` points is in.
+    /// For each of `count` points, the format of its file.
     fn formats(&self, count: usize) -> Vec<u8> {
         let mut formats = Vec::new();
         for (part, shape) in self.shapes.iter().enumerate() {
@@ -166,7 +168,8 @@ impl Case {
     }
 }
 
-/// Any scene, cut any way, on any number of threads: what brute force says of the whole, and the bytes of one tile.
+/// Any scene, cut in any way, on any number of threads: the result is that of brute force over the whole
+/// cloud, and has the bytes of one tile.
 #[test]
 fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte() {
     let [cases_run, rich, by_block] = [0; 3].map(|zero: u32| Counter::new(zero));
@@ -202,7 +205,8 @@ fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte(
         Ok(())
     };
     TestRunner::new(ProptestConfig::with_source_file(file!())).run(&cases(), compare).unwrap();
-    // Drives of one tile, without ground, noise or objects, prove little; and both ways to gather a tile must occur.
+    // Drives of one tile, and drives without ground, noise or objects, prove little. Both ways to gather a
+    // tile must occur.
     let counts = [rich, by_block].map(|counter| counter.get());
     assert!(
         counts[0] * 3 > cases_run.get() && counts[1] * 10 > cases_run.get(),
@@ -251,7 +255,7 @@ fn threads_and_tile_length_change_no_byte() {
     }
 }
 
-/// Every method that is registered, also one that was written after this test.
+/// Every registered method, including those written after this test.
 #[test]
 fn every_method_gives_the_same_bytes_in_any_tiles_files_and_formats() {
     // Small things have few points, and few and low voxels.
@@ -314,7 +318,7 @@ fn moving_the_drive_by_whole_voxels_and_cells_changes_no_label_and_no_class() {
     }
 }
 
-/// Compares points at new places in the file with what they were at their old ones.
+/// Compares points at new places in the file with the same points at their old places.
 fn assert_reordered(points: &[Point], order: &[usize], before: &Labelled, what: &str) {
     let moved: Vec<Point> = order.iter().map(|&index| points[index]).collect();
     let after = labelled(&moved);
@@ -322,7 +326,7 @@ fn assert_reordered(points: &[Point], order: &[usize], before: &Labelled, what: 
     assert_eq!((&after.at, &after.mark), (&picked.at, &picked.mark), "{what}: the test itself");
     assert_eq!(after.class, picked.class, "{what}");
     assert_eq!(after.partition(), picked.partition(), "{what}");
-    // Ids follow the smallest point of an object, which is another one now.
+    // Ids follow the smallest point of an object, which is a different one now.
     let ids: Vec<u32> = {
         let mut firsts: Vec<usize> = after.partition().into_iter().flatten().collect();
         firsts.sort_unstable();
@@ -396,7 +400,7 @@ fn a_compressed_drive_has_the_records_of_the_uncompressed_one() {
     }
 }
 
-/// A clusterer or filter that says it looks no further than a point.
+/// A clusterer or filter that declares a reach of zero.
 #[derive(Debug)]
 struct Shortsighted<T>(T);
 
@@ -435,10 +439,10 @@ const SHORTSIGHTED_LINKS: ClusterEntry = ClusterEntry {
     name: "shortsighted-links",
     summary: "links over 3.5 m, and says 0",
     reference: "none",
-    build: |_| Ok(Method::Local(Box::new(Shortsighted(Euclidean::new(&FAR_LINKS)?)))),
+    build: |_| Ok(Box::new(OneStep::new(Shortsighted(Euclidean::new(&FAR_LINKS)?), &[]))),
 };
 const HONEST_LINKS: ClusterEntry = ClusterEntry {
-    build: |_| Ok(Method::Local(Box::new(Euclidean::new(&FAR_LINKS)?))),
+    build: |_| Ok(Box::new(OneStep::new(Euclidean::new(&FAR_LINKS)?, &[]))),
     ..SHORTSIGHTED_LINKS
 };
 const SHORTSIGHTED_GROUND: GroundEntry = GroundEntry {
@@ -450,7 +454,8 @@ const SHORTSIGHTED_GROUND: GroundEntry = GroundEntry {
 const HONEST_GROUND: GroundEntry =
     GroundEntry { build: |_| Ok(Box::new(VoxelColumn::new(&FAR_GROUND)?)), ..SHORTSIGHTED_GROUND };
 
-/// A row of posts 3 m apart on ground that rises by steps, over 60 m: linked and judged across every seam.
+/// A row of posts 3 m apart on ground that rises in steps, over 60 m. It is linked and classified across
+/// every seam.
 fn posts() -> Vec<Point> {
     let mut points = Vec::new();
     for post in 0..20_i64 {
@@ -463,7 +468,7 @@ fn posts() -> Vec<Point> {
     points
 }
 
-/// With a halo of nothing the comparison of tiled and whole must fail: if it did not, it would prove nothing.
+/// Without a halo, the comparison of tiled and whole must fail. If it did not, it would prove nothing.
 #[test]
 fn without_a_halo_the_comparison_fails() {
     let run = |ground: &[GroundEntry], cluster: &[ClusterEntry], tile_m: f64| {
@@ -471,11 +476,12 @@ fn without_a_halo_the_comparison_fails() {
         let files = one_file(folder.path(), &posts());
         let registries = Registries { ground, cluster };
         let mut list = small(tile_m, 2, &[]);
-        // Noise off, and cells as small as they can be: the dilation of a core is never less than a cell.
+        // Noise is off, and cells are as small as possible, because the dilation of a core is at least one
+        // cell.
         list.extend(settings(&["noise.enabled=false", "noise.min_component_points=1", "tiling.cell=0.5"]));
         list.push(format!("ground.method={:?}", ground[0].name));
         list.push(format!("cluster.method={:?}", cluster[0].name));
-        // Sections must exist in the defaults; methods of a test have none, so they take no settings.
+        // Sections must exist in the defaults. Methods of tests have none, so they have no settings.
         run_with(&files, &folder.path().join("out"), &list, registries).unwrap();
         Labelled::read(&files, &folder.path().join("out"))
     };
@@ -491,7 +497,7 @@ fn without_a_halo_the_comparison_fails() {
     assert_eq!(ground::REGISTRY.iter().filter(|entry| entry.name.starts_with("shortsighted")).count(), 0);
 }
 
-/// Occupied cells with points and chainages of any kind, ascending by cell.
+/// Occupied cells with arbitrary points and chainages, ascending by cell.
 fn occupied() -> impl Strategy<Value = Vec<(Cell, u32, f64)>> {
     let near = (-40..40_i32, -40..40_i32);
     let any_cell = prop_oneof![9 => near, 1 => (any::<i32>(), any::<i32>())];
@@ -519,7 +525,8 @@ fn gap_squared(a: Cell, b: Cell, edge: i64) -> i128 {
 }
 
 proptest! {
-    /// Every occupied cell is in the core of exactly one tile, and a region is the core and all that is near it.
+    /// Every occupied cell is in the core of exactly one tile, and a region is the core plus everything near
+    /// it.
     #[test]
     fn cores_are_complete_and_disjoint_and_halos_are_all_that_is_near(
         drawn in occupied(), size in sizes(), reach in 0..4_000_i64,
@@ -530,12 +537,14 @@ proptest! {
         chainage_m.dedup();
         let strip =
             |chainage| u32::try_from(chainage_m.partition_point(|other| *other <= chainage)).unwrap();
-        let (mut points, mut strips) = (CellMap::default(), CellMap::default());
+        let mut points = CellMap::default();
+        let mut strips = CellMap::default();
         for (cell, count, chainage) in &drawn {
             *points.entry(*cell) = *count;
             *strips.entry(*cell) = strip(*chainage);
         }
-        let (points, strips) = (Arc::new(PackedCells::from(points)), PackedCells::from(strips));
+        let points = Arc::new(PackedCells::from(points));
+        let strips = PackedCells::from(strips);
         let grid = CellGrid::new(700);
         let request = PlanRequest { cells: &points, strips: &strips, chainage_m: &chainage_m, grid, size: &size };
         let plan = Plan::new(&request);
@@ -561,7 +570,7 @@ proptest! {
     }
 }
 
-/// The same on a real street, where it is there; `scripts/exactness.sh` does this on all scenes.
+/// The same on a real street, if it is available. `scripts/exactness.sh` does this for all scenes.
 #[test]
 fn a_real_street_is_the_same_in_any_tiles() {
     let Some(data) = util::shared_data() else { return };

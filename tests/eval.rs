@@ -1,9 +1,10 @@
-//! Properties of the metrics on random tables, agreement with scikit-learn, and matching of files in every order.
+//! Properties of the metrics on random tables, agreement with scikit-learn, and matching of files in every
+//! order.
 
 use std::path::{Path, PathBuf};
 
-use chainage::eval::hoover::Tolerance;
 use chainage::eval::metrics::Figures;
+use chainage::eval::metrics::hoover::Tolerance;
 use chainage::eval::table::{Cell, Counter, Predicted, Table};
 use chainage::eval::{
     self, Axis, ClassTable, CompareSettings, EvalError, Evaluation, MetricSettings, Provenance, Report,
@@ -32,8 +33,8 @@ fn table(parts: &[(i64, i64, u64)]) -> Table {
     counter.finish()
 }
 
-/// Random overlaps of a few objects and segments; no two have the same number of points, so that no tie has to be
-/// broken by an id.
+/// Random overlaps of a few objects and segments. No two have the same number of points, so that no tie has
+/// to be broken by an id.
 fn parts() -> impl Strategy<Value = Vec<(i64, i64, u64)>> {
     proptest::collection::vec((0_i64..9, 0_i64..9, 1_u64..40), 1..40).prop_map(|parts| {
         let numbered = parts.into_iter().enumerate();
@@ -65,7 +66,8 @@ proptest! {
         for figures in all_figures(&evaluation) {
             let product = figures.sq().zip(figures.rq()).map(|(sq, rq)| sq * rq);
             prop_assert!(near(figures.pq(), product), "{figures:?}");
-            let (precision, recall) = (figures.precision(), figures.recall());
+            let precision = figures.precision();
+            let recall = figures.recall();
             if let Some((p, r)) = precision.zip(recall).filter(|(p, r)| p + r > 0.0) {
                 prop_assert!(near(figures.f1(), Some(2.0 * p * r / (p + r))), "{figures:?}");
             }
@@ -82,7 +84,7 @@ proptest! {
 
     #[test]
     fn renaming_changes_nothing(parts in parts(), turn in 1_i64..8) {
-        // Ids 1 to 8 are permuted on both sides; 0 stays none. The class is carried by the cell, not by the id.
+        // Ids 1 to 8 are permuted on both sides; 0 is still none. The cell has the class, not the id.
         let name = |id: i64| if id == 0 { 0 } else { 1 + (id - 1 + turn) % 8 * 1_000_000_007 };
         let original = table(&parts);
         let mut renamed = Counter::default();
@@ -90,7 +92,8 @@ proptest! {
             let to = Cell { object: name(cell.object), segment: name(cell.segment), ..*cell };
             renamed.cells.add(to, *points);
         }
-        let (before, after) = (evaluate(&original), evaluate(&renamed.finish()));
+        let before = evaluate(&original);
+        let after = evaluate(&renamed.finish());
         prop_assert_eq!(before.classes.len(), after.classes.len());
         for (a, b) in all_figures(&before).iter().zip(all_figures(&after)) {
             prop_assert!(near(Some(a.iou_sum), Some(b.iou_sum)) && near(a.mean_best_iou(), b.mean_best_iou()));
@@ -108,7 +111,8 @@ proptest! {
             all.extend([(100, 100, sizes.0), (101, second, sizes.1)]);
             evaluate(&table(&all))
         };
-        let (apart, merged) = (scene(101), scene(100));
+        let apart = scene(101);
+        let merged = scene(100);
         prop_assert!(merged.overall.oa() < apart.overall.oa());
         prop_assert_eq!(merged.overall.under, apart.overall.under + 2);
         prop_assert!(merged.overall.pq() < apart.overall.pq());
@@ -128,7 +132,7 @@ proptest! {
     }
 }
 
-/// A generator that is easily written down in any language.
+/// A generator that is easy to write in any language.
 struct Random(u64);
 
 impl Random {
@@ -144,8 +148,8 @@ impl Random {
 
 #[test]
 fn the_rand_index_is_that_of_scikit_learn() {
-    // Seed, points, objects, segments, percent of random labels; sklearn.metrics.adjusted_rand_score 1.x on the same
-    // labels (first number: object, second: segment modulo the segments, or random).
+    // Seed, points, objects, segments, percent of random labels; sklearn.metrics.adjusted_rand_score 1.x on
+    // the same labels (first number: object, second: segment modulo the segments, or random).
     for (seed, points, objects, segments, random_percent, expected) in [
         (1, 500, 3, 3, 100, 0.001_130_713_919_864_661_9),
         (2, 2000, 5, 4, 30, 0.405_529_219_898_801_3),
@@ -157,7 +161,8 @@ fn the_rand_index_is_that_of_scikit_learn() {
         let mut random = Random(seed);
         let labels: Vec<(i64, i64, u64)> = (0..points)
             .map(|_| {
-                let (object, draw) = (random.below(objects), random.next());
+                let object = random.below(objects);
+                let draw = random.next();
                 let is_copy = draw % 100 >= random_percent;
                 let segment = if is_copy { object % segments } else { draw / 100 % segments };
                 (i64::try_from(object).unwrap() + 1, i64::try_from(segment).unwrap(), 1)
@@ -179,7 +184,7 @@ struct Labelled {
     predicted_class: u8,
 }
 
-/// A street of 40 objects in a row, some of them in two segments or without one, on ground.
+/// A street of 40 objects in a row, some with two segments and some without one, on ground.
 fn street(points: usize) -> Vec<Labelled> {
     let mut random = Random(11);
     let mut millimetres = |extent: u64| random.below(extent) as f64 / 1000.0;
@@ -197,7 +202,7 @@ fn street(points: usize) -> Vec<Labelled> {
             };
             Labelled {
                 at,
-                // Many points share a time, and some all of their key.
+                // Many points have equal times, and some have entirely equal keys.
                 time: (index / 4) as f64 * 1e-5,
                 segment,
                 object: if is_ground { 0 } else { object + 1 },
@@ -206,7 +211,7 @@ fn street(points: usize) -> Vec<Labelled> {
             }
         })
         .chain([3, 4].map(|segment| Labelled {
-            // Two points of one key and different segments: matched in order of appearance.
+            // Two points with one key and different segments: matched in order of appearance.
             at: [1.0, 1.0, 1.0],
             time: 0.5,
             segment,
@@ -263,7 +268,8 @@ fn compare_with(
     settings: &CompareSettings,
 ) -> Result<(String, Table), Error> {
     let open = |paths: &[PathBuf]| Catalog::open(paths, &InputOptions::default());
-    let (prediction, reference) = (open(prediction)?, open(reference)?);
+    let prediction = open(prediction)?;
+    let reference = open(reference)?;
     let counted = eval::count(&prediction, Some(&reference), settings, &|_| ())?;
     Ok((counted.matching.name().to_owned(), counted.table))
 }
@@ -277,7 +283,7 @@ fn shuffled(points: &[Labelled]) -> Vec<Labelled> {
     let mut random = Random(5);
     let mut keyed: Vec<(u64, usize)> = (0..points.len()).map(|index| (random.next(), index)).collect();
     keyed.sort_unstable();
-    // The two points of one key stay in their order, which is what decides between them.
+    // The two points of one key keep their order, because it decides between them.
     let last = points.len() - 2;
     let order = keyed.iter().map(|key| key.1).filter(|&index| index < last).chain([last, last + 1]);
     order.map(|index| points[index]).collect()
@@ -373,7 +379,8 @@ fn one_point_that_differs_is_named() {
 #[test]
 fn a_dimension_that_is_not_there_or_holds_no_labels_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, fractions) = (folder.path().join("a.las"), folder.path().join("b.las"));
+    let path = folder.path().join("a.las");
+    let fractions = folder.path().join("b.las");
     let points = street(100);
     write_reference(&path, &points);
     write(&fractions, 0.001, &[("cluster_id", 9)], &points, |point| {
@@ -408,9 +415,11 @@ fn the_report_is_the_same_for_any_number_of_threads() {
                 matched_by,
                 chainage_along: "principal axis of the objects".into(),
             };
-            let (settings, axis) = (settings(), Axis::principal(&places));
+            let settings = settings();
+            let axis = Axis::principal(&places);
             let report = Report::new(&evaluation, &settings, &axis, compared);
-            let (mut json, mut csv) = (Vec::new(), Vec::new());
+            let mut json = Vec::new();
+            let mut csv = Vec::new();
             report.write_json(&mut json).unwrap();
             report.write_objects_csv(&mut csv).unwrap();
             (String::from_utf8(json).unwrap(), String::from_utf8(csv).unwrap(), report.text(5))
@@ -439,7 +448,8 @@ fn the_report_is_the_same_for_any_number_of_threads() {
 
 #[test]
 fn objects_too_small_to_be_evaluated_are_listed_where_their_id_is() {
-    let (settings, axis) = (settings(), Axis::principal(&[]));
+    let settings = settings();
+    let axis = Axis::principal(&[]);
     let evaluation = evaluate(&table(&[(1, 1, 29), (2, 2, 50), (3, 3, 12), (4, 4, 60), (9, 4, 1)]));
     let compared = Provenance {
         prediction: Vec::new(),

@@ -1,4 +1,4 @@
-//! Noise, ground and single-link clusters against brute force, and what must not change them.
+//! Noise, ground and single-link clusters against brute force, and changes that must not affect them.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use chainage::cluster::{Clusterer, Euclidean, EuclideanConfig};
@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use crate::util::oracle;
 
 const LATTICE: Lattice = Lattice::MILLIMETRE;
-/// Context is exercised in scenes of a few metres, so noise looks 4 voxels far and not 10.
+/// Small scenes of a few metres must test the context, so noise looks 4 voxels around instead of 10.
 const NOISE: NoiseConfig = NoiseConfig { enabled: true, voxel: 0.3, min_component_points: 4, high: 0.9 };
 const GROUND: VoxelColumnConfig =
     VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 1.5, lowest_points: 1 };
@@ -105,7 +105,7 @@ fn cluster(cloud: &TileCloud, d_t: f64) -> Vec<u32> {
     labels
 }
 
-/// Labels with each one replaced by the smallest id that has it.
+/// Labels, each replaced by the smallest id with that label.
 fn by_smallest_id(labels: &[u32], ids: &[u64]) -> Vec<u64> {
     let smallest = |label: u32| ids.iter().zip(labels).filter(|(_, l)| **l == label).map(|(id, _)| *id).min();
     labels.iter().map(|&label| smallest(label).unwrap()).collect()
@@ -113,12 +113,13 @@ fn by_smallest_id(labels: &[u32], ids: &[u64]) -> Vec<u64> {
 
 fn inside(core: [i64; 4], reach: f64, point: [i64; 3]) -> bool {
     let beyond = |value: i64, low: i64, high: i64| (low - value).max(value - high).max(0) as f64;
-    let (dx, dy) = (beyond(point[0], core[0], core[1]), beyond(point[1], core[2], core[3]));
+    let dx = beyond(point[0], core[0], core[1]);
+    let dy = beyond(point[1], core[2], core[3]);
     dx * dx + dy * dy <= (reach * 1_000.0).powi(2)
 }
 
-/// Compares what `classify` says of the points of a core, given all points and given those within `reach`
-/// alone.
+/// Compares the results of `classify` for the points of a core: from all points, and from those within
+/// `reach` only.
 fn core_needs_only_its_context(
     points: &Points,
     core: [i64; 4],
@@ -237,7 +238,7 @@ proptest! {
         distance in prop_oneof![1..8_i64, 1..2_000_i64],
         drawn in prop::collection::vec((0..60_i64, 0..60_i64, 0..60_i64), 1..90),
     ) {
-        // Coordinates in twelfths of the distance, so that cells of every offset are met.
+        // Coordinates in twelfths of the distance, so that cells of every offset occur.
         let points: Points = drawn.iter().map(|&(x, y, z)| [x, y, z].map(|value| value * distance / 12)).collect();
         let expected: Vec<u64> =
             oracle::single_link(&points, distance).into_iter().map(|index| index as u64).collect();
@@ -256,8 +257,10 @@ proptest! {
         let shuffled_points: Points = order.iter().map(|&index| points[index]).collect();
         let ids: Vec<u64> = order.iter().map(|&index| index as u64).collect();
         let shuffled = cloud(&shuffled_points, &ids, 0);
-        let (classes, labels) = (ground_classes(&straight), cluster(&straight, 0.3));
-        let (other_classes, other_labels) = (ground_classes(&shuffled), cluster(&shuffled, 0.3));
+        let classes = ground_classes(&straight);
+        let labels = cluster(&straight, 0.3);
+        let other_classes = ground_classes(&shuffled);
+        let other_labels = cluster(&shuffled, 0.3);
         for (position, &index) in order.iter().enumerate() {
             prop_assert_eq!(other_classes[position], classes[index]);
             prop_assert_eq!(other_labels[position], labels[index]);
@@ -303,8 +306,8 @@ proptest! {
     }
 }
 
-/// A diagonal of voxels, one point each at the far corner: the longest way a component of n points can go. With
-/// one point less of it in sight, it would be noise.
+/// A diagonal of voxels with one point each in the far corner: the longest extent of a component of n points.
+/// With one point less in view, it would be noise.
 #[test]
 fn the_reach_of_noise_is_not_larger_than_it_must_be() {
     let points: Points =
@@ -322,7 +325,8 @@ fn stray_points_kilometres_away_change_nothing_but_themselves() {
     let alone = (ground_classes(&numbered(&points)), cluster(&numbered(&points), 0.3));
     points.extend([[2_000_000_000, 0, 0], [0, 2_000_000_000, 0], [0, 0, 10_000_000]]);
     let cloud = numbered(&points);
-    let (classes, labels) = (ground_classes(&cloud), cluster(&cloud, 0.3));
+    let classes = ground_classes(&cloud);
+    let labels = cluster(&cloud, 0.3);
     assert_eq!(classes[..1_000], alone.0);
     assert_eq!(classes[1_000..], [PointClass::LowNoise, PointClass::LowNoise, PointClass::HighNoise]);
     assert_eq!(labels[..1_000], alone.1);

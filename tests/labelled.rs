@@ -1,5 +1,5 @@
-//! Labelled copies: every file that opens is copied to LAS and LAZ with random labels, and everything but the label
-//! and the class is compared with the original, byte by byte.
+//! Labelled copies: every file that can be opened is copied to LAS and LAZ with random labels. Everything but
+//! label and class is compared with the original, byte by byte.
 
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::util;
 
-/// The files that are copied: the shipped samples, and the conformance folder where it is there.
+/// The copied files: the shipped samples, and the conformance folder if it is available.
 fn samples() -> Vec<PathBuf> {
     let mut files = util::las_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data"));
     if let Some(data) = util::shared_data() {
@@ -50,7 +50,7 @@ impl Truth {
     }
 }
 
-/// Writes the copy as the engine does and returns its path.
+/// Writes the copy like the engine and returns its path.
 fn write(plan: &LabelledFile, input: &InputFile, original: &[u8], truth: &Truth, folder: &Path) -> PathBuf {
     let path = folder.join(plan.name());
     let mut out = BufWriter::new(File::create(&path).expect("a new file"));
@@ -109,7 +109,7 @@ fn chain(bytes: &[u8], mut at: usize, end: usize, count: usize, head: usize) -> 
     found
 }
 
-/// The records that a copy must keep: not those of LASzip and COPC, and not the extra bytes, which grow.
+/// The records that a copy must keep: neither those of LASzip and COPC, nor the extra bytes, which grow.
 fn kept(records: Vec<Record>) -> Vec<Record> {
     let drop = |(user, record, ..): &Record| {
         user.starts_with(b"laszip encoded")
@@ -132,14 +132,16 @@ fn evlrs(bytes: &[u8]) -> Vec<Record> {
 
 /// The bytes between the last record of the header and the points.
 fn gap(bytes: &[u8]) -> &[u8] {
-    let (head, start) = (number(bytes, 94, 2), number(bytes, 96, 4));
+    let head = number(bytes, 94, 2);
+    let start = number(bytes, 96, 4);
     let records = chain(bytes, head, start, number(bytes, 100, 4), 54);
     &bytes[head + records.iter().map(|record| 54 + record.3.len()).sum::<usize>()..start]
 }
 
-/// Compares header, records, and what is between and behind them.
+/// Compares the header, the records, and the data between and after them.
 fn compare_around(original: &Path, copy: &Path, points: usize) {
-    let (before, after) = (std::fs::read(original).expect("read"), std::fs::read(copy).expect("read"));
+    let before = std::fs::read(original).expect("read");
+    let after = std::fs::read(copy).expect("read");
     assert_eq!(vlrs(&before), vlrs(&after), "{}", copy.display());
     assert_eq!(evlrs(&before), evlrs(&after), "{}", copy.display());
     assert_eq!(gap(&before), gap(&after), "{}", copy.display());
@@ -160,14 +162,16 @@ fn compare_around(original: &Path, copy: &Path, points: usize) {
         assert!(may || before[at] == after[at], "{}: header byte {at}", copy.display());
     }
     if before[25] >= 3 && number(&before, 227, 8) > 0 {
-        let (old, new) = (number(&before, 227, 8), number(&after, 227, 8));
+        let old = number(&before, 227, 8);
+        let new = number(&after, 227, 8);
         assert_eq!(before[old..old + 60], after[new..new + 60], "{}: waveforms", copy.display());
     }
 }
 
-/// Compares every record of the copy with the original one, outside of class and label.
+/// Compares every record of the copy with the original, except class and label.
 fn compare_points(original: &InputFile, before: &[u8], copy: &InputFile, truth: &Truth) {
-    let (old, new) = (original.layout(), copy.layout());
+    let old = original.layout();
+    let new = copy.layout();
     let after = records(copy);
     let label = new.dimension("cluster_id").expect("the label").offset;
     let kept = new.dimension("original_classification").expect("the class").offset;
@@ -233,8 +237,8 @@ fn copy_both_ways(path: &Path, seed: u64) -> u32 {
     2
 }
 
-/// A labelled copy fed in again: the labels are replaced in place, the record does not grow, the class of the first
-/// input stays.
+/// A labelled copy as input: the labels are replaced in place, the record does not grow, and the class of the
+/// first input is kept.
 fn relabel(copied: &InputFile, folder: &Path) {
     let first = records(copied);
     let truth = Truth::random(copied.point_count(), 7);
@@ -299,12 +303,14 @@ fn a_dimension_of_another_type_or_an_impossible_name_is_refused() {
     with(&"x".repeat(31)).expect("a name of 31 bytes fits");
 }
 
-/// The uncompressed sample with `extra` more bytes in every record and, where given, descriptors of (name, type,
+/// The uncompressed sample with `extra` more bytes in every record and, if given, descriptors of (name, type,
 /// options) in an extra-bytes record.
 fn with_extra_bytes(extra: usize, descriptors: &[(&str, u8, u8)]) -> Vec<u8> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mls_profiles.las");
     let bytes = std::fs::read(path).expect("a shipped sample");
-    let (start, count, old) = (number(&bytes, 96, 4), number(&bytes, 107, 4), number(&bytes, 105, 2));
+    let start = number(&bytes, 96, 4);
+    let count = number(&bytes, 107, 4);
+    let old = number(&bytes, 105, 2);
     let mut new = bytes[..227].to_vec();
     if !descriptors.is_empty() {
         let mut record = vec![0; 54];

@@ -27,6 +27,8 @@ mod epsilon;
 mod equivalence;
 #[cfg(test)]
 mod eval;
+#[cfg(test)]
+mod inventory;
 mod kernels;
 #[cfg(test)]
 mod labelled;
@@ -34,6 +36,8 @@ mod labelled;
 mod refusals;
 #[cfg(test)]
 mod resume;
+#[cfg(test)]
+mod rounds;
 #[cfg(test)]
 mod switch;
 #[cfg(test)]

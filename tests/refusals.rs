@@ -1,4 +1,5 @@
-//! Headers and arguments that must be refused, each with the right error, and those that only deserve a warning.
+//! Headers and arguments that must be refused, each with the right error, and others that only need a
+//! warning.
 
 use std::path::{Path, PathBuf};
 
@@ -116,7 +117,10 @@ fn every_prefix_of_a_file_up_to_its_points_is_refused() {
 fn a_truncated_file_says_how_many_points_are_there() {
     let bytes = sample(LAS);
     let text = outcome(&open_bytes(&bytes[..bytes.len() - 29]));
-    assert!(text.ends_with("is truncated: its header promises 10310 points, 10308 are there"), "{text}");
+    assert!(
+        text.ends_with("is truncated: its header promises 10310 points, but the file has 10308"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -130,7 +134,8 @@ fn a_wrong_count_of_a_layered_file_is_noticed_in_its_last_chunk() {
     let last = file.blocks().len() - 1;
     let text = file.records(last, Fields::All, &mut Vec::new()).expect_err("refused").to_string();
     assert!(
-        text.contains(&format!("chunk {last}")) && text.ends_with("21841 points, 21842 are promised"),
+        text.contains(&format!("chunk {last}"))
+            && text.ends_with("21841 points, but the header and the table promise 21842"),
         "{text}"
     );
 }
@@ -152,7 +157,7 @@ fn a_file_without_points_is_accepted_with_a_warning() {
 fn of_two_counts_the_one_that_the_file_holds_is_taken() {
     let catalog = |legacy: u32, large: u64| {
         let mut bytes = sample(LAS);
-        // A header of LAS 1.4 around the same points.
+        // A header of LAS 1.4 before the same points.
         let (head, points) = bytes.split_at_mut(227);
         let mut head = head.to_vec();
         head.resize(375, 0);
@@ -238,7 +243,8 @@ fn feet_become_metres_in_the_lattice() {
     let (feet, fine, warned) = lattice_point(LengthUnit::Foot);
     assert_eq!((quiet, warned), (0, 1));
     for axis in 0..3 {
-        let (metres, feet) = (lattice.metres(metres[axis]), fine.metres(feet[axis]));
+        let metres = lattice.metres(metres[axis]);
+        let feet = fine.metres(feet[axis]);
         assert!((feet - metres * 0.3048).abs() <= fine.step_m(), "axis {axis}: {feet} {metres}");
     }
 }
@@ -290,8 +296,10 @@ fn coordinate_systems_of_one_drive_must_agree() {
         ))
     };
     let folder = Folder::new();
-    let (one, two) = (folder.file("a.las", &utm(32)), folder.file("b.las", &utm(32)));
-    let (other, plain) = (folder.file("c.las", &utm(33)), folder.file("d.las", &sample(LAS)));
+    let one = folder.file("a.las", &utm(32));
+    let two = folder.file("b.las", &utm(32));
+    let other = folder.file("c.las", &utm(33));
+    let plain = folder.file("d.las", &sample(LAS));
     let catalog = open(&[one.clone(), two]).expect("the same system");
     assert_eq!(catalog.crs().epsg, Some(25_832));
     assert!(catalog.warnings().is_empty(), "{:?}", catalog.warnings());

@@ -1,5 +1,5 @@
-//! Interruption: killed, cut off, out of space, damaged, changed under way; the same command goes on, recomputes what
-//! it must and nothing else, and the result is that of an undisturbed run, byte by byte.
+//! Interruptions: killed, truncated, out of space, damaged, changed during the run. The same command resumes
+//! and computes only what it must. The result is that of an undisturbed run, byte by byte.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -75,7 +75,7 @@ fn killed_at_random_moments_it_goes_on_to_the_same_bytes() {
                 .spawn()
                 .expect("starts");
             std::thread::sleep(Duration::from_millis(random.random_range(0..40 + round * 10)));
-            // SIGKILL: nothing is flushed, nothing is said.
+            // SIGKILL: nothing is flushed, and there is no message.
             child.kill().expect("killed");
             cut_short += u32::from(!child.wait().expect("ended").success());
         }
@@ -90,10 +90,11 @@ fn killed_at_random_moments_it_goes_on_to_the_same_bytes() {
 fn other_threads_recompute_nothing() {
     let inputs = Inputs::new();
     let out = inputs.undisturbed("street.laz", &["--threads", "2"]);
-    let (before, bytes) = (events(&out), outputs(&out));
+    let before = events(&out);
+    let bytes = outputs(&out);
     assert!(finished(&before, "ground") > 15, "{} tiles", finished(&before, "ground"));
     for more in [["--threads", "1"], ["--threads", "4"], ["--memory", "512M"]] {
-        // Memory is given twice, the later one counts: only for the first two.
+        // The memory is given twice, and the later value counts. It is meant for the first two only.
         let list =
             if more[0] == "--memory" { vec!["--tile-length", "4", more[0], more[1]] } else { options(&more) };
         run_to_the_end(&inputs.list("street.laz"), &out, &list);
@@ -130,12 +131,13 @@ fn a_changed_distance_redoes_clusters_and_files_and_nothing_before() {
     let direct = inputs.path("direct");
     run_to_the_end(&inputs.list("street.las"), &direct, &options(&["--set", "euclidean.d_t=0.5"]));
     assert_same_outputs(&direct, &out, "changed distance");
-    // And back again.
+    // And back.
     run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
     assert!(outputs(&out) == first);
 }
 
-/// All methods write the labels of points in one place: what one left there is not what the other finds done.
+/// All methods write their labels to the same place. The labels of one must not count as finished work of the
+/// other.
 #[test]
 fn another_method_and_back_again_gives_the_first_result() {
     let inputs = Inputs::new();
@@ -153,7 +155,7 @@ fn another_method_and_back_again_gives_the_first_result() {
     }
 }
 
-/// Overwrites bytes in the middle of a file and gives it a new time, or keeps the old one.
+/// Overwrites bytes in the middle of a file. The file gets a new time, or keeps the old one.
 fn overwrite(path: &Path, at: u64, bytes: &[u8], keep_time: bool) {
     use std::os::unix::fs::FileExt;
     let file = std::fs::File::options().read(true).write(true).open(path).expect("the file");
@@ -176,7 +178,8 @@ fn refused(inputs: &[PathBuf], out: &Path, more: &[&str], code: i32, texts: &[&s
 fn another_input_is_refused_and_a_touched_one_is_not() {
     let inputs = Inputs::new();
     for name in ["street.las", "street.laz"] {
-        let (path, out) = (inputs.path(name), inputs.undisturbed(name, &[]));
+        let path = inputs.path(name);
+        let out = inputs.undisturbed(name, &[]);
         let bytes = outputs(&out);
         touch(&path);
         let before = events(&out).len();
@@ -200,8 +203,8 @@ fn another_input_is_refused_and_a_touched_one_is_not() {
     run_to_the_end(&inputs.list("street.las"), &out, &options(&["--fresh"]));
 }
 
-/// A compressed file is changed, refused, and restored with its old time: what was unpacked of the wrong one must not
-/// be used.
+/// A compressed file is changed, refused, and restored with its old time. The data unpacked from the wrong
+/// file must not be used.
 #[test]
 fn a_refused_input_leaves_no_trace_in_the_state() {
     let inputs = Inputs::new();
@@ -211,7 +214,7 @@ fn a_refused_input_leaves_no_trace_in_the_state() {
     points[2_000].mm[0] += 50_000;
     points[2_001].mm[1] -= 50_000;
     let wrong = Shape::default().compressed(&points, 500);
-    // Both get the same size: a file may hold anything after its points.
+    // Both get the same size, because a file may have anything after its points.
     let size = right.len().max(wrong.len());
     let time = std::time::SystemTime::now() - Duration::from_secs(100);
     let put = |bytes: &[u8], since: u64| {
@@ -222,7 +225,7 @@ fn a_refused_input_leaves_no_trace_in_the_state() {
         file.set_modified(time + Duration::from_secs(since)).expect("a time");
     };
     put(&right, 0);
-    // Tiles so long that they read the unpacked positions, and not points grouped by tile.
+    // Tiles so long that they read the unpacked positions instead of points grouped by tile.
     let long = ["--tile-length", "30"];
     let out = inputs.path("out");
     run_to_the_end(&inputs.list("street.laz"), &out, &long);
@@ -300,8 +303,10 @@ fn damaged_unit_files_are_noticed_and_computed_again() {
             let before = events(&out).len();
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             let after = &events(&out)[before..];
-            let again: usize =
-                ["survey", "scatter", "ground", "cluster"].iter().map(|pass| finished(after, pass)).sum();
+            let again: usize = ["survey", "scatter", "ground", "cluster", "stitch", "relabel"]
+                .iter()
+                .map(|pass| finished(after, pass))
+                .sum();
             assert_eq!(again, files.len(), "{damage}");
             let refusals = after.iter().filter(|event| event["event"] == "refused").count();
             assert_eq!(refusals, if damage == "removed" { 0 } else { files.len() }, "{damage}");
@@ -310,14 +315,14 @@ fn damaged_unit_files_are_noticed_and_computed_again() {
     }
 }
 
-/// What lies beside the unit files: values per point, positions, half-written copies. Without them a finished unit is
-/// not finished.
+/// The files beside the unit files: values per point, positions, half-written copies. Without them a finished
+/// unit does not count as finished.
 #[test]
 fn lost_columns_are_noticed_and_computed_again() {
     let inputs = Inputs::new();
     let out = inputs.undisturbed("sweep.laz", &[]);
     let bytes = outputs(&out);
-    for column in ["positions/00000", "scattered/000000", "classes/00000", "labels/00000"] {
+    for column in ["positions/00000", "scattered/000000", "classes/00000", "objects/00000"] {
         for lost in [true, false] {
             let path = out.join(".chainage").join(column);
             if lost {
@@ -337,20 +342,21 @@ fn lost_columns_are_noticed_and_computed_again() {
     }
 }
 
-/// The copy is lost after its unit is done and before it has its name (a folder has it). Then the same with a copy
-/// that another call has begun with other settings.
+/// The copy is lost after its unit is done and before it gets its name (which a folder has). Then the same
+/// with a copy that another call started with other settings.
 #[test]
 fn a_lost_half_written_copy_is_written_again() {
     let inputs = Inputs::new();
     let undisturbed = inputs.undisturbed("street.las", &[]);
     let out = inputs.path("out");
-    let (state, copy) = (out.join(".chainage"), out.join("street.las"));
+    let state = out.join(".chainage");
+    let copy = out.join("street.las");
     run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.d_t=0.4"]));
     for other in [None, Some("output.original_classification=true"), Some("euclidean.d_t=0.7")] {
         std::fs::remove_file(&copy).expect("removed");
         std::fs::create_dir_all(&copy).expect("a folder in the way");
         refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write", "street.las"]);
-        assert!(state.join("pass-04-export/unit-000000.bin").exists(), "the unit was done");
+        assert!(state.join("pass-06-export/unit-000000.bin").exists(), "the unit was done");
         match other {
             None => std::fs::remove_file(state.join("export/00000.part")).expect("removed"),
             Some(other) => refused(
@@ -367,7 +373,7 @@ fn a_lost_half_written_copy_is_written_again() {
     }
 }
 
-/// Starting over where a run has finished is no danger to anything foreign.
+/// Starting over after a finished run does not endanger foreign files.
 #[test]
 fn fresh_starts_over_in_the_same_directory() {
     let inputs = Inputs::new();
@@ -379,14 +385,14 @@ fn fresh_starts_over_in_the_same_directory() {
     assert!(outputs(&out) == bytes);
 }
 
-/// A limit of file sizes stands for a full disk; the signal that comes with it is ignored.
+/// A limit of file sizes simulates a full disk. The signal that comes with it is ignored.
 #[test]
 fn a_run_that_cannot_write_on_says_so_and_resumes() {
     let inputs = Inputs::new();
     let more = ["--output-format", "las", "--threads", "2"];
     let undisturbed = inputs.undisturbed("sweep.laz", &more);
     let out = inputs.path("limited");
-    // In 512-byte blocks: the positions do not fit; the columns fit, the labelled copy (2.4 MB) does not.
+    // In 512-byte blocks: the positions do not fit. Then the columns fit, but not the labelled copy (2.4 MB).
     for blocks in [100, 1_000, 3_000] {
         let command = run_command(&inputs.list("sweep.laz"), &out, &options(&more));
         let limited = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
@@ -405,7 +411,7 @@ fn a_run_that_cannot_write_on_says_so_and_resumes() {
     assert_same_outputs(&undisturbed, &out, "after the limit");
 }
 
-/// A small file system in memory, where the system lets us have one.
+/// A small file system in memory, if the system allows one.
 struct SmallDisk(PathBuf);
 
 impl SmallDisk {
@@ -526,7 +532,7 @@ fn outputs_that_were_removed_or_cut_are_written_again() {
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             assert!(outputs(&out) == bytes, "{file} was cut");
         }
-        // The report has times in it, and is the last thing that is written: a run killed before it is not finished.
+        // The report has times, and is written last. A run killed before it is not finished.
         let report = || -> serde_json::Value {
             serde_json::from_slice(&std::fs::read(out.join("report.json")).expect("the report"))
                 .expect("JSON")

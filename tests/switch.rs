@@ -1,5 +1,5 @@
-//! Going back and forth between settings in one directory, interrupted: what one call overwrote, no older result may
-//! vouch for.
+//! Switching between settings in one directory, with interruptions: after one call has overwritten something,
+//! no older result may count for it.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use chainage::run::{CancelToken, Event, Observer, Registries, RunRequest, run};
 use crate::util::drive::{assert_same_outputs, config, drive, scratch, settings};
 use crate::util::shipped;
 
-/// Cancels the run after so many units of a pass.
+/// Cancels the run after this many units of a pass.
 struct StopAfter<'a> {
     cancel: &'a CancelToken,
     pass: &'static str,
@@ -48,12 +48,13 @@ const LONG: [&str; 2] = ["tiling.tile_length=40.0", "run.threads=1"];
 fn other_tiles_in_between_leave_no_trace() {
     let inputs = [shipped("tests/data/tree_road_sweep.laz")];
     let folder = scratch();
-    let (fresh, out) = (folder.path().join("fresh"), folder.path().join("out"));
+    let fresh = folder.path().join("fresh");
+    let out = folder.path().join("out");
     drive(&inputs, &fresh, &settings(&SHORT)).unwrap();
 
-    // All ten short tiles are clustered, nothing is exported.
+    // All ten short tiles are clustered, and nothing is exported.
     interrupted(&inputs, &out, &SHORT, "cluster", 10);
-    // Labels of the long tiles now stand where those of the short ones stood.
+    // Labels of the long tiles are now in the places of those of the short ones.
     interrupted(&inputs, &out, &LONG, "cluster", 2);
     drive(&inputs, &out, &settings(&SHORT)).unwrap();
     assert_same_outputs(&fresh, &out, "after other tiles had begun");
@@ -63,10 +64,11 @@ fn other_tiles_in_between_leave_no_trace() {
 fn another_method_in_between_leaves_no_trace() {
     let inputs = [shipped("tests/data/tree_road_sweep.laz")];
     let folder = scratch();
-    let (fresh, out) = (folder.path().join("fresh"), folder.path().join("out"));
+    let fresh = folder.path().join("fresh");
+    let out = folder.path().join("out");
     drive(&inputs, &fresh, &settings(&SHORT)).unwrap();
 
-    // All ten short tiles are clustered, nothing is exported.
+    // All ten short tiles are clustered, and nothing is exported.
     interrupted(&inputs, &out, &SHORT, "cluster", 10);
     let mut peaks = SHORT.to_vec();
     peaks.push("cluster.method=density-peaks");

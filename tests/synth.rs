@@ -1,4 +1,4 @@
-//! `chainage::synth`: the bytes repeat, the truth is consistent with the points, the statistics are those of the
+//! `chainage::synth`: the bytes repeat, the truth matches the points, and the statistics are those of the
 //! labelled scenes.
 
 use std::collections::BTreeMap;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use chainage::synth::{Preset, Scanner, Settings, generate};
 
-/// A scanner that gives some ten thousand points in a second of driving.
+/// A scanner with some ten thousand points per second of driving.
 fn coarse() -> Scanner {
     Scanner { pulse_rate_hz: 20_000.0, profiles_hz: 50.0, ..Scanner::default() }
 }
@@ -197,7 +197,8 @@ fn the_loop_comes_back_over_its_first_metres_in_the_other_direction() {
     settings.scanner.profiles_hz = 10.0;
     write(&settings, folder.path());
     let way = table(&folder.path().join("trajectory.csv"));
-    let (first, last) = (way.first().unwrap(), way.last().unwrap());
+    let first = way.first().unwrap();
+    let last = way.last().unwrap();
     let apart = (number(first, "x") - number(last, "x")).hypot(number(first, "y") - number(last, "y"));
     assert!(apart < 5.0, "ends beside its start, in the other lane: {apart} m");
     let turn = (number(first, "heading") - number(last, "heading")).abs();
@@ -206,7 +207,7 @@ fn the_loop_comes_back_over_its_first_metres_in_the_other_direction() {
         let [dx, dy, dz] = ["x", "y", "z"].map(|key| number(&pair[1], key) - number(&pair[0], key));
         dx.hypot(dy).hypot(dz)
     });
-    // 60 km/h are 0.167 m in 10 ms: no jump anywhere, the place where the loop closes included.
+    // 60 km/h are 0.167 m in 10 ms: there is no jump, not even where the loop closes.
     let longest = steps.fold(0.0, f64::max);
     assert!(longest < 0.19, "{longest} m");
 }
@@ -232,13 +233,14 @@ fn settings_and_folders_that_will_not_do_are_refused() {
 /// Ranges at which points and ground are compared, metres.
 const BANDS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
-/// What a scene looks like to a program that does not know where it is from.
+/// Properties of a scene for a program that does not know its origin.
 #[derive(Debug)]
 struct Look {
     /// Share of the points within 45 m by range band, and share of ground among them.
     by_range: Vec<(f64, f64)>,
     ground: f64,
-    /// Share of half-metre cells between 2 and 9 m from the track without a point of ground: what is hidden there.
+    /// Share of half-metre cells between 2 and 9 m from the track without a ground point, that is, hidden
+    /// cells.
     hidden: f64,
     /// Median points of an object by class, per thousand points of a metre of drive.
     per_object: BTreeMap<u8, f64>,
@@ -260,7 +262,8 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
         .filter(|row| row["base_inside"] == "1")
         .map(|row| row["instance"].parse().unwrap())
         .collect();
-    let (mut near, mut ground) = (0u64, 0u64);
+    let mut near = 0u64;
+    let mut ground = 0u64;
     let mut objects: BTreeMap<(u8, u32), u64> = BTreeMap::new();
     let mut seen: std::collections::BTreeSet<(i64, i64)> = std::collections::BTreeSet::new();
     for point in points {
@@ -283,7 +286,8 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
         }
     }
     // Cells beside the track, away from its ends and turns.
-    let (mut cells, mut hidden) = (0u64, 0u64);
+    let mut cells = 0u64;
+    let mut hidden = 0u64;
     let bounds = |axis: usize| {
         let values = points.iter().filter(|p| p.class == 1).map(move |p| p.position[axis]);
         values.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
@@ -291,11 +295,13 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
     let ((x0, x1), (y0, y1)) = (bounds(0), bounds(1));
     let mut driven = 0.0;
     for pair in track.windows(2) {
-        let (dx, dy) = (pair[1][1] - pair[0][1], pair[1][2] - pair[0][2]);
+        let dx = pair[1][1] - pair[0][1];
+        let dy = pair[1][2] - pair[0][2];
         driven += dx.hypot(dy);
     }
     for pose in track.windows(2).step_by(10) {
-        let (dx, dy) = (pose[1][1] - pose[0][1], pose[1][2] - pose[0][2]);
+        let dx = pose[1][1] - pose[0][1];
+        let dy = pose[1][2] - pose[0][2];
         let length = dx.hypot(dy).max(1e-9);
         for step in 4..18 {
             for side in [-1.0, 1.0] {
@@ -329,8 +335,8 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
     }
 }
 
-/// Pictures are compared by eye; this keeps the figures behind them together. The factors state how different the
-/// scenes are allowed to be: these are other streets, but the same kind, seen by the same kind of scanner.
+/// Pictures are compared by eye; this test bounds the figures behind them. The factors say how different the
+/// scenes may be: these are other streets, but of the same kind, and seen by the same kind of scanner.
 #[test]
 fn statistics_are_those_of_the_labelled_scenes() {
     let shared = std::env::var_os("CHAINAGE_SHARED_DATA")
@@ -369,16 +375,18 @@ fn statistics_are_those_of_the_labelled_scenes() {
         close("hidden share", theirs.hidden, ours.hidden, 0.06);
         for (band, (a, b)) in BANDS.iter().zip(theirs.by_range.iter().zip(&ours.by_range)) {
             close(&format!("share of points from {band} m"), a.0, b.0, 0.05);
-            // The labelled scenes are cut out of longer drives: too few points beyond 32 m to compare.
+            // The labelled scenes are cut out of longer drives: too few points beyond 32 m for a comparison.
             if *band < 32.0 {
                 close(&format!("ground share from {band} m"), a.1, b.1, 0.15);
             }
         }
-        // Things stand at about the same distance here and there; cars on both sides here, mostly on the near one there.
+        // Objects are at about the same distance in both. Cars are on both sides here, and mostly on the near
+        // side there.
         let factors = [(2, 2.0), (3, 2.0), (4, 2.5), (5, 2.0), (6, 2.5), (7, 2.0)];
         for (class, factor) in factors.into_iter().filter(|(class, _)| theirs.per_object.contains_key(class))
         {
-            let (a, b) = (theirs.per_object[&class], ours.per_object[&class]);
+            let a = theirs.per_object[&class];
+            let b = ours.per_object[&class];
             assert!(
                 (1.0 / factor..factor).contains(&(b / a)),
                 "{name}: class {class} has {b:.3} per object, there {a:.3}"

@@ -2,16 +2,17 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::cli::bench::BenchArgs;
-use crate::cli::cluster::ClusterArgs;
-use crate::cli::estimate::EstimateArgs;
-use crate::cli::eval::EvalArgs;
-use crate::cli::info::InfoArgs;
-use crate::cli::inspect::StatusArgs;
-use crate::cli::pages::CompletionsArgs;
-use crate::cli::plan::PlanArgs;
-use crate::cli::run::{DemoArgs, RunArgs};
-use crate::cli::synth::SynthArgs;
+use crate::cli::commands::bench::BenchArgs;
+use crate::cli::commands::cluster::ClusterArgs;
+use crate::cli::commands::demo::DemoArgs;
+use crate::cli::commands::estimate_epsilon::EstimateArgs;
+use crate::cli::commands::eval::EvalArgs;
+use crate::cli::commands::info::InfoArgs;
+use crate::cli::commands::pages::CompletionsArgs;
+use crate::cli::commands::plan::PlanArgs;
+use crate::cli::commands::run::RunArgs;
+use crate::cli::commands::status::StatusArgs;
+use crate::cli::commands::synth::SynthArgs;
 
 /// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
 ///

@@ -16,6 +16,9 @@ pub(crate) const UNITS_FAILED: u8 = 8;
 pub(crate) const DIFFERENCE: u8 = 9;
 pub(crate) const INTERRUPTED: u8 = 130;
 
+/// Result of a command: its exit code.
+pub(crate) type Outcome = Result<u8, CliError>;
+
 /// A command that did not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {

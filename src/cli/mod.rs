@@ -1,29 +1,21 @@
 //! The command line: arguments, settings, progress, exit codes. The only user of clap, indicatif and ctrlc.
 
 mod args;
-mod bench;
-mod cluster;
+mod commands;
 mod drive_args;
-mod estimate;
-mod eval;
 mod exit;
-mod info;
-mod inspect;
-mod pages;
-mod plan;
+mod interrupt;
 mod print;
 mod progress;
-mod run;
-mod synth;
 mod table_points;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 
 use args::{Command, Program};
-use exit::CliError;
+use commands::pages;
 
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
@@ -42,8 +34,8 @@ pub(crate) fn main() -> ExitCode {
         Command::Eval(args) => args.run(),
         Command::Methods => pages::methods(),
         Command::Config => pages::config(),
-        Command::Completions(args) => args.run(),
-        Command::Man => pages::man(),
+        Command::Completions(args) => args.run(Program::command()),
+        Command::Man => pages::man(&Program::command()),
     };
     match result {
         Ok(code) => ExitCode::from(code),
@@ -67,6 +59,3 @@ fn arguments() -> Vec<OsString> {
     }
     arguments
 }
-
-/// Result of a command: its exit code.
-type Outcome = Result<u8, CliError>;

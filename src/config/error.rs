@@ -1,11 +1,11 @@
-//! What can be wrong with settings.
+//! Errors of settings.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
 
-/// A setting that cannot be used; names the key, the value and what would do.
+/// A setting that cannot be used. The text names the key, the value and the accepted values.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
@@ -25,12 +25,12 @@ pub enum ConfigError {
         /// Where and why.
         source: toml::de::Error,
     },
-    /// A key that no setting has.
+    /// A key that does not exist.
     #[error("there is no setting {key}{}", known_list(known))]
     UnknownKey {
         /// The key as written, dotted.
         key: String,
-        /// The keys that exist there.
+        /// The existing keys of this section.
         known: Vec<String>,
     },
     /// A value of the wrong type or out of range.
@@ -40,7 +40,7 @@ pub enum ConfigError {
         key: String,
         /// The value as given.
         value: String,
-        /// What would do, with unit.
+        /// The accepted values, with unit.
         expected: String,
     },
     /// A ground filter or clustering method that is not registered.

@@ -1,4 +1,4 @@
-//! Laying one table of settings over another; every key must exist in the defaults, and types must agree.
+//! Overrides one table of settings with another. Every key must exist in the defaults with the same type.
 
 use toml::{Table, Value};
 
@@ -9,7 +9,7 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
     text.parse().map_err(|source| ConfigError::Syntax { origin: origin.to_owned(), source })
 }
 
-/// The table of one assignment `section.key=value`; a value that is not TOML is a string.
+/// The table of one assignment `section.key=value`. A value that is not TOML is taken as a string.
 pub(super) fn assignment(text: &str) -> Result<Table, ConfigError> {
     let unreadable = || ConfigError::Assignment { text: text.to_owned() };
     let (path, value) = text.split_once('=').ok_or_else(unreadable)?;
@@ -23,7 +23,7 @@ pub(super) fn assignment(text: &str) -> Result<Table, ConfigError> {
     Ok(outer)
 }
 
-/// Lays `upper` over `base`.
+/// Overrides values of `base` with those of `upper`.
 pub(super) fn overlay(base: &mut Table, upper: Table) -> Result<(), ConfigError> {
     let sections: Vec<String> = base.keys().cloned().collect();
     for (name, value) in upper {
@@ -45,8 +45,8 @@ pub(super) fn overlay(base: &mut Table, upper: Table) -> Result<(), ConfigError>
     Ok(())
 }
 
-/// `value`, if it has the type of the default; an integer may stand for a real number, and so may `auto`, which the
-/// section then accepts or not.
+/// `value`, if it has the type of the default. An integer is accepted for a real number. So is `auto`, if the
+/// section accepts it later.
 fn same_type(key: &str, default: &Value, value: Value) -> Result<Value, ConfigError> {
     match (default, value) {
         #[expect(clippy::cast_precision_loss, reason = "settings are small numbers")]

@@ -1,37 +1,40 @@
-//! Typed, validated settings with units; the defaults are the embedded `config/default.toml`.
+//! Typed, validated settings with units. The defaults are the embedded `config/default.toml`.
+//!
+//! ```
+//! use chainage::config::Config;
+//!
+//! let config = Config::resolve(None, &["euclidean.d_t=0.4".to_owned()])?;
+//! assert_eq!(config.cluster.method, "euclidean");
+//! assert_eq!(config.method_table("euclidean")["d_t"].as_float(), Some(0.4));
+//!
+//! let error = Config::resolve(None, &["tiling.cell=0.1".to_owned()]).unwrap_err();
+//! assert_eq!(error.to_string(), "tiling.cell = 0.1: must be 0.5 to 10 (metres)");
+//! # Ok::<(), chainage::config::ConfigError>(())
+//! ```
 
+mod choices;
 mod error;
 mod merge;
 
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
+pub use choices::{AxisChoice, ClassificationChoice, LengthUnit, OutputFormat};
+pub(crate) use choices::{FOOT, US_SURVEY_FOOT};
 pub use error::ConfigError;
 
 /// The text of `config/default.toml`: every setting with its unit and default.
 pub const DEFAULT_TOML: &str = include_str!("../../config/default.toml");
 
-/// Where the axis comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum AxisChoice {
-    /// The trajectory if there is one, else GPS time, else the principal axis.
-    Auto,
-    /// The track of the points' mean position over GPS time.
-    GpsTime,
-    /// The principal axis of the occupied cells.
-    Principal,
-}
-
 /// Section `[axis]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
-    /// Where the axis comes from.
+    /// The source of the axis.
     pub source: AxisChoice,
-    /// Trajectory file; empty for none.
+    /// Trajectory file; empty if there is none.
     pub trajectory: PathBuf,
 }
 
@@ -41,7 +44,7 @@ pub struct AxisConfig {
 pub struct TilingConfig {
     /// Edge of a cell of the occupancy raster in metres.
     pub cell: f64,
-    /// Length of a tile in metres of chainage; 0 leaves it to the memory budget.
+    /// Length of a tile in metres of chainage; 0 derives it from the memory budget.
     pub tile_length: f64,
 }
 
@@ -53,25 +56,15 @@ pub struct MethodChoice {
     pub method: String,
 }
 
-/// What is done with the classification of the records.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ClassificationChoice {
-    /// Ground and noise are written, other classes stay.
-    Set,
-    /// All classes stay.
-    Keep,
-}
-
 /// Section `[output]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputConfig {
-    /// `same`, `las` or `laz`.
-    pub format: String,
+    /// Whether labelled copies are compressed.
+    pub format: OutputFormat,
     /// Name of the dimension with the object id.
     pub dimension: String,
-    /// What is done with the classification.
+    /// What happens to the classification.
     pub classification: ClassificationChoice,
     /// Whether the original class is kept in a dimension of its own.
     pub original_classification: bool,
@@ -85,7 +78,7 @@ pub struct RunConfig {
     pub threads: usize,
     /// Memory budget in MiB; 0 is half of what is free.
     pub memory_mib: u64,
-    /// Whether the first failing tile ends the run.
+    /// Whether the run ends at the first tile that fails.
     pub fail_fast: bool,
 }
 
@@ -93,8 +86,8 @@ pub struct RunConfig {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputConfig {
-    /// Unit of the coordinates, see `input::LengthUnit`.
-    pub unit: String,
+    /// Unit of the coordinates.
+    pub unit: LengthUnit,
     /// Whether LAS files are mapped into memory.
     pub mmap: bool,
 }
@@ -120,7 +113,8 @@ pub struct Config {
 }
 
 impl Config {
-    /// The defaults, overridden by a configuration file and then by assignments `section.key=value`, in this order.
+    /// The defaults, overridden by a configuration file and then by assignments `section.key=value`, in this
+    /// order.
     ///
     /// # Errors
     /// When the file cannot be read, a key is unknown, or a value has the wrong type or is out of range.
@@ -170,7 +164,7 @@ impl Config {
         Ok(())
     }
 
-    /// The section of a method; empty when there is none.
+    /// The section of a method; empty if there is none.
     #[must_use]
     pub fn method_table(&self, name: &str) -> toml::Table {
         self.table.get(name).and_then(toml::Value::as_table).cloned().unwrap_or_default()
@@ -194,7 +188,8 @@ fn typed<T: DeserializeOwned>(table: &toml::Table, name: &str) -> Result<T, Conf
     section(name, table.get(name).and_then(toml::Value::as_table).unwrap_or(&empty))
 }
 
-/// Reads one section (a method's settings) from its table; keys are checked, missing keys have their defaults.
+/// Reads one section (the settings of a method) from its table. Keys are checked, and missing keys have their
+/// defaults.
 ///
 /// # Errors
 /// [`ConfigError::Value`] with the dotted key when a key is unknown or a value has the wrong type.
@@ -202,8 +197,14 @@ pub fn section<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
     serde_path_to_error::deserialize(toml::Value::Table(table.clone())).map_err(|error| {
         let path = error.path().to_string();
         let key = if path == "." { name.to_owned() } else { format!("{name}.{path}") };
-        let value = table.get(&path).map_or_else(String::new, ToString::to_string);
-        ConfigError::value(key, value, error.into_inner().message())
+        let (value, error) = (table.get(&path), error.into_inner());
+        // A word is shown as it was given, anything else as TOML has it.
+        match (value.and_then(toml::Value::as_str), choices::words(error.message())) {
+            (Some(word), Some(words)) => ConfigError::value(key, word, words),
+            _ => {
+                ConfigError::value(key, value.map_or_else(String::new, ToString::to_string), error.message())
+            }
+        }
     })
 }
 
@@ -226,6 +227,9 @@ mod tests {
             ("euclid.d_t=1", "there is no setting euclid"),
             ("tiling.cell=0.1", "tiling.cell = 0.1: must be 0.5 to 10 (metres)"),
             ("tiling.cell", "cannot read the assignment tiling.cell, expected section.key=value"),
+            ("output.format=shp", "output.format = shp: must be same, las or laz"),
+            ("input.unit=yard", "input.unit = yard: must be auto, metre, foot or us-survey-foot"),
+            ("output.classification=no", "output.classification = no: must be set or keep"),
             ("run.fail_fast=3", "run.fail_fast = 3: must be a boolean"),
         ] {
             let message = set(&[text]).unwrap_err();

@@ -21,10 +21,10 @@ use std::f64::consts::SQRT_2;
 
 use serde::Deserialize;
 
+use super::filter::{GroundEntry, GroundFilter};
 use super::lowest::{NONE, lowest_within};
 use super::noise::voxel_edge;
 use super::visible::{mark_ground, visible_points};
-use super::{GroundEntry, GroundFilter};
 use crate::config::{self, ConfigError};
 use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};

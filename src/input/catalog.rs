@@ -1,31 +1,15 @@
-//! The files of one drive: found from the arguments, opened, checked against each other, put on one lattice.
+//! The files of one drive: found from the arguments, opened, compared with each other, put on one lattice.
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
-use super::crs::{Crs, CrsKind, LengthUnit};
+use super::crs::{Crs, CrsKind};
 use super::error::InputError;
 use super::file::InputFile;
+use super::options::InputOptions;
+use crate::config::LengthUnit;
 use crate::model::Lattice;
 
-/// How files are opened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct InputOptions {
-    /// Map files instead of reading them: faster, but a file that is cut during the run ends the program.
-    pub mmap: bool,
-    /// Unit of the coordinates.
-    pub unit: LengthUnit,
-}
-
-impl Default for InputOptions {
-    fn default() -> Self {
-        Self { mmap: true, unit: LengthUnit::Auto }
-    }
-}
-
-/// The files of one drive, in the order given; the points of all files have one numbering.
+/// The files of one drive in the given order. The points of all files are numbered consecutively.
 #[derive(Debug)]
 pub struct Catalog {
     files: Vec<InputFile>,
@@ -38,12 +22,12 @@ pub struct Catalog {
 }
 
 impl Catalog {
-    /// Opens the files that the arguments name, in their order: files, folders (the `*.las` and `*.laz` in them,
-    /// sorted by name, not searched deeper) and patterns (sorted).
+    /// Opens the files of the arguments, in their order. An argument is a file, a folder (its `*.las` and
+    /// `*.laz`, sorted by name, without subfolders) or a pattern (sorted).
     ///
     /// # Errors
-    /// The first file that is missing, damaged or not acceptable; a file given twice; coordinate reference systems
-    /// that contradict each other.
+    /// The first file that is missing, damaged or not acceptable; a file that is given twice; contradicting
+    /// coordinate reference systems.
     pub fn open(arguments: &[PathBuf], options: &InputOptions) -> Result<Self, InputError> {
         let paths = find(arguments)?;
         let mut files =
@@ -86,7 +70,7 @@ impl Catalog {
         self.point_count
     }
 
-    /// Id of the first point of a file; the id of a point is this plus its record.
+    /// Id of the first point of a file. The id of a point is this number plus its record number.
     ///
     /// # Panics
     /// When there is no such file.
@@ -95,7 +79,7 @@ impl Catalog {
         self.first_ids[file]
     }
 
-    /// What is wrong with the drive but can be lived with, with the names of the files.
+    /// Problems of the drive that do not prevent processing, with the names of the files.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -108,7 +92,7 @@ impl Catalog {
     }
 }
 
-/// The paths that arguments name, none of them twice.
+/// The paths of all arguments, without repetition.
 fn find(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, InputError> {
     let mut paths = Vec::new();
     for argument in arguments {
@@ -131,7 +115,7 @@ fn find(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, InputError> {
     Ok(paths)
 }
 
-/// The files one argument names.
+/// The files of one argument.
 fn expand(argument: &Path) -> Result<Vec<PathBuf>, InputError> {
     if argument.is_dir() {
         return in_folder(argument);
@@ -154,7 +138,7 @@ fn expand(argument: &Path) -> Result<Vec<PathBuf>, InputError> {
     Ok(paths)
 }
 
-/// The LAS and LAZ files directly in a folder, sorted by name.
+/// The LAS and LAZ files directly inside a folder, sorted by name.
 fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     let read_error = |source| InputError::Read { path: folder.to_owned(), source };
     let mut paths = Vec::new();
@@ -169,14 +153,15 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     Ok(paths)
 }
 
-/// The system of the drive, when the files agree and it can be worked in.
+/// The common system of the files. An error if they contradict each other, or if it is not projected.
 fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>) -> Result<Crs, InputError> {
     let known = files.iter().filter(|file| file.crs().is_known());
     let first = known.clone().next();
     for file in known {
-        let (path, description) = (file.path().to_owned(), file.crs().description.clone());
+        let path = file.path().to_owned();
+        let description = file.crs().description.clone();
         match file.crs().kind {
-            // A stated unit means: the coordinates are lengths, whatever the record says.
+            // A unit in the settings means that coordinates are lengths, whatever the record says.
             _ if unit != LengthUnit::Auto => {}
             CrsKind::Geographic => return Err(InputError::Geographic { path, description }),
             CrsKind::Geocentric => return Err(InputError::Geocentric { path, description }),
@@ -194,7 +179,7 @@ fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>)
     let without = files.iter().filter(|file| !file.crs().is_known()).count();
     if let Some(first) = first.filter(|_| without > 0) {
         warnings.push(format!(
-            "{without} of {} files name no coordinate reference system; that of {} is taken for all: {}",
+            "{without} of {} files do not name a coordinate reference system; all are taken to be in that of {}: {}",
             files.len(),
             first.name(),
             first.crs().description
@@ -203,7 +188,7 @@ fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>)
     Ok(first.map_or_else(Crs::unknown, |first| first.crs().clone()))
 }
 
-/// A system with its unit, where that is not the metre.
+/// A system, with its unit unless this is the metre.
 fn describe(crs: &Crs) -> String {
     if (crs.horizontal_unit_m - 1.0).abs() < 1e-9 {
         crs.description.clone()
@@ -212,7 +197,7 @@ fn describe(crs: &Crs) -> String {
     }
 }
 
-/// Notes that coordinates are converted, which the numbers of objects will show.
+/// Warns that coordinates are converted, because the table of objects will differ from the input.
 fn note_units(files: &[InputFile], warnings: &mut Vec<String>) {
     for file in files {
         let units = file.units_m();

@@ -1,6 +1,8 @@
-//! Where the blocks of a file are: runs of LAS records, or the chunks of a LAZ file by its table. The table is not
-//! believed: every number is checked against the file before it is used or allocated for.
+//! The positions of the blocks of a file: runs of LAS records, or the chunks of a LAZ file from its table.
+//! The table is not trusted: every number is checked against the file before it is used or memory is
+//! allocated.
 
+use crate::model::in_u32;
 use std::io::BufReader;
 use std::ops::Range;
 use std::path::Path;
@@ -14,7 +16,7 @@ use super::mapped::{ByteSource, RangeReader};
 
 /// Records of a block of uncompressed points.
 const LAS_BLOCK_RECORDS: u64 = 65_536;
-/// Bytes of a block of uncompressed points at most (records may be long).
+/// Largest size of a block of uncompressed points in bytes (records may be long).
 const LAS_BLOCK_BYTES: u64 = 32 << 20;
 
 /// A run of records that is read at once.
@@ -24,7 +26,7 @@ pub struct Block {
     pub first_record: u64,
     /// Records in the run, at least 1.
     pub count: u32,
-    /// Bytes of the file that hold the run (compressed, in LAZ).
+    /// Bytes of the file with the run (compressed, in LAZ).
     pub bytes: Range<u64>,
 }
 
@@ -52,7 +54,7 @@ pub(crate) fn las_blocks(path: &Path, header: &Header, size: u64) -> Result<Vec<
             let start = header.points_start + first * record_len;
             Block {
                 first_record: first,
-                count: u32::try_from(records).unwrap_or(u32::MAX),
+                count: in_u32(records, "records of a block"),
                 bytes: start..start + records * record_len,
             }
         })
@@ -105,7 +107,7 @@ struct Finder<'a> {
     header: &'a Header,
     coding: &'a Coding,
     source: &'a ByteSource,
-    /// First byte that cannot be points any more.
+    /// First byte that cannot belong to points any more.
     end: u64,
 }
 
@@ -115,7 +117,7 @@ impl Finder<'_> {
         Ok(vec![(self.header.counts[0], self.end.saturating_sub(self.header.points_start))])
     }
 
-    /// Points and bytes of every chunk, from the table, or by walking over the chunks where there is none.
+    /// Points and bytes of every chunk, from the table, or found by walking over the chunks if there is none.
     fn chunks(&self, warnings: &mut Vec<String>) -> Result<Vec<(u64, u64)>, Problem> {
         let Some(table) = self.table_position()? else {
             warnings.push("the table of compressed chunks is missing; the chunks were searched".into());
@@ -132,7 +134,7 @@ impl Finder<'_> {
         }
     }
 
-    /// Where the chunks start: after the position of their table.
+    /// The beginning of the chunks, after the position of their table.
     fn chunks_start(&self) -> u64 {
         match self.coding.chunking {
             Chunking::Whole => self.header.points_start,
@@ -140,7 +142,7 @@ impl Finder<'_> {
         }
     }
 
-    /// Where the table is. A writer that could not go back leaves -1 there and puts the position at the end.
+    /// The position of the table. A writer that could not seek stores -1 there and the position at the end.
     fn table_position(&self) -> Result<Option<u64>, Problem> {
         let size = self.source.len();
         let read = |at: u64| -> Result<u64, Problem> {
@@ -165,17 +167,18 @@ impl Finder<'_> {
         Ok((start..=size - 8).contains(&position).then_some(position))
     }
 
-    /// The entries of the table at `position`; the number of them is checked before the decoder allocates for it.
+    /// The entries of the table at `position`. Their number is checked before the decoder allocates memory.
     fn read_table(&self, position: u64) -> Result<Vec<ChunkTableEntry>, Problem> {
         let mut buffer = Vec::new();
         let head = self.source.slice(position..position + 8, &mut buffer)?;
         let word = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
-        let (version, chunks) = (word(0), u64::from(word(4)));
+        let version = word(0);
+        let chunks = u64::from(word(4));
         if version != 0 {
             return Err(ChunkTableProblem::Version { version }.into());
         }
         let bytes = position - self.chunks_start();
-        // One more: some writers add an empty chunk at the end.
+        // One more, because some writers add an empty chunk at the end.
         let limit = bytes / self.coding.smallest_chunk() + 1;
         if chunks > limit {
             return Err(ChunkTableProblem::TooMany { chunks, bytes, limit }.into());
@@ -190,7 +193,7 @@ impl Finder<'_> {
         Ok(table.as_ref().to_vec())
     }
 
-    /// Chunks of one size: as many of the listed ones as the points need; more may only be listed when empty.
+    /// Chunks of one size: as many of the listed ones as the points need. Further ones must be empty.
     fn fixed(&self, entries: &[ChunkTableEntry], size: u32) -> Result<Vec<(u64, u64)>, Problem> {
         let size = u64::from(size);
         let used = entries.iter().rposition(|entry| entry.byte_count > 0).map_or(0, |last| last as u64 + 1);
@@ -202,7 +205,7 @@ impl Finder<'_> {
         Ok(points.zip(entries).map(|(points, entry)| (points, entry.byte_count)).collect())
     }
 
-    /// Chunks with their own numbers of points, which must add up.
+    /// Chunks with different numbers of points, which must add up.
     fn variable(&self, entries: &[ChunkTableEntry]) -> Result<Vec<(u64, u64)>, Problem> {
         let present = entries.iter().fold(0_u64, |sum, entry| sum.saturating_add(entry.point_count));
         if !self.header.counts.contains(&present) {
@@ -215,7 +218,8 @@ impl Finder<'_> {
     fn walk(&self) -> Result<Vec<(u64, u64)>, Problem> {
         let promised = self.header.counts[0];
         let mut chunks = Vec::new();
-        let (mut found, mut position) = (0, self.chunks_start());
+        let mut found = 0;
+        let mut position = self.chunks_start();
         while found < promised {
             let wanted = match self.coding.chunking {
                 Chunking::Fixed(size) => Some(u64::from(size).min(promised - found)),
@@ -238,7 +242,7 @@ impl Finder<'_> {
         Ok(chunks)
     }
 
-    /// A layered chunk says itself how long it is.
+    /// A layered chunk states its own length.
     fn walk_layered(&self, position: u64, head: u64, wanted: Option<u64>) -> Option<(u64, u64)> {
         let mut buffer = Vec::new();
         let head = self.source.slice(position..position.checked_add(head)?, &mut buffer).ok()?;
@@ -246,7 +250,8 @@ impl Finder<'_> {
         Some((wanted.unwrap_or(u64::from(points)), bytes))
     }
 
-    /// A chunk of points coded one after the other ends where its last point ends: it must be decoded.
+    /// A chunk of points coded one after the other ends with its last point. It must be decoded to find the
+    /// end.
     fn walk_points(&self, position: u64, wanted: Option<u64>) -> Option<(u64, u64)> {
         let points = wanted.and_then(|points| u32::try_from(points).ok())?;
         let stream = BufReader::new(RangeReader::new(self.source, position..self.end));
@@ -254,12 +259,13 @@ impl Finder<'_> {
         Some((u64::from(points), end.checked_sub(position)?))
     }
 
-    /// The chunks as blocks, when they lie inside the file and can be decoded in bounded memory.
+    /// The chunks as blocks, if they are inside the file and can be decoded in bounded memory.
     fn checked(&self, chunks: Vec<(u64, u64)>) -> Result<Vec<Block>, Problem> {
         let mut blocks = Vec::with_capacity(chunks.len());
-        let (mut first_record, mut position) = (0, self.chunks_start());
+        let mut first_record = 0;
+        let mut position = self.chunks_start();
         for (chunk, (points, bytes)) in chunks.into_iter().enumerate() {
-            // A negative size, as the decoder gives for garbage, is a huge number here.
+            // The decoder gives negative sizes for garbage. Here they are very large numbers.
             let end = position.saturating_add(bytes);
             if end > self.end {
                 return Err(ChunkTableProblem::Overrun { chunk, end, limit: self.end }.into());
@@ -270,7 +276,7 @@ impl Finder<'_> {
                 return Err(ChunkTableProblem::Dense { chunk, points, bytes, limit }.into());
             }
             if points > 0 {
-                let count = u32::try_from(points).unwrap_or(u32::MAX);
+                let count = in_u32(points, "points of a chunk");
                 blocks.push(Block { first_record, count, bytes: position..end });
             }
             first_record += points;

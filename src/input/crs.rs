@@ -1,56 +1,22 @@
-//! The coordinate reference system of a file, as far as processing needs it: kind, units, name. Coordinates are
-//! never transformed; the records that describe the system pass through to the output as they are.
-
-use serde::{Deserialize, Serialize};
+//! The coordinate reference system of a file, as far as processing needs it: kind, units, name. Coordinates
+//! are never transformed. The records that describe the system are copied to the output unchanged.
 
 use super::geokeys::{DIRECTORY, DOUBLES, GeoKeys, TEXTS};
 use super::header::Header;
 use super::mapped::ByteSource;
 use super::vlr;
 use super::wkt::Node;
+use crate::config::{FOOT, US_SURVEY_FOOT};
 
-/// User of the records that hold the coordinate reference system.
+/// User id of the records of the coordinate reference system.
 const PROJECTION_USER: &str = "LASF_Projection";
-/// Record with the system as well-known text.
+/// Record id of the system as well-known text.
 const WKT: u16 = 2112;
-/// Longest well-known text that is read.
+/// Length limit of well-known text.
 const MAX_WKT: u64 = 1 << 20;
-/// Bit of the global encoding that says the system is given as well-known text.
+/// Bit of the global encoding: the system is given as well-known text.
 const WKT_BIT: u16 = 1 << 4;
-/// A foot in metres (international, 1959).
-pub(crate) const FOOT: f64 = 0.3048;
-/// A US survey foot in metres.
-pub(crate) const US_SURVEY_FOOT: f64 = 1200.0 / 3937.0;
-
-/// Unit of the coordinates of the input files, as a setting.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LengthUnit {
-    /// What the coordinate reference system of each file says; metres where it says nothing.
-    #[default]
-    Auto,
-    /// Metres, whatever the files say.
-    Metre,
-    /// International feet, whatever the files say.
-    Foot,
-    /// US survey feet, whatever the files say.
-    UsSurveyFoot,
-}
-
-impl LengthUnit {
-    /// Metres of the unit; `None` for what the file says.
-    #[must_use]
-    pub fn metres(self) -> Option<f64> {
-        match self {
-            Self::Auto => None,
-            Self::Metre => Some(1.0),
-            Self::Foot => Some(FOOT),
-            Self::UsSurveyFoot => Some(US_SURVEY_FOOT),
-        }
-    }
-}
-
-/// What coordinates are.
+/// The kind of coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CrsKind {
     /// Lengths in a plane, and a height.
@@ -59,7 +25,7 @@ pub enum CrsKind {
     Geographic,
     /// Lengths from the centre of the earth.
     Geocentric,
-    /// Not said, or a local system.
+    /// Unknown, or a local system.
     #[default]
     Unknown,
 }
@@ -67,17 +33,17 @@ pub enum CrsKind {
 /// The coordinate reference system of a file, as far as it is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Crs {
-    /// The well-known text, where the file has one.
+    /// The well-known text, if the file has one.
     pub wkt: Option<String>,
-    /// EPSG code of the horizontal system, where the file names one.
+    /// EPSG code of the horizontal system, if the file names one.
     pub epsg: Option<u32>,
-    /// What coordinates are.
+    /// The kind of coordinates.
     pub kind: CrsKind,
-    /// Metres of one unit of x and y (1 where the file does not say).
+    /// One unit of x and y in metres (1 if the file does not say).
     pub horizontal_unit_m: f64,
-    /// Metres of one unit of z (that of x and y where the file does not say).
+    /// One unit of z in metres (that of x and y if the file does not say).
     pub vertical_unit_m: f64,
-    /// Name for people.
+    /// A readable name.
     pub description: String,
 }
 
@@ -88,13 +54,13 @@ impl Crs {
         Claim::default().into_crs(None)
     }
 
-    /// Whether the file says anything about its system.
+    /// Whether the file describes its system at all.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.kind != CrsKind::Unknown || self.wkt.is_some() || self.epsg.is_some()
     }
 
-    /// Whether two known systems contradict each other: other codes, other kinds, or other units.
+    /// Whether two known systems contradict each other: by code, kind or unit.
     #[must_use]
     pub fn contradicts(&self, other: &Self) -> bool {
         if !self.is_known() || !other.is_known() {
@@ -107,7 +73,7 @@ impl Crs {
         codes || self.kind != other.kind || units
     }
 
-    /// The system that the records of a file name; what cannot be read is a warning.
+    /// The system named by the records of a file. Unreadable records become warnings.
     pub(crate) fn read(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Self {
         let text = wkt_text(header, source, warnings);
         let from_text =
@@ -141,7 +107,7 @@ impl Crs {
     }
 }
 
-/// What one record says; what it does not say is `None`.
+/// The content of one record; `None` for what it does not say.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Claim {
     epsg: Option<u32>,
@@ -152,7 +118,7 @@ struct Claim {
 }
 
 impl Claim {
-    /// Adds what only the other record says, when both speak of the same kind of system in the same unit.
+    /// Adds what only the other record says, if both describe the same kind of system in the same unit.
     fn completed_by(self, other: &Self) -> Self {
         let units =
             matches!((self.horizontal, other.horizontal), (Some(a), Some(b)) if (a / b - 1.0).abs() > 1e-9);
@@ -168,8 +134,8 @@ impl Claim {
         }
     }
 
-    /// Drops a claim that the extent in the header shows to be impossible: angles beyond a full turn, or positions
-    /// from the centre of the earth that are not near its surface. Such records come from careless conversions.
+    /// Rejects a claim that contradicts the extent in the header: angles beyond a full turn, or geocentric
+    /// positions that are not near the surface of the earth. Such records come from careless conversions.
     fn dismissed_by(self, extent: [[f64; 3]; 2], warnings: &mut Vec<String>) -> Self {
         let [low, high] = extent;
         if !low.iter().chain(&high).all(|value| value.is_finite()) {
@@ -201,7 +167,7 @@ impl Claim {
     fn warn_about_unit(&self, warnings: &mut Vec<String>) {
         if self.kind == CrsKind::Projected && self.horizontal.is_none() && !self.epsg.is_some_and(is_utm) {
             warnings.push(
-                "the coordinate system does not say its unit of length; metres are assumed (else set input.unit)"
+                "the coordinate system does not say its unit of length; metres are assumed (if that is wrong, set input.unit)"
                     .into(),
             );
         }
@@ -231,8 +197,8 @@ impl Claim {
     }
 }
 
-/// Whether x and y could be longitude and latitude: small numbers in steps far below what a scanner resolves in
-/// metres (1e-7 degrees are a centimetre).
+/// Whether x and y could be longitude and latitude: small numbers in steps far below the resolution of a
+/// scanner in metres (1e-7 degrees are a centimetre).
 fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool {
     let inside = |axis: usize, limit: f64| extent.iter().all(|corner| corner[axis].abs() <= limit);
     scale[0] <= 2e-7 && scale[1] <= 2e-7 && inside(0, 180.0) && inside(1, 90.0)
@@ -243,7 +209,7 @@ fn is_utm(code: u32) -> bool {
     matches!(code, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 26_701..=26_722)
 }
 
-/// A length unit that is a plausible number of metres; the usual ones are made exact, because files print them
+/// A length unit with a plausible number of metres. Common units are made exact, because files contain them
 /// with different numbers of digits.
 fn plausible(metres: f64) -> Option<f64> {
     let exact = [1.0, FOOT, US_SURVEY_FOOT].into_iter().find(|known| (metres / known - 1.0).abs() < 1e-7);
@@ -251,7 +217,7 @@ fn plausible(metres: f64) -> Option<f64> {
 }
 
 fn wkt_text(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<String> {
-    // The liblas record holds the same text; writers of that library added both.
+    // The liblas record has the same text; writers of that library added both.
     let record = [PROJECTION_USER, "liblas"].iter().find_map(|user| {
         header.records().find(|record| record.is(user, WKT) && !record.payload.is_empty())
     })?;
@@ -278,7 +244,7 @@ fn geo_keys(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) ->
     keys.filter(|keys| !keys.is_empty())
 }
 
-/// What a well-known text (1 or 2) says; `None` when its outermost system is of no known kind.
+/// The claim of a well-known text (version 1 or 2); `None` if the kind of its outermost system is unknown.
 fn claim_of_wkt(root: &Node) -> Option<Claim> {
     let claim = |node: &Node, kind: CrsKind| Claim {
         epsg: node.epsg(),
@@ -308,18 +274,20 @@ fn claim_of_wkt(root: &Node) -> Option<Claim> {
     }
 }
 
-/// Metres of the unit of a system: its own unit, or that of its first axis.
+/// The unit of a system in metres: its own unit, or that of its first axis.
 fn length_unit(node: &Node) -> Option<f64> {
     const UNITS: &[&str] = &["UNIT", "LENGTHUNIT"];
     let unit = node.child(UNITS).or_else(|| node.child(&["AXIS"])?.child(UNITS))?;
     unit.number().and_then(plausible)
 }
 
-/// What GeoTIFF keys say (OGC GeoTIFF 1.1, annex C); `None` when they name no system.
+/// The claim of GeoTIFF keys (OGC GeoTIFF 1.1, annex C); `None` if they name no system.
 fn claim_of_keys(keys: &GeoKeys) -> Option<Claim> {
     const USER_DEFINED: u16 = 32_767;
     let code = |id: u16| keys.code(id).filter(|code| *code != USER_DEFINED).map(u32::from);
-    let (model, projected, geographic) = (keys.code(1024), keys.code(3072), keys.code(2048));
+    let model = keys.code(1024);
+    let projected = keys.code(3072);
+    let geographic = keys.code(2048);
     let kind = match (model, projected, geographic) {
         (Some(1), ..) | (_, Some(_), _) => CrsKind::Projected,
         (Some(2), ..) => CrsKind::Geographic,

@@ -1,4 +1,4 @@
-//! Compressed points: how a file codes them, and one chunk of bytes to records. It does not know where chunks are.
+//! Compressed points: the coding of a file, and decoding of one chunk into records.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -15,39 +15,40 @@ use super::error::{ChunkProblem, InputError};
 use super::header::{self, Header};
 use super::mapped::ByteSource;
 
-/// User and number of the record that describes the compression.
+/// User id and record id of the description of the compression.
 pub(crate) const LASZIP: (&str, u16) = (LazVlr::USER_ID, LazVlr::RECORD_ID);
-/// Largest chunk that is decoded, in bytes of records. Common chunks have 50,000 points or 1.5 to 3 MB; a larger
-/// number than this is damage, or a file that cannot be processed out of core.
+/// Largest chunk that is decoded, in bytes of records. Common chunks have 50,000 points, or 1.5 to 3 MB. A
+/// chunk above the limit is damaged, or the file cannot be processed out of core.
 pub(crate) const MAX_CHUNK_BYTES: u64 = 256 << 20;
-/// Points that one compressed byte can hold at most. The adaptive models of the coder never give a symbol more
-/// than 1 - (n - 1)/2^15 of the interval (n symbols; 2^15 is the largest total count), so a point that repeats the
-/// one before costs at least 0.0076 bits, which is 1,050 points per byte; rounded up generously.
+/// Largest number of points per compressed byte. The adaptive models of the coder never give a symbol more
+/// than 1 - (n - 1)/2^15 of the interval (n symbols; 2^15 is the largest total count). A point that repeats
+/// the previous one therefore costs at least 0.0076 bits, that is 1,050 points per byte. Rounded up
+/// generously.
 pub(crate) const MAX_POINTS_PER_BYTE: u64 = 4096;
-/// Extra bytes of a compressed record that are decoded; the decoder keeps up to four models of 2.5 kB for each.
+/// Largest number of extra bytes that are decoded. The decoder keeps up to four models of 2.5 kB for each.
 pub(crate) const MAX_EXTRA_BYTES: usize = 4096;
-/// Records that are decoded between two growths of the output.
+/// Records decoded between two growths of the output.
 const STEP: usize = 8192;
 
-/// How the chunks of a file follow each other.
+/// The arrangement of the chunks of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Chunking {
     /// One stream without chunks and without a table (LASzip before 2.0).
     Whole,
-    /// Chunks of so many points, the last one may be shorter.
+    /// Chunks of this many points; the last one may be shorter.
     Fixed(u32),
     /// Every chunk has its own number of points.
     Variable,
 }
 
-/// How a file codes its points.
+/// The coding of the points of a file.
 #[derive(Debug, Clone)]
 pub(crate) struct Coding {
-    /// The fields of a record, in coder order.
+    /// The fields of a record, in the order of the coder.
     items: Vec<LazItem>,
-    /// Layers of a chunk (point formats 6 to 10), or `None` where points are coded one after the other.
+    /// Layers of a chunk (point formats 6 to 10), or `None` if points are coded one after the other.
     layers: Option<usize>,
-    /// How the chunks follow each other.
+    /// The arrangement of the chunks.
     pub(crate) chunking: Chunking,
     record_len: usize,
 }
@@ -68,7 +69,7 @@ impl Coding {
         let bytes =
             record.read(source, u64::from(u16::MAX)).ok_or_else(|| problem("cannot be read".into()))?;
         if bytes.len() < 34 {
-            return Err(problem(format!("has {} bytes, at least 34 are needed", bytes.len())));
+            return Err(problem(format!("has {} bytes, but needs at least 34", bytes.len())));
         }
         let (compressor, coder) =
             (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[2], bytes[3]]));
@@ -78,7 +79,7 @@ impl Coding {
         check_items(vlr.items(), header.point_format, extra).map_err(problem)?;
         let layered = header.point_format >= 6;
         let chunking = match (compressor, layered) {
-            _ if coder != 0 => return Err(problem(format!("names coder {coder}, known is 0"))),
+            _ if coder != 0 => return Err(problem(format!("names coder {coder}; only coder 0 is known"))),
             (1, false) => Chunking::Whole,
             (2, false) | (3, true) if vlr.uses_variable_size_chunks() => Chunking::Variable,
             (2, false) | (3, true) => Chunking::Fixed(vlr.chunk_size()),
@@ -93,12 +94,12 @@ impl Coding {
         Ok(Self { items: vlr.items().clone(), layers, chunking, record_len })
     }
 
-    /// Bytes that the smallest chunk takes: its first record is stored raw.
+    /// Smallest size of a chunk in bytes: its first record is stored raw.
     pub(crate) fn smallest_chunk(&self) -> u64 {
         self.record_len as u64
     }
 
-    /// Bytes at the start of a layered chunk up to its layers: a record, the number of points, the layer sizes.
+    /// Bytes of a layered chunk before its layers: a record, the number of points, the sizes of the layers.
     pub(crate) fn layered_head(&self) -> Option<u64> {
         self.layers.map(|layers| (self.record_len + 4 + 4 * layers) as u64)
     }
@@ -110,10 +111,11 @@ impl Coding {
         (word(self.record_len), head.len() as u64 + sizes.sum::<u64>())
     }
 
-    /// Decodes the `count` points of the chunk `bytes` into `records`, whose old content is lost.
+    /// Decodes the `count` points of the chunk `bytes` into `records`, which is overwritten.
     ///
     /// # Errors
-    /// What is wrong with the chunk. `records` never grows beyond `count` records, which the caller has checked.
+    /// Why the chunk cannot be decoded. `records` never grows beyond `count` records; the caller checks
+    /// `count`.
     pub(crate) fn decode(
         &self,
         bytes: &[u8],
@@ -136,7 +138,8 @@ impl Coding {
         })
     }
 
-    /// Decodes `count` points of a stream of points coded one after the other and returns where it then stands.
+    /// Decodes `count` points of a stream of points coded one after the other. Returns the position after
+    /// them.
     pub(crate) fn skip<R: Read + Seek + Send + Sync>(
         &self,
         mut stream: R,
@@ -152,8 +155,8 @@ impl Coding {
         })
     }
 
-    /// The decoder allocates the layers of a chunk by the sizes it names: these must lie inside it. Its own number
-    /// of points is ignored by the decoder, which would go on with garbage after the last point.
+    /// Checks that the layers are inside the chunk, because the decoder allocates memory by their sizes. The
+    /// decoder ignores the number of points in the chunk and would decode garbage after the last point.
     fn check_layers(&self, bytes: &[u8], count: u32) -> Result<(), ChunkProblem> {
         let Some(head) = self.layered_head() else { return Ok(()) };
         let present = bytes.len() as u64;
@@ -192,7 +195,7 @@ fn damaged(error: impl ToString) -> ChunkProblem {
     ChunkProblem::Damaged { cause: error.to_string() }
 }
 
-/// Layers that an item adds to a chunk.
+/// Number of layers that an item adds to a chunk.
 fn layers_of(item: &LazItem) -> usize {
     match item.item_type() {
         LazItemType::Point14 => 9,
@@ -203,7 +206,7 @@ fn layers_of(item: &LazItem) -> usize {
     }
 }
 
-/// Whether the items are those of the point format, followed by the extra bytes; what is wrong otherwise.
+/// Whether the items are those of the point format, followed by the extra bytes. If not, says why.
 fn check_items(items: &[LazItem], point_format: u8, extra: usize) -> Result<(), String> {
     use LazItemType::{GpsTime, Point10, Point14, RGB12, RGB14, RGBNIR14, WavePacket13, WavePacket14};
     let expected: &[LazItemType] = match point_format {
@@ -237,20 +240,20 @@ fn check_items(items: &[LazItem], point_format: u8, extra: usize) -> Result<(), 
         return Err(format!("codes {types:?}, which is not point format {point_format}"));
     }
     if coded != extra {
-        return Err(format!("codes {coded} extra bytes, the records have {extra}"));
+        return Err(format!("codes {coded} extra bytes, but the records have {extra}"));
     }
     if extra > MAX_EXTRA_BYTES {
-        return Err(format!("codes {extra} extra bytes, at most {MAX_EXTRA_BYTES} are read"));
+        return Err(format!("codes {extra} extra bytes; the limit is {MAX_EXTRA_BYTES}"));
     }
     Ok(())
 }
 
 thread_local! {
-    /// Whether a panic on this thread is one of the decoder, which becomes an error and is not to be printed.
+    /// Whether a panic on this thread comes from the decoder. It becomes an error and is not printed.
     static QUIET: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs a call into the decoder, which may panic on damaged data; a panic becomes an error.
+/// Calls the decoder, which may panic on damaged data. A panic becomes an error.
 pub(crate) fn quietly<T>(call: impl FnOnce() -> Result<T, ChunkProblem>) -> Result<T, ChunkProblem> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

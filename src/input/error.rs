@@ -1,11 +1,11 @@
-//! What can be wrong with an input file.
+//! Errors of input files.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
 
-/// An input file that is missing, damaged or not acceptable; names the file and both numbers.
+/// An input file that is missing, damaged or not acceptable. The text names the file and both numbers.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum InputError {
@@ -31,7 +31,7 @@ pub enum InputError {
         /// Why.
         source: glob::PatternError,
     },
-    /// One file given twice: its points would count twice.
+    /// A file that is given twice. Its points would count twice.
     #[error("{path} is given twice", path = path.display())]
     Duplicate {
         /// The file.
@@ -45,7 +45,7 @@ pub enum InputError {
         /// Its first bytes as text.
         found: String,
     },
-    /// The file ends inside a structure that every file of its version has.
+    /// The file ends inside a structure that is mandatory for its version.
     #[error("{path} ends at byte {size}, inside its {what}, which takes {needed} bytes", path = path.display())]
     TooShort {
         /// The file.
@@ -58,7 +58,7 @@ pub enum InputError {
         size: u64,
     },
     /// A LAS version that this program does not know.
-    #[error("{path} says it is LAS {major}.{minor}; known are 1.0 to 1.4", path = path.display())]
+    #[error("{path} has LAS version {major}.{minor}; the versions 1.0 to 1.4 can be read", path = path.display())]
     Version {
         /// The file.
         path: PathBuf,
@@ -76,12 +76,12 @@ pub enum InputError {
         field: &'static str,
         /// The value as written.
         value: String,
-        /// What would do.
+        /// The accepted values.
         expected: String,
     },
     /// Fewer bytes than the promised points need.
     #[error(
-        "{path} is truncated: its header promises {promised} points, {present} are there",
+        "{path} is truncated: its header promises {promised} points, but the file has {present}",
         path = path.display()
     )]
     Truncated {
@@ -97,15 +97,15 @@ pub enum InputError {
     LaszipRecord {
         /// The file.
         path: PathBuf,
-        /// What is wrong, as the end of the sentence.
+        /// The problem, as the end of the sentence.
         problem: String,
     },
-    /// The table that says where the compressed chunks are contradicts the file.
+    /// The table of the compressed chunks contradicts the file.
     #[error("{path}: the table of compressed chunks {problem}", path = path.display())]
     ChunkTable {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         problem: ChunkTableProblem,
     },
     /// One chunk (or block) of points cannot be decoded.
@@ -122,10 +122,10 @@ pub enum InputError {
         first: u64,
         /// Its last record.
         last: u64,
-        /// What is wrong.
+        /// The problem.
         problem: ChunkProblem,
     },
-    /// Coordinates in degrees: distances are not metres.
+    /// Coordinates in degrees. Distances would not be metres.
     #[error("{path} has geographic coordinates (degrees): {description}", path = path.display())]
     Geographic {
         /// The file.
@@ -133,7 +133,7 @@ pub enum InputError {
         /// Name of its coordinate reference system.
         description: String,
     },
-    /// Earth-centred coordinates: z is not up.
+    /// Earth-centred coordinates. z would not be up.
     #[error("{path} has geocentric coordinates (z is not up): {description}", path = path.display())]
     Geocentric {
         /// The file.
@@ -156,7 +156,7 @@ pub enum InputError {
         /// The system of the later file.
         other_crs: String,
     },
-    /// A field that a method asks for is not in the records.
+    /// The records lack a field that a method needs.
     #[error("{path} has no {field}: its point format is {point_format}", path = path.display())]
     NoField {
         /// The file.
@@ -166,7 +166,7 @@ pub enum InputError {
         /// The field.
         field: &'static str,
     },
-    /// The file changed while it was being used.
+    /// The file changed during the run.
     #[error("{path} changed during the run: {before} before, {now} now", path = path.display())]
     Changed {
         /// The file.
@@ -178,26 +178,26 @@ pub enum InputError {
     },
 }
 
-/// What is wrong with the table of compressed chunks.
+/// The problem with the table of compressed chunks.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChunkTableProblem {
-    /// The table is said to lie outside the file.
-    #[error("should be at byte {offset}, the file has {size} bytes")]
+    /// The position of the table is outside the file.
+    #[error("should be at byte {offset}, but the file has {size} bytes")]
     Outside {
-        /// Where it should be.
+        /// Its stated position.
         offset: u64,
         /// Bytes in the file.
         size: u64,
     },
     /// An unknown version of the table.
-    #[error("has version {version}, known is 0")]
+    #[error("has version {version}; only version 0 is known")]
     Version {
         /// Version as written.
         version: u32,
     },
     /// More chunks than the compressed bytes can hold.
-    #[error("lists {chunks} chunks, the {bytes} compressed bytes hold at most {limit}")]
+    #[error("lists {chunks} chunks, but {bytes} compressed bytes have room for at most {limit}")]
     TooMany {
         /// Chunks listed.
         chunks: u64,
@@ -209,11 +209,11 @@ pub enum ChunkTableProblem {
     /// The table itself cannot be decoded.
     #[error("cannot be decoded: {cause}")]
     Damaged {
-        /// What the decoder said.
+        /// Message of the decoder.
         cause: String,
     },
     /// The chunks are larger than the space for them.
-    #[error("says that chunk {chunk} ends at byte {end}, the compressed points end at byte {limit}")]
+    #[error("says that chunk {chunk} ends at byte {end}, but the compressed points end at byte {limit}")]
     Overrun {
         /// Index of the chunk.
         chunk: usize,
@@ -223,7 +223,7 @@ pub enum ChunkTableProblem {
         limit: u64,
     },
     /// The chunks do not add up to the number of points in the header.
-    #[error("holds {present} points, the header promises {promised}")]
+    #[error("has {present} points, but the header promises {promised}")]
     Points {
         /// Points according to the header.
         promised: u64,
@@ -238,9 +238,9 @@ pub enum ChunkTableProblem {
         /// Points found by walking over the chunks.
         found: u64,
     },
-    /// A chunk that cannot be, by the limits of the coder or of this program.
+    /// A chunk that exceeds the limits of the coder or of this program.
     #[error(
-        "gives chunk {chunk} {points} points in {bytes} bytes, at most {limit} points can be read from it"
+        "says that chunk {chunk} has {points} points in {bytes} bytes, but at most {limit} points can be read from it"
     )]
     Dense {
         /// Index of the chunk.
@@ -249,7 +249,7 @@ pub enum ChunkTableProblem {
         points: u64,
         /// Compressed bytes of the chunk.
         bytes: u64,
-        /// Points that so many bytes can hold, or that fit the decoding limit.
+        /// Largest number of points in that many bytes, or within the decoding limit.
         limit: u64,
     },
 }
@@ -259,31 +259,31 @@ pub enum ChunkTableProblem {
 #[non_exhaustive]
 pub enum ChunkProblem {
     /// Its layers are larger than the chunk.
-    #[error("its layers take {promised} bytes, the chunk has {present}")]
+    #[error("its layers need {promised} bytes, but the chunk has {present}")]
     Layers {
-        /// Bytes the layers take, by their own count.
+        /// Bytes of the layers, by their own sizes.
         promised: u64,
         /// Bytes in the chunk.
         present: u64,
     },
-    /// It says itself that it holds another number of points than header and table promise.
-    #[error("it says that it holds {present} points, {promised} are promised")]
+    /// Its own number of points differs from that in the header and the table.
+    #[error("it says that it has {present} points, but the header and the table promise {promised}")]
     Points {
         /// Points by header and table of chunks.
         promised: u32,
         /// Points by the chunk's own count.
         present: u32,
     },
-    /// The bytes are no valid code, or end too early.
+    /// The bytes are not valid code, or they end too early.
     #[error("damaged data ({cause})")]
     Damaged {
-        /// What the decoder said.
+        /// Message of the decoder.
         cause: String,
     },
     /// The bytes could not be read.
     #[error("reading failed ({cause})")]
     Unreadable {
-        /// What the system said.
+        /// Message of the system.
         cause: String,
     },
 }
@@ -291,6 +291,10 @@ pub enum ChunkProblem {
 impl Failure for InputError {
     fn kind(&self) -> ErrorKind {
         ErrorKind::Input
+    }
+
+    fn concerns_input(&self) -> bool {
+        true
     }
 
     fn hint(&self) -> Option<Cow<'static, str>> {
@@ -309,7 +313,7 @@ impl Failure for InputError {
                  `pdal translate --nostream` or LAStools `las2las -safe` can save the whole points"
             }
             Self::Version { .. } | Self::HeaderField { .. } => {
-                "the file is damaged or written wrongly; copy it again, or rewrite it with `pdal translate`"
+                "the file is damaged or was written wrongly; copy it again, or rewrite it with `pdal translate`"
             }
             Self::LaszipRecord { .. } | Self::ChunkTable { .. } | Self::Chunk { .. } => {
                 "copy the file again from its source, or rewrite it with LASzip or `pdal translate`"
@@ -326,7 +330,7 @@ impl Failure for InputError {
                 "leave the field out of dbscan.fields (--fields), or the file out of the drive"
             }
             Self::Changed { .. } => {
-                "let nothing write to the inputs during a run; start again when the files are complete"
+                "do not change inputs during a run; start again when the files are complete"
             }
         }))
     }

@@ -1,10 +1,11 @@
-//! One input file: its header, blocks and records. It knows nothing of the other files of the drive.
+//! One input file: its header, blocks and records.
 
 use std::fs::Metadata;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use super::Fields;
 use super::chunks::{self, Block};
 use super::crs::Crs;
 use super::decode::Coding;
@@ -12,7 +13,7 @@ use super::error::{ChunkProblem, InputError};
 use super::header::{Header, Scaling};
 use super::layout::RecordLayout;
 use super::mapped::ByteSource;
-use super::{Fields, InputOptions};
+use super::options::InputOptions;
 use crate::model::{AxisTransform, Lattice, LatticeTransform};
 
 /// One LAS or LAZ file, open for reading from any thread.
@@ -28,14 +29,14 @@ pub struct InputFile {
     layout: RecordLayout,
     blocks: Vec<Block>,
     crs: Crs,
-    /// Metres of a unit of x, y and z.
+    /// One unit of x, y and z in metres.
     units_m: [f64; 3],
     transform: LatticeTransform,
     warnings: Vec<String>,
 }
 
 impl InputFile {
-    /// Opens and checks a file; its transform is that of the millimetre lattice until the catalog sets another.
+    /// Opens and checks a file. Its transform uses the millimetre lattice until the catalog sets another.
     pub(crate) fn open(path: &Path, options: &InputOptions) -> Result<Self, InputError> {
         let read_error = |source| InputError::Read { path: path.to_owned(), source };
         let metadata = std::fs::metadata(path).map_err(read_error)?;
@@ -76,7 +77,7 @@ impl InputFile {
         Ok(file)
     }
 
-    /// The path as it was found.
+    /// The path, as found.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -118,19 +119,19 @@ impl InputFile {
         self.coding.is_some()
     }
 
-    /// Whether the file is a cloud-optimized point cloud: LAZ with an index, points in spatial order.
+    /// Whether the file is a cloud-optimized point cloud: LAZ with an index and points in spatial order.
     #[must_use]
     pub fn is_copc(&self) -> bool {
         self.header.vlrs.records.iter().any(|record| record.is("copc", 1))
     }
 
-    /// Where the fields of a record are.
+    /// The positions of the fields in a record.
     #[must_use]
     pub fn layout(&self) -> &RecordLayout {
         &self.layout
     }
 
-    /// Record coordinates to coordinates of the run's lattice.
+    /// The transform from record coordinates to the lattice of the run.
     #[must_use]
     pub fn transform(&self) -> &LatticeTransform {
         &self.transform
@@ -142,13 +143,13 @@ impl InputFile {
         &self.crs
     }
 
-    /// Metres of one unit of x, y and z in this file, by its system or by the setting.
+    /// One unit of x, y and z in metres, from the system of the file or from the settings.
     #[must_use]
     pub fn units_m(&self) -> [f64; 3] {
         self.units_m
     }
 
-    /// Minimum and maximum of x, y and z as the header says, in units of the file; not checked, not to be believed.
+    /// Minimum and maximum of x, y and z from the header, in units of the file. They are not checked.
     #[must_use]
     pub fn header_extent(&self) -> [[f64; 3]; 2] {
         self.header.extent
@@ -160,16 +161,16 @@ impl InputFile {
         self.header.version
     }
 
-    /// What is wrong with the file but can be lived with.
+    /// Problems of the file that do not prevent processing.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The records of a block, uncompressed, one after the other (`layout().record_len` bytes each).
+    /// The uncompressed records of a block, one after the other (`layout().record_len` bytes each).
     ///
-    /// A mapped LAS file gives its bytes in place; else the records are read or decoded into `buffer`, whose old
-    /// content is lost. Any block may be read on any thread.
+    /// The bytes of a mapped LAS file are returned in place. Otherwise the records are read or decoded into
+    /// `buffer`, which is overwritten. Any thread may read any block.
     ///
     /// # Errors
     /// [`InputError::Chunk`] when the block is damaged or cannot be read.
@@ -200,7 +201,7 @@ impl InputFile {
         Ok(buffer)
     }
 
-    /// Lets the system take back the memory of a block's bytes; they can be read again any time.
+    /// Lets the system reclaim the memory of a block. It can be read again at any time.
     ///
     /// # Panics
     /// When there is no such block.
@@ -208,7 +209,7 @@ impl InputFile {
         self.source.release(self.blocks[block].bytes.clone());
     }
 
-    /// Tells the system that a block's bytes are wanted soon.
+    /// Announces to the system that a block will be read soon.
     ///
     /// # Panics
     /// When there is no such block.
@@ -216,10 +217,10 @@ impl InputFile {
         self.source.prefetch(self.blocks[block].bytes.clone());
     }
 
-    /// Whether size and time of the file are still those of the moment it was opened.
+    /// Whether size and time of the file are unchanged since it was opened.
     ///
-    /// A file that is cut while it is mapped ends the process at the next access, which no check can prevent; asking
-    /// often makes it unlikely, and `InputOptions::mmap = false` impossible.
+    /// If a mapped file is truncated, the next access ends the process, and no check can prevent that.
+    /// Frequent checks make it unlikely. `InputOptions::mmap = false` makes it impossible.
     ///
     /// # Errors
     /// [`InputError::Changed`], or [`InputError::Read`] when the file is gone.
@@ -247,12 +248,12 @@ impl InputFile {
         &self.source
     }
 
-    /// Whether records are looked at where they are, in a mapped file that is not compressed.
+    /// Whether records are used in place, in a mapped file without compression.
     pub(crate) fn is_in_place(&self) -> bool {
         self.coding.is_none() && matches!(self.source, ByteSource::Mapped(_))
     }
 
-    /// How the points are coded, for the writers of labelled copies.
+    /// The coding of the points, for the writers of labelled copies.
     pub(crate) fn coding(&self) -> Option<&Coding> {
         self.coding.as_ref()
     }
@@ -296,7 +297,7 @@ impl InputFile {
     fn note_counts(&mut self) {
         if let [first, second] = self.header.counts[..] {
             self.warnings.push(format!(
-                "the header has two point counts, {first} (1.4) and {second} (legacy); the file holds {}",
+                "the header has two point counts, {first} (1.4) and {second} (legacy); the file has {} points",
                 self.point_count()
             ));
         }
@@ -306,12 +307,12 @@ impl InputFile {
     }
 }
 
-/// Finest step of coordinates that is believed: files of survey scanners have 1e-3 to 1e-6 m.
+/// Finest accepted step of coordinates. Files of survey scanners have 1e-3 to 1e-6 m.
 const MIN_SCALE_M: f64 = 1e-9;
-/// Coarsest step of coordinates that is believed.
+/// Coarsest accepted step of coordinates.
 const MAX_SCALE_M: f64 = 1e3;
 
-/// Size and time for people; the time as seconds, which is all that is compared.
+/// A readable form of size and time. The time is in seconds, the precision of the comparison.
 fn state(size: u64, modified: SystemTime) -> String {
     let seconds = modified.duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |age| age.as_secs_f64());
     format!("{size} bytes, changed at {seconds:.3} s")

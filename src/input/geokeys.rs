@@ -1,8 +1,9 @@
-//! GeoTIFF keys of a LAS file: the directory, its doubles and texts. It knows where a value is, not what it means.
+//! GeoTIFF keys of a LAS file: the directory, its doubles and its texts. Their meaning is interpreted
+//! elsewhere.
 
 use super::vlr;
 
-/// Entries of a directory that are looked at; real ones have about 20.
+/// Largest number of directory entries that are read. Real ones have about 20.
 const MAX_KEYS: usize = 1024;
 
 /// The keys of the three GeoTIFF records.
@@ -16,7 +17,7 @@ pub(crate) struct GeoKeys {
 #[derive(Debug, Clone, Copy)]
 struct Key {
     id: u16,
-    /// Record that holds the value, 0 when the value is in `value` itself.
+    /// Record with the value; 0 if the value is in `value` itself.
     record: u16,
     count: u16,
     value: u16,
@@ -30,7 +31,7 @@ pub(crate) const DOUBLES: u16 = 34_736;
 pub(crate) const TEXTS: u16 = 34_737;
 
 impl GeoKeys {
-    /// The keys of a directory; `None` when it is none or says more than it holds.
+    /// The keys of a directory; `None` if it is not a directory, or promises more keys than it has.
     pub(crate) fn parse(directory: &[u8], doubles: Vec<u8>, texts: Vec<u8>) -> Option<Self> {
         let words: Vec<u16> =
             directory.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
@@ -58,7 +59,7 @@ impl GeoKeys {
         self.find(id).filter(|key| key.record == 0 && key.value != 0).map(|key| key.value)
     }
 
-    /// A key whose value is a number.
+    /// The number of a key.
     pub(crate) fn number(&self, id: u16) -> Option<f64> {
         let key = self.find(id).filter(|key| key.record == DOUBLES)?;
         let start = usize::from(key.value) * 8;
@@ -68,7 +69,7 @@ impl GeoKeys {
         Some(f64::from_le_bytes(value))
     }
 
-    /// A key whose value is a text, without the closing bar.
+    /// The text of a key, without the closing bar.
     pub(crate) fn text(&self, id: u16) -> Option<String> {
         let key = self.find(id).filter(|key| key.record == TEXTS)?;
         let start = usize::from(key.value);

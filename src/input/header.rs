@@ -1,4 +1,4 @@
-//! The public header block of a LAS file, with every length checked against the file; nothing of the points.
+//! The public header block of a LAS file. Every length is checked against the file.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub(crate) struct Scaling {
     pub(crate) offset: [f64; 3],
 }
 
-/// What the header says, checked as far as that is possible without looking at the points.
+/// The content of the header, checked as far as possible without reading the points.
 #[derive(Debug)]
 pub(crate) struct Header {
     /// Version as (major, minor).
@@ -41,23 +41,24 @@ pub(crate) struct Header {
     pub(crate) record_len: u16,
     /// Bytes of the header block.
     pub(crate) header_size: u64,
-    /// First byte of the points (of the position of the chunk table, when compressed).
+    /// First byte of the points (of the position of the chunk table, if compressed).
     pub(crate) points_start: u64,
-    /// Numbers of points the header may mean, the most credible one first; never empty.
+    /// The possible numbers of points, the most credible one first; never empty.
     pub(crate) counts: Vec<u64>,
     /// Scale and offset, checked.
     pub(crate) scaling: Scaling,
-    /// Minimum and maximum of the coordinates as written, not believed.
+    /// Minimum and maximum of the coordinates as written, not trusted.
     pub(crate) extent: [[f64; 3]; 2],
     /// Variable length records of the header.
     pub(crate) vlrs: Directory,
     /// Extended variable length records.
     pub(crate) evlrs: Directory,
-    /// First byte of the extended records (or of the waveforms of LAS 1.3), when the header names one.
+    /// First byte of the extended records (or of the waveforms of LAS 1.3), if the header names one.
     pub(crate) tail_start: Option<u64>,
-    /// Where the header says that the waveform record is; not checked, only kept up to date in copies.
+    /// Position of the waveform record according to the header. It is not checked, only kept correct in
+    /// copies.
     pub(crate) waveform_start: Option<u64>,
-    /// What is wrong but can be lived with.
+    /// Problems that do not prevent processing.
     pub(crate) warnings: Vec<String>,
 }
 
@@ -118,7 +119,7 @@ impl Header {
     }
 }
 
-/// The bytes of the header as `las` reads them, after its size and version are known to be good.
+/// The bytes of the header in the form that `las` reads, after a check of its size and version.
 fn read_raw(path: &Path, source: &ByteSource) -> Result<raw::Header, InputError> {
     let size = source.len();
     let mut buffer = Vec::new();
@@ -133,7 +134,8 @@ fn read_raw(path: &Path, source: &ByteSource) -> Result<raw::Header, InputError>
     if size < HEADER_1_2 {
         return Err(too_short(HEADER_1_2));
     }
-    let (major, minor) = (start[24], start[25]);
+    let major = start[24];
+    let minor = start[25];
     let needed = match (major, minor) {
         (1, 0..=2) => HEADER_1_2,
         (1, 3) => HEADER_1_3,
@@ -170,14 +172,14 @@ fn read_vlrs(raw: &raw::Header, source: &ByteSource, warnings: &mut Vec<String>)
     let vlrs = vlr::walk(source, range, promised, false);
     if vlrs.records.len() as u64 != u64::from(promised) {
         warnings.push(format!(
-            "the header promises {promised} variable length records, {} fit before the points; the others are ignored",
+            "the header promises {promised} variable length records, but only {} fit before the points; the others are ignored",
             vlrs.records.len()
         ));
     }
     vlrs
 }
 
-/// What follows the points: extended records (LAS 1.4) or waveforms (LAS 1.3).
+/// The data after the points: extended records (LAS 1.4) or waveforms (LAS 1.3).
 fn read_tail(raw: &raw::Header, source: &ByteSource, warnings: &mut Vec<String>) -> (Option<u64>, Directory) {
     let size = source.len();
     let points_start = u64::from(raw.offset_to_point_data);
@@ -196,16 +198,16 @@ fn read_tail(raw: &raw::Header, source: &ByteSource, warnings: &mut Vec<String>)
     let evlrs = vlr::walk(source, start..size, evlr.number_of_evlrs, true);
     if evlrs.records.len() as u64 != u64::from(evlr.number_of_evlrs) {
         warnings.push(format!(
-            "the header promises {} extended records at byte {start}, {} are there; the others are ignored",
+            "the header promises {} extended records at byte {start}, but only {} are in the file; the others are ignored",
             evlr.number_of_evlrs,
             evlrs.records.len()
         ));
     }
-    // A position at which no record is may lie anywhere, also inside the points.
+    // A position without a record may be anywhere, even inside the points.
     ((!evlrs.records.is_empty()).then_some(start), evlrs)
 }
 
-/// The counts the header may mean. LAS 1.4 has two fields; a writer may fill both, or only one.
+/// The possible point counts. LAS 1.4 has two fields; a writer may fill both or only one.
 fn counts(raw: &raw::Header) -> Vec<u64> {
     let legacy = u64::from(raw.number_of_point_records);
     match raw.large_file.map(|large| large.number_of_point_records) {
@@ -215,14 +217,15 @@ fn counts(raw: &raw::Header) -> Vec<u64> {
     }
 }
 
-/// Scale and offset, refused when a coordinate made with them would not be a number.
+/// Scale and offset. An error if a coordinate computed with them could be infinite or undefined.
 fn scaling(path: &Path, raw: &raw::Header) -> Result<Scaling, InputError> {
     let scaling = Scaling {
         scale: [raw.x_scale_factor, raw.y_scale_factor, raw.z_scale_factor],
         offset: [raw.x_offset, raw.y_offset, raw.z_offset],
     };
     for axis in 0..3 {
-        let (scale, offset) = (scaling.scale[axis], scaling.offset[axis]);
+        let scale = scaling.scale[axis];
+        let offset = scaling.offset[axis];
         let field = |field: &'static str, value: f64, expected: &str| InputError::HeaderField {
             path: path.to_owned(),
             field,

@@ -1,4 +1,5 @@
-//! Where the fields of a point record are: the fixed ones by point format, the extra ones by their descriptors.
+//! The positions of the fields in a point record: fixed ones by point format, extra ones by their
+//! descriptors.
 
 use super::header::{self, Header};
 use super::mapped::ByteSource;
@@ -7,38 +8,39 @@ use crate::model::Field;
 
 /// Bytes of one extra-bytes descriptor (LAS 1.4 R15, table 24).
 pub(crate) const DESCRIPTOR: usize = 192;
-/// User of the records of the LAS specification.
+/// User id of the records of the LAS specification.
 pub(crate) const SPEC_USER: &str = "LASF_Spec";
-/// Record that describes extra bytes.
+/// Record id of the description of extra bytes.
 pub(crate) const EXTRA_BYTES: u16 = 4;
 
-/// Longest extra-bytes record that is read: a descriptor for every byte of the longest record.
+/// Size limit of the extra-bytes record: a descriptor for every byte of the longest record.
 const MAX_DESCRIPTORS: u64 = (u16::MAX as u64) * (DESCRIPTOR as u64);
 
-/// Where the fields of a record are, in bytes from its start.
+/// The positions of the fields, in bytes from the start of the record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordLayout {
     /// Point data record format, 0 to 10.
     pub point_format: u8,
     /// Bytes of one record.
     pub record_len: usize,
-    /// Bytes of the fields of the format; extra bytes follow.
+    /// Bytes of the standard fields of the format. Extra bytes follow.
     pub base_len: usize,
-    /// GPS time (f64), where the format has it.
+    /// GPS time (f64), if the format has it.
     pub gps_time: Option<usize>,
     /// Intensity (u16).
     pub intensity: usize,
     /// Byte with return number and number of returns.
     pub returns: usize,
-    /// Bits of the return number in that byte, from bit 0; the number of returns follows with as many.
+    /// Number of bits of the return number in that byte, from bit 0. The number of returns follows with as
+    /// many.
     pub return_bits: u8,
     /// Byte with the class.
     pub classification: usize,
-    /// Bits of that byte that are the class: 5 of them in formats 0 to 5, all in 6 to 10.
+    /// Bits of that byte for the class: 5 in formats 0 to 5, all in 6 to 10.
     pub classification_mask: u8,
     /// Point source id (u16).
     pub point_source_id: usize,
-    /// Dimensions in the extra bytes that have a descriptor.
+    /// Dimensions in the extra bytes with a descriptor.
     pub dimensions: Vec<ExtraDimension>,
     /// The descriptors of these dimensions, as they are in the file.
     pub(crate) descriptors: Vec<u8>,
@@ -49,21 +51,21 @@ pub struct RecordLayout {
 pub struct ExtraDimension {
     /// Name without padding.
     pub name: String,
-    /// Data type of the LAS specification: 0 undocumented bytes, 1 u8, 2 i8, 3 u16, 4 i16, 5 u32, 6 i32, 7 u64,
-    /// 8 i64, 9 f32, 10 f64; 11 to 30 are the deprecated pairs and triples of these.
+    /// Data type of the LAS specification: 0 undocumented bytes, 1 u8, 2 i8, 3 u16, 4 i16, 5 u32, 6 i32, 7
+    /// u64, 8 i64, 9 f32, 10 f64; 11 to 30 are the deprecated pairs and triples of these.
     pub data_type: u8,
     /// First byte in the record.
     pub offset: usize,
-    /// Bytes it takes.
+    /// Its size in bytes.
     pub size: usize,
-    /// Scale to apply to the stored value, where the descriptor sets one.
+    /// Scale of the stored value, if the descriptor has one.
     pub scale: Option<f64>,
-    /// Offset to add after scaling, where the descriptor sets one.
+    /// Offset after scaling, if the descriptor has one.
     pub value_offset: Option<f64>,
 }
 
 impl RecordLayout {
-    /// The layout that header and descriptors give; what does not fit is ignored with a warning.
+    /// The layout from header and descriptors. What does not fit is ignored with a warning.
     pub(crate) fn read(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Self {
         let extended = header.point_format >= 6;
         let base_len = usize::from(header::base_length(header.point_format));
@@ -89,13 +91,13 @@ impl RecordLayout {
         let mut fits = true;
         for record in header.records().filter(|record| record.is(SPEC_USER, EXTRA_BYTES)) {
             let bytes = record.read(source, MAX_DESCRIPTORS).unwrap_or_default();
-            // Where one does not fit, the place of those after it is unknown.
+            // If one does not fit, the positions of the following ones are unknown.
             fits = fits && layout.describe(&bytes, warnings);
         }
         layout
     }
 
-    /// Where a field that is no coordinate is (u16), if the format has it.
+    /// Offset of a field that is not a coordinate (u16), if the format has it.
     #[must_use]
     pub fn field(&self, field: Field) -> Option<usize> {
         let red = match self.point_format {
@@ -127,11 +129,11 @@ impl RecordLayout {
         self.dimensions.iter().find(|dimension| dimension.name == name)
     }
 
-    /// Adds the dimensions of one extra-bytes record, which follow those before; returns whether all fit.
+    /// Adds the dimensions of one extra-bytes record after the previous ones. Returns whether all fit.
     fn describe(&mut self, bytes: &[u8], warnings: &mut Vec<String>) -> bool {
         if !bytes.len().is_multiple_of(DESCRIPTOR) {
             warnings.push(format!(
-                "an extra-bytes record has {} bytes, no multiple of {DESCRIPTOR}; its end is ignored",
+                "an extra-bytes record has {} bytes, which is not a multiple of {DESCRIPTOR}; its end is ignored",
                 bytes.len()
             ));
         }

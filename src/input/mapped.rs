@@ -1,5 +1,4 @@
-//! The bytes of a read-only file, mapped or read: the only place with `unsafe` in the library. It knows nothing of
-//! what the bytes mean.
+//! The bytes of a read-only file, mapped or read. The only place with `unsafe` in the library.
 
 use std::fs::File;
 use std::io::{self, Error, ErrorKind, Read, Seek, SeekFrom};
@@ -8,20 +7,20 @@ use std::path::Path;
 
 use memmap2::{Mmap, MmapOptions};
 
-/// Bytes around a range that are released with it. An access maps pages around the one it needs, also of ranges that
-/// were released before: without the margin 160 kB stayed behind for every block of 2 MB (Linux 6, file of 935 MB
-/// read block by block: 71 MB resident at the end, which would grow with the file). A neighbour that is still in
-/// use only has to map its pages again.
+/// Number of bytes around a range that are released with it. An access also maps pages around the one it
+/// needs, even of ranges that were released before. Without the margin, 160 kB remained for every block of 2
+/// MB (Linux 6, a file of 935 MB read block by block: 71 MB resident at the end, growing with the file). A
+/// neighbour that is still in use only has to map its pages again.
 const RELEASE_MARGIN: u64 = 1 << 20;
 
-/// A read-only file whose ranges can be looked at from any thread.
+/// A read-only file. Any thread may access its ranges.
 #[derive(Debug)]
 pub(crate) enum ByteSource {
-    /// The whole file is mapped; ranges are looked at in place.
+    /// The whole file is mapped. Ranges are used in place.
     Mapped(Mmap),
-    /// Ranges are read into a buffer: for file systems where a mapping is slow, or files that may shrink.
+    /// Ranges are read into a buffer, for file systems with slow mappings or files that may shrink.
     Read {
-        /// The file; only read at positions, its cursor is not used.
+        /// The file. It is only read at given positions; its cursor is not used.
         file: File,
         /// Size when it was opened.
         len: u64,
@@ -32,7 +31,7 @@ impl ByteSource {
     /// Opens `path` for reading; an empty file is never mapped.
     ///
     /// # Errors
-    /// What the system says when the file cannot be opened or mapped.
+    /// The error of the system when the file cannot be opened or mapped.
     pub(crate) fn open(path: &Path, mmap: bool) -> io::Result<Self> {
         let file = File::open(path)?;
         let len = file.metadata()?.len();
@@ -47,10 +46,10 @@ impl ByteSource {
         }
     }
 
-    /// The bytes of `range`: in place when mapped, else read into `buffer`, whose old content is lost.
+    /// The bytes of `range`: in place if mapped, else read into `buffer`, which is overwritten.
     ///
     /// # Errors
-    /// `UnexpectedEof` when the range is not inside the file; what the system says when reading fails. Nothing is
+    /// `UnexpectedEof` if the range is not inside the file, else the error of the system. No memory is
     /// allocated for a range outside the file.
     pub(crate) fn slice<'a>(&'a self, range: Range<u64>, buffer: &'a mut Vec<u8>) -> io::Result<&'a [u8]> {
         let inside = self.clip(&range)?;
@@ -64,8 +63,8 @@ impl ByteSource {
         }
     }
 
-    /// Tells the system that the pages of `range` are not needed for now, so that resident memory stays flat. Only
-    /// advice: a range outside the file and a refusal of the system are ignored.
+    /// Tells the system that the pages of `range` are not needed for now, to keep resident memory flat. This
+    /// is only advice: a range outside the file or a refusal of the system has no effect.
     pub(crate) fn release(&self, range: Range<u64>) {
         let end = range.end.saturating_add(RELEASE_MARGIN).min(self.len());
         let range = range.start.saturating_sub(RELEASE_MARGIN)..end;
@@ -76,7 +75,7 @@ impl ByteSource {
         }
     }
 
-    /// Tells the system that `range` is wanted soon. Only advice, as [`ByteSource::release`].
+    /// Tells the system that `range` will be needed soon. Only advice, like [`ByteSource::release`].
     pub(crate) fn prefetch(&self, range: Range<u64>) {
         if let (Self::Mapped(map), Ok(inside)) = (self, self.clip(&range))
             && !inside.is_empty()
@@ -85,7 +84,7 @@ impl ByteSource {
         }
     }
 
-    /// The range as indices, when it lies inside the file.
+    /// The range as indices, if it is inside the file.
     fn clip(&self, range: &Range<u64>) -> io::Result<Range<usize>> {
         let inside = range.start <= range.end && range.end <= self.len();
         match (inside, usize::try_from(range.start), usize::try_from(range.end)) {
@@ -100,10 +99,10 @@ impl ByteSource {
 
 #[expect(unsafe_code, reason = "a mapping can only be made by an unsafe constructor")]
 fn map(file: &File) -> io::Result<Mmap> {
-    // SAFETY: the mapping is read-only and only handed out as `&[u8]` that borrows it. The argument does not cover
-    // other processes: one that writes to the file changes bytes under a `&[u8]` (all uses copy or decode, and no
-    // value read from the file is trusted twice without a check), and one that truncates it makes an access to the
-    // lost pages raise SIGBUS, which ends this process. Callers therefore compare size and time at tile boundaries
+    // SAFETY: the mapping is read-only and is only lent as `&[u8]`. The argument does not cover other
+    // processes. If one writes to the file, bytes under a `&[u8]` change; all users copy or decode, and no
+    // value from the file is trusted twice without a check. If one truncates the file, an access to the lost
+    // pages raises SIGBUS and ends this process. Callers therefore compare size and time at tile boundaries
     // (`InputFile::check_unchanged`) and offer reading instead of mapping (`mmap = false`).
     unsafe { MmapOptions::new().map(file) }
 }
@@ -111,9 +110,9 @@ fn map(file: &File) -> io::Result<Mmap> {
 #[cfg(unix)]
 #[expect(unsafe_code, reason = "memmap2 lets DONTNEED be given only as unchecked advice")]
 fn drop_pages(map: &Mmap, range: Range<usize>) {
-    // SAFETY: DONTNEED may discard the content of private or anonymous memory; this is a shared, read-only mapping
-    // of a file, whose dropped pages are read from the file again at the next access, so no `&[u8]` changes its
-    // value. Not covered: a file that another process changes, as above.
+    // SAFETY: DONTNEED can discard the content of private or anonymous memory. This is a shared, read-only
+    // mapping of a file. Its dropped pages are read from the file again at the next access, so no `&[u8]`
+    // changes its value. As above, a file that another process changes is not covered.
     let _only_advice =
         unsafe { map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len()) };
 }
@@ -150,7 +149,7 @@ fn read_exact_at(file: &File, mut buffer: &mut [u8], mut offset: u64) -> io::Res
     Ok(())
 }
 
-/// A cursor over a range of a [`ByteSource`], for decoders that want a stream.
+/// A cursor over a range of a [`ByteSource`], for decoders that need a stream.
 #[derive(Debug)]
 pub(crate) struct RangeReader<'a> {
     source: &'a ByteSource,

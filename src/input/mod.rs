@@ -1,7 +1,23 @@
-//! Input: a drive as a catalog of LAS/LAZ files, and the records of any block of them.
+//! Input: a drive as a catalog of LAS/LAZ files, and the records of each block.
 //!
-//! Nothing that a file says is believed before it is checked against the size of the file; types of `las`, `laz`
-//! and `memmap2` stay inside.
+//! Nothing in a file is trusted before it is checked against the size of the file. Types of `las`, `laz` and
+//! `memmap2` are not visible outside.
+//!
+//! ```
+//! use chainage::input::{Catalog, Fields, InputOptions};
+//!
+//! let catalog = Catalog::open(&["tests/data/mls_profiles.las".into()], &InputOptions::default())?;
+//! assert_eq!(catalog.point_count(), 10_310);
+//!
+//! // The first point of the first block, on the lattice of the drive.
+//! let file = &catalog.files()[0];
+//! let mut buffer = Vec::new();
+//! let bytes = file.records(0, Fields::Geometry, &mut buffer)?;
+//! let record = chainage::input::record_xyz(bytes);
+//! let [x, _, _] = file.transform().apply(record);
+//! assert_eq!(x % 1_000, catalog.lattice().units(catalog.lattice().metres(x)) % 1_000);
+//! # Ok::<(), chainage::input::InputError>(())
+//! ```
 
 mod catalog;
 mod chunks;
@@ -13,23 +29,26 @@ mod geokeys;
 pub(crate) mod header;
 pub(crate) mod layout;
 pub(crate) mod mapped;
+mod options;
 pub(crate) mod vlr;
 mod wkt;
 
+pub use crate::config::LengthUnit;
 pub use crate::model::record_xyz;
-pub use catalog::{Catalog, InputOptions};
+pub use catalog::Catalog;
 pub use chunks::Block;
-pub use crs::{Crs, CrsKind, LengthUnit};
+pub use crs::{Crs, CrsKind};
 pub use error::{ChunkProblem, ChunkTableProblem, InputError};
 pub use file::InputFile;
 pub use layout::{ExtraDimension, RecordLayout};
+pub use options::InputOptions;
 
-/// The fields of a record that a caller will look at.
+/// The fields of a record that a caller needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Fields {
     /// Every byte is as written.
     All,
-    /// Only x, y, z and the GPS time are as written; the other bytes are unspecified, because layered compression
+    /// Only x, y, z and the GPS time are as written. The other bytes are undefined: layered compression
     /// (point formats 6 to 10) lets a decoder skip them, which is faster.
     Geometry,
 }

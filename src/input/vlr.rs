@@ -1,4 +1,5 @@
-//! The directory of variable length records of a file: whose they are and where their bytes are, not what they mean.
+//! The directory of variable length records of a file: their names and positions. Their meaning is
+//! interpreted elsewhere.
 
 use std::ops::Range;
 
@@ -18,17 +19,17 @@ pub(crate) struct Vlr {
     pub(crate) record: u16,
     /// Byte of the file at which the header of the record starts.
     pub(crate) start: u64,
-    /// Bytes of the file that hold the payload.
+    /// Bytes of the file with the payload.
     pub(crate) payload: Range<u64>,
 }
 
 impl Vlr {
-    /// Whether the record is of this user and number.
+    /// Whether the record has this user id and record id.
     pub(crate) fn is(&self, user: &str, record: u16) -> bool {
         self.user == user && self.record == record
     }
 
-    /// The payload, when it can be read and is not longer than `limit` bytes.
+    /// The payload, if it can be read and is at most `limit` bytes long.
     pub(crate) fn read(&self, source: &ByteSource, limit: u64) -> Option<Vec<u8>> {
         if self.payload.end - self.payload.start > limit {
             return None;
@@ -38,7 +39,7 @@ impl Vlr {
     }
 }
 
-/// Records that were found, and where the chain of them ends.
+/// The records found, and the end of their chain.
 #[derive(Debug, Default)]
 pub(crate) struct Directory {
     /// The records in file order.
@@ -47,9 +48,9 @@ pub(crate) struct Directory {
     pub(crate) end: u64,
 }
 
-/// Follows a chain of `count` records through `range`; stops early, without error, where one does not fit any more.
+/// Follows a chain of `count` records through `range`. Stops early, without error, at one that does not fit.
 ///
-/// `count` may be any number: a record takes at least its header, so the walk ends with the range.
+/// `count` may be any number. A record is at least as long as its header, so the walk ends with the range.
 pub(crate) fn walk(source: &ByteSource, range: Range<u64>, count: u32, extended: bool) -> Directory {
     let head = if extended { EVLR_HEADER } else { VLR_HEADER };
     let mut directory = Directory { records: Vec::new(), end: range.start };
@@ -73,13 +74,13 @@ pub(crate) fn walk(source: &ByteSource, range: Range<u64>, count: u32, extended:
     directory
 }
 
-/// A text field that is padded with zeros.
+/// A text field padded with zeros.
 pub(crate) fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
     decode(&bytes[..end]).trim().to_owned()
 }
 
-/// A text as its writer probably meant it: UTF-8, else Latin-1, as older writers used.
+/// A text in its likely encoding: UTF-8, else Latin-1, which older writers used.
 pub(crate) fn decode(bytes: &[u8]) -> String {
     std::str::from_utf8(bytes)
         .map_or_else(|_| bytes.iter().map(|byte| char::from(*byte)).collect(), str::to_owned)

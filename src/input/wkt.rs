@@ -1,5 +1,5 @@
-//! A small parser of well-known text: nested brackets and what a coordinate reference system says about its units.
-//! It knows no names of systems and checks no geodesy.
+//! A small parser of well-known text: nested brackets, and the units of a coordinate reference system. It
+//! does not know names of systems and does not check geodesy.
 
 /// One `KEYWORD[...]` of a well-known text.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,12 +17,12 @@ enum Value {
     Node(Node),
 }
 
-/// Brackets inside brackets that are followed; real systems have about 8.
+/// Largest depth of nested brackets. Real systems have about 8.
 const MAX_DEPTH: usize = 64;
 
 impl Node {
-    /// Parses a text; `None` when it is not one bracketed expression. What follows the last bracket is ignored, as
-    /// writers pad with zeros.
+    /// Parses a text; `None` if it is not one bracketed expression. Text after the last bracket is ignored,
+    /// because writers pad with zeros.
     pub(crate) fn parse(text: &str) -> Option<Self> {
         let mut parser = Parser { rest: text, depth: 0 };
         parser.skip_space();
@@ -33,38 +33,38 @@ impl Node {
         }
     }
 
-    /// The nodes directly inside, with one of these keywords.
+    /// The first child node with one of these keywords.
     pub(crate) fn child(&self, keywords: &[&str]) -> Option<&Self> {
         self.children().find(|node| keywords.contains(&node.keyword.as_str()))
     }
 
-    /// The nodes directly inside.
+    /// The child nodes.
     pub(crate) fn children(&self) -> impl Iterator<Item = &Self> {
         self.values.iter().filter_map(|value| if let Value::Node(node) = value { Some(node) } else { None })
     }
 
-    /// The first text directly inside: the name of most things.
+    /// The first text child: the name of most nodes.
     pub(crate) fn name(&self) -> Option<&str> {
         self.values
             .iter()
             .find_map(|value| if let Value::Text(text) = value { Some(text.as_str()) } else { None })
     }
 
-    /// The first bare word directly inside, in capitals, such as the kind of a `CS[...]`.
+    /// The first bare word, in capitals, such as the kind of a `CS[...]`.
     pub(crate) fn word(&self) -> Option<&str> {
         self.values
             .iter()
             .find_map(|value| if let Value::Word(word) = value { Some(word.as_str()) } else { None })
     }
 
-    /// The first number directly inside, such as the metres of a `UNIT[...]`.
+    /// The first number, such as the metres of a `UNIT[...]`.
     pub(crate) fn number(&self) -> Option<f64> {
         self.values
             .iter()
             .find_map(|value| if let Value::Number(number) = value { Some(*number) } else { None })
     }
 
-    /// The EPSG code directly inside: `AUTHORITY["EPSG","25832"]` or `ID["EPSG",25832]`.
+    /// The EPSG code: `AUTHORITY["EPSG","25832"]` or `ID["EPSG",25832]`.
     pub(crate) fn epsg(&self) -> Option<u32> {
         let id = self.child(&["AUTHORITY", "ID"]).filter(|id| id.name() == Some("EPSG"))?;
         id.values.iter().skip(1).find_map(|value| match value {
@@ -100,7 +100,7 @@ impl Parser<'_> {
         (!word.is_empty()).then(|| word.to_ascii_uppercase())
     }
 
-    /// A text in quotes; a doubled quote stands for one.
+    /// A text in quotes. A doubled quote is one quote.
     fn text(&mut self) -> Option<String> {
         let mut text = String::new();
         loop {
@@ -129,7 +129,7 @@ impl Parser<'_> {
         self.value_after(word)
     }
 
-    /// A node, when a bracket follows the word; else the word.
+    /// A node, if a bracket follows the word, else the word.
     fn value_after(&mut self, keyword: String) -> Option<Value> {
         if self.eat(&['[', '(']).is_none() {
             return Some(Value::Word(keyword));

@@ -1,10 +1,14 @@
-//! A chart as data: what a method wants people to see. How it is drawn is not known here.
+//! A chart as data: what a method wants to show. Drawing is the task of the output.
+
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
 
 /// A chart of points and bars over two axes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
     /// Name of its file, without the extension.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// What it shows.
     pub title: String,
     /// The horizontal axis.
@@ -16,20 +20,20 @@ pub struct Chart {
 }
 
 /// An axis of a chart. It begins at 0, or, when logarithmic, below the smallest positive value.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChartAxis {
     /// What is measured, with its unit.
     pub name: String,
     /// Whether it is logarithmic.
     pub logarithmic: bool,
     /// Values at which something is decided, and their names.
-    pub thresholds: Vec<(&'static str, f64)>,
+    pub thresholds: Vec<(Cow<'static, str>, f64)>,
 }
 
 /// One part of a chart.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Series {
-    /// Marks at (x, y), the larger the more there are.
+    /// Marks at (x, y); the more there are in one place, the larger the mark.
     Points {
         /// What they are.
         name: String,

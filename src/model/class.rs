@@ -11,12 +11,12 @@ pub enum PointClass {
     Ground = 1,
     /// Isolated noise, below or near the ground (LAS class 7).
     LowNoise = 2,
-    /// Isolated noise high above what stands there (LAS class 18, or 7 where the format has no 18).
+    /// Isolated noise, high above the lowest other points (LAS class 18, or 7 where the format has no 18).
     HighNoise = 3,
 }
 
 impl PointClass {
-    /// The class stored as `code`; `None` for a code that no class has.
+    /// The class stored as `code`; `None` when no class has this code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Some(match code {

@@ -1,11 +1,12 @@
-//! The points of one tile as a structure of arrays, and the voxel grid they are looked at through.
+//! The points of one tile as a structure of arrays, and the voxel grid over them.
 
 use crate::model::{Field, Lattice};
 
 /// The points of one tile (or of a whole small cloud), in local lattice units.
 ///
-/// Local = lattice coordinate minus `origin`, never negative. Points are in no promised order; every tie is broken
-/// by `id`, the index of the point in the drive (files in catalog order, records in file order).
+/// A local coordinate is the lattice coordinate minus `origin`. It is never negative. The order of the points
+/// is not defined. Every tie is broken by `id`, the index of the point in the drive (files in catalog order,
+/// records in file order).
 #[derive(Debug, Clone)]
 pub struct TileCloud {
     /// The lattice of the run.
@@ -28,7 +29,11 @@ impl TileCloud {
     /// A cloud without points.
     #[must_use]
     pub fn empty(lattice: Lattice) -> Self {
-        let (x, y, z, id, fields) = (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let x = Vec::new();
+        let y = Vec::new();
+        let z = Vec::new();
+        let id = Vec::new();
+        let fields = Vec::new();
         Self { lattice, origin: [0; 3], x, y, z, id, fields }
     }
 
@@ -78,7 +83,9 @@ impl TileCloud {
             let local = |axis: usize| {
                 i32::try_from(point[axis] - cloud.origin[axis]).expect("the extent fits 31 bits")
             };
-            let (x, y, z) = (local(0), local(1), local(2));
+            let x = local(0);
+            let y = local(1);
+            let z = local(2);
             cloud.x.push(x);
             cloud.y.push(y);
             cloud.z.push(z);
@@ -90,8 +97,8 @@ impl TileCloud {
 
 /// Voxels of one edge length over a tile: local coordinates to voxel indices that are the same in every tile.
 ///
-/// Indices are `floor(lattice coordinate / edge)` minus `base`, the index of the voxel that holds the tile's
-/// origin; so they are small and never negative, and `base` restores the global index.
+/// An index is `floor(lattice coordinate / edge)` minus `base`, the index of the voxel that contains the
+/// tile's origin. Indices are therefore small and never negative, and adding `base` gives the global index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VoxelGrid {
     /// Edge of a voxel in lattice units.

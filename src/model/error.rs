@@ -10,7 +10,7 @@ use crate::error::{ErrorKind, Failure};
 pub enum AlgorithmError {
     /// The points extend over more cells than the method's index can hold.
     #[error(
-        "{method}: the points span {cells} cells of {edge_units} lattice units along one axis, at most {limit} fit"
+        "{method}: the points span {cells} cells of {edge_units} lattice units along one axis, the limit is {limit}"
     )]
     TooManyCells {
         /// Name of the method.
@@ -22,7 +22,7 @@ pub enum AlgorithmError {
         /// Cells that the index can hold.
         limit: u64,
     },
-    /// Neighbours may lie further away than a tile is long: tiles would read each other over and over.
+    /// Neighbours may be further away than a tile is long: tiles would read each other over and over.
     #[error(
         "{method}: neighbours may be {reach_m:.1} m apart in the chosen fields, the longest tile has {longest_m:.1} m"
     )]
@@ -35,7 +35,7 @@ pub enum AlgorithmError {
         longest_m: f64,
     },
     /// More points in one tile than its index can count.
-    #[error("{method}: {points} points in one tile, at most {limit} can be counted", limit = u32::MAX)]
+    #[error("{method}: a tile has {points} points, the limit is {limit}", limit = u32::MAX)]
     TooManyPoints {
         /// Name of the method.
         method: &'static str,

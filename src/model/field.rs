@@ -1,8 +1,6 @@
-//! Fields of a point, and the space of fields that distances between points are taken in.
+//! Fields of a point, and exact sums of their values.
 
 use serde::{Deserialize, Serialize};
-
-use crate::model::{Lattice, TileCloud};
 
 /// A field of a point that distances may take into account.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -38,7 +36,7 @@ impl Field {
         }
     }
 
-    /// Name, as settings and messages have it.
+    /// Name, as in settings and messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -54,7 +52,7 @@ impl Field {
     }
 }
 
-/// Sums of one field over points: exact, so that no order of points or parts changes what follows from them.
+/// Exact sums of one field over points. The order of points and parts does not change a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FieldSums {
     /// Points.
@@ -82,7 +80,8 @@ impl FieldSums {
         self.squares += other.squares;
     }
 
-    /// Mean and standard deviation (n - 1), of exact sums of differences to the integer nearest to the mean.
+    /// Mean and standard deviation (with n - 1). Computed from exact sums of the differences to the integer
+    /// nearest to the mean.
     #[must_use]
     pub fn mean_and_deviation(&self) -> (f64, f64) {
         if self.count == 0 {
@@ -90,110 +89,14 @@ impl FieldSums {
         }
         let count = i128::from(self.count);
         let centre = (2 * self.sum + count).div_euclid(2 * count);
-        // With d = value - centre: sum d = sum - n c, sum d^2 = squares - c (2 sum - n c). Coordinates stay below 2^50
-        // and counts below 2^26 there, or values below 2^16: everything fits.
+        // With d = value - centre: sum d = sum - n c, and sum d^2 = squares - c (2 sum - n c). Coordinates
+        // are below 2^50 with counts below 2^26, or values are below 2^16: no term overflows.
         let rest = self.sum - count * centre;
         let squares = self.squares.cast_signed() - centre * (2 * self.sum - count * centre);
         let n = self.count as f64;
         let mean = centre as f64 + rest as f64 / n;
         let variance = (squares as f64 - (rest as f64).powi(2) / n) / (n - 1.0);
         (mean, variance.max(0.0).sqrt())
-    }
-}
-
-/// One axis of a space of fields.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct FieldAxis {
-    /// The field.
-    pub field: Field,
-    /// Value that becomes 0, in lattice units or as stored in the record.
-    pub centre: f64,
-    /// What a step of one such unit becomes.
-    pub factor: f64,
-}
-
-/// The space that neighbours are looked for in.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct FieldSpace {
-    /// Its axes; x and y are among them.
-    pub axes: Vec<FieldAxis>,
-    /// What a distance in this space is multiplied with: metres per lattice unit where it is that of the points, else 1.
-    pub unit: f64,
-}
-
-impl FieldSpace {
-    /// x, y and z as they are. Coordinates stay integers, so that distances are exact.
-    #[must_use]
-    pub fn metres(lattice: Lattice) -> Self {
-        let axis = |field| FieldAxis { field, centre: 0.0, factor: 1.0 };
-        Self { axes: [Field::X, Field::Y, Field::Z].map(axis).to_vec(), unit: lattice.step_m() }
-    }
-
-    /// Fields minus their mean, over their standard deviation, times a weight (1 where there is none).
-    ///
-    /// # Errors
-    /// The field that has no spread.
-    pub fn standardised(fields: &[(Field, FieldSums)], weights: &[f64]) -> Result<Self, Field> {
-        let axis = |(at, (field, sums)): (usize, &(Field, FieldSums))| {
-            let (centre, deviation) = sums.mean_and_deviation();
-            let factor = weights.get(at).copied().unwrap_or(1.0) / deviation;
-            if factor.is_finite() && factor > 0.0 {
-                Ok(FieldAxis { field: *field, centre, factor })
-            } else {
-                Err(*field)
-            }
-        };
-        Ok(Self { axes: fields.iter().enumerate().map(axis).collect::<Result<_, _>>()?, unit: 1.0 })
-    }
-
-    /// Whether distances are metres.
-    #[must_use]
-    pub fn is_metric(&self) -> bool {
-        self.axes.iter().all(|axis| axis.field.axis().is_some())
-    }
-
-    /// The fields that are no coordinates.
-    pub fn stored_fields(&self) -> impl Iterator<Item = Field> + '_ {
-        self.axes.iter().map(|axis| axis.field).filter(|field| field.axis().is_none())
-    }
-
-    /// The place of every point of a cloud, one after the other. The same point has the same place in every tile.
-    #[must_use]
-    pub fn places(&self, cloud: &TileCloud) -> Vec<f64> {
-        let mut places = Vec::with_capacity(cloud.len() * self.axes.len());
-        let columns: Vec<Option<&[u16]>> = self.axes.iter().map(|axis| cloud.field(axis.field)).collect();
-        for point in 0..cloud.len() {
-            let at = cloud.lattice_point(point);
-            for (axis, column) in self.axes.iter().zip(&columns) {
-                let value = match (axis.field.axis(), column) {
-                    (Some(axis), _) => at[axis] as f64,
-                    (None, Some(column)) => f64::from(column[point]),
-                    (None, None) => 0.0,
-                };
-                places.push((value - axis.centre) * axis.factor);
-            }
-        }
-        places
-    }
-
-    /// How far apart in lattice units, along x or y, two points may be that are within `distance` in this space (before
-    /// [`Self::unit`]).
-    #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    pub fn horizontal(&self, distance: f64) -> i64 {
-        let flat = self.axes.iter().filter(|axis| matches!(axis.field, Field::X | Field::Y));
-        let least = flat.map(|axis| axis.factor).fold(f64::INFINITY, f64::min);
-        // Upwards, and beyond any rounding of the distance.
-        (distance / least * (1.0 + 1e-9)).ceil() as i64
-    }
-
-    /// No two points of a drive with these corners are further apart, before [`Self::unit`].
-    #[must_use]
-    pub fn diagonal(&self, (lo, hi): ([i64; 3], [i64; 3])) -> f64 {
-        let extent = |axis: &FieldAxis| {
-            axis.factor * axis.field.axis().map_or(f64::from(u16::MAX), |axis| (hi[axis] - lo[axis]) as f64)
-        };
-        self.axes.iter().map(|axis| extent(axis).powi(2)).sum::<f64>().sqrt()
     }
 }
 
@@ -217,32 +120,9 @@ mod tests {
                     && (deviation - (14.0_f64 / 3.0).sqrt()).abs() < 1e-12
             );
         }
-        let (mut one, two) = (sums(&[1, 6]), sums(&[2, 3]));
+        let mut one = sums(&[1, 6]);
+        let two = sums(&[2, 3]);
         one.merge(&two);
         assert_eq!(one, sums(&[1, 2, 3, 6]));
-    }
-
-    #[test]
-    fn standardised_space_bounds_what_is_near_in_the_plane() {
-        let fields =
-            [(Field::X, sums(&[0, 2_000])), (Field::Y, sums(&[0, 200])), (Field::Intensity, sums(&[0, 20]))];
-        let space = FieldSpace::standardised(&fields, &[1.0, 2.0]).unwrap();
-        // Deviations 1414.2 and 141.4, the latter over a weight of 2.
-        assert_eq!((space.horizontal(0.1), space.is_metric()), (142, false));
-        assert_eq!(FieldSpace::standardised(&[(Field::Red, sums(&[7, 7]))], &[]), Err(Field::Red));
-        let metres = FieldSpace::metres(Lattice::MILLIMETRE);
-        assert_eq!((metres.horizontal(300.0), metres.is_metric()), (301, true));
-    }
-
-    #[test]
-    fn a_point_has_its_place_whatever_the_origin() {
-        let mut cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &[[5, -7, 9], [1, 1, 1]]);
-        cloud.fields = vec![(Field::Red, vec![11, 30])];
-        let fields = [(Field::X, sums(&[1, 5])), (Field::Red, sums(&[10, 20]))];
-        let space = FieldSpace::standardised(&fields, &[]).unwrap();
-        let places = space.places(&cloud);
-        let expected =
-            [2.0 / 8.0_f64.sqrt(), -4.0 / 50.0_f64.sqrt(), -2.0 / 8.0_f64.sqrt(), 15.0 / 50.0_f64.sqrt()];
-        assert!(places.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{places:?}");
     }
 }

@@ -1,13 +1,14 @@
 //! Frames: file records, the world in metres, and the integer lattice of the run.
 //!
-//! Everything that decides (voxel of a point, distance against a radius, cell of the occupancy raster) is computed
-//! from integers on one lattice for the whole run, anchored at multiples of its step and not at the data, so that no
-//! decision can depend on the tile in which it is taken or on the file a point came from (architecture, section 5).
+//! Every decision (voxel of a point, comparison of a distance with a radius, cell of the occupancy raster) is
+//! made on integers. There is one lattice for the whole run, anchored at multiples of its step and not at the
+//! data. A decision therefore depends neither on the tile nor on the file of a point (architecture, section
+//! 5).
 
 /// The integer lattice of a run: world coordinate in metres = lattice coordinate * `step_m`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lattice {
-    /// Lattice units per metre (1,000 or 10,000; an integer so that lengths convert without a factor like 0.001).
+    /// Lattice units per metre: 1,000 or 10,000. An integer, because a factor such as 0.001 is not exact.
     units_per_m: u32,
 }
 
@@ -20,7 +21,8 @@ impl Lattice {
     /// The lattice for files whose finest scale is `finest_scale_m` metres.
     #[must_use]
     pub fn for_scale(finest_scale_m: f64) -> Self {
-        // 0.999: a scale of 0.001 that went through feet or single precision is still a millimetre.
+        // The factor 0.999 accepts a scale of 0.001 that was rounded by a conversion through feet or single
+        // precision.
         if finest_scale_m < 0.999e-3 { Self::TENTH_MILLIMETRE } else { Self::MILLIMETRE }
     }
 
@@ -51,6 +53,16 @@ impl Lattice {
         (length_m * f64::from(self.units_per_m)).round() as i64
     }
 
+    /// A length in metres as lattice units, rounded up: a reach that is no multiple of the step is never cut short.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "lengths are validated settings of at most kilometres"
+    )]
+    pub fn units_up(self, length_m: f64) -> i64 {
+        (length_m * f64::from(self.units_per_m)).ceil() as i64
+    }
+
     /// A lattice coordinate or length in metres.
     #[must_use]
     pub fn metres(self, units: i64) -> f64 {
@@ -68,7 +80,8 @@ pub enum AxisTransform {
         /// Lattice coordinate of record 0.
         shift: i64,
     },
-    /// Anything else: `round(record * factor + shift)`, a pure function of the record and the file's header.
+    /// All other cases: `round(record * factor + shift)`, a pure function of the record and the file's
+    /// header.
     Real {
         /// Lattice units per record unit.
         factor: f64,
@@ -86,9 +99,11 @@ impl AxisTransform {
     #[expect(clippy::cast_possible_truncation, reason = "checked against LIMIT_UNITS by the caller")]
     pub fn new(scale: f64, offset: f64, metres_per_unit: f64, lattice: Lattice) -> Self {
         let units = f64::from(lattice.units_per_m()) * metres_per_unit;
-        let (factor, shift) = (scale * units, offset * units);
-        // A header's decimal scale such as 0.01 is a multiple of the step up to rounding in the last places; the
-        // tolerances are far below a lattice unit even when multiplied by the largest record value (2^31).
+        let factor = scale * units;
+        let shift = offset * units;
+        // A decimal scale in a header, such as 0.01, is a multiple of the step except for rounding in the
+        // last digits. The tolerances are far below a lattice unit, even times the largest record value
+        // (2^31).
         let near = |value: f64, tolerance: f64| (value - value.round()).abs() <= tolerance;
         if factor >= 0.5 && near(factor, factor * 1e-12) && near(shift, 1e-4) {
             Self::Integer { factor: factor.round() as i64, shift: shift.round() as i64 }
@@ -120,8 +135,8 @@ pub struct LatticeTransform {
 }
 
 impl LatticeTransform {
-    /// Lattice coordinates stay below this (2^50, about 10^12 m at 1 mm): no sum of three squares of differences
-    /// is formed before differences are known to be small, and every coordinate is exact as f64.
+    /// Lattice coordinates are below this limit (2^50, about 10^12 m at 1 mm). Every coordinate is then exact
+    /// as f64. Squares are summed only over differences that are known to be small.
     pub const LIMIT_UNITS: i64 = 1 << 50;
 
     /// The lattice coordinates of a record.

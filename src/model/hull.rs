@@ -1,16 +1,17 @@
-//! Convex hulls in the plane, in exact integers; what the points are is not known here.
+//! Convex hulls in the plane, in exact integers.
 
-/// Twice the signed area of the triangle: positive when `a`, `b`, `c` turn left. Exact: differences of lattice
-/// coordinates (below 2^51) have products below 2^102.
+/// Twice the signed area of the triangle: positive when `a`, `b`, `c` turn left. Exact, because differences
+/// of lattice coordinates are below 2^51 and their products below 2^102.
 fn turn(a: [i64; 2], b: [i64; 2], c: [i64; 2]) -> i128 {
     let minus = |p: [i64; 2], q: [i64; 2]| [i128::from(p[0] - q[0]), i128::from(p[1] - q[1])];
-    let (u, v) = (minus(b, a), minus(c, a));
+    let u = minus(b, a);
+    let v = minus(c, a);
     u[0] * v[1] - u[1] * v[0]
 }
 
-/// The convex hull of `points`, which are sorted on the way: counter-clockwise from the smallest (x, y), not
-/// closed, no three vertices on a line; one or two vertices when there are no more. Andrew's monotone chain
-/// (1979).
+/// The convex hull of `points`: counter-clockwise from the smallest (x, y), not closed, no three vertices on
+/// a line. It has one or two vertices when the points are in one place or on one line. Sorts `points`.
+/// Andrew's monotone chain (1979).
 pub(super) fn convex_hull(points: &mut Vec<[i64; 2]>) -> Vec<[i64; 2]> {
     points.sort_unstable();
     points.dedup();
@@ -21,7 +22,7 @@ pub(super) fn convex_hull(points: &mut Vec<[i64; 2]>) -> Vec<[i64; 2]> {
     extend_chain(&mut hull, 0, points.iter());
     let largest = hull.len() - 1;
     extend_chain(&mut hull, largest, points.iter().rev().skip(1));
-    // The smallest point closes the upper chain and began the lower one.
+    // The smallest point is the first of the lower chain and the last of the upper one.
     hull.pop();
     hull
 }
@@ -37,9 +38,9 @@ fn extend_chain<'a>(hull: &mut Vec<[i64; 2]>, fixed: usize, points: impl Iterato
     }
 }
 
-/// Drops points that are surely not on the hull: those strictly inside the hull of the extreme points of eight
-/// directions (Akl and Toussaint, 1978). Leaves a few per cent of the points of a round object. Does nothing
-/// when coordinates are 2^30 or larger, so that 64 bits do for all the rest.
+/// Drops points that cannot be on the hull: those strictly inside the hull of the extreme points in eight
+/// directions (Akl and Toussaint, 1978). A few per cent of the points of a round object remain. Does nothing
+/// when a coordinate is 2^30 or larger, so that 64 bits are enough for the products.
 pub(super) fn without_inner_points(points: &mut Vec<[i64; 2]>) {
     if points.iter().flatten().any(|value| value.abs() >= 1 << 30) {
         return;
@@ -54,10 +55,11 @@ pub(super) fn without_inner_points(points: &mut Vec<[i64; 2]>) {
     if inner.len() < 3 {
         return;
     }
-    // A point is left of the edge from a to b when left[0] x + left[1] y exceeds what it is at a.
+    // A point is left of the edge from a to b when left[0] x + left[1] y is larger there than at a.
     let edges: Vec<([i64; 2], i64)> = (0..inner.len())
         .map(|index| {
-            let (a, b) = (inner[index], inner[(index + 1) % inner.len()]);
+            let a = inner[index];
+            let b = inner[(index + 1) % inner.len()];
             let left = [a[1] - b[1], b[0] - a[0]];
             (left, left[0] * a[0] + left[1] * a[1])
         })
@@ -102,8 +104,8 @@ mod tests {
     }
 
     proptest! {
-        /// Vertices are points, turn left all the way, and have every point on their left: only the hull does
-        /// that.
+        /// Vertices are points, each turn is to the left, and every point is to the left of each edge. Only
+        /// the hull has these properties.
         #[test]
         fn hulls_are_convex_and_hold_every_point(
             points in prop::collection::vec([-30..30_i64, -30..30_i64], 3..150),
@@ -113,7 +115,8 @@ mod tests {
             prop_assert!(hull.iter().all(|vertex| points.contains(vertex)));
             let next = |index: usize| hull[(index + 1) % hull.len()];
             for index in 0..hull.len() {
-                let (a, b) = (hull[index], next(index));
+                let a = hull[index];
+                let b = next(index);
                 prop_assert!(points.iter().all(|&point| turn(a, b, point) >= 0));
                 prop_assert!(hull.len() < 3 || turn(a, b, next(index + 1)) > 0);
             }

@@ -1,13 +1,30 @@
-//! The nouns that every other module shares: frames and units, point classes, reach, the points of one tile, the
-//! records of a file, the parts of an object.
+//! The nouns that all modules share: frames and units, point classes, reach, the points of one tile, the
+//! records of a file, the parts of an object, the columns of the table of objects.
+//!
+//! ```
+//! use chainage::model::{Lattice, ObjectPart, TileCloud};
+//!
+//! // A triangle of 4 m by 3 m, in two parts: merged in any order, they make the same object.
+//! let points = [[0, 0, 0], [4_000, 0, 500], [0, 3_000, 1_000]];
+//! let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+//! let part = |core: &dyn Fn(usize) -> bool| ObjectPart::collect(&cloud, &[1, 1, 1], 1, core, |_| 0).remove(0);
+//! let mut object = part(&|point| point == 2);
+//! object.merge(&part(&|point| point != 2));
+//! assert_eq!(object.points, 3);
+//! assert_eq!(object.hi, [4_000, 3_000, 1_000]);
+//! assert!((object.hull_area_units2() - 6e6).abs() < 1e-9);
+//! ```
 
 mod chart;
 mod class;
 mod cloud;
+mod column;
 mod error;
 mod field;
+mod field_space;
 mod frame;
 mod hull;
+mod ids;
 mod object;
 mod reach;
 mod records;
@@ -15,9 +32,13 @@ mod records;
 pub use chart::{Chart, ChartAxis, Series};
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
+pub use column::{Column, ColumnType, ColumnUnit, Value};
 pub use error::AlgorithmError;
-pub use field::{Field, FieldAxis, FieldSpace, FieldSums};
+pub use field::{Field, FieldSums};
+pub use field_space::{FieldAxis, FieldSpace};
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
+pub(crate) use ids::in_u32;
+pub use ids::{FileId, TileId};
 pub use object::ObjectPart;
 pub use reach::Reach;
 pub use records::{RecordView, record_xyz};

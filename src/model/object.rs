@@ -1,7 +1,8 @@
-//! What is known of an object, or of the part of one that a tile holds; parts merge exactly, in any order.
+//! The measurements of an object, or of the part of an object inside one tile. Parts merge exactly, in any
+//! order.
 //!
-//! Everything is an integer on the lattice and every field is a sum, a smallest, a largest, a set or a convex
-//! hull of points, so that the whole does not depend on how tiles cut it. No names, no ground, no world
+//! Every number is an integer on the lattice. Every field is a sum, a minimum, a maximum, a set or a convex
+//! hull, so the result does not depend on the cut into tiles. There are no names, no ground and no world
 //! coordinates here.
 #![expect(
     clippy::cast_possible_truncation,
@@ -13,10 +14,10 @@ use serde::{Deserialize, Serialize};
 use super::hull::{convex_hull, doubled_area, without_inner_points};
 use crate::model::TileCloud;
 
-/// Points above which inner ones are dropped before their hull is made: below, sorting all is as fast.
+/// Above this number of points, inner ones are dropped before the hull; below it, sorting all is as fast.
 const MANY_POINTS: usize = 64;
 
-/// An object or a part of one.
+/// An object, or a part of one.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ObjectPart {
     /// Number of points.
@@ -29,16 +30,16 @@ pub struct ObjectPart {
     pub hi: [i64; 3],
     /// Sums of lattice coordinates.
     pub sum: [i128; 3],
-    /// Convex hull of the points in the plane, lattice coordinates: counter-clockwise from the smallest (x, y),
-    /// not closed, no three vertices on a line. One or two vertices when all points are in one place or on one
-    /// line.
+    /// Convex hull of the points in the plane, in lattice coordinates: counter-clockwise from the smallest
+    /// (x, y), not closed, no three vertices on a line. One or two vertices when all points are in one place
+    /// or on one line.
     pub hull: Vec<[i64; 2]>,
-    /// Files that hold points of it, ascending, each once.
+    /// Files with points of the object, ascending, without repetition.
     pub files: Vec<u32>,
 }
 
 impl ObjectPart {
-    /// No points at all: merging it changes nothing.
+    /// No points. Merging it changes nothing.
     #[must_use]
     pub fn empty() -> Self {
         Self {
@@ -52,10 +53,9 @@ impl ObjectPart {
         }
     }
 
-    /// The parts of the labels 1 to `count` of a cloud, over the points (by position) that are in the `core`; a
-    /// label without any is [`Self::empty`]. `file` tells the file of a point id and does not decrease with it,
-    /// ids being what they are ([`TileCloud`]). O(points) and O(m log m) for the few points that may be on a
-    /// hull.
+    /// The parts with the labels 1 to `count`, over the points for which `core` (by position) is true. A
+    /// label without points gives [`Self::empty`]. `file` maps a point id to its file and must not decrease
+    /// with the id ([`TileCloud`]). O(points), and O(m log m) for the few points that may be on a hull.
     #[must_use]
     pub fn collect(
         cloud: &TileCloud,
@@ -65,7 +65,7 @@ impl ObjectPart {
         file: impl Fn(u64) -> u32,
     ) -> Vec<Self> {
         let wanted = |point: &usize| labels[*point] != 0 && core(*point);
-        // Positions of the points by label: first[l] is where those of label l end once all are placed.
+        // Positions of the points, grouped by label: after the loop, first[l] is the end of label l.
         let mut first = vec![0_u32; count as usize + 2];
         for point in (0..labels.len()).filter(wanted) {
             first[labels[point] as usize + 1] += 1;
@@ -91,7 +91,7 @@ impl ObjectPart {
         first[1..=count as usize].iter().map(part_of).collect()
     }
 
-    /// The part of some points of a cloud, by position; `plane` is memory to use again.
+    /// The part of the points at these positions; `plane` is a buffer that is reused.
     fn of_members(
         cloud: &TileCloud,
         members: &[u32],
@@ -104,7 +104,7 @@ impl ObjectPart {
         }
         part.points = members.len() as u64;
         plane.clear();
-        // Local sums: 2^32 points of 2^31 units fit i64.
+        // Local sums: 2^32 points times 2^31 units fit i64.
         let mut sum = [0_i64; 3];
         let mut last_id = 0;
         for &point in members {
@@ -140,7 +140,7 @@ impl ObjectPart {
         part
     }
 
-    /// Adds another part of the same object; the two share no point.
+    /// Adds another part of the same object. The two parts have no point in common.
     pub fn merge(&mut self, other: &Self) {
         self.points += other.points;
         self.first_id = self.first_id.min(other.first_id);
@@ -156,7 +156,7 @@ impl ObjectPart {
         self.files.dedup();
     }
 
-    /// Area of the hull in square lattice units; the only number here that is rounded.
+    /// Area of the hull in square lattice units; the only rounded number here.
     #[must_use]
     pub fn hull_area_units2(&self) -> f64 {
         doubled_area(&self.hull) as f64 / 2.0
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_hold_what_their_points_say() {
+    fn parts_sum_up_their_points() {
         let points = [[-5, 0, 7], [1, 1, 1], [3, 0, 9], [8, 8, 8], [-1, 4, 2], [0, 1, 5]];
         let labels = [2, 0, 2, 1, 2, 2];
         // The last of label 2 is in the halo, label 3 has no points. Files of three points each.
@@ -213,7 +213,8 @@ mod tests {
         ) {
             let places: Vec<[i64; 3]> =
                 points.iter().map(|(p, _)| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]).collect();
-            let (cloud, labels) = (cloud(&places), vec![1; points.len()]);
+            let cloud = cloud(&places);
+            let labels = vec![1; points.len()];
             let collect = |core: &dyn Fn(usize) -> bool| {
                 ObjectPart::collect(&cloud, &labels, 1, core, |id| id as u32 / 7).remove(0)
             };

@@ -1,19 +1,22 @@
-//! How far away a point may be and still matter to a decision.
+//! The distance within which a point can matter to a decision.
 
-/// What a method promises about the neighbourhood its decisions depend on; the halo of tiles follows from it.
+/// What a method promises about the neighbourhood that its decisions depend on. The halo of a tile follows
+/// from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reach {
-    /// The decision for a point (ground: its class; clustering: which pairs it is joined with) depends only on points
-    /// within this horizontal distance, so that after stitching tiled equals untiled bit for bit.
+    /// The decision for a point depends only on points within this horizontal distance. For a ground filter
+    /// it is the class, for clustering the pairs that are joined. After stitching, the tiled result equals
+    /// the untiled one bit for bit.
     Exact {
         /// Horizontal distance in metres.
         metres: f64,
     },
-    /// An iterative or global method that only converges with distance; tile cores agree to at least `tolerance`.
+    /// An iterative or global method that only converges with distance. In tile cores, at least the share
+    /// `tolerance` of the points agrees.
     Settling {
         /// Horizontal distance in metres.
         metres: f64,
-        /// Share of points (0 to 1) that agree with the untiled result at least.
+        /// Smallest share of points (0 to 1) that agree with the untiled result.
         tolerance: f64,
     },
 }

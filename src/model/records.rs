@@ -1,13 +1,13 @@
-//! A block of uncompressed point records, as bytes and how to read them.
+//! A block of uncompressed point records: the bytes and their layout.
 
-/// Uncompressed records of one block and how to read them.
+/// Uncompressed records of one block, and their layout.
 #[derive(Debug, Clone, Copy)]
 pub struct RecordView<'a> {
     /// The records, one after the other.
     pub bytes: &'a [u8],
     /// Bytes per record; x, y and z are its first twelve.
     pub stride: usize,
-    /// Where in a record the GPS time is, if the format has one.
+    /// Offset of the GPS time in a record, if the format has one.
     pub gps_time: Option<usize>,
 }
 

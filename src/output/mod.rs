@@ -1,19 +1,13 @@
 //! Output: labelled copies of the input files, the object table, the report.
 
-mod chart;
-pub(crate) mod descriptor;
-mod edit;
 mod error;
-mod labelled;
-pub(crate) mod laz_chunk;
-pub(crate) mod new_file;
-mod objects;
-mod record;
+pub mod objects;
+pub(crate) mod points;
+mod report;
 mod save;
-mod tail;
 
-pub use chart::{ChartError, chart_svg};
+pub use crate::config::OutputFormat;
 pub use error::OutputError;
-pub use labelled::{LabelOptions, LabelledFile, OutputFormat, check_names};
-pub use objects::{ObjectRow, write_csv, write_geojson};
+pub use points::{LabelOptions, LabelledFile, check_names};
+pub use report::{ChartError, chart_svg};
 pub use save::save;

@@ -18,6 +18,16 @@ pub enum RunError {
         /// Units of it in all.
         total: usize,
     },
+    /// A step that is repeated until it has settled did not.
+    #[error("pass {pass} has not settled after {rounds} rounds: {tiles} tiles would run again")]
+    NotSettled {
+        /// Name of the pass.
+        pass: String,
+        /// Rounds after which it gives up.
+        rounds: u32,
+        /// Tiles whose neighbours still change.
+        tiles: usize,
+    },
     /// Some tiles failed; the others were finished.
     #[error("{failed} of {total} units of pass {pass} failed, the first: {first}")]
     UnitsFailed {
@@ -37,12 +47,14 @@ impl Failure for RunError {
         match self {
             Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::UnitsFailed { .. } => ErrorKind::UnitsFailed,
+            Self::NotSettled { .. } => ErrorKind::Bug,
         }
     }
 
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::Interrupted { .. } => "the same command resumes".into(),
+            Self::NotSettled { .. } => "please report this with the command line and report.json".into(),
             Self::UnitsFailed { .. } => "the same command tries the failed units again".into(),
         })
     }

@@ -1,18 +1,14 @@
-//! Estimating epsilon over a drive without clustering it: survey, plan, ground, curve.
+//! Estimating epsilon over a drive without clustering it: the flow, stopped after the step that estimates.
 
 use std::path::PathBuf;
 
-use crate::cluster::Method;
+use crate::cluster::dbscan::epsilon::{DriveEpsilon, STEP};
 use crate::config::{Config, ConfigError};
 use crate::error::Result;
-use crate::run::drive::Drive;
-use crate::run::engine::{CancelToken, PassFigures};
-use crate::run::flow::Flow;
-use crate::run::methods::{Chain, Registries};
-use crate::run::observe::{Event, Observer};
-use crate::run::prepare::DriveEpsilon;
-use crate::run::{identity, look, status};
-use crate::store::RunDir;
+use crate::run::chain::{Chain, Registries};
+use crate::run::engine::{CancelToken, Driver, Event, Here, Observer, PassFigures};
+use crate::run::open::{self, Opened};
+use crate::run::{computed, flow};
 
 /// What epsilon is to be estimated over.
 #[derive(Debug, Clone)]
@@ -37,25 +33,21 @@ pub fn estimate_epsilon(
     cancel: &CancelToken,
 ) -> Result<(DriveEpsilon, Vec<PassFigures>)> {
     let config = &request.config;
-    let catalog = look::open_catalog(&request.inputs, config)?;
-    identity::check_apart(&catalog, &request.out)?;
+    let catalog = open::catalog(&request.inputs, config)?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-    if !matches!(&chain.method, Method::Prepared(method) if method.needs().epsilon) {
+    let Some(step) = chain.method.steps().iter().position(|step| step.name == STEP) else {
         let expected = "a method whose epsilon is \"auto\", as in dbscan";
         return Err(ConfigError::value("cluster.method", &config.cluster.method, expected).into());
-    }
-    let run_dir = RunDir::open(&request.out, false)?;
-    identity::check_input(&run_dir, &catalog)?;
-    status::record_request(&run_dir, &request.inputs, config)?;
+    };
+    let run_dir = open::lock(&catalog, &request.out, false)?;
     let warnings = catalog.warnings().to_vec();
-    let drive = Drive::open(catalog, config, &run_dir)?;
-    let mut flow = Flow::new(&run_dir, config, &drive, &chain, observer, cancel);
-    let scene = flow.survey()?;
-    for text in warnings.iter().chain(&scene.warnings) {
-        flow.engine.tell(&Event::Warning { text });
+    let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
+    let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
+    let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
+    for text in warnings.iter().chain(&surveyed.warnings) {
+        driver.tell(&Event::Warning { text });
     }
-    let plan = flow.plan(&scene)?;
-    let found = flow.estimate(&scene, &plan)?;
-    let found = found.ok_or_else(|| crate::Error::bug("nothing was estimated".to_owned()))?;
-    Ok((found, flow.passes))
+    let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
+    let global = computed(flow::global_of_step(&open, &mut driver, &run_dir, &planned, step)?)?;
+    Ok((DriveEpsilon::decode(&global)?, driver.figures))
 }

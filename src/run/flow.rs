@@ -1,253 +1,219 @@
-//! The flow of a run: survey, plan, passes over tiles, stitching, export; each step a pass and its reduction.
+//! The flow: the one list of passes, and the walk along it. `run`, `estimate-epsilon`, `status`, `plan` and `info` walk it,
+//! each with a driver of its own; the walk stops where a pass is not complete and the driver does not compute it.
+//!
+//! What a pass returned makes the next value: the survey a plan, the plan tiles, the ground pass tiles with classes.
 
-use crate::cluster::Method;
-use crate::codec;
-use crate::config::Config;
+use crate::cluster::{Figures, Method};
 use crate::error::Result;
-use crate::model::FieldSpace;
 use crate::output::LabelledFile;
-use crate::run::budget::Budget;
-use crate::run::clustered::{Clustered, Objects};
-use crate::run::drive::Drive;
-use crate::run::engine::{CancelToken, Engine, PassFigures};
-use crate::run::export_pass::ExportPass;
-use crate::run::fields_pass::StoredFields;
-use crate::run::finish::{self, Counts, Finished};
-use crate::run::ground_pass::{GroundPass, GroundPayload};
-use crate::run::methods::Chain;
-use crate::run::observe::{Event, Observer};
-use crate::run::prepare::{self, DriveEpsilon, Setting};
-use crate::run::scatter_pass::{ScatterPass, Scattered};
-use crate::run::scene::Scene;
-use crate::run::street::Street;
-use crate::run::survey_pass::SurveyPass;
-use crate::run::terrain::Terrain;
-use crate::run::tiles::Tiles;
-use crate::run::{identity, inputs};
-use crate::store::{Inputs, PassDir, RunDir};
+use crate::run::drive::{StoredFields, Surveyed, Tiled};
+use crate::run::engine::{Driver, Event, Outline};
+use crate::run::finish::mark::{self, Finished};
+use crate::run::finish::tables;
+use crate::run::open::Opened;
+use crate::run::passes::export::{self, ExportPass};
+use crate::run::passes::fields::{self, FieldsPass};
+use crate::run::passes::ground::{self, GroundPass};
+use crate::run::passes::relabel::{self, PointColumns, RelabelPass};
+use crate::run::passes::scatter::{self, ScatterPass};
+use crate::run::passes::stitch::{self, StitchPass};
+use crate::run::passes::survey::SurveyPass;
+use crate::run::passes::{MethodDrive, Progress, method};
+use crate::run::plan;
+use crate::run::summary::Counts;
+use crate::store::RunDir;
 use crate::survey::SurveyError;
-use crate::tiling::{Plan, TileSize};
+use crate::tiling::Plan;
 
 /// Records that tiles may read per point they need before the points are grouped by tile (architecture, section 3).
 const LARGEST_AMPLIFICATION: f64 = 3.0;
 
-/// What the tiles and files came to.
+/// A drive that was surveyed and cut into tiles.
+pub(crate) struct Planned {
+    pub(crate) surveyed: Surveyed,
+    pub(crate) plan: Plan,
+}
+
+/// The outputs of a run.
 pub(crate) struct Outcome {
     pub(crate) counts: Counts,
     pub(crate) objects: usize,
-    /// What is finished once the report is written; none when it had been before.
-    pub(crate) unmarked: Option<(PassDir, Finished)>,
-    /// What the clustering method has to say about its stages.
-    pub(crate) stages: Option<serde_json::Value>,
-    /// What was estimated for it.
-    pub(crate) epsilon: Option<DriveEpsilon>,
+    /// What is finished once the report is written, with the outline of the export; none when it had been before.
+    pub(crate) unmarked: Option<(Outline, Finished)>,
+    /// What the clustering method has to say about its steps.
+    pub(crate) figures: Figures,
+    /// What the user should know and was not told before the tiles.
+    pub(crate) warnings: Vec<String>,
 }
 
-/// What a method had to know of the whole drive.
-struct Known {
-    space: FieldSpace,
-    fields: Option<StoredFields>,
-    epsilon: Option<DriveEpsilon>,
+/// Surveys the drive.
+pub(crate) fn survey<D: Driver>(
+    open: &Opened<'_>,
+    driver: &mut D,
+    run_dir: Option<&RunDir>,
+) -> Result<Option<Surveyed>> {
+    if open.drive.catalog.point_count() == 0 {
+        return Err(SurveyError::Empty { files: open.drive.catalog.files().len() }.into());
+    }
+    let Some(survey) = driver.complete(&SurveyPass::of(&open.drive, open.config, run_dir))? else {
+        return Ok(None);
+    };
+    Surveyed::new(&open.drive, survey, open.config).map(Some)
 }
 
-/// A run under way.
-pub(crate) struct Flow<'a> {
-    pub(crate) engine: Engine<'a>,
-    pub(crate) passes: Vec<PassFigures>,
-    config: &'a Config,
-    drive: &'a Drive,
-    chain: &'a Chain,
-    budget: Budget,
+/// Cuts the drive into tiles that fit the budget beside what is held of the whole drive.
+pub(crate) fn plan<D: Driver>(
+    open: &Opened<'_>,
+    driver: &mut D,
+    surveyed: Surveyed,
+) -> Result<Option<Planned>> {
+    let budget = open.budget.beside(surveyed.held_bytes());
+    driver.limit_memory(budget.memory);
+    let plan = plan::settle(driver, &surveyed, &open.drive, &open.chain, open.config, &budget)?;
+    Ok(plan.map(|plan| Planned { surveyed, plan }))
 }
 
-impl<'a> Flow<'a> {
-    /// A flow in `run_dir`, with the threads and the memory that the settings ask for.
-    pub(crate) fn new(
-        run_dir: &'a RunDir,
-        config: &'a Config,
-        drive: &'a Drive,
-        chain: &'a Chain,
-        observer: &'a dyn Observer,
-        cancel: &'a CancelToken,
-    ) -> Self {
-        let budget = Budget::resolve(&config.run);
-        let engine = Engine {
-            run_dir,
-            threads: budget.threads,
-            memory: budget.memory,
-            fail_fast: config.run.fail_fast,
-            observer,
-            cancel,
-        };
-        Self { engine, passes: Vec::new(), config, drive, chain, budget }
+/// The passes behind the plan, in order. What a pass depends on is known before any of them is complete.
+pub(crate) struct List {
+    scatter: Option<Outline>,
+    ground: Outline,
+    fields: Option<Outline>,
+    steps: Vec<Outline>,
+    stitch: Outline,
+    relabel: Outline,
+    export: Outline,
+}
+
+impl List {
+    fn of(open: &Opened<'_>, planned: &Planned, scatters: bool) -> Self {
+        let (Planned { surveyed, plan }, config, chain) = (planned, open.config, &open.chain);
+        let method: &dyn Method = &*chain.method;
+        let ground = ground::outline(surveyed, plan, config, chain);
+        let steps = method::outlines(&ground, config, method);
+        let stitch = stitch::outline(&steps, config, method);
+        let relabel = relabel::outline(&stitch);
+        let export = export::outline(&relabel, surveyed, config);
+        let fields = method.fields();
+        Self {
+            scatter: scatters.then(|| scatter::outline(surveyed, plan)),
+            ground,
+            fields: (!fields.is_empty()).then(|| fields::outline(surveyed, fields)),
+            steps,
+            stitch,
+            relabel,
+            export,
+        }
     }
 
-    fn pass_dir(&self, folder: &str, inputs: Inputs) -> PassDir {
-        self.engine.run_dir.pass(folder, inputs)
+    /// All of them with their numbers of units, as far as these are known.
+    fn all(&self, open: &Opened<'_>, planned: &Planned) -> Vec<(Outline, Option<usize>)> {
+        let (tiles, runs) = (Some(planned.plan.tiles.len()), Some(open.drive.block_runs().len()));
+        let mut all = Vec::new();
+        all.extend(self.scatter.iter().map(|outline| (outline, runs)));
+        all.push((&self.ground, tiles));
+        all.extend(self.fields.iter().map(|outline| (outline, runs)));
+        all.extend(self.steps.iter().map(|outline| (outline, tiles)));
+        all.extend([(&self.stitch, Some(1)), (&self.relabel, runs), (&self.export, None)]);
+        all.into_iter().map(|(outline, units)| (outline.clone(), units)).collect()
     }
+}
 
-    /// Surveys the drive.
-    pub(crate) fn survey(&mut self) -> Result<Scene> {
-        if self.drive.catalog.point_count() == 0 {
-            return Err(SurveyError::Empty { files: self.drive.catalog.files().len() }.into());
-        }
-        let dir = self.pass_dir(inputs::SURVEY, inputs::survey(self.drive, self.config));
-        let pass = SurveyPass { drive: self.drive, runs: self.drive.block_runs() };
-        identity::check_content(self.engine.run_dir, self.drive, &pass, &dir)?;
-        self.passes.push(self.engine.execute(&pass, &dir)?);
-        let scene = Scene::new(self.drive, pass.reduce(&dir)?, self.config)?;
-        self.budget = self.budget.beside(scene.held_bytes());
-        self.engine.memory = self.budget.memory;
-        Ok(scene)
-    }
+/// Completes the passes from the plan to step `last` of the method, and lets `then` go on from there.
+fn through_step<D: Driver, R>(
+    open: &Opened<'_>,
+    driver: &mut D,
+    run_dir: &RunDir,
+    planned: &Planned,
+    last: usize,
+    then: impl FnOnce(&mut D, &List, &Progress<'_>) -> Result<Option<R>>,
+) -> Result<Option<R>> {
+    let (Planned { surveyed, plan }, drive, chain) = (planned, &open.drive, &open.chain);
+    let mut tiled = Tiled::whole_blocks(drive, surveyed, plan);
+    let amplification = tiled.amplification(chain.ground_reach);
+    let list = List::of(open, planned, amplification > LARGEST_AMPLIFICATION);
+    driver.expect(&list.all(open, planned));
 
-    /// The plan of an earlier call if it still serves, else one that fits the budget.
-    pub(crate) fn plan(&self, scene: &Scene) -> Result<Plan> {
-        let street = Street::of(scene, self.drive);
-        let stored: Option<TileSize> = self.engine.run_dir.read_json("plan.json")?;
-        if let (Some(size @ TileSize::Equal { .. }), true) = (&stored, self.config.tiling.tile_length <= 0.0)
-        {
-            let plan = street.plan(size);
-            if self.chain.largest_tile_bytes(&plan) <= self.budget.memory {
-                return Ok(plan);
-            }
-        }
-        let (size, plan) = street.fit(self.config, self.chain, &self.budget);
-        if stored.as_ref() != Some(&size) {
-            self.engine.run_dir.write_json("plan.json", &size)?;
-        }
-        let largest = self.chain.largest_tile_bytes(&plan);
-        if largest > self.budget.memory {
-            let text = format!(
-                "the largest tile needs about {} MiB, the budget is {} MiB: it is processed alone",
-                largest >> 20,
-                self.budget.memory >> 20
-            );
-            self.engine.tell(&Event::Warning { text: &text });
-        }
-        Ok(plan)
-    }
-
-    /// The points grouped by tile, where tiles would read too many blocks in vain.
-    fn scatter(&mut self, scene: &Scene, tiles: &Tiles<'_>) -> Result<Option<Scattered>> {
-        let amplification = tiles.amplification(self.chain.ground_reach);
-        if amplification <= LARGEST_AMPLIFICATION {
-            return Ok(None);
-        }
+    if let Some(outline) = &list.scatter {
         let text = format!(
             "the order of the records would make tiles read {amplification:.1} times what they need: \
              the points are grouped by tile first"
         );
-        self.engine.tell(&Event::Warning { text: &text });
-        let pass = ScatterPass::new(self.drive, tiles.plan.owners(), self.engine.run_dir)?;
-        let dir = self.pass_dir(inputs::SCATTER, inputs::scatter(scene, tiles.plan));
-        pass.forget_lost(&dir)?;
-        self.passes.push(self.engine.execute(&pass, &dir)?);
-        Ok(Some(pass.reduce(&dir)?))
+        driver.tell(&Event::Warning { text: &text });
+        let pass = ScatterPass::of(drive, plan, run_dir, outline.clone());
+        let Some(scattered) = driver.complete(&pass)? else { return Ok(None) };
+        tiled = tiled.grouped(scattered);
+    }
+    let pass = GroundPass::of(&tiled, chain, list.ground.clone());
+    let Some(classified) = driver.complete(&pass)? else { return Ok(None) };
+    for text in &classified.warnings {
+        driver.tell(&Event::Warning { text });
     }
 
-    /// Tells ground and noise from objects: the finished pass, and the points of objects in the core of each tile.
-    fn ground(&mut self, tiles: &Tiles<'_>, inputs: &Inputs) -> Result<(PassDir, Vec<u64>)> {
-        let dir = self.pass_dir(inputs::GROUND, inputs.clone());
-        let pass = GroundPass {
-            tiles,
-            noise: self.chain.noise.as_ref(),
-            filter: &*self.chain.filter,
-            reach: self.chain.ground_reach,
-        };
-        self.passes.push(self.engine.execute(&pass, &dir)?);
-        let objects = pass.reduce(&dir)?;
-        Ok((dir, objects))
+    let stored = StoredFields::of(drive, chain.method.fields(), &fields::writers())?;
+    let mut over = MethodDrive { classified: &classified, method: &*chain.method, fields: None };
+    if let Some(outline) = &list.fields {
+        let pass = FieldsPass::of(drive, &stored, run_dir, outline.clone());
+        let Some(sums) = driver.complete(&pass)? else { return Ok(None) };
+        over.fields = Some((&stored, sums));
     }
+    if driver.computes() {
+        method::remove_others(run_dir, &list.steps)?;
+    }
+    let Some(progress) = method::complete(driver, &over, &list.steps, last)? else { return Ok(None) };
+    then(driver, &list, &progress)
+}
 
-    /// What the method has to know of the whole drive, if anything, after the ground pass.
-    fn know(&mut self, scene: &Scene, tiles: &Tiles<'_>, ground: &Inputs) -> Result<Option<Known>> {
-        let Method::Prepared(method) = &self.chain.method else { return Ok(None) };
-        let (needs, passes) = (method.needs(), &mut self.passes);
-        let setting = Setting { engine: &self.engine, config: self.config, scene, ground };
-        let (space, fields) = prepare::field_space(&setting, passes, tiles, needs)?;
-        let mut epsilon = None;
-        if needs.epsilon {
-            let population = tiles.objects.iter().sum();
-            let tiles = Tiles { fields: fields.as_ref(), ..*tiles };
-            epsilon = Some(prepare::estimate(&setting, passes, &tiles, needs, &space, population)?);
+/// The global of a step of the method that is not the last.
+pub(crate) fn global_of_step<D: Driver>(
+    open: &Opened<'_>,
+    driver: &mut D,
+    run_dir: &RunDir,
+    planned: &Planned,
+    step: usize,
+) -> Result<Option<Vec<u8>>> {
+    through_step(open, driver, run_dir, planned, step, |_, _, progress| {
+        Ok(progress.done.get(step).map(|(_, global)| global.clone()))
+    })
+}
+
+/// Ground, clusters, stitching, labelled files and tables.
+pub(crate) fn to_files<D: Driver>(
+    open: &Opened<'_>,
+    driver: &mut D,
+    run_dir: &RunDir,
+    planned: &Planned,
+    labelled: Vec<LabelledFile>,
+) -> Result<Option<Outcome>> {
+    let last = open.chain.method.steps().len() - 1;
+    through_step(open, driver, run_dir, planned, last, |driver, list, progress| {
+        let method = progress.over.method;
+        let mut figures = method.figures(progress)?;
+        let warnings = progress.over.classified.warnings.clone();
+        let (counts, terrain) = ground::summed_up(progress.over.classified)?;
+        if let Some(finished) = mark::already_finished(run_dir, list.export.depends.fingerprint())? {
+            return Ok(Some(Outcome {
+                counts,
+                objects: finished.objects,
+                unmarked: None,
+                figures,
+                warnings,
+            }));
         }
-        Ok(Some(Known { space, fields, epsilon }))
-    }
-
-    /// Ground and epsilon, and nothing after that.
-    pub(crate) fn estimate(&mut self, scene: &Scene, plan: &Plan) -> Result<Option<DriveEpsilon>> {
-        let mut tiles = Tiles::of(self.drive, plan, scene);
-        let scattered = self.scatter(scene, &tiles)?;
-        tiles.scattered = scattered.as_ref();
-        let ground = inputs::ground(scene, plan, self.config, self.chain);
-        let (_, objects) = self.ground(&tiles, &ground)?;
-        tiles.objects = &objects;
-        Ok(self.know(scene, &tiles, &ground)?.and_then(|known| known.epsilon))
-    }
-
-    /// Ground, clusters, stitching, labelled files and tables.
-    pub(crate) fn tiles_to_files(
-        &mut self,
-        scene: &Scene,
-        plan: &Plan,
-        labelled: Vec<LabelledFile>,
-    ) -> Result<Outcome> {
-        let mut tiles = Tiles::of(self.drive, plan, scene);
-        let scattered = self.scatter(scene, &tiles)?;
-        tiles.scattered = scattered.as_ref();
-        let ground_inputs = inputs::ground(scene, plan, self.config, self.chain);
-        let cluster_inputs = inputs::clusters(&ground_inputs, self.config, &self.chain.method);
-        let export_inputs = inputs::export(&cluster_inputs, scene, self.config, &self.chain.method);
-        let (ground_dir, objects) = self.ground(&tiles, &ground_inputs)?;
-        tiles.objects = &objects;
-        let known = self.know(scene, &tiles, &ground_inputs)?;
-        tiles.fields = known.as_ref().and_then(|known| known.fields.as_ref());
-        let folders: Vec<&str> = cluster_inputs.iter().map(|(folder, _)| folder.as_str()).collect();
-        // Every method writes the labels of points to one place.
-        self.engine.run_dir.keep_passes(inputs::CLUSTER, &folders)?;
-        let cluster_dirs: Vec<PassDir> =
-            cluster_inputs.into_iter().map(|(folder, inputs)| self.pass_dir(&folder, inputs)).collect();
-        let export_dir = self.pass_dir(inputs::EXPORT, export_inputs);
-
-        let ready = match (&self.chain.method, &known) {
-            (Method::Prepared(method), Some(known)) => {
-                Some(prepare::ready(&**method, &tiles, &known.space, known.epsilon.as_ref())?)
-            }
-            _ => None,
-        };
-        let (method, reach) = ready
-            .as_ref()
-            .map_or((&self.chain.method, self.chain.cluster_reach), |(method, reach)| (method, *reach));
-        let epsilon = known.as_ref().and_then(|known| known.epsilon.clone());
-        let clustered = Clustered::run(&self.engine, &mut self.passes, &tiles, method, reach, cluster_dirs)?;
-
-        let payloads = (0..plan.tiles.len())
-            .map(|tile| -> Result<GroundPayload> { codec::decode(&ground_dir.payload(tile)?) });
-        let (grid, lattice) = (self.drive.grid, self.drive.lattice());
-        let (counts, terrain) = Terrain::collect(payloads, grid, lattice, scene.lowest())?;
-        if let Some(finished) = finish::already_finished(self.engine.run_dir, &export_dir)? {
-            return Ok(Outcome { counts, objects: finished.objects, unmarked: None, stages: None, epsilon });
+        let pass = StitchPass::of(progress, list.stitch.clone());
+        let Some(objects) = driver.complete(&pass)? else { return Ok(None) };
+        let columns = PointColumns::new();
+        let pass = RelabelPass::of(progress, &objects, &columns, run_dir, list.relabel.clone())?;
+        let Some(()) = driver.complete(&pass)? else { return Ok(None) };
+        if !driver.computes() {
+            return Ok(None);
         }
-        let started = std::time::Instant::now();
-        let Objects { stitched, figures, charts } = clustered.objects()?;
-        self.passes.push(PassFigures {
-            pass: "stitch",
-            units: plan.tiles.len(),
-            resumed: 0,
-            points: 0,
-            seconds: started.elapsed().as_secs_f64(),
-        });
-        finish::withdraw(self.engine.run_dir, &export_dir)?;
-        let export =
-            ExportPass::new(self.drive, plan.owners(), &stitched.ids, labelled, self.engine.run_dir)?;
-        export.begin(&export_dir, self.engine.run_dir)?;
-        self.passes.push(self.engine.execute(&export, &export_dir)?);
-        export.reduce(&export_dir, self.engine.run_dir)?;
-        finish::write_tables(self.engine.run_dir, self.drive, scene, &stitched, &terrain)?;
-        finish::write_charts(self.engine.run_dir, &charts)?;
-        let objects = stitched.objects.len();
-        let unmarked = Some((export_dir, Finished { objects, files: export.names() }));
-        Ok(Outcome { counts, objects, unmarked, stages: figures, epsilon })
-    }
+        let pass = ExportPass::of(&open.drive, &columns, labelled, run_dir, list.export.clone());
+        let Some(files) = driver.complete(&pass)? else { return Ok(None) };
+        tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects.objects, &terrain)?;
+        tables::write_charts(run_dir, &objects.charts)?;
+        figures.extend(objects.figures);
+        let count = objects.objects.len();
+        let unmarked = Some((list.export.clone(), Finished { objects: count, files }));
+        Ok(Some(Outcome { counts, objects: count, unmarked, figures, warnings }))
+    })
 }

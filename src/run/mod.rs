@@ -1,62 +1,39 @@
 //! Running: joins everything above. `open -> catalog -> survey -> plan -> passes over tiles -> stitch -> relabel ->
-//! export`, with the state on disk after every unit.
+//! export`, with the state on disk after every unit. Read [`flow`] first.
 
-mod budget;
-mod cluster_pass;
-mod clustered;
-mod curve_pass;
+mod chain;
 mod drive;
 mod engine;
 mod error;
 mod estimate;
-mod export_pass;
-mod fields_pass;
 mod finish;
-mod floor;
 mod flow;
-mod ground_pass;
-mod held;
-mod identity;
-mod in_flight;
-mod inputs;
 mod look;
-mod map;
-mod methods;
-mod observe;
-mod prepare;
-mod rows;
-mod scatter_pass;
-mod scene;
-mod staged_pass;
-mod status;
-mod street;
-mod survey_pass;
-mod terrain;
-mod tiles;
+mod open;
+mod passes;
+mod plan;
+mod summary;
 
 use std::path::PathBuf;
 
-use serde::Serialize;
-
 use crate::config::Config;
-use crate::error::Result;
-use crate::store::RunDir;
+use crate::error::{Error, Result};
 
-use drive::Drive;
-use flow::Flow;
-use methods::Chain;
+use chain::Chain;
+use engine::{Driver, Here};
+use finish::{mark, names, report};
+use open::Opened;
 
-pub use engine::{CancelToken, PassFigures};
+pub use chain::Registries;
+pub use drive::AxisFacts;
+pub use engine::{CancelToken, Event, Observer, PassFigures, Silent};
 pub use error::RunError;
 pub use estimate::{EstimateRequest, estimate_epsilon};
-pub use finish::Counts;
-pub use floor::{codec_floor, copy_floor, files_of};
-pub use look::{DriveFacts, FileFacts, PlanFacts, TileFacts, look_at, plan_of};
-pub use methods::Registries;
-pub use observe::{Event, Observer, Silent};
-pub use prepare::{Cost, DriveEpsilon};
-pub use scene::AxisFacts;
-pub use status::{PassStatus, RunStatus, status};
+pub use look::{
+    DriveFacts, FileFacts, PlanFacts, TileFacts, codec_floor, copy_floor, files_of, look_at, plan_of,
+};
+pub use look::{PassStatus, RunStatus, status};
+pub use summary::{Counts, RunSummary};
 
 /// What to run.
 #[derive(Debug, Clone)]
@@ -73,76 +50,51 @@ pub struct RunRequest<'a> {
     pub registries: Registries<'a>,
 }
 
-/// What a run came to.
-#[derive(Debug, Clone, Serialize)]
-pub struct RunSummary {
-    /// Points of the drive.
-    pub points: u64,
-    /// Points by class.
-    pub counts: Counts,
-    /// Objects.
-    pub objects: usize,
-    /// Tiles.
-    pub tiles: usize,
-    /// Wall time of this call in seconds.
-    pub seconds: f64,
-    /// Whether everything had been there already.
-    pub nothing_to_do: bool,
-    /// Figures of the stages of the clustering method, where it has stages and they were reduced by this call.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stages: Option<serde_json::Value>,
-    /// The epsilon that was estimated, with its curve, where the method asked for one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub epsilon: Option<DriveEpsilon>,
-    /// Passes with their times.
-    pub passes: Vec<PassFigures>,
-    /// What the user should know.
-    pub warnings: Vec<String>,
-    /// Peak resident set in bytes, mapped pages included, where the system says.
-    pub peak_resident_bytes: Option<u64>,
-}
-
 /// Processes a drive: labelled copies, object table and report in `request.out`; resumes what is there.
 ///
 /// # Errors
-/// Any [`Error`](crate::Error); what was finished before it is kept and used by the next call, unless the state itself is refused.
+/// Any [`Error`]; what was finished before it is kept and used by the next call, unless the state itself is refused.
 pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<RunSummary> {
     let started = std::time::Instant::now();
     let config = &request.config;
-    let catalog = look::open_catalog(&request.inputs, config)?;
-    identity::check_apart(&catalog, &request.out)?;
-    let run_dir = RunDir::open(&request.out, request.fresh)?;
+    let catalog = open::catalog(&request.inputs, config)?;
+    let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-    let (labelled, file_warnings) = finish::plan_files(&catalog, config, &run_dir)?;
+    let (labelled, file_warnings) = names::plan_files(&catalog, config, &run_dir)?;
     let mut warnings = catalog.warnings().to_vec();
     warnings.extend(file_warnings);
-    identity::check_input(&run_dir, &catalog)?;
-    status::record_request(&run_dir, &request.inputs, config)?;
-    let drive = Drive::open(catalog, config, &run_dir)?;
-    let mut flow = Flow::new(&run_dir, config, &drive, &chain, observer, cancel);
-    let scene = flow.survey()?;
-    warnings.extend(scene.warnings.iter().cloned());
+    let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
+    let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
+
+    let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
+    warnings.extend(surveyed.warnings.iter().cloned());
     for text in &warnings {
-        flow.engine.tell(&Event::Warning { text });
+        driver.tell(&Event::Warning { text });
     }
-    let plan = flow.plan(&scene)?;
-    let outcome = flow.tiles_to_files(&scene, &plan, labelled)?;
+    let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
+    let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
+    warnings.extend(outcome.warnings);
     let summary = RunSummary {
-        points: scene.survey.points(),
+        points: planned.surveyed.survey.points(),
         counts: outcome.counts,
         objects: outcome.objects,
-        tiles: plan.tiles.len(),
+        tiles: planned.plan.tiles.len(),
         seconds: started.elapsed().as_secs_f64(),
         nothing_to_do: outcome.unmarked.is_none(),
-        stages: outcome.stages,
-        epsilon: outcome.epsilon,
-        passes: flow.passes,
+        figures: outcome.figures,
+        passes: driver.figures,
         warnings,
-        peak_resident_bytes: budget::peak_resident_bytes(),
+        peak_resident_bytes: engine::peak_resident_bytes(),
     };
     if let Some((export, finished)) = outcome.unmarked {
-        finish::write_report(&run_dir, &drive, config, &scene, &summary)?;
-        finish::mark_finished(&run_dir, &export, &finished)?;
+        report::write_report(&run_dir, &open.drive, config, &planned.surveyed, &summary)?;
+        let export = run_dir.pass(&export.folder, export.depends);
+        mark::mark_finished(&run_dir, &export, &finished)?;
     }
     Ok(summary)
+}
+
+/// What a driver that computes everything has completed.
+fn computed<T>(complete: Option<T>) -> Result<T> {
+    complete.ok_or_else(|| Error::bug("a pass was not computed"))
 }

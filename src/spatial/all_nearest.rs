@@ -1,38 +1,41 @@
-//! The K nearest neighbours of very many points of one cloud: distances only, for the curve that epsilon is estimated
-//! from. Own tree and not the one of `index`, because all points of a leaf are asked at once, which saves most look-ups.
-//! The bench is `curve` of `benches/kernels.rs`; `scripts/compare_speed_dbscan.py` holds it against the kd-tree of scipy.
+//! Distances from very many points of one cloud to their K nearest neighbours, for the curve from which
+//! epsilon is estimated. It has its own tree because one look-up serves all points of a leaf, which saves
+//! most look-ups. Its benchmark is `curve` of `benches/kernels.rs`; `scripts/compare_speed_dbscan.py`
+//! compares it with the kd-tree of scipy.
 //!
-//! A kd-tree that halves the points at the median of the longest side, until a leaf has [`LEAF_POINTS`] at most. Points
-//! of a leaf are neighbours, so that what one of them needs all of them nearly need: the distance of the leaf's centre
-//! to its K-th neighbour bounds that of each of its points (triangle inequality), and the leaves within that bound are
-//! looked up once for all of them. Squared distances are sums in the order of the axes over exact differences: no
-//! result depends on the shape of the tree, so neither on the other points that happen to be there.
+//! The kd-tree splits the points at the median of the longest side until a leaf has at most [`LEAF_POINTS`].
+//! Points of a leaf are close together, so they need nearly the same neighbours. The distance from the leaf's
+//! centre to its K-th neighbour bounds that of each of its points (triangle inequality). The leaves within
+//! this bound are searched once for all points of the leaf. A squared distance is a sum over exact
+//! differences in the order of the axes. No result depends on the shape of the tree, and so none depends on
+//! which other points are present.
 
 use std::cmp::Ordering;
 
 use crate::spatial::{Points, SpatialError};
 
-/// Points of a leaf at most (chosen: fewer cost more look-ups, more cost distances in vain).
+/// Largest number of points in a leaf. Chosen: with fewer, there are more look-ups; with more, more useless
+/// distances.
 const LEAF_POINTS: usize = 16;
-/// Slack of bounds that come from the triangle inequality, far above the rounding of a few operations.
+/// Slack of bounds from the triangle inequality, far above the rounding error of a few operations.
 const SLACK: f64 = 1.0 + 1e-9;
 
-/// A box of the tree and the points in it.
+/// A box of the tree and its points.
 struct Node<const D: usize> {
     low: [f64; D],
     high: [f64; D],
     first: u32,
     end: u32,
-    /// Its halves, both in the list of nodes; 0 for a leaf.
+    /// Its halves, as positions in the list of nodes; 0 for a leaf.
     lower: u32,
     upper: u32,
 }
 
-/// Points that can be asked for the distances to their nearest neighbours.
+/// Points, indexed for distances to their nearest neighbours.
 struct Crowd<const D: usize> {
-    /// The points leaf by leaf.
+    /// The points, leaf by leaf.
     places: Vec<[f64; D]>,
-    /// Number of each of them.
+    /// The number of each of them.
     number: Vec<u32>,
     nodes: Vec<Node<D>>,
 }
@@ -56,14 +59,15 @@ impl<const D: usize> Node<D> {
     }
 }
 
-/// The smallest squared distances seen so far, as bits: for numbers that are not negative these order like the numbers.
+/// The smallest squared distances so far, as bits. The bits of non-negative numbers are ordered like the
+/// numbers.
 struct Smallest {
     k: usize,
-    /// Room for three times K and what one leaf adds.
+    /// Room for three times K, plus one leaf.
     slots: Vec<u64>,
     /// Slots in use.
     len: usize,
-    /// No distance above this is among the smallest any more.
+    /// A larger distance cannot be among the smallest any more.
     limit: f64,
 }
 
@@ -79,9 +83,10 @@ impl Smallest {
 
     /// Adds the points of one leaf.
     fn add<const D: usize>(&mut self, place: &[f64; D], others: &[[f64; D]]) {
-        let (mut len, limit) = (self.len, self.limit);
+        let mut len = self.len;
+        let limit = self.limit;
         for other in others {
-            // Written in any case and counted if it is near: which of the two it is cannot be predicted.
+            // Always written, and counted only if it is near: a branch could not be predicted.
             let squared = squared(place, other);
             self.slots[len] = squared.to_bits();
             len += usize::from(squared <= limit);
@@ -92,7 +97,7 @@ impl Smallest {
         }
     }
 
-    /// Keeps the smallest K, if there are as many.
+    /// Keeps the K smallest, if there are that many.
     fn cut(&mut self) {
         if self.len >= self.k {
             let (_, largest, _) = self.slots[..self.len].select_nth_unstable(self.k - 1);
@@ -101,7 +106,7 @@ impl Smallest {
         }
     }
 
-    /// The smallest K, ascending.
+    /// The K smallest, ascending.
     fn finish(&mut self) -> &[u64] {
         self.cut();
         let found = &mut self.slots[..self.len];
@@ -111,7 +116,7 @@ impl Smallest {
 }
 
 impl<const D: usize> Crowd<D> {
-    /// Indexes the points; they are known by their place in the list, which must not be longer than u32 counts.
+    /// Indexes the points. A point is identified by its position in the list, which must fit u32.
     fn new(rows: impl Iterator<Item = [f64; D]>) -> Self {
         let mut items: Vec<([f64; D], u32)> = rows.zip(0..).collect();
         let mut nodes = Vec::with_capacity(items.len() / (LEAF_POINTS / 4) + 1);
@@ -126,8 +131,8 @@ impl<const D: usize> Crowd<D> {
         node.first as usize..node.end as usize
     }
 
-    /// Squared distances from each `wanted` point of the `leaves` to its `k` nearest, ascending, itself included; all
-    /// of them where there are fewer.
+    /// Squared distances from each `wanted` point of the `leaves` to its `k` nearest points, itself included,
+    /// ascending. If there are fewer than `k`, all of them.
     fn each_nearest(&self, leaves: &[u32], k: usize, wanted: Wanted<'_>, visit: &mut Visit<'_>) {
         let mut smallest = Smallest::new(k);
         let mut near: Vec<(f64, u32)> = Vec::new();
@@ -160,8 +165,7 @@ impl<const D: usize> Crowd<D> {
         }
     }
 
-    /// Squared distances from any place to its `k` nearest points that are not further than `limit` (squared),
-    /// ascending.
+    /// Squared distances from any place to its `k` nearest points within `limit` (squared), ascending.
     fn nearest(&self, place: &[f64; D], k: usize, limit: f64) -> Vec<u64> {
         let mut smallest = Smallest::new(k);
         smallest.begin(limit);
@@ -169,7 +173,7 @@ impl<const D: usize> Crowd<D> {
         smallest.finish().to_vec()
     }
 
-    /// Squared distance to the K-th nearest point; infinite when there are fewer.
+    /// Squared distance to the K-th nearest point; infinite if there are fewer.
     fn kth(&self, place: &[f64; D], smallest: &mut Smallest) -> f64 {
         smallest.begin(f64::INFINITY);
         self.search(place, smallest);
@@ -177,7 +181,7 @@ impl<const D: usize> Crowd<D> {
         smallest.limit
     }
 
-    /// Nearer halves first, so that the limit falls early.
+    /// Visits the nearer half first, so that the limit shrinks early.
     fn search(&self, place: &[f64; D], smallest: &mut Smallest) {
         let mut stack: Vec<(f64, u32)> = Vec::with_capacity(64);
         stack.extend((!self.nodes.is_empty()).then_some((0.0, 0)));
@@ -200,7 +204,7 @@ impl<const D: usize> Crowd<D> {
         }
     }
 
-    /// The leaves whose box is within `limit` (squared) of that of `leaf`, and how far they are.
+    /// The leaves whose box is within `limit` (squared) of the box of `leaf`, with their distances.
     fn leaves_within(&self, leaf: &Node<D>, limit: f64, near: &mut Vec<(f64, u32)>) {
         let mut stack = vec![0_u32];
         while let Some(number) = stack.pop() {
@@ -218,7 +222,7 @@ impl<const D: usize> Crowd<D> {
     }
 }
 
-/// What is asked of the points, whatever their dimension; see [`Crowd`].
+/// Queries for points of any dimension; see [`Crowd`].
 trait Nearest: Send + Sync {
     fn leaves(&self) -> Vec<u32>;
     fn each_nearest(&self, leaves: &[u32], k: usize, wanted: Wanted<'_>, visit: &mut Visit<'_>);
@@ -242,7 +246,7 @@ impl<const D: usize> Nearest for Crowd<D> {
     }
 }
 
-/// Points of 2 to 8 dimensions that can be asked for the distances to their nearest neighbours.
+/// Points of 2 to 8 dimensions, indexed for distances to their nearest neighbours.
 pub(crate) struct Neighbours(Box<dyn Nearest>);
 
 impl Neighbours {
@@ -268,14 +272,14 @@ impl Neighbours {
         }))
     }
 
-    /// Parts of the points, in an order in which neighbours mostly follow each other.
+    /// The leaves, in an order in which consecutive ones are mostly close together.
     pub(crate) fn leaves(&self) -> Vec<u32> {
         self.0.leaves()
     }
 
-    /// For each point of some `leaves` whose row is `wanted`: its row, and the squared distances to the `k` points
-    /// nearest to it, ascending, itself included; all points where there are fewer. Distances come as the bits of the
-    /// number, which order like the numbers.
+    /// For each `wanted` row in some `leaves`: the row, and the squared distances to its `k` nearest points,
+    /// itself included, ascending. If there are fewer than `k` points, all of them. Distances are given as
+    /// bits, which are ordered like the numbers.
     pub(crate) fn each_nearest(
         &self,
         leaves: &[u32],
@@ -286,16 +290,17 @@ impl Neighbours {
         self.0.each_nearest(leaves, k, wanted, visit);
     }
 
-    /// The same for any place, of the points that are not further away than `limit` (squared).
+    /// The same for any place, restricted to points within `limit` (squared).
     pub(crate) fn nearest(&self, place: &[f64], k: usize, limit: f64) -> Vec<u64> {
         self.0.nearest(place, k, limit)
     }
 }
 
-/// Adds the node of `items`, which begin at `first`, and those below it; returns its place.
+/// Adds the node of `items`, which begin at `first`, and the nodes below it. Returns its position.
 #[expect(clippy::cast_possible_truncation, reason = "there are at most 2^32 - 1 points, and fewer nodes")]
 fn split<const D: usize>(items: &mut [([f64; D], u32)], first: usize, nodes: &mut Vec<Node<D>>) -> u32 {
-    let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
+    let mut low = [f64::INFINITY; D];
+    let mut high = [f64::NEG_INFINITY; D];
     for (place, _) in &*items {
         for axis in 0..D {
             low[axis] = low[axis].min(place[axis]);
@@ -303,12 +308,13 @@ fn split<const D: usize>(items: &mut [([f64; D], u32)], first: usize, nodes: &mu
         }
     }
     let node = nodes.len();
-    let (first_point, end) = (first as u32, (first + items.len()) as u32);
+    let first_point = first as u32;
+    let end = (first + items.len()) as u32;
     nodes.push(Node { low, high, first: first_point, end, lower: 0, upper: 0 });
     if items.len() > LEAF_POINTS {
         let side = |axis: usize| high[axis] - low[axis];
         let longest = (0..D).max_by(|&a, &b| side(a).total_cmp(&side(b))).unwrap_or(0);
-        // A multiple of the leaf, so that leaves are full.
+        // A multiple of the leaf size, so that leaves are full.
         let half = (items.len() / 2).next_multiple_of(LEAF_POINTS).min(items.len() - 1);
         let order =
             |a: &([f64; D], u32), b: &([f64; D], u32)| -> Ordering { a.0[longest].total_cmp(&b.0[longest]) };
@@ -324,7 +330,7 @@ fn split<const D: usize>(items: &mut [([f64; D], u32)], first: usize, nodes: &mu
 mod tests {
     use super::*;
 
-    /// A fixed pseudo-random cloud with equal points in it; a fifth of it is ten times denser.
+    /// A fixed pseudo-random cloud with repeated points; a fifth of it is ten times denser.
     fn cloud<const D: usize>(count: usize, steps: u32) -> Vec<[f64; D]> {
         let mut state = 7_u64;
         let mut next = || {

@@ -1,8 +1,9 @@
-//! The occupancy raster's geometry: cells of the plane on the lattice, and sparse paged maps over them.
+//! The geometry of the occupancy raster: cells of the plane on the lattice, and sparse paged maps over them.
 //!
-//! A cell is a square of `edge` lattice units, anchored at multiples of its edge like everything else. Maps are pages
-//! of 64 x 64 cells, so that a stray point kilometres away costs one page and not the area in between.
+//! A cell is a square of `edge` lattice units, anchored at multiples of its edge. A map consists of pages of
+//! 64 x 64 cells, so that a stray point kilometres away costs one page and not the area in between.
 
+use crate::model::in_u32;
 use rustc_hash::FxHashMap;
 
 /// A cell of the occupancy raster: `floor(x / edge)`, `floor(y / edge)`.
@@ -34,8 +35,8 @@ impl CellGrid {
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "|value| < 2^50, see LatticeTransform::LIMIT_UNITS")]
     pub fn index(&self, value: i64) -> i64 {
-        // A multiplication and a correction: several times faster than a 64-bit division, and exact because the
-        // truncated quotient in floating point is off by one at most for |value| < 2^50.
+        // A multiplication and a correction, several times faster than a 64-bit division. It is exact,
+        // because for |value| < 2^50 the truncated floating-point quotient is wrong by at most one.
         let quotient = (value as f64 * self.reciprocal) as i64;
         let remainder = value - quotient * self.edge;
         quotient - i64::from(remainder < 0) + i64::from(remainder >= self.edge)
@@ -45,11 +46,13 @@ impl CellGrid {
     #[inline]
     #[must_use]
     pub fn cell(&self, x: i64, y: i64) -> Option<Cell> {
-        let (i, j) = (self.index(x), self.index(y));
+        let i = self.index(x);
+        let j = self.index(y);
         Some([i32::try_from(i).ok()?, i32::try_from(j).ok()?])
     }
 
-    /// Offsets of all cells whose distance to cell (0, 0), border to border, is at most `reach` lattice units.
+    /// Offsets of all cells whose distance from cell (0, 0), border to border, is at most `reach` lattice
+    /// units.
     #[must_use]
     pub fn disc(&self, reach: i64) -> Vec<[i32; 2]> {
         let limit = i32::try_from(reach / self.edge + 1).unwrap_or(i32::MAX - 1);
@@ -71,7 +74,7 @@ const PAGE: i32 = 64;
 const PAGE_BITS: u32 = PAGE.trailing_zeros();
 pub(super) const PAGE_CELLS: usize = (PAGE * PAGE) as usize;
 
-/// A sparse map from cells to small values; cells that were never set hold the default.
+/// A sparse map from cells to small values. A cell that was never set has the default value.
 #[derive(Debug, Clone)]
 pub struct CellMap<T> {
     index: FxHashMap<[i32; 2], u32>,
@@ -84,20 +87,20 @@ impl<T: Copy + Default + PartialEq> Default for CellMap<T> {
     }
 }
 
-/// The page that holds `cell`.
+/// The page of `cell`.
 #[inline]
 pub(super) fn page_of(cell: Cell) -> [i32; 2] {
     [cell[0] >> PAGE_BITS, cell[1] >> PAGE_BITS]
 }
 
-/// The place of `cell` in its page.
+/// The position of `cell` in its page.
 #[inline]
 #[expect(clippy::cast_sign_loss, reason = "masked to 0..64")]
 pub(super) fn slot_of(cell: Cell) -> usize {
     ((cell[0] & (PAGE - 1)) * PAGE + (cell[1] & (PAGE - 1))) as usize
 }
 
-/// The cell at a place of a page.
+/// The cell at a position of a page.
 #[inline]
 #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "below 64 x 64")]
 pub(super) fn cell_of(page: [i32; 2], slot: usize) -> Cell {
@@ -110,11 +113,11 @@ impl<T: Copy + Default + PartialEq> CellMap<T> {
         let pages = &mut self.pages;
         *self.index.entry(page).or_insert_with(|| {
             pages.push((page, vec![T::default(); PAGE_CELLS].into_boxed_slice()));
-            u32::try_from(pages.len() - 1).unwrap_or(u32::MAX)
+            in_u32(pages.len() - 1, "pages of cells")
         })
     }
 
-    /// The value of `cell`, to change.
+    /// The value of `cell`, for changing it.
     pub fn entry(&mut self, cell: Cell) -> &mut T {
         let page = self.page_index(page_of(cell));
         &mut self.pages[page as usize].1[slot_of(cell)]
@@ -148,7 +151,8 @@ impl<T: Copy + Default + PartialEq> CellMap<T> {
         self.pages.into_iter()
     }
 
-    /// A reader that remembers the last page: points come in scan order, so the next one is mostly on the same page.
+    /// A reader that remembers the last page. Points come in scan order, so the next one is mostly on that
+    /// page.
     #[must_use]
     pub fn cursor(&self) -> CellCursor<'_, T> {
         CellCursor { map: self, page: [i32::MIN; 2], values: None }
@@ -226,9 +230,10 @@ mod tests {
     #[test]
     fn disc_holds_the_cells_within_reach_border_to_border() {
         let grid = CellGrid::new(1_000);
-        // Reach below one cell: the eight neighbours, whose borders touch.
+        // A reach below one cell: the eight neighbours, whose borders touch.
         assert_eq!(grid.disc(300).len(), 9);
-        // Reach of exactly one cell: two cells away along an axis is a gap of one cell; a knight's move too.
+        // A reach of exactly one cell: along an axis, cells two away have a gap of one cell. So do those a
+        // knight's move away.
         assert_eq!(grid.disc(1_000).len(), 9 + 4 * 3);
         assert!(grid.disc(0).contains(&[1, 1]));
     }

@@ -1,8 +1,8 @@
-//! Disjoint sets of small integers; knows nothing of what the integers stand for.
+//! Disjoint sets of small integers.
 
-/// Disjoint sets over `0..n`. The root of a set is its smallest member, so that the result does not depend on
-/// the order of the unions. Finding halves paths; `n` unions cost O(n log n) at worst and are linear in
-/// practice. Four bytes per member.
+/// Disjoint sets over `0..n`. The root of a set is its smallest member, so the result does not depend on the
+/// order of the unions. Look-ups halve paths. `n` unions cost O(n log n) in the worst case and are linear in
+/// practice. Memory: four bytes per member.
 #[derive(Debug, Clone)]
 pub struct DisjointSets {
     parent: Vec<u32>,
@@ -32,7 +32,8 @@ impl DisjointSets {
     /// Unites the sets of `a` and `b`.
     #[inline]
     pub fn union(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
+        let a = self.find(a);
+        let b = self.find(b);
         self.parent[a.max(b) as usize] = a.min(b);
     }
 }

@@ -1,4 +1,4 @@
-//! What keeps points from being clustered.
+//! Why points cannot be clustered.
 
 use std::borrow::Cow;
 
@@ -9,15 +9,15 @@ use crate::error::{ErrorKind, Failure};
 #[non_exhaustive]
 pub enum SpatialError {
     /// Too few or too many columns.
-    #[error("points of {dimensions} dimensions cannot be clustered, only of {} to {}", super::DIMENSIONS.start(), super::DIMENSIONS.end())]
+    #[error("points have {dimensions} dimensions; only {} to {} can be clustered", super::DIMENSIONS.start(), super::DIMENSIONS.end())]
     Dimensions {
         /// Dimensions of the points.
         dimensions: usize,
     },
-    /// More points than an index counts.
-    #[error("{points} points cannot be indexed, at most {} can", u32::MAX)]
+    /// More points than an index can count.
+    #[error("there are {points} points, the limit is {}", u32::MAX)]
     TooManyPoints {
-        /// Points there are.
+        /// Number of points.
         points: usize,
     },
     /// A dimension without spread cannot be standardised.
@@ -26,12 +26,12 @@ pub enum SpatialError {
         /// The dimension, from 1.
         dimension: usize,
     },
-    /// The cut-off distance of `p-linkage` is 0.
+    /// The cut-off distance of `p-linkage` would be 0.
     #[error(
-        "more than half of the {points} points have an equal point: the cut-off distance of p-linkage would be 0"
+        "more than half of the {points} points are repeated: the cut-off distance of p-linkage would be 0"
     )]
     NoCutoff {
-        /// Points there are.
+        /// Number of points.
         points: usize,
     },
 }

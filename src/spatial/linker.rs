@@ -1,17 +1,16 @@
-//! Joining voxels that touch, for whatever touching means to the caller; the walk over neighbours is all that
-//! is here.
+//! Joins voxels that touch. The caller defines what touching means; the walk over neighbours is here.
 //!
-//! Neighbouring voxels are mostly in one set already. So voxels that follow each other in a column and are in
-//! one set are handled as one *span*: a pair of spans of one set is passed over as a whole, and of a pair of
-//! different sets only the first two voxels that touch are needed. Memory: 4 bytes per voxel for the sets and
-//! at most 4 for the spans.
+//! Neighbouring voxels mostly belong to one set already. Consecutive voxels of a column in one set are
+//! therefore handled as one *span*. Two spans of one set are skipped as a whole. For two spans of different
+//! sets, only the first pair of voxels that touch is needed. Memory: 4 bytes per voxel for the sets and at
+//! most 4 for the spans.
 #![expect(clippy::cast_possible_truncation, reason = "indices of voxels fit u32, see VoxelIndex")]
 
 use std::ops::{Range, RangeInclusive};
 
 use crate::spatial::{DisjointSets, VoxelIndex};
 
-/// Sets of voxels, joined step by step.
+/// Sets of voxels that grow by joining.
 #[derive(Debug)]
 pub struct Linker<'a> {
     index: &'a VoxelIndex,
@@ -23,7 +22,7 @@ pub struct Linker<'a> {
 }
 
 impl<'a> Linker<'a> {
-    /// Every voxel on its own.
+    /// Every voxel in a set of its own.
     #[must_use]
     pub fn new(index: &'a VoxelIndex) -> Self {
         let sets = DisjointSets::new(index.len() as u32);
@@ -32,13 +31,13 @@ impl<'a> Linker<'a> {
         linker
     }
 
-    /// The sets as they are.
+    /// The sets in their current state.
     #[must_use]
     pub fn into_sets(self) -> DisjointSets {
         self.sets
     }
 
-    /// Joins voxels of one column whose k differ by an amount in `dk` (> 0) and that `touch`.
+    /// Joins voxels of one column that `touch` and whose k differ by an amount in `dk` (> 0).
     pub fn link_column(&mut self, dk: RangeInclusive<i64>, mut touch: impl FnMut(u32, u32) -> bool) {
         let k = |voxel: usize| i64::from(self.index.heights()[voxel]);
         for column in 0..self.index.columns().len() {
@@ -46,7 +45,8 @@ impl<'a> Linker<'a> {
             for voxel in voxels.clone() {
                 let above = (voxel + 1..voxels.end).take_while(|&other| k(other) - k(voxel) <= *dk.end());
                 for other in above.filter(|&other| k(other) - k(voxel) >= *dk.start()) {
-                    let (a, b) = (voxel as u32, other as u32);
+                    let a = voxel as u32;
+                    let b = other as u32;
                     if self.sets.find(a) != self.sets.find(b) && touch(a, b) {
                         self.sets.union(a, b);
                     }
@@ -55,8 +55,8 @@ impl<'a> Linker<'a> {
         }
     }
 
-    /// Joins voxels at the column offset (di, dj), not (0, 0), whose k differ by an amount in `dk` and that
-    /// `touch`.
+    /// Joins voxels at the column offset (di, dj), not (0, 0), that `touch` and whose k differ by an amount
+    /// in `dk`.
     pub fn link_beside(
         &mut self,
         offset: [i64; 2],
@@ -65,18 +65,22 @@ impl<'a> Linker<'a> {
     ) {
         let heights = self.index.heights();
         let k = |voxel: usize| i64::from(heights[voxel]);
-        let (spans, columns, sets) = (&self.span_first, &self.column_first, &mut self.sets);
+        let spans = &self.span_first;
+        let columns = &self.column_first;
+        let sets = &mut self.sets;
         let span = |span: usize| spans[span] as usize..spans[span + 1] as usize;
         self.index.column_pairs(offset, |column, other_column| {
             let mut first = columns[other_column] as usize;
             let end = columns[other_column + 1] as usize;
             for voxels in (columns[column] as usize..columns[column + 1] as usize).map(span) {
-                let (low, high) = (k(voxels.start) + dk.start(), k(voxels.end - 1) + dk.end());
+                let low = k(voxels.start) + dk.start();
+                let high = k(voxels.end - 1) + dk.end();
                 while first < end && k(span(first).end - 1) < low {
                     first += 1;
                 }
                 for others in (first..end).map(span).take_while(|others| k(others.start) <= high) {
-                    let (a, b) = (voxels.start as u32, others.start as u32);
+                    let a = voxels.start as u32;
+                    let b = others.start as u32;
                     if sets.find(a) != sets.find(b)
                         && any_pair(heights, voxels.clone(), others, dk, &mut touch)
                     {
@@ -87,7 +91,7 @@ impl<'a> Linker<'a> {
         });
     }
 
-    /// Finds the spans anew; worth it after steps that joined much. Results never depend on it.
+    /// Recomputes the spans. Useful after steps that joined many voxels. Results never depend on it.
     pub fn find_spans(&mut self) {
         self.span_first.clear();
         self.column_first.clear();
@@ -107,8 +111,8 @@ impl<'a> Linker<'a> {
     }
 }
 
-/// Whether any voxel of `voxels` touches one of `others`, both sorted by k, whose k differs by an amount in
-/// `dk`.
+/// Whether any voxel of `voxels` touches one of `others` whose k differs by an amount in `dk`. Both are
+/// sorted by k.
 fn any_pair(
     heights: &[u32],
     voxels: Range<usize>,
@@ -161,7 +165,7 @@ mod tests {
         assert_eq!(roots(linker), [0, 0, 2, 2, 4, 5, 6]);
         let mut linker = Linker::new(&index);
         linker.link_column(2..=4, |_, _| true);
-        // k 1 and 5 of the first column (differ by 4), 1 and 3 of the second; 0 and 5, 1 and 6 differ by 5.
+        // k 1 and 5 of the first column (difference 4), 1 and 3 of the second; 0 and 5, 1 and 6 differ by 5.
         assert_eq!(roots(linker), [0, 1, 1, 3, 4, 4, 6]);
     }
 

@@ -1,11 +1,24 @@
-//! What is near what: cells of the plane, voxels, nearest neighbours, and sets of what is joined. Knows points and
-//! lengths; no files and no methods.
+//! What is near what: cells of the plane, voxels, nearest neighbours, and disjoint sets.
+//!
+//! ```
+//! use chainage::model::{Lattice, TileCloud};
+//! use chainage::spatial::VoxelIndex;
+//!
+//! // Voxels of 0.3 m: two points share one, and the third is in the voxel above it.
+//! let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &[[0, 0, 0], [100, 0, 100], [0, 0, 400]]);
+//! let voxels = VoxelIndex::build("example", &cloud, 300)?;
+//! assert_eq!(voxels.counts(), [2, 1]);
+//! assert_eq!(voxels.columns().len(), 1);
+//! # Ok::<(), chainage::model::AlgorithmError>(())
+//! ```
 
 mod all_nearest;
 mod cells;
+mod dimensions;
 mod disjoint;
 mod error;
 mod linker;
+mod looked_at;
 mod nearest;
 mod neighbours;
 mod packed;
@@ -15,12 +28,14 @@ mod zone;
 
 pub(crate) use all_nearest::Neighbours;
 pub use cells::{Cell, CellCounter, CellCursor, CellGrid, CellMap};
+pub use dimensions::DIMENSIONS;
 pub use disjoint::DisjointSets;
 pub use error::SpatialError;
 pub use linker::Linker;
+pub(crate) use looked_at::LookedAt;
 pub use nearest::NearestIndex;
 pub(crate) use neighbours::Index;
 pub use packed::{PackedCells, PackedCursor};
-pub use points::{DIMENSIONS, Points};
+pub use points::Points;
 pub use voxels::{TileView, VoxelIndex};
 pub use zone::{Area, BlockZone};

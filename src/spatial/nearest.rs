@@ -1,4 +1,4 @@
-//! Nearest place in the plane; the only user of the kd-tree crate for positions in metres.
+//! The nearest place in the plane. Only this file uses the kd-tree crate for positions in metres.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
@@ -9,22 +9,23 @@ pub struct NearestIndex {
 }
 
 impl NearestIndex {
-    /// Indexes `places`; items are their positions in the slice.
+    /// Indexes `places`; an item is a position in the slice.
     #[must_use]
     pub fn new(places: &[[f64; 2]]) -> Self {
-        // Construction fails only for more items than a u32 counts; an index that finds nothing then is noticed.
+        // Construction fails only if u32 cannot count the items. The index then finds nothing, which is
+        // noticed.
         let tree = if places.is_empty() { None } else { ImmutableKdTree::new_from_slice(places).ok() };
         Self { tree }
     }
 
-    /// Bytes of memory that it takes, about: places and their numbers.
+    /// Approximate memory in bytes: places and their numbers.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let entry = size_of::<[f64; 2]>() + size_of::<u32>();
         self.tree.as_ref().map_or(0, |tree| (tree.size() * entry) as u64)
     }
 
-    /// The place nearest to `query`; of several equally near the first of the slice.
+    /// The place nearest to `query`. Among equally near ones, the first of the slice.
     #[must_use]
     pub fn nearest(&self, query: [f64; 2]) -> Option<usize> {
         let tree = self.tree.as_ref()?;

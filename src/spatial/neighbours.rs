@@ -1,7 +1,7 @@
-//! Neighbours in n dimensions; the only user of the kd-tree crate for them.
+//! Neighbours in n dimensions. Only this file uses the kd-tree crate for them.
 //!
-//! The tree finds candidates, [`Points`] decides: distances are computed anew in one fixed order, so that the
-//! arithmetic of the tree (vector instructions, fused additions) never shows in a result.
+//! The tree finds candidates, and [`Points`] decides. Distances are recomputed in one fixed order, so that
+//! the arithmetic of the tree (vector instructions, fused additions) never affects a result.
 
 use std::num::NonZero;
 
@@ -9,14 +9,14 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use crate::spatial::{Points, SpatialError};
 
-/// Slack of squared radii: candidates are looked for a little further away than is decided.
+/// Slack of squared radii: candidates are searched a little further away than the radius of the decision.
 const SLACK: f64 = 1.0 + 1e-12;
 
-/// What a method asks of a tree of any dimension.
+/// The queries of methods to a tree of any dimension.
 pub(crate) trait Neighbours {
     /// Calls `visit` for every candidate within a squared distance of about `limit` (> 0) of a point.
     fn candidates(&self, point: usize, limit: f64, visit: &mut dyn FnMut(usize));
-    /// Puts the `count` points nearest to a point into `found`, itself included, in no promised order.
+    /// Puts the `count` points nearest to a point, itself included, into `found`. Their order is not defined.
     fn nearest(&self, point: usize, count: NonZero<usize>, found: &mut Vec<usize>);
 }
 
@@ -42,13 +42,13 @@ impl<const D: usize> Neighbours for Tree<D> {
 fn tree<const D: usize>(points: &Points) -> Result<Box<dyn Neighbours>, SpatialError> {
     let row = |row: &[f64]| std::array::from_fn(|axis| row[axis]);
     let rows: Vec<[f64; D]> = points.rows().map(row).collect();
-    // Fails only for more points than u32 counts, which Points does not hold.
+    // Fails only if u32 cannot count the points, and `Points` does not accept so many.
     let tree = ImmutableKdTree::new_from_slice(&rows)
         .map_err(|_| SpatialError::TooManyPoints { points: points.len() })?;
     Ok(Box::new(Tree { tree, rows }))
 }
 
-/// Points that can be asked for their neighbours.
+/// Points, indexed for their neighbours.
 pub(crate) struct Index<'a> {
     points: &'a Points,
     tree: Box<dyn Neighbours>,
@@ -69,8 +69,8 @@ impl<'a> Index<'a> {
         Ok(Self { points, tree })
     }
 
-    /// Calls `visit` with every point within `radius` of `point` (inclusive, itself too) and the squared distance, in
-    /// no promised order.
+    /// Calls `visit` with every point within `radius` of `point` (inclusive, and itself) and with the squared
+    /// distance. The order is not defined.
     pub(crate) fn within(&self, point: usize, radius: f64, mut visit: impl FnMut(usize, f64)) {
         let limit = radius * radius;
         self.tree.candidates(point, limit * SLACK + f64::MIN_POSITIVE, &mut |other| {
@@ -81,14 +81,14 @@ impl<'a> Index<'a> {
         });
     }
 
-    /// Distances from `point` to its 2nd to `k`-th nearest points, ascending, itself being the first.
+    /// Distances from `point` to its 2nd to `k`-th nearest points, ascending. The first is the point itself.
     pub(crate) fn nearest(&self, point: usize, k: NonZero<usize>, distances: &mut Vec<f64>) {
         let mut found = Vec::with_capacity(k.get());
         self.tree.nearest(point, k, &mut found);
         distances.clear();
         distances.extend(found.iter().map(|&other| self.points.distance_squared(point, other).sqrt()));
         distances.sort_unstable_by(f64::total_cmp);
-        // The point itself, or one of its equals: 0 in any case.
+        // The point itself or an equal one: 0 in both cases.
         distances.remove(0);
     }
 }
@@ -97,7 +97,7 @@ impl<'a> Index<'a> {
 mod tests {
     use super::*;
 
-    /// A fixed pseudo-random cloud with equal points in it.
+    /// A fixed pseudo-random cloud with repeated points.
     fn cloud(dimensions: usize, count: usize) -> Points {
         let mut state = 1_u64;
         let mut next = || {

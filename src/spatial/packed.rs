@@ -1,26 +1,27 @@
-//! Values of cells that do not change any more, in as few bits as every page of them needs.
+//! Values of cells that no longer change, in as few bits as each page of them needs.
 //!
-//! What is known per cell grows with the street and is held for as long as a drive is worked on. Neighbouring cells have
-//! similar values: points in a square metre, the stretch of the axis, the tile. A page of 64 x 64 cells keeps the
-//! smallest of them once, and for every cell the difference in 1, 2, 4, 8, 16 or 32 bits.
+//! The values per cell grow with the street and are kept during the whole run. Neighbouring cells have
+//! similar values: points in a square metre, the stretch of the axis, the tile. A page of 64 x 64 cells
+//! stores the smallest value once, and for every cell the difference in 1, 2, 4, 8, 16 or 32 bits.
 
 use rustc_hash::FxHashMap;
 
 use crate::spatial::cells::{self, Cell, CellMap, PAGE_CELLS};
 
-/// A sparse map from cells to values above 0 that is only read; other cells have the value 0.
+/// A read-only sparse map from cells to values above 0. Other cells have the value 0.
 #[derive(Debug, Clone, Default)]
 pub struct PackedCells {
     index: FxHashMap<[i32; 2], u32>,
-    /// Ascending by place.
+    /// Ascending by position.
     pages: Vec<Page>,
-    /// What the pages store. One block, and no block per page: those would keep memory around them from the system that
-    /// was free again.
+    /// The words of all pages, in one block. With a block per page, the freed memory between them could not
+    /// be returned to the system.
     words: Vec<u64>,
     len: usize,
 }
 
-/// 64 x 64 cells. A cell without a value stores 0, others their difference to `base`, which is one below the smallest.
+/// 64 x 64 cells. A cell without a value stores 0. The others store the difference to `base`, which is one
+/// below the smallest value.
 #[derive(Debug, Clone, Copy)]
 struct Page {
     place: [i32; 2],
@@ -33,7 +34,7 @@ struct Page {
 }
 
 impl Page {
-    /// The value of a slot, where `words` are those of all pages.
+    /// The value at a position of the page; `words` are those of all pages.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "masked to at most 32 bits")]
     fn value(&self, words: &[u64], slot: usize) -> u32 {
@@ -47,14 +48,14 @@ impl Page {
 impl From<CellMap<u32>> for PackedCells {
     fn from(map: CellMap<u32>) -> Self {
         let mut packed = Self::default();
-        // A page is given back before the next one is packed.
+        // A page is freed before the next one is packed.
         map.into_pages().for_each(|(place, values)| packed.add(place, &values));
         packed.complete()
     }
 }
 
 impl PackedCells {
-    /// Packs a page, unless all of its values are 0.
+    /// Packs a page, unless all its values are 0.
     fn add(&mut self, place: [i32; 2], values: &[u32]) {
         let occupied = || values.iter().copied().filter(|&value| value > 0);
         let (Some(smallest), Some(largest)) = (occupied().min(), occupied().max()) else { return };
@@ -70,7 +71,7 @@ impl PackedCells {
         self.pages.push(Page { place, base, largest, shift, at });
     }
 
-    /// After the last page.
+    /// Completes the map after the last page.
     fn complete(mut self) -> Self {
         self.pages.sort_unstable_by_key(|page| page.place);
         self.index = (0..).zip(&self.pages).map(|(number, page)| (page.place, number)).collect();
@@ -135,7 +136,7 @@ impl PackedCells {
             .filter(|(_, value)| *value > 0)
     }
 
-    /// The cells with this value, which is above 0, ascending.
+    /// The cells with this value (above 0), ascending.
     #[must_use]
     pub fn cells_with(&self, value: u32) -> Vec<Cell> {
         let pages = self.pages.iter().filter(|page| page.base < value && value <= page.largest);
@@ -145,7 +146,8 @@ impl PackedCells {
         cells
     }
 
-    /// A reader that remembers the last page: points come in scan order, so the next one is mostly on the same page.
+    /// A reader that remembers the last page. Points come in scan order, so the next one is mostly on that
+    /// page.
     #[must_use]
     pub fn cursor(&self) -> PackedCursor<'_> {
         PackedCursor { cells: self, place: [i32::MIN; 2], page: None }
@@ -179,7 +181,7 @@ mod tests {
 
     #[test]
     fn a_page_takes_the_bits_that_its_values_need() {
-        // Largest difference to one below the smallest value, and bytes of the page.
+        // The largest difference to one below the smallest value, and the bytes of the page.
         for (values, bits) in [
             (vec![7], 1),
             (vec![1_000_000, 1_000_000], 1),

@@ -1,13 +1,8 @@
 //! Points of n dimensions: rows of numbers, distances, standardisation.
 
-use std::ops::RangeInclusive;
+use crate::spatial::{DIMENSIONS, SpatialError};
 
-use crate::spatial::SpatialError;
-
-/// Dimensions that can be clustered; every one of them is compiled.
-pub const DIMENSIONS: RangeInclusive<usize> = 2..=8;
-
-/// Points of n dimensions; a point is known by its row.
+/// Points of n dimensions. A point is identified by its row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Points {
     dimensions: usize,
@@ -60,8 +55,8 @@ impl Points {
         self.values.chunks_exact(self.dimensions)
     }
 
-    /// Squared distance of two points: squares added in the order of the dimensions, so that every way to compute it
-    /// gives the same bits.
+    /// Squared distance of two points. The squares are added in the order of the dimensions, so that every
+    /// code path gives the same bits.
     pub(crate) fn distance_squared(&self, a: usize, b: usize) -> f64 {
         self.row(a).iter().zip(self.row(b)).map(|(p, q)| (p - q) * (p - q)).sum()
     }
@@ -77,8 +72,9 @@ impl Points {
         (0..self.dimensions).map(|axis| extent(axis).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Subtracts the mean of each dimension and divides by its standard deviation (n - 1), times a weight (1 where
-    /// there is none): what `dbscan` does before fields of different units are one space (the paper on estimating epsilon, section 3.1).
+    /// Subtracts the mean of each dimension, divides by its standard deviation (with n - 1), and multiplies
+    /// by a weight (1 if none is given). `dbscan` needs this to combine fields of different units in one
+    /// space (Wang et al. 2019, section 3.1).
     ///
     /// # Errors
     /// [`SpatialError::NoSpread`].
@@ -119,7 +115,7 @@ mod tests {
         let mut points = Points::new(2, vec![1.0, 20.0, 2.0, 40.0, 3.0, 60.0]).unwrap();
         points.standardise(&[1.0, 0.5]).unwrap();
         assert_eq!(points.values, [-1.0, -0.5, 0.0, 0.0, 1.0, 0.5]);
-        // In another order the same bits.
+        // The same bits in another order.
         let rows = [0.1, 0.7, 0.2, 1e9, 0.3, -3.3, 0.4, 1e-9];
         let scaled = |order: [usize; 4]| {
             let values = order.iter().flat_map(|&row| rows[2 * row..2 * row + 2].to_vec()).collect();

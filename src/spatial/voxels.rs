@@ -1,12 +1,12 @@
-//! A cloud cut into voxels: the occupied ones in sorted order, their columns, neighbours, and the way back to
+//! A cloud cut into voxels: the occupied ones in sorted order, their columns, their neighbours, and their
 //! points.
 //!
-//! Nothing here is a hash map and nothing has the size of the bounding box: occupied voxels are a sorted list,
-//! and neighbours are found by merging sorted lists, so that a stray point kilometres away costs one voxel.
+//! Nothing here is a hash map, and nothing has the size of the bounding box. Occupied voxels are a sorted
+//! list, and neighbours are found by merging sorted lists. A stray point kilometres away costs one voxel.
 //!
 //! Scanners write points in the order of measurement, so that many consecutive points share a voxel. Such a
-//! *streak* is what is sorted, not the point. Memory: 12 bytes per streak and 12 per voxel, while sorting 16
-//! per streak more.
+//! run is called a *streak*. Streaks are sorted, not points. Memory: 12 bytes per streak and 12 per voxel,
+//! and 16 more per streak during the sort.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "counts of points fit u32 (checked in build), bit fields are masked"
@@ -25,13 +25,13 @@ pub struct VoxelIndex {
     height: Vec<u32>,
     /// Points of each voxel.
     count: Vec<u32>,
-    /// First of the streaks of each voxel in `sorted_streaks`, and the end.
+    /// Index in `sorted_streaks` of the first streak of each voxel, and the end.
     streak_first: Vec<u32>,
     /// (i, j) of each column.
     column: Vec<[u32; 2]>,
     /// First voxel of each column, and the end.
     column_first: Vec<u32>,
-    /// First column of each row (columns of equal i), and the end.
+    /// First column of each row (columns with equal i), and the end.
     row_first: Vec<u32>,
     /// First point of each streak in the order of the points, and the end.
     streak_start: Vec<u32>,
@@ -42,8 +42,8 @@ pub struct VoxelIndex {
 }
 
 impl VoxelIndex {
-    /// Cuts `cloud` into voxels of `edge` lattice units. O(points + streaks log extent); `method` names the
-    /// caller in the error.
+    /// Cuts `cloud` into voxels of `edge` lattice units. O(points + streaks log extent). `method` is the
+    /// caller's name for the error.
     ///
     /// # Errors
     /// [`AlgorithmError::TooManyCells`] when the indices along the three axes need more than 64 bits together
@@ -58,8 +58,8 @@ impl VoxelIndex {
         let streak_bits = bits(keys.len() as u64);
         let mut index = Self::without_voxels(grid, streak_start, keys.len());
         if packing.total() + streak_bits <= u64::BITS {
-            // Key and streak in one word, in the place of the keys (this is where a tile of the ground pass needs most memory):
-            // a radix sort over the bits of the key alone.
+            // Key and streak are packed into one word, in place of the keys, for a radix sort over the bits
+            // of the key. A tile of the ground pass needs most memory here.
             let mut words = keys;
             words.iter_mut().zip(0_u64..).for_each(|(word, streak)| *word = (*word << streak_bits) | streak);
             let words = radix_sort(words, streak_bits, packing.total());
@@ -116,7 +116,7 @@ impl VoxelIndex {
         self.streak_first.push(self.sorted_streaks.len() as u32);
     }
 
-    /// The grid the voxels are of.
+    /// The grid of the voxels.
     #[must_use]
     pub fn grid(&self) -> &VoxelGrid {
         &self.grid
@@ -128,7 +128,7 @@ impl VoxelIndex {
         self.height.len()
     }
 
-    /// Whether there are no voxels, which is when there are no points.
+    /// Whether there are no voxels, that is, no points.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.height.is_empty()
@@ -214,7 +214,7 @@ impl VoxelIndex {
     }
 }
 
-/// A cloud together with the voxels that one kernel has made of it and the next one may want too.
+/// A cloud with the voxels that one kernel built and the next one may need again.
 #[derive(Debug)]
 pub struct TileView<'a> {
     cloud: &'a TileCloud,
@@ -222,7 +222,7 @@ pub struct TileView<'a> {
 }
 
 impl<'a> TileView<'a> {
-    /// The cloud, not yet cut.
+    /// The cloud, without voxels yet.
     #[must_use]
     pub fn new(cloud: &'a TileCloud) -> Self {
         Self { cloud, voxels: None }
@@ -234,8 +234,8 @@ impl<'a> TileView<'a> {
         self.cloud
     }
 
-    /// The voxels of `edge` lattice units over all points; built unless the last ones asked for had the same
-    /// edge.
+    /// The voxels of `edge` lattice units over all points. They are built unless the previous ones had the
+    /// same edge.
     ///
     /// # Errors
     /// Those of [`VoxelIndex::build`].
@@ -280,7 +280,7 @@ impl Packing {
     }
 
     fn pack(&self, [i, j, k]: [u32; 3]) -> u64 {
-        // checked_shl: a shift by 64 happens when one axis takes all bits, and then i is 0.
+        // checked_shl: if one axis takes all bits, the shift is by 64, and i is 0.
         let i = u64::from(i).checked_shl(self.j_bits + self.k_bits).unwrap_or(0);
         i | (u64::from(j) << self.k_bits) | u64::from(k)
     }
@@ -296,16 +296,17 @@ impl Packing {
     }
 }
 
-/// Bits that hold every value below `count`.
+/// The number of bits for every value below `count`.
 fn bits(count: u64) -> u32 {
     u64::BITS - count.saturating_sub(1).leading_zeros()
 }
 
 /// The key of every streak and the index of its first point (and the end).
 fn streaks(cloud: &TileCloud, grid: &VoxelGrid, packing: &Packing) -> (Vec<u64>, Vec<u32>) {
-    let (mut keys, mut starts) = (Vec::new(), Vec::new());
-    // Where the current voxel begins; a point is in it when it lies less than an edge further on each axis.
-    // This saves the three divisions for all but the first point of a streak.
+    let mut keys = Vec::new();
+    let mut starts = Vec::new();
+    // The beginning of the current voxel. A point is in the voxel if it is less than an edge further on each
+    // axis. This saves the three divisions for all points of a streak but the first.
     let mut begin = None::<[u32; 3]>;
     for (point, ((&x, &y), &z)) in cloud.x.iter().zip(&cloud.y).zip(&cloud.z).enumerate() {
         let position = [grid.position(0, x), grid.position(1, y), grid.position(2, z)];
@@ -325,8 +326,8 @@ fn streaks(cloud: &TileCloud, grid: &VoxelGrid, packing: &Packing) -> (Vec<u64>,
     (keys, starts)
 }
 
-/// Sorts words by the `width` bits above bit `low`, stably: least significant digit first, digits of 11 bits at
-/// most (2,048 counters stay in the first-level cache).
+/// Sorts words by the `width` bits above bit `low`. Stable, least significant digit first, with digits of at
+/// most 11 bits (2,048 counters fit the first-level cache).
 fn radix_sort(mut words: Vec<u64>, low: u32, width: u32) -> Vec<u64> {
     let passes = width.div_ceil(11);
     let mut spare = vec![0; words.len()];
@@ -399,7 +400,7 @@ mod tests {
 
     #[test]
     fn extents_that_do_not_fit_beside_the_streak_are_sorted_too() {
-        // 2^30 cells on two axes are 61 bits: no room for the streaks of 16 points.
+        // 2^30 cells on two axes are 61 bits, which leaves no room for the streaks of 16 points.
         let far = (1 << 30) + 5;
         let mut points = vec![[far, far, 0]];
         points.extend((0..16).map(|step| [15 - step, 0, 0]));

@@ -1,4 +1,5 @@
-//! The zone map: where and when the points of a block of records are, so that a tile reads few blocks.
+//! The zone map: where and when the points of a block of records were measured, so that a tile reads few
+//! blocks.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,10 +8,10 @@ use crate::spatial::Cell;
 /// Occupancy cells per coarse cell and axis, as a power of two (8 cells: 8 m).
 const COARSE_BITS: u32 = 3;
 
-/// Where and when the points of one block are: the entry of the zone map.
+/// Where and when the points of one block were measured: one entry of the zone map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BlockZone {
-    /// Records of the block.
+    /// Number of records of the block.
     pub count: u32,
     /// Smallest cell on each axis.
     pub lo: Cell,
@@ -18,18 +19,18 @@ pub struct BlockZone {
     pub hi: Cell,
     /// First and last GPS time in seconds, if there is a finite one.
     pub time: Option<(f64, f64)>,
-    /// Coarse cells (8 x 8 cells) that hold points, sorted; empty when there are too many to list.
+    /// Coarse cells (8 x 8 cells) with points, sorted. Empty if there are too many to list.
     pub coarse: Vec<Cell>,
 }
 
 impl BlockZone {
-    /// Bytes of memory that it takes.
+    /// Its memory in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         (size_of::<Self>() + self.coarse.capacity() * size_of::<Cell>()) as u64
     }
 
-    /// The coarse cell that holds `cell`.
+    /// The coarse cell of `cell`.
     #[inline]
     #[must_use]
     pub fn coarse_of(cell: Cell) -> Cell {
@@ -44,10 +45,11 @@ impl BlockZone {
             return false;
         }
         if self.coarse.is_empty() {
-            let (lo, hi) = (Self::coarse_of(self.lo), Self::coarse_of(self.hi));
+            let lo = Self::coarse_of(self.lo);
+            let hi = Self::coarse_of(self.hi);
             return area.coarse.iter().any(|cell| (0..2).all(|k| lo[k] <= cell[k] && cell[k] <= hi[k]));
         }
-        // Both lists are sorted and short: look the shorter one up in the longer.
+        // Both lists are sorted and short: search the longer for each cell of the shorter.
         let (short, long) = if self.coarse.len() < area.coarse.len() {
             (&self.coarse, &area.coarse)
         } else {
@@ -57,14 +59,14 @@ impl BlockZone {
     }
 }
 
-/// A set of cells, coarsely: what a block of the zone map is held against.
+/// A coarse set of cells, for comparison with the blocks of the zone map.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Area {
     /// Smallest cell on each axis.
     pub lo: Cell,
     /// Largest cell on each axis.
     pub hi: Cell,
-    /// Coarse cells that hold any of the cells, sorted.
+    /// Coarse cells that contain any of the cells, sorted.
     coarse: Vec<Cell>,
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::model::ObjectPart;
+use crate::model::{ObjectPart, TileId, in_u32};
 use crate::spatial::DisjointSets;
 use crate::stitch::LocalObject;
 
@@ -29,23 +29,23 @@ pub struct Stitched {
 impl Stitcher {
     /// Adds the objects of the next tile.
     pub fn tile(&mut self, objects: Vec<LocalObject>) {
-        let count = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
+        let count = in_u32(self.parts.len(), "labels of all tiles");
         self.first_node.push(count);
         self.parts.extend(objects.into_iter().map(|object| object.part));
     }
 
-    fn node(&self, tile: u32, label: u32) -> Option<u32> {
-        let first = *self.first_node.get(tile as usize)?;
+    fn node(&self, tile: TileId, label: u32) -> Option<u32> {
+        let first = *self.first_node.get(tile.index())?;
         let node = first.checked_add(label.checked_sub(1)?)?;
-        let end = self.first_node.get(tile as usize + 1).map_or(self.parts.len(), |&next| next as usize);
+        let end = self.first_node.get(tile.index() + 1).map_or(self.parts.len(), |&next| next as usize);
         ((node as usize) < end).then_some(node)
     }
 
     /// Unites two labels that hold the same point, after all tiles have been added. Says whether both labels exist.
     #[must_use]
-    pub fn link(&mut self, one: (u32, u32), other: (u32, u32)) -> bool {
+    pub fn link(&mut self, one: (TileId, u32), other: (TileId, u32)) -> bool {
         let (Some(a), Some(b)) = (self.node(one.0, one.1), self.node(other.0, other.1)) else { return false };
-        let len = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
+        let len = in_u32(self.parts.len(), "labels of all tiles");
         self.sets.get_or_insert_with(|| DisjointSets::new(len)).union(a, b);
         true
     }
@@ -53,7 +53,7 @@ impl Stitcher {
     /// The whole objects whose size is in `size`, numbered by smallest point id.
     #[must_use]
     pub fn finish(mut self, size: &RangeInclusive<u64>) -> Stitched {
-        let nodes = u32::try_from(self.parts.len()).unwrap_or(u32::MAX);
+        let nodes = in_u32(self.parts.len(), "labels of all tiles");
         let mut sets = self.sets.take().unwrap_or_else(|| DisjointSets::new(nodes));
         let mut united = 0;
         let roots: Vec<u32> = (0..nodes).map(|node| sets.find(node)).collect();

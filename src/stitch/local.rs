@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{ObjectPart, TileCloud};
+use crate::model::{ObjectPart, TileCloud, TileId};
 
 /// An object, or the part of one that lies in the core.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,7 +21,7 @@ pub struct SeamPoint {
     /// The point.
     pub id: u64,
     /// Tile that owns it.
-    pub owner: u32,
+    pub owner: TileId,
     /// Its label in this tile, from 1.
     pub label: u32,
 }
@@ -46,7 +46,7 @@ impl LocalLabels {
         labels: &mut [u32],
         count: u32,
         size: &RangeInclusive<u64>,
-        owner: impl Fn(usize) -> u32,
+        owner: impl Fn(usize) -> TileId,
         file: impl Fn(u64) -> u32,
     ) -> Self {
         let slots = count as usize + 1;

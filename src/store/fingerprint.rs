@@ -81,6 +81,14 @@ pub struct StaleReason {
     pub new: Option<String>,
 }
 
+impl StaleReason {
+    /// Whether nothing of the pass itself has changed, but a pass that it depends on.
+    #[must_use]
+    pub fn is_of_another_pass(&self) -> bool {
+        self.name.starts_with("pass ")
+    }
+}
+
 impl std::fmt::Display for StaleReason {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let show = |value: &Option<String>| value.clone().unwrap_or_else(|| "(nothing)".to_owned());

@@ -9,5 +9,6 @@ mod unit_file;
 pub(crate) use column::Column;
 pub use error::StoreError;
 pub use fingerprint::{Fingerprint, Inputs, StaleReason};
+pub(crate) use run_dir::UnitReader;
 pub use run_dir::{PassDir, RunDir, STATE_FOLDER, UnitState};
 pub use unit_file::{FORMAT_VERSION, Refusal};

@@ -2,12 +2,17 @@
 
 use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, Write};
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::codec;
+use crate::error::Result;
+use crate::model::in_u32;
 use crate::store::column::Column;
 use crate::store::unit_file::{self, FORMAT_VERSION, Refusal};
 use crate::store::{Fingerprint, Inputs, StaleReason, StoreError};
@@ -178,16 +183,15 @@ impl RunDir {
         PassDir { folder: self.state.join(folder), fingerprint: inputs.fingerprint(), inputs }
     }
 
-    /// Removes every pass whose folder begins with `prefix` and is not one of `kept`: passes that write the same values
-    /// per point cannot stand beside each other.
+    /// Removes every pass whose folder begins with `prefix`, except those that are to be kept.
     ///
     /// # Errors
     /// When the file system refuses.
-    pub fn keep_passes(&self, prefix: &str, kept: &[&str]) -> Result<(), StoreError> {
+    pub fn remove_passes(&self, prefix: &str, keep: impl Fn(&str) -> bool) -> Result<(), StoreError> {
         for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
             let path = entry.map_err(StoreError::io("read", &self.state))?.path();
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
-            if name.starts_with(prefix) && !kept.contains(&name) {
+            if name.starts_with(prefix) && !keep(name) {
                 fs_err::remove_dir_all(&path).map_err(StoreError::io("remove", &path))?;
             }
         }
@@ -210,7 +214,7 @@ impl RunDir {
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         let path = folder.join(format!("{file:05}"));
         if !Column::<T>::is_whole(&path, records) {
-            self.keep_passes(writers, &[])?;
+            self.remove_passes(writers, |_| false)?;
         }
         Column::open(&path, records).map_err(StoreError::io("open", &path))
     }
@@ -254,6 +258,43 @@ pub enum UnitState {
     Refused(Refusal),
 }
 
+/// Reads parts of the payload of one unit.
+#[derive(Debug)]
+pub(crate) struct UnitReader {
+    path: PathBuf,
+    file: File,
+    payload: Range<u64>,
+}
+
+impl UnitReader {
+    /// A part of the payload.
+    pub(crate) fn read(&self, part: Range<u64>) -> Result<Vec<u8>, StoreError> {
+        let outside = || StoreError::Damaged {
+            path: self.path.clone(),
+            what: format!("bytes {} to {} of its payload are not there", part.start, part.end),
+        };
+        let length = part.end.checked_sub(part.start).ok_or_else(outside)?;
+        if part.end > self.payload.end - self.payload.start {
+            return Err(outside());
+        }
+        let mut bytes = vec![0; usize::try_from(length).map_err(|_| outside())?];
+        let at = self.payload.start + part.start;
+        self.file.read_exact_at(&mut bytes, at).map_err(StoreError::io("read", &self.path))?;
+        Ok(bytes)
+    }
+
+    /// Where a section of the payload is, see [`codec::pack`].
+    pub(crate) fn section(&self, number: usize) -> Result<Range<u64>> {
+        codec::section_range(&mut |part| self.read(part).ok(), number)
+            .ok_or_else(|| codec::no_section(number))
+    }
+
+    /// A whole section of the payload.
+    pub(crate) fn read_section(&self, number: usize) -> Result<Vec<u8>> {
+        Ok(self.read(self.section(number)?)?)
+    }
+}
+
 /// The folder of one pass: a file per unit, and what the pass depends on.
 #[derive(Debug, Clone)]
 pub struct PassDir {
@@ -274,7 +315,7 @@ impl PassDir {
     }
 
     fn number(unit: usize) -> u32 {
-        u32::try_from(unit).unwrap_or(u32::MAX)
+        in_u32(unit, "units of a pass")
     }
 
     /// Creates the folder and records what the pass depends on. Results that depend on something else go: units of
@@ -358,6 +399,24 @@ impl PassDir {
             path: self.unit_path(unit),
             what: format!("{state:?} although it had been written"),
         })
+    }
+
+    /// A reader of parts of the payload of a unit that is done.
+    ///
+    /// # Errors
+    /// When it is missing or not that of this pass.
+    pub(crate) fn reader(&self, unit: usize) -> Result<UnitReader, StoreError> {
+        let path = self.unit_path(unit);
+        let file = File::open(&path).map_err(StoreError::io("open", &path))?;
+        let length = file.metadata().map_err(StoreError::io("read", &path))?.len();
+        let mut header = [0; unit_file::HEADER_LEN];
+        file.read_exact_at(&mut header, 0).map_err(StoreError::io("read", &path))?;
+        match unit_file::payload_range(&header, length, Self::number(unit), self.fingerprint) {
+            Ok(payload) => Ok(UnitReader { path, file, payload }),
+            Err(refusal) => {
+                Err(StoreError::Damaged { path, what: format!("{refusal:?} although it had been written") })
+            }
+        }
     }
 
     /// Numbers of the units that have a file, whether or not it fits, ascending.

@@ -13,16 +13,18 @@
 //! All numbers little-endian. A reader refuses a file that is cut, damaged or of another version or fingerprint, and
 //! says why; it never believes `length` before it has compared it with the size of the file.
 
+use std::ops::Range;
+
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::store::Fingerprint;
 
 /// Version of the state on disk; a change of any payload raises it.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 
 const MAGIC: &[u8; 8] = b"CHAINAGE";
 const TRAILER: &[u8; 8] = b"COMMITED";
-const HEADER_LEN: usize = 8 + 4 + 4 + 16 + 8;
+pub(crate) const HEADER_LEN: usize = 8 + 4 + 4 + 16 + 8;
 pub(crate) const FOOTER_LEN: usize = 8 + 8;
 
 /// Why a unit file is not used.
@@ -49,6 +51,31 @@ pub(crate) fn encode(unit: u32, fingerprint: Fingerprint, payload: &[u8]) -> Vec
     bytes.extend_from_slice(&checksum.to_le_bytes());
     bytes.extend_from_slice(TRAILER);
     bytes
+}
+
+/// Where the payload of a unit file of `length` bytes is, by its header alone: for readers of a part of it, after the
+/// whole was checked when the pass began or was written by it.
+pub(crate) fn payload_range(
+    header: &[u8; HEADER_LEN],
+    length: u64,
+    unit: u32,
+    fingerprint: Fingerprint,
+) -> Result<Range<u64>, Refusal> {
+    let u32_at = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
+    let payload = length.checked_sub((HEADER_LEN + FOOTER_LEN) as u64);
+    let Some(payload) = payload.filter(|payload| header[32..40] == payload.to_le_bytes()) else {
+        return Err(Refusal::Damaged("length does not match"));
+    };
+    if &header[..8] != MAGIC || u32_at(12) != unit {
+        return Err(Refusal::Damaged("magic or number of the unit do not match"));
+    }
+    if u32_at(8) != FORMAT_VERSION {
+        return Err(Refusal::OtherVersion(u32_at(8)));
+    }
+    if header[16..32] != fingerprint.0.to_le_bytes() {
+        return Err(Refusal::Stale);
+    }
+    Ok(HEADER_LEN as u64..HEADER_LEN as u64 + payload)
 }
 
 /// The payload of a unit file, in place: what stands between header and footer of `bytes`.
@@ -96,6 +123,9 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[position] ^= 0x10;
             assert!(decode(&bytes, 3, fingerprint).is_err(), "byte {position} flipped");
+            let header: &[u8; HEADER_LEN] = bytes.first_chunk().unwrap();
+            let range = payload_range(header, bytes.len() as u64, 3, fingerprint);
+            assert_eq!(range.is_err(), position < HEADER_LEN, "byte {position} of the header flipped");
         }
         let mut longer = whole.clone();
         longer.push(0);

@@ -1,5 +1,5 @@
-//! The axis of the drive: a polyline in the plane, along which chainage is counted. Decides nothing about the result
-//! but the chainage and offset columns of the object table; tiles follow it only so that they are compact.
+//! The axis of the drive: a polyline in the plane along which chainage is measured. Among the results, only
+//! the columns chainage and offset of the object table depend on it. Tiles follow it only to be compact.
 
 use std::collections::BTreeMap;
 
@@ -10,20 +10,21 @@ use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, NearestIndex, PackedCells};
 use crate::survey::TimeBin;
 
-/// Distance between vertices of the axis in metres: chainage is resolved to this along tiles.
+/// Distance between vertices of the axis in metres. It is the resolution of chainage along tiles.
 const VERTEX_SPACING_M: f64 = 1.0;
-/// A stretch that runs within this distance of an earlier one is the same street, in metres.
+/// A stretch within this distance of an earlier one is the same street, in metres.
 const CORRIDOR_M: f64 = 12.0;
-/// How much of the axis behind a vertex is its own stretch and not an earlier one, in metres.
+/// Length behind a vertex that counts as its own stretch and not as an earlier one, in metres.
 const OWN_STRETCH_M: f64 = 40.0;
-/// Time bins averaged to each side: two seconds, over which the mean of the points scanned wobbles most.
+/// Time bins averaged on each side: two seconds, because the mean of the scanned points wobbles within that
+/// time.
 const SMOOTHING_BINS: usize = 4;
-/// A track shorter than this is a scanner that stands, in metres.
+/// A shorter track means that the scanner did not move, in metres.
 const SHORTEST_TRACK_M: f64 = 10.0;
-/// Longest axis in metres; more comes from absurd positions.
+/// Longest axis in metres. A longer one comes from absurd positions.
 const LONGEST_AXIS_M: f64 = 5e6;
 
-/// Where the axis came from.
+/// The source of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AxisSource {
@@ -38,27 +39,29 @@ pub enum AxisSource {
 /// The axis: vertices about 1 m apart, in metres of the run's world frame, with their chainage.
 #[derive(Debug)]
 pub struct Axis {
-    /// Where it came from.
+    /// Its source.
     pub source: AxisSource,
     vertices: Vec<[f64; 2]>,
     chainage: Vec<f64>,
-    /// Whether a vertex is joined to the next one; a stretch that was left out makes a gap.
+    /// Whether a vertex is connected to the next one. Omitted stretches leave gaps.
     joined: Vec<bool>,
     index: NearestIndex,
 }
 
 impl Axis {
-    /// The axis along a trajectory's positions in metres; `None` when they do not get anywhere.
+    /// The axis along the positions of a trajectory in metres; `None` if they have no length.
     #[must_use]
     pub fn from_positions(source: AxisSource, positions: &[[f64; 2]]) -> Option<Self> {
         let resampled = resample(positions)?;
         let mut axis = first_passes(&resampled);
-        // Chainage starts where the drive does; a drive that is one stretch has it in metres along the road.
+        // Chainage starts where the drive starts. If the drive is one stretch, chainage is in metres along
+        // the road.
         axis.source = source;
         Some(axis)
     }
 
-    /// The axis along the smoothed mean positions of the time bins; `None` when the scanner stood or had no clock.
+    /// The axis along the smoothed mean positions of the time bins; `None` if the scanner did not move or had
+    /// no clock.
     #[must_use]
     pub fn from_time_bins(bins: &BTreeMap<i64, TimeBin>, lattice: Lattice) -> Option<Self> {
         #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
@@ -77,7 +80,8 @@ impl Axis {
         if length < SHORTEST_TRACK_M { None } else { Self::from_positions(AxisSource::GpsTime, &smooth) }
     }
 
-    /// The principal axis of the occupied cells, every cell weighing the same so that dense spots do not turn it.
+    /// The principal axis of the occupied cells. All cells have the same weight, so that dense spots do not
+    /// turn it.
     #[must_use]
     pub fn principal(cells: &PackedCells, grid: CellGrid, lattice: Lattice) -> Self {
         let edge_m = lattice.metres(grid.edge());
@@ -112,7 +116,7 @@ impl Axis {
         Self { source, vertices, chainage, joined, index }
     }
 
-    /// Bytes of memory that it takes.
+    /// Its memory in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let vertex = size_of::<[f64; 2]>() + size_of::<f64>() + size_of::<bool>();
@@ -125,7 +129,7 @@ impl Axis {
         &self.vertices
     }
 
-    /// Stretches of joined vertices.
+    /// Stretches of connected vertices.
     pub fn stretches(&self) -> impl Iterator<Item = &[[f64; 2]]> {
         let mut start = 0;
         (0..self.vertices.len()).filter_map(move |k| {
@@ -134,7 +138,7 @@ impl Axis {
         })
     }
 
-    /// One number for vertices and chainage.
+    /// A hash of vertices and chainage.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
@@ -148,7 +152,7 @@ impl Axis {
     pub fn marks(&self, spacing_m: f64) -> impl Iterator<Item = ([f64; 2], f64)> {
         let mut due = 0.0;
         self.vertices.iter().zip(&self.chainage).filter_map(move |(vertex, &chainage)| {
-            // Half a vertex early at most: chainage is a sum of steps and 50 m may be 49.9999999.
+            // Up to half a vertex early: chainage is a sum of steps, and 50 m may be 49.9999999.
             if chainage + 0.5 * VERTEX_SPACING_M < due {
                 return None;
             }
@@ -175,7 +179,7 @@ impl Axis {
         self.index.nearest(place).unwrap_or(0)
     }
 
-    /// Chainage of a place's foot on the axis, and its signed offset (left of the axis positive), in metres.
+    /// Chainage of the foot of a place on the axis, and its signed offset (positive to the left), in metres.
     #[must_use]
     pub fn locate(&self, place: [f64; 2]) -> (f64, f64) {
         let Some(vertex) = self.index.nearest(place) else { return (0.0, 0.0) };
@@ -184,13 +188,16 @@ impl Axis {
             if start + 1 >= self.vertices.len() || !self.joined[start] {
                 continue;
             }
-            let (from, to) = (self.vertices[start], self.vertices[start + 1]);
-            let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+            let from = self.vertices[start];
+            let to = self.vertices[start + 1];
+            let dx = to[0] - from[0];
+            let dy = to[1] - from[1];
             let length = dx.hypot(dy);
             if length <= 0.0 {
                 continue;
             }
-            let (px, py) = (place[0] - from[0], place[1] - from[1]);
+            let px = place[0] - from[0];
+            let py = place[1] - from[1];
             let share = ((px * dx + py * dy) / (length * length)).clamp(0.0, 1.0);
             let away = (px - share * dx).hypot(py - share * dy);
             if away < best.0 {
@@ -213,7 +220,8 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// Vertices about [`VERTEX_SPACING_M`] apart along `positions`; `None` for a line without length or of absurd length.
+/// Vertices about [`VERTEX_SPACING_M`] apart along `positions`; `None` for a line without length, or with an
+/// absurd one.
 fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
     let total: f64 = positions.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
     if !(total > 0.0 && total <= LONGEST_AXIS_M) {
@@ -238,8 +246,8 @@ fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
     Some(vertices)
 }
 
-/// The axis without the stretches that run along an earlier one: a street that is driven twice has one chainage, so
-/// that its tiles are whole strips and not a checkerboard of two passes.
+/// The axis without the stretches that run along an earlier one. A street that is driven twice then has one
+/// chainage, and its tiles are whole strips, not a checkerboard of two passes.
 fn first_passes(places: &[[f64; 2]]) -> Axis {
     #[expect(
         clippy::cast_possible_truncation,
@@ -247,7 +255,9 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
     )]
     let bucket = |place: [f64; 2]| place.map(|value| (value / CORRIDOR_M).floor() as i64);
     let mut kept: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
-    let (mut vertices, mut chainage, mut joined) = (Vec::new(), Vec::new(), Vec::new());
+    let mut vertices = Vec::new();
+    let mut chainage = Vec::new();
+    let mut joined = Vec::new();
     let mut driven = 0.0;
     let mut driven_at: Vec<f64> = Vec::new();
     let mut counted = 0.0;
@@ -273,7 +283,7 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
                 *last = true;
             }
         } else if !vertices.is_empty() {
-            // A gap counts as one step, so that chainage stays strictly ascending over stretches.
+            // A gap counts as one step, so that chainage increases strictly across stretches.
             counted += VERTEX_SPACING_M;
         }
         on_axis = true;
@@ -310,7 +320,7 @@ mod tests {
         let mut there_and_back = straight(0.0, 200.0, 0.0);
         there_and_back.extend(straight(200.0, 0.0, 4.0));
         let axis = Axis::from_positions(AxisSource::Trajectory, &there_and_back).unwrap();
-        // The turn itself is driven once more for OWN_STRETCH_M.
+        // The turn itself is counted once more, for OWN_STRETCH_M.
         assert!(axis.length_m() < 200.0 + 2.0 * OWN_STRETCH_M, "{}", axis.length_m());
         assert!((axis.chainage_m()[axis.nearest([20.0, 4.0])] - 20.0).abs() <= 1.0);
     }

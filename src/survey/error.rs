@@ -1,4 +1,4 @@
-//! What can be wrong with a drive as a whole: its positions, its trajectory.
+//! Errors that concern a drive as a whole: its positions, its trajectory.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -24,11 +24,11 @@ pub enum SurveyError {
         path: PathBuf,
         /// The column that is missing.
         column: &'static str,
-        /// The first line as it stands.
+        /// The first line as it is in the file.
         found: String,
     },
-    /// A line that does not hold finite numbers in these columns.
-    #[error("line {line} of the trajectory {path} has no number in column {column}: {found}", path = path.display())]
+    /// A line without finite numbers in these columns.
+    #[error("line {line} of the trajectory {path} has no finite number in column {column}: {found}", path = path.display())]
     Number {
         /// The file.
         path: PathBuf,
@@ -36,7 +36,7 @@ pub enum SurveyError {
         line: usize,
         /// The column.
         column: &'static str,
-        /// The line as it stands.
+        /// The line as it is in the file.
         found: String,
     },
     /// Fewer than two positions.
@@ -47,8 +47,8 @@ pub enum SurveyError {
         /// Positions in it.
         positions: usize,
     },
-    /// A record whose position is too far from the origin to be one.
-    #[error("record {record} of {path} has the coordinates {xyz:?}, which no position on earth has", path = path.display())]
+    /// A record whose position is too far from the origin.
+    #[error("record {record} of {path} has the coordinates {xyz:?}, too far from the origin for any position on earth", path = path.display())]
     Position {
         /// The file.
         path: PathBuf,
@@ -57,9 +57,9 @@ pub enum SurveyError {
         /// Its x, y and z as stored.
         xyz: [i32; 3],
     },
-    /// Heights that differ by more than any landscape.
+    /// Heights that differ by more than those of any landscape.
     #[error(
-        "heights range from {lowest_m:.0} m to {highest_m:.0} m, at most {limit_m:.0} m can be processed"
+        "heights range from {lowest_m:.0} m to {highest_m:.0} m, the largest range that can be processed is {limit_m:.0} m"
     )]
     Heights {
         /// Lowest height in metres.
@@ -82,13 +82,17 @@ impl Failure for SurveyError {
         ErrorKind::Input
     }
 
+    fn concerns_input(&self) -> bool {
+        true
+    }
+
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Column { .. } | Self::Number { .. } => {
                 Some("a trajectory is a CSV file whose first line is gps_time,x,y,z".into())
             }
             Self::Position { .. } | Self::Heights { .. } => Some(
-                "chainage info FILES... shows scale and offset of every file; remove what is not a position"
+                "chainage info FILES... shows scale and offset of every file; remove records that are not positions"
                     .into(),
             ),
             Self::Read { .. } | Self::TooShort { .. } | Self::Empty { .. } => None,

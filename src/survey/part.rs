@@ -1,4 +1,4 @@
-//! What one run of blocks contributes to the survey; parts merge exactly, in any order.
+//! The contribution of one run of blocks to the survey. Parts merge exactly, in any order.
 
 use std::collections::BTreeMap;
 
@@ -8,10 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::model::{LatticeTransform, RecordView, record_xyz};
 use crate::spatial::{BlockZone, Cell, CellCounter, CellGrid, CellMap};
 
-/// Seconds of GPS time per bin: at 30 km/h about 4 m of driving, short against every bend of a road.
+/// Seconds of GPS time per bin. At 30 km/h this is about 4 m of driving, short compared with any bend of a
+/// road.
 pub const TIME_BIN_S: f64 = 0.5;
 
-/// Zone-map cells kept for a block; a block with more (shuffled, or from the air) is described by its box alone.
+/// Largest number of zone-map cells kept for a block. A block with more (shuffled, or airborne) is described
+/// by its box alone.
 const ZONE_CELLS_MAX: usize = 192;
 
 /// Sum of the positions of the points of one time bin, in lattice units.
@@ -25,7 +27,7 @@ pub struct TimeBin {
     pub sum_y: i128,
 }
 
-/// A record whose position is absurd.
+/// A record with an absurd position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutOfRange {
     /// Index of the record in its block.
@@ -34,14 +36,14 @@ pub struct OutOfRange {
     pub xyz: [i32; 3],
 }
 
-/// What one run of blocks contributes.
+/// The contribution of one run of blocks.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SurveyPart {
     /// One entry per block, in file order.
     pub zones: Vec<BlockZone>,
     /// Points per occupied cell, in ascending cell.
     pub occupancy: Vec<(Cell, u32)>,
-    /// Positions by bin of GPS time.
+    /// Positions per bin of GPS time.
     pub time_bins: BTreeMap<i64, TimeBin>,
     /// Smallest and largest lattice coordinates.
     pub extent: Option<([i64; 3], [i64; 3])>,
@@ -49,7 +51,7 @@ pub struct SurveyPart {
     pub time: Option<(f64, f64)>,
     /// Records whose GPS time is not a finite number.
     pub bad_times: u64,
-    /// XXH3 of the blocks' content, folded in file order.
+    /// XXH3 of the content of the blocks, folded in file order.
     pub content: u64,
 }
 
@@ -77,7 +79,8 @@ impl SurveyPart {
     }
 }
 
-/// Running state over the blocks of a part. Parts can be fed block by block, see [`SurveyPart::survey`].
+/// Running state over the blocks of a part. A part can also be fed block by block, see
+/// [`SurveyPart::survey`].
 #[derive(Debug)]
 pub struct Collector {
     grid: CellGrid,
@@ -89,7 +92,7 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// A collector that counts in cells of `grid`.
+    /// A collector that counts in the cells of `grid`.
     #[must_use]
     pub fn new(grid: CellGrid) -> Self {
         Self {
@@ -107,11 +110,13 @@ impl Collector {
     /// # Errors
     /// The record whose position no occupancy cell can hold.
     pub fn block(&mut self, view: &RecordView<'_>, transform: &LatticeTransform) -> Result<(), OutOfRange> {
-        let (mut lo, mut hi) = ([i64::MAX; 3], [i64::MIN; 3]);
+        let mut lo = [i64::MAX; 3];
+        let mut hi = [i64::MIN; 3];
         let mut last_coarse = [i32::MIN; 2];
         self.coarse.clear();
         let mut count = 0_u32;
-        let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut first = f64::INFINITY;
+        let mut last = f64::NEG_INFINITY;
         for (record, bytes) in view.bytes.chunks_exact(view.stride).enumerate() {
             let xyz = record_xyz(bytes);
             let point = transform.apply(xyz);
@@ -144,11 +149,11 @@ impl Collector {
         Ok(())
     }
 
-    /// Adds a point to its time bin; returns its time if it is finite.
+    /// Adds a point to its time bin. Returns its time if it is finite.
     #[inline]
     fn time(&mut self, bytes: &[u8], point: [i64; 3]) -> Option<f64> {
         let time = f64::from_le_bytes(bytes.try_into().ok()?);
-        // Beyond 10^15 s a double does not resolve half a second any more.
+        // Beyond 10^15 s, a double no longer resolves half a second.
         if !time.is_finite() || time.abs() >= 1e15 {
             self.part.bad_times += 1;
             return None;
@@ -189,7 +194,7 @@ impl Collector {
         self.part.time = merge_time(self.part.time, time);
     }
 
-    /// The part.
+    /// Finishes the part.
     #[must_use]
     pub fn finish(mut self) -> SurveyPart {
         self.flush_bin();

@@ -1,4 +1,5 @@
-//! Reading a trajectory: CSV with the columns `gps_time,x,y,z` (more are ignored), in the coordinates of the drive.
+//! Reads a trajectory: CSV with the columns `gps_time,x,y,z` (others are ignored), in the coordinates of the
+//! drive.
 
 use std::path::Path;
 
@@ -45,7 +46,7 @@ pub fn read_trajectory(path: &Path) -> Result<Vec<[f64; 2]>, SurveyError> {
     if rows.len() < 2 {
         return Err(SurveyError::TooShort { path: path.to_owned(), positions: rows.len() });
     }
-    // Stable: positions of one instant stay in file order.
+    // A stable sort: positions with equal times stay in file order.
     rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
     Ok(rows.into_iter().map(|row| [row[1], row[2]]).collect())
 }

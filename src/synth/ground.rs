@@ -1,83 +1,18 @@
-//! The cross-section of the street and the surface of the ground of one cell: height, mesh, and what lies where.
+//! The surface of the ground of one cell: height, mesh, and what lies where.
 
-use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
-use serde::Deserialize;
 
 use super::axis::{Axis, CELL, Line, Node};
 use super::material::{Material, material};
+use super::model::Model;
 use super::preset::Plan;
-use super::scene::Model;
+use super::section::FACE;
 use super::shape::Shape;
 
 /// Distance between rows of the mesh, metres.
 const ROW: f64 = 2.0;
-/// Width of a kerb's face or of another step, metres.
-const FACE: f64 = 0.03;
 /// How far from the axis the land over the axis has become the land itself, beyond the pavement, metres.
 const BLEND: f64 = 10.0;
-
-/// Half of a cross-section; all widths are distances from the axis, metres, not falling from one to the next.
-#[derive(Debug, Clone, Copy, Default, Deserialize, Pod, Zeroable)]
-#[repr(C)]
-#[serde(default, deny_unknown_fields)]
-pub(super) struct Section {
-    /// Edge of the raised median; 0 for none.
-    pub(super) median: f64,
-    /// Edge of the outermost lane.
-    pub(super) lanes: f64,
-    /// Kerb, beyond parked cars or the hard shoulder.
-    pub(super) kerb: f64,
-    /// Edge of the planted strip.
-    pub(super) verge: f64,
-    /// Edge of the pavement.
-    pub(super) walk: f64,
-    /// Height of the kerbs.
-    pub(super) kerb_height: f64,
-    /// Amplitude of the slopes beside the street.
-    pub(super) slopes: f64,
-    /// Width of a lane.
-    pub(super) lane: f64,
-}
-
-impl Section {
-    /// All fields, in order.
-    pub(super) fn widths(&self) -> &[f64; 8] {
-        bytemuck::cast_ref(self)
-    }
-
-    /// Between two sections, `w` 0 to 1.
-    pub(super) fn between(&self, other: &Self, w: f64) -> Self {
-        let (a, b) = (self.widths(), other.widths());
-        bytemuck::cast::<[f64; 8], _>(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * w))
-    }
-
-    /// Middle of the outermost lane: where the vehicle drives.
-    pub(super) fn driving_line(&self) -> f64 {
-        self.lanes - self.lane * 0.5
-    }
-
-    /// Offsets from the axis at which the profile bends, from right to left.
-    fn breaks(&self) -> impl Iterator<Item = f64> {
-        let (m, k, w) = (self.median, self.kerb, self.walk);
-        let street = [m, m + FACE, (m + k) * 0.5, k, k + FACE, self.verge.max(k + 2.0 * FACE), w, w + FACE];
-        let beyond = [2.0, 5.0, 9.0, 15.0, 24.0, 36.0, 55.0].map(|d| w + d);
-        let left = street.into_iter().chain(beyond);
-        left.clone().rev().map(|d| -d).chain([0.0]).chain(left)
-    }
-
-    /// Height over the axis at distance `d`, without land, dips and slopes: a camber of 2.5 %, kerbs, a pavement
-    /// that falls to the road by 2 %.
-    fn profile(&self, d: f64) -> f64 {
-        let road = -0.025 * d.min(self.kerb);
-        // A median narrower than a kerb stone has no height, so that sections blend into each other.
-        if d <= self.median {
-            return road + self.kerb_height * (self.median / 0.5).min(1.0);
-        }
-        let beyond = (d - self.kerb) / FACE;
-        road + self.kerb_height * beyond.clamp(0.0, 1.0) + 0.02 * (d.min(self.walk) - self.kerb).max(0.0)
-    }
-}
 
 impl Plan {
     /// Height of the ground at `offset` (left positive) from the axis at chainage `s`, where it goes through `node`.

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use rustc_hash::FxHashMap;
 use serde::Deserialize;
 
-use super::shipped;
+use super::shipped::shipped;
 
 /// Optical facts of a material; explained in `materials.toml`.
 #[derive(Debug, PartialEq, Deserialize)]

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 use serde::{Deserialize, Serialize};
 
 use super::axis::{CELL, LEAD, cell_at};
-use super::ground::Section;
 use super::random::{Waves, sequence};
-use super::scan::Scanner;
-use super::shipped;
+use super::scanner::Scanner;
+use super::section::Section;
+use super::shipped::shipped;
 
 /// A kind of street.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -129,12 +129,19 @@ pub(super) struct Layout {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tables {
-    pub(super) scanner: Scanner,
+    scanner: Scanner,
     kinds: BTreeMap<String, Kind>,
     streets: BTreeMap<Preset, Layout>,
 }
 
 pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(|| shipped(include_str!("presets.toml")));
+
+// Here and not with the scanner, which knows no table.
+impl Default for Scanner {
+    fn default() -> Self {
+        TABLES.scanner.clone()
+    }
+}
 
 /// What all things of a kind have in common.
 pub(super) fn kind(name: &str) -> &'static Kind {
@@ -210,5 +217,12 @@ mod tests {
             assert!(models.contains_key(name), "there is no model of {name}");
             assert!(kind(name).class > 1, "{name} is noise or ground");
         }
+    }
+
+    #[test]
+    fn the_rates_of_the_default_are_those_of_the_data_sheet() {
+        let scanner = Scanner::default();
+        assert_eq!(scanner.pulses(), 2_750);
+        assert!((scanner.time(1, 0, 0) - 0.005).abs() < 1e-12);
     }
 }

@@ -1,4 +1,4 @@
-//! The scanner: which ray is fired when, what comes back, and the point records of a slice of time.
+//! Scanning: which ray is fired when, what comes back, and the point records of a slice of time.
 //!
 //! A slice is a pure function of (settings, seed, window, profiles): slices may be traced by any thread.
 
@@ -10,13 +10,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3, Vec3A};
 use obvhs::ray::RayHit;
 use rand::RngExt;
-use serde::{Deserialize, Serialize};
 
-use super::Settings;
 use super::drive::Track;
-use super::preset::TABLES;
 use super::random::{Random, gauss, sequence};
+use super::scanner::Scanner;
 use super::scene::{Owner, Window};
+use super::settings::Settings;
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
@@ -36,72 +35,6 @@ const BRIGHTNESS: (f32, f32, f32) = (31_700.0, 0.75, 0.7);
 /// Reflectance times the cosine of incidence at which a target at full range is just seen; the square of the range
 /// scales it.
 const FAINTEST: f32 = 0.06;
-
-/// The scanner; the defaults are close to a RIEGL VMX-450 (two VQ-450 heads of 550 kHz and 200 profiles/s, 8 mm
-/// accuracy, 0.3 mrad).
-#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Scanner {
-    /// Profile heads, 1 or 2.
-    pub heads: u8,
-    /// Pulses per second of one head.
-    pub pulse_rate_hz: f64,
-    /// Profiles per second of one head.
-    pub profiles_hz: f64,
-    /// Farthest target, metres.
-    pub range_m: f64,
-    /// Standard deviation of a measured range, metres.
-    pub noise_m: f64,
-    /// Divergence of the beam, milliradians.
-    pub divergence_mrad: f64,
-    /// Share of pulses that return an isolated echo of nothing.
-    pub strays: f64,
-}
-
-impl Default for Scanner {
-    fn default() -> Self {
-        TABLES.scanner.clone()
-    }
-}
-
-impl Scanner {
-    /// Pulses of one profile of one head; the pulse rate is exact, the profile rate follows.
-    pub(super) fn pulses(&self) -> u64 {
-        (self.pulse_rate_hz / self.profiles_hz).round().max(1.0) as u64
-    }
-
-    /// Pulses that are traced together: some that follow each other, but one where they are far apart.
-    fn together(&self) -> u64 {
-        (self.fan() * self.pulses() as f64 / TAU).min(FAN_S * self.pulse_rate_hz).max(1.0) as u64
-    }
-
-    /// Angle within which pulses are traced together, radians: a list of what they may meet should serve several.
-    fn fan(&self) -> f64 {
-        (FAN_PULSES * TAU / self.pulses() as f64).clamp(FAN_RAD.start, FAN_RAD.end)
-    }
-
-    /// How far a beam may be from the middle one of those it is traced with, metres. In half a millisecond the vehicle
-    /// goes 2 cm and, at 150 km/h in a bend of 50 m, turns by 0.4 mrad.
-    pub(super) fn spread(&self) -> f32 {
-        (self.range_m * (self.fan() * 0.5 + 0.001) + 0.1) as f32
-    }
-
-    /// Time of a pulse, seconds since the start; the second head fires half a pulse later.
-    pub(super) fn time(&self, profile: u64, pulse: u64, head: usize) -> f64 {
-        let count = profile * self.pulses() + pulse;
-        (count as f64 + head as f64 / f64::from(self.heads)) / self.pulse_rate_hz
-    }
-
-    /// Diameter of the beam at a range, metres.
-    fn beam(&self, range: f32) -> f32 {
-        0.004 + range * self.divergence_mrad as f32 * 1e-3
-    }
-}
-
-/// Pulses that are traced together at least, within an angle in radians, and the time of them in seconds at most.
-const FAN_PULSES: f64 = 6.0;
-const FAN_RAD: Range<f64> = 0.04..0.1;
-const FAN_S: f64 = 0.001;
 
 /// From the frame of the first or second of so many profile heads to the vehicle's (forward, left, up): at scan angle 0 a
 /// head looks along its -z, at 90 degrees along its -y. A single one looks back over the left shoulder.
@@ -346,12 +279,5 @@ mod tests {
         // The planes of the two heads are mirror images: y changes sign, and with it the angle.
         let (a, b) = (look(0, 1.5), look(1, -1.5));
         assert!((a - DVec3::new(b.x, -b.y, b.z)).length() < 1e-9, "{a} {b}");
-    }
-
-    #[test]
-    fn the_rates_of_the_default_are_those_of_the_data_sheet() {
-        let settings = Settings::new(super::super::Preset::Suburb);
-        assert_eq!(settings.scanner.pulses(), 2_750);
-        assert!((settings.scanner.time(1, 0, 0) - 0.005).abs() < 1e-12);
     }
 }

@@ -1,54 +1,17 @@
-//! Models, their placed copies, and the closest hit of a ray among them: a hierarchy of bounding boxes over the
-//! copies, and one inside every model. Knows nothing of streets.
-//!
-//! Of the kept crates, `obvhs` (two-child hierarchy) and `parry3d` (PLOC) trace a tree-lined test scene at the same
-//! 0.19 microseconds per ray; `obvhs` builds 4 times as fast and brings a third of the dependencies.
+//! Placed copies of models and the closest hit of a ray among them: a hierarchy of bounding boxes over the copies, and
+//! one inside every model.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
-use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray, RayHit};
 
 use super::ground::Ground;
-use super::shape::{Primitive, Surface};
-use super::street::Object;
-
-/// Primitives in a frame of their own, built once and placed often.
-pub(super) struct Model {
-    primitives: Vec<Primitive>,
-    bvh: Bvh2,
-}
-
-fn hierarchy(boxes: &[Aabb], max_prims_per_leaf: u32) -> Bvh2 {
-    let params = BvhBuildParams { max_prims_per_leaf, ..BvhBuildParams::fast_build() };
-    build_bvh2(boxes, params, &mut Duration::default())
-}
-
-impl Model {
-    /// A model of at least one primitive.
-    pub(super) fn new(primitives: Vec<Primitive>) -> Self {
-        let boxes: Vec<Aabb> = primitives.iter().map(|primitive| primitive.shape.bounds()).collect();
-        let bvh = hierarchy(&boxes, 8);
-        // In leaf order, so that a leaf reads neighbours.
-        let primitives =
-            bvh.primitive_indices.iter().map(|&index| primitives[index as usize].clone()).collect();
-        Self { primitives, bvh }
-    }
-
-    fn bounds(&self) -> &Aabb {
-        self.bvh.nodes[0].aabb()
-    }
-
-    /// Height of the highest point over the model's origin.
-    pub(super) fn height(&self) -> f32 {
-        self.bounds().max.z
-    }
-}
+use super::model::{Model, hierarchy};
+use super::object::Object;
+use super::shape::Surface;
 
 /// A copy of a model.
 #[derive(Clone)]

@@ -7,17 +7,17 @@ use std::sync::Arc;
 
 use glam::{DVec3, IVec3};
 
-use crate::output::descriptor::ExtraType;
-use crate::output::new_file::{ExtraDimension, NewFile, NewFileSchema};
+use crate::output::points::descriptor::ExtraType;
+use crate::output::points::new_file::{ExtraDimension, NewFile, NewFileSchema};
 use crate::output::{OutputError, save};
 use crate::whole_file::WholeFile;
 
 use super::axis::LEAD;
 use super::drive::Pose;
+use super::object::Object;
 use super::scan::{Record, START_TIME, Slice};
 use super::scene::Window;
-use super::street::Object;
-use super::{Settings, Summary};
+use super::settings::{Settings, Summary};
 
 /// World coordinates of the street's origin: UTM zone 32 north, in the south of Germany.
 const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);

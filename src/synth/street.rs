@@ -9,25 +9,14 @@ use rand::RngExt;
 
 use super::axis::{Axis, CELL, cell_at};
 use super::ground::Ground;
+use super::model::Model;
+use super::object::Object;
 use super::preset::{Lot, Plan, Row, kind};
 use super::random::{Random, pick, sequence};
-use super::scene::{Model, Owner, Placed};
+use super::scene::{Owner, Placed};
 
 /// Numbers of objects that a cell has for itself.
 pub(super) const IDS: u32 = 1_000;
-
-/// What there is to know of an object, beside its points.
-#[derive(Debug)]
-pub(super) struct Object {
-    /// Number in the drive, from 1.
-    pub(super) id: u32,
-    pub(super) class: u8,
-    pub(super) kind: &'static str,
-    /// Foot, metres from the street's origin.
-    pub(super) base: DVec3,
-    pub(super) height: f64,
-    pub(super) s: f64,
-}
 
 /// Models by kind.
 pub(super) type Library = BTreeMap<String, Vec<Arc<Model>>>;

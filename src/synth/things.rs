@@ -7,10 +7,10 @@ use glam::{Affine3A, Vec3, vec3};
 use rand::RngExt;
 use serde::Deserialize;
 
+use super::model::Model;
 use super::random::{Random, pick, sequence};
-use super::scene::Model;
 use super::shape::{Primitive, Shape};
-use super::shipped;
+use super::shipped::shipped;
 use super::tree::{self, Level};
 
 static THINGS: LazyLock<BTreeMap<String, Vec<Thing>>> =
@@ -123,8 +123,8 @@ mod tests {
     use glam::{DVec3, Mat3A, Vec3A};
 
     use super::super::material::material;
+    use super::super::object::Object;
     use super::super::scene::{Owner, Placed, Window};
-    use super::super::street::Object;
     use super::*;
 
     #[test]

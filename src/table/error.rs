@@ -1,4 +1,4 @@
-//! What can be wrong with a table.
+//! Errors of tables.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -23,27 +23,27 @@ pub enum TableError {
         /// The file.
         path: PathBuf,
     },
-    /// A header that holds only numbers is a row of a table without one.
-    #[error("the first line of {path} holds only numbers, a header is expected: {found}", path = path.display())]
+    /// The header consists of numbers only. It is probably the first row of a table without header.
+    #[error("the first line of {path} has only numbers, but a header is expected: {found}", path = path.display())]
     NoHeader {
         /// The file.
         path: PathBuf,
         /// The line.
         found: String,
     },
-    /// A row with another number of fields than the first line.
-    #[error("line {line} of {path} has {found} fields, the first line has {expected}", path = path.display())]
+    /// A row whose number of fields differs from that of the first line.
+    #[error("line {line} of {path} has {found} fields, but the first line has {expected}", path = path.display())]
     Fields {
         /// The file.
         path: PathBuf,
         /// Line number, from 1.
         line: usize,
-        /// Its fields.
+        /// Number of its fields.
         found: usize,
-        /// Fields of the first line.
+        /// Number of fields of the first line.
         expected: usize,
     },
-    /// A quote that is not closed in its line.
+    /// A quote that is not closed on its line.
     #[error("line {line} of {path} has a quote that is not closed", path = path.display())]
     Quote {
         /// The file.
@@ -52,17 +52,17 @@ pub enum TableError {
         line: usize,
     },
     /// A column that does not exist.
-    #[error("{path} has no column {column}, there is: {known}", path = path.display())]
+    #[error("{path} has no column {column}; its columns are: {known}", path = path.display())]
     Column {
         /// The file.
         path: PathBuf,
         /// The name or number as given.
         column: String,
-        /// The columns there are.
+        /// The existing columns.
         known: String,
     },
-    /// A field that is no finite number.
-    #[error("line {line} of {path}, column {column}: {found:?} is no finite number", path = path.display())]
+    /// A field that is not a finite number.
+    #[error("line {line} of {path}, column {column}: {found:?} is not a finite number", path = path.display())]
     Number {
         /// The file.
         path: PathBuf,
@@ -73,8 +73,8 @@ pub enum TableError {
         /// The field.
         found: String,
     },
-    /// The table has a column with the name of the one to add.
-    #[error("{path} has a column {name} already", path = path.display())]
+    /// The table already has a column with the name of the new one.
+    #[error("{path} already has a column {name}", path = path.display())]
     Taken {
         /// The file.
         path: PathBuf,

@@ -1,4 +1,4 @@
-//! A table read from text: its rows as they stand, and columns of numbers from them.
+//! A table read from text: its rows as they are in the file, and columns of numbers.
 
 use std::io::Read;
 use std::ops::Range;
@@ -7,16 +7,16 @@ use std::path::{Path, PathBuf};
 use crate::table::TableError;
 use crate::table::split::{Separator, fields};
 
-/// Characters of a line that an error shows.
+/// Characters of a line that an error message shows.
 const SHOWN: usize = 80;
 
-/// A table in memory: its text and where the rows are.
+/// A table in memory: its text and the positions of its rows.
 #[derive(Debug)]
 pub struct Table {
     path: PathBuf,
     text: String,
     pub(super) separator: Separator,
-    /// Names of the columns; their numbers from 1 where there is no header.
+    /// Names of the columns, or their numbers from 1 if there is no header.
     names: Vec<String>,
     pub(super) header: Option<Range<usize>>,
     /// Line number from 1, and the line without its end.
@@ -24,8 +24,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a table; `-` is standard input. Separated by commas, semicolons, tabs or blanks, whichever the first
-    /// line has. Empty lines are not rows.
+    /// Reads a table; `-` is standard input. The separator is the one of the first line: commas, semicolons,
+    /// tabs or blanks. Empty lines are skipped.
     ///
     /// # Errors
     /// [`TableError`] when the file cannot be read or has no rows, or has no header where one is expected.
@@ -40,7 +40,7 @@ impl Table {
         Self::parse(path, text, has_header)
     }
 
-    /// A table from its text; `path` is for errors.
+    /// Parses a table from its text; `path` is used in errors.
     ///
     /// # Errors
     /// Those of [`Table::read`].
@@ -76,7 +76,7 @@ impl Table {
         if table.rows.is_empty() { Err(empty()) } else { Ok(table) }
     }
 
-    /// Where the table was read from.
+    /// The path of the table.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -88,7 +88,7 @@ impl Table {
         self.rows.len()
     }
 
-    /// Whether there are no rows, which no table that was read is.
+    /// Whether there are no rows. A table that was read has at least one.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
@@ -215,9 +215,9 @@ mod tests {
         assert_eq!(table.columns(&["y".to_owned(), "1".to_owned()]).unwrap(), [2, 0]);
         assert_eq!(table.values(&[2, 0]).unwrap(), [2.0, 1.0, 40.0, 3.0]);
         let error = table.columns(&["z".to_owned()]).unwrap_err().to_string();
-        assert_eq!(error, "t.csv has no column z, there is: x, name, y");
+        assert_eq!(error, "t.csv has no column z; its columns are: x, name, y");
         let error = table.values(&[1]).unwrap_err().to_string();
-        assert_eq!(error, "line 2 of t.csv, column name: \"a\" is no finite number");
+        assert_eq!(error, "line 2 of t.csv, column name: \"a\" is not a finite number");
     }
 
     #[test]
@@ -235,7 +235,7 @@ mod tests {
         let table = table("x,cluster_id\n1,2", true).unwrap();
         assert!(table.check_free("y").is_ok());
         let error = table.check_free("cluster_id").unwrap_err().to_string();
-        assert_eq!(error, "t.csv has a column cluster_id already");
+        assert_eq!(error, "t.csv already has a column cluster_id");
     }
 
     #[test]
@@ -243,14 +243,14 @@ mod tests {
         for (text, header, expected) in [
             ("", true, "the table t.csv has no rows"),
             ("x,y\n", true, "the table t.csv has no rows"),
-            ("1,2\n3,4", true, "the first line of t.csv holds only numbers, a header is expected: 1,2"),
+            ("1,2\n3,4", true, "the first line of t.csv has only numbers, but a header is expected: 1,2"),
             ("x,\"y\n1,2", true, "line 1 of t.csv has a quote that is not closed"),
         ] {
             assert_eq!(table(text, header).unwrap_err(), expected);
         }
         for (text, expected) in [
-            ("x,y\n1,2\n3", "line 3 of t.csv has 1 fields, the first line has 2"),
-            ("x,y\n1,nan", "line 2 of t.csv, column y: \"nan\" is no finite number"),
+            ("x,y\n1,2\n3", "line 3 of t.csv has 1 fields, but the first line has 2"),
+            ("x,y\n1,nan", "line 2 of t.csv, column y: \"nan\" is not a finite number"),
             ("x,y\n1,\"2", "line 2 of t.csv has a quote that is not closed"),
         ] {
             assert_eq!(table(text, true).unwrap().values(&[0, 1]).unwrap_err().to_string(), expected);

@@ -1,17 +1,17 @@
-//! Fields of one line, and what separates them.
+//! The fields of one line, and their separator.
 
-/// What separates the fields of a line.
+/// The separator between the fields of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Separator {
-    /// Exactly this character between two fields.
+    /// Exactly this character.
     Character(char),
     /// Any number of blanks and tabs.
     Blanks,
 }
 
 impl Separator {
-    /// The separator that a line uses: a comma, semicolon or tab if it has one outside quotes, in this order; else
-    /// blanks. A line with a quote that is not closed has no quotes.
+    /// The separator of a line: a comma, semicolon or tab if it has one outside quotes, in this order, else
+    /// blanks. If a quote is not closed, the line counts as one without quotes.
     pub(super) fn of(line: &str) -> Self {
         let mut quoted = false;
         let bare: String = line
@@ -25,7 +25,7 @@ impl Separator {
         [',', ';', '\t'].into_iter().find(|&c| searched.contains(c)).map_or(Self::Blanks, Self::Character)
     }
 
-    /// The text to put between two fields.
+    /// The text that separates two fields in the output.
     pub(super) fn text(self) -> char {
         match self {
             Self::Character(separator) => separator,
@@ -34,13 +34,16 @@ impl Separator {
     }
 }
 
-/// The fields of a line, quotes removed (RFC 4180: "" in quotes is a quote); `None` when a quote stays open.
+/// The fields of a line, without quotes (RFC 4180: "" inside quotes is a quote); `None` if a quote is not
+/// closed.
 pub(super) fn fields(line: &str, separator: Separator) -> Option<Vec<String>> {
     let character = match separator {
         Separator::Blanks => return Some(line.split_whitespace().map(str::to_owned).collect()),
         Separator::Character(character) => character,
     };
-    let (mut list, mut field, mut quoted) = (Vec::new(), String::new(), false);
+    let mut list = Vec::new();
+    let mut field = String::new();
+    let mut quoted = false;
     let mut rest = line.chars().peekable();
     while let Some(c) = rest.next() {
         match c {

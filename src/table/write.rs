@@ -1,11 +1,11 @@
-//! The rows of a table as they were read, with one more column.
+//! Writes the rows of a table as they were read, with one more column.
 
 use std::io::{self, Write};
 
 use crate::table::Table;
 
-/// Writes the header (where there is one) and every row of `table` byte for byte, each followed by a field: `name` in
-/// the header, `values[i]` in row i.
+/// Writes the header (if there is one) and every row of `table` byte for byte, each followed by a new field:
+/// `name` in the header, `values[i]` in row i.
 ///
 /// # Errors
 /// Those of the writer.

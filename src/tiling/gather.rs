@@ -1,26 +1,26 @@
-//! Gathering: the points of one tile out of blocks of records, in file order.
+//! Gathering: takes the points of one tile from blocks of records, in file order.
 
 use crate::model::{Lattice, LatticeTransform, PointClass, RecordView, TileCloud, record_xyz};
 use crate::spatial::Cell;
 use crate::tiling::Region;
 
-/// The points of a tile, and which of them it owns.
+/// The points of a tile, and whether the tile owns them.
 #[derive(Debug)]
 pub struct Gathered {
-    /// Core and halo points; the core points among them in ascending id.
+    /// Core and halo points. Core points are in ascending order of id.
     pub cloud: TileCloud,
     /// Whether the tile owns the point.
     pub core: Vec<bool>,
-    /// Class code of each point, where classes were given.
+    /// Class code of each point, if classes were given.
     pub classes: Vec<u8>,
 }
 
-/// Which points are gathered, by their class.
+/// The points that are gathered, by class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wanted {
-    /// Every point; classes need not be known.
+    /// Every point. Classes are not needed.
     All,
-    /// All but noise.
+    /// All points but noise.
     Solid,
     /// Neither ground nor noise.
     Objects,
@@ -43,13 +43,13 @@ pub struct Gatherer<'a> {
     wanted: Wanted,
     gathered: Gathered,
     edge: u32,
-    /// Extent of the region in lattice units from its lower corner, which is the cloud's origin.
+    /// Extent of the region in lattice units from its lower corner, which is the origin of the cloud.
     width: [u64; 2],
-    /// Largest local z that fits.
+    /// Largest local z.
     depth: u64,
 }
 
-/// A point whose height does not fit the drive's range of heights; the survey has ruled it out.
+/// A point whose height is outside the drive's range of heights. The survey has excluded this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HeightOutOfRange {
     /// Index of the record in its block.
@@ -57,7 +57,7 @@ pub struct HeightOutOfRange {
 }
 
 impl<'a> Gatherer<'a> {
-    /// A gatherer for the `wanted` points of `region`; `lowest` is the smallest lattice z of the drive.
+    /// A gatherer for the `wanted` points of `region`. `lowest` is the smallest lattice z of the drive.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
@@ -86,8 +86,9 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Adds the points of one block that lie in the region. `id` tells the id of a record by its place in the block
-    /// and its bytes; `classes` are the codes of the records, needed unless all points are wanted.
+    /// Adds the points of one block inside the region. `id` maps the position of a record in the block and
+    /// its bytes to the id of the record. `classes` are the codes of the records; they are needed unless all
+    /// points are wanted.
     ///
     /// # Errors
     /// When a height does not fit.
@@ -114,7 +115,8 @@ impl<'a> Gatherer<'a> {
                 continue;
             }
             let [x, y, z] = transform.apply(record_xyz(bytes));
-            let (dx, dy) = ((x - origin[0]) as u64, (y - origin[1]) as u64);
+            let dx = (x - origin[0]) as u64;
+            let dy = (y - origin[1]) as u64;
             if dx >= self.width[0] || dy >= self.width[1] {
                 continue;
             }
@@ -137,7 +139,7 @@ impl<'a> Gatherer<'a> {
         Ok(())
     }
 
-    /// The points.
+    /// Finishes and returns the points.
     #[must_use]
     pub fn finish(self) -> Gathered {
         self.gathered

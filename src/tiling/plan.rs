@@ -1,48 +1,52 @@
-//! The plan: cores that partition the occupied cells, and the region a tile reads around its core.
+//! The plan: cores that partition the occupied cells, and the region that a tile reads around its core.
 //!
-//! A core is a set of cells with neighbouring chainage. The halo is the dilation of the core in the plane by the
-//! reach of the method, never "chainage plus or minus": on a loop, tiles are neighbours that are far apart in time.
+//! A core is a set of cells with neighbouring chainage. The halo is the dilation of the core in the plane by
+//! the reach of the method. It is not a range of chainage: on a loop, tiles can be neighbours and far apart
+//! in time.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::{TileId, in_u32};
 use crate::spatial::{Area, Cell, CellGrid, CellMap, PackedCells};
 
-/// Largest extent of a core in lattice units (60 km at 1 mm): stray points far outside get tiles of their own, so that
-/// local coordinates fit 31 bits and methods can index their cells, whatever the edge of a cell of the raster.
+/// Largest extent of a core in lattice units (60 km at 1 mm). Stray points far outside get tiles of their
+/// own. Local coordinates then fit 31 bits, and methods can index their cells, for any edge of a cell of the
+/// raster.
 const CORE_EXTENT_UNITS: i64 = 60_000_000;
 
-/// What a tile weighs: much, because what a point weighs is rounded, but so that thousands of tiles fit a number. Where a tile
-/// begins may move by a cell.
+/// Load of a tile. Large, because the load per point is rounded, but small enough that the sum over thousands
+/// of tiles fits u64. The rounding can move the beginning of a tile by one cell.
 const TILE_LOAD: f64 = (1_u64 << 44) as f64;
 
 /// A place along the street: a strip, and a cell of it.
 pub type Place = (u32, Cell);
 
-/// How long tiles are.
+/// The rule for the length of tiles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum TileSize {
-    /// So many metres of chainage.
+    /// This many metres of chainage.
     Metres(f64),
-    /// So many tiles that weigh about the same.
+    /// This many tiles with about the same load.
     Equal {
-        /// How many.
+        /// Number of tiles.
         tiles: u64,
-        /// What a point weighs from a place on, ascending by place; 1 before the first. Tiles are shorter where it weighs more.
+        /// Load per point from a place on, ascending by place; 1 before the first. Where points have a larger
+        /// load, tiles are shorter.
         weights: Vec<(Place, u64)>,
     },
 }
 
 impl TileSize {
-    /// So many tiles of about equally many points.
+    /// This many tiles with about the same number of points.
     #[must_use]
     pub const fn equal(tiles: u64) -> Self {
         Self::Equal { tiles, weights: Vec::new() }
     }
 
-    /// What a point of a cell weighs.
+    /// Load of a point in a cell.
     fn weight(&self, place: Place) -> u64 {
         let Self::Equal { weights, .. } = self else { return 1 };
         let begun = weights.partition_point(|(begin, _)| *begin <= place);
@@ -50,18 +54,19 @@ impl TileSize {
     }
 }
 
-/// What a plan is made from. The cells whose nearest vertex of the axis is the same are a strip across the street.
+/// The input of a plan. A strip across the street consists of the cells with the same nearest vertex of the
+/// axis.
 #[derive(Debug)]
 pub struct PlanRequest<'a> {
     /// Points of the occupied cells.
     pub cells: &'a Arc<PackedCells>,
-    /// The strip of each of them, counted from 1.
+    /// The strip of each cell, counted from 1.
     pub strips: &'a PackedCells,
-    /// Chainage of each strip in metres, not falling.
+    /// Chainage of each strip in metres, never decreasing.
     pub chainage_m: &'a [f64],
     /// The raster.
     pub grid: CellGrid,
-    /// How long tiles are.
+    /// The rule for the length of tiles.
     pub size: &'a TileSize,
 }
 
@@ -74,7 +79,7 @@ pub struct Tile {
     pub from_m: f64,
     /// Chainage of its last cell in metres.
     pub to_m: f64,
-    /// Where it begins; the cell is the least there is where no strip is cut.
+    /// Where it begins. If the strip is not cut, the cell is the smallest possible one.
     #[serde(skip)]
     pub first: Place,
 }
@@ -87,15 +92,15 @@ pub struct Plan {
     grid: CellGrid,
     /// Points of the occupied cells.
     cells: Arc<PackedCells>,
-    /// Tile that owns a cell, plus one.
+    /// The tile that owns a cell, plus one.
     owners: PackedCells,
 }
 
-/// Cells that go to a tile together.
+/// Cells that are assigned to a tile together.
 #[derive(Debug, Clone, Copy)]
 struct Bunch {
     points: u64,
-    /// What the points weigh.
+    /// Load of their points.
     load: u64,
     lo: Cell,
     hi: Cell,
@@ -110,28 +115,29 @@ impl Bunch {
 
     fn and(&self, other: &Self) -> Self {
         let [i, j] = [0, 1].map(|k| (self.lo[k].min(other.lo[k]), self.hi[k].max(other.hi[k])));
-        let (points, load) = (self.points + other.points, self.load.saturating_add(other.load));
+        let points = self.points + other.points;
+        let load = self.load.saturating_add(other.load);
         Self { points, load, lo: [i.0, j.0], hi: [i.1, j.1] }
     }
 
-    /// Its longer side in lattice units.
+    /// The longer side in lattice units.
     fn extent(&self, grid: CellGrid) -> i64 {
         let side = |k: usize| (i64::from(self.hi[k]) - i64::from(self.lo[k])) * grid.edge();
         side(0).max(side(1))
     }
 }
 
-/// Cuts the street, which comes bunch by bunch in order of chainage.
+/// Cuts the street into tiles. Bunches come in order of chainage.
 struct Cutter<'a> {
     size: &'a TileSize,
     grid: CellGrid,
-    /// Load of a tile, where tiles weigh the same.
+    /// Load of a tile, if all tiles have the same.
     share: u64,
-    /// Load before the next bunch, and how many tiles it fills.
+    /// Load before the next bunch, and the number of tiles that it fills.
     before: u64,
     filled: u64,
     tiles: Vec<Tile>,
-    /// What the last tile holds.
+    /// Content of the last tile.
     core: Bunch,
 }
 
@@ -144,13 +150,13 @@ impl<'a> Cutter<'a> {
         Self { size, grid, share, before: 0, filled: 0, tiles: Vec::new(), core: Bunch::EMPTY }
     }
 
-    /// Whether a tile may have to begin within this bunch, which comes next.
+    /// Whether a tile may have to begin within the next bunch.
     fn may_cut(&self, before: u64, bunch: &Bunch) -> bool {
         before / self.share < before.saturating_add(bunch.load) / self.share
             || bunch.extent(self.grid) >= CORE_EXTENT_UNITS / 2
     }
 
-    /// Takes the next bunch, whose first cell is `first`.
+    /// Takes the next bunch, which begins with the cell `first`.
     fn take(&mut self, first: Place, chainage_m: f64, bunch: &Bunch) {
         let grown = self.core.and(bunch);
         let full = self.tiles.last().is_none_or(|tile| {
@@ -178,7 +184,7 @@ impl<'a> Cutter<'a> {
 impl Plan {
     /// Cuts the occupied cells into tiles: by chainage, and within a strip by cell.
     ///
-    /// Takes memory for the strips and for the cells of those strips that are cut, not for all cells.
+    /// Needs memory for the strips, and for the cells of those strips that are cut, but not for all cells.
     #[must_use]
     pub fn new(request: &PlanRequest<'_>) -> Self {
         let cells = || {
@@ -220,18 +226,23 @@ impl Plan {
             }
         }
         let tiles = cutter.tiles;
-        // Where tiles begin is ascending: a cell belongs to the last one that begins at it or before it.
+        // The beginnings of tiles are ascending. A cell belongs to the last tile that begins at or before it.
         let owners = request.strips.map(|cell, strip| {
             let owner = tiles.partition_point(|tile| tile.first <= (strip, cell));
-            u32::try_from(owner).unwrap_or(u32::MAX)
+            in_u32(owner, "tiles")
         });
         Self { tiles, grid: request.grid, cells: Arc::clone(request.cells), owners }
     }
 
-    /// Tiles of which the street of each of these is so many parts, which make a whole number together.
+    /// The rule that cuts each of these tiles into about this many parts. The numbers may be fractional; the
+    /// number of new tiles is their sum, rounded.
     #[must_use]
     pub fn cut_into(&self, parts: &[f64]) -> TileSize {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a tile weighs so much")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "the load of a tile fits, see TILE_LOAD"
+        )]
         let weight =
             |(tile, parts): (&Tile, &f64)| (tile.first, (TILE_LOAD * parts / tile.points as f64) as u64);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of tiles")]
@@ -245,13 +256,13 @@ impl Plan {
         self.grid
     }
 
-    /// Tile that owns each cell, plus one; 0 where no point is.
+    /// The tile that owns each cell, plus one; 0 for cells without points.
     #[must_use]
     pub fn owners(&self) -> &PackedCells {
         &self.owners
     }
 
-    /// The cells that tile number `tile` owns, ascending.
+    /// The cells of tile number `tile`, ascending.
     #[must_use]
     pub fn core(&self, tile: usize) -> Vec<Cell> {
         self.owners.cells_with(owner_of(tile))
@@ -263,13 +274,13 @@ impl Plan {
         &self.cells
     }
 
-    /// Points that tile number `tile` reads with a reach of `reach` lattice units.
+    /// Number of points that tile number `tile` reads with a reach of `reach` lattice units.
     #[must_use]
     pub fn region_points(&self, tile: usize, reach: i64) -> u64 {
         self.region(tile, reach).points
     }
 
-    /// One number for the whole geometry: which cell belongs to which tile.
+    /// A hash of the whole geometry: which cell belongs to which tile.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
@@ -280,7 +291,8 @@ impl Plan {
         hasher.digest()
     }
 
-    /// What tile number `tile` reads: its core and every occupied cell within `reach` lattice units of it.
+    /// The region that tile number `tile` reads: its core and every occupied cell within `reach` lattice
+    /// units.
     #[must_use]
     pub fn region(&self, tile: usize, reach: i64) -> Region {
         let cells = self.core(tile);
@@ -314,7 +326,7 @@ impl Plan {
         self.members([cells, halo].concat(), roles)
     }
 
-    /// What reading some cells means, whoever owns them; none of them is a core.
+    /// The region that consists of some cells, whoever owns them. None of them is core.
     #[must_use]
     pub fn region_of(&self, cells: Vec<Cell>) -> Region {
         let mut roles = CellMap::<u8>::default();
@@ -325,27 +337,28 @@ impl Plan {
     fn members(&self, mut members: Vec<Cell>, roles: CellMap<u8>) -> Region {
         members.sort_unstable();
         let (mut owners, mut counts) = (self.owners.cursor(), self.cells.cursor());
-        let tiles: BTreeSet<u32> = members.iter().map(|cell| owners.get(*cell).saturating_sub(1)).collect();
+        let tile = |cell: &Cell| TileId::new(owners.get(*cell).saturating_sub(1));
+        let tiles: BTreeSet<TileId> = members.iter().map(tile).collect();
         let tiles = tiles.into_iter().collect();
         let points = members.iter().map(|cell| u64::from(counts.get(*cell))).sum();
         Region { area: Area::of(members.into_iter()), roles, tiles, points, grid: self.grid }
     }
 }
 
-/// How the owner of a cell is stored: 0 is no tile.
+/// The stored value for the owner of a cell; 0 means no tile.
 fn owner_of(tile: usize) -> u32 {
-    u32::try_from(tile + 1).unwrap_or(u32::MAX)
+    in_u32(tile + 1, "tiles")
 }
 
-/// The cells a tile reads, and what they are to it.
+/// The cells that a tile reads, and their roles.
 #[derive(Debug)]
 pub struct Region {
-    /// Core and halo, coarsely.
+    /// Core and halo as a coarse set of cells.
     pub area: Area,
     /// [`Region::CORE`] or [`Region::HALO`]; 0 outside.
     pub roles: CellMap<u8>,
     /// Tiles that own any of the cells, ascending.
-    pub tiles: Vec<u32>,
+    pub tiles: Vec<TileId>,
     /// Points in core and halo.
     pub points: u64,
     /// The raster.
@@ -355,7 +368,7 @@ pub struct Region {
 impl Region {
     /// Role of a cell that the tile owns.
     pub const CORE: u8 = 1;
-    /// Role of a cell that another tile owns and this one sees.
+    /// Role of a cell that another tile owns and this one reads.
     pub const HALO: u8 = 2;
 }
 
@@ -405,16 +418,16 @@ mod tests {
     }
 
     #[test]
-    fn tiles_weigh_about_the_same() {
+    fn tiles_have_about_the_same_load() {
         let points = |size: &TileSize| -> Vec<u64> {
             plan(&street(100), size).tiles.iter().map(|tile| tile.points).collect()
         };
-        // 5,000 points in cells of 10: of at most a third of them and a cell.
+        // 5,000 points in cells of 10: each tile has at most a third of them, plus a cell.
         assert_eq!(points(&TileSize::equal(3)), [1_670, 1_670, 1_660]);
-        // Those of the second half weigh thrice as much: a load of 10,000.
+        // Points of the second half have three times the load: 10,000 in all.
         let weights = vec![((51, [i32::MIN; 2]), 3)];
         assert_eq!(points(&TileSize::Equal { tiles: 4, weights }), [2_500, 840, 830, 830]);
-        // Of four tiles one in two, and three of the last two; to the cell.
+        // The second of four tiles becomes two, and the last two become three; equal up to a cell.
         let four = plan(&street(100), &TileSize::equal(4));
         let parts = points(&four.cut_into(&[1.0, 2.0, 1.5, 1.5]));
         let expected = [1_250, 625, 625, 833, 833, 833_u64];
@@ -435,7 +448,7 @@ mod tests {
         // Cells 17..=19 and 40..=42: a reach of 2.5 m covers gaps of up to two whole cells.
         let halo: Vec<i32> = (0..100).filter(|&i| region.roles.get([i, 2]) == Region::HALO).collect();
         assert_eq!(halo, [17, 18, 19, 40, 41, 42]);
-        assert_eq!((region.points, &region.tiles[..]), ((20 + 6) * 50, &[0, 1, 2][..]));
+        assert_eq!((region.points, &region.tiles[..]), ((20 + 6) * 50, &[0, 1, 2].map(TileId::new)[..]));
         assert_eq!(plan.region(1, 0).points, (20 + 2) * 50);
     }
 

@@ -1,4 +1,4 @@
-//! Running a drive through the library, and looking at what came out.
+//! Runs a drive through the library, and reads its outputs.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use chainage::config::Config;
 use chainage::input::{Catalog, Fields, InputOptions, LengthUnit};
 use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, Silent, run};
 
-/// Where tests write: in memory where the system offers that, because a run syncs every unit.
+/// The folder for tests: in memory if the system offers that, because a run syncs every unit.
 pub(crate) fn scratch() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
     if memory.is_dir()
@@ -22,12 +22,12 @@ pub(crate) fn config(assignments: &[String]) -> Config {
     Config::resolve(None, assignments).expect("valid settings")
 }
 
-/// `a=b` texts as the configuration wants them.
+/// `a=b` texts in the form of the configuration.
 pub(crate) fn settings(texts: &[&str]) -> Vec<String> {
     texts.iter().map(ToString::to_string).collect()
 }
 
-/// Runs a drive with methods of one's own.
+/// Runs a drive with methods of the caller.
 pub(crate) fn run_with(
     inputs: &[PathBuf],
     out: &Path,
@@ -58,7 +58,7 @@ pub(crate) struct Labelled {
     pub(crate) class: Vec<u8>,
     /// Object ids.
     pub(crate) label: Vec<u32>,
-    /// Intensities, which tests use as marks.
+    /// Intensities. Tests use them as marks.
     pub(crate) mark: Vec<u16>,
 }
 
@@ -95,7 +95,7 @@ impl Labelled {
         all
     }
 
-    /// For each point the least index that has its label; none for label 0.
+    /// For each point, the smallest index with its label; none for label 0.
     pub(crate) fn partition(&self) -> Vec<Option<usize>> {
         let mut first = std::collections::BTreeMap::new();
         for (index, &label) in self.label.iter().enumerate().filter(|(_, label)| **label != 0) {
@@ -115,7 +115,7 @@ impl Labelled {
     }
 }
 
-/// What a run left for the user, by name, without the report (which holds times).
+/// The outputs of a run by name, without the report (which has times).
 pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(out).expect("an output folder") {
@@ -134,9 +134,10 @@ pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// Compares what two runs left, byte by byte.
+/// Compares the outputs of two runs, byte by byte.
 pub(crate) fn assert_same_outputs(one: &Path, other: &Path, what: &str) {
-    let (one, other) = (outputs(one), outputs(other));
+    let one = outputs(one);
+    let other = outputs(other);
     let names = |files: &[(String, Vec<u8>)]| files.iter().map(|file| file.0.clone()).collect::<Vec<_>>();
     assert_eq!(names(&one), names(&other), "{what}");
     for ((name, one), (_, other)) in one.iter().zip(&other) {
@@ -150,7 +151,7 @@ pub(crate) fn assert_same_outputs(one: &Path, other: &Path, what: &str) {
     }
 }
 
-/// Moves a file time forward, as a copy of the file or `touch` would.
+/// Moves a file time forward, like a copy of the file or `touch`.
 pub(crate) fn touch(path: &Path) {
     let file = std::fs::File::options().write(true).open(path).expect("the file");
     file.set_modified(std::time::SystemTime::now() + std::time::Duration::from_secs(5)).expect("a new time");

@@ -1,11 +1,12 @@
-//! A tiny LAS writer, by the bytes of the specification and without the crate: what goes in is known exactly.
+//! A tiny LAS writer, from the bytes of the specification and without the crate, so that its input is known
+//! exactly.
 
 use std::path::Path;
 
 /// Lattice units per millimetre in which scale and offset of a file are given: 0.1 mm.
 const TENTHS: i64 = 10;
 
-/// One point: lattice coordinates in millimetres, time, and a number to know it again by.
+/// One point: lattice coordinates in millimetres, time, and a number for recognition.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Point {
     /// Coordinates in millimetres.
@@ -23,7 +24,7 @@ impl Point {
     }
 }
 
-/// How a file stores its points.
+/// How points are stored in a file.
 #[derive(Debug, Clone)]
 pub(crate) struct Shape {
     /// Point format: 0, 1 (LAS 1.2) or 6 (LAS 1.4).
@@ -55,7 +56,7 @@ impl Shape {
     /// The record coordinate of a coordinate in millimetres; it must be one exactly.
     fn record(&self, mm: i64, axis: usize) -> i32 {
         let tenths = (mm - self.offset_mm[axis]) * TENTHS;
-        assert_eq!(tenths % self.scale_tenths, 0, "{mm} mm is no multiple of the scale");
+        assert_eq!(tenths % self.scale_tenths, 0, "{mm} mm is not a multiple of the scale");
         i32::try_from(tenths / self.scale_tenths).expect("fits a record")
     }
 
@@ -130,14 +131,15 @@ impl Shape {
         bytes
     }
 
-    /// Writes a file with these points; one that is named so is compressed, in chunks of so many records.
+    /// Writes a file with these points. A name ending in `.laz` compresses it, with this many records per
+    /// chunk.
     pub(crate) fn write_in_chunks(&self, path: &Path, points: &[Point], chunk: u32) {
         let laz = path.extension().is_some_and(|extension| extension == "laz");
         let bytes = if laz { self.compressed(points, chunk) } else { self.bytes(points) };
         std::fs::write(path, bytes).expect("a writable folder");
     }
 
-    /// Writes a file with these points, compressed if it is named so.
+    /// Writes a file with these points, compressed if its name ends in `.laz`.
     pub(crate) fn write(&self, path: &Path, points: &[Point]) {
         self.write_in_chunks(path, points, 50_000);
     }

@@ -1,18 +1,21 @@
-//! What several integration tests need: the optional data folder, small drives and how to run them, references.
+//! Shared by several integration tests: the optional data folder, small drives and how to run them,
+//! references.
 
 pub(crate) mod drive;
+pub(crate) mod imports;
 pub(crate) mod las;
+pub(crate) mod memory_drive;
 pub(crate) mod oracle;
 pub(crate) mod peaks_oracle;
 pub(crate) mod program;
-pub(crate) mod staged;
 pub(crate) mod street;
 
 use std::path::{Path, PathBuf};
 
-/// The folder of shared test data, or `None` (with a line that says so) where it is not there.
+/// The folder of shared test data, or `None` (with a message) if it is missing.
 ///
-/// It is not part of the project: `CHAINAGE_SHARED_DATA` names it, else it is looked for beside the project.
+/// It is not part of the project. `CHAINAGE_SHARED_DATA` names it; the default is a folder beside the
+/// project.
 pub(crate) fn shared_data() -> Option<PathBuf> {
     let folder = std::env::var_os("CHAINAGE_SHARED_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);

@@ -1,5 +1,6 @@
-//! Brute-force references: the methods word by word over all pairs of points, in O(n^2) or worse. They share no
-//! code with the library and are slow on purpose; points are lattice coordinates, lengths lattice units.
+//! Brute-force references: the methods word by word over all pairs of points, in O(n^2) or worse. They share
+//! no code with the library and are slow on purpose. Points are lattice coordinates, lengths are lattice
+//! units.
 
 /// Points of isolated noise: 0 for none, 2 for low and 3 for high noise.
 pub(crate) fn noise(points: &[[i64; 3]], voxel: i64, min_points: usize, high: i64) -> Vec<u8> {
@@ -24,7 +25,7 @@ pub(crate) fn noise(points: &[[i64; 3]], voxel: i64, min_points: usize, high: i6
     (0..points.len()).map(verdict).collect()
 }
 
-/// Whether each point is ground after `voxel-column`; points where `hidden` is true take no part.
+/// Whether each point is ground by `voxel-column`. Points with `hidden` set are ignored.
 pub(crate) fn voxel_column(
     points: &[[i64; 3]],
     hidden: &[bool],
@@ -165,7 +166,7 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
     (0..points.len()).map(|p| is_ground(p).unwrap_or(false)).collect()
 }
 
-/// Single-link clusters: for each point the smallest index of a point it is connected with.
+/// Single-link clusters: for each point, the smallest index of a point connected with it.
 pub(crate) fn single_link(points: &[[i64; 3]], distance: i64) -> Vec<usize> {
     components(points.len(), |a, b| {
         let squares = (0..3).map(|axis| (points[a][axis] - points[b][axis]).pow(2));
@@ -173,8 +174,8 @@ pub(crate) fn single_link(points: &[[i64; 3]], distance: i64) -> Vec<usize> {
     })
 }
 
-/// `dbscan`, variant `size`, over all pairs: 0 for noise, clusters numbered by their smallest index. `near` is the
-/// squared distance of two points.
+/// `dbscan`, variant `size`, over all pairs: 0 for noise, clusters numbered by their smallest index. `near`
+/// is the squared distance of two points.
 pub(crate) fn dbscan_size(
     count: usize,
     near: impl Fn(usize, usize) -> i64,
@@ -186,7 +187,8 @@ pub(crate) fn dbscan_size(
     numbered(&names.into_iter().map(Some).collect::<Vec<_>>(), min_points, max_points)
 }
 
-/// `dbscan`, variant `core`, over all pairs; border points go to the nearest core point, ties to the smaller index.
+/// `dbscan`, variant `core`, over all pairs; border points go to the nearest core point, ties to the smaller
+/// index.
 pub(crate) fn dbscan_core(
     count: usize,
     near: impl Fn(usize, usize) -> i64,
@@ -204,7 +206,7 @@ pub(crate) fn dbscan_core(
     numbered(&(0..count).map(name).collect::<Vec<_>>(), 1, max_points)
 }
 
-/// Names to numbers from 1 in the order of first appearance; names of too few or too many points to 0.
+/// Names to numbers from 1 in order of first appearance. Names with too few or too many points become 0.
 fn numbered(names: &[Option<usize>], min_points: usize, max_points: usize) -> Vec<u32> {
     let mut known: Vec<usize> = Vec::new();
     let mut label = |name: &Option<usize>| {
@@ -223,7 +225,7 @@ fn beside(a: [i64; 3], b: [i64; 3], voxel: i64) -> i64 {
     ((a[0] - b[0]) * voxel).pow(2) + ((a[1] - b[1]) * voxel).pow(2)
 }
 
-/// The smallest index each of `count` things is connected with: names spread until nothing changes.
+/// The smallest index connected with each of `count` things: names spread until nothing changes.
 fn components(count: usize, connected: impl Fn(usize, usize) -> bool) -> Vec<usize> {
     let mut names: Vec<usize> = (0..count).collect();
     loop {

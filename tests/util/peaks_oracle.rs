@@ -1,11 +1,11 @@
-//! `density-peaks` word by word over the whole cloud, in O(n^2) and worse; shares no code with the library. Points are
-//! lattice coordinates in millimetres, ids their positions.
+//! `density-peaks` word by word over the whole cloud, in O(n^2) and worse. It shares no code with the
+//! library. Points are lattice coordinates in millimetres, ids are their positions.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Matrix3;
 
-/// Settings; lengths in voxels but for `voxel`, `d_th` and `reassign`, which are millimetres.
+/// Settings. Lengths are in voxels, except `voxel`, `d_th` and `reassign`, which are in millimetres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settings {
     pub(crate) voxel: i64,
@@ -18,7 +18,7 @@ pub(crate) struct Settings {
     pub(crate) reassign: i64,
 }
 
-/// What the oracle finds.
+/// The result of the oracle.
 #[derive(Debug)]
 pub(crate) struct Found {
     /// For each point the smallest id of its object.
@@ -27,9 +27,9 @@ pub(crate) struct Found {
     pub(crate) segments: usize,
     pub(crate) reassigned: usize,
     pub(crate) dropped: usize,
-    /// Least distance of a mean curvature from the threshold.
+    /// Smallest difference between a mean curvature and the threshold.
     pub(crate) margin: f64,
-    /// Most that the farthest of 20 neighbours is away, over all pairs, in millimetres.
+    /// Largest distance to the farthest of 20 neighbours, over all pairs, in millimetres.
     pub(crate) farthest_neighbour: f64,
 }
 
@@ -39,7 +39,7 @@ fn squared(a: [i64; 3], b: [i64; 3]) -> i64 {
     (0..3).map(|axis| (a[axis] - b[axis]).pow(2)).sum()
 }
 
-/// 26-connected components: the smallest voxel of each one's.
+/// 26-connected components: for each voxel, the smallest voxel of its component.
 fn components(voxels: &BTreeSet<Voxel>) -> BTreeMap<Voxel, Voxel> {
     let mut names = BTreeMap::new();
     for &seed in voxels {
@@ -72,7 +72,8 @@ fn densities(
         while voxels.contains_key(&[i, j, top + 1]) {
             top += 1;
         }
-        let (length, position) = ((top - base + 1) as f64, (k - base) as f64);
+        let length = (top - base + 1) as f64;
+        let position = (k - base) as f64;
         let across = |v: &Voxel| (v[0] - i).pow(2) + (v[1] - j).pow(2);
         let near = ground.iter().filter(|v| across(v) * s.voxel.pow(2) <= 10_000 * 10_000);
         let below = near.map(|v| (across(v), v[2], v[0], v[1])).min().map(|nearest| nearest.1);
@@ -91,7 +92,8 @@ fn clusters(density: &BTreeMap<Voxel, f64>, s: &Settings) -> (BTreeMap<Voxel, Vo
     let reversed = |[i, j, k]: Voxel| [k, j, i];
     let mut order: Vec<Voxel> = all.into_iter().collect();
     order.sort_by(|a, b| density[b].total_cmp(&density[a]).then(reversed(*a).cmp(&reversed(*b))));
-    let (mut labels, mut centres) = (BTreeMap::new(), 0);
+    let mut labels = BTreeMap::new();
+    let mut centres = 0;
     for (rank, voxel) in order.iter().enumerate() {
         let denser =
             order[..rank].iter().enumerate().filter(|(_, other)| component[*other] == component[voxel]);
@@ -110,7 +112,7 @@ fn clusters(density: &BTreeMap<Voxel, f64>, s: &Settings) -> (BTreeMap<Voxel, Vo
     (labels, centres)
 }
 
-/// Curvature of the 20 nearest labelled points, and how far the last of them is.
+/// Curvature of the 20 nearest labelled points, and the distance of the last of them.
 fn curvature(points: &[[i64; 3]], labelled: &[usize], at: usize) -> (f64, f64) {
     let mut near: Vec<(i64, usize)> = labelled.iter().map(|&p| (squared(points[p], points[at]), p)).collect();
     near.sort_unstable();
@@ -171,7 +173,8 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
     let mut farthest_neighbour: f64 = 0.0;
     for &a in &representatives {
         for &b in &representatives {
-            let (one, other) = (cluster_of(a).expect("labelled"), cluster_of(b).expect("labelled"));
+            let one = cluster_of(a).expect("labelled");
+            let other = cluster_of(b).expect("labelled");
             if one < other && squared(points[a], points[b]) < s.d_th.pow(2) {
                 let (of_a, far_a) = curvature(points, &labelled, a);
                 let (of_b, far_b) = curvature(points, &labelled, b);
@@ -188,7 +191,8 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
         let mean = sum / count;
         margin = margin.min((mean - s.c_t).abs());
         if mean < s.c_t {
-            let (from, to) = (segment[&other], segment[&one]);
+            let from = segment[&other];
+            let to = segment[&one];
             segment.values_mut().filter(|name| **name == from).for_each(|name| *name = to);
         }
     }

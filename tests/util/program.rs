@@ -1,4 +1,4 @@
-//! The program itself: calling it, ending it, and what it left in its log.
+//! The program itself: calling it, killing it, and reading its log.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -17,7 +17,7 @@ pub(crate) fn run_command(inputs: &[PathBuf], out: &Path, options: &[&str]) -> C
     command
 }
 
-/// The exit code and what was said on standard error.
+/// The exit code, and the text on standard error.
 pub(crate) fn ended(output: &Output) -> (i32, String) {
     (output.status.code().unwrap_or(-1), String::from_utf8_lossy(&output.stderr).into_owned())
 }
@@ -29,7 +29,7 @@ pub(crate) fn run_to_the_end(inputs: &[PathBuf], out: &Path, options: &[&str]) {
     assert_eq!(code, 0, "{errors}");
 }
 
-/// A shell command as root or not; whether it succeeded.
+/// Runs a shell command, as root or not. Returns whether it succeeded.
 pub(crate) fn shell(text: &str) -> bool {
     let outcome = Command::new("sh").args(["-c", text]).stderr(Stdio::null()).status();
     outcome.is_ok_and(|status| status.success())
@@ -47,7 +47,7 @@ pub(crate) fn finished(events: &[serde_json::Value], pass: &str) -> usize {
     events.iter().filter(is).count()
 }
 
-/// Waits until `reached`, or says that it never was.
+/// Waits until `reached`, or reports that this did not happen.
 pub(crate) fn wait_until(what: &str, reached: impl Fn() -> bool) {
     let began = Instant::now();
     while !reached() {

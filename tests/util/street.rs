@@ -1,7 +1,7 @@
-//! Small random streets: a course, ground beside it, things that stand there, isolated points; by seed.
+//! Small random streets from a seed: a course, ground beside it, objects, isolated points.
 //!
-//! Coordinates are multiples of 10 mm, and many steps between points are exactly the lengths that methods compare
-//! with, so that ties and equalities abound.
+//! Coordinates are multiples of 10 mm. Many steps between points are exactly the lengths with which methods
+//! compare, so that ties and equalities are frequent.
 
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt, SeedableRng};
@@ -9,14 +9,14 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::util::las::Point;
 
-/// How the drive goes.
+/// The course of the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Course {
     /// Straight on.
     Straight,
     /// There and, a lane further, back.
     Hairpin,
-    /// Round a block, to where it began.
+    /// Round a block, back to the start.
     Loop,
     /// There on one carriageway, back on the other, 14 m away.
     Carriageways,
@@ -47,16 +47,16 @@ impl Course {
 /// Seconds a drive takes.
 pub(crate) const DRIVE_S: f64 = 30.0;
 
-/// What a street is made of.
+/// The parameters of a street.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Street {
     /// Seed.
     pub(crate) seed: u64,
     /// Course.
     pub(crate) course: Course,
-    /// Things that stand beside it.
+    /// Number of objects beside it.
     pub(crate) things: usize,
-    /// Points of each thing at most.
+    /// Largest number of points of an object.
     pub(crate) thing_points: usize,
     /// Patches of ground.
     pub(crate) patches: usize,
@@ -98,21 +98,22 @@ impl Street {
         points
     }
 
-    /// A place beside the course and the share of the drive that it is passed at.
+    /// A place beside the course, and the share of the drive at which it is passed.
     fn beside(&self, random: &mut impl Rng, wide_m: f64, high_m: f64) -> (f64, [i64; 3]) {
         let at = random.random_range(0.0..1.0);
         let [x, y] = self.course.place(at);
-        let (dx, dy) = (random.random_range(-wide_m..wide_m), random.random_range(-wide_m..wide_m));
+        let dx = random.random_range(-wide_m..wide_m);
+        let dy = random.random_range(-wide_m..wide_m);
         let place = [x + dx, y + dy, random.random_range(0.0..high_m)];
         (at, std::array::from_fn(|axis| self.base_mm[axis] + round_to_cm(place[axis])))
     }
 
-    /// A thing: a chain of points, each a step away from an earlier one.
+    /// An object: a chain of points, each one step away from an earlier one.
     fn thing(&self, at: f64, start: [i64; 3], random: &mut impl Rng, points: &mut Vec<Point>) {
         const STEPS: [i64; 9] = [0, 0, 100, 200, 290, 300, 310, 450, 1_200];
         let first = points.len();
         let count = random.random_range(1..=self.thing_points);
-        // Long things lie along x or y, so that they cross tiles.
+        // Long objects are along x or y, so that they cross tiles.
         let along = random.random_range(0..3_usize);
         points.push(Point { mm: start, time: at * DRIVE_S, mark: 0 });
         let stands = random.random_bool(0.7);
@@ -130,7 +131,7 @@ impl Street {
             points.push(Point { mm, time: at * DRIVE_S, mark: 0 });
         }
         if stands {
-            // On ground, without which a thing is the lowest there is.
+            // On ground. Otherwise the object itself would be the lowest.
             for step in 0..4 {
                 let mm = [start[0] + step % 2 * 200, start[1] + step / 2 * 200, self.base_mm[2]];
                 points.push(Point { mm, time: at * DRIVE_S, mark: 0 });
@@ -156,7 +157,7 @@ fn round_to_cm(metres: f64) -> i64 {
     (metres * 100.0).round() as i64 * 10
 }
 
-/// Marks points with their place in the list, modulo what a mark can hold.
+/// Marks points with their index in the list, modulo the range of a mark.
 pub(crate) fn number(points: &mut [Point]) {
     for (index, point) in points.iter_mut().enumerate() {
         point.mark = u16::try_from(index % 65_536).expect("below");

@@ -8,8 +8,8 @@
 
 use std::ops::Range;
 
-use super::euclidean::{Step, cell_side, layers, link_cells};
 use crate::cluster::linking::closeness::{Bounds, Point, any_within, squared_distance};
+use crate::cluster::linking::{LayerStep, cell_side, layers, link_cells};
 use crate::model::AlgorithmError;
 use crate::model::TileCloud;
 use crate::spatial::VoxelIndex;
@@ -195,7 +195,7 @@ impl Cells {
 
 /// Visits every pair of cells that can hold points within `reach` of each other, once, near ones first.
 fn each_pair(index: &VoxelIndex, reach: i64, mut visit: impl FnMut(usize, usize)) {
-    for Step { offset, dk } in layers(reach).into_iter().flatten() {
+    for LayerStep { offset, dk } in layers(reach).into_iter().flatten() {
         let heights = index.heights();
         let k = |cell: usize| i64::from(heights[cell]);
         let mut columns = |column: usize, other: usize| {

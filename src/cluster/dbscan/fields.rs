@@ -6,7 +6,7 @@
 //! whole drive. Cost: one query of radius epsilon per point (`core`: three). Memory: about 8 bytes per field, 20 of the
 //! tree and 20 more, per point.
 
-use super::{DbscanConfig, DbscanVariant};
+use super::settings::{DbscanConfig, DbscanVariant};
 use crate::cluster::Clusterer;
 use crate::cluster::dbscan::rows as space;
 use crate::model::AlgorithmError;

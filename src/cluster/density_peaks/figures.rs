@@ -11,30 +11,23 @@ use std::collections::BTreeMap;
 use serde_json::json;
 
 use super::curvature::ONE;
-use super::merge::{Reassigned, merges};
-use super::stage_borders::PairSum;
+use super::decision::{class_density, density_class};
+use super::settings::{DensityPeaksConfig, STAGE_VOXELS};
+use super::stage_borders::{PairSum, merges};
 use super::stage_peaks;
 use super::stage_voxels;
-use super::{DensityPeaksConfig, STAGE_VOXELS};
-use crate::cluster::DriveSource;
+use crate::cluster::DriveWindow;
 use crate::error::Result;
-use crate::model::{Chart, ChartAxis, Series};
+use crate::model::{Chart, ChartAxis, Series, TileId};
 
 /// Width of a class of the histogram of curvatures.
 const CURVATURE_CLASS: f64 = 0.005;
 
-/// Bits of a density that its class leaves out: what is left are the exponent and three bits, eight classes to an octave.
-const CLASS_BITS: u32 = 49;
-
-/// The class of a density (never negative) in the decision graph.
-pub(super) fn density_class(rho: f64) -> u32 {
-    (rho.to_bits() >> CLASS_BITS) as u32
-}
-
-/// The middle of a class.
-fn class_density(class: u32) -> f64 {
-    let edge = |class: u32| f64::from_bits(u64::from(class) << CLASS_BITS);
-    f64::midpoint(edge(class), edge(class + 1))
+/// Halo voxels by what became of them.
+#[derive(Debug, Default)]
+pub(super) struct Reassigned {
+    pub(super) joined: u64,
+    pub(super) dropped: u64,
 }
 
 /// Figures of all stages.
@@ -60,7 +53,7 @@ pub(super) struct Figures {
 impl Figures {
     /// From what the stages keep.
     pub(super) fn collect(
-        drive: &dyn DriveSource,
+        drive: &dyn DriveWindow,
         clusters: u32,
         segments: &[u32],
         sums: &BTreeMap<(u32, u32), PairSum>,
@@ -73,7 +66,7 @@ impl Figures {
         let voxels = drive.global(STAGE_VOXELS);
         figures.most = stage_voxels::most(voxels)?;
         let mut components: Vec<u32> = Vec::new();
-        for tile in 0..drive.tiles() {
+        for tile in TileId::first(drive.tiles()) {
             components.extend(stage_voxels::components(voxels, tile)?);
             let payload = stage_voxels::load(drive, tile)?;
             figures.points += payload.points;
@@ -137,17 +130,17 @@ impl Figures {
         }
         let farthest = config.d_neighbor;
         Chart {
-            name: "density-peaks-decision",
+            name: "density-peaks-decision".into(),
             title: format!("Decision graph: {} voxels, {} centres", self.of_objects, self.clusters),
             x: ChartAxis {
                 name: "local density rho (voxels)".to_owned(),
                 logarithmic: true,
-                thresholds: vec![("rho_t", config.rho_t)],
+                thresholds: vec![("rho_t".into(), config.rho_t)],
             },
             y: ChartAxis {
                 name: format!("distance delta to the nearest denser voxel (voxels; {farthest}: none)"),
                 logarithmic: false,
-                thresholds: vec![("delta_t", config.delta_t)],
+                thresholds: vec![("delta_t".into(), config.delta_t)],
             },
             series: vec![points("voxels (1, 10, 100, ...)", &self.graph), points("centres", &centres)],
         }
@@ -165,32 +158,15 @@ impl Figures {
             bars: bars.filter(|bar| bar[1] < bar[2]).collect(),
         };
         Chart {
-            name: "density-peaks-curvature",
+            name: "density-peaks-curvature".into(),
             title: format!("Mean curvature (CNS) of {} pairs of clusters", self.pairs),
             x: ChartAxis {
                 name: format!("mean curvature over the pairs of points (classes of {CURVATURE_CLASS})"),
                 logarithmic: false,
-                thresholds: vec![("c_t", config.c_t)],
+                thresholds: vec![("c_t".into(), config.c_t)],
             },
             y: ChartAxis { name: "pairs of clusters".to_owned(), logarithmic: true, thresholds: Vec::new() },
             series: vec![bars("unmerged", &mut { apart }), bars("merged", &mut { merged })],
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn classes_of_densities_are_eighths_of_octaves() {
-        for (rho, middle) in
-            [(1.0, 1.0625), (1.124, 1.0625), (1.125, 1.1875), (4.1, 4.25), (0.05, 0.048_828_125)]
-        {
-            let class = density_class(rho);
-            assert!((class_density(class) - middle).abs() < 1e-6, "{rho}: {}", class_density(class));
-            assert!((class_density(class) / rho - 1.0).abs() < 0.07);
-        }
-        assert!(density_class(0.3) < density_class(0.5) && density_class(0.5) < density_class(100.0));
     }
 }

@@ -1,36 +1,25 @@
 //! The reduction of stage `borders`: merging by curvature and re-assignment of halo voxels. Small numbers only: no
 //! points, no voxels.
-#![expect(
-    clippy::cast_possible_truncation,
-    reason = "numbers of clusters and components fit u32, as labels do; a threshold of at most 1 in steps of 2^-40"
-)]
 
 use std::collections::BTreeMap;
 
 use super::columns::join;
-use super::curvature::ONE;
-use super::figures::Figures;
-use super::stage_borders::{self, Halo, PairSum};
+use super::figures::{Figures, Reassigned};
+use super::settings::{DensityPeaksConfig, STAGE_PEAKS};
+use super::stage_borders::{self, Halo, PairSum, merges};
 use super::stage_peaks;
-use super::{DensityPeaksConfig, STAGE_PEAKS};
-use crate::cluster::{DriveSource, Grouped};
+use crate::cluster::{DriveWindow, Grouped};
 use crate::error::Result;
+use crate::model::TileId;
 use crate::spatial::DisjointSets;
 
-/// Halo voxels by what became of them.
-#[derive(Debug, Default)]
-pub(super) struct Reassigned {
-    pub(super) joined: u64,
-    pub(super) dropped: u64,
-}
-
 /// Which labels are one object.
-pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Result<Grouped> {
+pub(super) fn group(drive: &dyn DriveWindow, config: &DensityPeaksConfig) -> Result<Grouped> {
     let threshold = config.c_t;
     let clusters = stage_peaks::clusters(drive.global(STAGE_PEAKS))?;
     let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
     let (mut borders, mut halos, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-    for tile in 0..drive.tiles() {
+    for tile in TileId::first(drive.tiles()) {
         let payload = stage_borders::load(drive, tile)?;
         for (one, other, sum) in payload.pairs {
             let total = sums.entry((one, other)).or_default();
@@ -51,13 +40,9 @@ pub(super) fn group(drive: &dyn DriveSource, config: &DensityPeaksConfig) -> Res
         })
         .collect();
     let figures = Figures::collect(drive, clusters, &segments, &sums, threshold, reassigned)?;
-    Ok(Grouped { groups, figures: figures.to_json(), charts: figures.charts(config) })
-}
-
-/// Whether the mean over the pairs of the mean of both curvatures is below the threshold; in exact integers.
-pub(super) fn merges(sum: &PairSum, threshold: f64) -> bool {
-    let limit = (threshold * ONE as f64).round() as i128;
-    sum.curvature < i128::from(sum.sides) * limit
+    let mut named = crate::cluster::Figures::new();
+    named.insert("stages".to_owned(), figures.to_json());
+    Ok(Grouped { groups, figures: named, charts: figures.charts(config) })
 }
 
 /// Segment (from 1) of every cluster (from 1; index 0 is none).
@@ -96,8 +81,10 @@ fn reassign(components: &[Vec<u32>], halos: &[Vec<Halo>], segments: &[u32]) -> (
 
 #[cfg(test)]
 mod tests {
+    use super::super::curvature::ONE;
     use super::*;
 
+    #[expect(clippy::cast_possible_truncation, reason = "means of at most 1 in steps of 2^-40")]
     fn sum(pairs: u64, mean: f64) -> PairSum {
         PairSum { sides: 2 * pairs, curvature: i128::from(2 * pairs) * (mean * ONE as f64) as i128 }
     }

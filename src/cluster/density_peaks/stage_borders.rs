@@ -3,7 +3,7 @@
 //! here: thresholds on the sums belong to the reduction.
 #![expect(
     clippy::cast_possible_truncation,
-    reason = "points of a tile fit u32; radii are validated settings of a few metres"
+    reason = "points of a tile fit u32; radii are validated settings of a few metres; a threshold of at most 1 in steps of 2^-40"
 )]
 
 use std::collections::BTreeMap;
@@ -12,14 +12,17 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::columns::Border;
-use super::curvature::curvature;
+use super::curvature::{ONE, curvature};
 use super::labelled_points::{LabelledPoints, Neighbour, REPRESENTATIVE_M, Search};
+use super::settings::{DensityPeaksConfig, STAGE_BORDERS};
 use super::stage_voxels::number;
 use super::surroundings::Surroundings;
-use super::{DensityPeaksConfig, STAGE_BORDERS};
-use crate::cluster::{DriveSource, Labelled, Mapped, TileSource};
+use crate::cluster::further::{Asking, Further};
+use crate::cluster::{DriveWindow, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
+use crate::model::TileId;
+use crate::spatial::Cell;
 
 /// Points that a curvature is computed from (chosen; the paper gives no number).
 const NEIGHBOURS: usize = 20;
@@ -42,6 +45,12 @@ pub(super) struct PairSum {
     pub(super) sides: u64,
     /// Sum of the curvatures of these points, in steps of 2^-40.
     pub(super) curvature: i128,
+}
+
+/// Whether the mean over the pairs of the mean of both curvatures is below the threshold; in exact integers.
+pub(super) fn merges(sum: &PairSum, threshold: f64) -> bool {
+    let limit = (threshold * ONE as f64).round() as i128;
+    sum.curvature < i128::from(sum.sides) * limit
 }
 
 /// What a tile keeps.
@@ -73,7 +82,7 @@ pub(super) fn reach_m(config: &DensityPeaksConfig) -> f64 {
 }
 
 /// The payload of a tile, and the labels of its points.
-pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32) -> Result<Mapped> {
+pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32) -> Result<Mapped> {
     let lattice = tile.lattice();
     let lengths = Lengths {
         edge,
@@ -109,7 +118,8 @@ pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32)
     let labels: Vec<u32> = (0..core.len()).map(label).collect();
     let count = clusters + payload.halos.len() as u32;
     let payload = codec::encode(&payload)?;
-    Ok(Mapped { payload, labelled: Some(Labelled { points: around.points, labels, count }) })
+    let labelled = Labelled { points: around.points, labels, count, with_halo: false };
+    Ok(Mapped { payload, labelled: Some(labelled), ..Mapped::default() })
 }
 
 /// Components of halo voxels, by voxel; every halo voxel that the tile owns or has a point in has one.
@@ -176,12 +186,47 @@ struct Meeting {
     partners: Vec<(u32, u64)>,
 }
 
+/// One whose nearest labelled points may lie outside of what was read.
+struct Open {
+    meeting: Meeting,
+    cell: Cell,
+    /// The nearest so far, nearest first: squared distance, id, and place relative to it.
+    found: Vec<(u64, u64, [i64; 3])>,
+}
+
+impl Open {
+    /// Adds the nearest of these points; `place` is the place of the representative among them.
+    fn look(&mut self, labelled: &LabelledPoints<'_>, place: [i32; 3]) {
+        let limit = self.found.get(NEIGHBOURS - 1).map_or(u64::MAX, |farthest| farthest.0);
+        let nearest = labelled.nearest_of_all(place, NEIGHBOURS, limit);
+        self.found.extend(
+            nearest
+                .iter()
+                .map(|&(distance, point)| (distance, labelled.id(point), labelled.relative(point, place))),
+        );
+        self.found.sort_unstable();
+        self.found.truncate(NEIGHBOURS);
+    }
+}
+
+impl Asking for Open {
+    fn cell(&self) -> Cell {
+        self.cell
+    }
+
+    /// One unit more than the farthest: of two equally far points the one with the smaller id counts.
+    fn needed(&self) -> i64 {
+        let farthest = self.found.get(NEIGHBOURS - 1);
+        farthest.map_or(i64::MAX, |farthest| farthest.0.isqrt().cast_signed() + 2)
+    }
+}
+
 /// The sums over the pairs of representatives of different clusters, as seen from the points of the core.
 ///
 /// A voxel's representatives are of one cluster, so that whole voxels are compared: those without another cluster
 /// near are passed over, and of the others one count goes through all places of a voxel.
 fn pair_sums(
-    tile: &dyn TileSource,
+    tile: &dyn TileWindow,
     lengths: &Lengths,
     around: &Surroundings,
     labelled: &LabelledPoints<'_>,
@@ -247,7 +292,7 @@ fn pair_sums(
 
 /// Sums of curvatures, and the search for them.
 struct Curvatures<'a> {
-    tile: &'a dyn TileSource,
+    tile: &'a dyn TileWindow,
     lengths: &'a Lengths,
     labelled: &'a LabelledPoints<'a>,
     search: Search<'a>,
@@ -259,7 +304,7 @@ struct Curvatures<'a> {
 }
 
 impl<'a> Curvatures<'a> {
-    fn new(tile: &'a dyn TileSource, lengths: &'a Lengths, labelled: &'a LabelledPoints<'a>) -> Self {
+    fn new(tile: &'a dyn TileWindow, lengths: &'a Lengths, labelled: &'a LabelledPoints<'a>) -> Self {
         let first = lengths.reach.min(tile.lattice().units(FIRST_SEARCH_M));
         Self {
             tile,
@@ -292,28 +337,42 @@ impl<'a> Curvatures<'a> {
         }
     }
 
-    /// The sums. Where the nearest points may lie outside of what was read, twice as much is read for those
-    /// representatives alone, until they certainly do not.
+    /// The sums. Those whose nearest points may lie outside of what was read ask for more.
     fn finish(mut self) -> Result<Vec<(u32, u32, PairSum)>> {
-        let mut reach = self.lengths.reach;
-        let mut open = std::mem::take(&mut self.open);
-        let origin = self.labelled.origin();
-        while !open.is_empty() {
-            reach *= 2;
-            let around = Surroundings::load(self.tile, self.lengths.edge, reach)?;
-            let labelled = LabelledPoints::new(&around, self.lengths.edge);
-            let whole = around.points.whole;
-            let certain = if whole { u64::MAX } else { reach.unsigned_abs().pow(2) };
-            let shift = [0, 1, 2].map(|axis| (origin[axis] - labelled.origin()[axis]) as i32);
-            open.retain(|meeting| {
-                let place = [0, 1, 2].map(|axis| meeting.place[axis] + shift[axis]);
-                let found = labelled.nearest_of_all(place, NEIGHBOURS, certain);
-                let enough = found.len() == NEIGHBOURS || whole;
-                if enough {
-                    self.sum(meeting, of_neighbours(&labelled, &found, place));
+        let (tile, edge, origin) = (self.tile, self.lengths.edge, self.labelled.origin());
+        let open: Vec<Open> = std::mem::take(&mut self.open)
+            .into_iter()
+            .map(|meeting| {
+                let at = |axis: usize| origin[axis] + i64::from(meeting.place[axis]);
+                // Points that were read lie in cells.
+                let cell = tile.grid().cell(at(0), at(1)).unwrap_or_default();
+                let (place, found) = (meeting.place, Vec::new());
+                let mut open = Open { meeting, cell, found };
+                open.look(self.labelled, place);
+                open
+            })
+            .collect();
+        let cells = tile.cells(self.lengths.reach);
+        let mut certain = Vec::new();
+        Further::new(tile, &cells, self.lengths.reach).answer(
+            open,
+            &mut |points, cells, asking| {
+                let around = Surroundings::of_cells(tile, edge, points, cells)?;
+                let labelled = LabelledPoints::new(&around, edge);
+                let shift = [0, 1, 2].map(|axis| origin[axis] - labelled.origin()[axis]);
+                for open in asking {
+                    let place = [0, 1, 2].map(|axis| i64::from(open.meeting.place[axis]) + shift[axis]);
+                    // Beyond the range of local coordinates nothing is near.
+                    let limits = (i64::from(i32::MIN), i64::from(i32::MAX));
+                    open.look(&labelled, place.map(|value| value.clamp(limits.0, limits.1) as i32));
                 }
-                !enough
-            });
+                Ok(())
+            },
+            &mut |open| certain.push(open),
+        )?;
+        for Open { meeting, found, .. } in certain {
+            let places: Vec<[i64; 3]> = found.iter().map(|found| found.2).collect();
+            self.sum(&meeting, curvature(&places));
         }
         Ok(self.sums.into_iter().map(|((one, other), sum)| (one, other, sum)).collect())
     }
@@ -325,6 +384,6 @@ fn of_neighbours(labelled: &LabelledPoints<'_>, found: &[Neighbour], place: [i32
 }
 
 /// What a tile keeps.
-pub(super) fn load(drive: &dyn DriveSource, tile: u32) -> Result<BordersPayload> {
+pub(super) fn load(drive: &dyn DriveWindow, tile: TileId) -> Result<BordersPayload> {
     codec::decode(&drive.payload(STAGE_BORDERS, tile)?)
 }

@@ -14,13 +14,14 @@ use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::columns::{Columns, Finder, Voxel, disc};
-use super::figures::density_class;
+use super::decision::density_class;
+use super::settings::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
 use super::stage_voxels::{self, StoredVoxel};
-use super::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
 use crate::cluster::sliced;
-use crate::cluster::{DriveSource, Mapped, TileSource};
+use crate::cluster::{DriveWindow, Mapped, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
+use crate::model::TileId;
 use crate::spatial::{Cell, CellMap};
 
 /// How far from a column ground is looked for, in metres (chosen; the paper says "the horizontally closest").
@@ -35,7 +36,7 @@ pub(super) struct PeaksPayload {
     /// Centres: density, and squared delta.
     pub(super) centres: Vec<(f64, u32)>,
     /// Voxels of other tiles at which chains leave: tile, and position among its voxels.
-    exits: Vec<(u32, u32)>,
+    exits: Vec<(TileId, u32)>,
     /// The decision graph: class of density, squared delta, number of voxels.
     pub(super) graph: Vec<(u32, u32, u64)>,
 }
@@ -47,7 +48,7 @@ pub(super) fn clusters(global: &[u8]) -> Result<u32> {
 
 /// Cluster (from 1) of every end but 0 of a tile, from the global of this stage; 0 where the chain ends without a
 /// centre.
-pub(super) fn ends(global: &[u8], tile: u32) -> Result<Vec<u32>> {
+pub(super) fn ends(global: &[u8], tile: TileId) -> Result<Vec<u32>> {
     sliced::slice(global, tile)
 }
 
@@ -57,7 +58,7 @@ struct Neighbourhood {
     /// Component of the drive.
     component: Vec<u32>,
     /// Tile, and position among its voxels.
-    origin: Vec<(u32, u32)>,
+    origin: Vec<(TileId, u32)>,
     density: Vec<f64>,
     /// Largest density of each column.
     densest: Vec<f64>,
@@ -65,7 +66,7 @@ struct Neighbourhood {
 
 impl Neighbourhood {
     /// Loads the voxels within `steps` indices of those of the tile, and the densities of all of them.
-    fn load(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32) -> Result<Self> {
+    fn load(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32) -> Result<Self> {
         let units = i64::from(edge);
         let steps = config.d_neighbor.ceil() as i32;
         let ground_units = tile.lattice().units(GROUND_SEARCH_M);
@@ -76,8 +77,8 @@ impl Neighbourhood {
         let voxel_window = window.grown(steps);
         let ground_window = voxel_window.grown(ground_steps);
         // Column, tile, and where its voxels stand among those of the tile.
-        let mut found: Vec<(Cell, u32, Range<usize>)> = Vec::new();
-        let mut tiles = BTreeMap::<u32, (Vec<StoredVoxel>, Vec<u32>)>::new();
+        let mut found: Vec<(Cell, TileId, Range<usize>)> = Vec::new();
+        let mut tiles = BTreeMap::<TileId, (Vec<StoredVoxel>, Vec<u32>)>::new();
         let mut ground: Vec<(Cell, i32)> = Vec::new();
         for near in tile.near(i64::from(steps + 2 + ground_steps + 2) * units) {
             let payload = stage_voxels::load(tile, near)?;
@@ -281,7 +282,7 @@ enum End {
 }
 
 /// The payload of a tile.
-pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32) -> Result<Mapped> {
+pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32) -> Result<Mapped> {
     let around = Neighbourhood::load(tile, config, edge)?;
     let indices: Vec<Voxel> = around.columns.indices().collect();
     let mut own: Vec<usize> =
@@ -289,7 +290,7 @@ pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32)
     own.sort_unstable_by(|&a, &b| around.order((a, indices[a]), (b, indices[b])));
     let mut ends = vec![End::Nowhere; own.len()];
     let mut payload = PeaksPayload::default();
-    let mut exits = FxHashMap::<(u32, u32), u32>::default();
+    let mut exits = FxHashMap::<(TileId, u32), u32>::default();
     let mut graph = BTreeMap::<(u32, u32), u64>::new();
     let limit = config.d_neighbor.powi(2);
     let steps = disc(limit.ceil() as i64);
@@ -323,24 +324,24 @@ pub(super) fn map(tile: &dyn TileSource, config: &DensityPeaksConfig, edge: u32)
     };
     payload.ends = ends.into_iter().map(code).collect();
     payload.graph = graph.into_iter().map(|((rho, delta), count)| (rho, delta, count)).collect();
-    Ok(Mapped { payload: codec::encode(&payload)?, labelled: None })
+    Ok(Mapped::payload(codec::encode(&payload)?))
 }
 
 /// A chain that leaves a tile: the end of which it is, and where it goes on.
 struct Exit {
     /// Tile and end (from 1) at which it leaves.
-    from: (u32, u32),
+    from: (TileId, u32),
     /// Tile, and position among its voxels.
-    to: (u32, u32),
+    to: (TileId, u32),
 }
 
 /// The cluster of every end. Keeps the ends of all tiles and the exits in memory, no voxels: chains that leave a tile
 /// are few, those of the voxels near borders.
-pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
+pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let mut ends: Vec<Vec<u32>> = Vec::new();
     let mut exits: Vec<Exit> = Vec::new();
     let mut clusters = 0;
-    for tile in 0..drive.tiles() {
+    for tile in TileId::first(drive.tiles()) {
         let payload = load(drive, tile)?;
         let centres = payload.centres.len() as u32;
         ends.push((clusters + 1..=clusters + centres).chain(payload.exits.iter().map(|_| 0)).collect());
@@ -351,7 +352,7 @@ pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
     exits.sort_unstable_by_key(|exit| exit.to);
     let mut loaded = None;
     let mut next: Vec<Vec<u32>> = ends.iter().map(|ends| vec![0; ends.len()]).collect();
-    let mut target = FxHashMap::<(u32, u32), (u32, u32)>::default();
+    let mut target = FxHashMap::<(TileId, u32), (TileId, u32)>::default();
     for exit in &exits {
         let (tile, position) = exit.to;
         if loaded.as_ref().is_none_or(|(number, _)| *number != tile) {
@@ -368,8 +369,8 @@ pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
             at = on;
         }
         let (tile, end) = at;
-        let cluster = end.checked_sub(1).map_or(0, |end| ends[tile as usize][end as usize]);
-        next[exit.from.0 as usize][exit.from.1 as usize - 1] = cluster;
+        let cluster = end.checked_sub(1).map_or(0, |end| ends[tile.index()][end as usize]);
+        next[exit.from.0.index()][exit.from.1 as usize - 1] = cluster;
     }
     for (ends, next) in ends.iter_mut().zip(next) {
         ends.iter_mut().zip(next).filter(|(end, _)| **end == 0).for_each(|(end, cluster)| *end = cluster);
@@ -378,6 +379,6 @@ pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
 }
 
 /// The chains of a tile.
-pub(super) fn load(drive: &dyn DriveSource, tile: u32) -> Result<PeaksPayload> {
+pub(super) fn load(drive: &dyn DriveWindow, tile: TileId) -> Result<PeaksPayload> {
     codec::decode(&drive.payload(STAGE_PEAKS, tile)?)
 }

@@ -13,12 +13,12 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::columns::{Border, Columns, Voxel, join};
-use super::{NAME, STAGE_VOXELS};
+use super::settings::{NAME, STAGE_VOXELS};
 use crate::cluster::sliced;
-use crate::cluster::{DriveSource, Mapped, TileSource};
+use crate::cluster::{DriveWindow, Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
-use crate::model::AlgorithmError;
+use crate::model::{AlgorithmError, TileId};
 use crate::spatial::{Cell, VoxelIndex};
 
 /// A voxel of one column.
@@ -65,7 +65,7 @@ pub(super) fn most(global: &[u8]) -> Result<u32> {
 }
 
 /// Component of the drive of each component of a tile, from the global of this stage.
-pub(super) fn components(global: &[u8], tile: u32) -> Result<Vec<u32>> {
+pub(super) fn components(global: &[u8], tile: TileId) -> Result<Vec<u32>> {
     sliced::slice(global, tile)
 }
 
@@ -101,7 +101,7 @@ pub(super) fn global_indices(
 }
 
 /// The payload of a tile.
-pub(super) fn map(tile: &dyn TileSource, edge: u32) -> Result<Mapped> {
+pub(super) fn map(tile: &dyn TileWindow, edge: u32) -> Result<Mapped> {
     let points = tile.points(reach(edge), false)?;
     let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
     let (mut objects, mut ground) = (vec![0_u32; index.len()], vec![false; index.len()]);
@@ -158,7 +158,7 @@ pub(super) fn map(tile: &dyn TileSource, edge: u32) -> Result<Mapped> {
             }));
         }
     }
-    Ok(Mapped { payload: codec::encode(&payload)?, labelled: None })
+    Ok(Mapped::payload(codec::encode(&payload)?))
 }
 
 /// Numbers the components (named by their smallest voxel in `roots`) that a tile needs from 0: those with voxels in
@@ -184,9 +184,9 @@ pub(super) fn number(
 }
 
 /// The largest count and the components of the drive.
-pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
+pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let (mut most, mut borders) = (0, Vec::new());
-    for tile in 0..drive.tiles() {
+    for tile in TileId::first(drive.tiles()) {
         let payload: VoxelPayload = load(drive, tile)?;
         most = payload.stored.iter().map(|voxel| voxel.points).max().unwrap_or(0).max(most);
         borders.push(payload.border);
@@ -195,6 +195,6 @@ pub(super) fn reduce(drive: &dyn DriveSource) -> Result<Vec<u8>> {
 }
 
 /// The voxels of a tile.
-pub(super) fn load(drive: &dyn DriveSource, tile: u32) -> Result<VoxelPayload> {
+pub(super) fn load(drive: &dyn DriveWindow, tile: TileId) -> Result<VoxelPayload> {
     codec::decode(&drive.payload(STAGE_VOXELS, tile)?)
 }

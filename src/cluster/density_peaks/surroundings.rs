@@ -7,12 +7,18 @@
 use std::ops::Range;
 
 use super::columns::Columns;
+use super::settings::{NAME, STAGE_PEAKS};
 use super::stage_peaks;
 use super::stage_voxels::{self, global_indices};
-use super::{NAME, STAGE_PEAKS};
-use crate::cluster::{TilePoints, TileSource};
+use crate::cluster::{TilePoints, TileWindow};
 use crate::error::{Error, Result};
-use crate::spatial::VoxelIndex;
+use crate::model::TileId;
+use crate::spatial::{Cell, VoxelIndex};
+
+/// How far from a point the cells of its voxel may go, in lattice units.
+fn owner_reach(tile: &dyn TileWindow, edge: u32) -> i64 {
+    2 * tile.grid().edge() + 2 * i64::from(edge)
+}
 
 /// Points around a tile with their voxels and clusters.
 pub(super) struct Surroundings {
@@ -29,8 +35,26 @@ pub(super) struct Surroundings {
 
 impl Surroundings {
     /// Reads the points of objects within `reach` of a tile, and looks their clusters up.
-    pub(super) fn load(tile: &dyn TileSource, edge: u32, reach: i64) -> Result<Self> {
+    pub(super) fn load(tile: &dyn TileWindow, edge: u32, reach: i64) -> Result<Self> {
         let points = tile.points(reach, true)?;
+        // Points come by whole cells, and the owner of their voxel may be a cell further: at most two edges of each.
+        let near = tile.near(reach + owner_reach(tile, edge));
+        Self::of(tile, edge, points, &near)
+    }
+
+    /// Looks up the clusters of points of objects of some cells.
+    pub(super) fn of_cells(
+        tile: &dyn TileWindow,
+        edge: u32,
+        points: TilePoints,
+        cells: &[Cell],
+    ) -> Result<Self> {
+        let near = tile.near_cells(cells, owner_reach(tile, edge));
+        Self::of(tile, edge, points, &near)
+    }
+
+    /// The same, where `near` are all tiles that may own a voxel of the points.
+    fn of(tile: &dyn TileWindow, edge: u32, points: TilePoints, near: &[TileId]) -> Result<Self> {
         let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
         // Every voxel has a point, and so the same order and number as here.
         let indices = global_indices(&index, |_| true)?;
@@ -43,8 +67,7 @@ impl Surroundings {
         let mut cluster = vec![u32::MAX; voxels.len()];
         let mut owned = Vec::new();
         let mut finder = voxels.finder();
-        // Points come by whole cells, and the owner of their voxel may be a cell further: at most two edges of each.
-        for near in tile.near(reach + 2 * tile.cell_edge() + 2 * i64::from(edge)) {
+        for &near in near {
             let payload = stage_voxels::load(tile, near)?;
             let ends = stage_peaks::load(tile, near)?.ends;
             let clusters = stage_peaks::ends(tile.global(STAGE_PEAKS), near)?;

@@ -3,11 +3,11 @@
 
 use serde::{Serialize, Serializer};
 
-use crate::eval::axis::Axis;
-use crate::eval::hoover::Detection;
+use crate::eval::metrics::hoover::Detection;
+use crate::eval::metrics::panoptic::SegmentRole;
 use crate::eval::metrics::{Judged, MetricSettings};
-use crate::eval::panoptic::SegmentRole;
-use crate::eval::report::millimetres;
+use crate::eval::report::axis::Axis;
+use crate::eval::report::rounding::millimetres;
 use crate::eval::report::rows::ObjectRows;
 
 /// Something to go and look at.

@@ -1,18 +1,16 @@
 //! One row per reference object: where it is and what became of it under each metric. Rows are made while they are
 //! written, so that a report of a long drive stays small.
 
-use std::io::{self, Write};
-
 use std::sync::Arc;
 
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 
-use crate::eval::axis::Axis;
+use crate::eval::metrics::overlaps::{Object, SmallObject};
+use crate::eval::metrics::panoptic::Iou;
 use crate::eval::metrics::{Judged, MetricSettings};
-use crate::eval::panoptic::Iou;
-use crate::eval::report::{Report, millimetres, share};
-use crate::eval::scene::{Object, SmallObject};
+use crate::eval::report::axis::Axis;
+use crate::eval::report::rounding::{millimetres, share};
 
 /// What became of one object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -230,83 +228,4 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
             .map(|(points, how)| format!("{} of it {how}", percent(points, object.points))),
     );
     phrases
-}
-
-/// Writes the rows as CSV by id, one column of Hoover's classes per tolerance.
-pub(super) fn write_csv(report: &Report<'_>, to: &mut dyn Write) -> io::Result<()> {
-    write!(
-        to,
-        "object,class,class_name,chainage_m,x_m,y_m,z_m,points,segment,segment_points,points_in_segment,best_iou,\
-         best_iou_segment,matched,under_segmented,shares_with,over_segmented,second_segment,"
-    )?;
-    let tolerances = &report.settings.hoover_tolerances;
-    for tolerance in tolerances {
-        write!(to, "hoover_{tolerance:.2},")?;
-    }
-    writeln!(to, "points_without_segment,points_predicted_ground,points_predicted_noise,what")?;
-    let mut small = report.small_objects.iter().peekable();
-    let small_line = |row: &SmallRow| small_csv_line(row, tolerances.len(), report.settings.min_points);
-    for row in report.objects.iter() {
-        while let Some(before) = small.next_if(|small| small.object < row.object) {
-            to.write_all(small_line(&before).as_bytes())?;
-        }
-        to.write_all(csv_line(&row).as_bytes())?;
-    }
-    small.try_for_each(|row| to.write_all(small_line(&row).as_bytes()))
-}
-
-/// What is known of an object that is not evaluated, in the columns of one that is.
-fn small_csv_line(row: &SmallRow, tolerances: usize, min_points: u64) -> String {
-    let [x, y, z] = row.at_m;
-    // Ten columns up to those of the tolerances, three after them, and the words.
-    let empty = ",".repeat(10 + tolerances + 3 + 1);
-    format!(
-        "{},{},{},{:.3},{x:.3},{y:.3},{z:.3},{}{empty}fewer than {min_points} points: not evaluated\n",
-        row.object,
-        row.class,
-        quoted(&row.class_name),
-        row.chainage_m,
-        row.points
-    )
-}
-
-fn csv_line(row: &ObjectRow) -> String {
-    let id = |id: Option<i64>| id.map_or(String::new(), |id| id.to_string());
-    let fields = [
-        row.object.to_string(),
-        row.class.to_string(),
-        quoted(&row.class_name),
-        format!("{:.3}", row.chainage_m),
-        format!("{:.3}", row.x_m),
-        format!("{:.3}", row.y_m),
-        format!("{:.3}", row.z_m),
-        row.points.to_string(),
-        id(row.segment),
-        row.segment_points.to_string(),
-        row.points_in_segment.to_string(),
-        format!("{:.6}", row.best_iou),
-        id(row.best_iou_segment),
-        row.matched.to_string(),
-        row.under_segmented.to_string(),
-        id(row.shares_with),
-        row.over_segmented.to_string(),
-        id(row.second_segment),
-        row.hoover.join(","),
-        row.points_without_segment.to_string(),
-        row.points_predicted_ground.to_string(),
-        row.points_predicted_noise.to_string(),
-        quoted(&row.what),
-    ];
-    // No tolerances, no columns of theirs.
-    let present = fields.into_iter().enumerate().filter(|(at, _)| *at != 18 || !row.hoover.is_empty());
-    present.map(|field| field.1).collect::<Vec<_>>().join(",") + "\n"
-}
-
-/// A CSV field (RFC 4180): in quotes where it must be.
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
-    }
 }

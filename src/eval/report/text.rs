@@ -2,14 +2,18 @@
 
 use std::fmt::Write;
 
-use crate::eval::report::{FiguresView, Report, ScoreView};
+use crate::eval::report::values::{FiguresView, Report, ScoreView};
 
 /// Width of the column of names.
 const NAME: usize = 26;
 
-pub(super) fn text(report: &Report<'_>, worst: usize) -> String {
-    let blocks = [head(report), shares(report), hoover(report), scores(report), worst_objects(report, worst)];
-    blocks.into_iter().filter(|block| !block.is_empty()).collect::<Vec<_>>().join("\n")
+impl Report<'_> {
+    /// The figures for a person, with the `worst` objects of smallest best IoU below.
+    #[must_use]
+    pub fn text(&self, worst: usize) -> String {
+        let blocks = [head(self), shares(self), hoover(self), scores(self), worst_objects(self, worst)];
+        blocks.into_iter().filter(|block| !block.is_empty()).collect::<Vec<_>>().join("\n")
+    }
 }
 
 /// A share with three decimals, `-` where there is nothing to count.

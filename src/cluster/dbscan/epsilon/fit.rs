@@ -1,6 +1,6 @@
 //! From the curve to epsilon: the fit, its goodness, and the point where the slope equals that of the chord.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cluster::dbscan::epsilon::{Curve, EpsilonError, LARGEST_K, Polynomial};
 
@@ -10,7 +10,7 @@ const DEGREE: usize = 5;
 const LEAST_R_SQUARED: f64 = 0.99;
 
 /// An estimated epsilon and what it came from.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The estimate: f(k0), in the unit of the distances.
     pub epsilon: f64,

@@ -1,10 +1,10 @@
 //! Polynomials in a scaled variable: value, derivative, real roots in an interval, least-squares fit.
 
 use nalgebra::{DMatrix, DVector};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// c_0 + c_1 t + c_2 t^2 + ... with t = (k - centre) / half.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Polynomial {
     /// c_0, c_1, ...
     pub coefficients: Vec<f64>,

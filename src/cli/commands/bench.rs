@@ -1,0 +1,251 @@
+//! `chainage bench`: a run at one and at two threads, each in a process of its own, against the floors.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use chainage::config::Config;
+use chainage::run::{codec_floor, copy_floor, files_of};
+use serde_json::{Value, json};
+
+use crate::cli::commands::demo::{SAMPLE, SAMPLE_NAME};
+use crate::cli::drive_args::Settings;
+use crate::cli::exit;
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::print::JsonOutput;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct BenchArgs {
+    /// LAS or LAZ files, folders or patterns [default: the sample that comes with the program]
+    #[arg(value_name = "FILES")]
+    files: Vec<PathBuf>,
+    /// Times everything is measured, in turn; medians are shown
+    #[arg(long, default_value_t = 3, value_name = "N")]
+    rounds: usize,
+    /// Folder for the outputs, which are removed again [default: the system's folder for temporary files]
+    #[arg(long, value_name = "FOLDER")]
+    scratch: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOutput,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// What one run in a process of its own took.
+struct Measured {
+    seconds: f64,
+    passes: Vec<(String, f64)>,
+    peak_bytes: f64,
+    points: f64,
+    output_bytes: u64,
+}
+
+impl BenchArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let scratch = self
+            .scratch
+            .clone()
+            .unwrap_or_else(std::env::temp_dir)
+            .join(format!("chainage-bench-{}", std::process::id()));
+        std::fs::create_dir_all(&scratch)
+            .map_err(|source| CliError::Write { target: scratch.display().to_string(), source })?;
+        let result = self.measure(&scratch);
+        // What is left behind is only scratch; a failure to remove it does not change the figures.
+        let _ = std::fs::remove_dir_all(&scratch);
+        let report = result?;
+        self.json.show(&report, || page(&report))?;
+        Ok(exit::DONE)
+    }
+
+    fn measure(&self, scratch: &Path) -> Result<Value, CliError> {
+        let mut arguments = self.files.clone();
+        if arguments.is_empty() {
+            let sample = scratch.join(SAMPLE_NAME);
+            std::fs::write(&sample, SAMPLE)
+                .map_err(|source| CliError::Write { target: sample.display().to_string(), source })?;
+            arguments.push(sample);
+        }
+        let config = self.settings.resolve(&[])?;
+        let files = files_of(&arguments, &config)?;
+        let paths: Vec<PathBuf> = files.iter().map(|file| file.0.clone()).collect();
+        let mut floors: Vec<(f64, f64)> = Vec::new();
+        let mut runs: [Vec<Measured>; 2] = [Vec::new(), Vec::new()];
+        let mut codecs: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
+        let input_bytes: u64 = files.iter().map(|file| file.1).sum();
+        let mut output_bytes = input_bytes;
+        // One round more, first, that is not counted: it brings the input into the page cache.
+        for round in 0..=self.rounds.max(1) {
+            settle(&paths, output_bytes, scratch)?;
+            let floor = copy_floor(&paths, output_bytes, scratch, false)?;
+            settle(&paths, output_bytes, scratch)?;
+            let durable = copy_floor(&paths, output_bytes, scratch, true)?;
+            for (slot, threads) in [1, 2].into_iter().enumerate() {
+                let codec = codec_floor(&paths, &config, threads)?;
+                settle(&paths, output_bytes, scratch)?;
+                let measured = self.one_run(&paths, scratch, threads)?;
+                output_bytes = measured.output_bytes;
+                if round > 0 {
+                    codecs[slot].extend(codec);
+                    runs[slot].push(measured);
+                }
+            }
+            if round > 0 {
+                floors.push((floor, durable));
+            }
+        }
+        Ok(self.report(&config, input_bytes, &floors, &runs, &codecs))
+    }
+
+    fn one_run(&self, paths: &[PathBuf], scratch: &Path, threads: usize) -> Result<Measured, CliError> {
+        let out = scratch.join("out");
+        let failed = |source| CliError::Write { target: out.display().to_string(), source };
+        let program = std::env::current_exe().map_err(failed)?;
+        let mut command = Command::new(program);
+        command.arg("run").args(paths).arg("-o").arg(&out).args(["--json", "--progress", "none"]);
+        command.arg("--threads").arg(threads.to_string());
+        command.args(self.settings.as_arguments(&["threads"]));
+        let output = command.output().map_err(failed)?;
+        let summary: Value = serde_json::from_slice(&output.stdout).map_err(|_| {
+            failed(std::io::Error::other(String::from_utf8_lossy(&output.stderr).trim().to_owned()))
+        })?;
+        let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+        let passes = summary["passes"].as_array().map_or_else(Vec::new, |passes| {
+            passes
+                .iter()
+                .map(|pass| (pass["pass"].as_str().unwrap_or("").to_owned(), number(&pass["seconds"])))
+                .collect()
+        });
+        let mut output_bytes = 0;
+        for entry in std::fs::read_dir(&out).map_err(failed)? {
+            let facts = entry.and_then(|entry| entry.metadata()).map_err(failed)?;
+            output_bytes += if facts.is_file() { facts.len() } else { 0 };
+        }
+        std::fs::remove_dir_all(&out).map_err(failed)?;
+        Ok(Measured {
+            seconds: number(&summary["seconds"]),
+            passes,
+            peak_bytes: number(&summary["peak_resident_bytes"]),
+            points: number(&summary["points"]),
+            output_bytes,
+        })
+    }
+
+    fn report(
+        &self,
+        config: &Config,
+        input_bytes: u64,
+        floors: &[(f64, f64)],
+        runs: &[Vec<Measured>; 2],
+        codecs: &[Vec<f64>; 2],
+    ) -> Value {
+        let floor = median(floors.iter().map(|floor| floor.0));
+        let durable = median(floors.iter().map(|floor| floor.1));
+        let configurations: Vec<Value> = runs
+            .iter()
+            .enumerate()
+            .map(|(slot, runs)| {
+                let seconds = median(runs.iter().map(|run| run.seconds));
+                let points = runs.first().map_or(0.0, |run| run.points);
+                let passes: Vec<Value> = runs.first().map_or_else(Vec::new, |first| {
+                    (0..first.passes.len())
+                        .map(|pass| {
+                            let seconds = median(runs.iter().map(|run| run.passes[pass].1));
+                            json!({ "pass": first.passes[pass].0, "seconds": seconds, "ns_per_point": seconds / points * 1e9 })
+                        })
+                        .collect()
+                });
+                let codec = (!codecs[slot].is_empty()).then(|| median(codecs[slot].iter().copied()));
+                json!({
+                    "threads": slot + 1,
+                    "seconds": seconds,
+                    "seconds_min": runs.iter().map(|run| run.seconds).fold(f64::INFINITY, f64::min),
+                    "seconds_max": runs.iter().map(|run| run.seconds).fold(0.0, f64::max),
+                    "points_per_second": points / seconds,
+                    "times_copy_floor": seconds / floor,
+                    "times_durable_copy_floor": seconds / durable,
+                    "codec_floor_seconds": codec,
+                    "times_codec_floor": codec.map(|codec| seconds / codec),
+                    "peak_resident_bytes": median(runs.iter().map(|run| run.peak_bytes)),
+                    "passes": passes,
+                })
+            })
+            .collect();
+        let pairs = runs[0].iter().zip(&runs[1]).map(|(one, two)| one.seconds / two.seconds);
+        json!({
+            "program": format!("chainage {}", env!("CARGO_PKG_VERSION")),
+            "cores": std::thread::available_parallelism().map_or(0, usize::from),
+            "rounds": self.rounds,
+            "method": config.cluster.method,
+            "input_bytes": input_bytes,
+            "output_bytes": runs[0].first().map_or(0, |run| run.output_bytes),
+            "copy_floor_seconds": floor,
+            "durable_copy_floor_seconds": durable,
+            "speed_up_of_two_threads": median(pairs),
+            "runs": configurations,
+        })
+    }
+}
+
+/// Brings the machine into the same state before everything that is measured: nothing is left to be written back, and
+/// as much memory as the output takes was in use just now. A virtual machine gives unused memory back to its host, and
+/// pays for every page when it takes it again: the same copy took 1.1 or 3.0 s.
+fn settle(paths: &[PathBuf], output_bytes: u64, scratch: &Path) -> Result<(), CliError> {
+    // Where there is no `sync`, the figures are only less steady.
+    let _ = Command::new("sync").status();
+    copy_floor(paths, output_bytes, scratch, false)?;
+    let _ = Command::new("sync").status();
+    Ok(())
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    match sorted.len() {
+        0 => f64::NAN,
+        length if length % 2 == 1 => sorted[length / 2],
+        length => f64::midpoint(sorted[length / 2 - 1], sorted[length / 2]),
+    }
+}
+
+fn page(report: &Value) -> String {
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let mut text = format!(
+        "  copy floor {:.3} s, {:.3} s with the output synced to disk ({:.1} MB in, {:.1} MB out), medians of {} rounds\n",
+        number(&report["copy_floor_seconds"]),
+        number(&report["durable_copy_floor_seconds"]),
+        number(&report["input_bytes"]) / 1e6,
+        number(&report["output_bytes"]) / 1e6,
+        report["rounds"]
+    );
+    for run in report["runs"].as_array().into_iter().flatten() {
+        text.push_str(&format!(
+            "\n  {} thread(s): {:.2} s ({:.2} to {:.2}), {:.2} M points/s, {:.1} x copy floor ({:.1} x synced), peak {:.0} MiB\n",
+            run["threads"],
+            number(&run["seconds"]),
+            number(&run["seconds_min"]),
+            number(&run["seconds_max"]),
+            number(&run["points_per_second"]) / 1e6,
+            number(&run["times_copy_floor"]),
+            number(&run["times_durable_copy_floor"]),
+            number(&run["peak_resident_bytes"]) / f64::from(1 << 20)
+        ));
+        if let Some(times) = run["times_codec_floor"].as_f64() {
+            text.push_str(&format!(
+                "    {times:.2} x decoding and encoding alone ({:.2} s)\n",
+                number(&run["codec_floor_seconds"])
+            ));
+        }
+        for pass in run["passes"].as_array().into_iter().flatten() {
+            text.push_str(&format!(
+                "    {:<8} {:>8.3} s {:>7.1} ns/point\n",
+                pass["pass"].as_str().unwrap_or(""),
+                number(&pass["seconds"]),
+                number(&pass["ns_per_point"])
+            ));
+        }
+    }
+    text.push_str(&format!(
+        "\n  two threads are {:.2} times as fast as one\n",
+        number(&report["speed_up_of_two_threads"])
+    ));
+    text
+}

@@ -1,0 +1,261 @@
+//! `chainage cluster`: the rows of a table in, the same rows with a cluster number out. Not: any method.
+
+use std::path::PathBuf;
+
+use chainage::cluster::dbscan::epsilon;
+use chainage::cluster::dbscan::rows::{Dbscan, DbscanVariant};
+use chainage::cluster::p_linkage::PLinkage;
+use chainage::config::ConfigError;
+use chainage::spatial::{Points, SpatialError};
+use chainage::table::write_with_column;
+use serde_json::{Value, json};
+
+use crate::cli::exit;
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::print::{self, deliver, is_standard_output};
+use crate::cli::table_points::{self, TablePoints};
+
+/// Clusters the rows of a table: points of 2 to 8 dimensions.
+///
+/// The output repeats the table byte for byte and adds a column with the number of the cluster; 0 is noise or an outlier.
+/// Clusters are numbered in the order of their first rows.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ClusterArgs {
+    /// Table with a header, separated by commas, semicolons, tabs or blanks (- for standard input)
+    #[arg(value_name = "TABLE")]
+    table: PathBuf,
+    /// Where the labelled table goes (- for standard output)
+    #[arg(short, long, value_name = "FILE")]
+    out: PathBuf,
+    /// Method
+    #[arg(long, value_enum, value_name = "NAME")]
+    method: Method,
+    /// Columns that are the coordinates, by name or by number from 1 [default: all that hold numbers only]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    columns: Vec<String>,
+    /// The first line is a row already; columns have numbers
+    #[arg(long)]
+    no_header: bool,
+    /// Name of the new column
+    #[arg(long, value_name = "NAME", default_value = "cluster_id")]
+    id_column: String,
+    /// Divide each column by its standard deviation, after subtracting its mean
+    #[arg(long)]
+    standardise: bool,
+    /// Weight of each column after standardising, in the order of --columns [default: 1]
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', requires = "standardise")]
+    weights: Vec<f64>,
+    #[command(flatten)]
+    dbscan: DbscanArgs,
+    #[command(flatten)]
+    p_linkage: PLinkageArgs,
+    /// Write the settings, counts and the estimate as JSON (- for standard output)
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Method {
+    /// Density-based clusters; epsilon is estimated or given
+    Dbscan,
+    /// Links of every point to the closest denser one
+    PLinkage,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "dbscan")]
+struct DbscanArgs {
+    /// What makes a cluster: its size alone, or core points
+    #[arg(long, value_enum, value_name = "size|core", default_value = "size")]
+    variant: Variant,
+    /// Radius of a neighbourhood in the unit of the columns, or auto: estimated from the points
+    #[arg(long, value_name = "NUMBER|auto", default_value = "auto", value_parser = epsilon_or_auto)]
+    epsilon: EpsilonChoice,
+    /// Neighbours that the estimation starts with, the point itself included
+    #[arg(long, value_name = "K", default_value_t = epsilon::FIRST_K as u64, value_parser = clap::value_parser!(u64).range(8..=200))]
+    k: u64,
+    /// size: rows of the smallest cluster; core: rows around a core point, itself included
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
+    min_points: u64,
+    /// Rows of the largest cluster; 0: no limit
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    max_points: u64,
+    /// Draw the curve that epsilon is estimated from (- for standard output)
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "p-linkage")]
+struct PLinkageArgs {
+    /// Cut-off distance as a multiple of the median distance to the nearest neighbour
+    #[arg(long, value_name = "NUMBER", default_value_t = 5.0, value_parser = positive)]
+    scale: f64,
+    /// Merge neighbouring clusters of like density: for data that are evenly dense
+    #[arg(long)]
+    merge: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Variant {
+    Size,
+    Core,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum EpsilonChoice {
+    Auto,
+    Given(f64),
+}
+
+fn epsilon_or_auto(text: &str) -> Result<EpsilonChoice, String> {
+    if text == "auto" { Ok(EpsilonChoice::Auto) } else { positive(text).map(EpsilonChoice::Given) }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| format!("{text} is not a number above 0"))
+}
+
+/// What a method came to.
+struct Found {
+    labels: Vec<u32>,
+    clusters: u32,
+    /// Settings and what followed from them.
+    facts: Value,
+    /// The same in a line.
+    line: String,
+}
+
+impl ClusterArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        self.one_standard_output().map_err(chainage::Error::from)?;
+        self.nothing_in_vain().map_err(chainage::Error::from)?;
+        let weights = self.standardise.then_some(&self.weights[..]);
+        let TablePoints { table, columns, points } =
+            TablePoints::read(&self.table, !self.no_header, &self.columns, weights)?;
+        table.check_free(&self.id_column).map_err(chainage::Error::from)?;
+        let found = match self.method {
+            Method::Dbscan => self.dbscan.cluster(&points)?,
+            Method::PLinkage => self.p_linkage.cluster(&points).map_err(chainage::Error::from)?,
+        };
+        let noise = found.labels.iter().filter(|&&label| label == 0).count();
+        let names: Vec<&str> = columns.iter().map(|&column| table.name(column)).collect();
+        let report = json!({
+            "table": self.table.display().to_string(),
+            "rows": table.len(),
+            "columns": names,
+            "standardised": self.standardise,
+            "weights": self.weights,
+            "method": self.method.name(),
+            "result": found.facts,
+            "clusters": found.clusters,
+            "noise": noise,
+        });
+        let table_shown =
+            deliver(Some(&self.out), |to| write_with_column(&table, &self.id_column, &found.labels, to))?;
+        let json_shown = deliver(self.json.as_deref(), |to| {
+            serde_json::to_writer_pretty(&mut *to, &report)?;
+            to.write_all(b"\n")
+        })?;
+        let svg_shown = self.dbscan.svg.as_deref().is_some_and(is_standard_output);
+        if !table_shown && !json_shown && !svg_shown {
+            print::text(&format!(
+                "  {} rows of {}: {} clusters, {} rows in none\n  {}\n",
+                print::count(table.len() as u64),
+                names.join(", "),
+                print::count(found.clusters.into()),
+                print::count(noise as u64),
+                found.line
+            ))?;
+        }
+        Ok(exit::DONE)
+    }
+
+    /// One output at most goes to standard output.
+    fn one_standard_output(&self) -> Result<(), ConfigError> {
+        let mut taken = is_standard_output(&self.out).then_some("--out");
+        for (flag, path) in [("--json", &self.json), ("--svg", &self.dbscan.svg)] {
+            if path.as_deref().is_some_and(is_standard_output) {
+                if let Some(first) = taken {
+                    return Err(ConfigError::value(
+                        flag,
+                        "-",
+                        format!("a file when {first} is standard output"),
+                    ));
+                }
+                taken = Some(flag);
+            }
+        }
+        Ok(())
+    }
+
+    /// A drawing of the estimate needs one.
+    fn nothing_in_vain(&self) -> Result<(), ConfigError> {
+        let estimated = self.method == Method::Dbscan && matches!(self.dbscan.epsilon, EpsilonChoice::Auto);
+        match &self.dbscan.svg {
+            Some(path) if !estimated => {
+                let expected = "left out unless --method dbscan estimates an epsilon (--epsilon auto)";
+                Err(ConfigError::value("--svg", path.display(), expected))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Method {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Dbscan => "dbscan",
+            Self::PLinkage => "p-linkage",
+        }
+    }
+}
+
+impl DbscanArgs {
+    fn cluster(&self, points: &Points) -> Result<Found, CliError> {
+        let estimate = match self.epsilon {
+            EpsilonChoice::Auto => {
+                Some(table_points::estimate(points, usize::try_from(self.k).unwrap_or(usize::MAX))?)
+            }
+            EpsilonChoice::Given(_) => None,
+        };
+        let epsilon = match (self.epsilon, &estimate) {
+            (EpsilonChoice::Given(epsilon), _) => epsilon,
+            (EpsilonChoice::Auto, estimate) => estimate.as_ref().map_or(0.0, |estimate| estimate.epsilon),
+        };
+        if let (Some(path), Some(estimate)) = (&self.svg, &estimate) {
+            deliver(Some(path), |to| to.write_all(epsilon::svg(estimate, "").as_bytes()))?;
+        }
+        let variant = match self.variant {
+            Variant::Size => DbscanVariant::Size,
+            Variant::Core => DbscanVariant::Core,
+        };
+        let dbscan = Dbscan { variant, epsilon, min_points: self.min_points, max_points: self.max_points };
+        let (labels, clusters) = dbscan.cluster(points).map_err(chainage::Error::from)?;
+        let line = match &estimate {
+            Some(estimate) => format!(
+                "epsilon {epsilon:.6}, estimated at k0 = {:.3} of K = {} (R2 {:.5})",
+                estimate.k0, estimate.k, estimate.r_squared
+            ),
+            None => format!("epsilon {epsilon}"),
+        };
+        let facts = json!({ "settings": dbscan, "estimate": estimate });
+        Ok(Found { labels, clusters, facts, line })
+    }
+}
+
+impl PLinkageArgs {
+    fn cluster(&self, points: &Points) -> Result<Found, SpatialError> {
+        let method = PLinkage { scale: self.scale, merge: self.merge };
+        let found = method.cluster(points)?;
+        let facts = json!({
+            "settings": method,
+            "cutoff": found.cutoff,
+            "median_density": found.median_density,
+        });
+        let line =
+            format!("cut-off distance {:.6}, median density {:.6}", found.cutoff, found.median_density);
+        Ok(Found { labels: found.labels, clusters: found.clusters, facts, line })
+    }
+}

@@ -1,0 +1,39 @@
+//! `chainage demo`.
+
+use std::path::PathBuf;
+
+use chainage::config::Config;
+
+use crate::cli::commands::run::{page, process};
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::progress::ProgressChoice;
+use crate::cli::{exit, print};
+
+/// The sample: one sweep of a vehicle scanner on a road with two rows of trees, see NOTICE.
+pub(super) const SAMPLE: &[u8] = include_bytes!("../../../tests/data/tree_road_sweep.laz");
+pub(super) const SAMPLE_NAME: &str = "tree_road_sweep.laz";
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct DemoArgs {
+    /// Output directory
+    #[arg(short, long, value_name = "DIRECTORY", default_value = "chainage-demo")]
+    out: PathBuf,
+}
+
+impl DemoArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let folder = self.out.join("input");
+        let input = folder.join(SAMPLE_NAME);
+        let failed = |source| CliError::Write { target: input.display().to_string(), source };
+        if std::fs::read(&input).map_or(true, |bytes| bytes != SAMPLE) {
+            std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&input, SAMPLE)).map_err(failed)?;
+        }
+        let out = self.out.join("output");
+        // One sweep has about a hundredth of the points of a drive: objects may be smaller.
+        let config =
+            Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
+        let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
+        print::text(&page(&summary, &out))?;
+        Ok(exit::DONE)
+    }
+}

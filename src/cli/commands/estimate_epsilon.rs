@@ -1,0 +1,247 @@
+//! `chainage estimate-epsilon`: the radius of `dbscan` from how far away neighbours are, for a drive or a table.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use chainage::cluster::dbscan::epsilon::DriveEpsilon;
+use chainage::cluster::dbscan::epsilon::{self, Estimate};
+use chainage::config::ConfigError;
+use chainage::run::{CancelToken, EstimateRequest, Registries, estimate_epsilon};
+use serde_json::{Value, json};
+
+use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::print::{deliver, is_standard_output};
+use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::table_points::{self, TablePoints};
+use crate::cli::{exit, interrupt, print};
+
+/// Estimate the radius of `dbscan` from the distances between points.
+///
+/// The mean distance to the k-th nearest neighbour over k, a polynomial through it, and the point where its slope is that
+/// of its chord. Over the points of a drive that are neither ground nor noise, read tile by tile and exact: neither tiles
+/// nor threads change the result. Or over the rows of one table (*.csv, *.txt, *.tsv).
+#[derive(Debug, clap::Args)]
+pub(crate) struct EstimateArgs {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// Fields that distances are taken in: x,y,z in metres; with intensity, red, green, blue or nir as well, each is
+    /// divided by its standard deviation over the drive. Of a table: columns by name or number [default: x,y,z; all
+    /// columns]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    fields: Vec<String>,
+    /// Weight of each field after that, in the order of --fields [default: 1]
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
+    weights: Vec<f64>,
+    /// Neighbours that the curve starts with, the point itself included [default: 40]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(8..=200))]
+    k: Option<u64>,
+    /// Points whose neighbours are looked for, at most about, for example 500k or 2M; 0: every point [default: 2M]
+    #[arg(long, value_name = "N", value_parser = count)]
+    max_queries: Option<u64>,
+    /// Draw the curve, the fit and the result (- for standard output)
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Write the curve, the fit, the result and what it cost as JSON (- for standard output)
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Keep the state here: the same command resumes, and `chainage run` with the same settings goes on from it [default: a
+    /// folder in --scratch that is removed in the end]
+    #[arg(short, long, value_name = "DIRECTORY")]
+    out: Option<PathBuf>,
+    /// Where that folder is made [default: the system's folder for temporary files]
+    #[arg(long, value_name = "DIRECTORY", conflicts_with = "out")]
+    scratch: Option<PathBuf>,
+    /// How progress is shown on standard error
+    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
+    progress: ProgressChoice,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// A count like 500k, 2M or 1234.
+fn count(text: &str) -> Result<u64, String> {
+    let refused = || format!("{text} is not a count like 1234, 500k or 2M");
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor = match &text[digits.len()..] {
+        "" => 1.0,
+        "k" | "K" => 1e3,
+        "m" | "M" => 1e6,
+        "g" | "G" => 1e9,
+        _ => return Err(refused()),
+    };
+    let number = digits.parse::<f64>().map_err(|_| refused())? * factor;
+    if !(0.0..=1e15).contains(&number) {
+        return Err(refused());
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+    let whole = number.round() as u64;
+    Ok(whole)
+}
+
+impl EstimateArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let to_stdout = |to: &Option<PathBuf>| to.as_deref().is_some_and(is_standard_output);
+        if to_stdout(&self.svg) && to_stdout(&self.json) {
+            return Err(refused("--svg", "-", "a file when --json is standard output").into());
+        }
+        if let [table] = &self.inputs.files[..]
+            && table_points::is_table(table)
+        {
+            return self.table(table);
+        }
+        let found = self.drive()?;
+        let name = |axis: &chainage::model::FieldAxis| axis.field.name();
+        let names: Vec<&str> = found.space.axes.iter().map(name).collect();
+        let cost = &found.cost;
+        let more = format!(
+            "  {:.3} % of the points asked for more than {:.1} m around their tile, {:.2} % more points were read for them\n",
+            100.0 * cost.share,
+            cost.halo_m,
+            100.0 * cost.read_share
+        );
+        let facts = serde_json::to_value(&found).map_err(|error| CliError::stdout(error.into()))?;
+        self.show(&found.estimate, &found.unit, &names, &more, &facts)
+    }
+
+    fn drive(&self) -> Result<DriveEpsilon, CliError> {
+        if let Some(method) = self.settings.method.as_deref().filter(|method| *method != "dbscan") {
+            return Err(refused("--method", method, "dbscan, which has an epsilon").into());
+        }
+        let mut set =
+            vec![("cluster.method", "\"dbscan\"".to_owned()), ("dbscan.epsilon", "\"auto\"".to_owned())];
+        if !self.fields.is_empty() {
+            set.push(("dbscan.fields", format!("{:?}", self.fields)));
+        }
+        if !self.weights.is_empty() {
+            set.push(("dbscan.weights", format!("{:?}", self.weights)));
+        }
+        set.extend(self.k.map(|k| ("epsilon.k", k.to_string())));
+        set.extend(self.max_queries.map(|most| ("epsilon.max_queries", most.to_string())));
+        let config = self.settings.resolve(&set)?;
+        let cancel = Arc::new(CancelToken::default());
+        interrupt::listen(&cancel)?;
+        let state = State::at(self.out.as_deref(), self.scratch.as_deref());
+        let request = EstimateRequest {
+            inputs: self.inputs.files.clone(),
+            out: state.folder.clone(),
+            config,
+            registries: Registries::default(),
+        };
+        let (found, _) = estimate_epsilon(&request, &Progress::new(self.progress), &cancel)?;
+        Ok(found)
+    }
+
+    fn table(&self, path: &Path) -> Outcome {
+        for (flag, given) in [
+            ("--ground", self.settings.ground.is_some()),
+            ("--max-queries", self.max_queries.is_some()),
+            ("--out", self.out.is_some()),
+        ] {
+            if given {
+                return Err(refused(flag, &path.display().to_string(), "left out for a table").into());
+            }
+        }
+        let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
+        let TablePoints { table, columns, points } = TablePoints::read(path, true, &self.fields, weights)?;
+        let first = self.k.map_or(epsilon::FIRST_K, |k| usize::try_from(k).unwrap_or(usize::MAX));
+        let estimate = table_points::estimate(&points, first)?;
+        let names: Vec<&str> = columns.iter().map(|&column| table.name(column)).collect();
+        let facts = json!({ "table": path.display().to_string(), "columns": names, "weights": self.weights });
+        let Value::Object(mut all) = facts else { return Ok(exit::DONE) };
+        if let Value::Object(estimate) =
+            serde_json::to_value(&estimate).map_err(|error| CliError::stdout(error.into()))?
+        {
+            all.extend(estimate);
+        }
+        self.show(&estimate, "", &names, "", &Value::Object(all))
+    }
+
+    fn show(&self, found: &Estimate, unit: &str, names: &[&str], more: &str, facts: &Value) -> Outcome {
+        let svg = deliver(self.svg.as_deref(), |to| to.write_all(epsilon::svg(found, unit).as_bytes()))?;
+        let json = deliver(self.json.as_deref(), |to| {
+            serde_json::to_writer_pretty(&mut *to, facts)?;
+            to.write_all(b"\n")
+        })?;
+        if !svg && !json {
+            print::text(&(page(found, unit, names) + more))?;
+        }
+        Ok(exit::DONE)
+    }
+}
+
+fn refused(key: &str, value: &str, expected: &str) -> chainage::Error {
+    ConfigError::value(key, value, expected).into()
+}
+
+/// The curve in a table, up to k = 10 and then every fifth, and what followed from it.
+fn page(found: &Estimate, unit: &str, names: &[&str]) -> String {
+    let shown = |k: usize| k <= 10 || k.is_multiple_of(5) || k == found.k;
+    let row = |(k, (mean, error)): (usize, (&f64, &f64))| {
+        [k.to_string(), format!("{mean:.6}"), format!("{:.6}", found.fit.at(k as f64)), format!("{error:.6}")]
+            .to_vec()
+    };
+    let curve = &found.curve;
+    let rows: Vec<Vec<String>> = (2..=found.k)
+        .zip(curve.mean.iter().zip(&curve.standard_error))
+        .filter(|(k, _)| shown(*k))
+        .map(row)
+        .collect();
+    let mut text = print::table(&["k", "mean distance", "fit", "standard error"], &rows);
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    text.push_str(&format!(
+        "\n  {} of {} points asked for their neighbours in {}\n",
+        print::count(curve.queries),
+        print::count(curve.population),
+        names.join(", ")
+    ));
+    text.push_str(&format!(
+        "  epsilon {:.5}{unit} (standard error {:.5}) at k0 = {:.3} of K = {}, R2 {:.5}\n",
+        found.epsilon, found.standard_error, found.k0, found.k, found.r_squared
+    ));
+    text
+}
+
+/// The folder with the state of an estimation; one of its own goes with the value.
+struct State {
+    folder: PathBuf,
+    own: bool,
+}
+
+impl State {
+    fn at(out: Option<&Path>, scratch: Option<&Path>) -> Self {
+        let name = format!("chainage-estimate-{}", std::process::id());
+        match out {
+            Some(out) => Self { folder: out.to_owned(), own: false },
+            None => {
+                Self { folder: scratch.map_or_else(std::env::temp_dir, Path::to_owned).join(name), own: true }
+            }
+        }
+    }
+}
+
+impl Drop for State {
+    fn drop(&mut self) {
+        if self.own {
+            // What cannot be removed stays where temporary files are.
+            let _ = std::fs::remove_dir_all(&self.folder);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_may_have_a_unit() {
+        for (text, expected) in
+            [("0", 0), ("1234", 1_234), ("500k", 500_000), ("2M", 2_000_000), ("1.5m", 1_500_000)]
+        {
+            assert_eq!(count(text), Ok(expected), "{text}");
+        }
+        for text in ["", "M", "-1", "2T", "many"] {
+            assert!(count(text).is_err(), "{text}");
+        }
+    }
+}

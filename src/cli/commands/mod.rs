@@ -1,0 +1,13 @@
+//! One command, one file, named as it is typed.
+
+pub(crate) mod bench;
+pub(crate) mod cluster;
+pub(crate) mod demo;
+pub(crate) mod estimate_epsilon;
+pub(crate) mod eval;
+pub(crate) mod info;
+pub(crate) mod pages;
+pub(crate) mod plan;
+pub(crate) mod run;
+pub(crate) mod status;
+pub(crate) mod synth;

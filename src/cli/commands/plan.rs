@@ -1,0 +1,86 @@
+//! `chainage plan`.
+
+use std::path::PathBuf;
+
+use chainage::config::ConfigError;
+use chainage::run::{PlanFacts, Registries, plan_of};
+
+use crate::cli::commands::info;
+use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::exit::Outcome;
+use crate::cli::print::JsonOutput;
+use crate::cli::print::{deliver, is_standard_output};
+use crate::cli::{exit, print};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct PlanArgs {
+    #[command(flatten)]
+    inputs: Inputs,
+    #[command(flatten)]
+    json: JsonOutput,
+    /// Draw tiles, axis and chainage marks (- for standard output)
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+impl PlanArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        if self.svg.as_deref().is_some_and(is_standard_output) && self.json.is_asked_for() {
+            let refused = ConfigError::value("--svg", "-", "a file when --json is given");
+            return Err(chainage::Error::from(refused).into());
+        }
+        let config = self.settings.resolve(&[])?;
+        let plan = plan_of(&self.inputs.files, &config, &Registries::default())?;
+        if !deliver(self.svg.as_deref(), |to| to.write_all(plan.svg.as_bytes()))? {
+            self.json.show(&plan, || page(&plan))?;
+        }
+        Ok(exit::DONE)
+    }
+}
+
+fn page(plan: &PlanFacts) -> String {
+    let rows: Vec<Vec<String>> = plan
+        .tiles
+        .iter()
+        .enumerate()
+        .map(|(number, tile)| {
+            vec![
+                number.to_string(),
+                format!("{:.0}", tile.from_m),
+                format!("{:.0}", tile.to_m),
+                print::count(tile.points),
+                print::count(tile.points_read),
+                print::bytes(tile.bytes),
+            ]
+        })
+        .collect();
+    let header = ["tile", "from m", "to m", "points", "with halo", "memory"];
+    let mut text = print::table(&header, &rows);
+    text.push_str(&format!(
+        "\n  {} points in {} tiles along {:.0} m of axis ({})\n",
+        print::count(plan.points),
+        plan.tiles.len(),
+        plan.axis.length_m,
+        info::axis_source(&plan.axis)
+    ));
+    text.push_str(&format!(
+        "  halo      {:.2} m for ground and noise, {:.2} m for clusters\n",
+        plan.ground_reach_m, plan.cluster_reach_m
+    ));
+    text.push_str(&format!(
+        "  memory    about {} in flight of a budget of {}, {} threads\n",
+        print::bytes(plan.memory_needed),
+        print::bytes(plan.memory),
+        plan.threads
+    ));
+    text.push_str(&format!(
+        "  disk      {} of state, and the labelled copies\n  reading   every record {:.1} times for the tiles\n",
+        print::bytes(plan.state_bytes),
+        plan.read_amplification
+    ));
+    text.push_str(&format!("  time      roughly {:.0} s\n", plan.seconds.max(1.0)));
+    text.push_str(&print::warnings(&plan.warnings));
+    text
+}

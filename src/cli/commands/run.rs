@@ -1,0 +1,141 @@
+//! `chainage run`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use chainage::config::Config;
+use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, run};
+
+use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::print::JsonOutput;
+use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::{exit, interrupt, print};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// Output directory; an existing run in it is resumed
+    #[arg(short, long, value_name = "DIRECTORY")]
+    out: PathBuf,
+    /// Discard the state of an earlier run in the output directory
+    #[arg(long)]
+    fresh: bool,
+    #[command(flatten)]
+    show: Show,
+    #[command(flatten)]
+    output: OutputSettings,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Display")]
+struct Show {
+    /// How progress is shown on standard error
+    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
+    progress: ProgressChoice,
+    #[command(flatten)]
+    json: JsonOutput,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Output")]
+struct OutputSettings {
+    /// Format of the labelled copies [default: same]
+    #[arg(long, value_name = "same|las|laz")]
+    output_format: Option<String>,
+    /// Leave the classification of all records as it is
+    #[arg(long)]
+    keep_classification: bool,
+    /// Keep the original class of every point in an extra dimension `original_classification`
+    #[arg(long)]
+    keep_original: bool,
+    /// Stop at the first tile that fails instead of finishing the others
+    #[arg(long)]
+    fail_fast: bool,
+}
+
+impl OutputSettings {
+    fn assignments(&self) -> Vec<(&'static str, String)> {
+        let mut list = Vec::new();
+        if let Some(format) = &self.output_format {
+            list.push(("output.format", format!("{format:?}")));
+        }
+        if self.keep_classification {
+            list.push(("output.classification", "\"keep\"".to_owned()));
+        }
+        if self.keep_original {
+            list.push(("output.original_classification", "true".to_owned()));
+        }
+        if self.fail_fast {
+            list.push(("run.fail_fast", "true".to_owned()));
+        }
+        list
+    }
+}
+
+impl RunArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let config = self.settings.resolve(&self.output.assignments())?;
+        let summary = process(self.inputs.files.clone(), &self.out, config, self.fresh, self.show.progress)?;
+        self.show.json.show(&summary, || page(&summary, &self.out))?;
+        Ok(exit::DONE)
+    }
+}
+
+/// Runs a drive under Ctrl-C.
+pub(super) fn process(
+    inputs: Vec<PathBuf>,
+    out: &Path,
+    config: Config,
+    fresh: bool,
+    progress: ProgressChoice,
+) -> Result<RunSummary, CliError> {
+    let cancel = Arc::new(CancelToken::default());
+    interrupt::listen(&cancel)?;
+    let progress = Progress::new(progress);
+    let request =
+        RunRequest { inputs, out: out.to_owned(), config, fresh, registries: Registries::default() };
+    Ok(run(&request, &progress, &cancel)?)
+}
+
+/// The result of a run, for a person.
+pub(super) fn page(summary: &RunSummary, out: &Path) -> String {
+    let share = |part: u64| 100.0 * part as f64 / summary.points.max(1) as f64;
+    let counts = &summary.counts;
+    let mut text = format!(
+        "  {} points, {} objects, {} tiles{}\n",
+        print::count(summary.points),
+        print::count(summary.objects as u64),
+        summary.tiles,
+        if summary.nothing_to_do { "; everything was there already" } else { "" }
+    );
+    text.push_str(&format!(
+        "  ground {:.1} %, noise {:.2} %, objects {:.1} %\n",
+        share(counts.ground),
+        share(counts.low_noise + counts.high_noise),
+        share(counts.object)
+    ));
+    if let Some(found) = summary.epsilon() {
+        text.push_str(&format!(
+            "  epsilon {:.5} {}, estimated over {} points at k0 = {:.3} of K = {}\n",
+            found.estimate.epsilon,
+            found.unit,
+            print::count(found.estimate.curve.queries),
+            found.estimate.k0,
+            found.estimate.k
+        ));
+    }
+    let rate = summary.points as f64 / summary.seconds.max(1e-9) / 1e6;
+    text.push_str(&format!("  {:.1} s, {rate:.2} M points/s", summary.seconds));
+    if let Some(peak) = summary.peak_resident_bytes {
+        text.push_str(&format!(", peak memory {}", print::bytes(peak)));
+    }
+    text.push_str(&format!(
+        "\n  {}: labelled files, objects.csv, objects.geojson, report.json\n",
+        out.display()
+    ));
+    text
+}

@@ -1,0 +1,228 @@
+//! `chainage synth`: arguments, units, the progress line. What a drive is made of is decided in the library.
+
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "shares and counts that were checked or are shown only"
+)]
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use chainage::synth::{Preset, Scanner, Settings, Summary, generate};
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::cli::exit::Outcome;
+use crate::cli::{exit, print};
+
+/// Write a labelled synthetic drive: a street, a vehicle and a scanner whose every pulse is traced.
+///
+/// OUT gets PRESET_0001.laz ... (LAS 1.4, point format 6, extra bytes gt_instance and gt_class), reference.csv with
+/// one row per object, trajectory.csv and scene.json. Same preset, settings and seed: same bytes, for any number of
+/// threads. Memory does not depend on the length.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  chainage synth downtown -o demo --length 500m\n  \
+                        chainage synth mixed -o big --points 200M --files-every 60s --seed 7")]
+pub(crate) struct SynthArgs {
+    /// Kind of street
+    #[arg(value_enum, value_name = "PRESET")]
+    preset: PresetArg,
+
+    /// Folder to write into; must be empty or not exist
+    #[arg(short, long, value_name = "OUT")]
+    out: PathBuf,
+
+    /// Metres to drive: 500m, 5km [default: 1km; loop: 1500m, at least 1100m]
+    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Drive")]
+    length: Option<f64>,
+
+    /// Points after which to stop: 500k, 2M, 1.5G; without --length, as far as it takes (loop: about so many)
+    #[arg(long, value_name = "COUNT", value_parser = count, help_heading = "Drive")]
+    points: Option<u64>,
+
+    /// Number that decides everything random
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Drive")]
+    seed: u64,
+
+    /// Lowest and highest speed, km/h
+    #[arg(long, value_name = "LOW-HIGH", default_value = "30-60", value_parser = speeds, help_heading = "Drive")]
+    speed: (f64, f64),
+
+    /// Profile heads, 1 or 2
+    #[arg(long, value_name = "N", default_value_t = 2, help_heading = "Scanner")]
+    heads: u8,
+
+    /// Pulses per second of one head: 550kHz, 300k
+    #[arg(long, value_name = "RATE", default_value = "550kHz", value_parser = rate, help_heading = "Scanner")]
+    pulse_rate: f64,
+
+    /// Profiles per second of one head; with the pulse rate, this is the angular step
+    #[arg(long, value_name = "RATE", default_value = "200Hz", value_parser = rate, help_heading = "Scanner")]
+    profiles: f64,
+
+    /// Farthest target
+    #[arg(long, value_name = "LENGTH", default_value = "100m", value_parser = length, help_heading = "Scanner")]
+    range: f64,
+
+    /// Standard deviation of a measured range
+    #[arg(long, value_name = "LENGTH", default_value = "5mm", value_parser = length, help_heading = "Scanner")]
+    noise: f64,
+
+    /// Start a new file after this much driving: 60s, 2min [default: one file]
+    #[arg(long, value_name = "TIME", value_parser = seconds, help_heading = "Files")]
+    files_every: Option<f64>,
+
+    /// Write LAZ (the default)
+    #[arg(long, conflicts_with = "las", help_heading = "Files")]
+    laz: bool,
+
+    /// Write LAS: files seven times as large, about a fifth faster
+    #[arg(long, help_heading = "Files")]
+    las: bool,
+
+    /// Worker threads, 0 for one per processor; does not change the result
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Files")]
+    threads: usize,
+}
+
+/// [`Preset`] on the command line.
+#[derive(Debug, Clone, Copy)]
+struct PresetArg(Preset);
+
+impl ValueEnum for PresetArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [PresetArg; 6] = {
+            let [a, b, c, d, e, f] = Preset::ALL;
+            [PresetArg(a), PresetArg(b), PresetArg(c), PresetArg(d), PresetArg(e), PresetArg(f)]
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        let help = match self.0 {
+            Preset::Suburb => "houses, gardens, two tree rows, poles in the crowns, overhead wires",
+            Preset::Downtown => "facades with shops and balconies, parked cars, signals, passers-by",
+            Preset::Avenue => "palms in the median, dense street trees whose crowns touch, hedges",
+            Preset::Highway => "two carriageways, guard rails, gantries, overpasses, slopes",
+            Preset::Mixed => "350 m of each of these in turn",
+            Preset::Loop => "a suburb whose first 300 m are driven again in the other direction",
+        };
+        Some(clap::builder::PossibleValue::new(self.0.name()).help(help))
+    }
+}
+
+impl SynthArgs {
+    /// Writes the drive; 0 when it is complete.
+    pub(crate) fn run(&self) -> Outcome {
+        let settings = self.settings();
+        let bar =
+            if std::io::stderr().is_terminal() { ProgressBar::new(1_000) } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {eta} left") {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(250));
+        let start = Instant::now();
+        let mut show = |progress: Summary| {
+            let rate = progress.points as f64 / start.elapsed().as_secs_f64();
+            let driven = settings.length_m.map_or(0.0, |length| progress.length_m / length);
+            let share =
+                settings.points.map_or(driven, |points| driven.max(progress.points as f64 / points as f64));
+            bar.set_position((share * 1_000.0) as u64);
+            let (points, driven) = (progress.points as f64 / 1e6, progress.length_m / 1_000.0);
+            bar.set_message(format!("{driven:.2} km, {points:.1} M points, {:.2} M/s", rate / 1e6));
+        };
+        let summary = generate(&settings, &self.out, &mut show)?;
+        bar.finish_and_clear();
+        let seconds = start.elapsed().as_secs_f64();
+        print::text(&format!(
+            "{}: {} points in {} file(s), {} objects, {:.3} km, {seconds:.1} s, {:.2} M points/s\n",
+            self.out.display(),
+            summary.points,
+            summary.files,
+            summary.objects,
+            summary.length_m / 1_000.0,
+            summary.points as f64 / seconds / 1e6
+        ))?;
+        Ok(exit::DONE)
+    }
+
+    fn settings(&self) -> Settings {
+        let mut settings = Settings::new(self.preset.0);
+        if self.length.is_some() || self.points.is_some() {
+            (settings.length_m, settings.points) = (self.length, self.points);
+        }
+        settings.seed = self.seed;
+        settings.speed_kmh = self.speed;
+        settings.scanner = Scanner {
+            heads: self.heads,
+            pulse_rate_hz: self.pulse_rate,
+            profiles_hz: self.profiles,
+            range_m: self.range,
+            noise_m: self.noise,
+            ..Scanner::default()
+        };
+        settings.files_every_s = self.files_every;
+        settings.compressed = self.laz || !self.las;
+        settings.threads = self.threads;
+        settings
+    }
+}
+
+/// A number with one of the units; the factor of the unit is applied.
+fn quantity(text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
+    let text = text.trim();
+    let end = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    let names =
+        || units.iter().map(|(name, _)| *name).filter(|name| !name.is_empty()).collect::<Vec<_>>().join(", ");
+    let factor = units.iter().find(|(name, _)| *name == unit.trim()).map(|(_, factor)| *factor);
+    let factor = factor.ok_or_else(|| format!("unknown unit '{}', known: {}", unit.trim(), names()))?;
+    number
+        .parse::<f64>()
+        .map(|value| value * factor)
+        .map_err(|_| format!("expected a number and a unit ({})", names()))
+}
+
+fn length(text: &str) -> Result<f64, String> {
+    quantity(text, &[("m", 1.0), ("km", 1e3), ("cm", 0.01), ("mm", 0.001), ("", 1.0)])
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    quantity(text, &[("s", 1.0), ("min", 60.0), ("h", 3_600.0), ("", 1.0)])
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    quantity(text, &[("Hz", 1.0), ("kHz", 1e3), ("k", 1e3), ("MHz", 1e6), ("M", 1e6), ("", 1.0)])
+}
+
+fn count(text: &str) -> Result<u64, String> {
+    quantity(text, &[("", 1.0), ("k", 1e3), ("M", 1e6), ("G", 1e9)]).map(|value| value.round() as u64)
+}
+
+fn speeds(text: &str) -> Result<(f64, f64), String> {
+    let text = text.trim_end_matches("km/h");
+    let (low, high) = text.split_once('-').unwrap_or((text, text));
+    let number = |text: &str| {
+        text.trim().parse::<f64>().map_err(|_| format!("expected LOW-HIGH in km/h, not '{text}'"))
+    };
+    Ok((number(low)?, number(high)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantities_have_units() {
+        assert_eq!(length("5km"), Ok(5_000.0));
+        assert_eq!(length("500m"), Ok(500.0));
+        assert_eq!(count("1.5M"), Ok(1_500_000));
+        assert_eq!(seconds("2min"), Ok(120.0));
+        assert_eq!(rate("550kHz"), Ok(550_000.0));
+        assert_eq!(speeds("30-60km/h"), Ok((30.0, 60.0)));
+        assert_eq!(length("5 miles"), Err("unknown unit 'miles', known: m, km, cm, mm".into()));
+        assert!(count("many").is_err() && speeds("fast").is_err());
+    }
+}

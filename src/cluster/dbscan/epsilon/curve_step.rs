@@ -1,0 +1,242 @@
+//! The step `epsilon`: sums of the distances of points to their 2nd to K-th nearest neighbours, tile by tile; and its
+//! reduction, the curve that epsilon is estimated from. Where no epsilon follows from K neighbours, there is another
+//! round with more of them.
+//!
+//! The mean is exact. A tile reads its core and a halo. A point whose K-th neighbour is further away than everything
+//! around the point is known asks for more ([`Further`]). Sums are integers, so neither tiles nor threads change the
+//! result.
+
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::xxh3_64_with_seed;
+
+use super::found::{AskingCost, Cost, DriveEpsilon, HALO_M};
+use super::{Attempt, CurveSums, EpsilonConfig, LARGEST_K, estimate};
+use crate::cluster::further::{Asking, Further};
+use crate::cluster::method::{BytesPer, DriveWindow, Mapped, Reduced, Repeat, Step, TileWindow};
+use crate::codec;
+use crate::error::Result;
+use crate::model::{FieldSpace, TileId};
+use crate::spatial::{Cell, LookedAt, Neighbours, Points};
+
+/// Rounds at most: each one has at least one neighbour more than the one before, and [`LARGEST_K`] is the most.
+const MOST_ROUNDS: u32 = 200;
+const _: () = assert!(MOST_ROUNDS as usize == LARGEST_K);
+/// Name of the step.
+pub(crate) const STEP: &str = "epsilon";
+/// Points that wait until what they ask for is read.
+const ASKING_AT_ONCE: usize = 16_384;
+
+/// Which points are asked for their neighbours: a share of them, by a hash of their id.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Sample {
+    seed: u64,
+    below: u64,
+}
+
+impl Sample {
+    /// About `most` of `population` points, all of them for 0.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a share of 2^64, saturating"
+    )]
+    pub(crate) fn new(seed: u64, most: u64, population: u64) -> Self {
+        let all = most == 0 || most >= population;
+        let share = most as f64 / population.max(1) as f64;
+        Self { seed, below: if all { u64::MAX } else { (share * 64_f64.exp2()) as u64 } }
+    }
+
+    fn takes(&self, id: u64) -> bool {
+        self.below == u64::MAX || xxh3_64_with_seed(&id.to_le_bytes(), self.seed) < self.below
+    }
+}
+
+/// What a tile leaves behind.
+#[derive(Debug, Serialize, Deserialize)]
+struct Payload {
+    sums: CurveSums,
+    cost: AskingCost,
+}
+
+/// The step, with what it has to know.
+#[derive(Debug)]
+pub(crate) struct CurveStep {
+    space: FieldSpace,
+    sample: Sample,
+    /// Neighbours that the estimation starts with.
+    first: usize,
+    /// Neighbours per point in this round, itself included; not more than there are points.
+    k: usize,
+    /// Points that may be neighbours.
+    population: u64,
+    /// No distance in the space is larger.
+    diagonal: f64,
+    /// How far around its core a tile reads in the first place, in lattice units.
+    halo: i64,
+}
+
+/// A point that asks for more.
+struct Lonely {
+    place: Vec<f64>,
+    cell: Cell,
+    /// Bits of its smallest squared distances so far, ascending.
+    found: Vec<u64>,
+    /// Lattice units within which everything has to be known, so that these are the nearest.
+    needed: i64,
+}
+
+impl Lonely {
+    fn add(&mut self, more: Vec<u64>, k: usize) {
+        self.found.extend(more);
+        self.found.sort_unstable();
+        self.found.truncate(k);
+    }
+}
+
+impl Asking for Lonely {
+    fn cell(&self) -> Cell {
+        self.cell
+    }
+
+    fn needed(&self) -> i64 {
+        self.needed
+    }
+}
+
+impl CurveStep {
+    /// What the engine has to know of the step, with so many fields: per point of objects 29 bytes of the cloud, 8 per field
+    /// of its places, 8 per field and 8 while the tree is built, and what is read for points that ask for more; estimated
+    /// from these sizes.
+    pub(crate) fn step(fields: usize) -> Step {
+        Step {
+            name: STEP,
+            settings: &["dbscan.fields", "dbscan.weights", "epsilon.*"],
+            bytes: BytesPer::ObjectPoint(60 + 20 * fields as u64),
+            repeat: Repeat::UntilSettled { most: MOST_ROUNDS },
+        }
+    }
+
+    /// The step of this round.
+    pub(crate) fn new(settings: &EpsilonConfig, space: FieldSpace, drive: &dyn DriveWindow) -> Result<Self> {
+        let first = usize::try_from(settings.k).unwrap_or(usize::MAX);
+        let k = if drive.again().is_empty() { first } else { codec::decode(drive.again())? };
+        let population = drive.objects();
+        let most = usize::try_from(population).unwrap_or(usize::MAX);
+        Ok(Self {
+            sample: Sample::new(settings.seed, settings.max_queries, population),
+            first,
+            k: k.min(most).max(1),
+            population,
+            diagonal: space.diagonal(drive.extent()),
+            halo: drive.lattice().units(HALO_M),
+            space,
+        })
+    }
+
+    /// Lattice units within which everything has to be known, so that these are the nearest neighbours.
+    fn needed(&self, found: &[u64]) -> i64 {
+        match found.get(self.k - 1) {
+            Some(&squared) => self.space.horizontal(f64::from_bits(squared).sqrt()),
+            None => i64::MAX,
+        }
+    }
+
+    fn sums(&self) -> CurveSums {
+        CurveSums::new(self.k, self.diagonal * self.space.unit)
+    }
+
+    fn add(&self, sums: &mut CurveSums, found: &[u64]) {
+        sums.add(found[1..].iter().map(|&squared| f64::from_bits(squared).sqrt() * self.space.unit));
+    }
+
+    /// The sums of a tile.
+    pub(crate) fn map(&self, tile: &dyn TileWindow) -> Result<Mapped> {
+        let gathered = tile.points(self.halo, true)?;
+        let cells = tile.cells(self.halo);
+        let further = Further::new(tile, &cells, self.halo);
+        let (cloud, core) = (&gathered.cloud, &gathered.core);
+        let points = Points::new(self.space.axes.len(), self.space.places(cloud))?;
+        let neighbours = Neighbours::new(&points)?;
+        let mut payload = Payload { sums: self.sums(), cost: AskingCost::default() };
+        payload.cost.gathered = cloud.len() as u64;
+        let mut looked_at: LookedAt<'_> = further.looked_at();
+        let (mut asking, mut failure) = (Vec::new(), None);
+        let wanted = |point: usize| core[point] && self.sample.takes(cloud.id[point]);
+        neighbours.each_nearest(&neighbours.leaves(), self.k, &wanted, &mut |point, found| {
+            let needed = self.needed(found);
+            let [x, y, _] = cloud.lattice_point(point);
+            // Gathered points lie in cells.
+            let cell = tile.grid().cell(x, y).unwrap_or_default();
+            if needed <= self.halo || looked_at.is_clear(cell, needed) {
+                return self.add(&mut payload.sums, found);
+            }
+            asking.push(Lonely { place: points.row(point).to_vec(), cell, found: found.to_vec(), needed });
+            if asking.len() >= ASKING_AT_ONCE && failure.is_none() {
+                failure = self.answer(std::mem::take(&mut asking), &further, &mut payload).err();
+            }
+        });
+        match failure {
+            Some(error) => return Err(error),
+            None => self.answer(asking, &further, &mut payload)?,
+        }
+        codec::encode(&payload).map(Mapped::payload)
+    }
+
+    /// Reads around the points what they ask for, until their neighbours are certain.
+    fn answer(&self, asking: Vec<Lonely>, further: &Further<'_>, payload: &mut Payload) -> Result<()> {
+        let Payload { sums, cost } = payload;
+        cost.asked += asking.len() as u64;
+        further.answer(
+            asking,
+            &mut |points, _, asking| {
+                cost.read += points.cloud.len() as u64;
+                let places = Points::new(self.space.axes.len(), self.space.places(&points.cloud))?;
+                let neighbours = Neighbours::new(&places)?;
+                for point in asking {
+                    let limit =
+                        point.found.get(self.k - 1).map_or(f64::INFINITY, |&bits| f64::from_bits(bits));
+                    point.add(neighbours.nearest(&point.place, self.k, limit), self.k);
+                    point.needed = self.needed(&point.found);
+                }
+                Ok(())
+            },
+            &mut |point| self.add(sums, &point.found),
+        )
+    }
+
+    /// The estimate, or how many neighbours it takes.
+    pub(crate) fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
+        let (mut sums, mut cost) = (self.sums(), AskingCost::default());
+        for tile in TileId::first(drive.tiles()) {
+            let part: Payload = codec::decode(&drive.payload(step, tile)?)?;
+            sums.merge(&part.sums);
+            cost.asked += part.cost.asked;
+            cost.read += part.cost.read;
+            cost.gathered += part.cost.gathered;
+        }
+        let curve = sums.curve(self.population);
+        let cost = Cost::of(cost, &curve);
+        match estimate(curve, self.first, self.population)? {
+            Attempt::Found(estimate) => {
+                DriveEpsilon::new(*estimate, self.space.clone(), cost).encode().map(Reduced::Global)
+            }
+            // Once and for all, rather than a round for every K: a longer curve holds every shorter one.
+            Attempt::Longer(longer) => codec::encode(&longer).map(Reduced::Again),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_is_about_as_large_as_asked_and_depends_on_the_seed_alone() {
+        let count = |sample: Sample| (0..100_000).filter(|&id| sample.takes(id)).count();
+        assert_eq!(count(Sample::new(1, 0, 100_000)), 100_000);
+        assert_eq!(count(Sample::new(1, 100_000, 100_000)), 100_000);
+        let (one, two) = (Sample::new(1, 5_000, 100_000), Sample::new(2, 5_000, 100_000));
+        assert!((4_700..5_300).contains(&count(one)) && (4_700..5_300).contains(&count(two)));
+        assert!((0..100_000).any(|id| one.takes(id) != two.takes(id)));
+    }
+}

@@ -1,0 +1,107 @@
+//! `dbscan` on x, y and z in metres.
+
+use super::core_points;
+use super::settings::{DbscanConfig, DbscanVariant, NAME, given};
+use crate::cluster::linking::single_link;
+use crate::cluster::local::Clusterer;
+use crate::config::ConfigError;
+use crate::model::{AlgorithmError, Lattice, Reach, TileCloud};
+
+/// The method, see the module.
+#[derive(Debug, Clone)]
+pub struct Dbscan {
+    config: DbscanConfig,
+    /// Radius in metres.
+    epsilon: f64,
+}
+
+impl Dbscan {
+    /// The method with these settings, on x, y and z with a given epsilon.
+    ///
+    /// # Errors
+    /// Those of [`DbscanConfig::validate`].
+    pub fn new(config: &DbscanConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone(), epsilon: given(config)? })
+    }
+}
+
+impl Clusterer for Dbscan {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn reach(&self, lattice: Lattice) -> Reach {
+        self.config.reach(lattice.units(self.epsilon), lattice)
+    }
+
+    fn object_size(&self) -> std::ops::RangeInclusive<u64> {
+        self.config.object_size()
+    }
+
+    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
+        self.cluster_tile(cloud, &vec![true; cloud.len()], labels)
+    }
+
+    fn cluster_tile(
+        &self,
+        cloud: &TileCloud,
+        core: &[bool],
+        labels: &mut [u32],
+    ) -> Result<u32, AlgorithmError> {
+        let reach = cloud.lattice.units(self.epsilon);
+        match self.config.variant {
+            DbscanVariant::Size => single_link(NAME, cloud, reach, labels),
+            DbscanVariant::Core => {
+                let least = u32::try_from(self.config.min_points).unwrap_or(u32::MAX);
+                core_points::cluster(NAME, cloud, core, reach, least, labels)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn core(min_points: u64, points: &[[i64; 3]], own: &[bool]) -> (Vec<u32>, u32) {
+        let config = DbscanConfig {
+            variant: DbscanVariant::Core,
+            epsilon: 0.1.into(),
+            min_points,
+            ..DbscanConfig::default()
+        };
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let mut labels = vec![u32::MAX; points.len()];
+        let clusters = Dbscan::new(&config).unwrap().cluster_tile(&cloud, own, &mut labels).unwrap();
+        (labels, clusters)
+    }
+
+    fn line(places: &[i64]) -> Vec<[i64; 3]> {
+        places.iter().map(|&x| [x, 0, 0]).collect()
+    }
+
+    #[test]
+    fn border_points_join_the_nearest_core_point_and_noise_nothing() {
+        // Two heaps of five core points, 200 apart. 140 is 100 from 240 (id 0) and from 40 (id 9); 139 only from 40.
+        let places = [240, 260, 280, 300, 320, -40, -20, 0, 20, 40, 140, 139, 900];
+        let (labels, clusters) = core(5, &line(&places), &[true; 13]);
+        assert_eq!((labels, clusters), (vec![1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 1, 2, 0], 2));
+    }
+
+    #[test]
+    fn border_points_of_other_tiles_have_no_label() {
+        let places = [0, 50, 100, 150];
+        // Three within 100: 50 and 100 (four), 0 and 150 (three).
+        assert_eq!(core(4, &line(&places), &[true; 4]).0, [1, 1, 1, 1]);
+        assert_eq!(core(4, &line(&places), &[true, true, false, false]).0, [1, 1, 1, 0]);
+    }
+
+    #[test]
+    fn core_reaches_twice_as_far() {
+        for (variant, metres) in [(DbscanVariant::Size, 0.3), (DbscanVariant::Core, 0.6)] {
+            let method = Dbscan::new(&DbscanConfig { variant, ..DbscanConfig::default() }).unwrap();
+            assert!((method.reach(Lattice::MILLIMETRE).metres() - metres).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Settings of `density-peaks`, and the numbers of its stages.
+
+use serde::Deserialize;
+
+use crate::config::ConfigError;
+
+/// Name of the method and of its section.
+pub(super) const NAME: &str = "density-peaks";
+
+/// Numbers of the stages, in their order.
+pub(super) const STAGE_VOXELS: usize = 0;
+pub(super) const STAGE_PEAKS: usize = 1;
+pub(super) const STAGE_BORDERS: usize = 2;
+
+/// Settings of the section `[density-peaks]`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DensityPeaksConfig {
+    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (section 4.1).
+    pub voxel: f64,
+    /// A centre has a density above this, in voxels, 0 to 1000. Default 4 (Table 2: 1.2 m).
+    pub rho_t: f64,
+    /// A centre is further than this from the nearest denser voxel, in voxels, 0 to 100. Default 3 (Table 2: 0.9 m).
+    pub delta_t: f64,
+    /// From this height above ground, in voxels, densities are divided by the height, 0 to 1000. Default 5 (Table 2:
+    /// 1.5 m).
+    pub d_t: f64,
+    /// Denser voxels are looked for nearer than this, in voxels, 1 to 50. Default 13 (Table 2: 3.9 m).
+    pub d_neighbor: f64,
+    /// Points of two clusters closer than this, in metres, are a pair, 0.01 to 5. Default 0.5 (equation 11).
+    pub d_th: f64,
+    /// Clusters are merged when the mean curvature over their pairs is below this, 0 (never) to 1. Default 0.08 (the
+    /// paper found its value "by analyzing thousands of sample data" and does not print it).
+    pub c_t: f64,
+    /// Halo voxels join the nearest segment within this, in metres, 0.01 to 10. Default 1.5 (chosen; the paper filters
+    /// out what is "far away from all segments").
+    pub reassign: f64,
+}
+
+impl Default for DensityPeaksConfig {
+    fn default() -> Self {
+        let (rho_t, delta_t, d_t, d_neighbor) = (4.0, 3.0, 5.0, 13.0);
+        Self { voxel: 0.3, rho_t, delta_t, d_t, d_neighbor, d_th: 0.5, c_t: 0.08, reassign: 1.5 }
+    }
+}
+
+impl DensityPeaksConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] with the key and the range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let ranges = [
+            ("density-peaks.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
+            ("density-peaks.rho_t", self.rho_t, 0.0..=1_000.0, "0 to 1000 voxels"),
+            ("density-peaks.delta_t", self.delta_t, 0.0..=100.0, "0 to 100 voxels"),
+            ("density-peaks.d_t", self.d_t, 0.0..=1_000.0, "0 to 1000 voxels"),
+            ("density-peaks.d_neighbor", self.d_neighbor, 1.0..=50.0, "1 to 50 voxels"),
+            ("density-peaks.d_th", self.d_th, 0.01..=5.0, "0.01 to 5 metres"),
+            ("density-peaks.c_t", self.c_t, 0.0..=1.0, "0 to 1"),
+            ("density-peaks.reassign", self.reassign, 0.01..=10.0, "0.01 to 10 metres"),
+        ];
+        for (key, value, range, expected) in ranges {
+            if !range.contains(&value) {
+                return Err(ConfigError::value(key, value, expected));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = DensityPeaksConfig::default;
+        for (config, key) in [
+            (DensityPeaksConfig { voxel: f64::NAN, ..default() }, "density-peaks.voxel = NaN"),
+            (DensityPeaksConfig { rho_t: -1.0, ..default() }, "density-peaks.rho_t = -1"),
+            (DensityPeaksConfig { delta_t: 101.0, ..default() }, "density-peaks.delta_t = 101"),
+            (DensityPeaksConfig { d_t: -0.5, ..default() }, "density-peaks.d_t = -0.5"),
+            (DensityPeaksConfig { d_neighbor: 0.5, ..default() }, "density-peaks.d_neighbor = 0.5"),
+            (DensityPeaksConfig { d_th: 0.0, ..default() }, "density-peaks.d_th = 0"),
+            (DensityPeaksConfig { c_t: 1.5, ..default() }, "density-peaks.c_t = 1.5"),
+            (DensityPeaksConfig { reassign: f64::INFINITY, ..default() }, "density-peaks.reassign = inf"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
+    }
+}

@@ -1,0 +1,90 @@
+//! Settings that are one word of a few, and what is said of a word that is none of them.
+
+use serde::{Deserialize, Serialize};
+
+/// A foot in metres (international, 1959).
+pub(crate) const FOOT: f64 = 0.3048;
+/// A US survey foot in metres.
+pub(crate) const US_SURVEY_FOOT: f64 = 1200.0 / 3937.0;
+
+/// Unit of the coordinates of the input files, as a setting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LengthUnit {
+    /// What the coordinate reference system of each file says; metres where it says nothing.
+    #[default]
+    Auto,
+    /// Metres, whatever the files say.
+    Metre,
+    /// International feet, whatever the files say.
+    Foot,
+    /// US survey feet, whatever the files say.
+    UsSurveyFoot,
+}
+
+impl LengthUnit {
+    /// The word of the setting.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Metre => "metre",
+            Self::Foot => "foot",
+            Self::UsSurveyFoot => "us-survey-foot",
+        }
+    }
+
+    /// Metres of the unit; `None` for what the file says.
+    #[must_use]
+    pub fn metres(self) -> Option<f64> {
+        match self {
+            Self::Auto => None,
+            Self::Metre => Some(1.0),
+            Self::Foot => Some(FOOT),
+            Self::UsSurveyFoot => Some(US_SURVEY_FOOT),
+        }
+    }
+}
+
+/// Where the axis comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AxisChoice {
+    /// The trajectory if there is one, else GPS time, else the principal axis.
+    Auto,
+    /// The track of the points' mean position over GPS time.
+    GpsTime,
+    /// The principal axis of the occupied cells.
+    Principal,
+}
+
+/// What is done with the classification of the records.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ClassificationChoice {
+    /// Ground and noise are written, other classes stay.
+    Set,
+    /// All classes stay.
+    Keep,
+}
+
+/// Whether labelled copies are compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutputFormat {
+    /// As the input file is.
+    #[default]
+    Same,
+    /// Never.
+    Las,
+    /// Always.
+    Laz,
+}
+
+/// The words that serde expected, as in `same, las or laz`; `None` when the message is about something else.
+pub(super) fn words(message: &str) -> Option<String> {
+    let (_, expected) = message.strip_prefix("unknown variant ")?.split_once(", expected ")?;
+    let words: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
+    let (last, others) = words.split_last()?;
+    Some(if others.is_empty() { (*last).to_owned() } else { format!("{} or {last}", others.join(", ")) })
+}

@@ -1,0 +1,124 @@
+//! From two sets of files to one contingency table. Not: what the table means.
+
+mod dims;
+mod join;
+mod labels;
+mod order;
+mod parts;
+mod scratch;
+mod settings;
+mod sides;
+
+use crate::error::Result;
+use crate::eval::error::{EvalError, PointSite};
+use crate::eval::table::Table;
+use crate::input::Catalog;
+use crate::model::Lattice;
+
+use order::Pair;
+use parts::Parts;
+use scratch::ScratchFolder;
+use sides::Files;
+
+pub use settings::CompareSettings;
+
+/// How the points of both sides were matched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Matching {
+    /// Both labels are in the same records.
+    SameRecords,
+    /// The sides have their points in the same order.
+    RecordOrder,
+    /// By coordinates and GPS time.
+    CoordinatesAndTime,
+    /// By coordinates alone.
+    Coordinates,
+}
+
+impl Matching {
+    /// In words.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::SameRecords => "record (both labels are in the same files)",
+            Self::RecordOrder => "record order",
+            Self::CoordinatesAndTime => "coordinates and time",
+            Self::Coordinates => "coordinates",
+        }
+    }
+}
+
+/// A table and what its positions mean.
+#[derive(Debug, Clone)]
+pub struct Counted {
+    /// The contingency table.
+    pub table: Table,
+    /// Lattice of its positions.
+    pub lattice: Lattice,
+    /// How the points were matched.
+    pub matching: Matching,
+}
+
+/// Counts all points of the prediction against the reference (the prediction itself, when there is none). `note` is
+/// told when the points have to be matched by coordinates, which takes scratch space and time.
+///
+/// # Errors
+/// A dimension that is missing or holds no labels, files that cannot be read, points that differ, scratch files that
+/// cannot be written.
+pub fn count(
+    prediction: &Catalog,
+    reference: Option<&Catalog>,
+    settings: &CompareSettings,
+    note: &dyn Fn(&str),
+) -> Result<Counted> {
+    let parts = Parts::new(&settings.scratch);
+    let predicted = Files::prediction(prediction, settings)?;
+    let Some(reference) = reference else {
+        let table = order::count_same_files(&predicted, &Files::reference(prediction, settings)?, parts)?;
+        return Ok(Counted { table, lattice: prediction.lattice(), matching: Matching::SameRecords });
+    };
+    let referred = Files::reference(reference, settings)?;
+    let with_time = predicted.has_time() && referred.has_time() && !settings.ignore_time;
+    let pair = Pair { prediction: predicted, reference: referred, with_time };
+    same_counts(&pair)?;
+    let (table, matching) = match pair.count_in_order(parts)? {
+        Some(table) => (table, Matching::RecordOrder),
+        None => (by_key(&pair, settings, note)?, pair.matching_by_key()),
+    };
+    Ok(Counted { table, lattice: reference.lattice(), matching })
+}
+
+fn by_key(pair: &Pair<'_>, settings: &CompareSettings, note: &dyn Fn(&str)) -> Result<Table> {
+    let points = pair.prediction.catalog.point_count();
+    // 16 bytes per point and side, see scratch.rs.
+    let gigabytes = points as f64 * 32e-9;
+    note(&format!(
+        "the two sides are in different orders: matching {points} points by {}, with up to {gigabytes:.1} GB of \
+         scratch files in {}",
+        pair.matching_by_key().name(),
+        settings.scratch.display()
+    ));
+    pair.count_by_key(&ScratchFolder::create(&settings.scratch)?)
+}
+
+impl Pair<'_> {
+    fn matching_by_key(&self) -> Matching {
+        if self.with_time { Matching::CoordinatesAndTime } else { Matching::Coordinates }
+    }
+}
+
+/// Refuses sides of different numbers of points, with the first point that differs.
+fn same_counts(pair: &Pair<'_>) -> Result<()> {
+    let counts = [pair.prediction.catalog.point_count(), pair.reference.catalog.point_count()];
+    if counts[0] == counts[1] {
+        return Ok(());
+    }
+    // Where all common points agree, the first that differs is the first that one side has more.
+    let first = pair.first_difference()?.unwrap_or_else(|| counts[0].min(counts[1]));
+    let site = |found: Result<PointSite>| found.map(Box::new);
+    let prediction =
+        (first < counts[0]).then(|| site(pair.prediction.site(first, pair.with_time))).transpose()?;
+    let reference =
+        (first < counts[1]).then(|| site(pair.reference.site(first, pair.with_time))).transpose()?;
+    Err(EvalError::PointCounts { counts, prediction, reference }.into())
+}

@@ -1,0 +1,49 @@
+//! Attribute `extent`: the box along the axes of the coordinate system.
+
+use crate::inventory::attribute::Attribute;
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Extent;
+
+const fn coordinate(name: &'static str, definition: &'static str) -> Column {
+    let column_type = ColumnType::Decimal { places: 3 };
+    Column { name, column_type, unit: ColumnUnit::Input, definition }
+}
+
+impl Attribute for Extent {
+    fn columns(&self) -> &'static [Column] {
+        const {
+            &[
+                coordinate("min_x", "smallest x of a point"),
+                coordinate("min_y", "smallest y of a point"),
+                coordinate("min_z", "smallest z of a point"),
+                coordinate("max_x", "largest x of a point"),
+                coordinate("max_y", "largest y of a point"),
+                coordinate("max_z", "largest z of a point"),
+            ]
+        }
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        values.extend(object.site.input_point(object.part.lo).map(Value::Decimal));
+        values.extend(object.site.input_point(object.part.hi).map(Value::Decimal));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{FEET, METRES, decimals, near};
+
+    #[test]
+    fn corners_are_in_the_units_of_the_input() {
+        assert!(near(&decimals(&Extent, &[], METRES), &[0.0, 0.0, 1.0, 3.048, 6.096, 4.048]));
+        assert!(near(&decimals(&Extent, &[], FEET), &[0.0, 0.0, 1.0 / 0.304_8, 10.0, 20.0, 4.048 / 0.304_8]));
+        // Heights in metres over coordinates in feet.
+        let mixed = [FEET[0], FEET[1], 1.0];
+        assert!(near(&decimals(&Extent, &[], mixed), &[0.0, 0.0, 1.0, 10.0, 20.0, 4.048]));
+    }
+}

@@ -1,0 +1,54 @@
+//! Attribute `height`: how far above the ground the object begins and ends.
+
+use crate::inventory::attribute::Attribute;
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Height;
+
+impl Attribute for Height {
+    fn columns(&self) -> &'static [Column] {
+        &[
+            Column {
+                name: "height_above_ground_m",
+                column_type: ColumnType::Decimal { places: 3 },
+                unit: ColumnUnit::Metre,
+                definition: "height of the highest point above `ground_z`; empty where that is",
+            },
+            Column {
+                name: "base_above_ground_m",
+                column_type: ColumnType::Decimal { places: 3 },
+                unit: ColumnUnit::Metre,
+                definition: "height of the lowest point above `ground_z`; empty where that is",
+            },
+        ]
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        values.push(object.above_ground_m(object.part.hi[2]).into());
+        values.push(object.above_ground_m(object.part.lo[2]).into());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{FEET, METRES, decimals, near};
+
+    #[test]
+    fn heights_are_metres_whatever_the_units_of_the_input() {
+        let ground = [([1, 3], 250)];
+        for units_m in [METRES, FEET] {
+            assert!(near(&decimals(&Height, &ground, units_m), &[3.798, 0.75]));
+        }
+        // A lowest point below the mean of the ground.
+        assert!(near(&decimals(&Height, &[([1, 3], 1_100)], METRES), &[2.948, -0.1]));
+    }
+
+    #[test]
+    fn without_ground_nearby_the_values_are_missing() {
+        assert_eq!(decimals(&Height, &[], FEET), [None, None]);
+    }
+}

@@ -1,0 +1,39 @@
+//! Attribute `id`: the number of the object, as in the labelled files.
+
+use crate::inventory::attribute::Attribute;
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Id;
+
+impl Attribute for Id {
+    fn columns(&self) -> &'static [Column] {
+        &[Column {
+            name: "id",
+            column_type: ColumnType::Count,
+            unit: ColumnUnit::None,
+            definition: "object id, from 1, as `cluster_id` of the points",
+        }]
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        values.push(Value::Count(object.id.into()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{METRES, box_part, site, terrain_at};
+
+    #[test]
+    fn the_id_is_the_one_given() {
+        let terrain = terrain_at(&[]);
+        let (site, part) = (site(&terrain, METRES), box_part());
+        let mut values = Vec::new();
+        Id.finish(&Object::new(7, &part, &site), &mut values);
+        assert_eq!(values, [Value::Count(7)]);
+    }
+}

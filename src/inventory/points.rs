@@ -1,0 +1,40 @@
+//! Attribute `points`: how many points the object has.
+
+use crate::inventory::attribute::Attribute;
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Points;
+
+impl Attribute for Points {
+    fn columns(&self) -> &'static [Column] {
+        &[Column {
+            name: "points",
+            column_type: ColumnType::Count,
+            unit: ColumnUnit::None,
+            definition: "number of points",
+        }]
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        values.push(Value::Count(object.part.points));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{METRES, box_part, site, terrain_at};
+
+    #[test]
+    fn points_are_those_of_all_parts() {
+        let terrain = terrain_at(&[]);
+        let (site, mut part) = (site(&terrain, METRES), box_part());
+        part.merge(&box_part());
+        let mut values = Vec::new();
+        Points.finish(&Object::new(1, &part, &site), &mut values);
+        assert_eq!(values, [Value::Count(8)]);
+    }
+}

@@ -1,0 +1,130 @@
+//! A column of the table of objects and the values in it. What they mean is said where they are computed, and how they
+//! are written is said in each format.
+
+use std::borrow::Cow;
+
+/// One column: name, type, unit, and its definition in one line.
+///
+/// ```
+/// use chainage::model::{Column, ColumnType, ColumnUnit, Value};
+///
+/// let height = Column {
+///     name: "height_m",
+///     column_type: ColumnType::Decimal { places: 3 },
+///     unit: ColumnUnit::Metre,
+///     definition: "height of the highest point above the ground",
+/// };
+/// assert!(height.holds(&Value::Decimal(4.2)) && height.holds(&Value::Missing));
+/// assert!(!height.holds(&Value::Count(4)));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Column {
+    /// Name in every format: lower-case letters, digits and underscores; it ends with the unit where there is one.
+    pub name: &'static str,
+    /// Type of the values.
+    pub column_type: ColumnType,
+    /// Unit of the values.
+    pub unit: ColumnUnit,
+    /// What the values are, in one line without a final stop.
+    pub definition: &'static str,
+}
+
+impl Column {
+    /// Whether the column can hold the value. Every column can hold a missing one.
+    #[must_use]
+    pub fn holds(&self, value: &Value<'_>) -> bool {
+        match value {
+            Value::Missing => true,
+            Value::Count(_) => self.column_type == ColumnType::Count,
+            Value::Decimal(_) => matches!(self.column_type, ColumnType::Decimal { .. }),
+            Value::Text(_) => self.column_type == ColumnType::Text,
+            Value::Texts(_) => self.column_type == ColumnType::Texts,
+        }
+    }
+}
+
+/// The type of the values of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ColumnType {
+    /// Whole numbers from 0.
+    Count,
+    /// Numbers, rounded to so many decimal places when they are written.
+    Decimal {
+        /// Decimal places.
+        places: u8,
+    },
+    /// Texts.
+    Text,
+    /// Lists of texts.
+    Texts,
+}
+
+impl ColumnType {
+    /// The name of the type, for the documentation.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Count => "whole number",
+            Self::Decimal { .. } => "number",
+            Self::Text => "text",
+            Self::Texts => "list of texts",
+        }
+    }
+}
+
+/// The unit of the values of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ColumnUnit {
+    /// No unit: counts and names.
+    None,
+    /// The coordinate system of the input, in its units.
+    Input,
+    /// Metres.
+    Metre,
+    /// Square metres.
+    SquareMetre,
+}
+
+impl ColumnUnit {
+    /// The name of the unit, for the documentation.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::None => "",
+            Self::Input => "input",
+            Self::Metre => "m",
+            Self::SquareMetre => "m²",
+        }
+    }
+
+    /// How the name of a column with this unit ends. Without a suffix the unit is that of the input, or there is none.
+    #[must_use]
+    pub fn suffix(self) -> &'static str {
+        match self {
+            Self::None | Self::Input => "",
+            Self::Metre => "_m",
+            Self::SquareMetre => "_m2",
+        }
+    }
+}
+
+/// One value of a row.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value<'a> {
+    /// Not known for this object.
+    Missing,
+    /// A whole number.
+    Count(u64),
+    /// A number. Formats treat one that is not finite as missing.
+    Decimal(f64),
+    /// A text.
+    Text(Cow<'a, str>),
+    /// A list of texts.
+    Texts(Vec<Cow<'a, str>>),
+}
+
+impl From<Option<f64>> for Value<'_> {
+    fn from(value: Option<f64>) -> Self {
+        value.map_or(Self::Missing, Self::Decimal)
+    }
+}

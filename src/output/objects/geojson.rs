@@ -1,0 +1,149 @@
+//! GeoJSON: a feature collection with one feature per line. The values of a row are the properties, and its outline is
+//! the geometry: a polygon, or a line or a point where the outline has no area.
+//!
+//! RFC 7946 knows geographic coordinates only; ours are projected, so a member `crs` of the older GeoJSON specification
+//! (2008, section 3) names the EPSG code when it is known. QGIS and GDAL honour it.
+
+use std::borrow::Cow;
+use std::io::{self, Write};
+
+use geojson::{Feature, Geometry, GeometryValue, JsonObject, JsonValue, Position};
+use serde_json::json;
+
+use crate::model::{Column, Value};
+use crate::output::objects::number::{OUTLINE_PLACES, places, rounded};
+use crate::output::objects::table::{ObjectFormat, ObjectRow, ObjectTable};
+
+/// The format.
+#[derive(Debug)]
+pub(super) struct GeoJson;
+
+impl ObjectFormat for GeoJson {
+    // The frame is written here and not by geojson's FeatureWriter, which writes a comma too many after a foreign
+    // member when no feature follows (1.0.0).
+    fn write(&self, table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out, r#"{{"type":"FeatureCollection","#)?;
+        if let Some(epsg) = table.epsg {
+            let name = format!("urn:ogc:def:crs:EPSG::{epsg}");
+            writeln!(out, r#""crs":{},"#, json!({"type": "name", "properties": {"name": name}}))?;
+        }
+        write!(out, r#""features":["#)?;
+        // A line is put together in memory: `out` is asked once per row and not once per token.
+        let mut line = Vec::new();
+        for (index, row) in table.rows().enumerate() {
+            line.clear();
+            line.extend_from_slice(if index == 0 { b"\n" } else { b",\n" });
+            serde_json::to_writer(&mut line, &feature(table.columns, row))?;
+            out.write_all(&line)?;
+        }
+        writeln!(out, "\n]}}")?;
+        out.flush()
+    }
+}
+
+fn feature(columns: &[Column], row: ObjectRow<'_>) -> Feature {
+    let geometry = geometry(&row.outline).map(Geometry::new);
+    let properties: JsonObject = columns
+        .iter()
+        .zip(row.values)
+        .map(|(column, value)| (column.name.to_owned(), property(column, value)))
+        .collect();
+    Feature { bbox: None, geometry, id: None, properties: Some(properties), foreign_members: None }
+}
+
+fn property(column: &Column, value: Value<'_>) -> JsonValue {
+    match value {
+        Value::Missing => JsonValue::Null,
+        Value::Count(count) => count.into(),
+        Value::Decimal(value) => {
+            rounded(value, places(column.column_type)).map_or(JsonValue::Null, JsonValue::from)
+        }
+        Value::Text(text) => text.into_owned().into(),
+        Value::Texts(texts) => texts.into_iter().map(Cow::into_owned).collect::<Vec<String>>().into(),
+    }
+}
+
+/// The outline as a polygon, a line or a point, by its number of vertices; none when it has none.
+fn geometry(outline: &[[f64; 2]]) -> Option<GeometryValue> {
+    let open = match outline {
+        [first, .., last] if first.map(f64::to_bits) == last.map(f64::to_bits) => {
+            &outline[..outline.len() - 1]
+        }
+        _ => outline,
+    };
+    let position =
+        |place: &[f64; 2]| Position::from(place.map(|value| rounded(value, OUTLINE_PLACES).unwrap_or(0.0)));
+    let mut positions: Vec<Position> = open.iter().map(position).collect();
+    Some(match open {
+        [] => return None,
+        [place] => GeometryValue::Point { coordinates: position(place) },
+        [_, _] => GeometryValue::LineString { coordinates: positions },
+        [first, ..] => {
+            positions.push(position(first));
+            GeometryValue::Polygon { coordinates: vec![positions] }
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::objects::table::tests::{car, refuses_after, stray, written};
+
+    #[test]
+    fn there_is_a_feature_per_line_and_the_coordinate_system_is_named() {
+        let text = written(&GeoJson, &[car(), stray()], Some(32_632));
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], r#"{"type":"FeatureCollection","#);
+        assert_eq!(lines[1], r#""crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::32632"}},"#);
+        assert_eq!(lines[2], r#""features":["#);
+        let ring = "[[530000.0,3380000.0],[530004.0,3380000.0],[530004.0,3380002.0],[530000.0,3380000.0]]";
+        let car = concat!(
+            r#"{"id":7,"min_x":530000.123,"share":0.0,"class":"car, \"red\"","#,
+            r#""files":["a.las","b, \"c\".laz"]}"#
+        );
+        assert_eq!(
+            lines[3],
+            format!(
+                r#"{{"type":"Feature","geometry":{{"type":"Polygon","coordinates":[{ring}]}},"properties":{car}}},"#
+            )
+        );
+        let stray = r#"{"id":8,"min_x":null,"share":null,"class":"none","files":["a.las"]}"#;
+        assert_eq!(
+            lines[4],
+            format!(
+                r#"{{"type":"Feature","geometry":{{"type":"Point","coordinates":[1.0,2.0]}},"properties":{stray}}}"#
+            )
+        );
+        assert_eq!((lines[5], lines.len()), ("]}", 6));
+    }
+
+    #[test]
+    fn it_can_be_read_back_even_without_rows() {
+        for (rows, epsg) in [(vec![], None), (vec![], Some(25_832)), (vec![car(), stray()], None)] {
+            let text = written(&GeoJson, &rows, epsg);
+            let collection: geojson::FeatureCollection = text.parse().unwrap();
+            assert_eq!(collection.features.len(), rows.len(), "{text}");
+            assert_eq!(text.contains("EPSG::25832"), epsg.is_some());
+        }
+    }
+
+    #[test]
+    fn outlines_become_polygons_lines_and_points() {
+        let [a, b, c] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+        let text = |outline: &[[f64; 2]]| geometry(outline).map(|value| Geometry::new(value).to_string());
+        assert_eq!(text(&[]), None);
+        assert_eq!(text(&[a]).unwrap(), r#"{"type":"Point","coordinates":[0.0,0.0]}"#);
+        assert_eq!(text(&[a, b]).unwrap(), r#"{"type":"LineString","coordinates":[[0.0,0.0],[1.0,0.0]]}"#);
+        let ring = r#"{"type":"Polygon","coordinates":[[[0.0,0.0],[1.0,0.0],[0.0,1.0],[0.0,0.0]]]}"#;
+        assert_eq!(text(&[a, b, c]).unwrap(), ring);
+        assert_eq!(text(&[a, b, c, a]).unwrap(), ring, "a closed ring stays closed once");
+    }
+
+    #[test]
+    fn a_refusing_writer_is_an_error() {
+        assert!(
+            refuses_after(&GeoJson, 10) && refuses_after(&GeoJson, 100) && !refuses_after(&GeoJson, 1_000)
+        );
+    }
+}

@@ -1,0 +1,25 @@
+//! The table of objects as files. A format writes whatever columns come and knows none of them.
+//!
+//! A format is one file here and one line in [`REGISTRY`].
+
+mod csv;
+mod geojson;
+mod number;
+mod table;
+
+pub use table::{ObjectFormat, ObjectRow, ObjectTable};
+
+/// One line of the registry.
+#[derive(Debug, Clone, Copy)]
+pub struct ObjectFormatEntry {
+    /// Name of the file in the output folder.
+    pub file_name: &'static str,
+    /// The format.
+    pub format: &'static dyn ObjectFormat,
+}
+
+/// Every format, in the order in which the files are written.
+pub const REGISTRY: &[ObjectFormatEntry] = &[
+    ObjectFormatEntry { file_name: "objects.csv", format: &csv::Csv },
+    ObjectFormatEntry { file_name: "objects.geojson", format: &geojson::GeoJson },
+];

@@ -1,0 +1,13 @@
+//! Files of points: labelled copies of the input, edited byte by byte, and new files.
+
+pub(crate) mod descriptor;
+mod edit;
+mod labelled;
+pub(crate) mod laz_chunk;
+pub(crate) mod new_file;
+mod options;
+mod record;
+mod tail;
+
+pub use labelled::{LabelledFile, check_names};
+pub use options::LabelOptions;

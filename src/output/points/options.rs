@@ -1,0 +1,30 @@
+//! What labelled copies carry.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::OutputFormat;
+
+/// What labelled copies carry, and whether they are compressed.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LabelOptions {
+    /// Whether they are compressed.
+    pub format: OutputFormat,
+    /// Name of the dimension with the object of a point: 1 to 31 bytes.
+    pub dimension: String,
+    /// Whether ground and noise are written as the class of the point; other points keep theirs.
+    pub set_classification: bool,
+    /// Whether the class of the input is kept in a dimension of its own, `original_classification`.
+    pub keep_original: bool,
+}
+
+impl Default for LabelOptions {
+    fn default() -> Self {
+        Self {
+            format: OutputFormat::Same,
+            dimension: "cluster_id".into(),
+            set_classification: true,
+            keep_original: false,
+        }
+    }
+}

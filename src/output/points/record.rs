@@ -1,0 +1,139 @@
+//! One record of a labelled copy: the original bytes, the label, the class. It knows nothing of files.
+
+use super::descriptor::{self, DESCRIPTOR, ExtraType};
+use super::options::LabelOptions;
+use crate::input::{InputFile, RecordLayout};
+use crate::model::PointClass;
+use crate::output::error::OutputError;
+
+/// Longest record that LAS can describe.
+const MAX_RECORD: usize = u16::MAX as usize;
+/// Name of the dimension that keeps the class of the input.
+const ORIGINAL_CLASS: &str = "original_classification";
+/// LAS classes of our classes (LAS 1.4 R15, tables 9 and 17).
+const GROUND: u8 = 2;
+const LOW_NOISE: u8 = 7;
+const HIGH_NOISE: u8 = 18;
+
+/// How a record changes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct RecordPlan {
+    input_len: usize,
+    output_len: usize,
+    /// Where the label goes (u32).
+    label: usize,
+    /// Where the original class goes (u8), when it is to be kept and is not kept already.
+    original_class: Option<usize>,
+    /// Byte of the class, and its bits that are the class; `None` when it stays.
+    class: Option<(usize, u8)>,
+    class_byte: usize,
+    class_mask: u8,
+    high_noise: u8,
+}
+
+impl RecordPlan {
+    /// The plan, and the descriptors that the new dimensions need.
+    pub(super) fn new(
+        input: &InputFile,
+        options: &LabelOptions,
+    ) -> Result<(Self, Vec<[u8; DESCRIPTOR]>), OutputError> {
+        let layout = input.layout();
+        let label = existing(input, &options.dimension, ExtraType::U32)?;
+        let kept = existing(input, ORIGINAL_CLASS, ExtraType::U8)?;
+        let keep = options.keep_original && kept.is_none();
+        let mut descriptors = Vec::new();
+        if label.is_none() || keep {
+            descriptors.extend(descriptor::undescribed(layout));
+        }
+        let mut output_len = layout.record_len;
+        let mut append = |name: &str, kind: ExtraType, description: &str| {
+            descriptors.push(descriptor::integer(name, kind, description));
+            let at = output_len;
+            output_len += usize::from(kind.bytes());
+            at
+        };
+        let label = label.unwrap_or_else(|| append(&options.dimension, ExtraType::U32, "object, 0: none"));
+        let original_class = keep.then(|| append(ORIGINAL_CLASS, ExtraType::U8, "class before chainage"));
+        if output_len > MAX_RECORD {
+            return Err(OutputError::RecordLength {
+                path: input.path().to_owned(),
+                length: output_len,
+                limit: MAX_RECORD,
+            });
+        }
+        Ok((Self::with(layout, options, output_len, label, original_class), descriptors))
+    }
+
+    fn with(
+        layout: &RecordLayout,
+        options: &LabelOptions,
+        output_len: usize,
+        label: usize,
+        original_class: Option<usize>,
+    ) -> Self {
+        Self {
+            input_len: layout.record_len,
+            output_len,
+            label,
+            original_class,
+            class: options.set_classification.then_some((layout.classification, layout.classification_mask)),
+            class_byte: layout.classification,
+            class_mask: layout.classification_mask,
+            // Formats 0 to 5 have no class for high noise: 18 is reserved there.
+            high_noise: if layout.point_format >= 6 { HIGH_NOISE } else { LOW_NOISE },
+        }
+    }
+
+    /// Bytes of a new record.
+    pub(super) fn output_len(&self) -> usize {
+        self.output_len
+    }
+
+    /// Appends the new records of `records` to `out`.
+    pub(super) fn label(&self, records: &[u8], labels: &[u32], classes: &[u8], out: &mut Vec<u8>) {
+        assert_eq!(records.len(), labels.len() * self.input_len, "one label for every record");
+        assert_eq!(labels.len(), classes.len(), "one class for every record");
+        out.reserve(labels.len() * self.output_len);
+        for ((record, label), class) in records.chunks_exact(self.input_len).zip(labels).zip(classes) {
+            let start = out.len();
+            out.extend_from_slice(record);
+            out.resize(start + self.output_len, 0);
+            let new = &mut out[start..];
+            new[self.label..self.label + 4].copy_from_slice(&label.to_le_bytes());
+            if let Some(at) = self.original_class {
+                new[at] = record[self.class_byte] & self.class_mask;
+            }
+            if let Some((at, mask)) = self.class
+                && let Some(code) = self.las_class(*class)
+            {
+                new[at] = (new[at] & !mask) | code;
+            }
+        }
+    }
+
+    /// The LAS class of a class code; `None` for what keeps its class.
+    fn las_class(&self, code: u8) -> Option<u8> {
+        match PointClass::from_code(code)? {
+            PointClass::Object => None,
+            PointClass::Ground => Some(GROUND),
+            PointClass::LowNoise => Some(LOW_NOISE),
+            PointClass::HighNoise => Some(self.high_noise),
+        }
+    }
+}
+
+/// Where a dimension of an earlier run is; an error when its name is taken by something else.
+fn existing(input: &InputFile, name: &str, kind: ExtraType) -> Result<Option<usize>, OutputError> {
+    let Some(dimension) = input.layout().dimension(name) else { return Ok(None) };
+    let plain = dimension.scale.is_none() && dimension.value_offset.is_none();
+    if dimension.data_type == kind as u8 && plain {
+        return Ok(Some(dimension.offset));
+    }
+    Err(OutputError::DimensionType {
+        path: input.path().to_owned(),
+        name: name.to_owned(),
+        data_type: dimension.data_type,
+        scaled: if plain { "" } else { " with a scale" },
+        expected: kind as u8,
+    })
+}

@@ -1,0 +1,79 @@
+//! The chain of methods of a run: noise, ground filter, clustering; what they reach, and what they depend on.
+
+use crate::cluster::{self, ClusterEntry, Method};
+use crate::config::{self, Config, ConfigError};
+use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoGround, NoiseConfig};
+use crate::model::Lattice;
+use crate::store::Inputs;
+
+/// Where methods are looked up; a test or a program of its own may add to it.
+#[derive(Debug, Clone, Copy)]
+pub struct Registries<'a> {
+    /// Ground filters.
+    pub ground: &'a [GroundEntry],
+    /// Clustering methods.
+    pub cluster: &'a [ClusterEntry],
+}
+
+impl Default for Registries<'_> {
+    fn default() -> Self {
+        Self { ground: ground::REGISTRY, cluster: cluster::REGISTRY }
+    }
+}
+
+/// The methods of a run.
+#[derive(Debug)]
+pub(crate) struct Chain {
+    pub(crate) noise: Option<IsolatedNoise>,
+    pub(crate) filter: Box<dyn GroundFilter>,
+    pub(crate) method: Box<dyn Method>,
+    /// Reach of noise and filter together, in lattice units.
+    pub(crate) ground_reach: i64,
+    /// Reach that the method plans with, in lattice units.
+    pub(crate) cluster_reach: i64,
+}
+
+impl Chain {
+    /// Builds the methods that the configuration names.
+    pub(crate) fn build(
+        config: &Config,
+        registries: &Registries<'_>,
+        lattice: Lattice,
+    ) -> Result<Self, ConfigError> {
+        let noise_config: NoiseConfig = config::section("noise", &config.method_table("noise"))?;
+        let noise = IsolatedNoise::new(&noise_config)?;
+        let filter = ground_filter(config, registries)?;
+        let name = &config.cluster.method;
+        let entry = registries.cluster.iter().find(|entry| entry.name == name).ok_or_else(|| {
+            let known = registries.cluster.iter().map(|entry| entry.name.to_owned()).collect();
+            ConfigError::UnknownMethod { kind: "clustering method", name: name.clone(), known }
+        })?;
+        let method = (entry.build)(&|section| config.method_table(section))?;
+        let verdicts = noise.height_reach(lattice).metres().max(filter.reach(lattice).metres());
+        let ground_reach = lattice.units_up(noise.reach(lattice).metres()) + lattice.units_up(verdicts);
+        let cluster_reach = lattice.units_up(method.planning_reach(lattice).metres());
+        Ok(Self { noise: noise_config.enabled.then_some(noise), filter, method, ground_reach, cluster_reach })
+    }
+}
+
+/// The ground filter that the configuration names.
+fn ground_filter(config: &Config, registries: &Registries<'_>) -> Result<Box<dyn GroundFilter>, ConfigError> {
+    let name = &config.ground.method;
+    if name == NoGround::NAME {
+        return Ok(Box::new(NoGround));
+    }
+    let entry = registries.ground.iter().find(|entry| entry.name == name).ok_or_else(|| {
+        let mut known: Vec<String> = registries.ground.iter().map(|entry| entry.name.to_owned()).collect();
+        known.push(NoGround::NAME.to_owned());
+        ConfigError::UnknownMethod { kind: "ground filter", name: name.clone(), known }
+    })?;
+    (entry.build)(&config.method_table(name))
+}
+
+/// Adds every setting of a section to what a pass depends on.
+pub(crate) fn with_section(mut inputs: Inputs, config: &Config, name: &str) -> Inputs {
+    for (key, value) in config.method_table(name) {
+        inputs = inputs.with(format!("{name}.{key}"), value);
+    }
+    inputs
+}

@@ -1,0 +1,67 @@
+//! Further fields of points (intensity, colours), as the pass `fields` wrote them.
+
+use crate::error::Result;
+use crate::input::InputError;
+use crate::model::Field;
+use crate::run::drive::{Drive, PerPoint};
+use crate::store::RunDir;
+
+/// Records that are read from a column at once.
+const PAGE: u64 = 65_536;
+
+/// Columns of further fields.
+#[derive(Debug)]
+pub(crate) struct StoredFields {
+    /// The fields that a method asked for, coordinates among them.
+    pub(crate) fields: Vec<Field>,
+    /// Those of them that are no coordinates.
+    pub(crate) columns: Vec<(Field, PerPoint<u16>)>,
+}
+
+impl StoredFields {
+    /// The columns of those of `fields` that are no coordinates; the passes whose folders begin with `writers` write them.
+    ///
+    /// # Errors
+    /// When a file has no such field.
+    pub(crate) fn of(drive: &Drive, fields: &[Field], writers: &str) -> Result<Self> {
+        let mut columns = Vec::new();
+        for &field in fields.iter().filter(|field| field.axis().is_none()) {
+            for file in drive.catalog.files() {
+                if file.layout().field(field).is_none() {
+                    let (path, point_format) = (file.path().to_owned(), file.layout().point_format);
+                    return Err(InputError::NoField { path, point_format, field: field.name() }.into());
+                }
+            }
+            columns.push((field, PerPoint::new(format!("field-{}", field.name()), writers)));
+        }
+        Ok(Self { fields: fields.to_vec(), columns })
+    }
+
+    /// Opens or creates the columns.
+    pub(crate) fn open(&self, run_dir: &RunDir, drive: &Drive) -> Result<()> {
+        self.columns.iter().try_for_each(|(_, column)| column.open(run_dir, drive))
+    }
+
+    /// The fields of points by their ids, which ascend mostly.
+    pub(crate) fn of_points(&self, drive: &Drive, ids: &[u64]) -> Result<Vec<(Field, Vec<u16>)>> {
+        let mut fields = Vec::new();
+        for (field, column) in &self.columns {
+            let mut values = Vec::with_capacity(ids.len());
+            let (mut page, mut page_ids) = (Vec::new(), 0..0);
+            for &id in ids {
+                if !page_ids.contains(&id) {
+                    let (file, record) = drive.locate(id);
+                    let first = record / PAGE * PAGE;
+                    let count = PAGE.min(drive.file(file).point_count() - first);
+                    page.resize(usize::try_from(count).unwrap_or(0), 0);
+                    column.read(file, first, &mut page)?;
+                    let first_id = drive.catalog.first_id(file) + first;
+                    page_ids = first_id..first_id + count;
+                }
+                values.push(page[usize::try_from(id - page_ids.start).unwrap_or(0)]);
+            }
+            fields.push((*field, values));
+        }
+        Ok(fields)
+    }
+}

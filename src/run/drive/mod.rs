@@ -1,0 +1,25 @@
+//! The drive as passes see it: files and blocks, values per point, what the survey found, and the points of tiles.
+
+mod axis;
+mod columns;
+mod fields;
+pub(crate) mod identity;
+mod opened;
+mod overview;
+mod per_point;
+mod quantiles;
+mod scattered;
+pub(crate) mod sections;
+mod tiles;
+mod verdicts;
+mod warnings;
+
+pub use axis::AxisFacts;
+pub(crate) use fields::StoredFields;
+pub(crate) use opened::{BlockRun, Drive};
+pub(crate) use overview::Surveyed;
+pub(crate) use per_point::PerPoint;
+pub(crate) use quantiles::Rows;
+pub(crate) use scattered::{Groups, STRIDE, Scattered, ScatteredUnit};
+pub(crate) use tiles::{Classified, Tiled};
+pub(crate) use verdicts::{OwnedBlock, TileVerdicts, is_object, lengths, scatter};

@@ -1,0 +1,86 @@
+//! What is known of a drive once it is surveyed and before it is cut into tiles: survey, axis, occupied cells. Shared by
+//! `info`, `plan` and `run`.
+
+use std::sync::Arc;
+
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::run::drive::Drive;
+use crate::run::drive::axis::find_axis;
+use crate::run::drive::warnings::{warn_of_header_boxes, warn_of_strays};
+use crate::spatial::{BlockZone, PackedCells};
+use crate::survey::{Axis, Survey, SurveyError};
+
+/// Heights of a drive fit local coordinates up to this extent in lattice units.
+const HEIGHT_LIMIT_UNITS: i64 = i32::MAX as i64;
+/// The owners of cells take at most this part of what their points take: neighbours have the same one, which takes 1 or 2
+/// bits, while a count of points takes 8 or 16.
+const OWNERS_PART: u64 = 4;
+
+/// Survey, axis and occupied cells of a drive.
+#[derive(Debug)]
+pub(crate) struct Surveyed {
+    pub(crate) survey: Survey,
+    pub(crate) axis: Axis,
+    /// Points of the occupied cells.
+    pub(crate) cells: Arc<PackedCells>,
+    pub(crate) warnings: Vec<String>,
+}
+
+impl Surveyed {
+    /// Derives axis and cells from the survey.
+    pub(crate) fn new(drive: &Drive, mut survey: Survey, config: &Config) -> Result<Self> {
+        let mut warnings = Vec::new();
+        check_extent(drive, &survey)?;
+        let cells = Arc::new(PackedCells::from(std::mem::take(&mut survey.occupancy)));
+        let axis = find_axis(drive, &survey, &cells, config, &mut warnings)?;
+        if survey.bad_times > 0 {
+            warnings.push(format!("{} points have no finite GPS time", survey.bad_times));
+        }
+        survey.time_bins.clear();
+        warn_of_strays(&survey, &cells, drive.lattice().metres(drive.grid.edge()), &mut warnings);
+        warn_of_header_boxes(drive, &survey, &mut warnings);
+        Ok(Self { survey, axis, cells, warnings })
+    }
+
+    /// Bytes that are held for as long as the run lasts and grow with the street: what is known of its cells, with the plan,
+    /// of its axis, and of its blocks.
+    pub(crate) fn held_bytes(&self) -> u64 {
+        let zones = self.survey.zones.iter().flatten().map(BlockZone::bytes).sum::<u64>();
+        self.cells.bytes() + self.cells.bytes() / OWNERS_PART + self.axis.bytes() + zones
+    }
+
+    /// One number for the content of all files.
+    pub(crate) fn content_digest(&self) -> u64 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+        for file in &self.survey.content {
+            hasher.update(&(file.len() as u64).to_le_bytes());
+            file.iter().for_each(|part| hasher.update(&part.to_le_bytes()));
+        }
+        hasher.digest()
+    }
+
+    /// Smallest and largest lattice coordinates of the drive.
+    pub(crate) fn extent(&self) -> ([i64; 3], [i64; 3]) {
+        self.survey.extent.unwrap_or_default()
+    }
+
+    /// Smallest lattice z of the drive.
+    pub(crate) fn lowest(&self) -> i64 {
+        self.extent().0[2]
+    }
+}
+
+fn check_extent(drive: &Drive, survey: &Survey) -> Result<()> {
+    if let Some((lo, hi)) = survey.extent
+        && hi[2] - lo[2] > HEIGHT_LIMIT_UNITS
+    {
+        let metres = |units| drive.lattice().metres(units);
+        return Err(Error::from(SurveyError::Heights {
+            lowest_m: metres(lo[2]),
+            highest_m: metres(hi[2]),
+            limit_m: metres(HEIGHT_LIMIT_UNITS),
+        }));
+    }
+    Ok(())
+}

@@ -1,0 +1,63 @@
+//! What a run will write, and whether it may.
+
+use crate::config::{ClassificationChoice, Config};
+use crate::error::Result;
+use crate::input::Catalog;
+use crate::output::objects;
+use crate::output::{LabelOptions, LabelledFile, check_names};
+use crate::store::{RunDir, StoreError};
+
+/// Name of the report.
+pub(super) const REPORT: &str = "report.json";
+/// What a finished run leaves beside the labelled copies.
+pub(super) const BESIDE: [&str; objects::REGISTRY.len() + 1] = {
+    let mut names = [REPORT; objects::REGISTRY.len() + 1];
+    let mut index = 0;
+    while index < objects::REGISTRY.len() {
+        names[index] = objects::REGISTRY[index].file_name;
+        index += 1;
+    }
+    names
+};
+
+/// The labelled copies to be written: names do not collide, and nothing foreign is in the place of any output.
+pub(crate) fn plan_files(
+    catalog: &Catalog,
+    config: &Config,
+    run_dir: &RunDir,
+) -> Result<(Vec<LabelledFile>, Vec<String>)> {
+    let options = LabelOptions {
+        format: config.output.format,
+        dimension: config.output.dimension.clone(),
+        set_classification: config.output.classification == ClassificationChoice::Set,
+        keep_original: config.output.original_classification,
+    };
+    let ours = run_dir.own_outputs()?;
+    let mut files: Vec<LabelledFile> = Vec::new();
+    let mut warnings = Vec::new();
+    for file in catalog.files() {
+        let labelled = LabelledFile::plan(file, &options)?;
+        warnings.extend(labelled.warnings().iter().cloned());
+        files.push(labelled);
+    }
+    check_names(&files)?;
+    let names: Vec<String> = files.iter().map(LabelledFile::name).chain(BESIDE).map(str::to_owned).collect();
+    for name in names.iter().filter(|name| !ours.contains(name)) {
+        let path = run_dir.out().join(name);
+        if path.exists() {
+            return Err(StoreError::InTheWay { path }.into());
+        }
+    }
+    run_dir.claim_outputs(&names)?;
+    Ok((files, warnings))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_format_is_among_the_outputs() {
+        assert_eq!(BESIDE, ["objects.csv", "objects.geojson", "report.json"]);
+    }
+}

@@ -1,0 +1,139 @@
+//! The tiles that a run would work on.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::config::Config;
+use crate::error::Result;
+use crate::run::chain::Registries;
+use crate::run::computed;
+use crate::run::drive::{AxisFacts, Tiled};
+use crate::run::engine::InMemory;
+use crate::run::flow::{self, Planned};
+use crate::run::open::Opened;
+use crate::run::plan::{self, tile_bytes};
+
+/// Points per second and thread of the whole run on the machine of `benches/results`, for the estimate of `plan`.
+const POINTS_PER_SECOND: f64 = 2e6;
+
+/// One tile of a plan.
+#[derive(Debug, Clone, Serialize)]
+pub struct TileFacts {
+    /// Chainage of its first cell in metres.
+    pub from_m: f64,
+    /// Chainage of its last cell in metres.
+    pub to_m: f64,
+    /// Points it owns.
+    pub points: u64,
+    /// Points it reads, halo included.
+    pub points_read: u64,
+    /// Estimated bytes in flight.
+    pub bytes: u64,
+}
+
+/// The tiles that a run would work on.
+#[derive(Debug, Serialize)]
+pub struct PlanFacts {
+    /// Tiles in order of chainage.
+    pub tiles: Vec<TileFacts>,
+    /// Points of the drive.
+    pub points: u64,
+    /// Threads.
+    pub threads: usize,
+    /// Memory budget in bytes.
+    pub memory: u64,
+    /// Estimated peak of memory for tiles in flight, in bytes.
+    pub memory_needed: u64,
+    /// Reach of ground and noise in metres.
+    pub ground_reach_m: f64,
+    /// Reach of the clustering in metres.
+    pub cluster_reach_m: f64,
+    /// Records read per point of the drive by the ground pass.
+    pub read_amplification: f64,
+    /// Bytes of state on disk.
+    pub state_bytes: u64,
+    /// Estimated seconds.
+    pub seconds: f64,
+    /// The axis.
+    pub axis: AxisFacts,
+    /// What is wrong or unusual.
+    pub warnings: Vec<String>,
+    /// The map: tiles and axis as SVG.
+    #[serde(skip)]
+    pub svg: String,
+}
+
+/// The tiles that a run would work on; changes nothing.
+///
+/// # Errors
+/// When a file or a setting cannot be used.
+pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>) -> Result<PlanFacts> {
+    let open = Opened::to_look(inputs, config, registries)?;
+    let Opened { drive, chain, budget: asked, .. } = &open;
+    let mut driver = InMemory { limits: asked.limits() };
+    let surveyed = computed(flow::survey(&open, &mut driver, None)?)?;
+    let budget = asked.beside(surveyed.held_bytes());
+    let Planned { surveyed, plan } = computed(flow::plan(&open, &mut driver, surveyed)?)?;
+    let view = Tiled::whole_blocks(drive, &surveyed, &plan);
+    let mut read = 0;
+    let tiles: Vec<TileFacts> = (0..plan.tiles.len())
+        .map(|number| {
+            let tile = &plan.tiles[number];
+            let region = plan.region(number, chain.ground_reach);
+            read += view.records_read(&region);
+            TileFacts {
+                from_m: tile.from_m,
+                to_m: tile.to_m,
+                points: tile.points,
+                points_read: region.points,
+                bytes: tile_bytes(chain, &plan, number),
+            }
+        })
+        .collect();
+    let points = surveyed.survey.points();
+    let mut needs: Vec<u64> = tiles.iter().map(|tile| tile.bytes).collect();
+    needs.sort_unstable_by(|a, b| b.cmp(a));
+    let largest = needs.first().copied().unwrap_or(0);
+    let in_flight: u64 = needs.iter().take(budget.threads).sum();
+    let unpacked: u64 = drive
+        .catalog
+        .files()
+        .iter()
+        .filter(|file| file.is_compressed())
+        .map(|file| file.point_count() * 12)
+        .sum();
+    let mut warnings = drive.catalog.warnings().to_vec();
+    warnings.extend(surveyed.warnings.iter().cloned());
+    if largest > budget.memory {
+        warnings.push(format!(
+            "a tile needs about {} MiB, the budget is {} MiB: it will be processed alone",
+            largest >> 20,
+            budget.memory >> 20
+        ));
+    }
+    if chain.method.reach_is_provisional() {
+        warnings.push(
+            "the halo of the clusters is known once the drive is: that of the estimate stands for it"
+                .to_owned(),
+        );
+    }
+    let lattice = drive.lattice();
+    let svg = plan::svg(&plan, &surveyed, lattice);
+    Ok(PlanFacts {
+        points,
+        threads: budget.threads,
+        memory: asked.memory,
+        memory_needed: in_flight.min(budget.memory.max(largest)),
+        ground_reach_m: lattice.metres(chain.ground_reach),
+        cluster_reach_m: lattice.metres(chain.cluster_reach),
+        read_amplification: read as f64 / points.max(1) as f64,
+        // Classes and labels of every point, and positions of compressed files.
+        state_bytes: points * 5 + unpacked,
+        seconds: points as f64 / (POINTS_PER_SECOND * budget.threads as f64),
+        axis: AxisFacts::of(&surveyed.axis),
+        tiles,
+        warnings,
+        svg,
+    })
+}

@@ -1,0 +1,341 @@
+//! Pass `export`: the labelled copies, a run of blocks at a time; and its reduction, which gives them their names.
+
+use std::fs::File;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::input::Fields;
+use crate::model::in_u32;
+use crate::output::{LabelledFile, OutputError};
+use crate::run::chain::with_section;
+use crate::run::drive::{Drive, Surveyed};
+use crate::run::engine::{Outline, Pass, Payloads};
+use crate::run::finish::mark;
+use crate::run::passes::relabel::PointColumns;
+use crate::store::{Inputs, PassDir, RunDir, StoreError};
+use crate::whole_file::publish;
+
+const NUMBER: u32 = 6;
+const NAME: &str = "export";
+
+/// Points of one unit at most.
+const UNIT_POINTS: u64 = 1_000_000;
+
+/// Records that are labelled and written at a time to a file without chunks: what was just labelled is still in the
+/// core's own cache when the system copies it, with the lock of the file held.
+const PIECE_RECORDS: u64 = 8_192;
+
+/// Records of one file that one unit writes.
+struct Unit {
+    file: usize,
+    /// Chunks of the output file.
+    chunks: Range<usize>,
+    points: u64,
+}
+
+/// One output file that is being written.
+struct Target {
+    labelled: LabelledFile,
+    /// Record ranges that are written as one piece each.
+    chunks: Vec<Range<u64>>,
+    /// Where an uncompressed file grows until it is complete.
+    part: PathBuf,
+    /// Whether anything was written to it since the last sync began.
+    unsynced: AtomicBool,
+}
+
+pub(crate) struct ExportPass<'a> {
+    drive: &'a Drive,
+    columns: &'a PointColumns,
+    run_dir: &'a RunDir,
+    targets: Vec<Target>,
+    units: Vec<Unit>,
+    outline: Outline,
+}
+
+/// The export depends on the values of all points, the axis (for chainage in the tables) and the settings of the output.
+pub(crate) fn outline(relabel: &Outline, surveyed: &Surveyed, config: &Config) -> Outline {
+    let axis = &surveyed.axis;
+    let depends = Inputs::new()
+        .with("pass relabel", relabel.depends.fingerprint())
+        .with("axis", format!("{:?}, {:.3} m, {:016x}", axis.source, axis.length_m(), axis.digest()));
+    Outline::new(NUMBER, NAME, with_section(depends, config, "output"))
+}
+
+impl<'a> ExportPass<'a> {
+    pub(crate) fn of(
+        drive: &'a Drive,
+        columns: &'a PointColumns,
+        labelled: Vec<LabelledFile>,
+        run_dir: &'a RunDir,
+        outline: Outline,
+    ) -> Self {
+        let folder = run_dir.path("export");
+        let mut pass = Self { drive, columns, run_dir, targets: Vec::new(), units: Vec::new(), outline };
+        for (file, labelled) in labelled.into_iter().enumerate() {
+            let chunks = labelled.chunks().to_vec();
+            let mut start = 0;
+            while start < chunks.len() {
+                let mut end = start;
+                let mut points = 0;
+                while end < chunks.len() && (end == start || points + length(&chunks[end]) <= UNIT_POINTS) {
+                    points += length(&chunks[end]);
+                    end += 1;
+                }
+                pass.units.push(Unit { file, chunks: start..end, points });
+                start = end;
+            }
+            let part = folder.join(format!("{file:05}.part"));
+            pass.targets.push(Target { labelled, chunks, part, unsynced: AtomicBool::new(false) });
+        }
+        pass
+    }
+
+    /// Objects and classes of the records of a range, ready to be written.
+    fn labels(&self, file: usize, records: &Range<u64>, desk: &mut Desk) -> Result<()> {
+        let count = usize::try_from(length(records)).unwrap_or(0);
+        desk.labels.resize(count, 0);
+        desk.classes.resize(count, 0);
+        self.columns.objects.read(file, records.start, &mut desk.labels)?;
+        self.columns.classes.read(file, records.start, &mut desk.classes)
+    }
+
+    /// Puts the labelled records of a range on the desk.
+    fn label(&self, file: usize, records: &Range<u64>, desk: &mut Desk) -> Result<()> {
+        let input = self.drive.file(file);
+        let stride = input.layout().record_len;
+        desk.out.clear();
+        let first = input
+            .blocks()
+            .partition_point(|block| block.first_record + u64::from(block.count) <= records.start);
+        for (block, run) in input.blocks().iter().enumerate().skip(first) {
+            if run.first_record >= records.end {
+                break;
+            }
+            let from = records.start.max(run.first_record);
+            let to = records.end.min(run.first_record + u64::from(run.count));
+            let at = |record: u64| usize::try_from(record - run.first_record).unwrap_or(0) * stride;
+            // A file without chunks is one block: it stays decoded on the desk while its pieces are written.
+            let mut decoded = std::mem::take(&mut desk.decoded);
+            let kept = desk.block == Some(block) && input.is_compressed();
+            let all = if kept { &decoded[..] } else { input.records(block, Fields::All, &mut decoded)? };
+            desk.block = Some(block);
+            let bytes = &all[at(from)..at(to)];
+            self.labels(file, &(from..to), desk)?;
+            self.targets[file].labelled.label(bytes, &desk.labels, &desk.classes, &mut desk.out);
+            desk.decoded = decoded;
+            if to == run.first_record + u64::from(run.count) {
+                input.release(block);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the finished copy of a file has its name: the intent to name it is on disk before it is named, so a
+    /// missing part then means that it was.
+    fn is_named(&self, file: usize, dir: &PassDir) -> Result<bool> {
+        let (run_dir, target) = (self.run_dir, &self.targets[file]);
+        let meant = run_dir.read_json::<String>(&intent(file))?;
+        let path = run_dir.out().join(target.labelled.name());
+        Ok(meant.is_some_and(|stored| stored == dir.fingerprint().to_string())
+            && path.exists()
+            && !target.part.exists())
+    }
+
+    /// The compressed chunks of a file in order, a unit at a time.
+    fn chunks<'b>(
+        &'b self,
+        file: usize,
+        dir: &'b PassDir,
+    ) -> impl Iterator<Item = Result<(u32, Vec<u8>)>> + 'b {
+        let units = self.units.iter().enumerate().filter(move |(_, unit)| unit.file == file);
+        units.flat_map(|(unit, _)| {
+            match dir.payload(unit).map_err(Error::from).and_then(|bytes| unpack(&bytes)) {
+                Ok(chunks) => chunks.into_iter().map(Ok).collect::<Vec<_>>(),
+                Err(error) => vec![Err(error)],
+            }
+        })
+    }
+}
+
+/// Buffers of one worker, kept from chunk to chunk: fresh ones would have to be zeroed by the system every time.
+#[derive(Default)]
+struct Desk {
+    labels: Vec<u32>,
+    classes: Vec<u8>,
+    /// Block whose records are in `decoded`.
+    block: Option<usize>,
+    decoded: Vec<u8>,
+    /// Labelled records.
+    out: Vec<u8>,
+}
+
+/// Appends a compressed chunk to a payload: records (u32), bytes (u64), the chunk.
+fn pack(payload: &mut Vec<u8>, records: u32, chunk: &[u8]) {
+    payload.extend_from_slice(&records.to_le_bytes());
+    payload.extend_from_slice(&(chunk.len() as u64).to_le_bytes());
+    payload.extend_from_slice(chunk);
+}
+
+/// The chunks of a payload.
+fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
+    let broken = || Error::bug("a payload of the export does not decode".to_owned());
+    let mut chunks = Vec::new();
+    while !payload.is_empty() {
+        let (records, rest) = payload.split_first_chunk::<4>().ok_or_else(broken)?;
+        let (length, rest) = rest.split_first_chunk::<8>().ok_or_else(broken)?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+        let (chunk, rest) = rest.split_at_checked(length).ok_or_else(broken)?;
+        chunks.push((u32::from_le_bytes(*records), chunk.to_vec()));
+        payload = rest;
+    }
+    Ok(chunks)
+}
+
+/// Record of the intent to give the copy of a file its name.
+fn intent(file: usize) -> String {
+    format!("export/{file:05}.json")
+}
+
+fn length(records: &Range<u64>) -> u64 {
+    records.end - records.start
+}
+
+fn open_part(target: &Target) -> Result<File, OutputError> {
+    File::options()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(&target.part)
+        .map_err(|source| OutputError::Write { path: target.part.clone(), source })
+}
+
+impl Pass for ExportPass<'_> {
+    /// Names of the labelled copies.
+    type Global = Vec<String>;
+
+    fn outline(&self) -> &Outline {
+        &self.outline
+    }
+
+    fn units(&self) -> usize {
+        self.units.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.units[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        let unit = &self.units[unit];
+        // Records as read, as labelled, and (compressed) as a payload.
+        unit.points * (self.drive.file(unit.file).layout().record_len as u64 * 3 + 16)
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let unit = &self.units[unit];
+        let target = &self.targets[unit.file];
+        self.drive.file(unit.file).check_unchanged()?;
+        let mut desk = Desk::default();
+        let mut payload = Vec::new();
+        let part = (!target.labelled.is_compressed()).then(|| open_part(target)).transpose()?;
+        for chunk in &target.chunks[unit.chunks.clone()] {
+            let Some(part) = &part else {
+                self.label(unit.file, chunk, &mut desk)?;
+                let count = in_u32(length(chunk), "records of a chunk");
+                pack(&mut payload, count, &target.labelled.compress(&desk.out)?);
+                continue;
+            };
+            let mut piece = chunk.start..chunk.start;
+            while piece.end < chunk.end {
+                piece = piece.end..chunk.end.min(piece.end + PIECE_RECORDS);
+                self.label(unit.file, &piece, &mut desk)?;
+                part.write_all_at(&desk.out, target.labelled.record_offset(piece.start))
+                    .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
+            }
+        }
+        target.unsynced.store(part.is_some(), Ordering::Release);
+        Ok(payload)
+    }
+
+    fn sync(&self) -> Result<()> {
+        for target in self.targets.iter().filter(|target| target.unsynced.swap(false, Ordering::Acquire)) {
+            open_part(target)?
+                .sync_data()
+                .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
+        }
+        Ok(())
+    }
+
+    /// Makes sure that finished units have their bytes: where the half-written copy was lost, or was started for something
+    /// else since, its units are invalidated, and the copy is started again.
+    fn prepare(&self, dir: &PassDir) -> Result<()> {
+        let run_dir = self.run_dir;
+        mark::withdraw(run_dir, dir)?;
+        let folder = run_dir.path("export");
+        fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
+        let fingerprint = dir.fingerprint().to_string();
+        for (file, target) in self.targets.iter().enumerate() {
+            let record = format!("export/{file:05}.begun.json");
+            let begun = run_dir.read_json::<String>(&record)?.is_some_and(|stored| stored == fingerprint);
+            if self.is_named(file, dir)? || (begun && target.part.exists()) {
+                continue;
+            }
+            for (unit, _) in self.units.iter().enumerate().filter(|(_, unit)| unit.file == file) {
+                // Chunks of a compressed copy are in the units themselves, and fit or do not by their fingerprint.
+                if !target.labelled.is_compressed() {
+                    dir.invalidate(unit)?;
+                }
+            }
+            if let Err(source) = std::fs::remove_file(&target.part)
+                && source.kind() != std::io::ErrorKind::NotFound
+            {
+                return Err(OutputError::Write { path: target.part.clone(), source }.into());
+            }
+            run_dir.write_json(&record, &fingerprint)?;
+            let part = open_part(target)?;
+            if !target.labelled.is_compressed() {
+                // Its whole length at once: each unit then is the one writer of its own range of bytes.
+                let end = target.labelled.epilogue_offset() + target.labelled.epilogue_len();
+                part.set_len(end)
+                    .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives every labelled copy its final name, now that all units are done. May be interrupted and called again.
+    fn reduce(&self, payloads: &Payloads) -> Result<Vec<String>> {
+        let (dir, run_dir) = (payloads.dir()?, self.run_dir);
+        for (file, target) in self.targets.iter().enumerate() {
+            let path = run_dir.out().join(target.labelled.name());
+            let failed = |source| OutputError::Write { path: path.clone(), source };
+            if self.is_named(file, dir)? {
+                continue;
+            }
+            let part = open_part(target)?;
+            let input = self.drive.file(file);
+            let mut writer = BufWriter::with_capacity(1 << 20, &part);
+            if target.labelled.is_compressed() {
+                target.labelled.assemble_laz(input, self.chunks(file, dir), &mut writer)?;
+            } else {
+                writer.write_all(target.labelled.prologue()).map_err(failed)?;
+                let end = target.labelled.epilogue_offset();
+                writer.seek(SeekFrom::Start(end)).map_err(failed)?;
+                target.labelled.write_epilogue(input, &mut writer)?;
+            }
+            writer.flush().map_err(failed)?;
+            drop(writer);
+            part.sync_all().map_err(failed)?;
+            run_dir.write_json(&intent(file), &dir.fingerprint().to_string())?;
+            publish(&target.part, &path).map_err(failed)?;
+        }
+        Ok(self.targets.iter().map(|target| target.labelled.name().to_owned()).collect())
+    }
+}

@@ -1,0 +1,230 @@
+//! Pass `ground`: tells ground and isolated noise from objects, one class per point, tile by tile.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::codec;
+use crate::config::Config;
+use crate::error::Result;
+use crate::ground::{LowPoints, NoGround};
+use crate::inventory::{Terrain, TerrainSums};
+use crate::model::{PointClass, TileId};
+use crate::run::chain::{Chain, with_section};
+use crate::run::drive::{Classified, Surveyed, TileVerdicts, Tiled, sections};
+use crate::run::engine::{Outline, Pass, Payloads};
+use crate::run::summary::Counts;
+use crate::spatial::{Cell, TileView};
+use crate::store::Inputs;
+use crate::tiling::Plan;
+
+const NUMBER: u32 = 2;
+const NAME: &str = "ground";
+
+/// Raised when a method gives other results than before for the same input and settings.
+pub(crate) const ALGORITHM_EPOCH: u32 = 1;
+
+/// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting): `scripts/tile_memory.py` measured 37
+/// to 44 on streets, and 44 to 51 in forests, where few points share a voxel.
+pub(crate) const BYTES_PER_POINT: u64 = 52;
+
+/// One of so many points is asked whether it lies low and is ground: a warning needs no more.
+const LOW_SHARE: u64 = 16;
+
+/// The ground pass depends on the content of the input, the tiles, and its own settings.
+pub(crate) fn outline(surveyed: &Surveyed, plan: &Plan, config: &Config, chain: &Chain) -> Outline {
+    let depends = Inputs::new()
+        .with("algorithm epoch", ALGORITHM_EPOCH)
+        .with("input content", format!("{:016x}", surveyed.content_digest()))
+        .with("tiles", format!("{} tiles, geometry {:016x}", plan.tiles.len(), plan.digest()))
+        .with("reach of ground and noise", format!("{} lattice units", chain.ground_reach))
+        .with("ground.method", &config.ground.method);
+    let depends = with_section(with_section(depends, config, "noise"), config, &config.ground.method);
+    Outline::new(NUMBER, NAME, depends)
+}
+
+pub(crate) struct GroundPass<'a> {
+    tiled: &'a Tiled<'a>,
+    chain: &'a Chain,
+    outline: Outline,
+}
+
+impl<'a> GroundPass<'a> {
+    pub(crate) fn of(tiled: &'a Tiled<'a>, chain: &'a Chain, outline: Outline) -> Self {
+        Self { tiled, chain, outline }
+    }
+}
+
+/// What a tile keeps beside the classes of its points.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(crate) struct GroundPayload {
+    /// Points by class code.
+    pub(crate) counts: [u64; 4],
+    /// How much of what lies low is ground, by a share of the points.
+    pub(crate) low: LowPoints,
+    /// Ground points and the sum of their lattice z, by cell.
+    pub(crate) heights: Vec<(Cell, u32, i64)>,
+}
+
+/// Sums of heights by cell; neighbouring points mostly share a cell, so the last one is kept at hand.
+#[derive(Debug, Default)]
+struct HeightSums {
+    sums: BTreeMap<Cell, (u32, i64)>,
+    last: Cell,
+    open: (u32, i64),
+}
+
+impl HeightSums {
+    fn add(&mut self, cell: Cell, z: i64) {
+        if cell != self.last {
+            self.flush();
+            self.last = cell;
+        }
+        self.open.0 += 1;
+        self.open.1 += z;
+    }
+
+    fn flush(&mut self) {
+        if self.open.0 > 0 {
+            let sum = self.sums.entry(self.last).or_default();
+            sum.0 += self.open.0;
+            sum.1 += self.open.1;
+            self.open = (0, 0);
+        }
+    }
+
+    fn finish(mut self) -> Vec<(Cell, u32, i64)> {
+        self.flush();
+        self.sums.into_iter().map(|(cell, (count, sum))| (cell, count, sum)).collect()
+    }
+}
+
+impl<'a> Pass for GroundPass<'a> {
+    type Global = Classified<'a>;
+
+    fn outline(&self) -> &Outline {
+        &self.outline
+    }
+
+    fn units(&self) -> usize {
+        self.tiled.count()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.tiled.plan.tiles[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        self.tiled.plan.region_points(unit, self.chain.ground_reach) * BYTES_PER_POINT
+    }
+
+    fn prefetch(&self, unit: usize) {
+        self.tiled.prefetch(unit, self.chain.ground_reach);
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let gathered = self.tiled.gather_all(unit, self.chain.ground_reach)?;
+        let cloud = &gathered.cloud;
+        let mut classes = vec![PointClass::Object; cloud.len()];
+        {
+            // The voxels are given back before the columns to be kept are made, which take as much.
+            let mut view = TileView::new(cloud);
+            if let Some(noise) = &self.chain.noise {
+                noise.mark(&mut view, &mut classes)?;
+            }
+            self.chain.filter.classify(&mut view, &mut classes)?;
+        }
+
+        let mut payload = GroundPayload::default();
+        let (mut ids, mut codes) = (Vec::new(), Vec::new());
+        let mut heights = HeightSums::default();
+        let grid = self.tiled.drive.grid;
+        for (point, class) in classes.iter().enumerate().filter(|(point, _)| gathered.core[*point]) {
+            ids.push(cloud.id[point]);
+            codes.push(class.code());
+            payload.counts[usize::from(class.code())] += 1;
+            if *class == PointClass::Ground {
+                let [x, y, z] = cloud.lattice_point(point);
+                if let Some(cell) = grid.cell(x, y) {
+                    heights.add(cell, z);
+                }
+            }
+        }
+        payload.heights = heights.finish();
+        let asked = |point: usize| gathered.core[point] && cloud.id[point].is_multiple_of(LOW_SHARE);
+        payload.low = LowPoints::count(cloud, &classes, &grid, asked);
+        let verdicts = TileVerdicts::collect(self.tiled.drive, &ids, codes)?;
+        let [blocks, runs, codes] = verdicts.into_sections()?;
+        Ok(codec::pack(&[codec::encode(&payload)?, blocks, runs, codes]))
+    }
+
+    /// The drive with its ground and noise known.
+    fn reduce(&self, payloads: &Payloads) -> Result<Classified<'a>> {
+        let (objects, warnings) = (Vec::new(), Vec::new());
+        let mut classified = Classified { tiled: self.tiled, ground: payloads.clone(), objects, warnings };
+        let mut low = LowPoints::default();
+        for tile in TileId::first(self.units()) {
+            let summary: GroundPayload = classified.section(tile, sections::SUMMARY)?;
+            classified.objects.push(summary.counts[usize::from(PointClass::Object.code())]);
+            low += summary.low;
+        }
+        if self.chain.filter.name() != NoGround::NAME {
+            classified.warnings.extend(low.warning(self.chain.filter.name()));
+        }
+        Ok(classified)
+    }
+}
+
+/// Points by class, and the height of the ground, from what the pass kept.
+pub(crate) fn summed_up(classified: &Classified<'_>) -> Result<(Counts, Terrain)> {
+    let (tiled, mut counts) = (classified.tiled, Counts::default());
+    let mut terrain = TerrainSums::new(tiled.drive.grid, tiled.drive.lattice(), tiled.surveyed.lowest());
+    for tile in TileId::first(tiled.count()) {
+        add(classified.section(tile, sections::SUMMARY)?, &mut counts, &mut terrain);
+    }
+    Ok((counts, terrain.into_terrain()))
+}
+
+/// Adds what is known of a tile.
+fn add(summary: GroundPayload, counts: &mut Counts, terrain: &mut TerrainSums) {
+    let [object, ground, low_noise, high_noise] = summary.counts;
+    counts.object += object;
+    counts.ground += ground;
+    counts.low_noise += low_noise;
+    counts.high_noise += high_noise;
+    for (cell, points, sum) in summary.heights {
+        terrain.add(cell, points, sum);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Lattice;
+    use crate::spatial::CellGrid;
+
+    #[test]
+    fn counts_are_summed_and_cells_of_all_tiles_are_the_terrain() {
+        let tiles = [
+            GroundPayload {
+                counts: [5, 2, 1, 0],
+                low: LowPoints::default(),
+                heights: vec![([0, 0], 2, -4_001)],
+            },
+            GroundPayload {
+                counts: [7, 1, 0, 3],
+                low: LowPoints::default(),
+                heights: vec![([6, 0], 1, 3_000)],
+            },
+        ];
+        let mut counts = Counts::default();
+        let mut terrain = TerrainSums::new(CellGrid::new(1_000), Lattice::MILLIMETRE, -2_500);
+        tiles.into_iter().for_each(|tile| add(tile, &mut counts, &mut terrain));
+        assert_eq!(counts, Counts { object: 12, ground: 3, low_noise: 1, high_noise: 3 });
+        let terrain = terrain.into_terrain();
+        assert_eq!(
+            [[500, 500], [6_500, 500]].map(|place| terrain.height_m(place)),
+            [Some(-2.001), Some(3.0)]
+        );
+    }
+}

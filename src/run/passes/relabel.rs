@@ -1,0 +1,202 @@
+//! Pass `relabel`: writes the class and the object of every point, by record. Its units own whole runs of records, so that
+//! every value has one writer; they put together what the tiles know of these records.
+
+use std::collections::BTreeMap;
+
+use crate::error::{Error, Result};
+use crate::model::{FileId, PointClass, TileId, in_u32};
+use crate::run::drive::{BlockRun, Drive, OwnedBlock, PerPoint, is_object, lengths, scatter, sections};
+use crate::run::engine::{Outline, Pass, Payloads, prefix};
+use crate::run::passes::sections as of_step;
+use crate::run::passes::stitch::Objects;
+use crate::run::passes::window::Progress;
+use crate::store::{Inputs, PassDir, RunDir, UnitReader};
+
+const NUMBER: u32 = 5;
+const NAME: &str = "relabel";
+
+/// Relabelling depends on the objects.
+pub(crate) fn outline(stitch: &Outline) -> Outline {
+    Outline::new(NUMBER, NAME, Inputs::new().with("pass stitch", stitch.depends.fingerprint()))
+}
+
+/// Class and object of every point.
+#[derive(Debug)]
+pub(crate) struct PointColumns {
+    /// [`PointClass`] codes.
+    pub(crate) classes: PerPoint<u8>,
+    /// Object ids, 0 for none.
+    pub(crate) objects: PerPoint<u32>,
+}
+
+impl PointColumns {
+    /// The columns that this pass writes.
+    pub(crate) fn new() -> Self {
+        let writers = format!("{}{NAME}", prefix(NUMBER));
+        Self { classes: PerPoint::new("classes", &*writers), objects: PerPoint::new("objects", &*writers) }
+    }
+}
+
+pub(crate) struct RelabelPass<'a> {
+    progress: &'a Progress<'a>,
+    objects: &'a Objects,
+    columns: &'a PointColumns,
+    run_dir: &'a RunDir,
+    runs: Vec<BlockRun>,
+    /// Which tiles own records of a block.
+    owners: BTreeMap<(FileId, u32), Vec<(TileId, OwnedBlock)>>,
+    outline: Outline,
+}
+
+impl<'a> RelabelPass<'a> {
+    pub(crate) fn of(
+        progress: &'a Progress<'a>,
+        objects: &'a Objects,
+        columns: &'a PointColumns,
+        run_dir: &'a RunDir,
+        outline: Outline,
+    ) -> Result<Self> {
+        let mut owners = BTreeMap::<_, Vec<_>>::new();
+        for tile in TileId::first(progress.plan().tiles.len()) {
+            let blocks: Vec<OwnedBlock> = progress.over.classified.section(tile, sections::BLOCKS)?;
+            for block in blocks {
+                owners.entry((block.file, block.block)).or_default().push((tile, block));
+            }
+        }
+        let runs = progress.over.classified.tiled.drive.block_runs();
+        Ok(Self { progress, objects, columns, run_dir, runs, owners, outline })
+    }
+
+    fn drive(&self) -> &Drive {
+        self.progress.over.classified.tiled.drive
+    }
+
+    /// Fills in what one tile knows of a block; returns how many records that is.
+    fn fill(&self, tile: &mut OpenTile, block: &OwnedBlock, to: &mut Values) -> Result<u64> {
+        let runs = lengths(&tile.ground.read(offset(tile.runs, block.runs))?)?;
+        let (first, count) = block.points;
+        let classes = tile.ground.read(offset(tile.classes, (first, first + count)))?;
+        scatter(&runs, &classes, &mut to.classes)?;
+        let (first, count) = block.objects;
+        let labels = tile.labels.read(offset(tile.first_label, (first * 4, (first + count) * 4)))?;
+        let mut ids =
+            labels.as_chunks::<4>().0.iter().map(|label| self.object(tile.id, u32::from_le_bytes(*label)));
+        to.owned.clear();
+        for &class in &classes {
+            let id = if is_object(class) { ids.next().transpose()? } else { None };
+            to.owned.push(id.unwrap_or(0));
+        }
+        scatter(&runs, &to.owned, &mut to.objects)?;
+        Ok(block.points.1)
+    }
+
+    /// The object of a label of a tile.
+    fn object(&self, tile: TileId, label: u32) -> Result<u32> {
+        let Some(place) = label.checked_sub(1) else { return Ok(0) };
+        let id = self.objects.ids.get(tile.index()).and_then(|ids| ids.get(place as usize));
+        id.copied().ok_or_else(|| Error::bug(format!("label {label} of tile {tile} has no object")))
+    }
+
+    fn open(&self, id: TileId) -> Result<OpenTile> {
+        let ground = self.progress.over.classified.ground.reader(id.index())?;
+        let labels = self.progress.current.reader(id)?;
+        let start = |reader: &UnitReader, section| reader.section(section).map(|range| range.start);
+        Ok(OpenTile {
+            id,
+            runs: start(&ground, sections::RUNS)?,
+            classes: start(&ground, sections::CLASSES)?,
+            first_label: start(&labels, of_step::LABELS)?,
+            ground,
+            labels,
+        })
+    }
+}
+
+/// A tile whose units are being read, and where their sections begin.
+struct OpenTile {
+    id: TileId,
+    ground: UnitReader,
+    labels: UnitReader,
+    runs: u64,
+    classes: u64,
+    first_label: u64,
+}
+
+/// Values of the records of a block.
+#[derive(Default)]
+struct Values {
+    classes: Vec<u8>,
+    objects: Vec<u32>,
+    /// Objects of the records that one tile owns.
+    owned: Vec<u32>,
+}
+
+fn offset(start: u64, (from, to): (u64, u64)) -> std::ops::Range<u64> {
+    start + from..start + to
+}
+
+impl Pass for RelabelPass<'_> {
+    type Global = ();
+
+    fn outline(&self) -> &Outline {
+        &self.outline
+    }
+
+    fn units(&self) -> usize {
+        self.runs.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.runs[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        // Class, object, object as owned, label as read, run lengths.
+        self.drive().largest_block_bytes(&self.runs[unit], 0).max(1 << 16)
+            + self.runs[unit].points.min(1 << 16) * 24
+    }
+
+    fn prepare(&self, _dir: &PassDir) -> Result<()> {
+        self.columns.classes.open(self.run_dir, self.drive())?;
+        self.columns.objects.open(self.run_dir, self.drive())
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let run = &self.runs[unit];
+        let blocks = self.drive().file(run.file).blocks();
+        let mut open = BTreeMap::<TileId, OpenTile>::new();
+        let mut values = Values::default();
+        for number in run.blocks.clone() {
+            let block = &blocks[number];
+            values.classes.clear();
+            values.classes.resize(block.count as usize, PointClass::Object.code());
+            values.objects.clear();
+            values.objects.resize(block.count as usize, 0);
+            let key = (FileId::at(run.file), in_u32(number, "blocks of a file"));
+            let mut known = 0;
+            for (tile, entry) in self.owners.get(&key).into_iter().flatten() {
+                let tile = match open.entry(*tile) {
+                    std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
+                    std::collections::btree_map::Entry::Vacant(entry) => entry.insert(self.open(*tile)?),
+                };
+                known += self.fill(tile, entry, &mut values)?;
+            }
+            if known != u64::from(block.count) {
+                let text = format!("of {} records of block {number} the tiles own {known}", block.count);
+                return Err(Error::bug(text));
+            }
+            self.columns.classes.write_run(run.file, block.first_record, &values.classes)?;
+            self.columns.objects.write_run(run.file, block.first_record, &values.objects)?;
+        }
+        Ok(Vec::new())
+    }
+
+    fn sync(&self) -> Result<()> {
+        self.columns.classes.sync()?;
+        self.columns.objects.sync()
+    }
+
+    fn reduce(&self, _payloads: &Payloads) -> Result<()> {
+        Ok(())
+    }
+}

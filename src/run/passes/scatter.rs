@@ -1,0 +1,144 @@
+//! Pass `scatter`: where the order of the records is bad for tiles (shuffled, tiled by others, merged), writes the
+//! geometry of every point once more, grouped by owning tile, so that a tile reads what it needs and little else.
+//!
+//! ```text
+//! file of a unit := point*            grouped by owning tile, in file order within a tile
+//! point := x y z (i32, as in the record) record (u32, from the first record of the unit)
+//! ```
+
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+
+use crate::codec;
+use crate::error::Result;
+use crate::model::{TileId, in_u32, record_xyz};
+use crate::run::drive::ScatteredUnit;
+use crate::run::drive::{BlockRun, Drive, Groups, STRIDE, Scattered, Surveyed};
+use crate::run::engine::{Outline, Pass, Payloads};
+use crate::store::{Inputs, PassDir, RunDir, StoreError};
+use crate::tiling::Plan;
+
+const NUMBER: u32 = 1;
+const NAME: &str = "scatter";
+
+pub(crate) struct ScatterPass<'a> {
+    drive: &'a Drive,
+    plan: &'a Plan,
+    runs: Vec<BlockRun>,
+    folder: PathBuf,
+    outline: Outline,
+}
+
+/// Scattering depends on the content of the input and on the tiles.
+pub(crate) fn outline(surveyed: &Surveyed, plan: &Plan) -> Outline {
+    let depends = Inputs::new()
+        .with("input content", format!("{:016x}", surveyed.content_digest()))
+        .with("tiles", format!("{} tiles, geometry {:016x}", plan.tiles.len(), plan.digest()));
+    Outline::new(NUMBER, NAME, depends)
+}
+
+impl<'a> ScatterPass<'a> {
+    pub(crate) fn of(drive: &'a Drive, plan: &'a Plan, run_dir: &RunDir, outline: Outline) -> Self {
+        let (runs, folder) = (drive.block_runs(), run_dir.path("scattered"));
+        Self { drive, plan, runs, folder, outline }
+    }
+
+    fn path(&self, unit: usize) -> PathBuf {
+        self.folder.join(format!("{unit:06}"))
+    }
+
+    /// Every point of a unit with its tile.
+    fn grouped(&self, run: &BlockRun) -> Result<Vec<(TileId, [u8; STRIDE])>> {
+        let input = self.drive.file(run.file);
+        let first = input.blocks()[run.blocks.start].first_record;
+        let mut points = Vec::with_capacity(usize::try_from(run.points).unwrap_or(0));
+        let mut owners = self.plan.owners().cursor();
+        let mut buffer = Vec::new();
+        for block in run.blocks.clone() {
+            let mut record = in_u32(input.blocks()[block].first_record - first, "records of a unit");
+            self.drive.geometry(run.file, block, &mut buffer, |view, transform| {
+                for bytes in view.bytes.chunks_exact(view.stride) {
+                    let [x, y, _] = transform.apply(record_xyz(bytes));
+                    let owner = self.drive.grid.cell(x, y).map_or(0, |cell| owners.get(cell));
+                    let mut point = [0; STRIDE];
+                    point[..12].copy_from_slice(&bytes[..12]);
+                    point[12..].copy_from_slice(&record.to_le_bytes());
+                    points.push((TileId::new(owner.saturating_sub(1)), point));
+                    record += 1;
+                }
+            })?;
+        }
+        // Stable: file order within a tile.
+        points.sort_by_key(|point| point.0);
+        Ok(points)
+    }
+}
+
+impl Pass for ScatterPass<'_> {
+    type Global = Scattered;
+
+    fn outline(&self) -> &Outline {
+        &self.outline
+    }
+
+    fn units(&self) -> usize {
+        self.runs.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.runs[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        // Points with their tile, and the bytes that are written.
+        self.runs[unit].points * (20 + STRIDE as u64)
+    }
+
+    /// Invalidates finished units whose points were lost or cut.
+    fn prepare(&self, dir: &PassDir) -> Result<()> {
+        fs_err::create_dir_all(&self.folder).map_err(StoreError::io("create", &self.folder))?;
+        for (unit, run) in self.runs.iter().enumerate() {
+            let whole = run.points * STRIDE as u64;
+            if std::fs::metadata(self.path(unit)).map_or(true, |facts| facts.len() != whole) {
+                dir.invalidate(unit)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let run = &self.runs[unit];
+        self.drive.file(run.file).check_unchanged()?;
+        let points = self.grouped(run)?;
+        let mut groups = Groups { first: Vec::new(), end: points.len() as u64 };
+        let mut bytes = Vec::with_capacity(points.len() * STRIDE);
+        for (at, (tile, point)) in points.iter().enumerate() {
+            if groups.first.last().is_none_or(|last| last.0 != *tile) {
+                groups.first.push((*tile, at as u64));
+            }
+            bytes.extend_from_slice(point);
+        }
+        let path = self.path(unit);
+        let write = || -> std::io::Result<()> {
+            let file = File::options().write(true).create(true).truncate(true).open(&path)?;
+            file.write_all_at(&bytes, 0)?;
+            file.sync_data()
+        };
+        write().map_err(StoreError::io("write", &path))?;
+        codec::encode(&groups)
+    }
+
+    /// The scattered points.
+    fn reduce(&self, payloads: &Payloads) -> Result<Scattered> {
+        let mut units = Vec::new();
+        for (unit, run) in self.runs.iter().enumerate() {
+            let path = self.path(unit);
+            let file = File::open(&path).map_err(StoreError::io("open", &path))?;
+            let first_record = self.drive.file(run.file).blocks()[run.blocks.start].first_record;
+            let groups = codec::decode(&payloads.get(unit)?)?;
+            units.push(ScatteredUnit { path, file, number: run.file, first_record, groups });
+        }
+        Ok(Scattered { units })
+    }
+}

@@ -1,0 +1,10 @@
+//! Sections of the payload of a unit of a step of a method.
+
+/// What the method keeps of the tile.
+pub(crate) const PAYLOAD: usize = 0;
+/// What other tiles see in the next round.
+pub(crate) const BORDER: usize = 1;
+/// Of the last step: the objects of the tile, whole or in part, and the points that it shares with others.
+pub(crate) const OBJECTS: usize = 2;
+/// Of the last step: the label of each point of objects in the core, by ascending id, as little-endian u32.
+pub(crate) const LABELS: usize = 3;

@@ -1,0 +1,101 @@
+//! What decides a drive, its limits, and what was written of it.
+
+use serde::Serialize;
+
+use crate::config::ConfigError;
+
+use super::axis::STEM;
+use super::preset::Preset;
+use super::scanner::Scanner;
+
+/// Shortest drive that comes back, metres.
+const LEAST_LOOP: f64 = 2.0 * STEM + 500.0;
+
+/// Everything that decides what is written.
+#[derive(Debug, Clone, Serialize)]
+pub struct Settings {
+    /// Kind of street.
+    pub preset: Preset,
+    /// Metres to drive; `None` to drive until there are enough points.
+    pub length_m: Option<f64>,
+    /// Points after which the drive ends; `None` to drive the whole length.
+    pub points: Option<u64>,
+    /// Same seed, same bytes.
+    pub seed: u64,
+    /// The scanner.
+    pub scanner: Scanner,
+    /// Lowest and highest speed, km/h.
+    pub speed_kmh: (f64, f64),
+    /// Seconds of driving per file; `None` writes one file.
+    pub files_every_s: Option<f64>,
+    /// LAZ, else LAS.
+    pub compressed: bool,
+    /// Worker threads; 0 for one per processor. Does not change the result.
+    #[serde(skip)]
+    pub threads: usize,
+}
+
+impl Settings {
+    /// The defaults of a preset: 1 km, seed 1, one LAZ file.
+    #[must_use]
+    pub fn new(preset: Preset) -> Self {
+        Self {
+            preset,
+            length_m: Some(if preset == Preset::Loop { 1_500.0 } else { 1_000.0 }),
+            points: None,
+            seed: 1,
+            scanner: Scanner::default(),
+            speed_kmh: (30.0, 60.0),
+            files_every_s: None,
+            compressed: true,
+            threads: 0,
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        let Self { scanner, speed_kmh: (slow, fast), .. } = self;
+        // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
+        let least = if self.preset == Preset::Loop { LEAST_LOOP } else { 1.0 };
+        let ranges = [
+            ("heads", f64::from(scanner.heads), 1.0..=2.0, ""),
+            ("pulse-rate", scanner.pulse_rate_hz, 1e3..=2e6, " Hz"),
+            ("profiles", scanner.profiles_hz, 1.0..=scanner.pulse_rate_hz / 36.0, " per second"),
+            ("range", scanner.range_m, 10.0..=300.0, " m"),
+            ("noise", scanner.noise_m, 0.0..=1.0, " m"),
+            ("speed", *slow, 1.0..=150.0, " km/h"),
+            ("speed", *fast, *slow..=150.0, " km/h"),
+            ("files-every", self.files_every_s.unwrap_or(1.0), 0.1..=1e6, " s"),
+            ("length", self.length_m.unwrap_or(least), least..=2e6, " m"),
+            ("points", self.points.unwrap_or(1) as f64, 1.0..=1e12, ""),
+        ];
+        let wrong = ranges.into_iter().find(|(_, value, range, _)| !range.contains(value));
+        wrong.map_or(Ok(()), |(key, value, range, unit)| {
+            let expected = format!("{} to {}{unit}", range.start(), range.end());
+            Err(ConfigError::value(key, value, expected))
+        })
+    }
+
+    /// Metres after which the drive ends at the latest; a loop has a length that gives about the points asked for.
+    pub(super) fn length(&self) -> f64 {
+        let enough = |points: u64| {
+            // So many points there are per pulse in a suburb, about.
+            let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.62;
+            (points as f64 / rate * (self.speed_kmh.0 + self.speed_kmh.1) / 7.2).max(LEAST_LOOP)
+        };
+        let closed = self.points.filter(|_| self.preset == Preset::Loop);
+        self.length_m.unwrap_or(closed.map_or(f64::INFINITY, enough))
+    }
+}
+
+/// What was written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// Points in all files.
+    pub points: u64,
+    /// Point files.
+    pub files: u32,
+    /// Objects with at least one point.
+    pub objects: u64,
+    /// Metres driven.
+    pub length_m: f64,
+}
