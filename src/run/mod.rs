@@ -92,6 +92,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     }
     let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
     let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
+    warnings.extend(outcome.warnings);
     let summary = RunSummary {
         points: planned.surveyed.survey.points(),
         counts: outcome.counts,

@@ -53,6 +53,119 @@ pub(crate) fn voxel_column(
     (0..points.len()).map(is_ground).collect()
 }
 
+/// Whether each point is ground after `upward-growing`, by walking up from every voxel; `block` in voxels, the
+/// quantile 0.05.
+pub(crate) fn upward_growing(
+    points: &[[i64; 3]],
+    hidden: &[bool],
+    [voxel, block, height]: [i64; 3],
+) -> Vec<bool> {
+    let voxels: Vec<[i64; 3]> = points.iter().map(|p| p.map(|value| value.div_euclid(voxel))).collect();
+    let block_of = |[i, j, _]: [i64; 3]| [i.div_euclid(block), j.div_euclid(block)];
+    let is_ground = |point: usize| {
+        let home = block_of(voxels[point]);
+        let seen = |p: &usize| !hidden[*p] && block_of(voxels[*p]) == home;
+        let inside: Vec<[i64; 3]> = (0..points.len()).filter(seen).map(|p| voxels[p]).collect();
+        let mut columns: Vec<[i64; 2]> = inside.iter().map(|v| [v[0], v[1]]).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let low_of = |c: &[i64; 2]| inside.iter().filter(|v| [v[0], v[1]] == *c).map(|v| v[2]).min();
+        let mut lows: Vec<i64> = columns.iter().filter_map(low_of).collect();
+        lows.sort_unstable();
+        let low = lows[lows.len() / 20];
+        let (mut reached, mut top) = (vec![voxels[point]], voxels[point][2]);
+        while !reached.is_empty() {
+            let above = |v: &&[i64; 3]| {
+                reached
+                    .iter()
+                    .any(|r| v[2] == r[2] + 1 && (v[0] - r[0]).abs() <= 1 && (v[1] - r[1]).abs() <= 1)
+            };
+            reached = inside.iter().filter(above).copied().collect();
+            reached.sort_unstable();
+            reached.dedup();
+            top = reached.first().map_or(top, |v| v[2]);
+        }
+        (top - low) * voxel < height
+    };
+    (0..points.len()).map(|point| !hidden[point] && is_ground(point)).collect()
+}
+
+/// Lengths of `opening` in lattice units, and its counts.
+pub(crate) struct Opening {
+    pub(crate) voxel: i64,
+    pub(crate) lowest_points: usize,
+    pub(crate) depth: i64,
+    pub(crate) radius: i64,
+    pub(crate) slope_radius: i64,
+    pub(crate) close: i64,
+    pub(crate) height: i64,
+    pub(crate) clear: i64,
+}
+
+/// Whether each point is ground after `opening` with the quantile 0.1 and a slope of 1, column by column.
+pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
+    let column = |p: usize| [points[p][0].div_euclid(of.voxel), points[p][1].div_euclid(of.voxel)];
+    let block = |c: [i64; 2]| c.map(|value| value.div_euclid(5));
+    let mut columns: Vec<[i64; 2]> = (0..points.len()).map(column).collect();
+    columns.sort_unstable();
+    columns.dedup();
+    let heights = |c: [i64; 2]| {
+        let mut z: Vec<i64> = (0..points.len()).filter(|&p| column(p) == c).map(|p| points[p][2]).collect();
+        z.sort_unstable();
+        z
+    };
+    let heights: Vec<Vec<i64>> = columns.iter().map(|&c| heights(c)).collect();
+    let near = |a: [i64; 2], b: [i64; 2], radius: i64| {
+        ((a[0] - b[0]).pow(2) + (a[1] - b[1]).pow(2)) * of.voxel.pow(2) <= radius.pow(2)
+    };
+    let low = |at: usize| {
+        let around = |b: [i64; 2], c: [i64; 2]| (0..2).all(|axis| (b[axis] - c[axis]).abs() <= 2);
+        let mut firsts: Vec<i64> = (0..columns.len())
+            .filter(|&other| around(block(columns[at]), block(columns[other])))
+            .map(|other| heights[other][0])
+            .collect();
+        firsts.sort_unstable();
+        let floor = firsts[firsts.len() / 10] - of.depth;
+        let above: Vec<i64> = heights[at].iter().copied().filter(|&z| z >= floor).collect();
+        above.get(of.lowest_points - 1).or(above.last()).copied()
+    };
+    let lows: Vec<Option<i64>> = (0..columns.len()).map(low).collect();
+    let all = 0..columns.len();
+    let within = |at: usize| {
+        let beside = |other: &usize| lows[*other].is_some() && near(columns[at], columns[*other], of.radius);
+        all.clone().filter(beside).collect::<Vec<_>>()
+    };
+    let lowest_around = |at: usize| within(at).iter().filter_map(|&other| lows[other]).min();
+    let eroded: Vec<Option<i64>> = all.clone().map(lowest_around).collect();
+    let highest_around = |at: usize| within(at).iter().filter_map(|&other| eroded[other]).max();
+    let opened = |at: usize| Some(highest_around(at)?.min(lows[at]?));
+    let opened: Vec<Option<i64>> = all.clone().map(opened).collect();
+    let edge = 5 * of.voxel;
+    let surface = |at: usize| {
+        let here = block(columns[at]);
+        let apart = |other: usize| {
+            let there = block(columns[other]);
+            (here[0] - there[0]).pow(2) + (here[1] - there[1]).pow(2)
+        };
+        let ceiling = (0..columns.len())
+            .filter(|&other| apart(other) <= (of.slope_radius / edge).pow(2))
+            .filter_map(|other| Some(opened[other]? + edge + (edge * edge * apart(other)).isqrt()))
+            .min();
+        Some(opened[at]?.min(ceiling?))
+    };
+    let ground_in = |at: usize| {
+        let surface = surface(at)?;
+        let stands = heights[at].iter().any(|z| (of.height..of.clear).contains(&(z - surface)));
+        Some(surface - of.depth..surface + if stands { of.close } else { of.height.max(of.close) })
+    };
+    let ground: Vec<_> = (0..columns.len()).map(ground_in).collect();
+    let is_ground = |p: usize| {
+        let at = columns.binary_search(&column(p)).ok()?;
+        Some(ground[at].clone()?.contains(&points[p][2]))
+    };
+    (0..points.len()).map(|p| is_ground(p).unwrap_or(false)).collect()
+}
+
 /// Single-link clusters: for each point, the smallest index of a point connected with it.
 pub(crate) fn single_link(points: &[[i64; 3]], distance: i64) -> Vec<usize> {
     components(points.len(), |a, b| {

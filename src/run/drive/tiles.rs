@@ -175,6 +175,8 @@ pub(crate) struct Classified<'a> {
     pub(crate) ground: Payloads,
     /// Points of objects in the core of each tile.
     pub(crate) objects: Vec<u64>,
+    /// What the user should know of the ground.
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Classified<'_> {

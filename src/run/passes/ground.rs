@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::codec;
 use crate::config::Config;
 use crate::error::Result;
+use crate::ground::{LowPoints, NoGround};
 use crate::inventory::{Terrain, TerrainSums};
 use crate::model::{PointClass, TileId};
 use crate::run::chain::{Chain, with_section};
@@ -27,6 +28,9 @@ pub(crate) const ALGORITHM_EPOCH: u32 = 1;
 /// `scripts/tile_memory.py` measured 37 to 44 on streets, and 44 to 51 in forests, where few points share a
 /// voxel.
 pub(crate) const BYTES_PER_POINT: u64 = 52;
+
+/// One point of 16 is asked whether it lies low and is ground. That is enough for a warning.
+const LOW_SHARE: u64 = 16;
 
 /// The ground pass depends on the content of the input, the tiles, and its own settings.
 pub(crate) fn outline(surveyed: &Surveyed, plan: &Plan, config: &Config, chain: &Chain) -> Outline {
@@ -57,6 +61,8 @@ impl<'a> GroundPass<'a> {
 pub(crate) struct GroundPayload {
     /// Points by class code.
     pub(crate) counts: [u64; 4],
+    /// How many of the low points are ground, from a share of the points.
+    pub(crate) low: LowPoints,
     /// Number of ground points and the sum of their lattice z, by cell.
     pub(crate) heights: Vec<(Cell, u32, i64)>,
 }
@@ -147,6 +153,8 @@ impl<'a> Pass for GroundPass<'a> {
             }
         }
         payload.heights = heights.finish();
+        let asked = |point: usize| gathered.core[point] && cloud.id[point].is_multiple_of(LOW_SHARE);
+        payload.low = LowPoints::count(cloud, &classes, &grid, asked);
         let verdicts = TileVerdicts::collect(self.tiled.drive, &ids, codes)?;
         let [blocks, runs, codes] = verdicts.into_sections()?;
         Ok(codec::pack(&[codec::encode(&payload)?, blocks, runs, codes]))
@@ -154,10 +162,16 @@ impl<'a> Pass for GroundPass<'a> {
 
     /// The drive with the classes of its points.
     fn reduce(&self, payloads: &Payloads) -> Result<Classified<'a>> {
-        let mut classified = Classified { tiled: self.tiled, ground: payloads.clone(), objects: Vec::new() };
+        let (objects, warnings) = (Vec::new(), Vec::new());
+        let mut classified = Classified { tiled: self.tiled, ground: payloads.clone(), objects, warnings };
+        let mut low = LowPoints::default();
         for tile in TileId::first(self.units()) {
-            let counts = classified.section::<GroundPayload>(tile, sections::SUMMARY)?.counts;
-            classified.objects.push(counts[usize::from(PointClass::Object.code())]);
+            let summary: GroundPayload = classified.section(tile, sections::SUMMARY)?;
+            classified.objects.push(summary.counts[usize::from(PointClass::Object.code())]);
+            low += summary.low;
+        }
+        if self.chain.filter.name() != NoGround::NAME {
+            classified.warnings.extend(low.warning(self.chain.filter.name()));
         }
         Ok(classified)
     }
@@ -195,8 +209,16 @@ mod tests {
     #[test]
     fn counts_are_summed_and_cells_of_all_tiles_are_the_terrain() {
         let tiles = [
-            GroundPayload { counts: [5, 2, 1, 0], heights: vec![([0, 0], 2, -4_001)] },
-            GroundPayload { counts: [7, 1, 0, 3], heights: vec![([6, 0], 1, 3_000)] },
+            GroundPayload {
+                counts: [5, 2, 1, 0],
+                low: LowPoints::default(),
+                heights: vec![([0, 0], 2, -4_001)],
+            },
+            GroundPayload {
+                counts: [7, 1, 0, 3],
+                low: LowPoints::default(),
+                heights: vec![([6, 0], 1, 3_000)],
+            },
         ];
         let mut counts = Counts::default();
         let mut terrain = TerrainSums::new(CellGrid::new(1_000), Lattice::MILLIMETRE, -2_500);

@@ -1,0 +1,156 @@
+//! Blocks of columns: between which heights ground can lie in a block, by what is around it.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "numbers of columns fit u32 (see VoxelIndex), ranks are below them, rises are some hundred metres"
+)]
+
+use rustc_hash::FxHashMap;
+
+use super::lowest::NONE;
+use crate::spatial::VoxelIndex;
+
+/// The columns of an index by square blocks at multiples of their edge in the coordinates of the drive.
+pub(super) struct Blocks {
+    /// Block of each column.
+    of: Vec<u32>,
+    /// Place of each block.
+    place: Vec<[i64; 2]>,
+    number: FxHashMap<[i64; 2], u32>,
+    /// Columns by block, and the first of each block, and the end.
+    columns: Vec<u32>,
+    first: Vec<u32>,
+}
+
+impl Blocks {
+    /// Blocks of `span` x `span` columns, `span` above 0.
+    pub(super) fn new(index: &VoxelIndex, span: i64) -> Self {
+        let base = index.grid().base;
+        let (mut place, mut number) = (Vec::new(), FxHashMap::default());
+        let mut last = None;
+        let mut of = Vec::with_capacity(index.columns().len());
+        for column in index.columns() {
+            let at = [0, 1].map(|axis| (base[axis] + i64::from(column[axis])).div_euclid(span));
+            let block = match last {
+                Some((known, block)) if known == at => block,
+                _ => *number.entry(at).or_insert_with(|| {
+                    place.push(at);
+                    place.len() as u32 - 1
+                }),
+            };
+            last = Some((at, block));
+            of.push(block);
+        }
+        let mut first = vec![0_u32; place.len() + 1];
+        of.iter().for_each(|&block| first[block as usize + 1] += 1);
+        for block in 0..place.len() {
+            first[block + 1] += first[block];
+        }
+        let mut next = first.clone();
+        let mut columns = vec![0; of.len()];
+        for (column, &block) in (0_u32..).zip(&of) {
+            let slot = &mut next[block as usize];
+            columns[*slot as usize] = column;
+            *slot += 1;
+        }
+        Self { of, place, number, columns, first }
+    }
+
+    /// The block of a column.
+    pub(super) fn of(&self, column: usize) -> usize {
+        self.of[column] as usize
+    }
+
+    fn columns(&self, block: usize) -> &[u32] {
+        &self.columns[self.first[block] as usize..self.first[block + 1] as usize]
+    }
+
+    /// The block at an offset from another one, if it has columns.
+    fn beside(&self, block: usize, [di, dj]: [i64; 2]) -> Option<usize> {
+        let [i, j] = self.place[block];
+        self.number.get(&[i + di, j + dj]).map(|&block| block as usize)
+    }
+
+    /// For every block the quantile of the `lows` of the columns in the blocks up to `reach` away along each axis;
+    /// [`NONE`] where no column has a low.
+    pub(super) fn quantiles(&self, lows: &[u32], reach: i64, quantile: f64) -> Vec<u32> {
+        let mut around = Vec::new();
+        let mut of_block = |block| {
+            around.clear();
+            for di in -reach..=reach {
+                for other in (-reach..=reach).filter_map(|dj| self.beside(block, [di, dj])) {
+                    let lows = self.columns(other).iter().map(|&column| lows[column as usize]);
+                    around.extend(lows.filter(|&low| low != NONE));
+                }
+            }
+            let rank = (quantile * around.len() as f64) as usize;
+            if around.is_empty() { NONE } else { *around.select_nth_unstable(rank).1 }
+        };
+        (0..self.place.len()).map(&mut of_block).collect()
+    }
+
+    /// For every block the smallest low of a block within `radius` (in blocks, centres, inclusive) plus `rise` for each
+    /// block of distance and for the block itself, which is a slope, too; [`NONE`] where there is none.
+    pub(super) fn ceilings(&self, lows: &[u32], radius: i64, rise: f64) -> Vec<u32> {
+        let low_of = |block| self.columns(block).iter().map(|&column| lows[column as usize]).min();
+        let lows: Vec<u32> = (0..self.place.len()).map(|block| low_of(block).unwrap_or(NONE)).collect();
+        let mut cone = Vec::new();
+        for di in -radius..=radius {
+            for dj in -radius..=radius {
+                let squared = di * di + dj * dj;
+                if squared <= radius * radius {
+                    cone.push(([di, dj], (rise * ((squared as f64).sqrt() + 1.0)) as u32));
+                }
+            }
+        }
+        let of_block = |block| {
+            let around = cone.iter().filter_map(|&(offset, rise)| {
+                self.beside(block, offset).map(|other| lows[other].saturating_add(rise))
+            });
+            around.min().unwrap_or(NONE)
+        };
+        (0..self.place.len()).map(of_block).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Lattice, TileCloud};
+
+    /// One point per column (i, j) of edge 10, in blocks of 2 x 2 columns.
+    fn blocks(columns: &[[i64; 2]]) -> Blocks {
+        let points: Vec<_> = columns.iter().map(|&[i, j]| [i * 10, j * 10, 0]).collect();
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+        Blocks::new(&VoxelIndex::build("test", &cloud, 10).unwrap(), 2)
+    }
+
+    #[test]
+    fn columns_are_grouped_by_blocks_at_multiples_of_their_edge() {
+        // Columns -1 and 0 are beside each other, and not of one block.
+        let blocks = blocks(&[[-1, 0], [0, 0], [0, 1], [1, 1], [2, 0]]);
+        assert_eq!((0..5).map(|column| blocks.of(column)).collect::<Vec<_>>(), [0, 1, 1, 1, 2]);
+        assert_eq!(blocks.columns(1), [1, 2, 3]);
+        assert_eq!(blocks.beside(1, [1, 0]), Some(2));
+        assert_eq!(blocks.beside(1, [0, 1]), None);
+    }
+
+    #[test]
+    fn quantiles_are_of_the_blocks_around() {
+        let blocks = blocks(&[[0, 0], [1, 0], [2, 0], [3, 0], [4, 0]]);
+        let lows = [5, 9, 7, NONE, 1];
+        assert_eq!(blocks.quantiles(&lows, 0, 0.0), [5, 7, 1]);
+        assert_eq!(blocks.quantiles(&lows, 1, 0.0), [5, 1, 1]);
+        assert_eq!(blocks.quantiles(&lows, 1, 0.5), [7, 7, 7]);
+        assert_eq!(blocks.quantiles(&[NONE; 5], 1, 0.5), [NONE; 3]);
+    }
+
+    #[test]
+    fn ceilings_rise_with_the_distance_as_far_as_the_radius() {
+        let blocks = blocks(&[[0, 0], [2, 0], [4, 0], [2, 2]]);
+        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 1, 10.0), [10, 20, 110, 110]);
+        // The diagonal is 1.41 blocks long.
+        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 2, 10.0), [10, 20, 30, 24]);
+        assert_eq!(blocks.ceilings(&[NONE, NONE, 100, 100], 1, 10.0), [NONE, 120, 110, 110]);
+    }
+}

@@ -1,0 +1,363 @@
+//! `opening`: points close above a surface under which objects have been cut away.
+//!
+//! Ours. It takes the morphological opening of the lowest points from Zhang et al., "A progressive morphological
+//! filter for removing nonground measurements from airborne LIDAR data" (2003), and Pingel, Clarke, McBride, "An
+//! improved simple morphological filter for the terrain classification of airborne LIDAR data" (2013), but opens
+//! once and with a small disc: a mobile scanner sees the ground beside whatever stands on a road. It sees all points:
+//! far from the scanner the ground is scattered so thinly that it passes for isolated noise (one true ground point in
+//! a hundred on thinly sampled streets), and what is ground is noise no longer. Steps, over the columns of voxels:
+//!
+//! 1. *Floor.* A quantile of the lowest points of all columns in the 5 x 5 blocks around, less `depth`. What lies
+//!    deeper is multipath or a stray return.
+//! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor, so that single returns do not count.
+//! 3. *Surface*: the opening of the lows by a disc of `radius` (the minimum over the disc, of that the maximum).
+//!    It cuts cars, hedges and trunks away, follows slopes, and never lies above a low.
+//! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`: crowns and roofs below which no
+//!    ground was seen lie above that, and the surface does not.
+//! 5. A point is ground from `depth` below the surface up to `close` above it, and up to `height` where its column
+//!    is empty between `height` and `clear` above the surface: kerbs and rough ground are, the foot of a wall is not.
+//!
+//! Numbers are whole lattice units, so that no result depends on an order. `benches/results/ground.md` compares it.
+//!
+//! Cost: O(points + columns * radius / voxel). Memory: 28 bytes per column beside the voxels. The bench is
+//! `benches/kernels.rs`.
+//!
+//! Known failures: the lowest `close` of walls, trunks and hedges goes to the ground; so does the floor of a room
+//! behind a window, and the lower rim of a crown at the height of the ground beside it; terraces narrower than the
+//! disc; ground that rises faster than `slope`; on slopes the upper rim of what was seen, one `radius` wide.
+
+use std::f64::consts::SQRT_2;
+
+use serde::Deserialize;
+
+use super::blocks::Blocks;
+use super::filter::{GroundEntry, GroundFilter};
+use super::lowest::{NONE, lowest_within};
+use super::noise::voxel_edge;
+use crate::config::{self, ConfigError};
+use crate::model::AlgorithmError;
+use crate::model::{Lattice, PointClass, Reach};
+use crate::spatial::{TileView, VoxelIndex};
+
+pub(super) const NAME: &str = "opening";
+
+/// Columns along the edge of a block (chosen: 1.5 m by default, which is narrower than a lane).
+const BLOCK: i64 = 5;
+
+/// Blocks to each side whose lows make the floor (chosen: 7.5 m by default, so that a patch of multipath is small in it).
+const FLOOR_REACH: i64 = 2;
+
+pub(super) const ENTRY: GroundEntry = GroundEntry {
+    name: NAME,
+    summary: "points close above the opening of the lowest points",
+    reference: "ours; opening of lows as in Zhang et al. 2003 and Pingel et al. 2013",
+    build: |table| Ok(Box::new(Opening::new(&config::section(NAME, table)?)?)),
+};
+
+/// Settings of the section `[opening]`. Defaults are chosen by the study in `benches/results/ground.md`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OpeningConfig {
+    /// Edge of a column in metres, 0.05 to 2. Default 0.3: that of the noise, so that both share the voxels.
+    pub voxel: f64,
+    /// The low of a column is its lowest point but so many minus one, 1 to 100. Default 2.
+    pub lowest_points: u32,
+    /// Quantile of the lows around a block that the floor is measured from, 0 to 0.5. Default 0.1.
+    pub low_quantile: f64,
+    /// How far below that quantile, and below the surface, ground may lie in metres, 0 to 100. Default 0.3.
+    pub depth: f64,
+    /// Radius of the disc in metres, 0 to 20. Default 1.2: half of what is wider than a car.
+    pub radius: f64,
+    /// How fast the ground may rise, 0 to 10 (metres per metre). Default 0.6: embankments
+    /// of 1 : 1.5, as a block has its own rise on top.
+    pub slope: f64,
+    /// Over what distance in metres, 0 to 50. Default 6.
+    pub slope_radius: f64,
+    /// Points less than this above the surface are ground, in metres, 0 to 10. Default 0.06.
+    pub close: f64,
+    /// Points less than this above the surface are ground where nothing stands on them, 0 to 10. Default 0.3.
+    pub height: f64,
+    /// Nothing stands where the column is empty from `height` up to this above the surface, 0 to 100. Default 0.7.
+    pub clear: f64,
+}
+
+impl Default for OpeningConfig {
+    fn default() -> Self {
+        Self {
+            voxel: 0.3,
+            lowest_points: 2,
+            low_quantile: 0.1,
+            depth: 0.3,
+            radius: 1.2,
+            slope: 0.6,
+            slope_radius: 6.0,
+            close: 0.06,
+            height: 0.3,
+            clear: 0.7,
+        }
+    }
+}
+
+impl OpeningConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] with the key and the range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        if !(1..=100).contains(&self.lowest_points) {
+            return Err(ConfigError::value("opening.lowest_points", self.lowest_points, "1 to 100 points"));
+        }
+        let ranges = [
+            ("opening.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
+            ("opening.low_quantile", self.low_quantile, 0.0..=0.5, "0 to 0.5"),
+            ("opening.depth", self.depth, 0.0..=100.0, "0 to 100 metres"),
+            ("opening.radius", self.radius, 0.0..=20.0, "0 to 20 metres"),
+            ("opening.slope", self.slope, 0.0..=10.0, "0 to 10"),
+            ("opening.slope_radius", self.slope_radius, 0.0..=50.0, "0 to 50 metres"),
+            ("opening.close", self.close, 0.0..=10.0, "0 to 10 metres"),
+            ("opening.height", self.height, 0.0..=10.0, "0 to 10 metres"),
+            ("opening.clear", self.clear, 0.0..=100.0, "0 to 100 metres"),
+        ];
+        for (key, value, range, expected) in ranges {
+            if !range.contains(&value) {
+                return Err(ConfigError::value(key, value, expected));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The filter, see the module.
+#[derive(Debug, Clone)]
+pub struct Opening {
+    config: OpeningConfig,
+}
+
+impl Opening {
+    /// The filter with these settings.
+    ///
+    /// # Errors
+    /// Those of [`OpeningConfig::validate`].
+    pub fn new(config: &OpeningConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone() })
+    }
+
+    /// Blocks that `slope_radius` is long.
+    fn slope_blocks(&self, lattice: Lattice) -> i64 {
+        lattice.units(self.config.slope_radius) / (BLOCK * lattice.units(self.config.voxel))
+    }
+
+    /// The surface of each column as a local z; [`NONE`] where it has no low.
+    fn surface(&self, tile: &Tile<'_>) -> Vec<u32> {
+        let lattice = tile.lattice;
+        let blocks = Blocks::new(tile.index, BLOCK);
+        let mut lows = tile.lowest();
+        let floors = blocks.quantiles(&lows, FLOOR_REACH, self.config.low_quantile);
+        let depth = lattice.units(self.config.depth);
+        let mut first = Vec::new();
+        for (column, low) in lows.iter_mut().enumerate().filter(|(_, low)| **low != NONE) {
+            let floor = i64::from(floors[blocks.of(column)]) - depth;
+            *low = tile.low_above(column, floor, self.config.lowest_points as usize, &mut first);
+        }
+        let mut surface = opening(tile.index, lattice.units(self.config.radius), &lows);
+        let block = (BLOCK * i64::from(tile.index.grid().edge)) as f64;
+        let ceilings = blocks.ceilings(&surface, self.slope_blocks(lattice), self.config.slope * block);
+        for (column, surface) in surface.iter_mut().enumerate().filter(|(_, surface)| **surface != NONE) {
+            *surface = ceilings[blocks.of(column)].min(*surface);
+        }
+        surface
+    }
+}
+
+/// The opening of `lows` by a disc, not above the lows themselves; [`NONE`] stays.
+fn opening(index: &VoxelIndex, radius_units: i64, lows: &[u32]) -> Vec<u32> {
+    // The maximum is the minimum of what is left of the largest value below NONE.
+    let turned = |value: u32| if value == NONE { NONE } else { NONE - 1 - value };
+    let mut eroded = lowest_within(index, radius_units, lows);
+    for (eroded, &low) in eroded.iter_mut().zip(lows) {
+        *eroded = if low == NONE { NONE } else { turned(*eroded) };
+    }
+    let dilated = lowest_within(index, radius_units, &eroded);
+    lows.iter()
+        .zip(dilated)
+        .map(|(&low, dilated)| if low == NONE { NONE } else { turned(dilated).min(low) })
+        .collect()
+}
+
+/// The points of a tile by column.
+struct Tile<'a> {
+    lattice: Lattice,
+    index: &'a VoxelIndex,
+    z: &'a [i32],
+}
+
+impl Tile<'_> {
+    /// Points of a voxel, as (point, local z).
+    fn points(&self, voxel: usize) -> impl Iterator<Item = (usize, u32)> {
+        self.index.voxel_points(voxel).flatten().map(|point| (point, self.z[point].unsigned_abs()))
+    }
+
+    /// The lowest point of each column.
+    fn lowest(&self) -> Vec<u32> {
+        let lowest_of = |column| {
+            let mut voxels = self.index.column_voxels(column);
+            voxels.find_map(|voxel| self.points(voxel).map(|(_, z)| z).min()).unwrap_or(NONE)
+        };
+        (0..self.index.columns().len()).map(lowest_of).collect()
+    }
+
+    /// The `rank`-th lowest point of a column that is not below `floor`, or its highest where it has fewer. `found` is a
+    /// buffer.
+    fn low_above(&self, column: usize, floor: i64, rank: usize, found: &mut Vec<u32>) -> u32 {
+        found.clear();
+        for voxel in self.index.column_voxels(column) {
+            found.extend(self.points(voxel).map(|(_, z)| z).filter(|&z| i64::from(z) >= floor));
+            if found.len() >= rank {
+                return *found.select_nth_unstable(rank - 1).1;
+            }
+        }
+        found.iter().max().copied().unwrap_or(NONE)
+    }
+}
+
+impl GroundFilter for Opening {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    /// A column; from there to the far corner of a block `slope_radius` away; twice the disc; and to the far corner of
+    /// the blocks that make the floor.
+    fn reach(&self, lattice: Lattice) -> Reach {
+        let voxel_m = lattice.metres(lattice.units(self.config.voxel));
+        let block_m = voxel_m * BLOCK as f64 * SQRT_2;
+        let slope_m = block_m * self.slope_blocks(lattice) as f64 / SQRT_2 + block_m;
+        let floor_m = block_m * (FLOOR_REACH + 1) as f64;
+        Reach::Exact { metres: voxel_m * SQRT_2 + slope_m + 2.0 * self.config.radius + floor_m }
+    }
+
+    fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
+        let cloud = view.cloud();
+        let lattice = cloud.lattice;
+        let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
+        let tile = Tile { lattice, index, z: &cloud.z };
+        let surface = self.surface(&tile);
+        let units = |metres| lattice.units(metres);
+        let (depth, close) = (units(self.config.depth), units(self.config.close));
+        let (height, clear) = (units(self.config.height), units(self.config.clear));
+        let (base, edge) = (index.grid().base[2], i64::from(index.grid().edge));
+        let mut near = Vec::new();
+        for (column, &surface) in surface.iter().enumerate().filter(|(_, surface)| **surface != NONE) {
+            // Heights above the surface of the points that matter; voxels that begin above them are left out.
+            let surface = i64::from(surface);
+            let begin = |voxel: usize| (base + i64::from(index.heights()[voxel])) * edge - cloud.origin[2];
+            let voxels =
+                index.column_voxels(column).take_while(|&voxel| begin(voxel) < surface + clear.max(close));
+            near.clear();
+            near.extend(
+                voxels.flat_map(|voxel| tile.points(voxel)).map(|(at, z)| (at, i64::from(z) - surface)),
+            );
+            let stands = near.iter().any(|&(_, above)| height <= above && above < clear);
+            let top = if stands { close } else { close.max(height) };
+            for &(point, _) in near.iter().filter(|&&(_, above)| -depth <= above && above < top) {
+                classes[point] = PointClass::Ground;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::TileCloud;
+    use PointClass::{Ground, LowNoise, Object};
+
+    fn classify(points: &[[i64; 3]], class: PointClass) -> Vec<PointClass> {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let mut classes = vec![class; points.len()];
+        let filter = Opening::new(&OpeningConfig::default()).unwrap();
+        filter.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
+        classes
+    }
+
+    /// Three points in each column of 30 x 30 columns, 9 m of a plane that rises by `rise` mm per column along x.
+    fn plane(rise: i64) -> Vec<[i64; 3]> {
+        let columns = (0..30).flat_map(|i| (0..30).map(move |j| (i, j)));
+        columns.flat_map(|(i, j)| [40, 150, 260].map(|at| [i * 300 + at, j * 300 + at, i * rise])).collect()
+    }
+
+    /// What becomes of points beside those of a plane, which is all ground.
+    fn on(plane: &[[i64; 3]], points: &[[i64; 3]]) -> Vec<PointClass> {
+        let classes = classify(&[plane, points].concat(), Object);
+        assert!(classes[..plane.len()].iter().all(|class| *class == Ground));
+        classes[plane.len()..].to_vec()
+    }
+
+    #[test]
+    fn returns_below_the_road_take_nothing_from_the_ground() {
+        // Single ones 0.1 to 5 m below, and ten of multipath in one column.
+        for below in [-100, -200, -400, -600, -5_000] {
+            let expected = if below > -300 { Ground } else { Object };
+            assert_eq!(on(&plane(0), &[[4_500, 4_500, below]]), [expected], "{below}");
+        }
+        assert_eq!(on(&plane(0), &[[4_500, 4_500, -2_000]; 10]), [Object; 10]);
+    }
+
+    #[test]
+    fn kerbs_are_ground_and_the_foot_of_a_wall_is_not() {
+        let kerb = [[4_500, 4_500, 120], [4_500, 4_500, 299], [4_500, 4_500, 300]];
+        assert_eq!(on(&plane(0), &kerb[..2]), [Ground; 2]);
+        assert_eq!(on(&plane(0), &kerb), [Object; 3]);
+        // 0.7 m above the ground is clear of it.
+        assert_eq!(on(&plane(0), &[[4_500, 4_500, 120], [4_500, 4_500, 700]]), [Ground, Object]);
+        assert_eq!(
+            on(&plane(0), &[[4_500, 4_500, 59], [4_500, 4_500, 60], [4_500, 4_500, 699]]),
+            [Ground, Object, Object]
+        );
+    }
+
+    #[test]
+    fn slopes_are_ground_and_what_floats_above_them_is_not() {
+        // 27 degrees: 0.15 m in a column of 0.3 m. The disc finds nothing beyond the upper rim, and cuts it.
+        let points = [plane(150), vec![[4_500, 4_500, 6_000]; 3]].concat();
+        let (seen, classes) = (points.len() - 3, classify(&points, Object));
+        assert!(
+            points[..seen].iter().zip(&classes).all(|(point, class)| *class == Ground || point[0] > 7_800)
+        );
+        assert_eq!(classes[seen..], [Object; 3]);
+        // A roof of 1.8 m x 1.8 m, 3 m above the plane, is cut away even where it hides the ground.
+        let roof: Vec<_> = plane(0)
+            .into_iter()
+            .map(|[x, y, z]| {
+                let hidden = (3_600..5_400).contains(&x) && (3_600..5_400).contains(&y);
+                [x, y, if hidden { z + 3_000 } else { z }]
+            })
+            .collect();
+        let classes = classify(&roof, Object);
+        assert!(classes.iter().zip(&roof).all(|(class, point)| (*class == Ground) == (point[2] == 0)));
+    }
+
+    #[test]
+    fn thin_ground_is_no_noise_and_noise_that_is_not_ground_stays() {
+        let points = [[0, 0, 0], [10, 0, 20], [1_000, 0, 0], [1_010, 0, 10], [1_020, 0, 2_000]];
+        assert_eq!(classify(&points, LowNoise), [Ground, Ground, Ground, Ground, LowNoise]);
+        assert_eq!(classify(&[], Object), []);
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = OpeningConfig::default;
+        for (config, key) in [
+            (OpeningConfig { voxel: 0.0, ..default() }, "opening.voxel = 0"),
+            (OpeningConfig { lowest_points: 0, ..default() }, "opening.lowest_points = 0"),
+            (OpeningConfig { depth: -0.1, ..default() }, "opening.depth = -0.1"),
+            (OpeningConfig { slope: f64::NAN, ..default() }, "opening.slope = NaN"),
+            (OpeningConfig { slope_radius: 51.0, ..default() }, "opening.slope_radius = 51"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
+    }
+}

@@ -1,0 +1,356 @@
+//! `upward-growing`: small voxels from which little rises within their block.
+//!
+//! Source: Guan, Yu, Li, Liu, "Segmentation of mobile laser scanning data for trees" (2016), section 3.1, with
+//! the values of its section 4. The plane is cut into blocks of `block`, a block into voxels of `voxel`. A voxel
+//! grows upward to the nine voxels of the layer above it (3 x 3, in its block), those grow in the same way, and
+//! the highest voxel that is reached decides: the voxel is ground when this top is less than `height` above the
+//! low of the block.
+//!
+//! Ours, because the paper leaves it open: the low of a block is a quantile of the lowest voxels of its columns.
+//! With their minimum one return below the road would take the block from the ground (recall fell from 0.99 to
+//! 0.34 on a street with 0.02 % of stray returns). Voxels and blocks lie at multiples of their edges in the
+//! coordinates of the drive, so that no point depends on where a file or a tile begins.
+//!
+//! A path upward passes through every layer up to its top, so a top lies `height` or more above the low exactly
+//! when the first layer at that height is reached. Layers above it are never looked at, and one bit per column
+//! says what of the layer above was reached.
+//!
+//! Cost: O(points + columns log columns). Memory: five bytes per voxel beside the voxels themselves. The bench
+//! is `benches/kernels.rs`.
+//!
+//! Known failures: what is lower than `height` goes to the ground (kerbs, low shrubs), and so does the lower rim
+//! of what floats in a block without ground (crowns, roofs); steps of more than `height` within a block (slopes
+//! of 10 % and more climb so much in 3 m, though only where layers touch); where the ground is dense, the lowest
+//! `height` of what stands on it stays ground unless it rises without a gap.
+
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    reason = "numbers of voxels fit u32 (see VoxelIndex), places in a block are below 128, layers below 100 m / 2 cm"
+)]
+
+use std::cmp::Reverse;
+use std::f64::consts::SQRT_2;
+
+use serde::Deserialize;
+
+use super::filter::{GroundEntry, GroundFilter};
+use super::noise::voxel_edge;
+use super::visible::{mark_ground, visible_points};
+use crate::config::{self, ConfigError};
+use crate::model::AlgorithmError;
+use crate::model::{Lattice, PointClass, Reach};
+use crate::spatial::{TileView, VoxelIndex};
+
+pub(super) const NAME: &str = "upward-growing";
+
+/// Voxels along the edge of a block at most: a row of columns is a word of bits.
+const MOST_VOXELS: usize = 128;
+
+pub(super) const ENTRY: GroundEntry = GroundEntry {
+    name: NAME,
+    summary: "small voxels from which little rises within their block",
+    reference: "Guan et al. 2016, section 3.1",
+    build: |table| Ok(Box::new(UpwardGrowing::new(&config::section(NAME, table)?)?)),
+};
+
+/// Settings of the section `[upward-growing]`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct UpwardGrowingConfig {
+    /// Edge of a voxel in metres, 0.02 to 2. Default 0.05 (Guan et al. 2016, section 4: w_v).
+    pub voxel: f64,
+    /// Edge of a block in metres, 1 to 128 voxels; rounded to whole voxels. Default 3.0 (Guan et al. 2016,
+    /// section 4: w_b).
+    pub block: f64,
+    /// A voxel is ground when its top is less than this above the low of its block, in metres, 0.02 to 100.
+    /// Default 0.3 (Guan et al. 2016, section 4: H_thresh).
+    pub height: f64,
+    /// The low of a block is this quantile of the lowest voxels of its columns, 0 to 0.5. Default 0.05 (chosen:
+    /// the paper does not say what heights are measured from); 0 is the minimum.
+    pub low_quantile: f64,
+}
+
+impl Default for UpwardGrowingConfig {
+    fn default() -> Self {
+        Self { voxel: 0.05, block: 3.0, height: 0.3, low_quantile: 0.05 }
+    }
+}
+
+impl UpwardGrowingConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] with the key and the range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let widest = self.voxel * MOST_VOXELS as f64;
+        let ranges = [
+            ("upward-growing.voxel", self.voxel, 0.02..=2.0, "0.02 to 2 metres"),
+            ("upward-growing.block", self.block, self.voxel..=widest, "1 to 128 voxels"),
+            ("upward-growing.height", self.height, 0.02..=100.0, "0.02 to 100 metres"),
+            ("upward-growing.low_quantile", self.low_quantile, 0.0..=0.5, "0 to 0.5"),
+        ];
+        for (key, value, range, expected) in ranges {
+            if !range.contains(&value) {
+                return Err(ConfigError::value(key, value, expected));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The filter, see the module.
+#[derive(Debug, Clone)]
+pub struct UpwardGrowing {
+    config: UpwardGrowingConfig,
+}
+
+impl UpwardGrowing {
+    /// The filter with these settings.
+    ///
+    /// # Errors
+    /// Those of [`UpwardGrowingConfig::validate`].
+    pub fn new(config: &UpwardGrowingConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone() })
+    }
+
+    /// Voxels along the edge of a block.
+    fn block_voxels(&self, lattice: Lattice) -> i64 {
+        let edge = lattice.units(self.config.voxel);
+        ((lattice.units(self.config.block) + edge / 2) / edge).clamp(1, MOST_VOXELS as i64)
+    }
+
+    /// The voxels that are ground.
+    fn ground_voxels(&self, index: &VoxelIndex, visible: &[u32], lattice: Lattice) -> Vec<bool> {
+        let edge = i64::from(index.grid().edge);
+        let span = self.block_voxels(lattice);
+        let base = index.grid().base;
+        let block_of = |axis: usize, at: u32| (base[axis] + i64::from(at)).div_euclid(span);
+        let place_of = |axis: usize, at: u32| (base[axis] + i64::from(at)).rem_euclid(span) as usize;
+        let layers = ((lattice.units(self.config.height) + edge - 1) / edge) as u32;
+        let mut ground = vec![false; index.len()];
+        let (mut columns, mut block) = (Vec::new(), Block::default());
+        let mut first = 0;
+        // Columns are sorted by (i, j): the rows of a strip of blocks follow each other.
+        for strip in index.columns().chunk_by(|one, other| block_of(0, one[0]) == block_of(0, other[0])) {
+            columns.clear();
+            for (number, &[i, j]) in (first..).zip(strip) {
+                if let Some(low) = index.column_voxels(number).find(|&voxel| visible[voxel] > 0) {
+                    let place = [place_of(0, i), place_of(1, j)];
+                    columns.push(Column { block: block_of(1, j), place, number, low: index.heights()[low] });
+                }
+            }
+            first += strip.len();
+            columns.sort_by_key(|column| column.block);
+            for columns in columns.chunk_by(|one, other| one.block == other.block) {
+                let limit = block.low(columns, self.config.low_quantile).saturating_add(layers);
+                block.gather(index, visible, columns, limit);
+                block.grow(limit, &mut ground);
+            }
+        }
+        ground
+    }
+}
+
+/// A column with points that are not noise.
+struct Column {
+    /// Block along j; all columns of a strip have the same along i.
+    block: i64,
+    /// Row and bit in the block.
+    place: [usize; 2],
+    number: usize,
+    /// Its lowest k.
+    low: u32,
+}
+
+/// A voxel that may be ground.
+struct Voxel {
+    k: u32,
+    row: u8,
+    bit: u8,
+    number: u32,
+}
+
+/// One layer of a block: a bit per column.
+type Layer = [u128; MOST_VOXELS];
+
+/// Buffers of the block at hand.
+struct Block {
+    lows: Vec<u32>,
+    voxels: Vec<Voxel>,
+    /// What of the layer above reaches the limit, and of this one.
+    above: Box<Layer>,
+    here: Box<Layer>,
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        let layer = || Box::new([0; MOST_VOXELS]);
+        Self { lows: Vec::new(), voxels: Vec::new(), above: layer(), here: layer() }
+    }
+}
+
+impl Block {
+    /// The low of the block: a quantile of the lows of its columns, of which there is one at least.
+    fn low(&mut self, columns: &[Column], quantile: f64) -> u32 {
+        self.lows.clear();
+        self.lows.extend(columns.iter().map(|column| column.low));
+        let rank = (quantile * self.lows.len() as f64) as usize;
+        *self.lows.select_nth_unstable(rank).1
+    }
+
+    /// Takes the voxels up to the layer `limit`, from the highest down.
+    fn gather(&mut self, index: &VoxelIndex, visible: &[u32], columns: &[Column], limit: u32) {
+        self.voxels.clear();
+        for column in columns {
+            let [row, bit] = column.place.map(|place| place as u8);
+            let heights = index.column_voxels(column.number).map(|voxel| (voxel, index.heights()[voxel]));
+            let low = heights.take_while(|&(_, k)| k <= limit).filter(|&(voxel, _)| visible[voxel] > 0);
+            self.voxels.extend(low.map(|(voxel, k)| Voxel { k, row, bit, number: voxel as u32 }));
+        }
+        self.voxels.sort_unstable_by_key(|voxel| Reverse(voxel.k));
+    }
+
+    /// Makes the voxels ground from which the layer `limit` is not reached.
+    fn grow(&mut self, limit: u32, ground: &mut [bool]) {
+        self.above.fill(0);
+        let mut layer_above = None;
+        for layer in self.voxels.chunk_by(|one, other| one.k == other.k) {
+            let k = layer[0].k;
+            if layer_above != Some(k + 1) {
+                self.above.fill(0);
+            }
+            layer_above = Some(k);
+            self.here.fill(0);
+            for voxel in layer {
+                let row = usize::from(voxel.row);
+                if k == limit || reaches(&self.above, row, voxel.bit) {
+                    self.here[row] |= 1 << voxel.bit;
+                } else {
+                    ground[voxel.number as usize] = true;
+                }
+            }
+            std::mem::swap(&mut self.above, &mut self.here);
+        }
+    }
+}
+
+/// Whether one of the nine columns around a bit is set.
+fn reaches(above: &Layer, row: usize, bit: u8) -> bool {
+    let rows = &above[row.saturating_sub(1)..(row + 2).min(MOST_VOXELS)];
+    let bits = rows.iter().fold(0, |all, row| all | row);
+    (bits | bits << 1 | bits >> 1) >> bit & 1 == 1
+}
+
+impl GroundFilter for UpwardGrowing {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    /// The diagonal of a block.
+    fn reach(&self, lattice: Lattice) -> Reach {
+        let block = self.block_voxels(lattice) * lattice.units(self.config.voxel);
+        Reach::Exact { metres: lattice.metres(block) * SQRT_2 }
+    }
+
+    fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
+        let lattice = view.cloud().lattice;
+        let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
+        let visible = visible_points(index, classes);
+        let ground = self.ground_voxels(index, &visible, lattice);
+        mark_ground(index, &ground, classes);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::TileCloud;
+    use PointClass::{Ground, LowNoise, Object};
+
+    fn classify_with(
+        config: &UpwardGrowingConfig,
+        points: &[[i64; 3]],
+        classes: &[PointClass],
+    ) -> Vec<PointClass> {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let mut classes = classes.to_vec();
+        UpwardGrowing::new(config).unwrap().classify(&mut TileView::new(&cloud), &mut classes).unwrap();
+        classes
+    }
+
+    /// Voxels (i, j, k) of one block; the low is their minimum.
+    fn voxels(indices: &[[i64; 3]]) -> Vec<PointClass> {
+        let points: Vec<_> = indices.iter().map(|index| index.map(|value| value * 50 + 25)).collect();
+        let config = UpwardGrowingConfig { low_quantile: 0.0, ..UpwardGrowingConfig::default() };
+        classify_with(&config, &points, &vec![Object; points.len()])
+    }
+
+    #[test]
+    fn a_top_of_five_layers_is_ground_and_one_of_six_is_not() {
+        // 5 * 0.05 m < 0.3 m <= 6 * 0.05 m. The rest of a column that is too high is no ground either.
+        let tower = |top: i64| (0..=top).map(|k| [10, 10, k]).collect::<Vec<_>>();
+        assert_eq!(voxels(&tower(5)), [Ground; 6]);
+        assert_eq!(voxels(&tower(6)), [Object; 7]);
+        // A gap ends the growth, and what is above it is too high by itself.
+        assert_eq!(
+            voxels(&[[10, 10, 0], [10, 10, 1], [10, 10, 3], [10, 10, 6]]),
+            [Ground, Ground, Ground, Object]
+        );
+    }
+
+    #[test]
+    fn growth_leans_by_a_column_in_each_layer_and_stays_in_its_block() {
+        let lean =
+            |i: i64, di: i64, dj: i64| (0..=6).map(|k| [i + di * k, 10 + dj * k, k]).collect::<Vec<_>>();
+        for [di, dj] in [[1, 0], [1, 1], [-1, 1], [0, -1]] {
+            assert_eq!(voxels(&lean(20, di, dj)), [Object; 7], "{di} {dj}");
+        }
+        assert_eq!(voxels(&lean(20, 2, 0))[..6], [Ground; 6], "two columns further is not a neighbour");
+        // Columns 55 to 59 are of the first block, 60 and 61 of the second, where they are the low themselves.
+        assert_eq!(voxels(&lean(55, 1, 0)), [Ground; 7]);
+        assert_eq!(voxels(&lean(-3, 1, 0)), [Ground; 7]);
+    }
+
+    #[test]
+    fn one_return_below_the_road_does_not_move_the_low() {
+        // 40 columns: the quantile is the third lowest. Two returns 2 m below are below the low, and three are the low.
+        let road = |strays: i64| {
+            (0..40).map(|i| [i * 50, 0, if i < strays { -2_000 } else { 0 }]).collect::<Vec<_>>()
+        };
+        let config = UpwardGrowingConfig::default();
+        assert_eq!(classify_with(&config, &road(2), &[Object; 40]), [Ground; 40]);
+        assert_eq!(classify_with(&config, &road(3), &[Object; 40])[3..], [Object; 37]);
+        let minimum = UpwardGrowingConfig { low_quantile: 0.0, ..config };
+        assert_eq!(classify_with(&minimum, &road(1), &[Object; 40])[1..], [Object; 39]);
+    }
+
+    #[test]
+    fn noise_is_invisible_and_stays_noise() {
+        let points = [[0, 0, -900], [0, 0, 0], [0, 0, 1], [50, 0, 0]];
+        assert_eq!(
+            classify_with(&UpwardGrowingConfig::default(), &points, &[LowNoise, LowNoise, Object, Object]),
+            [LowNoise, LowNoise, Ground, Ground]
+        );
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = UpwardGrowingConfig::default;
+        for (config, key) in [
+            (UpwardGrowingConfig { voxel: 0.0, ..default() }, "upward-growing.voxel = 0"),
+            (UpwardGrowingConfig { block: 6.41, ..default() }, "upward-growing.block = 6.41"),
+            (UpwardGrowingConfig { block: 0.04, ..default() }, "upward-growing.block = 0.04"),
+            (UpwardGrowingConfig { height: f64::NAN, ..default() }, "upward-growing.height = NaN"),
+            (UpwardGrowingConfig { low_quantile: 0.51, ..default() }, "upward-growing.low_quantile = 0.51"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
+        UpwardGrowingConfig { block: 6.4, ..default() }.validate().unwrap();
+    }
+}
