@@ -199,7 +199,7 @@ fn another_input_is_refused_and_a_touched_one_is_not() {
     let mut longer = std::fs::read(inputs.path("street.las")).expect("read");
     longer.extend([0; 100]);
     std::fs::write(inputs.path("street.las"), longer).expect("written");
-    refused(&inputs.list("street.las"), &out, &[], 6, &["bytes and", "then", "now"]);
+    refused(&inputs.list("street.las"), &out, &[], 6, &["bytes and", "before, now", "now"]);
     run_to_the_end(&inputs.list("street.las"), &out, &options(&["--fresh"]));
 }
 

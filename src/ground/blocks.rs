@@ -149,8 +149,8 @@ mod tests {
     fn ceilings_rise_with_the_distance_as_far_as_the_radius() {
         let blocks = blocks(&[[0, 0], [2, 0], [4, 0], [2, 2]]);
         assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 1, 10.0), [10, 20, 110, 110]);
-        // The diagonal is 1.41 blocks long.
-        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 2, 10.0), [10, 20, 30, 24]);
+        // The diagonal, third in the order of columns, is 1.41 blocks long.
+        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 2, 10.0), [10, 20, 24, 30]);
         assert_eq!(blocks.ceilings(&[NONE, NONE, 100, 100], 1, 10.0), [NONE, 120, 110, 110]);
     }
 }
