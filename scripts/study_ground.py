@@ -59,7 +59,7 @@ def program(executable, source, folder, arguments):
     command = [executable, "run", source, "-o", out, "--progress", "none", "--threads", "1", *arguments]
     subprocess.run(command, check=True, capture_output=True)
     report = json.loads((out / "report.json").read_text())
-    seconds = next(entry["seconds"] for entry in report["result"]["passes"] if entry["name"] == "ground")
+    seconds = next(entry["seconds"] for entry in report["result"]["passes"] if entry["pass"] == "ground")
     names = [file.name for file in sorted(source.glob("*.la[sz]"))] if source.is_dir() else [source.name]
     ground = np.concatenate([np.asarray(laspy.read(out / name).classification) == 2 for name in names])
     shutil.rmtree(out)
