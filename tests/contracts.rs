@@ -3,7 +3,9 @@
 
 use std::collections::BTreeSet;
 
-use chainage::cluster::{Method, Repeat};
+use chainage::cluster::{
+    Clusterer, Dbscan, DbscanConfig, DbscanVariant, Euclidean, EuclideanConfig, Method, Repeat,
+};
 use chainage::ground::GroundFilter;
 use chainage::model::{Lattice, PointClass, Reach, TileCloud};
 use chainage::spatial::{Cell, TileView};
@@ -42,6 +44,27 @@ fn classes(filter: &dyn GroundFilter, points: &[[i64; 3]]) -> Vec<PointClass> {
     let mut classes = vec![PointClass::Object; points.len()];
     filter.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
     classes
+}
+
+/// The methods of one tile.
+fn clusterers() -> [Box<dyn Clusterer>; 3] {
+    let core = DbscanConfig { variant: DbscanVariant::Core, min_points: 3, ..DbscanConfig::default() };
+    [
+        Box::new(Euclidean::new(&EuclideanConfig::default()).unwrap()),
+        Box::new(Dbscan::new(&DbscanConfig::default()).unwrap()),
+        Box::new(Dbscan::new(&core).unwrap()),
+    ]
+}
+
+/// For each point the smallest id with its label; none for label 0.
+fn labelled(method: &dyn Clusterer, cloud: &TileCloud) -> Vec<Option<u64>> {
+    let mut labels = vec![u32::MAX; cloud.len()];
+    let count = method.cluster(cloud, &mut labels).unwrap();
+    let used: BTreeSet<u32> = labels.iter().copied().filter(|&label| label != 0).collect();
+    assert_eq!(used, (1..=count).collect::<BTreeSet<u32>>(), "{}: labels are 1..=n", method.name());
+    let first =
+        |label: u32| cloud.id.iter().zip(&labels).filter(|(_, l)| **l == label).map(|(id, _)| *id).min();
+    labels.iter().map(|&label| if label == 0 { None } else { first(label) }).collect()
 }
 
 /// For each point the smallest index in its object, when cells are dealt to `tiles` tiles.
@@ -161,18 +184,12 @@ fn the_order_of_points_changes_nothing() {
             let expected: Vec<PointClass> = order.iter().map(|&index| straight[index]).collect();
             prop_assert_eq!(other, expected, "{}", filter.name());
         }
-        for method in methods() {
-            // Ids go with the order, and break ties of methods that have any: only those of one step are free of them.
-            if method.steps().len() > 1 || method.name() == "dbscan" {
-                continue;
-            }
-            let straight = partition(&*method, &points, 1);
-            let found = partition(&*method, &moved, 1);
-            for (a, b) in (0..order.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
-                let together = straight[order[a]].is_some() && straight[order[a]] == straight[order[b]];
-                let moved = found[a].is_some() && found[a] == found[b];
-                prop_assert_eq!(together, moved, "{}", method.name());
-            }
+        for method in clusterers() {
+            let straight = labelled(&*method, &TileCloud::from_lattice_points(LATTICE, &points));
+            let mut cloud = TileCloud::from_lattice_points(LATTICE, &moved);
+            cloud.id = order.iter().map(|&index| index as u64).collect();
+            let expected: Vec<Option<u64>> = order.iter().map(|&index| straight[index]).collect();
+            prop_assert_eq!(labelled(&*method, &cloud), expected, "{}", method.name());
         }
         Ok(())
     };
