@@ -41,14 +41,13 @@ pub(crate) fn outlines(ground: &Outline, config: &Config, method: &dyn Method) -
 
 /// Adds a setting (`section.key`), or a whole section (`section.*`), to the values that a pass depends on.
 fn with_setting(depends: Inputs, config: &Config, key: &str) -> Inputs {
-    match key.split_once('.') {
-        Some((section, "*")) => with_section(depends, config, section),
-        Some((section, name)) => {
-            let value = config.method_table(section).get(name).map(ToString::to_string);
-            depends.with(key, value.unwrap_or_else(|| "default".to_owned()))
-        }
-        None => depends,
+    // A word without a key is a section: a dependency is never left out in silence.
+    let (section, name) = key.split_once('.').unwrap_or((key, "*"));
+    if name == "*" {
+        return with_section(depends, config, section);
     }
+    let value = config.method_table(section).get(name).map(ToString::to_string);
+    depends.with(key, value.unwrap_or_else(|| "default".to_owned()))
 }
 
 /// One round of one step.
