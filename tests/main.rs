@@ -39,6 +39,8 @@ mod resume;
 #[cfg(test)]
 mod rounds;
 #[cfg(test)]
+mod spinning;
+#[cfg(test)]
 mod switch;
 #[cfg(test)]
 mod synth;
