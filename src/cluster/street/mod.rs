@@ -8,7 +8,9 @@
 //! that sees its surroundings.
 
 mod classified;
+mod features;
 mod settings;
+mod stage_classes;
 mod stage_voxels;
 mod terrain;
 mod voxels;
