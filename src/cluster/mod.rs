@@ -30,7 +30,7 @@ mod method;
 pub mod p_linkage;
 mod sliced;
 #[expect(dead_code, reason = "it is not in the registry before its last step exists")]
-mod street;
+pub(crate) mod street;
 
 pub use dbscan::{Auto, Dbscan, DbscanConfig, DbscanVariant, Epsilon};
 pub use density_peaks::{DensityPeaks, DensityPeaksConfig};

@@ -9,8 +9,15 @@
 
 mod classified;
 mod features;
+mod model;
 mod settings;
 mod stage_classes;
 mod stage_voxels;
 mod terrain;
+mod training;
 mod voxels;
+
+pub(crate) use self::features::NAMES as FEATURES;
+pub(crate) use self::model::{CLASS_NAMES, read as read_model};
+pub(crate) use self::settings::CLASSES;
+pub(crate) use self::training::{Counts, Purpose, Sample, Training};
