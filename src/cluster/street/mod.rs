@@ -18,6 +18,6 @@ mod training;
 mod voxels;
 
 pub(crate) use self::features::NAMES as FEATURES;
-pub(crate) use self::model::{CLASS_NAMES, read as read_model};
+pub(crate) use self::model::{CLASS_NAMES, built_in, read as read_model};
 pub(crate) use self::settings::CLASSES;
 pub(crate) use self::training::{Counts, Purpose, Sample, Training};
