@@ -3,9 +3,9 @@
 //! separated class by class, from the ground up.
 //!
 //! Steps. `voxels`: points to voxels of 0.15 m and a ground raster. `classes`: features of each voxel from the
-//! voxels within 4 m and the ground within 16 m, probabilities of classes, smoothed. Sums are integers, and
-//! eigenvalues follow a fixed sequence of IEEE operations. So a voxel has the same features in every tile
-//! that sees its surroundings.
+//! voxels within 5.4 m (the corner of the largest window) and the ground 12 m around them, probabilities of
+//! classes, smoothed. Sums are integers, and eigenvalues follow a fixed sequence of IEEE operations. So a voxel
+//! has the same features in every tile that sees its surroundings.
 
 mod classified;
 mod features;
