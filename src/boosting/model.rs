@@ -1,4 +1,4 @@
-//! A learned model: what it is made of, and where it comes from.
+//! A learned model: how it is read, checked, written, and asked for shares.
 
 use std::fmt::Write;
 
