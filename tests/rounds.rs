@@ -159,7 +159,7 @@ impl Method for Smallest {
                 .map(|id| u32::try_from(u64::from_le_bytes(*id) + 1).expect("few points"));
             groups.push(names.collect());
         }
-        Ok(Reduced::Groups(Grouped { groups, figures: Figures::new(), charts: Vec::new() }))
+        Ok(Reduced::Groups(Grouped { groups, ..Grouped::default() }))
     }
 }
 
