@@ -18,7 +18,7 @@ use chainage::ground::{
     GroundFilter, IsolatedNoise, NoiseConfig, Opening, OpeningConfig, UpwardGrowing, UpwardGrowingConfig,
     VoxelColumn, VoxelColumnConfig,
 };
-use chainage::model::{ObjectPart, PointClass, TileCloud};
+use chainage::model::{FileId, ObjectPart, PointClass, PointId, TileCloud};
 use chainage::spatial::Points;
 use chainage::spatial::{TileView, VoxelIndex};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -116,9 +116,9 @@ fn run(criterion: &mut Criterion) -> Result<(), AnyError> {
         bencher.iter(|| neighbour_curve(black_box(&points), FIRST_K).map(|curve| curve.queries))
     });
     // As if the points came from two files.
-    let half = cloud.len() as u64 / 2;
-    let parts =
-        || ObjectPart::collect(black_box(&objects), &labels, clusters, |_| true, |id| u32::from(id >= half));
+    let half = PointId::at(cloud.len() / 2);
+    let file = |id: PointId| FileId::new(u32::from(id >= half));
+    let parts = || ObjectPart::collect(black_box(&objects), &labels, clusters, |_| true, file);
     group.bench_function("object parts", |bencher| bencher.iter(parts));
     group.finish();
     Ok(())

@@ -7,7 +7,7 @@ use chainage::cluster::{
     Clusterer, Dbscan, DbscanConfig, DbscanVariant, Euclidean, EuclideanConfig, Method, Repeat,
 };
 use chainage::ground::GroundFilter;
-use chainage::model::{Lattice, PointClass, Reach, TileCloud};
+use chainage::model::{Lattice, PointClass, PointId, Reach, TileCloud};
 use chainage::spatial::{Cell, TileView};
 use chainage::{cluster, ground};
 use proptest::prelude::*;
@@ -57,7 +57,7 @@ fn clusterers() -> [Box<dyn Clusterer>; 3] {
 }
 
 /// For each point the smallest id with its label; none for label 0.
-fn labelled(method: &dyn Clusterer, cloud: &TileCloud) -> Vec<Option<u64>> {
+fn labelled(method: &dyn Clusterer, cloud: &TileCloud) -> Vec<Option<PointId>> {
     let mut labels = vec![u32::MAX; cloud.len()];
     let count = method.cluster(cloud, &mut labels).unwrap();
     let used: BTreeSet<u32> = labels.iter().copied().filter(|&label| label != 0).collect();
@@ -187,8 +187,8 @@ fn the_order_of_points_changes_nothing() {
         for method in clusterers() {
             let straight = labelled(&*method, &TileCloud::from_lattice_points(LATTICE, &points));
             let mut cloud = TileCloud::from_lattice_points(LATTICE, &moved);
-            cloud.id = order.iter().map(|&index| index as u64).collect();
-            let expected: Vec<Option<u64>> = order.iter().map(|&index| straight[index]).collect();
+            cloud.id = order.iter().map(|&index| PointId::at(index)).collect();
+            let expected: Vec<Option<PointId>> = order.iter().map(|&index| straight[index]).collect();
             prop_assert_eq!(labelled(&*method, &cloud), expected, "{}", method.name());
         }
         Ok(())

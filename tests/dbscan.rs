@@ -4,7 +4,7 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant};
-use chainage::model::{Lattice, TileCloud, TileId};
+use chainage::model::{FileId, Lattice, PointId, TileCloud, TileId};
 use chainage::stitch::{LocalLabels, Stitcher};
 use proptest::prelude::*;
 
@@ -54,13 +54,20 @@ fn tiled(method: &Dbscan, points: &Points, width: i64, reach: i64) -> Vec<u32> {
         let seen: Vec<usize> = (0..points.len()).filter(|&p| (low..=high).contains(&points[p][0])).collect();
         let coordinates: Points = seen.iter().map(|&point| points[point]).collect();
         let mut cloud = TileCloud::from_lattice_points(LATTICE, &coordinates);
-        cloud.id = seen.iter().map(|&point| point as u64).collect();
+        cloud.id = seen.iter().map(|&point| PointId::at(point)).collect();
         let core: Vec<bool> = seen.iter().map(|&point| owner(point) == tile).collect();
         let mut labels = vec![u32::MAX; seen.len()];
         let count = method.cluster_tile(&cloud, &core, &mut labels).unwrap();
         let size = method.object_size();
-        let local =
-            LocalLabels::collect(&cloud, &core, &mut labels, count, &size, |at| owner(seen[at]), |_| 0);
+        let local = LocalLabels::collect(
+            &cloud,
+            &core,
+            &mut labels,
+            count,
+            &size,
+            |at| owner(seen[at]),
+            |_| FileId::new(0),
+        );
         for at in (0..seen.len()).filter(|&at| core[at]) {
             label_of[seen[at]] = (tile, labels[at]);
         }
@@ -70,7 +77,7 @@ fn tiled(method: &Dbscan, points: &Points, width: i64, reach: i64) -> Vec<u32> {
     locals.iter().for_each(|local| stitcher.tile(local.objects.clone()));
     for (tile, local) in TileId::first(tiles).zip(&locals) {
         for seam in &local.seams {
-            let there = label_of[usize::try_from(seam.id).unwrap()];
+            let there = label_of[usize::try_from(seam.id.number()).unwrap()];
             assert!(stitcher.link((tile, seam.label), there), "{seam:?} {there:?}");
         }
     }

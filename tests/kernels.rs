@@ -6,7 +6,7 @@ use chainage::ground::{
     GroundFilter, IsolatedNoise, NoiseConfig, Opening, OpeningConfig, UpwardGrowing, UpwardGrowingConfig,
     VoxelColumn, VoxelColumnConfig,
 };
-use chainage::model::{Lattice, PointClass, TileCloud};
+use chainage::model::{Lattice, PointClass, PointId, TileCloud};
 use chainage::spatial::TileView;
 use proptest::prelude::*;
 
@@ -50,7 +50,7 @@ fn points() -> impl Strategy<Value = Points> {
 }
 
 /// A cloud whose origin is `slack` below its points, with these ids.
-fn cloud(points: &[[i64; 3]], ids: &[u64], slack: i32) -> TileCloud {
+fn cloud(points: &[[i64; 3]], ids: &[PointId], slack: i32) -> TileCloud {
     let mut cloud = TileCloud::from_lattice_points(LATTICE, points);
     cloud.id = ids.to_vec();
     for axis in [&mut cloud.x, &mut cloud.y, &mut cloud.z] {
@@ -106,7 +106,7 @@ fn cluster(cloud: &TileCloud, d_t: f64) -> Vec<u32> {
 }
 
 /// Labels, each replaced by the smallest id with that label.
-fn by_smallest_id(labels: &[u32], ids: &[u64]) -> Vec<u64> {
+fn by_smallest_id(labels: &[u32], ids: &[PointId]) -> Vec<PointId> {
     let smallest = |label: u32| ids.iter().zip(labels).filter(|(_, l)| **l == label).map(|(id, _)| *id).min();
     labels.iter().map(|&label| smallest(label).unwrap()).collect()
 }
@@ -228,7 +228,7 @@ proptest! {
 
     #[test]
     fn clusters_are_what_brute_force_says(points in points()) {
-        let expected: Vec<u64> = oracle::single_link(&points, 300).into_iter().map(|index| index as u64).collect();
+        let expected: Vec<PointId> = oracle::single_link(&points, 300).into_iter().map(PointId::at).collect();
         let cloud = numbered(&points);
         prop_assert_eq!(by_smallest_id(&cluster(&cloud, 0.3), &cloud.id), expected);
     }
@@ -240,8 +240,8 @@ proptest! {
     ) {
         // Coordinates in twelfths of the distance, so that cells of every offset occur.
         let points: Points = drawn.iter().map(|&(x, y, z)| [x, y, z].map(|value| value * distance / 12)).collect();
-        let expected: Vec<u64> =
-            oracle::single_link(&points, distance).into_iter().map(|index| index as u64).collect();
+        let expected: Vec<PointId> =
+            oracle::single_link(&points, distance).into_iter().map(PointId::at).collect();
         let cloud = numbered(&points);
         prop_assert_eq!(by_smallest_id(&cluster(&cloud, distance as f64 / 1_000.0), &cloud.id), expected);
     }
@@ -255,7 +255,7 @@ proptest! {
     ) {
         let straight = numbered(&points);
         let shuffled_points: Points = order.iter().map(|&index| points[index]).collect();
-        let ids: Vec<u64> = order.iter().map(|&index| index as u64).collect();
+        let ids: Vec<PointId> = order.iter().map(|&index| PointId::at(index)).collect();
         let shuffled = cloud(&shuffled_points, &ids, 0);
         let classes = ground_classes(&straight);
         let labels = cluster(&straight, 0.3);
@@ -270,7 +270,7 @@ proptest! {
     #[test]
     fn clusters_move_with_the_points(points in points(), shift in prop::array::uniform3(-1_000_000..1_000_000_i64), slack in 0..1_000) {
         let moved: Points = points.iter().map(|p| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]).collect();
-        let ids: Vec<u64> = (0..points.len() as u64).collect();
+        let ids: Vec<PointId> = (0..points.len()).map(PointId::at).collect();
         prop_assert_eq!(cluster(&cloud(&moved, &ids, slack), 0.3), cluster(&numbered(&points), 0.3));
     }
 
@@ -282,7 +282,7 @@ proptest! {
     ) {
         let shift = voxels.map(|count| count * 300);
         let moved: Points = points.iter().map(|p| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]).collect();
-        let ids: Vec<u64> = (0..points.len() as u64).collect();
+        let ids: Vec<PointId> = (0..points.len()).map(PointId::at).collect();
         prop_assert_eq!(ground_classes(&cloud(&moved, &ids, slack)), ground_classes(&numbered(&points)));
     }
 

@@ -221,7 +221,7 @@ fn points_of_all_files_have_one_numbering_and_one_lattice() {
     let files =
         [folder.file("a.las", &sample(LAS)), folder.file("b.laz", &sample(LAZ)), folder.file("c.las", &fine)];
     let catalog = open(&files).expect("opens");
-    assert_eq!([0, 1, 2].map(|file| catalog.first_id(file)), [0, 10_310, 82_151]);
+    assert_eq!([0, 1, 2].map(|file| catalog.first_id(file).number()), [0, 10_310, 82_151]);
     assert_eq!(catalog.point_count(), 92_461);
     assert_eq!(catalog.lattice(), Lattice::TENTH_MILLIMETRE);
     assert_eq!(open(&files[..2]).expect("opens").lattice(), Lattice::MILLIMETRE);

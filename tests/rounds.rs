@@ -109,7 +109,7 @@ impl Method for Smallest {
                 let mut names = Names::new();
                 for point in 0..points.cloud.len() {
                     let name = names.entry(voxel(points.cloud.lattice_point(point))).or_insert(u64::MAX);
-                    *name = (*name).min(points.cloud.id[point]);
+                    *name = (*name).min(points.cloud.id[point].number());
                 }
                 Ok(Mapped::payload(encode(&names)))
             }

@@ -109,6 +109,7 @@ impl Clusterer for Euclidean {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::PointId;
 
     fn cluster(d_t: f64, points: &[[i64; 3]]) -> (Vec<u32>, u32) {
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
@@ -139,7 +140,7 @@ mod tests {
     fn labels_follow_ids_and_not_the_order_of_points() {
         let mut cloud =
             TileCloud::from_lattice_points(Lattice::MILLIMETRE, &[[0; 3], [9_000; 3], [18_000; 3]]);
-        cloud.id = vec![70, 8, 30];
+        cloud.id = [70, 8, 30].map(PointId::new).to_vec();
         let mut labels = [0; 3];
         let method = Euclidean::new(&EuclideanConfig::default()).unwrap();
         assert_eq!(method.cluster(&cloud, &mut labels), Ok(3));

@@ -7,14 +7,14 @@ use super::error::InputError;
 use super::file::InputFile;
 use super::options::InputOptions;
 use crate::config::LengthUnit;
-use crate::model::Lattice;
+use crate::model::{Lattice, PointId};
 
 /// The files of one drive in the given order. The points of all files are numbered consecutively.
 #[derive(Debug)]
 pub struct Catalog {
     files: Vec<InputFile>,
     /// Id of the first point of every file.
-    first_ids: Vec<u64>,
+    first_ids: Vec<PointId>,
     point_count: u64,
     lattice: Lattice,
     crs: Crs,
@@ -46,7 +46,7 @@ impl Catalog {
         let mut point_count = 0;
         let mut first_ids = Vec::with_capacity(files.len());
         for file in &files {
-            first_ids.push(point_count);
+            first_ids.push(PointId::new(point_count));
             point_count += file.point_count();
         }
         Ok(Self { files, first_ids, point_count, lattice, crs, warnings })
@@ -70,12 +70,12 @@ impl Catalog {
         self.point_count
     }
 
-    /// Id of the first point of a file. The id of a point is this number plus its record number.
+    /// Id of the first point of a file. The id of a point is this id plus its record number.
     ///
     /// # Panics
     /// When there is no such file.
     #[must_use]
-    pub fn first_id(&self, file: usize) -> u64 {
+    pub fn first_id(&self, file: usize) -> PointId {
         self.first_ids[file]
     }
 

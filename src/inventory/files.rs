@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::inventory::attribute::Attribute;
 use crate::inventory::object::Object;
-use crate::model::{Column, ColumnType, ColumnUnit, Value};
+use crate::model::{Column, ColumnType, ColumnUnit, FileId, Value};
 
 /// The attribute.
 #[derive(Debug)]
@@ -21,7 +21,7 @@ impl Attribute for Files {
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        let name = |&file: &u32| Cow::Borrowed(object.site.file_names[file as usize]);
+        let name = |file: &FileId| Cow::Borrowed(object.site.file_names[file.index()]);
         values.push(Value::Texts(object.part.files.iter().map(name).collect()));
     }
 }

@@ -96,7 +96,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::inventory::attribute::Attribute;
     use crate::inventory::terrain::TerrainSums;
-    use crate::model::Value;
+    use crate::model::{FileId, PointId, Value};
     use crate::spatial::{Cell, CellGrid};
 
     pub(crate) const METRES: [f64; 3] = [1.0; 3];
@@ -107,12 +107,12 @@ pub(crate) mod tests {
     pub(crate) fn box_part() -> ObjectPart {
         ObjectPart {
             points: 4,
-            first_id: 9,
+            first_id: PointId::new(9),
             lo: [0, 0, 1_000],
             hi: [3_048, 6_096, 4_048],
             sum: [2 * 3_048, 2 * 6_096, 2 * 5_048],
             hull: vec![[0, 0], [3_048, 0], [3_048, 6_096], [0, 6_096]],
-            files: vec![0, 2],
+            files: vec![FileId::new(0), FileId::new(2)],
         }
     }
 

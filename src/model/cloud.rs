@@ -1,12 +1,11 @@
 //! The points of one tile as a structure of arrays, and the voxel grid over them.
 
-use crate::model::{Field, Lattice};
+use crate::model::{Field, Lattice, PointId};
 
 /// The points of one tile (or of a whole small cloud), in local lattice units.
 ///
 /// A local coordinate is the lattice coordinate minus `origin`. It is never negative. The order of the points
-/// is not defined. Every tie is broken by `id`, the index of the point in the drive (files in catalog order,
-/// records in file order).
+/// is not defined. Every tie is broken by `id`.
 #[derive(Debug, Clone)]
 pub struct TileCloud {
     /// The lattice of the run.
@@ -19,8 +18,8 @@ pub struct TileCloud {
     pub y: Vec<i32>,
     /// Local z of every point, in lattice units, >= 0.
     pub z: Vec<i32>,
-    /// Index of every point in the drive; unique.
-    pub id: Vec<u64>,
+    /// Number of every point in the drive; unique.
+    pub id: Vec<PointId>,
     /// Further fields of every point, where a method asked for them.
     pub fields: Vec<(Field, Vec<u16>)>,
 }
@@ -89,7 +88,7 @@ impl TileCloud {
             cloud.x.push(x);
             cloud.y.push(y);
             cloud.z.push(z);
-            cloud.id.push(index as u64);
+            cloud.id.push(PointId::at(index));
         }
         cloud
     }

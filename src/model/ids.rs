@@ -1,5 +1,7 @@
-//! Numbers of tiles and files, as types of their own: a number of one thing is never taken for that of another, and one
-//! that does not fit is a panic with a reason instead of wrong data.
+//! Numbers of tiles, files and points, as types of their own: a number of one thing is never taken for that of another,
+//! and one that does not fit is a panic with a reason instead of wrong data.
+
+use std::ops::{Add, Sub};
 
 use serde::{Deserialize, Serialize};
 
@@ -26,15 +28,73 @@ pub struct TileId(u32);
 #[serde(transparent)]
 pub struct FileId(u32);
 
+/// Number of a point in its drive, from 0: files in the order of the catalog, records in the order of the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+#[repr(transparent)]
+pub struct PointId(u64);
+
+impl PointId {
+    /// Larger than the number of any point. The search for a smallest number starts with it.
+    pub const BEYOND_ALL: Self = Self(u64::MAX);
+
+    /// The point at a place in a list of all points.
+    #[must_use]
+    pub const fn at(place: usize) -> Self {
+        Self(place as u64)
+    }
+
+    /// This point and all points after it.
+    pub fn onward(self) -> impl Iterator<Item = Self> {
+        (self.0..).map(Self)
+    }
+}
+
+impl Add<u64> for PointId {
+    type Output = Self;
+
+    /// The point that many records later.
+    fn add(self, records: u64) -> Self {
+        Self(self.0 + records)
+    }
+}
+
+impl Sub for PointId {
+    type Output = u64;
+
+    /// The number of records from an earlier point to this one.
+    fn sub(self, earlier: Self) -> u64 {
+        self.0 - earlier.0
+    }
+}
+
 macro_rules! number {
-    ($name:ident, $what:literal) => {
+    ($name:ident, $number:ty, $what:literal) => {
         impl $name {
             #[doc = concat!("The ", $what, " with a number.")]
             #[must_use]
-            pub const fn new(number: u32) -> Self {
+            pub const fn new(number: $number) -> Self {
                 Self(number)
             }
 
+            #[doc = concat!("The number of the ", $what, ".")]
+            #[must_use]
+            pub const fn number(self) -> $number {
+                self.0
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                self.0.fmt(out)
+            }
+        }
+    };
+}
+
+macro_rules! place {
+    ($name:ident, $what:literal) => {
+        impl $name {
             #[doc = concat!("The ", $what, " at a place in a list.")]
             ///
             /// # Panics
@@ -50,25 +110,38 @@ macro_rules! number {
                 self.0 as usize
             }
 
-            #[doc = concat!("The number of the ", $what, ".")]
-            #[must_use]
-            pub const fn number(self) -> u32 {
-                self.0
-            }
-
-            /// The first so many, ascending.
+            #[doc = concat!("The first `count` ", $what, "s, ascending.")]
             pub fn first(count: usize) -> impl DoubleEndedIterator<Item = Self> {
                 (0..count).map(Self::at)
-            }
-        }
-
-        impl std::fmt::Display for $name {
-            fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                self.0.fmt(out)
             }
         }
     };
 }
 
-number!(TileId, "tile");
-number!(FileId, "file");
+number!(TileId, u32, "tile");
+number!(FileId, u32, "file");
+number!(PointId, u64, "point");
+place!(TileId, "tile");
+place!(FileId, "file");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec;
+
+    #[test]
+    fn stored_numbers_have_the_bytes_of_plain_integers() {
+        let numbers = [0, 127, 128, 70_000, u64::MAX];
+        let points = numbers.map(PointId::new);
+        assert_eq!(codec::encode(&points).unwrap(), codec::encode(&numbers).unwrap());
+        assert_eq!(codec::encode(&FileId::new(300)).unwrap(), codec::encode(&300_u32).unwrap());
+    }
+
+    #[test]
+    fn points_are_counted_from_one_to_another() {
+        let first = PointId::new(10_310);
+        assert_eq!((first + 7) - first, 7);
+        assert_eq!(first.onward().take(2).collect::<Vec<_>>(), [first, first + 1]);
+        assert!(PointId::BEYOND_ALL > PointId::at(usize::MAX - 1));
+    }
+}

@@ -2,12 +2,12 @@
 //! records of a file, the parts of an object, the columns of the table of objects.
 //!
 //! ```
-//! use chainage::model::{Lattice, ObjectPart, TileCloud};
+//! use chainage::model::{FileId, Lattice, ObjectPart, TileCloud};
 //!
 //! // A triangle of 4 m by 3 m, in two parts: merged in any order, they make the same object.
 //! let points = [[0, 0, 0], [4_000, 0, 500], [0, 3_000, 1_000]];
 //! let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
-//! let part = |core: &dyn Fn(usize) -> bool| ObjectPart::collect(&cloud, &[1, 1, 1], 1, core, |_| 0).remove(0);
+//! let part = |core: &dyn Fn(usize) -> bool| ObjectPart::collect(&cloud, &[1, 1, 1], 1, core, |_| FileId::new(0)).remove(0);
 //! let mut object = part(&|point| point == 2);
 //! object.merge(&part(&|point| point != 2));
 //! assert_eq!(object.points, 3);
@@ -39,7 +39,7 @@ pub use field::{Field, FieldSums};
 pub use field_space::{FieldAxis, FieldSpace};
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
 pub(crate) use ids::in_u32;
-pub use ids::{FileId, TileId};
+pub use ids::{FileId, PointId, TileId};
 pub use kind::Kind;
 pub use object::ObjectPart;
 pub use reach::Reach;

@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::hull::{convex_hull, doubled_area, without_inner_points};
-use crate::model::TileCloud;
+use crate::model::{FileId, PointId, TileCloud};
 
 /// Above this number of points, inner ones are dropped before the hull; below it, sorting all is as fast.
 const MANY_POINTS: usize = 64;
@@ -23,7 +23,7 @@ pub struct ObjectPart {
     /// Number of points.
     pub points: u64,
     /// Smallest id of a point.
-    pub first_id: u64,
+    pub first_id: PointId,
     /// Smallest lattice coordinates.
     pub lo: [i64; 3],
     /// Largest lattice coordinates.
@@ -35,7 +35,7 @@ pub struct ObjectPart {
     /// or on one line.
     pub hull: Vec<[i64; 2]>,
     /// Files with points of the object, ascending, without repetition.
-    pub files: Vec<u32>,
+    pub files: Vec<FileId>,
 }
 
 impl ObjectPart {
@@ -44,7 +44,7 @@ impl ObjectPart {
     pub fn empty() -> Self {
         Self {
             points: 0,
-            first_id: u64::MAX,
+            first_id: PointId::BEYOND_ALL,
             lo: [i64::MAX; 3],
             hi: [i64::MIN; 3],
             sum: [0; 3],
@@ -62,7 +62,7 @@ impl ObjectPart {
         labels: &[u32],
         count: u32,
         core: impl Fn(usize) -> bool,
-        file: impl Fn(u64) -> u32,
+        file: impl Fn(PointId) -> FileId,
     ) -> Vec<Self> {
         let wanted = |point: &usize| labels[*point] != 0 && core(*point);
         // Positions of the points, grouped by label: after the loop, first[l] is the end of label l.
@@ -95,7 +95,7 @@ impl ObjectPart {
     fn of_members(
         cloud: &TileCloud,
         members: &[u32],
-        file: impl Fn(u64) -> u32,
+        file: impl Fn(PointId) -> FileId,
         plane: &mut Vec<[i64; 2]>,
     ) -> Self {
         let mut part = Self::empty();
@@ -106,7 +106,7 @@ impl ObjectPart {
         plane.clear();
         // Local sums: 2^32 points times 2^31 units fit i64.
         let mut sum = [0_i64; 3];
-        let mut last_id = 0;
+        let mut last_id = PointId::default();
         for &point in members {
             let point = point as usize;
             let place = [cloud.x[point], cloud.y[point], cloud.z[point]].map(i64::from);
@@ -168,10 +168,15 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::model::Lattice;
+    use crate::model::{Lattice, in_u32};
 
     fn cloud(points: &[[i64; 3]]) -> TileCloud {
         TileCloud::from_lattice_points(Lattice::MILLIMETRE, points)
+    }
+
+    /// The file of a point, where every file has `points`.
+    fn file_of(id: PointId, points: u64) -> FileId {
+        FileId::new(in_u32(id.number() / points, "files"))
     }
 
     #[test]
@@ -179,21 +184,21 @@ mod tests {
         let points = [[-5, 0, 7], [1, 1, 1], [3, 0, 9], [8, 8, 8], [-1, 4, 2], [0, 1, 5]];
         let labels = [2, 0, 2, 1, 2, 2];
         // The last of label 2 is in the halo, label 3 has no points. Files of three points each.
-        let parts = ObjectPart::collect(&cloud(&points), &labels, 3, |point| point != 5, |id| id as u32 / 3);
+        let parts = ObjectPart::collect(&cloud(&points), &labels, 3, |point| point != 5, |id| file_of(id, 3));
         assert_eq!(parts.len(), 3);
         assert_eq!(
             parts[1],
             ObjectPart {
                 points: 3,
-                first_id: 0,
+                first_id: PointId::new(0),
                 lo: [-5, 0, 2],
                 hi: [3, 4, 9],
                 sum: [-3, 4, 18],
                 hull: vec![[-5, 0], [3, 0], [-1, 4]],
-                files: vec![0, 1],
+                files: vec![FileId::new(0), FileId::new(1)],
             }
         );
-        assert_eq!((parts[0].points, parts[0].first_id, &parts[0].hull), (1, 3, &vec![[8, 8]]));
+        assert_eq!((parts[0].points, parts[0].first_id, &parts[0].hull), (1, PointId::new(3), &vec![[8, 8]]));
         assert_eq!(parts[2], ObjectPart::empty());
         // Base 8, height 4.
         assert!((parts[1].hull_area_units2() - 16.0).abs() < 1e-12);
@@ -201,7 +206,7 @@ mod tests {
 
     #[test]
     fn no_points_and_no_labels_make_no_parts() {
-        assert_eq!(ObjectPart::collect(&cloud(&[]), &[], 0, |_| true, |_| 0), []);
+        assert_eq!(ObjectPart::collect(&cloud(&[]), &[], 0, |_| true, |_| FileId::new(0)), []);
     }
 
     proptest! {
@@ -216,7 +221,7 @@ mod tests {
             let cloud = cloud(&places);
             let labels = vec![1; points.len()];
             let collect = |core: &dyn Fn(usize) -> bool| {
-                ObjectPart::collect(&cloud, &labels, 1, core, |id| id as u32 / 7).remove(0)
+                ObjectPart::collect(&cloud, &labels, 1, core, |id| file_of(id, 7)).remove(0)
             };
             let mut merged = ObjectPart::empty();
             for tile in order {

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::model::{ObjectPart, TileId, in_u32};
+use crate::model::{ObjectPart, PointId, TileId, in_u32};
 use crate::spatial::DisjointSets;
 use crate::stitch::LocalObject;
 
@@ -65,7 +65,7 @@ impl Stitcher {
                 object.merge(&part);
             }
         }
-        let mut order: Vec<(u64, usize)> = whole
+        let mut order: Vec<(PointId, usize)> = whole
             .iter()
             .enumerate()
             .filter_map(|(root, object)| {

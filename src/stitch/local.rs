@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{ObjectPart, TileCloud, TileId};
+use crate::model::{FileId, ObjectPart, PointId, TileCloud, TileId};
 
 /// An object, or its part in the core.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -20,7 +20,7 @@ pub struct LocalObject {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SeamPoint {
     /// The point.
-    pub id: u64,
+    pub id: PointId,
     /// Tile that owns it.
     pub owner: TileId,
     /// Its label in this tile, from 1.
@@ -49,7 +49,7 @@ impl LocalLabels {
         count: u32,
         size: &RangeInclusive<u64>,
         owner: impl Fn(usize) -> TileId,
-        file: impl Fn(u64) -> u32,
+        file: impl Fn(PointId) -> FileId,
     ) -> Self {
         let slots = count as usize + 1;
         let mut points_in_core = vec![0_u64; slots];

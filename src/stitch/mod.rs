@@ -7,11 +7,11 @@
 //! is united with the label that the owner of the point gave to this point.
 //!
 //! ```
-//! use chainage::model::{ObjectPart, TileId};
+//! use chainage::model::{ObjectPart, PointId, TileId};
 //! use chainage::stitch::{LocalObject, Stitcher};
 //!
 //! // Two tiles. Each has one open object with one point in its core.
-//! let part = |id| ObjectPart { points: 1, first_id: id, ..ObjectPart::empty() };
+//! let part = |id| ObjectPart { points: 1, first_id: PointId::new(id), ..ObjectPart::empty() };
 //! let mut stitcher = Stitcher::default();
 //! stitcher.tile(vec![LocalObject { open: true, part: part(7) }]);
 //! stitcher.tile(vec![LocalObject { open: true, part: part(3) }]);

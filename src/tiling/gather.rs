@@ -1,6 +1,6 @@
 //! Gathering: takes the points of one tile from blocks of records, in file order.
 
-use crate::model::{Lattice, LatticeTransform, PointClass, RecordView, TileCloud, record_xyz};
+use crate::model::{Lattice, LatticeTransform, PointClass, PointId, RecordView, TileCloud, record_xyz};
 use crate::spatial::Cell;
 use crate::tiling::Region;
 
@@ -102,7 +102,7 @@ impl<'a> Gatherer<'a> {
         &mut self,
         view: &RecordView<'_>,
         transform: &LatticeTransform,
-        id: impl Fn(usize, &[u8]) -> u64,
+        id: impl Fn(usize, &[u8]) -> PointId,
         classes: Option<&[u8]>,
     ) -> Result<(), HeightOutOfRange> {
         let mut roles = self.region.roles.cursor();

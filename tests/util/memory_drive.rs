@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use chainage::Result;
 use chainage::cluster::{DriveWindow, Grouped, Labelled, Method, Reduced, Repeat, TilePoints, TileWindow};
-use chainage::model::{Field, FieldSums, Lattice, TileCloud, TileId};
+use chainage::model::{Field, FieldSums, Lattice, PointId, TileCloud, TileId};
 use chainage::spatial::{Cell, CellGrid, CellMap, DisjointSets, PackedCells};
 
 const CELL: i64 = 1_000;
@@ -26,6 +26,11 @@ pub(crate) struct MemoryDrive<'a> {
 
 pub(crate) fn cell_of(point: [i64; 3]) -> Cell {
     [0, 1].map(|axis| i32::try_from(point[axis].div_euclid(CELL)).expect("a cell nearby"))
+}
+
+/// The place of a point in the list of all points.
+fn index(id: PointId) -> usize {
+    usize::try_from(id.number()).expect("an index")
 }
 
 /// What a method makes of a drive.
@@ -128,7 +133,7 @@ impl<'a> MemoryDrive<'a> {
                 let label = labelled.labels[point];
                 assert!(label <= labelled.count);
                 if labelled.points.core[point] {
-                    own[usize::try_from(id).expect("an index")] = (tile, label);
+                    own[index(id)] = (tile, label);
                 }
             }
         }
@@ -156,7 +161,7 @@ impl<'a> MemoryDrive<'a> {
         let own = self.own_labels(labelled);
         for (tile, labelled) in (0_u32..).zip(labelled) {
             for (&id, &label) in labelled.points.cloud.id.iter().zip(&labelled.labels) {
-                let (owner, there) = own[usize::try_from(id).expect("an index")];
+                let (owner, there) = own[index(id)];
                 assert!(
                     label == 0 || there != 0,
                     "point {id} has a label in tile {tile} and none in its own"
@@ -193,7 +198,7 @@ impl<'a> MemoryDrive<'a> {
         let ids: Vec<usize> = taken.collect();
         let places: Vec<[i64; 3]> = ids.iter().map(|&id| self.points[id]).collect();
         let mut cloud = TileCloud::from_lattice_points(self.lattice(), &places);
-        cloud.id = ids.iter().map(|&id| id as u64).collect();
+        cloud.id = ids.iter().map(|&id| PointId::at(id)).collect();
         let core = places.iter().map(|&place| Some(cells[&cell_of(place)]) == tile).collect();
         let ground = if objects_only { Vec::new() } else { ids.iter().map(|&id| self.ground[id]).collect() };
         TilePoints { cloud, core, ground }

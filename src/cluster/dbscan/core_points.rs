@@ -11,8 +11,7 @@ use std::ops::Range;
 
 use crate::cluster::linking::closeness::{Bounds, Point, any_within, squared_distance};
 use crate::cluster::linking::{LayerStep, cell_side, layers, link_cells};
-use crate::model::AlgorithmError;
-use crate::model::TileCloud;
+use crate::model::{AlgorithmError, PointId, TileCloud};
 use crate::spatial::VoxelIndex;
 
 /// Labels the points with 1..=n and returns n. Noise has the label 0, and so have border points that the tile
@@ -144,14 +143,14 @@ impl Cells {
     /// Labels of the sets with core points, and their number. The sets are ordered by their smallest point
     /// id.
     fn number(&self, roots: &[usize], cloud: &TileCloud) -> (Vec<u32>, u32) {
-        let mut smallest = vec![u64::MAX; roots.len()];
+        let mut smallest = vec![PointId::BEYOND_ALL; roots.len()];
         for (cell, &root) in roots.iter().enumerate() {
             for at in self.core(cell) {
                 smallest[root] = smallest[root].min(cloud.id[self.order[at] as usize]);
             }
         }
-        let mut order: Vec<(u64, usize)> =
-            smallest.into_iter().zip(0..).filter(|(id, _)| *id != u64::MAX).collect();
+        let mut order: Vec<(PointId, usize)> =
+            smallest.into_iter().zip(0..).filter(|(id, _)| *id != PointId::BEYOND_ALL).collect();
         order.sort_unstable();
         let mut labels = vec![0; roots.len()];
         (1..).zip(&order).for_each(|(label, &(_, root))| labels[root] = label);
@@ -170,7 +169,7 @@ impl Cells {
     ) {
         let limit = reach.pow(2);
         // Squared distance and id of the nearest core point so far, for points that are not core points.
-        let mut nearest = vec![(limit, u64::MAX); self.points.len()];
+        let mut nearest = vec![(limit, PointId::BEYOND_ALL); self.points.len()];
         let mut look = |cell: usize, other: usize| {
             if self.core(other).is_empty() {
                 return;

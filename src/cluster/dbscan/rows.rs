@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cluster::dbscan::epsilon::{Curve, CurveSums};
 use crate::cluster::linking::numbering as labels;
+use crate::model::PointId;
 use crate::spatial::DisjointSets;
 use crate::spatial::Index;
 use crate::spatial::Neighbours;
@@ -50,7 +51,8 @@ impl Dbscan {
     /// [`SpatialError`] when the points cannot be indexed.
     pub fn cluster(&self, points: &Points) -> Result<(Vec<u32>, u32), SpatialError> {
         let largest = if self.max_points == 0 { u64::MAX } else { self.max_points };
-        let rows: Vec<u64> = (0..points.len() as u64).collect();
+        // The rows of a table are its points.
+        let rows: Vec<PointId> = (0..points.len()).map(PointId::at).collect();
         let names = self.names(points, &vec![true; points.len()], &rows)?;
         Ok(match self.variant {
             DbscanVariant::Size => labels::number(&names, &(self.min_points..=largest)),
@@ -67,13 +69,18 @@ impl Dbscan {
         &self,
         points: &Points,
         own: &[bool],
-        ids: &[u64],
+        ids: &[PointId],
     ) -> Result<(Vec<u32>, u32), SpatialError> {
         let names = self.names(points, own, ids)?;
         Ok(labels::number_by_id(&names, ids))
     }
 
-    fn names(&self, points: &Points, own: &[bool], ids: &[u64]) -> Result<Vec<Option<u32>>, SpatialError> {
+    fn names(
+        &self,
+        points: &Points,
+        own: &[bool],
+        ids: &[PointId],
+    ) -> Result<Vec<Option<u32>>, SpatialError> {
         let index = Index::new(points)?;
         Ok(match self.variant {
             DbscanVariant::Size => self.connected(&index, &vec![true; points.len()]),
@@ -115,11 +122,11 @@ impl Dbscan {
         index: &Index<'_>,
         core: &[bool],
         own: &[bool],
-        ids: &[u64],
+        ids: &[PointId],
         names: &mut [Option<u32>],
     ) {
         for point in (0..core.len()).filter(|&point| !core[point] && own[point]) {
-            let mut nearest: Option<(f64, u64, usize)> = None;
+            let mut nearest: Option<(f64, PointId, usize)> = None;
             index.within(point, self.epsilon, |other, squared| {
                 let candidate = (squared, ids[other], other);
                 if core[other] && nearest.is_none_or(|best| candidate < best) {

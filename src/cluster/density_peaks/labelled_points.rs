@@ -11,9 +11,9 @@
 
 use std::ops::Range;
 
-use super::columns::{Finder, Voxel};
 use super::surroundings::Surroundings;
-use crate::model::VoxelGrid;
+use crate::cluster::columns::{Finder, Voxel};
+use crate::model::{PointId, VoxelGrid};
 use crate::spatial::Cell;
 
 /// Edge of the cells of representatives in metres (chosen: points near the scanner are a few centimetres
@@ -100,7 +100,7 @@ impl<'a> LabelledPoints<'a> {
     }
 
     /// Id of a point.
-    pub(super) fn id(&self, point: u32) -> u64 {
+    pub(super) fn id(&self, point: u32) -> PointId {
         self.around.points.cloud.id[self.source[point as usize] as usize]
     }
 
@@ -123,8 +123,8 @@ impl<'a> LabelledPoints<'a> {
         let grid = VoxelGrid::new(cloud.origin, cell_edge as u32);
         let nested = self.edge % cell_edge == 0;
         // Cell and cluster, id, voxel, point, for cells that several voxels share.
-        let mut shared: Vec<([u32; 4], u64, u32, u32)> = Vec::new();
-        let mut of_voxel: Vec<([u32; 3], u64, u32)> = Vec::new();
+        let mut shared: Vec<([u32; 4], PointId, u32, u32)> = Vec::new();
+        let mut of_voxel: Vec<([u32; 3], PointId, u32)> = Vec::new();
         let mut result = Representatives::default();
         result.places.first.push(0);
         for (voxel, &wanted) in wanted.iter().enumerate() {

@@ -12,17 +12,17 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::columns::Border;
 use super::curvature::{ONE, curvature};
 use super::labelled_points::{LabelledPoints, Neighbour, REPRESENTATIVE_M, Search};
 use super::settings::{DensityPeaksConfig, STAGE_BORDERS};
 use super::stage_voxels::number;
 use super::surroundings::Surroundings;
+use crate::cluster::columns::Border;
 use crate::cluster::further::{Asking, Further};
 use crate::cluster::{DriveWindow, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
-use crate::model::TileId;
+use crate::model::{PointId, TileId};
 use crate::spatial::Cell;
 
 /// Number of points of a curvature (chosen; the paper gives no number).
@@ -37,7 +37,7 @@ pub(super) struct Halo {
     /// Number of its voxels that the tile owns.
     pub(super) voxels: u64,
     /// The labelled point nearest to any point of the tile: squared distance, id and cluster.
-    pub(super) nearest: Option<(u64, u64, u32)>,
+    pub(super) nearest: Option<(u64, PointId, u32)>,
 }
 
 /// The pairs of representatives of two clusters. Every pair is counted at both of its points, each by the
@@ -198,7 +198,7 @@ struct Open {
     cell: Cell,
     /// The nearest points so far, nearest first: squared distance, id, and place relative to the
     /// representative.
-    found: Vec<(u64, u64, [i64; 3])>,
+    found: Vec<(u64, PointId, [i64; 3])>,
 }
 
 impl Open {

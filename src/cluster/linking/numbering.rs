@@ -2,6 +2,8 @@
 
 use std::ops::RangeInclusive;
 
+use crate::model::PointId;
+
 /// Numbers the clusters of points 1, 2, ... by their smallest row. `name[i]` is any number that is the same
 /// for all points of a cluster, `None` for noise. Clusters whose size is not in `size` become noise. Returns
 /// the labels (0: noise) and the number of clusters.
@@ -26,16 +28,16 @@ pub(crate) fn number(names: &[Option<u32>], size: &RangeInclusive<u64>) -> (Vec<
 }
 
 /// The same for clusters of any size, in the order of the smallest of the `ids` of their points.
-pub(crate) fn number_by_id(names: &[Option<u32>], ids: &[u64]) -> (Vec<u32>, u32) {
+pub(crate) fn number_by_id(names: &[Option<u32>], ids: &[PointId]) -> (Vec<u32>, u32) {
     let slots = names.iter().flatten().max().map_or(0, |&name| name as usize + 1);
-    let mut smallest = vec![u64::MAX; slots];
+    let mut smallest = vec![PointId::BEYOND_ALL; slots];
     for (name, &id) in names.iter().zip(ids) {
         if let Some(name) = *name {
             smallest[name as usize] = smallest[name as usize].min(id);
         }
     }
-    let mut order: Vec<(u64, usize)> =
-        smallest.into_iter().zip(0..).filter(|(id, _)| *id != u64::MAX).collect();
+    let mut order: Vec<(PointId, usize)> =
+        smallest.into_iter().zip(0..).filter(|(id, _)| *id != PointId::BEYOND_ALL).collect();
     order.sort_unstable();
     let mut label_of = vec![0_u32; slots];
     let mut clusters = 0;
@@ -56,7 +58,13 @@ mod tests {
         assert_eq!(number(&names, &(1..=u64::MAX)), (vec![0, 1, 2, 1, 3, 2, 1], 3));
         assert_eq!(number(&names, &(2..=2)), (vec![0, 0, 1, 0, 0, 1, 0], 1));
         assert_eq!(number(&[], &(1..=9)), (vec![], 0));
-        assert_eq!(number_by_id(&names, &[9, 8, 7, 6, 5, 4, 3]), (vec![0, 1, 2, 1, 3, 2, 1], 3));
-        assert_eq!(number_by_id(&names, &[9, 8, 7, 6, 1, 4, 9]), (vec![0, 3, 2, 3, 1, 2, 3], 3));
+        assert_eq!(
+            number_by_id(&names, &[9, 8, 7, 6, 5, 4, 3].map(PointId::new)),
+            (vec![0, 1, 2, 1, 3, 2, 1], 3)
+        );
+        assert_eq!(
+            number_by_id(&names, &[9, 8, 7, 6, 1, 4, 9].map(PointId::new)),
+            (vec![0, 3, 2, 3, 1, 2, 3], 3)
+        );
     }
 }

@@ -12,7 +12,7 @@
 //! bench is `benches/kernels.rs`.
 
 use super::closeness::{Bounds, Point, any_within};
-use crate::model::{AlgorithmError, TileCloud};
+use crate::model::{AlgorithmError, PointId, TileCloud};
 use crate::spatial::{DisjointSets, Linker, VoxelIndex};
 
 /// Labels the points with their single-link cluster at a distance of `reach` lattice units, inclusive.
@@ -130,12 +130,12 @@ impl Cells {
 /// points, so the order of the points does not matter.
 fn number_by_smallest_id(index: &VoxelIndex, cloud: &TileCloud, sets: &mut DisjointSets) -> (Vec<u32>, u32) {
     let roots: Vec<u32> = (0..as_u32(index.len())).map(|cell| sets.find(cell)).collect();
-    let mut smallest = vec![u64::MAX; index.len()];
+    let mut smallest = vec![PointId::BEYOND_ALL; index.len()];
     for (points, cell) in index.streaks() {
         let slot = &mut smallest[roots[cell] as usize];
         *slot = cloud.id[points].iter().fold(*slot, |smallest, &id| smallest.min(id));
     }
-    let mut order: Vec<(u64, u32)> = roots
+    let mut order: Vec<(PointId, u32)> = roots
         .iter()
         .zip(0..)
         .filter(|&(&root, cell)| root == cell)

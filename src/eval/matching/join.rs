@@ -18,6 +18,7 @@ use crate::eval::matching::scratch::{Batch, Buckets, Entry, ScratchFolder, Taken
 use crate::eval::matching::sides::{BlockReader, Files, LabelFields, time_bits};
 use crate::eval::table::{Cell, Place, Predicted, Table, Tally};
 use crate::input::record_xyz;
+use crate::model::PointId;
 
 /// Minimum number of buckets that a thread joins before its counts are merged with those of others.
 const BUCKETS_AT_A_TIME: usize = 4;
@@ -79,7 +80,7 @@ impl Pair<'_> {
             let fields = &files.fields[run.file];
             let time = file.layout().gps_time.filter(|_| self.with_time);
             let records = reader.records(file, run)?.chunks_exact(file.layout().record_len);
-            for (record, index) in records.zip(run.first..) {
+            for (record, index) in records.zip(run.first.onward()) {
                 let label = fields.label(record).map_err(|label| files.wrong(run, index, label))?;
                 let at = file.transform().apply(record_xyz(record)).map(|units| units * multiple);
                 // Places are means on the lattice of the reference. If both sides have the same points, this
@@ -178,7 +179,7 @@ fn table(pairs: Tally<[u32; 2], u64>, predicted: &[(Label, Place)], referred: &[
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Unmatched {
     count: u64,
-    first: [Option<u64>; 2],
+    first: [Option<PointId>; 2],
 }
 
 impl Unmatched {
@@ -197,7 +198,7 @@ impl Unmatched {
     }
 }
 
-fn smaller(a: Option<u64>, b: Option<u64>) -> Option<u64> {
+fn smaller(a: Option<PointId>, b: Option<PointId>) -> Option<PointId> {
     a.into_iter().chain(b).min()
 }
 
@@ -207,7 +208,10 @@ mod tests {
 
     fn join(left: &[(u64, u64, u32)], right: &[(u64, u64, u32)]) -> Joined {
         let entries = |side: &[(u64, u64, u32)]| -> Vec<Entry> {
-            side.iter().map(|&(key, index, label)| Entry::new(u128::from(key) << 72, index, label)).collect()
+            let entry = |&(key, index, label): &(u64, u64, u32)| {
+                Entry::new(u128::from(key) << 72, PointId::new(index), label)
+            };
+            side.iter().map(entry).collect()
         };
         let mut joined = Joined::default();
         joined.join(&entries(left), &entries(right));
@@ -225,7 +229,7 @@ mod tests {
     fn points_without_counterpart_are_found_on_both_sides() {
         // Key 1 only on the left (index 4), keys 3 and 4 only on the right, key 2 once too often on the left.
         let found = join(&[(1, 4, 1), (2, 7, 1), (2, 8, 1)], &[(2, 1, 1), (3, 2, 1), (4, 3, 1)]).unmatched;
-        assert_eq!(found, Unmatched { count: 2, first: [Some(4), Some(2)] });
+        assert_eq!(found, Unmatched { count: 2, first: [4, 2].map(|index| Some(PointId::new(index))) });
         assert_eq!(join(&[], &[]).unmatched, Unmatched::default());
     }
 

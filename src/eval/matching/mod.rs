@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::eval::error::{EvalError, PointSite};
 use crate::eval::table::Table;
 use crate::input::Catalog;
-use crate::model::Lattice;
+use crate::model::{Lattice, PointId};
 
 use order::Pair;
 use parts::Parts;
@@ -114,11 +114,12 @@ fn same_counts(pair: &Pair<'_>) -> Result<()> {
         return Ok(());
     }
     // If all common points agree, the first difference is the first surplus point of one side.
-    let first = pair.first_difference()?.unwrap_or_else(|| counts[0].min(counts[1]));
+    let first = pair.first_difference()?.unwrap_or_else(|| PointId::new(counts[0].min(counts[1])));
     let site = |found: Result<PointSite>| found.map(Box::new);
-    let prediction =
-        (first < counts[0]).then(|| site(pair.prediction.site(first, pair.with_time))).transpose()?;
+    let prediction = (first.number() < counts[0])
+        .then(|| site(pair.prediction.site(first, pair.with_time)))
+        .transpose()?;
     let reference =
-        (first < counts[1]).then(|| site(pair.reference.site(first, pair.with_time))).transpose()?;
+        (first.number() < counts[1]).then(|| site(pair.reference.site(first, pair.with_time))).transpose()?;
     Err(EvalError::PointCounts { counts, prediction, reference }.into())
 }

@@ -7,7 +7,7 @@ use crate::eval::matching::parts::Parts;
 use crate::eval::matching::sides::{Files, Idle, PredictionFields, Readers, ReferenceFields, Run, time_bits};
 use crate::eval::table::{Cell, Counter, Table};
 use crate::input::{Catalog, InputFile, record_xyz};
-use crate::model::{AxisTransform, Lattice};
+use crate::model::{AxisTransform, Lattice, PointId};
 
 /// Blocks of the prediction that one thread takes at a time. They are many, so that a block of the reference across
 /// their ends is rarely decoded twice. They are few, so that all threads are occupied.
@@ -41,7 +41,7 @@ pub(super) fn count_same_files(
             let records = reader.records(file, run)?;
             let predicted = &prediction.fields[run.file];
             let referred = &reference.fields[run.file];
-            for (record, index) in records.chunks_exact(file.layout().record_len).zip(run.first..) {
+            for (record, index) in records.chunks_exact(file.layout().record_len).zip(run.first.onward()) {
                 let (segment, predicted) =
                     predicted.read(record).map_err(|label| prediction.wrong(run, index, label))?;
                 let (object, class) =
@@ -87,7 +87,7 @@ impl Pair<'_> {
             let predicted = &self.prediction.fields[stretch.runs.0.file];
             let referred = &self.reference.fields[stretch.runs.1.file];
             let same = SamePoint::new(self, stretch.files);
-            for ((left, right), index) in stretch.records().zip(stretch.first..) {
+            for ((left, right), index) in stretch.records().zip(stretch.first.onward()) {
                 let Some(at) = same.position(left, right) else { return Ok(Some(index)) };
                 let (segment, predicted) = predicted
                     .read(left)
@@ -106,11 +106,11 @@ impl Pair<'_> {
     ///
     /// # Errors
     /// A block that cannot be read.
-    pub(super) fn first_difference(&self) -> Result<Option<u64>> {
+    pub(super) fn first_difference(&self) -> Result<Option<PointId>> {
         let idle = Idle::default();
         let difference = |stretch: &Stretch<'_>| {
             let same = SamePoint::new(self, stretch.files);
-            let mut pairs = stretch.records().zip(stretch.first..);
+            let mut pairs = stretch.records().zip(stretch.first.onward());
             let different = pairs.find(|((left, right), _)| same.position(left, right).is_none());
             Ok(different.map(|found| found.1))
         };
@@ -124,8 +124,8 @@ impl Pair<'_> {
         &self,
         runs: &[Run],
         [left, right]: &mut Readers,
-        mut visit: impl FnMut(&Stretch<'_>) -> Result<Option<u64>>,
-    ) -> Result<Option<u64>> {
+        mut visit: impl FnMut(&Stretch<'_>) -> Result<Option<PointId>>,
+    ) -> Result<Option<PointId>> {
         for run in runs {
             let file = self.prediction.file(run);
             let records = left.records(file, run)?;
@@ -166,8 +166,8 @@ enum Stop {
 
 /// The bytes of the records of these indices.
 #[expect(clippy::cast_possible_truncation, reason = "below the number of records of a block, a u32")]
-fn part<'b>(records: &'b [u8], file: &InputFile, run: &Run, indices: std::ops::Range<u64>) -> &'b [u8] {
-    let byte = |index: u64| (index - run.first) as usize * file.layout().record_len;
+fn part<'b>(records: &'b [u8], file: &InputFile, run: &Run, indices: std::ops::Range<PointId>) -> &'b [u8] {
+    let byte = |index: PointId| (index - run.first) as usize * file.layout().record_len;
     &records[byte(indices.start)..byte(indices.end)]
 }
 
@@ -176,7 +176,7 @@ struct Stretch<'b> {
     runs: (&'b Run, &'b Run),
     files: (&'b InputFile, &'b InputFile),
     /// Index of the first of them.
-    first: u64,
+    first: PointId,
     bytes: (&'b [u8], &'b [u8]),
 }
 

@@ -10,6 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use bytemuck::{Pod, Zeroable};
 
 use crate::eval::error::EvalError;
+use crate::model::PointId;
 
 /// Entries that a bucket should have: 4 MiB. Every thread has four buckets in memory.
 const BUCKET_ENTRIES: u64 = 1 << 18;
@@ -30,8 +31,8 @@ const INDEX_BITS: u32 = 40;
 #[expect(clippy::cast_possible_truncation, reason = "parts of a number are cut out of it")]
 impl Entry {
     /// The entry of a point. It keeps the upper bits of `hash`; the lower 64 choose its bucket.
-    pub(super) fn new(hash: u128, index: u64, label: u32) -> Self {
-        let index = u128::from(index & ((1 << INDEX_BITS) - 1));
+    pub(super) fn new(hash: u128, index: PointId, label: u32) -> Self {
+        let index = u128::from(index.number() & ((1 << INDEX_BITS) - 1));
         Self((hash >> (32 + INDEX_BITS)) << (32 + INDEX_BITS) | index << 32 | u128::from(label))
     }
 
@@ -41,8 +42,8 @@ impl Entry {
     }
 
     /// Index among the points of its side.
-    pub(super) fn index(self) -> u64 {
-        (self.0 >> 32) as u64 & ((1 << INDEX_BITS) - 1)
+    pub(super) fn index(self) -> PointId {
+        PointId::new((self.0 >> 32) as u64 & ((1 << INDEX_BITS) - 1))
     }
 
     /// Number of its label.
@@ -263,11 +264,12 @@ mod tests {
 
     #[test]
     fn an_entry_holds_the_largest_values_and_sorts_by_key_then_index() {
-        let index = (1 << INDEX_BITS) - 1;
+        let index = PointId::new((1 << INDEX_BITS) - 1);
+        let first = PointId::new(0);
         let entry = Entry::new(u128::MAX, index, u32::MAX);
         assert_eq!((entry.key(), entry.index(), entry.label()), ((1 << 56) - 1, index, u32::MAX));
-        assert!(Entry::new(1 << 72, 0, 0) > Entry::new(0, index, 9));
-        assert!(Entry::new(0, 1, 0) > Entry::new(0, 0, 9));
+        assert!(Entry::new(1 << 72, first, 0) > Entry::new(0, index, 9));
+        assert!(Entry::new(0, first + 1, 0) > Entry::new(0, first, 9));
     }
 
     #[test]
@@ -277,7 +279,7 @@ mod tests {
         let buckets = Buckets::new(&folder, "test", 3 * BUCKET_ENTRIES);
         let all: Vec<(u128, Entry)> = (0..10_000_u64)
             .map(|i| (u128::from(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)) << 64 | u128::from(i * 7 % 1000), i))
-            .map(|(hash, i)| (hash, Entry::new(hash, i, 1)))
+            .map(|(hash, i)| (hash, Entry::new(hash, PointId::new(i), 1)))
             .collect();
         let mut batch = Batch::default();
         for part in all.chunks(3_000) {

@@ -9,6 +9,7 @@ use crate::eval::matching::labels::Label;
 use crate::eval::matching::settings::CompareSettings;
 use crate::eval::table::Predicted;
 use crate::input::{Catalog, Fields, InputFile, record_xyz};
+use crate::model::PointId;
 
 /// A block of a file, with the place of its records in the order of all files of its side.
 #[derive(Debug, Clone, Copy)]
@@ -18,7 +19,7 @@ pub(super) struct Run {
     /// Block of the file.
     pub(super) block: usize,
     /// Index of its first record among those of all files.
-    pub(super) first: u64,
+    pub(super) first: PointId,
     /// Records.
     pub(super) count: u64,
 }
@@ -147,7 +148,7 @@ impl<'a, F> Files<'a, F> {
     }
 
     /// The error of a wrong label in the record of this index among all files.
-    pub(super) fn wrong(&self, run: &Run, index: u64, label: WrongLabel) -> EvalError {
+    pub(super) fn wrong(&self, run: &Run, index: PointId, label: WrongLabel) -> EvalError {
         label.at(self.file(run).path(), index - self.catalog.first_id(run.file))
     }
 
@@ -157,7 +158,7 @@ impl<'a, F> Files<'a, F> {
     }
 
     /// The run that contains the record of this index.
-    fn run_of(&self, index: u64) -> &Run {
+    fn run_of(&self, index: PointId) -> &Run {
         &self.runs[self.runs.partition_point(|run| run.first + run.count <= index)]
     }
 
@@ -165,7 +166,7 @@ impl<'a, F> Files<'a, F> {
     ///
     /// # Errors
     /// When its block cannot be read.
-    pub(super) fn site(&self, index: u64, with_time: bool) -> Result<PointSite> {
+    pub(super) fn site(&self, index: PointId, with_time: bool) -> Result<PointSite> {
         let run = self.run_of(index);
         let file = self.file(run);
         let mut reader = BlockReader::default();

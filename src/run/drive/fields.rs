@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::input::InputError;
-use crate::model::Field;
+use crate::model::{Field, PointId};
 use crate::run::drive::{Drive, PerPoint};
 use crate::store::RunDir;
 
@@ -45,12 +45,12 @@ impl StoredFields {
     }
 
     /// The fields of points by their ids. The ids are mostly ascending.
-    pub(crate) fn of_points(&self, drive: &Drive, ids: &[u64]) -> Result<Vec<(Field, Vec<u16>)>> {
+    pub(crate) fn of_points(&self, drive: &Drive, ids: &[PointId]) -> Result<Vec<(Field, Vec<u16>)>> {
         let mut fields = Vec::new();
         for (field, column) in &self.columns {
             let mut values = Vec::with_capacity(ids.len());
             let mut page = Vec::new();
-            let mut page_ids = 0..0;
+            let mut page_ids = PointId::default()..PointId::default();
             for &id in ids {
                 if !page_ids.contains(&id) {
                     let (file, record) = drive.locate(id);

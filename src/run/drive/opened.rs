@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::config::Config;
 use crate::error::Result;
 use crate::input::{Catalog, Fields, InputFile};
-use crate::model::{FileId, Lattice, LatticeTransform, RecordView};
+use crate::model::{FileId, Lattice, LatticeTransform, PointId, RecordView};
 use crate::run::drive::columns::sync_columns;
 use crate::spatial::CellGrid;
 use crate::store::{Column, RunDir, StoreError};
@@ -69,17 +69,17 @@ impl Drive {
     }
 
     /// Id of the first record of a block.
-    pub(crate) fn first_id(&self, file: usize, block: usize) -> u64 {
+    pub(crate) fn first_id(&self, file: usize, block: usize) -> PointId {
         self.catalog.first_id(file) + self.file(file).blocks()[block].first_record
     }
 
     /// File of a point.
-    pub(crate) fn file_of(&self, id: u64) -> FileId {
+    pub(crate) fn file_of(&self, id: PointId) -> FileId {
         FileId::at(self.locate(id).0)
     }
 
     /// File and record of a point.
-    pub(crate) fn locate(&self, id: u64) -> (usize, u64) {
+    pub(crate) fn locate(&self, id: PointId) -> (usize, u64) {
         let file =
             (0..self.catalog.files().len()).rfind(|&file| self.catalog.first_id(file) <= id).unwrap_or(0);
         (file, id - self.catalog.first_id(file))

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{FileId, PointClass};
+use crate::model::{FileId, PointClass, PointId};
 use crate::run::drive::opened::Drive;
 use crate::run::drive::sections;
 
@@ -43,7 +43,7 @@ pub(crate) fn lengths(runs: &[u8]) -> Result<Vec<u32>> {
 
 impl TileVerdicts {
     /// The records with these ids (ascending) and classes.
-    pub(crate) fn collect(drive: &Drive, ids: &[u64], classes: Vec<u8>) -> Result<Self> {
+    pub(crate) fn collect(drive: &Drive, ids: &[PointId], classes: Vec<u8>) -> Result<Self> {
         let mut verdicts = Self { classes, ..Self::default() };
         let mut start = 0;
         let mut objects = 0;
@@ -141,15 +141,15 @@ pub(crate) fn scatter<T: Copy>(runs: &[u32], values: &[T], all: &mut [T]) -> Res
 }
 
 /// Run lengths of records that are not among `ids` and that are, in turn, from the id `first` on.
-fn run_lengths(ids: &[u64], first: u64) -> Vec<u32> {
+fn run_lengths(ids: &[PointId], first: PointId) -> Vec<u32> {
     #[expect(
         clippy::cast_possible_truncation,
         reason = "all are records of one block, which are counted in 32 bits"
     )]
-    let length = |from: u64, to: u64| (to - from) as u32;
+    let length = |from: PointId, to: PointId| (to - from) as u32;
     let mut lengths = Vec::new();
     let mut next = first;
-    for run in ids.chunk_by(|a, b| a + 1 == *b) {
+    for run in ids.chunk_by(|a, b| *a + 1 == *b) {
         let end = run[0] + run.len() as u64;
         lengths.extend([length(next, run[0]), length(run[0], end)]);
         next = end;
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn runs_tell_which_records_are_owned() {
-        let runs = run_lengths(&[1_003, 1_004, 1_005, 1_009], 1_000);
+        let runs = run_lengths(&[1_003, 1_004, 1_005, 1_009].map(PointId::new), PointId::new(1_000));
         assert_eq!(runs, [3, 3, 3, 1]);
         let mut codes = [9; 12];
         scatter(&runs, &[0, 1, 2, 3], &mut codes).unwrap();

@@ -153,7 +153,7 @@ impl<'a> Pass for GroundPass<'a> {
             }
         }
         payload.heights = heights.finish();
-        let asked = |point: usize| gathered.core[point] && cloud.id[point].is_multiple_of(LOW_SHARE);
+        let asked = |point: usize| gathered.core[point] && cloud.id[point].number().is_multiple_of(LOW_SHARE);
         payload.low = LowPoints::count(cloud, &classes, &grid, asked);
         let verdicts = TileVerdicts::collect(self.tiled.drive, &ids, codes)?;
         let [blocks, runs, codes] = verdicts.into_sections()?;

@@ -8,7 +8,7 @@ use crate::cluster::{BytesPer, DriveWindow, Labelled, Mapped, Method, Reduced, R
 use crate::codec;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::model::{ObjectPart, TileId};
+use crate::model::{ObjectPart, PointId, TileId};
 use crate::run::chain::with_section;
 use crate::run::drive::Classified;
 use crate::run::engine::{Driver, Outline, Pass, Payloads, Rounds, prefix};
@@ -73,7 +73,7 @@ impl StepPass<'_> {
         let Labelled { points: TilePoints { cloud, core, ground }, mut labels, count, with_halo } = labelled;
         let drive = self.classified().tiled.drive;
         let plan = self.progress.plan();
-        let file = |id: u64| drive.file_of(id).number();
+        let file = |id: PointId| drive.file_of(id);
         let local = if with_halo {
             let owners = plan.owners();
             let owner = |point: usize| {

@@ -9,7 +9,7 @@ use crate::cluster::{Figures, Grouped, Method, Reduced};
 use crate::codec;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::model::{Chart, Kind, ObjectPart, TileId};
+use crate::model::{Chart, Kind, ObjectPart, PointId, TileId};
 use crate::run::drive::{TileVerdicts, is_object};
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::passes::sections;
@@ -216,7 +216,7 @@ struct OwnLabels<'a> {
     verdicts: TileVerdicts,
     labels: Vec<u8>,
     /// Ids of the records of the current block (first and end), and the position of each record's label.
-    first: u64,
+    first: PointId,
     places: Vec<Option<u64>>,
 }
 
@@ -224,11 +224,11 @@ impl<'a> OwnLabels<'a> {
     fn of(progress: &'a Progress<'a>, tile: TileId) -> Result<Self> {
         let verdicts = progress.over.classified.verdicts(tile)?;
         let labels = progress.current.reader(tile)?.read_section(sections::LABELS)?;
-        Ok(Self { progress, verdicts, labels, first: 0, places: Vec::new() })
+        Ok(Self { progress, verdicts, labels, first: PointId::default(), places: Vec::new() })
     }
 
     /// The label of a point of objects in the core of the tile.
-    fn label(&mut self, id: u64) -> Result<u32> {
+    fn label(&mut self, id: PointId) -> Result<u32> {
         let foreign = || Error::bug(format!("point {id} does not belong to its owner"));
         if id < self.first || id - self.first >= self.places.len() as u64 {
             self.load(id)?;
@@ -241,7 +241,7 @@ impl<'a> OwnLabels<'a> {
     }
 
     /// Finds the positions of the labels of the block that contains a point.
-    fn load(&mut self, id: u64) -> Result<()> {
+    fn load(&mut self, id: PointId) -> Result<()> {
         let drive = self.progress.over.classified.tiled.drive;
         let (file, record) = drive.locate(id);
         let blocks = drive.file(file).blocks();

@@ -15,7 +15,7 @@ use crate::cluster::further::{Asking, Further};
 use crate::cluster::method::{BytesPer, DriveWindow, Mapped, Reduced, Repeat, Step, TileWindow};
 use crate::codec;
 use crate::error::Result;
-use crate::model::{FieldSpace, TileId};
+use crate::model::{FieldSpace, PointId, TileId};
 use crate::spatial::{Cell, LookedAt, Neighbours, Points};
 
 /// Maximum number of rounds. Each round uses at least one neighbour more than the round before, and
@@ -47,8 +47,8 @@ impl Sample {
         Self { seed, below: if all { u64::MAX } else { (share * 64_f64.exp2()) as u64 } }
     }
 
-    fn takes(&self, id: u64) -> bool {
-        self.below == u64::MAX || xxh3_64_with_seed(&id.to_le_bytes(), self.seed) < self.below
+    fn takes(&self, id: PointId) -> bool {
+        self.below == u64::MAX || xxh3_64_with_seed(&id.number().to_le_bytes(), self.seed) < self.below
     }
 }
 
@@ -239,12 +239,12 @@ mod tests {
 
     #[test]
     fn a_sample_is_about_as_large_as_asked_and_depends_on_the_seed_alone() {
-        let count = |sample: Sample| (0..100_000).filter(|&id| sample.takes(id)).count();
+        let count = |sample: Sample| (0..100_000).filter(|&id| sample.takes(PointId::new(id))).count();
         assert_eq!(count(Sample::new(1, 0, 100_000)), 100_000);
         assert_eq!(count(Sample::new(1, 100_000, 100_000)), 100_000);
         let one = Sample::new(1, 5_000, 100_000);
         let two = Sample::new(2, 5_000, 100_000);
         assert!((4_700..5_300).contains(&count(one)) && (4_700..5_300).contains(&count(two)));
-        assert!((0..100_000).any(|id| one.takes(id) != two.takes(id)));
+        assert!((0..100_000).map(PointId::new).any(|id| one.takes(id) != two.takes(id)));
     }
 }
