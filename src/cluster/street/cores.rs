@@ -175,7 +175,7 @@ impl Cored {
         for (near, places) in around.voxels.by_tile() {
             let payload: Payload = codec::decode(&tile.payload(STEP_CORES, near)?)?;
             let of_tile: OfTile = sliced::slice(tile.global(STEP_CORES), near)?;
-            for &(voxel, at) in places {
+            for &(voxel, at) in &places {
                 let (voxel, at) = (voxel as usize, at as usize);
                 class[at] = payload.class[voxel] & !DECIDED;
                 if payload.class[voxel] & DECIDED != 0 {
@@ -187,7 +187,7 @@ impl Cored {
             }
             let chains: BTreeMap<u32, u32> = of_tile.chains.into_iter().collect();
             let trunks: BTreeMap<u32, u32> = payload.trunks.into_iter().collect();
-            for &(voxel, at) in places {
+            for &(voxel, at) in &places {
                 if let Some(&trunk) = trunks.get(&voxel).and_then(|chain| chains.get(chain)) {
                     label[at as usize] = trunk;
                 }
@@ -202,7 +202,7 @@ impl Cored {
 pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let lattice = tile.lattice();
     let mut around = Classified::load(tile, lattice.units_up(REACH_M))?;
-    let near = tile.near(lattice.units_up(REACH_M + PIECES_M) + 2 * tile.grid().edge());
+    let near = tile.near(lattice.units_up(REACH_M + PIECES_M + 4.0 * EDGE_M));
     let pieces = chains::load(tile, &near)?;
     let mut class = shares::classes(&around.shares);
     let trunk = take_chains(&mut around, &mut class, &pieces, lattice);

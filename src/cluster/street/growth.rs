@@ -70,9 +70,21 @@ struct Border {
     cores: Vec<Core>,
 }
 
-/// Distance within which a tile sees the borders of others, in lattice units.
-pub(super) fn reach(lattice: Lattice) -> i64 {
+/// Largest length of an edge in lattice units.
+fn reach(lattice: Lattice) -> i64 {
     lattice.units_up(EDGE_MOST_M)
+}
+
+/// Distance within which a tile reads voxels, in lattice units: those that its own have edges to, and those
+/// that decide which are the nearest of these.
+fn load_reach(lattice: Lattice) -> i64 {
+    2 * reach(lattice) + lattice.units_up(EDGE_M)
+}
+
+/// Distance within which a tile sees the borders of others, in lattice units. The owner of a column of voxels
+/// owns a cell that meets it.
+pub(super) fn border_reach(lattice: Lattice) -> i64 {
+    load_reach(lattice) + 4 * lattice.units_up(EDGE_M)
 }
 
 /// The edges of the voxels near a tile, as a list per voxel.
@@ -190,7 +202,7 @@ impl Costs {
 /// The labels of the voxels of a tile, from the borders of other tiles in the round before.
 pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let lattice = tile.lattice();
-    let cored = Cored::load(tile, 2 * reach(lattice) + lattice.units_up(EDGE_M))?;
+    let cored = Cored::load(tile, load_reach(lattice))?;
     let voxels = &cored.around.voxels;
     let mut cores: FxHashMap<u32, Core> = cored.cores.iter().map(|(label, core)| (*label, *core)).collect();
     let mut known: Vec<Option<Reached>> = vec![None; voxels.key.len()];
@@ -210,7 +222,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         let border: Border = codec::decode(&bytes)?;
         cores.extend(border.cores.iter().map(|core| (core.label, *core)));
         let mut reached = border.reached.iter().peekable();
-        for &(voxel, at) in places {
+        for &(voxel, at) in &places {
             while reached.next_if(|entry| entry.0 < voxel).is_some() {}
             if let Some((_, value)) = reached.next_if(|entry| entry.0 == voxel) {
                 known[at as usize] = Some(*value);
@@ -333,7 +345,7 @@ impl Grown {
         let mut cores = std::mem::take(&mut cored.cores);
         for (near, places) in cored.around.voxels.by_tile() {
             let payload: Payload = codec::decode(&tile.payload(STEP_GROWTH, near)?)?;
-            for &(voxel, at) in places {
+            for &(voxel, at) in &places {
                 label[at as usize] = payload.labels[voxel as usize];
             }
             cores.extend(payload.cores.into_iter().map(|core| (core.label, core)));

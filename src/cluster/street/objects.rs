@@ -13,10 +13,10 @@ use super::leftovers::Whole;
 use super::settings::{NAME, STEP_OBJECTS, edge};
 use super::shares::{self};
 use crate::cluster::columns::{Voxel, global_indices};
-use crate::cluster::{DriveWindow, Grouped, Kind, Labelled, Mapped, TileWindow};
+use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::TileId;
+use crate::model::{Kind, TileId};
 use crate::spatial::VoxelIndex;
 
 /// A label of a tile.
@@ -39,7 +39,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let whole = Whole::load(tile, 2 * tile.grid().edge() + 2 * i64::from(edge))?;
     let voxels = &whole.grown.cored.around.voxels;
     let mut place = vec![u32::MAX; index.len()];
-    for (key, number) in global_indices(&index, |_| true)? {
+    for (key, number) in global_indices(NAME, &index, |_| true)? {
         let lost = |key: Voxel| Error::bug(format!("voxel {key:?} has points and no tile"));
         place[number as usize] = voxels.find(key).ok_or_else(|| lost(key))? as u32;
     }

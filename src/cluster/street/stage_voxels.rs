@@ -13,6 +13,7 @@ use crate::cluster::columns::global_indices;
 use crate::cluster::{Mapped, TilePoints, TileWindow};
 use crate::codec;
 use crate::error::Result;
+use crate::model::Lattice;
 use crate::spatial::VoxelIndex;
 
 /// The points around a tile and the voxels that the tile owns.
@@ -38,6 +39,11 @@ impl Cut {
 /// Distance around a tile that contains all points of its columns and cells: two edges per axis.
 fn reach(units: i64) -> i64 {
     3 * units
+}
+
+/// Distance around a tile within which points are read, in lattice units.
+pub(super) fn points_reach(lattice: Lattice) -> i64 {
+    reach(lattice.units(CELL_M))
 }
 
 /// Whether the tile owns the column with edges of `units` lattice units.
