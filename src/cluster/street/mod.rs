@@ -20,6 +20,7 @@
 mod chains;
 mod classified;
 mod cores;
+mod features;
 mod growth;
 mod leftovers;
 mod objects;
@@ -27,6 +28,7 @@ mod parts;
 mod seeds;
 mod settings;
 mod shares;
+mod stage_classes;
 mod stage_voxels;
 mod terrain;
 mod truth;
