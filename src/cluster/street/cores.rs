@@ -27,6 +27,7 @@ use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::Result;
 use crate::model::{Lattice, TileId};
+use crate::spatial::Cell;
 
 /// Distance around a tile within which voxels are read, in metres. It covers the longest link (buildings,
 /// 1.6 m) and the canopy around a link of trees.
@@ -165,9 +166,9 @@ pub(super) struct Cored {
 }
 
 impl Cored {
-    /// Loads the voxels within `reach` of a tile.
-    pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
-        let mut around = Classified::load(tile, reach)?;
+    /// Loads the voxels within `reach` of a tile, and those of the columns `also`.
+    pub(super) fn load(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
+        let mut around = Classified::load_with(tile, reach, also)?;
         let count = around.voxels.key.len();
         let mut class = vec![GROUND; count];
         let mut label = vec![0; count];

@@ -31,6 +31,7 @@ use crate::cluster::{Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
 use crate::model::Lattice;
+use crate::spatial::Cell;
 
 /// Number of nearest voxels that a voxel has edges to, itself not counted.
 const NEIGHBOURS: usize = 11;
@@ -202,7 +203,7 @@ impl Costs {
 /// The labels of the voxels of a tile, from the borders of other tiles in the round before.
 pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let lattice = tile.lattice();
-    let cored = Cored::load(tile, load_reach(lattice))?;
+    let cored = Cored::load(tile, load_reach(lattice), &[])?;
     let voxels = &cored.around.voxels;
     let mut cores: FxHashMap<u32, Core> = cored.cores.iter().map(|(label, core)| (*label, *core)).collect();
     let mut known: Vec<Option<Reached>> = vec![None; voxels.key.len()];
@@ -338,9 +339,9 @@ pub(super) struct Grown {
 }
 
 impl Grown {
-    /// Loads the voxels within `reach` of a tile.
-    pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
-        let mut cored = Cored::load(tile, reach)?;
+    /// Loads the voxels within `reach` of a tile, and those of the columns `also`.
+    pub(super) fn load(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
+        let mut cored = Cored::load(tile, reach, also)?;
         let mut label = vec![0; cored.class.len()];
         let mut cores = std::mem::take(&mut cored.cores);
         for (near, places) in cored.around.voxels.by_tile() {

@@ -20,6 +20,7 @@ use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::Result;
 use crate::model::{Lattice, TileId};
+use crate::spatial::Cell;
 
 /// Leftover voxels at most so many voxels apart are one component.
 const JOIN: (i32, i32) = (4, 4);
@@ -95,7 +96,7 @@ struct Payload {
 /// Components of the voxels that no core reaches.
 pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let lattice = tile.lattice();
-    let grown = Grown::load(tile, lattice.units_up(FAR_M))?;
+    let grown = Grown::load(tile, lattice.units_up(FAR_M), &[])?;
     let around = &grown.cored.around;
     let voxels = &around.voxels;
     let left: Vec<bool> = (0..grown.label.len())
@@ -226,9 +227,9 @@ pub(super) struct Whole {
 }
 
 impl Whole {
-    /// Loads the voxels within `reach` of a tile.
-    pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
-        let mut grown = Grown::load(tile, reach)?;
+    /// Loads the voxels within `reach` of a tile, and those of the columns `also`.
+    pub(super) fn load(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
+        let mut grown = Grown::load(tile, reach, also)?;
         let mut class: BTreeMap<u32, u8> =
             grown.cored.cores.iter().map(|(label, core)| (*label, core.class)).collect();
         for (near, places) in grown.cored.around.voxels.by_tile() {

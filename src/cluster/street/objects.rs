@@ -17,7 +17,7 @@ use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{Kind, TileId};
-use crate::spatial::VoxelIndex;
+use crate::spatial::{Cell, VoxelIndex};
 
 /// A label of a tile.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -35,11 +35,14 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let edge = edge(tile.lattice());
     let points = tile.points(0, true)?;
     let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
-    // The owner of a column of voxels may own another cell that it meets.
-    let whole = Whole::load(tile, 2 * tile.grid().edge() + 2 * i64::from(edge))?;
+    let indices = global_indices(NAME, &index, |_| true)?;
+    // Another tile may own the column of a point.
+    let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
+    columns.dedup();
+    let whole = Whole::load(tile, 0, &columns)?;
     let voxels = &whole.grown.cored.around.voxels;
     let mut place = vec![u32::MAX; index.len()];
-    for (key, number) in global_indices(NAME, &index, |_| true)? {
+    for (key, number) in indices {
         let lost = |key: Voxel| Error::bug(format!("voxel {key:?} has points and no tile"));
         place[number as usize] = voxels.find(key).ok_or_else(|| lost(key))? as u32;
     }

@@ -19,7 +19,7 @@ use crate::cluster::{DriveWindow, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{Lattice, TileId};
-use crate::spatial::{CellGrid, CellMap};
+use crate::spatial::{Cell, CellGrid, CellMap};
 
 /// Sections of the payload of the step `voxels`.
 pub(super) const SECTION_VOXELS: usize = 0;
@@ -112,9 +112,16 @@ impl Voxels {
     /// Loads the voxels of a tile, and every voxel whose column is within `reach` lattice units of a column of
     /// the tile. Some columns further away may be among them.
     pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
+        Self::load_with(tile, reach, &[])
+    }
+
+    /// Loads these voxels, and those of the columns `also`. A tile may have points in a column that another
+    /// tile owns, far from any column of its own.
+    pub(super) fn load_with(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
         let units = i64::from(edge(tile.lattice()));
         let own = read(tile, tile.tile())?;
-        let near = Near::around(&own, reach.div_euclid(units) + 1);
+        let mut near = Near::around(&own, reach.div_euclid(units) + 1);
+        near.add(also);
         let mut found: Vec<([i32; 2], u32, Range<usize>)> = Vec::new();
         let mut tiles: Vec<(TileId, StoredVoxels)> = vec![(tile.tile(), own)];
         // The owner of a column owns a cell that meets it: at most two edges away on both sides.
@@ -234,6 +241,13 @@ impl Near {
             }
         }
         Self { grid, squares }
+    }
+
+    /// Adds columns.
+    fn add(&mut self, columns: &[Cell]) {
+        for column in columns {
+            *self.squares.entry(column.map(|index| index.div_euclid(SQUARE))) = 1;
+        }
     }
 
     fn holds(&self, column: [i32; 2]) -> bool {
