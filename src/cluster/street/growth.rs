@@ -27,14 +27,17 @@ use super::settings::{CLASSES, EDGE_M, STEP_GROWTH};
 use super::shares::{GROUND, TREE};
 use super::classified::Classified;
 use super::window::Window;
+use crate::cluster::columns::Finder;
 use crate::cluster::{Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
 use crate::model::Lattice;
 use crate::spatial::Cell;
 
-/// Number of nearest voxels that a voxel has edges to, itself not counted.
-const NEIGHBOURS: usize = 11;
+/// Largest number of voxels that a voxel has edges to by itself. Edges lead both ways, so it may have more.
+const NEIGHBOURS: usize = 14;
+/// Number of neighbours from which none are looked for further away.
+const ENOUGH: usize = 8;
 /// Largest length of an edge in metres.
 const EDGE_MOST_M: f64 = 1.0;
 /// Smallest share of a class that opens a voxel to it, by class.
@@ -99,13 +102,13 @@ impl Graph {
         &self.to[self.first[voxel] as usize..self.first[voxel + 1] as usize]
     }
 
-    /// Edges between voxels of which one is among the nearest of the other.
+    /// Edges between voxels of which one is a neighbour of the other.
     fn new(around: &Classified, lattice: Lattice) -> Self {
         let count = around.voxels.key.len();
         let mut search = Search::new(around, lattice);
         let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(count * NEIGHBOURS);
         for voxel in 0..count {
-            for &(_, _, other) in search.nearest(voxel) {
+            for &(_, other) in search.neighbours(voxel) {
                 pairs.push((voxel as u32, other));
                 pairs.push((other, voxel as u32));
             }
@@ -128,48 +131,50 @@ impl Graph {
     }
 }
 
-/// The nearest voxels of a voxel.
+/// The neighbours of a voxel: those that touch it or, where these are few, the nearest ones further away.
 struct Search<'a> {
     around: &'a Classified,
-    windows: Vec<(Window, i64)>,
+    finder: Finder<'a>,
+    windows: Vec<Window>,
     most: i64,
-    found: Vec<(i64, [i32; 3], u32)>,
+    found: Vec<(i64, u32)>,
 }
 
 impl<'a> Search<'a> {
     fn new(around: &'a Classified, lattice: Lattice) -> Self {
         let edge = lattice.units(EDGE_M);
         let most = lattice.units(EDGE_MOST_M);
-        // All voxels whose centres are nearer than r edges lie within r + 1 voxels on every axis.
-        let mut windows: Vec<(Window, i64)> =
-            [1_i32, 3].iter().map(|&steps| (Window::square(steps + 1), i64::from(steps) * edge)).collect();
-        windows.push((Window::square((most / edge) as i32 + 1), most));
-        Self { around, windows, most, found: Vec::new() }
+        let farthest = (most / edge) as i32 + 1;
+        let windows = [1, 2, 3, 5].into_iter().chain([farthest]).map(Window::square).collect();
+        let finder = around.voxels.columns.finder();
+        Self { around, finder, windows, most: most * most, found: Vec::new() }
     }
 
-    /// At most [`NEIGHBOURS`] voxels, nearest first: squared distance, key and voxel.
-    fn nearest(&mut self, voxel: usize) -> &[(i64, [i32; 3], u32)] {
-        let voxels = &self.around.voxels;
-        let mut finder = voxels.columns.finder();
+    /// Squared distance and number of each neighbour.
+    fn neighbours(&mut self, voxel: usize) -> &[(i64, u32)] {
+        let Self { around, finder, windows, most, found } = self;
+        let voxels = &around.voxels;
         let [i, j, k] = voxels.key[voxel];
         let [x, y, z] = voxels.centre[voxel];
-        for (window, certain) in &self.windows {
-            self.found.clear();
-            let limit = (*certain).min(self.most).pow(2);
-            window.visit(&voxels.columns, &mut finder, [i, j], k, |other| {
+        for window in windows {
+            found.clear();
+            window.visit(&voxels.columns, finder, [i, j], k, |other| {
                 let [u, v, w] = voxels.centre[other];
                 let distance = (u - x).pow(2) + (v - y).pow(2) + (w - z).pow(2);
-                if distance <= limit && other != voxel {
-                    self.found.push((distance, voxels.key[other], other as u32));
+                if distance <= *most && other != voxel {
+                    found.push((distance, other as u32));
                 }
             });
-            if self.found.len() >= NEIGHBOURS {
-                self.found.select_nth_unstable(NEIGHBOURS - 1);
-                self.found.truncate(NEIGHBOURS);
+            if found.len() >= ENOUGH {
                 break;
             }
         }
-        &self.found
+        if found.len() > NEIGHBOURS {
+            // Of equally far voxels the first counts: numbers are in the order of keys in every tile.
+            found.select_nth_unstable(NEIGHBOURS - 1);
+            found.truncate(NEIGHBOURS);
+        }
+        found
     }
 }
 
@@ -196,7 +201,7 @@ impl Costs {
             cost += AWAY * (from_stem(to) - from_stem(from)).max(0.0) / self.edge;
         }
         let other = 1.0 - f64::from(share) / 255.0;
-        (UNIT * cost * (1.0 + OTHER_CLASS * other)).round().max(1.0) as u32
+        (UNIT * cost * (1.0 + OTHER_CLASS * other) + 0.5).max(1.0) as u32
     }
 }
 
