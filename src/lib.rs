@@ -38,6 +38,8 @@ pub mod spatial;
 mod codec;
 mod whole_file;
 
+pub mod boosting;
+
 pub mod config;
 
 pub mod input;
