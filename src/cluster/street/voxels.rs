@@ -255,3 +255,65 @@ impl Near {
         self.grid.cell(i, j).is_some_and(|square| self.squares.get(square) == 1)
     }
 }
+
+#[cfg(test)]
+impl Voxels {
+    /// The voxels of some points, all owned by one tile.
+    pub(super) fn of_points(lattice: Lattice, points: &[[i64; 3]]) -> Self {
+        let units = i64::from(edge(lattice));
+        let mut keyed: Vec<(Voxel, [u64; 3])> = points
+            .iter()
+            .map(|point| {
+                let key = point.map(|value| i32::try_from(value.div_euclid(units)).unwrap());
+                (key, point.map(|value| value.rem_euclid(units).unsigned_abs()))
+            })
+            .collect();
+        keyed.sort_unstable();
+        let mut storing = Storing::default();
+        for voxel in keyed.chunk_by(|a, b| a.0 == b.0) {
+            let sums = [0, 1, 2].map(|axis| voxel.iter().map(|point| point.1[axis]).sum());
+            storing.push(voxel[0].0, voxel.len() as u32, sums);
+        }
+        let stored = storing.finish();
+        let found: Vec<_> = stored.columns().map(|(cell, range)| (cell, 0, range)).collect();
+        let tile = TileId::new(0);
+        Self::of(lattice, tile, &[(tile, stored)], &found).unwrap()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn voxels_return_from_their_stored_form_with_the_mean_of_their_points() {
+        let points = [[-1, 0, 0], [-3, 0, 5], [0, 149, 149], [0, 149, 150], [-1, 0, -4_000], [40_000, -7, 1]];
+        let voxels = Voxels::of_points(Lattice::MILLIMETRE, &points);
+        assert_eq!(voxels.key, [[-1, 0, -27], [-1, 0, 0], [0, 0, 0], [0, 0, 1], [266, -1, 0]]);
+        assert_eq!(voxels.points, [1, 2, 1, 1, 1]);
+        assert_eq!(voxels.centre[1], [-2, 0, 2]);
+        assert_eq!(voxels.centre[0], [-1, 0, -4_000]);
+        assert_eq!(voxels.find([0, 0, 1]), Some(3));
+        assert_eq!(voxels.find([0, 1, 1]), None);
+        let stored: StoredVoxels = codec::decode(&codec::encode(&StoredVoxels::default()).unwrap()).unwrap();
+        assert_eq!(stored.len(), 0);
+    }
+
+    #[test]
+    fn every_column_within_reach_is_near() {
+        let mut storing = Storing::default();
+        for key in [[-3, 5, 0], [40, 7, 0]] {
+            storing.push(key, 1, [0; 3]);
+        }
+        let own = storing.finish();
+        let near = Near::around(&own, 10);
+        let gap = |a: i32, b: i32| (i64::from(a.abs_diff(b)) - 1).max(0);
+        for i in -40..80 {
+            for j in -30..40 {
+                let within = |[x, y]: [i32; 2]| gap(i, x).pow(2) + gap(j, y).pow(2) <= 100;
+                assert!(near.holds([i, j]) || !(within([-3, 5]) || within([40, 7])), "{i} {j}");
+            }
+        }
+        assert!(!near.holds([-40, 5]) && !near.holds([18, 30]), "far columns are left out");
+    }
+}
