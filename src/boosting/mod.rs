@@ -33,6 +33,7 @@
 //! ```
 
 mod bins;
+mod confusion;
 mod error;
 mod evaluate;
 mod exponential;
@@ -44,6 +45,7 @@ mod samples;
 mod settings;
 mod tree;
 
+pub use confusion::Confusion;
 pub use error::BoostingError;
 pub use learn::learn;
 pub use model::{About, Model, TrainedOn};

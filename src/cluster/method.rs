@@ -209,6 +209,24 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         &[]
     }
 
+    /// Values on which a step depends and that are no settings, by name: for example the checksum of a model.
+    fn depends_on(&self, _step: usize) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
+
+    /// The file of a model that the method needs, as a setting names it. `None` if it needs none.
+    fn model_file(&self) -> Option<&str> {
+        None
+    }
+
+    /// Takes the content of that file.
+    ///
+    /// # Errors
+    /// When the content is not a model that the method can use.
+    fn use_model(&mut self, _file: &str, _content: &[u8]) -> Result<()> {
+        Ok(())
+    }
+
     /// Distance around a tile within which points are read as a rule. The plan uses it before anything is
     /// known of the drive.
     fn planning_reach(&self, lattice: Lattice) -> Reach;

@@ -29,7 +29,7 @@ mod local;
 mod method;
 pub mod p_linkage;
 mod sliced;
-mod street;
+pub(crate) mod street;
 
 pub use dbscan::{Auto, Dbscan, DbscanConfig, DbscanVariant, Epsilon};
 pub use density_peaks::{DensityPeaks, DensityPeaksConfig};

@@ -31,6 +31,7 @@ mod open;
 mod passes;
 mod plan;
 mod summary;
+mod train;
 
 use std::path::PathBuf;
 
@@ -52,6 +53,7 @@ pub use look::{
 };
 pub use look::{PassStatus, RunStatus, status};
 pub use summary::{Counts, RunSummary};
+pub use train::{TrainRequest, Trained, read_model, score_model, train};
 
 /// A request for a run.
 #[derive(Debug, Clone)]

@@ -23,23 +23,17 @@ use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::cores::{Core, Cored};
+use super::edges::{self, Edges};
 use super::settings::{CLASSES, EDGE_M, STEP_GROWTH};
 use super::shares::{GROUND, TREE};
 use super::classified::Classified;
 use super::window::Window;
-use crate::cluster::columns::Finder;
 use crate::cluster::{Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
 use crate::model::Lattice;
 use crate::spatial::Cell;
 
-/// Largest number of voxels that a voxel has edges to by itself. Edges lead both ways, so it may have more.
-const NEIGHBOURS: usize = 14;
-/// Number of neighbours from which none are looked for further away.
-const ENOUGH: usize = 8;
-/// Largest length of an edge in metres.
-const EDGE_MOST_M: f64 = 1.0;
 /// Smallest share of a class that opens a voxel to it, by class.
 const OPEN: [u8; CLASSES] = [255, 5, 127, 25, 13, 51, 51, 26];
 /// How much dearer an edge is to a voxel that is of another class.
@@ -74,108 +68,10 @@ struct Border {
     cores: Vec<Core>,
 }
 
-/// Largest length of an edge in lattice units.
-fn reach(lattice: Lattice) -> i64 {
-    lattice.units_up(EDGE_MOST_M)
-}
-
-/// Distance within which a tile reads voxels, in lattice units: those that its own have edges to, and those
-/// that decide which are the nearest of these.
-fn load_reach(lattice: Lattice) -> i64 {
-    2 * reach(lattice) + lattice.units_up(EDGE_M)
-}
-
 /// Distance within which a tile sees the borders of others, in lattice units. The owner of a column of voxels
 /// owns a cell that meets it.
 pub(super) fn border_reach(lattice: Lattice) -> i64 {
-    load_reach(lattice) + 4 * lattice.units_up(EDGE_M)
-}
-
-/// The edges of the voxels near a tile, as a list per voxel.
-struct Graph {
-    first: Vec<u32>,
-    to: Vec<u32>,
-}
-
-impl Graph {
-    fn edges(&self, voxel: usize) -> &[u32] {
-        &self.to[self.first[voxel] as usize..self.first[voxel + 1] as usize]
-    }
-
-    /// Edges between voxels of which one is a neighbour of the other.
-    fn new(around: &Classified, lattice: Lattice) -> Self {
-        let count = around.voxels.key.len();
-        let mut search = Search::new(around, lattice);
-        let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(count * NEIGHBOURS);
-        for voxel in 0..count {
-            for &(_, other) in search.neighbours(voxel) {
-                pairs.push((voxel as u32, other));
-                pairs.push((other, voxel as u32));
-            }
-        }
-        let mut first = vec![0_u32; count + 1];
-        for &(from, _) in &pairs {
-            first[from as usize + 1] += 1;
-        }
-        for voxel in 0..count {
-            first[voxel + 1] += first[voxel];
-        }
-        let mut next = first.clone();
-        let mut to = vec![0_u32; pairs.len()];
-        for (from, other) in pairs {
-            let at = &mut next[from as usize];
-            to[*at as usize] = other;
-            *at += 1;
-        }
-        Self { first, to }
-    }
-}
-
-/// The neighbours of a voxel: those that touch it or, where these are few, the nearest ones further away.
-struct Search<'a> {
-    around: &'a Classified,
-    finder: Finder<'a>,
-    windows: Vec<Window>,
-    most: i64,
-    found: Vec<(i64, u32)>,
-}
-
-impl<'a> Search<'a> {
-    fn new(around: &'a Classified, lattice: Lattice) -> Self {
-        let edge = lattice.units(EDGE_M);
-        let most = lattice.units(EDGE_MOST_M);
-        let farthest = (most / edge) as i32 + 1;
-        let windows = [1, 2, 3, 5].into_iter().chain([farthest]).map(Window::square).collect();
-        let finder = around.voxels.columns.finder();
-        Self { around, finder, windows, most: most * most, found: Vec::new() }
-    }
-
-    /// Squared distance and number of each neighbour.
-    fn neighbours(&mut self, voxel: usize) -> &[(i64, u32)] {
-        let Self { around, finder, windows, most, found } = self;
-        let voxels = &around.voxels;
-        let [i, j, k] = voxels.key[voxel];
-        let [x, y, z] = voxels.centre[voxel];
-        for window in windows {
-            found.clear();
-            window.visit(&voxels.columns, finder, [i, j], k, |other| {
-                let [u, v, w] = voxels.centre[other];
-                let distance = (u - x).pow(2) + (v - y).pow(2) + (w - z).pow(2);
-                if distance <= *most && other != voxel {
-                    found.push((distance, other as u32));
-                }
-            });
-            if found.len() >= ENOUGH {
-                break;
-            }
-        }
-        if found.len() > NEIGHBOURS {
-            // Of equally far voxels the first counts: numbers are in the order of keys in every tile.
-            found.select_nth_unstable(NEIGHBOURS - 1);
-            found.truncate(NEIGHBOURS);
-        }
-        found
-    }
+    edges::reach(lattice) + 4 * lattice.units_up(EDGE_M)
 }
 
 /// Costs of edges in lattice units of one drive.
@@ -208,7 +104,7 @@ impl Costs {
 /// The labels of the voxels of a tile, from the borders of other tiles in the round before.
 pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let lattice = tile.lattice();
-    let cored = Cored::load(tile, load_reach(lattice), &[])?;
+    let cored = Cored::load(tile, edges::reach(lattice), &[])?;
     let voxels = &cored.around.voxels;
     let mut cores: FxHashMap<u32, Core> = cored.cores.iter().map(|(label, core)| (*label, *core)).collect();
     let mut known: Vec<Option<Reached>> = vec![None; voxels.key.len()];
@@ -235,11 +131,12 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
             }
         }
     }
-    let reached = grow(&cored, &cores, known, lattice);
+    let edges = Edges::load(tile, voxels)?;
+    let reached = grow(&cored, &edges, &cores, known, lattice);
 
     let mut payload = Payload::default();
     let mut border = Border::default();
-    let at_border = near_foreign(&cored.around, reach(lattice), lattice);
+    let at_border = near_foreign(&cored.around, edges::reach(lattice), lattice);
     let mut used = Vec::new();
     let mut seen = Vec::new();
     for (number, voxel) in (0_u32..).zip((0..reached.len()).filter(|&voxel| voxels.owned[voxel])) {
@@ -273,12 +170,12 @@ fn open(cored: &Cored, voxel: usize) -> bool {
 /// Label and cost of the voxels of the tile. `known` are those of cores and of other tiles.
 fn grow(
     cored: &Cored,
+    edges: &Edges,
     cores: &FxHashMap<u32, Core>,
     known: Vec<Option<Reached>>,
     lattice: Lattice,
 ) -> Vec<Reached> {
     let voxels = &cored.around.voxels;
-    let graph = Graph::new(&cored.around, lattice);
     let costs = Costs { edge: lattice.units(EDGE_M) as f64 };
     let mut reached = vec![Reached { label: 0, cost: u32::MAX }; known.len()];
     let mut queue = BinaryHeap::new();
@@ -294,10 +191,10 @@ fn grow(
             continue;
         }
         let Some(core) = cores.get(&label) else { continue };
-        for &other in graph.edges(voxel) {
+        for &other in edges.of_voxel(voxel) {
             let other = other as usize;
             let share = cored.around.shares[other][usize::from(core.class)];
-            if !voxels.owned[other] || share < OPEN[usize::from(core.class)] || !open(cored, other) {
+            if share < OPEN[usize::from(core.class)] || !open(cored, other) {
                 continue;
             }
             let step = costs.edge(voxels.centre[voxel], voxels.centre[other], core, share);

@@ -6,7 +6,7 @@
 //! voxels within 4 m and the ground within 16 m, probabilities of classes, smoothed. `chains`: upright chains
 //! near the ground, each a trunk or a pole as a whole. `cores`: the parts of the drive that are certainly one
 //! object each, and the stems of trees. `growth`: every voxel takes the label of the core with the least path
-//! cost to it, in rounds. `leftovers`: what no core reaches joins an object nearby or is an object of its own.
+//! cost to it, in rounds over the `edges` between near voxels. `leftovers`: what no core reaches joins an object nearby or is an object of its own.
 //! `objects`: the labels of points, and class and confidence of objects.
 //!
 //! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
@@ -21,8 +21,10 @@ mod chains;
 mod classified;
 mod cores;
 mod features;
+mod edges;
 mod growth;
 mod leftovers;
+mod model;
 mod objects;
 mod parts;
 mod seeds;
@@ -31,15 +33,21 @@ mod shares;
 mod stage_classes;
 mod stage_voxels;
 mod terrain;
-mod truth;
+mod training;
 mod voxels;
 mod window;
 
 use std::ops::RangeInclusive;
 
+pub(crate) use self::features::NAMES as FEATURES;
+pub(crate) use self::model::{CLASS_NAMES, read as read_model};
+pub(crate) use self::settings::CLASSES;
+use self::model::StreetModel;
 pub use self::settings::StreetConfig;
+pub(crate) use self::training::{Counts, Purpose, Sample, Training};
 use self::settings::{
-    NAME, STEP_CHAINS, STEP_CLASSES, STEP_CORES, STEP_GROWTH, STEP_LEFTOVERS, STEP_OBJECTS, STEP_VOXELS,
+    NAME, STEP_CHAINS, STEP_CLASSES, STEP_CORES, STEP_EDGES, STEP_GROWTH, STEP_LEFTOVERS, STEP_OBJECTS,
+    STEP_VOXELS,
 };
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
 use crate::config::{self, ConfigError};
@@ -60,11 +68,12 @@ const fn step(name: &'static str, settings: &'static [&'static str], repeat: Rep
     Step { name, settings, bytes: BytesPer::Point(BYTES_PER_POINT), repeat }
 }
 
-const STEPS: [Step; 7] = [
+const STEPS: [Step; 8] = [
     step("voxels", &[], Repeat::Once),
     step("classes", &["street.model"], Repeat::Once),
     step("chains", &[], Repeat::Once),
     step("cores", &[], Repeat::Once),
+    step("edges", &[], Repeat::Once),
     step("growth", &[], Repeat::UntilSettled { most: growth::MOST_ROUNDS }),
     step("leftovers", &["street.min_points"], Repeat::Once),
     step("objects", &[], Repeat::Once),
@@ -74,6 +83,7 @@ const STEPS: [Step; 7] = [
 #[derive(Debug, Clone)]
 pub struct Street {
     config: StreetConfig,
+    model: StreetModel,
 }
 
 impl Street {
@@ -83,7 +93,7 @@ impl Street {
     /// Those of [`StreetConfig::validate`].
     pub fn new(config: &StreetConfig) -> Result<Self, ConfigError> {
         config.validate()?;
-        Ok(Self { config: config.clone() })
+        Ok(Self { config: config.clone(), model: StreetModel::built_in() })
     }
 }
 
@@ -104,6 +114,22 @@ impl Method for Street {
         true
     }
 
+    fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
+        match step {
+            STEP_CLASSES => vec![("model", format!("{:016x}", self.model.checksum()))],
+            _ => Vec::new(),
+        }
+    }
+
+    fn model_file(&self) -> Option<&str> {
+        Some(&*self.config.model).filter(|file| !file.is_empty())
+    }
+
+    fn use_model(&mut self, file: &str, content: &[u8]) -> Result<()> {
+        self.model = StreetModel::of_file(file, content)?;
+        Ok(())
+    }
+
     /// Points are read for the columns of voxels and the cells of the ground raster that a tile owns.
     fn planning_reach(&self, lattice: Lattice) -> Reach {
         Reach::Exact { metres: lattice.metres(stage_voxels::points_reach(lattice)) }
@@ -116,9 +142,13 @@ impl Method for Street {
     fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
         match step {
             STEP_VOXELS => stage_voxels::map(tile),
-            STEP_CLASSES => truth::map(tile),
+            STEP_CLASSES => {
+                let model = self.model.get()?;
+                stage_classes::map(tile, &|rows, shares| model::classify(model, rows, shares))
+            }
             STEP_CHAINS => chains::map(tile),
             STEP_CORES => cores::map(tile),
+            STEP_EDGES => edges::map(tile),
             STEP_GROWTH => growth::map(tile),
             STEP_LEFTOVERS => leftovers::map(tile),
             STEP_OBJECTS => objects::map(tile),
@@ -128,7 +158,7 @@ impl Method for Street {
 
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
-            STEP_VOXELS | STEP_CLASSES | STEP_GROWTH => Ok(Reduced::Global(Vec::new())),
+            STEP_VOXELS | STEP_CLASSES | STEP_EDGES | STEP_GROWTH => Ok(Reduced::Global(Vec::new())),
             STEP_CHAINS => chains::reduce(drive).map(Reduced::Global),
             STEP_CORES => cores::reduce(drive).map(Reduced::Global),
             STEP_LEFTOVERS => {

@@ -13,9 +13,10 @@ pub(super) const STEP_VOXELS: usize = 0;
 pub(super) const STEP_CLASSES: usize = 1;
 pub(super) const STEP_CHAINS: usize = 2;
 pub(super) const STEP_CORES: usize = 3;
-pub(super) const STEP_GROWTH: usize = 4;
-pub(super) const STEP_LEFTOVERS: usize = 5;
-pub(super) const STEP_OBJECTS: usize = 6;
+pub(super) const STEP_EDGES: usize = 4;
+pub(super) const STEP_GROWTH: usize = 5;
+pub(super) const STEP_LEFTOVERS: usize = 6;
+pub(super) const STEP_OBJECTS: usize = 7;
 
 /// Edge of a voxel in metres. Not a setting: the model was trained with it. The thinnest objects (signs,
 /// stems, rails) are about 0.1 m, and the spacing of points is mostly below 0.1 m.
@@ -37,11 +38,13 @@ pub struct StreetConfig {
     /// Smallest number of points of an object without a core, 1 to 1,000,000. Default 60. Smaller pieces that
     /// join no object are left without an id.
     pub min_points: u64,
+    /// File of the model that classifies voxels. Empty for the model that the program contains.
+    pub model: String,
 }
 
 impl Default for StreetConfig {
     fn default() -> Self {
-        Self { min_points: 60 }
+        Self { min_points: 60, model: String::new() }
     }
 }
 

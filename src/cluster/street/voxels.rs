@@ -48,6 +48,17 @@ impl StoredVoxels {
         self.k.len()
     }
 
+    /// Keys of the voxels, ascending.
+    pub(super) fn keys(&self) -> impl Iterator<Item = Voxel> + '_ {
+        let mut k = 0;
+        let columns = self.columns.iter().scan([0, 0], |at, &(di, dj, count)| {
+            *at = [at[0] + di, at[1] + dj];
+            Some((*at, count))
+        });
+        let cells = columns.flat_map(|(cell, count)| std::iter::repeat_n(cell, count as usize));
+        cells.zip(&self.k).map(move |([i, j], step)| [i, j, add(&mut k, *step)])
+    }
+
     /// Columns and the range of their voxels.
     fn columns(&self) -> impl Iterator<Item = ([i32; 2], Range<usize>)> + '_ {
         let mut end = 0;
