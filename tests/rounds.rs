@@ -8,8 +8,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use chainage::cluster::{
-    self, BytesPer, ClusterEntry, DriveWindow, Figures, Grouped, Labelled, Mapped, Method, Reduced, Repeat,
-    Step, TileWindow,
+    self, BytesPer, ClusterEntry, DriveWindow, Grouped, Labelled, Mapped, Method, Reduced, Repeat, Step,
+    TileWindow,
 };
 use chainage::model::{Lattice, Reach, TileId};
 use chainage::run::{

@@ -35,11 +35,12 @@ pub use dbscan::{Auto, Dbscan, DbscanConfig, DbscanVariant, Epsilon};
 pub use density_peaks::{DensityPeaks, DensityPeaksConfig};
 pub use euclidean::{Euclidean, EuclideanConfig};
 pub use local::{Clusterer, OneStep};
-pub use street::{Street, StreetConfig};
 pub use method::{
     BytesPer, ClusterEntry, DriveWindow, Figures, Grouped, Labelled, Mapped, Method, Reduced, Repeat,
     Sections, Step, TilePoints, TileWindow,
 };
+pub use street::{Street, StreetConfig};
 
 /// Every clustering method, in the order in which help lists them.
-pub static REGISTRY: &[ClusterEntry] = &[euclidean::ENTRY, density_peaks::ENTRY, dbscan::ENTRY, street::ENTRY];
+pub static REGISTRY: &[ClusterEntry] =
+    &[euclidean::ENTRY, density_peaks::ENTRY, dbscan::ENTRY, street::ENTRY];

@@ -39,13 +39,9 @@ impl Field {
             Self::X => Some(0),
             Self::Y => Some(1),
             Self::Z => Some(2),
-            Self::Intensity
-            | Self::Red
-            | Self::Green
-            | Self::Blue
-            | Self::Nir
-            | Self::Class
-            | Self::Core => None,
+            Self::Intensity | Self::Red | Self::Green | Self::Blue | Self::Nir | Self::Class | Self::Core => {
+                None
+            }
         }
     }
 

@@ -17,9 +17,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::classified::Classified;
 use super::settings::{EDGE_M, STEP_CHAINS};
 use super::shares::{self, POLE, TREE};
-use super::classified::Classified;
 use super::window::Window;
 use crate::cluster::columns::Voxel;
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
@@ -140,9 +140,8 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let mut pieces: Vec<(Piece, bool)> = Vec::new();
     for (number, slice) in (0_u8..).zip(SLICES_M) {
         let range = (lattice.units(slice.0) as i32, lattice.units(slice.1) as i32);
-        let inside = |voxel: usize| {
-            upright[voxel] && around.height[voxel] > range.0 && around.height[voxel] < range.1
-        };
+        let inside =
+            |voxel: usize| upright[voxel] && around.height[voxel] > range.0 && around.height[voxel] < range.1;
         let fill = lattice.units(FILL * (slice.1 - slice.0)) as i32;
         for part in parts(&around, inside) {
             pieces.extend(piece(&around, &class, &units, number, &part, fill));
@@ -247,7 +246,9 @@ fn look_up(around: &Classified, class: &[u8], units: &Units, piece: &mut Piece) 
     let [i, j, k] = piece.first;
     steps.visit(columns, &mut finder, [i, j], k, |voxel| {
         let of = class[voxel];
-        if (of != TREE && of != POLE) || squared(piece.centre, around.voxels.centre[voxel]) > units.axis.pow(2) {
+        if (of != TREE && of != POLE)
+            || squared(piece.centre, around.voxels.centre[voxel]) > units.axis.pow(2)
+        {
             return;
         }
         let height = around.height[voxel];
@@ -304,7 +305,8 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     // Pieces in an order that does not depend on tiles.
     let mut pieces: Vec<&Piece> = tiles.iter().flatten().collect();
     pieces.sort_unstable_by_key(|piece| (piece.slice, piece.first));
-    let find = |slice, first| pieces.binary_search_by_key(&(slice, first), |piece| (piece.slice, piece.first));
+    let find =
+        |slice, first| pieces.binary_search_by_key(&(slice, first), |piece| (piece.slice, piece.first));
     let mut sets = DisjointSets::new(pieces.len() as u32);
     for (number, piece) in (0_u32..).zip(&pieces) {
         for &(slice, first) in &piece.links {
@@ -328,9 +330,9 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
             }
         }
     }
-    let verdict = |piece: &Piece| find(piece.slice, piece.first).map_or(Verdict::default(), |at| verdicts[at]);
-    let slices: Vec<Vec<Verdict>> =
-        tiles.iter().map(|pieces| pieces.iter().map(verdict).collect()).collect();
+    let verdict =
+        |piece: &Piece| find(piece.slice, piece.first).map_or(Verdict::default(), |at| verdicts[at]);
+    let slices: Vec<Vec<Verdict>> = tiles.iter().map(|pieces| pieces.iter().map(verdict).collect()).collect();
     sliced::encode(&count, &slices)
 }
 
@@ -339,7 +341,8 @@ fn decide(chain: &[&Piece], lattice: Lattice) -> Option<bool> {
     let slices = chain.iter().fold(0_u8, |slices, piece| slices | 1 << piece.slice);
     let lowest = chain.iter().min_by_key(|piece| (piece.height.0, piece.slice, piece.first))?;
     let highest = chain.iter().max_by_key(|piece| (piece.height.1, piece.slice, piece.first))?;
-    if slices.count_ones() < 2 || slices.trailing_zeros() > 2 || lattice.metres(lowest.height.0.into()) > 2.2 {
+    if slices.count_ones() < 2 || slices.trailing_zeros() > 2 || lattice.metres(lowest.height.0.into()) > 2.2
+    {
         return None;
     }
     let rise = lattice.metres((highest.height.1 - lowest.height.0).into());
@@ -349,9 +352,8 @@ fn decide(chain: &[&Piece], lattice: Lattice) -> Option<bool> {
         return None;
     }
     let sum = |of: fn(&Piece) -> u32| chain.iter().map(|piece| f64::from(of(piece))).sum::<f64>();
-    let levels = |of: fn(&Piece) -> u64| {
-        chain.iter().fold(0, |levels, piece| levels | of(piece)).count_ones()
-    };
+    let levels =
+        |of: fn(&Piece) -> u64| chain.iter().fold(0, |levels, piece| levels | of(piece)).count_ones();
     let pole = sum(|piece| piece.pole) / (255.0 * sum(|piece| piece.voxels));
     let any_above = levels(|piece| piece.any_above);
     let pole_above = levels(|piece| piece.pole_above);

@@ -8,6 +8,7 @@
 //! Distances in voxels of 0.15 m are those of the prototype. `benches/results/street.md` has their study.
 #![expect(
     clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
     reason = "voxels of a tile fit u32; heights above ground in lattice units fit i32"
 )]
 
@@ -16,13 +17,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::chains::{self, Piece, Verdict};
+use super::classified::Classified;
 use super::parts::{Links, Parts};
 use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
-use crate::cluster::columns::{Border, Voxel, join};
 use super::shares::{self, BUILDING, FENCE, GROUND, POLE, SMALL, TREE, VEHICLE, WIRE};
-use super::classified::Classified;
 use super::window::Window;
+use crate::cluster::columns::{Border, Voxel, join};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::Result;
@@ -43,7 +44,8 @@ const LOW_M: f64 = 0.15;
 const BAND_M: f64 = 0.25;
 pub(super) const BANDS: u8 = 9;
 /// Voxels of a class are joined within so many voxels in the plane and so many levels.
-const REACHES: [(u8, i32, i32); 5] = [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
+const REACHES: [(u8, i32, i32); 5] =
+    [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
 /// Columns of buildings are joined within so many voxels in the plane, whatever their height.
 const BUILDING_REACH: i32 = 10;
 /// Canopy is looked for within so many voxels of a low tree voxel.
@@ -257,7 +259,8 @@ fn take_chains(
             let [x, y, _] = around.voxels.centre[voxel];
             let distance = (x - piece.centre[0]).pow(2) + (y - piece.centre[1]).pow(2);
             let height = around.height[voxel];
-            let inside = distance <= piece.radius.pow(2) && height >= piece.height.0 && height <= piece.height.1;
+            let inside =
+                distance <= piece.radius.pow(2) && height >= piece.height.0 && height <= piece.height.1;
             let along = if verdict.pole { of == POLE } else { height < top };
             if inside || (along && distance <= axis.pow(2)) {
                 let found = (distance, piece.slice, piece.first, number);
@@ -416,11 +419,8 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
         figures.push(payload.parts);
         rising.push(payload.rising);
         // Which component a trunk voxel is in tells which chain rises from which piece near the ground.
-        let pairs: BTreeSet<(u32, u32)> = payload
-            .trunks
-            .iter()
-            .map(|&(voxel, chain)| (chain, payload.part[voxel as usize]))
-            .collect();
+        let pairs: BTreeSet<(u32, u32)> =
+            payload.trunks.iter().map(|&(voxel, chain)| (chain, payload.part[voxel as usize])).collect();
         trunks.push(pairs);
     }
     let component = join(&borders);

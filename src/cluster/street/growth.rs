@@ -22,11 +22,11 @@ use std::collections::BinaryHeap;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
+use super::classified::Classified;
 use super::cores::{Core, Cored};
 use super::edges::{self, Edges};
 use super::settings::{CLASSES, EDGE_M, STEP_GROWTH};
 use super::shares::{GROUND, TREE};
-use super::classified::Classified;
 use super::window::Window;
 use crate::cluster::{Mapped, TileWindow};
 use crate::codec;
@@ -108,9 +108,9 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let voxels = &cored.around.voxels;
     let mut cores: FxHashMap<u32, Core> = cored.cores.iter().map(|(label, core)| (*label, *core)).collect();
     let mut known: Vec<Option<Reached>> = vec![None; voxels.key.len()];
-    for voxel in 0..known.len() {
+    for (voxel, known) in known.iter_mut().enumerate() {
         if cored.label[voxel] != 0 && open(&cored, voxel) {
-            known[voxel] = Some(Reached { label: cored.label[voxel], cost: 0 });
+            *known = Some(Reached { label: cored.label[voxel], cost: 0 });
         }
     }
     for (near, places) in voxels.by_tile() {

@@ -1,9 +1,6 @@
 //! Step `leftovers`: voxels that no core reaches. Components of them join the nearest object of a class that
 //! they may be, or are objects of their own.
-#![expect(
-    clippy::cast_possible_truncation,
-    reason = "voxels of a tile and components of a drive fit u32"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "voxels of a tile and components of a drive fit u32")]
 
 use std::collections::BTreeMap;
 
@@ -77,9 +74,8 @@ impl Left {
         let near = (0..CLASSES).filter(|&class| may_be(class)).filter_map(|class| self.near[class]);
         let nearest = near.filter(|near| within(near, NEAR_M)).min();
         let class = self.class();
-        let far = self.near[usize::from(class)].filter(|_| {
-            matches!(class, TREE | BUILDING) && self.points < FAR_POINTS
-        });
+        let far = self.near[usize::from(class)]
+            .filter(|_| matches!(class, TREE | BUILDING) && self.points < FAR_POINTS);
         nearest.or(far.filter(|near| within(near, FAR_M))).map(|near| near.2)
     }
 }

@@ -3,11 +3,12 @@
 //! separated class by class, from the ground up.
 //!
 //! Steps. `voxels`: points to voxels of 0.15 m and a ground raster. `classes`: features of each voxel from the
-//! voxels within 4 m and the ground within 16 m, probabilities of classes, smoothed. `chains`: upright chains
-//! near the ground, each a trunk or a pole as a whole. `cores`: the parts of the drive that are certainly one
-//! object each, and the stems of trees. `growth`: every voxel takes the label of the core with the least path
-//! cost to it, in rounds over the `edges` between near voxels. `leftovers`: what no core reaches joins an object nearby or is an object of its own.
-//! `objects`: the labels of points, and class and confidence of objects.
+//! voxels within 5.4 m (the corner of the largest window) and the ground 12 m around them, probabilities of
+//! classes, smoothed. `chains`: upright chains near the ground, each a trunk or a pole as a whole. `cores`: the
+//! parts of the drive that are certainly one object each, and the stems of trees. `edges`: which voxels are
+//! neighbours. `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
+//! `leftovers`: what no core reaches joins an object nearby or is an object of its own. `objects`: the labels
+//! of points, and class and confidence of objects.
 //!
 //! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
 //! eigenvalues and costs follow a fixed sequence of IEEE operations. Ties are broken by the keys of voxels,
@@ -20,8 +21,8 @@
 mod chains;
 mod classified;
 mod cores;
-mod features;
 mod edges;
+mod features;
 mod growth;
 mod leftovers;
 mod model;
@@ -40,15 +41,15 @@ mod window;
 use std::ops::RangeInclusive;
 
 pub(crate) use self::features::NAMES as FEATURES;
+use self::model::StreetModel;
 pub(crate) use self::model::{CLASS_NAMES, read as read_model};
 pub(crate) use self::settings::CLASSES;
-use self::model::StreetModel;
 pub use self::settings::StreetConfig;
-pub(crate) use self::training::{Counts, Purpose, Sample, Training};
 use self::settings::{
     NAME, STEP_CHAINS, STEP_CLASSES, STEP_CORES, STEP_EDGES, STEP_GROWTH, STEP_LEFTOVERS, STEP_OBJECTS,
     STEP_VOXELS,
 };
+pub(crate) use self::training::{Counts, Purpose, Sample, Training};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};

@@ -1,9 +1,5 @@
 //! Step `objects`: the label of every point, from the label of its voxel; class and confidence of objects.
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "voxels of a tile fit u32, a mean share is at most 255"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32, a mean share is at most 255")]
 
 use std::collections::BTreeMap;
 

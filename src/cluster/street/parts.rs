@@ -47,7 +47,7 @@ impl<'a> Links<'a> {
         let mut of = vec![u32::MAX; count];
         let mut next = 0;
         let mut shared = Vec::new();
-        for voxel in 0..count {
+        for (voxel, of) in of.iter_mut().enumerate() {
             if !chosen(voxel) || !(self.owned[voxel] || self.crossing[voxel]) {
                 continue;
             }
@@ -56,9 +56,9 @@ impl<'a> Links<'a> {
                 numbers[root] = next;
                 next += 1;
             }
-            of[voxel] = numbers[root];
+            *of = numbers[root];
             if self.crossing[voxel] {
-                shared.push((voxels.key[voxel], of[voxel]));
+                shared.push((voxels.key[voxel], *of));
             }
         }
         Parts { of, border: Border { count: next, shared } }

@@ -8,6 +8,11 @@
 //!
 //! Everything here works on sums over the whole drive, in an order that does not depend on tiles.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "components of a drive fit u32, coordinates are within 2^50 lattice units"
+)]
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::cores::{BANDS, Part};
@@ -78,8 +83,11 @@ pub(super) fn find(
     chains: impl Iterator<Item = (u32, Option<u32>)>,
     lattice: Lattice,
 ) -> Stems {
-    let nodes: Vec<(u32, &Part)> =
-        parts.iter().filter(|(_, part)| part.band < BANDS).map(|(component, part)| (*component, part)).collect();
+    let nodes: Vec<(u32, &Part)> = parts
+        .iter()
+        .filter(|(_, part)| part.band < BANDS)
+        .map(|(component, part)| (*component, part))
+        .collect();
     let place = |component: u32| nodes.binary_search_by_key(&component, |node| node.0).ok();
     let edges: BTreeSet<(usize, usize)> =
         rising.filter_map(|(low, high)| Some((place(low)?, place(high)?))).collect();
@@ -120,13 +128,70 @@ struct Rising {
     open: Vec<usize>,
 }
 
+/// Lengths of the sweep in lattice units.
+struct Limits {
+    rise: i32,
+    apart: i64,
+    base: i32,
+}
+
+impl Rising {
+    /// Whether it is large and low enough for a stem.
+    fn is_grown(&self, limits: &Limits) -> bool {
+        self.voxels >= VOXELS && self.birth.0 <= limits.base
+    }
+
+    /// Makes its open nodes one stem, named by the first of them.
+    fn settle(&mut self, stem: &mut [Option<usize>]) {
+        let name = self.open.iter().copied().min();
+        for node in self.open.drain(..) {
+            stem[node] = name;
+        }
+    }
+}
+
+/// Two sets meet at a height. Settles those that are stems. Returns whether the union is split.
+fn meet(
+    older: &mut Rising,
+    younger: &mut Rising,
+    height: i32,
+    limits: &Limits,
+    stem: &mut [Option<usize>],
+) -> bool {
+    let [dx, dy] = [0, 1].map(|axis| older.place[axis] - younger.place[axis]);
+    let far = dx * dx + dy * dy > limits.apart * limits.apart;
+    let risen = height - younger.birth.0;
+    let stands = younger.is_grown(limits) && (risen >= limits.rise || (far && 2 * risen >= limits.rise));
+    match (older.split, younger.split) {
+        (false, false) => {
+            let both = stands && older.is_grown(limits);
+            if both {
+                younger.settle(stem);
+                older.settle(stem);
+            }
+            both
+        }
+        (true, false) => {
+            if stands {
+                younger.settle(stem);
+            }
+            true
+        }
+        (false, true) => {
+            if older.is_grown(limits) && height - older.birth.0 >= limits.rise {
+                older.settle(stem);
+            }
+            true
+        }
+        (true, true) => true,
+    }
+}
+
 /// The stem of each node, named by a node of it.
 fn sweep(parts: &[&Part], mut edges: Vec<(usize, usize)>, lattice: Lattice) -> Vec<Option<usize>> {
-    let rise = i32::try_from(lattice.units(RISE_M)).unwrap_or(i32::MAX);
-    let apart = lattice.units(APART_M);
-    let base = i32::try_from(lattice.units(BASE_M)).unwrap_or(i32::MAX);
+    let low = |metres: f64| lattice.units(metres) as i32;
+    let limits = Limits { rise: low(RISE_M), apart: lattice.units(APART_M), base: low(BASE_M) };
     edges.sort_unstable_by_key(|&(low, high)| (parts[high].band, parts[high].first, parts[low].first));
-    #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
     let mut sets = DisjointSets::new(parts.len() as u32);
     let mut rising: Vec<Rising> = parts
         .iter()
@@ -139,74 +204,39 @@ fn sweep(parts: &[&Part], mut edges: Vec<(usize, usize)>, lattice: Lattice) -> V
             open: vec![node],
         })
         .collect();
-    let mut seed: Vec<Option<usize>> = vec![None; parts.len()];
-    let mut settle = |set: &mut Rising| {
-        let name = set.open.iter().copied().min();
-        for node in set.open.drain(..) {
-            seed[node] = name;
-        }
-    };
+    let mut stem: Vec<Option<usize>> = vec![None; parts.len()];
     for (low, high) in edges {
-        #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
         let (one, other) = (sets.find(low as u32) as usize, sets.find(high as u32) as usize);
         if one == other {
             continue;
         }
-        let (older, younger) = if rising[one].birth <= rising[other].birth { (one, other) } else { (other, one) };
-        let meeting = parts[high].height.0.max(parts[low].height.0);
-        let grown = |set: &Rising| set.voxels >= VOXELS && set.birth.0 <= base;
-        let risen = |set: &Rising| meeting - set.birth.0;
-        let [dx, dy] = [0, 1].map(|axis| rising[older].place[axis] - rising[younger].place[axis]);
-        let far = dx * dx + dy * dy > apart * apart;
-        let stem = |set: &Rising| {
-            !set.split && grown(set) && (risen(set) >= rise || (far && 2 * risen(set) >= rise))
+        let Ok([first, second]) = rising.get_disjoint_mut([one.min(other), one.max(other)]) else { continue };
+        let first_is_older = first.birth <= second.birth;
+        let (older, younger) =
+            if first_is_older { (&mut *first, &mut *second) } else { (&mut *second, &mut *first) };
+        let height = parts[high].height.0.max(parts[low].height.0);
+        let split = meet(older, younger, height, &limits, &mut stem);
+        let mut open = std::mem::take(&mut older.open);
+        open.append(&mut younger.open);
+        if split {
+            open.clear();
+        }
+        // The root of the union is the smaller number.
+        *first = Rising {
+            birth: older.birth,
+            place: older.place,
+            voxels: older.voxels + younger.voxels,
+            split,
+            open,
         };
-        let splits = match (rising[older].split, rising[younger].split) {
-            (false, false) => {
-                let both = stem(&rising[younger]) && grown(&rising[older]);
-                if both {
-                    settle(&mut rising[younger]);
-                    settle(&mut rising[older]);
-                }
-                both
-            }
-            (true, false) => {
-                if stem(&rising[younger]) {
-                    settle(&mut rising[younger]);
-                }
-                true
-            }
-            (false, true) => {
-                if grown(&rising[older]) && risen(&rising[older]) >= rise {
-                    settle(&mut rising[older]);
-                }
-                true
-            }
-            (true, true) => true,
-        };
-        #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
         sets.union(one as u32, other as u32);
-        let root = one.min(other);
-        let mut joined = rising[older].clone();
-        joined.voxels += rising[younger].voxels;
-        joined.split = splits;
-        if splits {
-            joined.open.clear();
-        } else {
-            let open = std::mem::take(&mut rising[younger].open);
-            joined.open.extend(open);
-        }
-        rising[root] = joined;
     }
-    for root in 0..parts.len() {
-        #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
-        let is_root = sets.find(root as u32) as usize == root;
-        let set = &mut rising[root];
-        if is_root && !set.split && set.voxels >= VOXELS && set.birth.0 <= base {
-            settle(set);
+    for (root, set) in rising.iter_mut().enumerate() {
+        if sets.find(root as u32) as usize == root && !set.split && set.is_grown(&limits) {
+            set.settle(&mut stem);
         }
     }
-    seed
+    stem
 }
 
 /// The pieces that may be stems: those of the sweep, joined by the chains that run through them, and chains
@@ -226,7 +256,6 @@ fn candidates(
     // Joins pieces with a common chain, and pieces with nearly the same axis.
     let names: Vec<usize> = nodes.keys().copied().collect();
     let number = |name: usize| names.binary_search(&name).ok();
-    #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
     let mut sets = DisjointSets::new(names.len() as u32);
     let mut chains: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let mut alone = Vec::new();
@@ -238,11 +267,9 @@ fn candidates(
             alone.push((chain, of_chain));
             continue;
         };
-        #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
         for other in pieces {
             sets.union(first as u32, other as u32);
         }
-        #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
         chains.entry(first as u32).or_default().push(chain);
     }
     let axes: Vec<[f64; 2]> = nodes.values().map(|nodes| axis(parts, nodes, lattice)).collect();
@@ -339,7 +366,6 @@ fn thin_out(mut candidates: Vec<Candidate>) -> Vec<Candidate> {
         };
         let to_other = spacing(if stands { SPACING } else { SPACING_HANGING });
         let to_trunk = spacing(if stands { SPACING_TO_TRUNK } else { SPACING_HANGING_TO_TRUNK });
-        #[expect(clippy::cast_possible_truncation, reason = "coordinates are within 2^50 lattice units")]
         let [i, j] = candidate.place.map(|metres| (metres / farthest).floor() as i64);
         let around = (i - 1..=i + 1).flat_map(|i| (j - 1..=j + 1).map(move |j| [i, j]));
         let near = around.filter_map(|cell| places.get(&cell)).flatten().any(|&other| {

@@ -48,7 +48,8 @@ impl Window {
             if column.is_empty() {
                 continue;
             }
-            let low = column.start + heights[column.clone()].partition_point(|&height| height < k - self.levels);
+            let low =
+                column.start + heights[column.clone()].partition_point(|&height| height < k - self.levels);
             for voxel in (low..column.end).take_while(|&voxel| heights[voxel] <= k + self.levels) {
                 visit(voxel);
             }

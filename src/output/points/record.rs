@@ -118,7 +118,10 @@ impl RecordPlan {
         assert_eq!(records.len(), labels.len() * self.input_len, "one label for every record");
         assert_eq!(labels.len(), classes.len(), "one class for every record");
         out.reserve(labels.len() * self.output_len);
-        assert!(kinds.is_empty() || kinds.len() == labels.len(), "one class of object for every record, or none");
+        assert!(
+            kinds.is_empty() || kinds.len() == labels.len(),
+            "one class of object for every record, or none"
+        );
         let kinds = kinds.iter().copied().chain(std::iter::repeat(0));
         let records = records.chunks_exact(self.input_len);
         for (((record, label), class), kind) in records.zip(labels).zip(classes).zip(kinds) {

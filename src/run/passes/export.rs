@@ -79,7 +79,8 @@ impl<'a> ExportPass<'a> {
         outline: Outline,
     ) -> Self {
         let folder = run_dir.path("export");
-        let mut pass = Self { drive, columns, kinds, run_dir, targets: Vec::new(), units: Vec::new(), outline };
+        let mut pass =
+            Self { drive, columns, kinds, run_dir, targets: Vec::new(), units: Vec::new(), outline };
         for (file, labelled) in labelled.into_iter().enumerate() {
             let chunks = labelled.chunks().to_vec();
             let mut start = 0;
@@ -109,7 +110,10 @@ impl<'a> ExportPass<'a> {
         desk.kinds.clear();
         if !self.kinds.is_empty() {
             let kind = |label: &u32| {
-                (*label as usize).checked_sub(1).and_then(|object| self.kinds.get(object)).map_or(0, |kind| kind.class)
+                (*label as usize)
+                    .checked_sub(1)
+                    .and_then(|object| self.kinds.get(object))
+                    .map_or(0, |kind| kind.class)
             };
             desk.kinds.extend(desk.labels.iter().map(kind));
         }

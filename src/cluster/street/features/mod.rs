@@ -168,7 +168,7 @@ fn runs(voxels: &Voxels) -> Vec<[i32; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use rand::{Rng, RngExt, SeedableRng};
+    use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
     use super::*;

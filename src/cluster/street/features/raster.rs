@@ -179,7 +179,7 @@ mod tests {
     /// Values that look random.
     fn value(place: usize) -> u32 {
         let mixed = (place as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
-        if mixed % 3 == 0 { (mixed % 97) as u32 } else { 0 }
+        if mixed.is_multiple_of(3) { (mixed % 97) as u32 } else { 0 }
     }
 
     #[test]
