@@ -3,10 +3,11 @@
 use rayon::prelude::*;
 
 use super::bins::Binned;
+use super::content::About;
 use super::error::BoostingError;
 use super::exponential::{UNITS, ln, softmax};
 use super::grow::{GRADIENT_UNITS, Grower, Grown, MOST_SAMPLES, Sum};
-use super::model::{About, Model};
+use super::model::Model;
 use super::samples::Samples;
 use super::settings::Settings;
 use super::tree::Tree;

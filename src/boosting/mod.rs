@@ -34,6 +34,7 @@
 
 mod bins;
 mod confusion;
+mod content;
 mod error;
 mod evaluate;
 mod exponential;
@@ -46,8 +47,9 @@ mod settings;
 mod tree;
 
 pub use confusion::Confusion;
+pub use content::{About, TrainedOn};
 pub use error::BoostingError;
 pub use learn::learn;
-pub use model::{About, Model, TrainedOn};
+pub use model::Model;
 pub use samples::Samples;
 pub use settings::Settings;

@@ -53,7 +53,7 @@ pub use look::{
 };
 pub use look::{PassStatus, RunStatus, status};
 pub use summary::{Counts, RunSummary};
-pub use train::{TrainRequest, Trained, read_model, score_model, train};
+pub use train::{TrainRequest, Trained, built_in_model, read_model, score_model, train};
 
 /// A request for a run.
 #[derive(Debug, Clone)]

@@ -7,7 +7,7 @@ use crate::boosting::{self, Confusion, Model, Samples, TrainedOn, learn};
 use crate::cluster::street::{self, CLASS_NAMES, CLASSES, Counts, FEATURES, Purpose, Sample, Training};
 use crate::config::Config;
 use crate::error::Result;
-use crate::input::{Catalog, InputError};
+use crate::input::{Catalog, InputError, InputFile};
 use crate::model::Field;
 use crate::run::chain::{Chain, Registries};
 use crate::run::engine::{CancelToken, Driver, Event, Here, Observer};
@@ -52,6 +52,14 @@ pub struct Trained {
 pub fn read_model(path: &Path) -> Result<Model> {
     let content = fs_err::read(path).map_err(|source| InputError::Read { path: path.to_owned(), source })?;
     Ok(street::read_model(&path.display().to_string(), &content)?)
+}
+
+/// The model that comes with the program.
+///
+/// # Errors
+/// A [`BoostingError`](boosting::BoostingError), if the program was built with a model that it cannot use.
+pub fn built_in_model() -> Result<Model> {
+    Ok((*street::built_in()?).clone())
 }
 
 /// Learns a model.
@@ -159,6 +167,11 @@ impl Work<'_> {
         let config = &self.request.config;
         let inputs = [self.drive.to_owned()];
         let catalog = open::catalog(&inputs, config)?;
+        let unlabelled = |file: &&InputFile| file.layout().field(Field::Class).is_none();
+        if let Some(file) = catalog.files().iter().find(unlabelled) {
+            let name = Field::Class.name();
+            return Err(InputError::NoLabels { path: file.path().to_owned(), name }.into());
+        }
         let lattice = catalog.lattice();
         let method = Training { purpose, share, has_core: has_core(&catalog) };
         let chain =

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use chainage::boosting::{Confusion, Model, Settings as Learning};
 use chainage::config::ConfigError;
-use chainage::run::{CancelToken, Registries, TrainRequest, Trained, read_model, score_model, train};
+use chainage::run::{
+    CancelToken, Registries, TrainRequest, Trained, built_in_model, read_model, score_model, train,
+};
 
 use crate::cli::drive_args::Settings;
 use crate::cli::exit::{CliError, Outcome};
@@ -31,7 +33,7 @@ pub(crate) struct TrainArgs {
     /// Write the model here
     #[arg(short, long, value_name = "MODEL", required_unless_present = "model")]
     out: Option<PathBuf>,
-    /// Score this model with --test, and learn nothing
+    /// Score this model with --test, and learn nothing; `built-in` is the one that comes with the program
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["drives", "out"], requires = "test")]
     model: Option<PathBuf>,
     /// Labelled drives to score the model with; nothing is learned from them
@@ -95,7 +97,10 @@ impl TrainArgs {
             Some(_) => None,
             None => Some(train(&request, &progress, &cancel)?),
         };
-        let read = self.model.as_deref().map(read_model).transpose()?;
+        let read = match self.model.as_deref() {
+            Some(path) if path == Path::new("built-in") => Some(built_in_model()?),
+            path => path.map(read_model).transpose()?,
+        };
         let Some(model) = trained.as_ref().map(|trained| &trained.model).or(read.as_ref()) else {
             return Err(refused("no drives", "drives to learn from, or --model with --test").into());
         };

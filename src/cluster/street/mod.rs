@@ -39,10 +39,10 @@ mod voxels;
 mod window;
 
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 pub(crate) use self::features::NAMES as FEATURES;
-use self::model::StreetModel;
-pub(crate) use self::model::{CLASS_NAMES, read as read_model};
+pub(crate) use self::model::{CLASS_NAMES, built_in, read as read_model};
 pub(crate) use self::settings::CLASSES;
 pub use self::settings::StreetConfig;
 use self::settings::{
@@ -51,6 +51,7 @@ use self::settings::{
 };
 pub(crate) use self::training::{Counts, Purpose, Sample, Training};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
+use crate::boosting::Model;
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
 use crate::model::{Lattice, Reach};
@@ -84,7 +85,8 @@ const STEPS: [Step; 8] = [
 #[derive(Debug, Clone)]
 pub struct Street {
     config: StreetConfig,
-    model: StreetModel,
+    /// The model of a file; `None` for the one that the program contains.
+    model: Option<Arc<Model>>,
 }
 
 impl Street {
@@ -94,7 +96,14 @@ impl Street {
     /// Those of [`StreetConfig::validate`].
     pub fn new(config: &StreetConfig) -> Result<Self, ConfigError> {
         config.validate()?;
-        Ok(Self { config: config.clone(), model: StreetModel::built_in() })
+        Ok(Self { config: config.clone(), model: None })
+    }
+
+    fn model(&self) -> Result<Arc<Model>> {
+        match &self.model {
+            Some(model) => Ok(Arc::clone(model)),
+            None => Ok(built_in()?),
+        }
     }
 }
 
@@ -117,7 +126,10 @@ impl Method for Street {
 
     fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
         match step {
-            STEP_CLASSES => vec![("model", format!("{:016x}", self.model.checksum()))],
+            STEP_CLASSES => {
+                let checksum = self.model().map(|model| format!("{:016x}", model.checksum()));
+                vec![("model", checksum.unwrap_or_else(|error| error.to_string()))]
+            }
             _ => Vec::new(),
         }
     }
@@ -127,7 +139,7 @@ impl Method for Street {
     }
 
     fn use_model(&mut self, file: &str, content: &[u8]) -> Result<()> {
-        self.model = StreetModel::of_file(file, content)?;
+        self.model = Some(Arc::new(read_model(file, content)?));
         Ok(())
     }
 
@@ -144,8 +156,8 @@ impl Method for Street {
         match step {
             STEP_VOXELS => stage_voxels::map(tile),
             STEP_CLASSES => {
-                let model = self.model.get()?;
-                stage_classes::map(tile, &|rows, shares| model::classify(model, rows, shares))
+                let model = self.model()?;
+                stage_classes::map(tile, &|rows, shares| model::classify(&model, rows, shares))
             }
             STEP_CHAINS => chains::map(tile),
             STEP_CORES => cores::map(tile),

@@ -1,8 +1,6 @@
 //! The model of `street`: how it classifies voxels, and what a model must be to do so.
 
-use std::sync::OnceLock;
-
-use xxhash_rust::xxh3::xxh3_64;
+use std::sync::{Arc, OnceLock};
 
 use super::classified::Shares;
 use super::features;
@@ -21,47 +19,19 @@ pub(crate) fn read(file: &str, content: &[u8]) -> Result<Model, BoostingError> {
     Ok(model)
 }
 
+/// The model that `scripts/train_model.sh` made from synthetic drives. `benches/results/street-model.md` is its card.
+const BUILT_IN: &[u8] = include_bytes!("model.bin");
+
+/// The built-in model. It is decoded once.
+pub(crate) fn built_in() -> Result<Arc<Model>, BoostingError> {
+    static DECODED: OnceLock<Result<Arc<Model>, BoostingError>> = OnceLock::new();
+    DECODED.get_or_init(|| read("the built-in model", BUILT_IN).map(Arc::new)).clone()
+}
+
 /// Classifies voxels by their features: `NAMES.len()` values and one set of probabilities per voxel.
 pub(super) fn classify(model: &Model, rows: &[f32], shares: &mut [Shares]) -> Result<()> {
     shares.copy_from_slice(&model.shares(rows)?);
     Ok(())
-}
-
-/// The model that the program contains. `scripts/train_model.sh` makes it from synthetic drives alone.
-const BUILT_IN: &[u8] = include_bytes!("model.bin");
-
-/// The model of a run: the one that the program contains, or that of a file.
-#[derive(Debug, Clone)]
-pub(super) struct StreetModel {
-    checksum: u64,
-    decoded: OnceLock<Model>,
-}
-
-impl StreetModel {
-    /// The model that the program contains. It is decoded at its first use.
-    pub(super) fn built_in() -> Self {
-        Self { checksum: xxh3_64(BUILT_IN), decoded: OnceLock::new() }
-    }
-
-    /// The model in the content of `file`.
-    pub(super) fn of_file(file: &str, content: &[u8]) -> Result<Self, BoostingError> {
-        let decoded = OnceLock::from(read(file, content)?);
-        Ok(Self { checksum: xxh3_64(content), decoded })
-    }
-
-    /// Checksum of the file of the model.
-    pub(super) fn checksum(&self) -> u64 {
-        self.checksum
-    }
-
-    /// The model.
-    pub(super) fn get(&self) -> Result<&Model> {
-        if let Some(model) = self.decoded.get() {
-            return Ok(model);
-        }
-        let model = read("the built-in model", BUILT_IN)?;
-        Ok(self.decoded.get_or_init(|| model))
-    }
 }
 
 #[cfg(test)]
@@ -69,7 +39,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_built_in_model_is_for_these_features_and_classes() {
-        StreetModel::built_in().get().unwrap();
+    fn the_built_in_model_fits_the_features_and_is_small() {
+        let model = built_in().unwrap();
+        assert!(BUILT_IN.len() <= 2 << 20, "{} bytes", BUILT_IN.len());
+        assert!(Arc::ptr_eq(&model, &built_in().unwrap()));
+        let mut shares = [Shares::default(); 3];
+        classify(&model, &[0.0; 3 * features::NAMES.len()], &mut shares).unwrap();
+        assert!(shares.iter().all(|shares| shares.iter().map(|&share| u32::from(share)).sum::<u32>() == 255));
+    }
+
+    #[test]
+    fn a_model_for_other_voxels_is_refused() {
+        let mut samples = crate::boosting::Samples::new(&["a"], &["low", "high"]);
+        (0..200_u8).for_each(|n| samples.push(&[f32::from(n)], u8::from(n > 99)).unwrap());
+        let settings = crate::boosting::Settings { rounds: 1, ..crate::boosting::Settings::default() };
+        let other = crate::boosting::learn(&samples, &settings, &|_| ()).unwrap().encode().unwrap();
+        let error = read("my.model", &other).unwrap_err().to_string();
+        assert!(error.starts_with("my.model does not fit this program: it has 1 features"), "{error}");
     }
 }
