@@ -233,9 +233,10 @@ pub(crate) fn to_files<D: Driver>(
         if !driver.computes() {
             return Ok(None);
         }
-        let pass = ExportPass::of(&open.drive, &columns, labelled, run_dir, list.export.clone());
+        let pass =
+            ExportPass::of(&open.drive, &columns, &objects.kinds, labelled, run_dir, list.export.clone());
         let Some(files) = driver.complete(&pass)? else { return Ok(None) };
-        tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects.objects, &terrain)?;
+        tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects, &terrain)?;
         tables::write_charts(run_dir, &objects.charts)?;
         figures.extend(objects.figures);
         let count = objects.objects.len();
