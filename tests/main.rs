@@ -45,4 +45,6 @@ mod switch;
 #[cfg(test)]
 mod synth;
 #[cfg(test)]
+mod train;
+#[cfg(test)]
 mod util;

@@ -13,6 +13,7 @@ use crate::cli::commands::plan::PlanArgs;
 use crate::cli::commands::run::RunArgs;
 use crate::cli::commands::status::StatusArgs;
 use crate::cli::commands::synth::SynthArgs;
+use crate::cli::commands::train::TrainArgs;
 
 /// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
 ///
@@ -46,6 +47,8 @@ pub(crate) enum Command {
     Cluster(ClusterArgs),
     /// Estimate the radius of dbscan from the points of a drive or a table
     EstimateEpsilon(EstimateArgs),
+    /// Learn the classes of street from labelled drives
+    Train(TrainArgs),
     /// Run the main job on a small real sample that comes with the program
     Demo(DemoArgs),
     /// Measure throughput at one and two threads against the copy floor

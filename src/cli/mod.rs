@@ -32,6 +32,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Cluster(args) => args.run(),
         Command::EstimateEpsilon(args) => args.run(),
         Command::Eval(args) => args.run(),
+        Command::Train(args) => args.run(),
         Command::Methods => pages::methods(),
         Command::Config => pages::config(),
         Command::Completions(args) => args.run(Program::command()),

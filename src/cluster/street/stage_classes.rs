@@ -14,7 +14,7 @@ use crate::cluster::{Mapped, TileWindow};
 use crate::error::Result;
 
 /// Gives the probabilities of some voxels from their features. The lengths agree.
-pub(super) type Classify<'a> = &'a dyn Fn(&[f32], &mut [Shares]);
+pub(super) type Classify<'a> = &'a dyn Fn(&[f32], &mut [Shares]) -> Result<()>;
 
 /// Voxels around a tile with their heights, so many that the features of its own voxels and of those that touch
 /// them are those of the whole drive.
@@ -37,6 +37,12 @@ impl Around {
 
 /// Computes the payload of a tile.
 pub(super) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mapped> {
+    let (heights, smoothed) = of_tile(tile, classify)?;
+    Ok(Mapped::payload(classified::encode(&heights, &smoothed)?))
+}
+
+/// Heights above ground and smoothed probabilities of the voxels that a tile owns.
+pub(super) fn of_tile(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<(Vec<i32>, Vec<Shares>)> {
     let around = Around::load(tile)?;
     let voxels = &around.voxels;
     let mut wanted = voxels.owned.clone();
@@ -46,19 +52,23 @@ pub(super) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mappe
     });
     let mut shares = vec![Shares::default(); voxels.len()];
     let mut found = Vec::new();
+    let mut result = Ok(());
     features::compute(voxels, &around.heights, &wanted, &mut |numbers, rows| {
         found.clear();
         found.resize(numbers.len(), Shares::default());
-        classify(rows, &mut found);
+        if result.is_ok() {
+            result = classify(rows, &mut found);
+        }
         for (&number, &found) in numbers.iter().zip(&found) {
             shares[number as usize] = found;
         }
     });
+    result?;
     let smoothed = smooth(voxels, &shares);
     let own = |voxel: &usize| voxels.owned[*voxel];
-    let heights: Vec<i32> = (0..voxels.len()).filter(own).map(|voxel| around.heights[voxel]).collect();
-    let smoothed: Vec<Shares> = (0..voxels.len()).filter(own).map(|voxel| smoothed[voxel]).collect();
-    Ok(Mapped::payload(classified::encode(&heights, &smoothed)?))
+    let heights = (0..voxels.len()).filter(own).map(|voxel| around.heights[voxel]).collect();
+    let smoothed = (0..voxels.len()).filter(own).map(|voxel| smoothed[voxel]).collect();
+    Ok((heights, smoothed))
 }
 
 /// The smoothed probabilities.
@@ -97,4 +107,36 @@ fn divided(values: [u32; CLASSES], divisor: u32) -> Shares {
         quotients[class] += 1;
     }
     quotients
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Lattice;
+
+    #[test]
+    fn quotients_keep_the_sum() {
+        assert_eq!(divided([255 * 4, 0, 0, 0, 0, 0, 0, 0], 4), [255, 0, 0, 0, 0, 0, 0, 0]);
+        // 127.5 twice: the first of equal remainders is rounded up.
+        assert_eq!(divided([0, 255, 0, 255, 0, 0, 0, 0], 2), [0, 128, 0, 127, 0, 0, 0, 0]);
+        assert_eq!(divided([1, 2, 3, 4, 5, 6, 7, 227], 1), [1, 2, 3, 4, 5, 6, 7, 227]);
+    }
+
+    #[test]
+    fn half_of_the_smoothed_probabilities_is_the_mean_of_the_voxels_that_touch() {
+        // Three voxels in a row, and one apart.
+        let points = [[0, 0, 0], [0, 0, 150], [150, 150, 300], [0, 0, 900]];
+        let voxels = Voxels::of_points(Lattice::MILLIMETRE, &points);
+        let one = |class: usize| std::array::from_fn(|other| if other == class { 255 } else { 0 });
+        assert_eq!(voxels.key, [[0, 0, 0], [0, 0, 1], [0, 0, 6], [1, 1, 2]]);
+        let smoothed = smooth(&voxels, &[one(0), one(1), one(2), one(3)]);
+        // The first: 1/2 + 1/4 its own, 1/4 of the second.
+        assert_eq!(smoothed[0], [191, 64, 0, 0, 0, 0, 0, 0]);
+        // The second: 1/2 + 1/6 its own, 1/6 of the first and of the last: 42.5, 170 and 42.5.
+        assert_eq!(smoothed[1], [43, 170, 0, 42, 0, 0, 0, 0]);
+        assert_eq!(smoothed[2], one(2));
+        assert!(
+            smoothed.iter().all(|shares| shares.iter().map(|&share| u32::from(share)).sum::<u32>() == 255)
+        );
+    }
 }

@@ -11,9 +11,11 @@
 //! (or is part of its girders) from the road below.
 //!
 //! *Gaps.* A cell without ground takes the nearest cell with ground in each of eight sectors within 12 m. A
-//! plane is fitted to them with weights 1 / d^2. The fit draws the slope to zero where the cells are on one
-//! side only: there a plane through neighbouring cells would continue a kerb as a ramp. If one of the cells
-//! has two layers, the gap has two layers as well, provided that they differ by 2.5 m there.
+//! plane is fitted to them with weights 1 / d^2. Its slope is drawn to zero where the cells are near and on one
+//! side only: a plane through neighbouring cells would continue a kerb as a ramp. So a gap between ground
+//! follows the slope (within 2 cm below a car on a slope of 10 %), and beyond the edge of the ground its height
+//! goes on level. If one of the cells has two layers, the gap has two layers as well, provided that they
+//! differ by 2.5 m there.
 //!
 //! *No ground within 12 m.* The height is counted from the lowest voxel of the column.
 //!
@@ -45,7 +47,7 @@ const BELOW_UPPER_M: f64 = 0.5;
 /// Fewest points of an upper layer.
 const UPPER_POINTS: usize = 3;
 /// Scale of the distance of samples, in cells, below which a slope is drawn to zero: half-way at 1.4 times it.
-const LEVER_CELLS: f64 = 2.0;
+const LEVER_CELLS: f64 = 1.0;
 
 /// The ground raster of a tile, as differences to the cell before.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -220,13 +222,16 @@ fn around() -> Vec<([i32; 2], u8)> {
 
 /// The bit of the sector of 45 degrees that contains a direction.
 fn sector([i, j]: [i32; 2]) -> u8 {
-    let half = i < 0 || (i == 0 && j < 0);
-    let [i, j] = if half { [-i, -j] } else { [i, j] };
-    let quarter = j < 0;
-    let [i, j] = if quarter { [-j, i] } else { [i, j] };
-    // Now i > 0 and j >= 0, or i = 0 and j > 0.
-    let eighth = j >= i;
-    1 << (u8::from(half) * 4 + u8::from(quarter) * 2 + u8::from(eighth))
+    let (quadrant, along, across) = if i > 0 && j >= 0 {
+        (0, i, j)
+    } else if i <= 0 && j > 0 {
+        (1, j, -i)
+    } else if i < 0 && j <= 0 {
+        (2, -i, -j)
+    } else {
+        (3, -j, i)
+    };
+    1 << (2 * quadrant + u8::from(across >= along))
 }
 
 /// The height at offset (0, 0) of the plane through heights at offsets, by weighted least squares with
@@ -274,4 +279,73 @@ fn plane(samples: impl Iterator<Item = ([i32; 2], i64)> + Clone) -> i64 {
 /// The ground raster of a tile.
 fn read(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<StoredGround> {
     codec::decode(codec::section(&drive.payload(STEP_VOXELS, tile)?, SECTION_GROUND)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ground z = 0.1 x - 0.04 y, in lattice units, in the cells that `keep` accepts.
+    fn slope(keep: impl Fn(Cell) -> bool) -> Terrain {
+        let cells = (-40..40).flat_map(|i| (-40..40).map(move |j| [i, j])).filter(|cell| keep(*cell));
+        Terrain::new(Lattice::MILLIMETRE, cells.map(|cell| (cell, [plane_at(cell); 2])))
+    }
+
+    fn plane_at([i, j]: Cell) -> i64 {
+        i64::from(i * 50 - j * 20) + 7_000
+    }
+
+    #[test]
+    fn gaps_follow_a_slope() {
+        // A gap of 5 m by 2.5 m, as below a car.
+        let terrain = slope(|[i, j]| !((-5..5).contains(&i) && (-2..3).contains(&j)));
+        for i in -5..5 {
+            for j in -2..3 {
+                let [lower, upper] = terrain.fill([i, j]).unwrap();
+                assert_eq!(lower, upper);
+                assert!((lower - plane_at([i, j])).abs() <= 21, "{i} {j}: {lower}");
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_edge_of_the_ground_a_kerb_goes_on_level() {
+        // A step of 0.12 m between the last two rows of cells before the gap.
+        let step = |[i, _]: Cell| if i < -1 { 0 } else { 120 };
+        let cells = (-40..0).flat_map(|i| (-40..40).map(move |j| [i, j]));
+        let terrain = Terrain::new(Lattice::MILLIMETRE, cells.map(|cell| (cell, [step(cell); 2])));
+        for i in 0..20 {
+            let [lower, _] = terrain.fill([i, 0]).unwrap();
+            assert!((lower - 120).abs() <= 2, "{i}: {lower}");
+        }
+    }
+
+    #[test]
+    fn sectors_are_eight_and_ground_beyond_the_reach_does_not_count() {
+        let mut counts = [0; 8];
+        for (by, sector) in around() {
+            assert!(by[0] * by[0] + by[1] * by[1] <= 24 * 24);
+            counts[sector.trailing_zeros() as usize] += 1;
+        }
+        // The axes are in the even sectors, the diagonals in the odd ones.
+        assert_eq!(counts, [228, 220].repeat(4)[..]);
+        let terrain = Terrain::new(Lattice::MILLIMETRE, [([25, 0], [0; 2]), ([0, -24], [50; 2])]);
+        assert_eq!(terrain.fill([0, 0]), Some([50; 2]));
+        assert_eq!(terrain.fill([0, 1]), None);
+    }
+
+    #[test]
+    fn a_bridge_is_a_second_layer() {
+        let mut heights = vec![6_000, 10, 20, 6_010, 0, 30, 6_020];
+        assert_eq!(layers(&mut heights, 2_500), Some([0, 6_000]));
+        assert_eq!(layers(&mut [0, 10, 6_000], 2_500), Some([0, 0]), "one point is no bridge");
+        assert_eq!(layers(&mut [0, 1_000, 2_000, 3_000, 4_000], 2_500), Some([1_000; 2]), "a steep bank");
+        assert_eq!(layers(&mut [], 2_500), None);
+        let cells = [([0, 0], [0, 6_000]), ([2, 0], [0, 6_000])];
+        let terrain = Terrain::new(Lattice::MILLIMETRE, cells);
+        let points: Vec<[i64; 3]> =
+            [100, 600].into_iter().flat_map(|x| [1_000, 5_000, 5_700, 8_000].map(|z| [x, 100, z])).collect();
+        let voxels = Voxels::of_points(Lattice::MILLIMETRE, &points);
+        assert_eq!(terrain.heights(&voxels), [1_000, 5_000, -300, 2_000, 1_000, 5_000, -300, 2_000]);
+    }
 }

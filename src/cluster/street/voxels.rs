@@ -8,6 +8,7 @@
     reason = "voxels of a tile fit u32 (VoxelIndex), reaches are a few metres"
 )]
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
@@ -18,7 +19,7 @@ use crate::cluster::{DriveWindow, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{Lattice, TileId};
-use crate::spatial::{CellGrid, CellMap};
+use crate::spatial::{Cell, CellGrid, CellMap};
 
 /// Sections of the payload of the step `voxels`.
 pub(super) const SECTION_VOXELS: usize = 0;
@@ -45,6 +46,17 @@ impl StoredVoxels {
     /// Number of voxels.
     pub(super) fn len(&self) -> usize {
         self.k.len()
+    }
+
+    /// Keys of the voxels, ascending.
+    pub(super) fn keys(&self) -> impl Iterator<Item = Voxel> + '_ {
+        let mut k = 0;
+        let columns = self.columns.iter().scan([0, 0], |at, &(di, dj, count)| {
+            *at = [at[0] + di, at[1] + dj];
+            Some((*at, count))
+        });
+        let cells = columns.flat_map(|(cell, count)| std::iter::repeat_n(cell, count as usize));
+        cells.zip(&self.k).map(move |([i, j], step)| [i, j, add(&mut k, *step)])
     }
 
     /// Columns and the range of their voxels.
@@ -111,9 +123,16 @@ impl Voxels {
     /// Loads the voxels of a tile, and every voxel whose column is within `reach` lattice units of a column of
     /// the tile. Some columns further away may be among them.
     pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
+        Self::load_with(tile, reach, &[])
+    }
+
+    /// Loads these voxels, and those of the columns `also`. A tile may have points in a column that another
+    /// tile owns, far from any column of its own.
+    pub(super) fn load_with(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
         let units = i64::from(edge(tile.lattice()));
         let own = read(tile, tile.tile())?;
-        let near = Near::around(&own, reach.div_euclid(units) + 1);
+        let mut near = Near::around(&own, reach.div_euclid(units) + 1);
+        near.add(also);
         let mut found: Vec<([i32; 2], u32, Range<usize>)> = Vec::new();
         let mut tiles: Vec<(TileId, StoredVoxels)> = vec![(tile.tile(), own)];
         // The owner of a column owns a cell that meets it: at most two edges away on both sides.
@@ -174,6 +193,16 @@ impl Voxels {
         self.key.binary_search(&key).ok()
     }
 
+    /// The loaded voxels of each tile: their positions among the voxels of the tile, ascending, and their
+    /// numbers here.
+    pub(super) fn by_tile(&self) -> BTreeMap<TileId, Vec<(u32, u32)>> {
+        let mut tiles = BTreeMap::<TileId, Vec<(u32, u32)>>::new();
+        for (number, &(tile, position)) in (0_u32..).zip(&self.origin) {
+            tiles.entry(tile).or_default().push((position, number));
+        }
+        tiles
+    }
+
     /// Brings together what a step stored for the voxels of each tile. `read` gives one value per voxel of a
     /// tile, in the order in which the tile stores its voxels.
     pub(super) fn gather<T: Copy>(&self, mut read: impl FnMut(TileId) -> Result<Vec<T>>) -> Result<Vec<T>> {
@@ -225,8 +254,77 @@ impl Near {
         Self { grid, squares }
     }
 
+    /// Adds columns.
+    fn add(&mut self, columns: &[Cell]) {
+        for column in columns {
+            *self.squares.entry(column.map(|index| index.div_euclid(SQUARE))) = 1;
+        }
+    }
+
     fn holds(&self, column: [i32; 2]) -> bool {
         let [i, j] = column.map(i64::from);
         self.grid.cell(i, j).is_some_and(|square| self.squares.get(square) == 1)
+    }
+}
+
+#[cfg(test)]
+impl Voxels {
+    /// The voxels of some points, all owned by one tile.
+    pub(super) fn of_points(lattice: Lattice, points: &[[i64; 3]]) -> Self {
+        let units = i64::from(edge(lattice));
+        let mut keyed: Vec<(Voxel, [u64; 3])> = points
+            .iter()
+            .map(|point| {
+                let key = point.map(|value| i32::try_from(value.div_euclid(units)).unwrap());
+                (key, point.map(|value| value.rem_euclid(units).unsigned_abs()))
+            })
+            .collect();
+        keyed.sort_unstable();
+        let mut storing = Storing::default();
+        for voxel in keyed.chunk_by(|a, b| a.0 == b.0) {
+            let sums = [0, 1, 2].map(|axis| voxel.iter().map(|point| point.1[axis]).sum());
+            storing.push(voxel[0].0, voxel.len() as u32, sums);
+        }
+        let stored = storing.finish();
+        let found: Vec<_> = stored.columns().map(|(cell, range)| (cell, 0, range)).collect();
+        let tile = TileId::new(0);
+        Self::of(lattice, tile, &[(tile, stored)], &found).unwrap()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn voxels_return_from_their_stored_form_with_the_mean_of_their_points() {
+        let points = [[-1, 0, 0], [-3, 0, 5], [0, 149, 149], [0, 149, 150], [-1, 0, -4_000], [40_000, -7, 1]];
+        let voxels = Voxels::of_points(Lattice::MILLIMETRE, &points);
+        assert_eq!(voxels.key, [[-1, 0, -27], [-1, 0, 0], [0, 0, 0], [0, 0, 1], [266, -1, 0]]);
+        assert_eq!(voxels.points, [1, 2, 1, 1, 1]);
+        assert_eq!(voxels.centre[1], [-2, 0, 2]);
+        assert_eq!(voxels.centre[0], [-1, 0, -4_000]);
+        assert_eq!(voxels.find([0, 0, 1]), Some(3));
+        assert_eq!(voxels.find([0, 1, 1]), None);
+        let stored: StoredVoxels = codec::decode(&codec::encode(&StoredVoxels::default()).unwrap()).unwrap();
+        assert_eq!(stored.len(), 0);
+    }
+
+    #[test]
+    fn every_column_within_reach_is_near() {
+        let mut storing = Storing::default();
+        for key in [[-3, 5, 0], [40, 7, 0]] {
+            storing.push(key, 1, [0; 3]);
+        }
+        let own = storing.finish();
+        let near = Near::around(&own, 10);
+        let gap = |a: i32, b: i32| (i64::from(a.abs_diff(b)) - 1).max(0);
+        for i in -40..80 {
+            for j in -30..40 {
+                let within = |[x, y]: [i32; 2]| gap(i, x).pow(2) + gap(j, y).pow(2) <= 100;
+                assert!(near.holds([i, j]) || !(within([-3, 5]) || within([40, 7])), "{i} {j}");
+            }
+        }
+        assert!(!near.holds([-40, 5]) && !near.holds([18, 30]), "far columns are left out");
     }
 }

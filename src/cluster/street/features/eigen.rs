@@ -2,13 +2,13 @@
 //! square root are used, in a fixed sequence. IEEE 754 defines each of them to the last bit, so the result is
 //! the same on every platform.
 
-/// Most sweeps over the three off-diagonal entries. Convergence is quadratic: 4 to 5 sweeps reach the
+/// Most sweeps over the three off-diagonal entries. Convergence is quadratic: 3 to 4 sweeps reach the
 /// threshold.
 const SWEEPS: usize = 12;
 
-/// Sum of the absolute off-diagonal entries, relative to the trace, below which the matrix is diagonal. Ratios
-/// of eigenvalues are used with 7 digits at most.
-const DIAGONAL: f64 = 1e-10;
+/// Sum of the absolute off-diagonal entries, relative to the trace, below which the matrix is diagonal. It
+/// changes eigenvalues by at most its square over their distance. Features need 4 to 5 digits.
+const DIAGONAL: f64 = 1e-6;
 
 /// A symmetric matrix: xx, xy, xz, yy, yz, zz.
 pub(super) type Symmetric = [f64; 6];
@@ -94,7 +94,7 @@ mod tests {
                 assert!((length - 1.0).abs() < 1e-12);
                 let stretched = product(matrix, vector);
                 for axis in 0..3 {
-                    assert!((stretched[axis] - value * vector[axis]).abs() <= 1e-9 * scale, "{matrix:?}");
+                    assert!((stretched[axis] - value * vector[axis]).abs() <= 2e-6 * scale, "{matrix:?}");
                 }
             }
         }

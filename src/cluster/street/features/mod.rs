@@ -165,3 +165,187 @@ fn runs(voxels: &Voxels) -> Vec<[i32; 2]> {
     }
     runs
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::model::Lattice;
+
+    const LATTICE: Lattice = Lattice::MILLIMETRE;
+
+    /// Poles, walls, crowns and dust over an area of 16 m by 12 m around a corner of four blocks.
+    fn scene(seed: u64) -> Vec<[i64; 3]> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut points = Vec::new();
+        let place =
+            |rng: &mut ChaCha8Rng| [rng.random_range(-8_000..8_000_i64), rng.random_range(-6_000..6_000)];
+        for _ in 0..6 {
+            let [x, y] = place(&mut rng);
+            points.extend((0..5_000).step_by(90).map(|z| [x, y, z + 10]));
+            let spread = rng.random_range(300..1_500_i64);
+            for _ in 0..150 {
+                let by = [(); 3].map(|()| rng.random_range(-spread..spread));
+                points.push([x + by[0], y + by[1], 5_000 + by[2]]);
+            }
+        }
+        let [_, y] = place(&mut rng);
+        for x in (-6_000..6_000).step_by(130) {
+            points.extend((200..3_500).step_by(140).map(|z| [x, y + x / 7, z]));
+        }
+        for _ in 0..150 {
+            let [x, y] = place(&mut rng);
+            points.push([x, y, rng.random_range(-500..14_000)]);
+        }
+        points
+    }
+
+    /// The features of the wanted voxels by key. Heights are those above z = 0.
+    fn features(voxels: &Voxels, wanted: &[bool]) -> Vec<([i32; 3], Vec<u32>)> {
+        let heights: Vec<i32> =
+            voxels.centre.iter().map(|centre| i32::try_from(centre[2]).unwrap()).collect();
+        let mut found = Vec::new();
+        compute(voxels, &heights, wanted, &mut |numbers, rows| {
+            assert_eq!(rows.len(), numbers.len() * NAMES.len());
+            for (&number, row) in numbers.iter().zip(rows.chunks_exact(NAMES.len())) {
+                assert!(row.iter().all(|value| value.is_finite()), "{row:?}");
+                found.push((voxels.key[number as usize], row.iter().map(|value| value.to_bits()).collect()));
+            }
+        });
+        found.sort_unstable();
+        assert_eq!(found.len(), wanted.iter().filter(|wanted| **wanted).count(), "each voxel once");
+        found
+    }
+
+    fn value(row: &[u32], name: &str) -> f32 {
+        f32::from_bits(row[NAMES.iter().position(|other| *other == name).unwrap()])
+    }
+
+    #[test]
+    fn features_are_the_same_whatever_lies_beyond_the_reach() {
+        let edge = 150;
+        let mut compared = 0;
+        for seed in 0..6 {
+            let points = scene(seed);
+            let mut rng = ChaCha8Rng::seed_from_u64(seed + 100);
+            // Anywhere on the lattice of blocks and cubes.
+            let shift = [(); 3].map(|()| rng.random_range(-200_000..200_000_i64));
+            let shift = if seed % 2 == 0 { [0; 3] } else { shift };
+            let points: Vec<[i64; 3]> =
+                points.iter().map(|point| [0, 1, 2].map(|axis| point[axis] + shift[axis])).collect();
+            let all = Voxels::of_points(LATTICE, &points);
+            let whole = features(&all, &vec![true; all.len()]);
+            let one = points[rng.random_range(0..points.len())];
+            let middle = [0, 1].map(|axis| one[axis]);
+            let inside =
+                |key: [i32; 3]| (0..2).all(|axis| (i64::from(key[axis]) * edge - middle[axis]).abs() < 1_000);
+            // Whole columns within reach of a wanted one, in the way in which they are loaded.
+            let wanted: Vec<[i32; 3]> = all.key.iter().copied().filter(|&key| inside(key)).collect();
+            let gap = |a: i32, b: i32| (i64::from(a.abs_diff(b)) - 1).max(0);
+            let near = |point: &&[i64; 3]| {
+                let key = point.map(|value| i32::try_from(value.div_euclid(edge)).unwrap());
+                wanted
+                    .iter()
+                    .any(|w| gap(w[0], key[0]).pow(2) + gap(w[1], key[1]).pow(2) <= REACH_EDGES.pow(2))
+            };
+            let part: Vec<[i64; 3]> = points.iter().filter(near).copied().collect();
+            assert!(part.len() < points.len(), "something is left out");
+            let part = Voxels::of_points(LATTICE, &part);
+            let mask: Vec<bool> = part.key.iter().map(|&key| inside(key)).collect();
+            let cut = features(&part, &mask);
+            compared += cut.len();
+            let expected: Vec<_> = whole.into_iter().filter(|row| inside(row.0)).collect();
+            for (cut, expected) in cut.iter().zip(&expected) {
+                for (name, (a, b)) in NAMES.iter().zip(cut.1.iter().zip(&expected.1)) {
+                    assert_eq!(a, b, "{name} of {:?}, seed {seed}", cut.0);
+                }
+            }
+            assert_eq!(cut, expected);
+        }
+        assert!(compared > 500, "{compared} voxels");
+    }
+
+    #[test]
+    fn counts_are_those_of_brute_force() {
+        let voxels = Voxels::of_points(LATTICE, &scene(7));
+        let rows = features(&voxels, &vec![true; voxels.len()]);
+        let cube = |key: [i32; 3], edge: i32| key.map(|index| index.div_euclid(edge));
+        let distinct = |mut keys: Vec<[i32; 3]>| {
+            keys.sort_unstable();
+            keys.dedup();
+            keys.len() as f32
+        };
+        for (key, row) in rows.iter().step_by(97) {
+            let [i, j, k] = *key;
+            let square = |other: &[i32; 3]| (0..3).map(|axis| (other[axis] - key[axis]).pow(2)).sum::<i32>();
+            let ball = voxels.key.iter().filter(|other| square(other) <= 6).count();
+            assert!((value(row, "n2") - ball as f32).abs() < 0.5);
+            for (edge, radius2, name) in [(2, 6, "n4"), (3, 12, "nc"), (6, 6, "nw")] {
+                let own = cube(*key, edge);
+                let near = voxels.key.iter().map(|other| cube(*other, edge)).filter(|other| {
+                    (0..3).map(|axis| (other[axis] - own[axis]).pow(2)).sum::<i32>() <= radius2
+                });
+                assert!((value(row, name) - distinct(near.collect())).abs() < 0.5, "{name}");
+            }
+            let [ci, cj, _] = cube(*key, 2);
+            let window = |reach: i32| {
+                voxels.key.iter().copied().filter(move |other| {
+                    let [oi, oj, _] = cube(*other, 2);
+                    (oi - ci).abs() <= reach && (oj - cj).abs() <= reach
+                })
+            };
+            for reach in [1, 2, 5, 10] {
+                let columns = window(reach).map(|other| [other[0].div_euclid(2), other[1].div_euclid(2), 0]);
+                let found = value(row, &format!("occ_{reach}"));
+                assert!((found - distinct(columns.collect())).abs() < 0.5, "occ_{reach}");
+                let slice = window(reach).filter(|other| other[2].div_euclid(4) == k.div_euclid(4));
+                let cells = slice.map(|other| [other[0].div_euclid(2), other[1].div_euclid(2), 0]);
+                let found = value(row, &format!("slice_{reach}"));
+                assert!((found - distinct(cells.collect())).abs() < 0.5, "slice_{reach}");
+            }
+            for reach in [1, 5] {
+                let cubes = distinct(window(reach).map(|other| cube(other, 2)).collect());
+                let bands: f32 = (0..8).map(|band| value(row, &format!("prof{band}_{reach}"))).sum();
+                assert!((bands - cubes).abs() < 0.5, "prof_{reach}");
+            }
+            for reach in [2, 5, 10] {
+                let top = window(reach).map(|key| voxels.centre[voxels.find(key).unwrap()][2]).max().unwrap();
+                let top = LATTICE.metres(top.max(-1_000)) as f32;
+                assert!((value(row, &format!("hmax_{reach}")) - top).abs() < 1e-4, "hmax_{reach}");
+            }
+            let levels =
+                |reach: i32| distinct(window(reach).map(|other| [0, 0, other[2].div_euclid(4)]).collect());
+            assert!((value(row, "lev1") - levels(0)).abs() < 0.5);
+            assert!((value(row, "lev3") - levels(1)).abs() < 0.5);
+            let own = voxels.key.iter().filter(|other| other[0] == i && other[1] == j);
+            let runs: Vec<i32> = own.map(|other| other[2]).collect();
+            let run = runs.chunk_by(|low, high| high - low <= 3).find(|run| run.contains(&k)).unwrap();
+            assert!((value(row, "rbelow") - (k - run[0]) as f32).abs() < 0.5);
+            assert!((value(row, "rabove") - (run[run.len() - 1] - k) as f32).abs() < 0.5);
+        }
+    }
+
+    #[test]
+    fn shapes_are_those_of_a_wall_and_a_pole() {
+        let mut points = Vec::new();
+        for z in (0..4_000).step_by(60) {
+            points.extend((0..4_000).step_by(60).map(|x| [x, 75, z]));
+            points.push([20_075, 75, z]);
+        }
+        let voxels = Voxels::of_points(LATTICE, &points);
+        let rows = features(&voxels, &vec![true; voxels.len()]);
+        let at = |key: [i32; 3]| &rows[rows.binary_search_by_key(&key, |row| row.0).unwrap()].1;
+        for scale in ["2", "4", "c", "w"] {
+            let of = |key, name: &str| value(at(key), &format!("{name}{scale}"));
+            let wall = [13, 0, 13];
+            assert!(of(wall, "pla") > 0.8 && of(wall, "nz") < 0.05 && of(wall, "off") < 0.01, "{scale}");
+            let pole = [133, 0, 13];
+            assert!(of(pole, "lin") > 0.95 && of(pole, "vz") > 0.99, "{scale}");
+        }
+        assert!(value(at([133, 0, 13]), "isolv") >= 6.0);
+        assert!(value(at([13, 0, 13]), "isolv") < 1.0);
+        assert!(value(at([13, 0, 13]), "p2lin12") > 0.9);
+    }
+}

@@ -171,3 +171,99 @@ impl Plane {
         [((l1 - l2) / l1.max(1e-6)) as f32, l2 as f32, l1 as f32, offset as f32]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Values that look random.
+    fn value(place: usize) -> u32 {
+        let mixed = (place as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
+        if mixed.is_multiple_of(3) { (mixed % 97) as u32 } else { 0 }
+    }
+
+    #[test]
+    fn windows_sum_what_is_inside() {
+        let (height, width) = (9, 13);
+        let mut sums = Sums::<2>::default();
+        sums.fill(height, width, |row, column| [value(row * width + column), 1]);
+        for (row, column, reach) in [(0, 0, 1), (4, 6, 2), (8, 12, 5), (-2, 3, 3), (4, 20, 4), (30, 30, 2)] {
+            let mut expected = [0, 0];
+            for r in 0..height {
+                for c in 0..width {
+                    if (r as i32 - row).abs() <= reach && (c as i32 - column).abs() <= reach {
+                        expected[0] += value(r * width + c);
+                        expected[1] += 1;
+                    }
+                }
+            }
+            assert_eq!(sums.window(row, column, reach), expected, "{row} {column} {reach}");
+        }
+    }
+
+    #[test]
+    fn maxima_of_windows_come_from_smaller_windows() {
+        let side = 40;
+        let values: Vec<i32> = (0..side * side).map(|place| value(place) as i32).collect();
+        let three = spread(&values, side, 1, true);
+        let two = spread(&three, side, 1, false);
+        let five = spread(&two, side, 3, true);
+        let ten = spread(&five, side, 5, false);
+        for (tops, reach) in [(&two, 2), (&five, 5), (&ten, 10)] {
+            for row in 10..30 {
+                for column in 10..30 {
+                    let rows = row - reach..=row + reach;
+                    let expected = rows
+                        .flat_map(|r| (column - reach..=column + reach).map(move |c| r * side + c))
+                        .map(|place| values[place])
+                        .max();
+                    assert_eq!(Some(tops[row * side + column]), expected);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn moments_of_discs_are_those_of_their_cells() {
+        let side = 30;
+        let mut rows = Rows::default();
+        rows.fill(side, value);
+        for (row, column, radius) in [(12, 12, 12), (15, 9, 5), (17, 21, 8)] {
+            let mut expected = Plane::default();
+            for r in 0..side {
+                for c in 0..side {
+                    let x = r as i64 - row as i64;
+                    let y = c as i64 - column as i64;
+                    let weight = i64::from(value(r * side + c));
+                    if x * x + y * y <= (radius * radius) as i64 {
+                        expected.n += weight;
+                        expected.x += weight * x;
+                        expected.y += weight * y;
+                        expected.xx += weight * x * x;
+                        expected.xy += weight * x * y;
+                        expected.yy += weight * y * y;
+                    }
+                }
+            }
+            assert_eq!(rows.disc(row, column, &half_widths(radius)), expected);
+        }
+    }
+
+    #[test]
+    fn a_row_of_columns_is_elongated_along_itself() {
+        // Three columns on a diagonal through (1, 0): the cell lies 0.5 sqrt(2) beside their line.
+        let mut plane = Plane::default();
+        for [x, y] in [[0, -1], [1, 0], [2, 1]] {
+            plane.n += 1;
+            plane.x += x;
+            plane.y += y;
+            plane.xx += x * x;
+            plane.xy += x * y;
+            plane.yy += y * y;
+        }
+        let [linear, minor, major, offset] = plane.features();
+        assert!((linear - 1.0).abs() < 1e-3 && minor < 1e-3, "{linear} {minor}");
+        assert!((major - (4.0_f32 / 3.0).sqrt()).abs() < 1e-6);
+        assert!((offset - 0.5_f32.sqrt()).abs() < 1e-6);
+    }
+}

@@ -14,28 +14,28 @@ use crate::cluster::columns::{Columns, disc};
 /// Number of features of a shape.
 pub(super) const COUNT: usize = 7;
 
-/// Sums over the members of a ball: number, first and second moments of the differences to its centre.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+/// Sums over the members of a ball: first and second moments of the differences to its centre. They are
+/// integers in double precision: below 2^53 every sum and product is exact, in any order, and two fit a
+/// vector register of every processor.
+#[derive(Debug, Default, Clone, Copy)]
 pub(super) struct Moments {
-    pub(super) n: i64,
-    pub(super) first: [i64; 3],
-    /// xx, xy, xz, yy, yz, zz.
-    pub(super) second: [i64; 6],
+    /// x, y, z and the number of members.
+    pub(super) first: [f64; 4],
+    /// xx, xy, yy, yz, zz, zx.
+    pub(super) second: [f64; 6],
 }
 
 impl Moments {
     #[inline]
-    fn add(&mut self, [x, y, z]: [i64; 3]) {
-        self.n += 1;
-        self.first[0] += x;
-        self.first[1] += y;
-        self.first[2] += z;
-        self.second[0] += x * x;
-        self.second[1] += x * y;
-        self.second[2] += x * z;
-        self.second[3] += y * y;
-        self.second[4] += y * z;
-        self.second[5] += z * z;
+    fn add(&mut self, [x, y, z]: [f64; 3]) {
+        for (sum, value) in self.first.iter_mut().zip([x, y, z, 1.0]) {
+            *sum += value;
+        }
+        let left = [x, x, y, y, z, z];
+        let right = [x, y, y, z, z, x];
+        for ((sum, left), right) in self.second.iter_mut().zip(left).zip(right) {
+            *sum += left * right;
+        }
     }
 }
 
@@ -62,8 +62,8 @@ pub(super) struct Shape {
 impl Shape {
     /// The shape of a ball.
     pub(super) fn of(moments: &Moments) -> Self {
-        let n = moments.n;
-        if n < 3 {
+        let [x, y, z, n] = moments.first;
+        if n < 3.0 {
             let none = -1.0;
             return Self {
                 n: n as f32,
@@ -76,16 +76,13 @@ impl Shape {
             };
         }
         // n^2 times the covariance, exactly.
-        let [x, y, z] = moments.first;
-        let products = [x * x, x * y, x * z, y * y, y * z, z * z];
-        let mut covariance = [0.0; 6];
-        for ((entry, &sum), product) in covariance.iter_mut().zip(&moments.second).zip(products) {
-            *entry = (n * sum - product) as f64;
-        }
+        let [xx, xy, yy, yz, zz, zx] = moments.second;
+        let covariance =
+            [n * xx - x * x, n * xy - x * y, n * zx - x * z, n * yy - y * y, n * yz - y * z, n * zz - z * z];
         let [(large, axis), (middle, _), (small, normal)] = eigen(covariance);
         let [l1, l2, l3] = [large, middle, small].map(|value| value.max(0.0).sqrt());
         let l1 = l1.max(1e-9);
-        let mean = moments.first.map(|sum| sum as f64 / n as f64);
+        let mean = [x / n, y / n, z / n];
         Self {
             n: n as f32,
             linear: ((l1 - l2) / l1) as f32,
@@ -119,6 +116,8 @@ pub(super) fn balls(
 ) {
     let disc: Vec<([i32; 2], i32)> =
         disc(radius2).into_iter().map(|(square, by)| (by, (radius2 - square).isqrt() as i32)).collect();
+    // Exact: lattice coordinates are below 2^50.
+    let centre: Vec<[f64; 3]> = centre.iter().map(|centre| centre.map(|value| value as f64)).collect();
     let k = columns.heights();
     let mut finder = columns.finder();
     // First member that may be in the ball, end of its column, half height of the ball there.
@@ -137,16 +136,16 @@ pub(super) fn balls(
         }
         for member in members.filter(|&member| wanted[member]) {
             let [x, y, z] = centre[member];
+            let level = k[member];
             let mut moments = Moments::default();
             for (low, end, half) in &mut around {
-                while low < end && k[*low] < k[member] - *half {
+                let column = &k[..*end];
+                while *low < *end && column[*low] < level - *half {
                     *low += 1;
                 }
-                let mut at = *low;
-                while at < *end && k[at] <= k[member] + *half {
-                    let other = centre[at];
+                let members = column[*low..].iter().zip(&centre[*low..*end]);
+                for (_, other) in members.take_while(|(at, _)| **at <= level + *half) {
                     moments.add([other[0] - x, other[1] - y, other[2] - z]);
-                    at += 1;
                 }
             }
             visit(member, &moments);
