@@ -38,6 +38,7 @@ mod refusals;
 mod resume;
 #[cfg(test)]
 mod rounds;
+mod street_run;
 #[cfg(test)]
 mod switch;
 #[cfg(test)]
