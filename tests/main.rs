@@ -38,6 +38,7 @@ mod refusals;
 mod resume;
 #[cfg(test)]
 mod rounds;
+#[cfg(test)]
 mod street_run;
 #[cfg(test)]
 mod switch;
