@@ -41,6 +41,8 @@ mod rounds;
 #[cfg(test)]
 mod spinning;
 #[cfg(test)]
+mod street_run;
+#[cfg(test)]
 mod switch;
 #[cfg(test)]
 mod synth;
