@@ -137,7 +137,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let rising = joining::join_bands(&around, &band, &mut links);
     let chosen = |voxel: usize| band[voxel] != NO_BAND || class[voxel] > TREE;
     let parts = links.finish(&around.voxels, chosen);
-    let figures = joining::figures(&around, &class, &band, &parts);
+    let figures = joining::figures(&around, &class, &band, &|voxel| trunk[voxel].0, &parts);
     let mut rising: Vec<(u32, u32)> =
         rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
     rising.sort_unstable();
@@ -294,7 +294,11 @@ fn keeps(part: &Part, lattice: Lattice) -> bool {
     let stands = low < 0.8;
     match part.class {
         BUILDING => voxels >= 150 && high > 2.5,
-        POLE => tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)),
+        // Without a chain that is a pole, an upright piece among leaves is a part of a stem.
+        POLE => {
+            let free = part.decided > 0 || part.contact <= voxels;
+            tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)) && free
+        }
         VEHICLE => voxels >= 60 && extent > 1.5 && stands && free,
         FENCE => voxels >= 12 && stands && free && !in_vehicle,
         SMALL => voxels >= 5 && stands && free && !in_vehicle,

@@ -20,7 +20,7 @@ const LOW_M: f64 = 0.15;
 const BAND_M: f64 = 0.25;
 /// Voxels of a class are joined within so many voxels in the plane and so many levels.
 const REACHES: [(u8, i32, i32); 5] =
-    [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
+    [(POLE, 2, 16), (VEHICLE, 3, 3), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
 /// Columns of buildings are joined within so many voxels in the plane, whatever their height.
 const BUILDING_REACH: i32 = 10;
 /// Canopy is looked for within so many voxels of a low tree voxel.
@@ -101,8 +101,14 @@ pub(super) fn join_bands(around: &Classified, band: &[u8], links: &mut Links<'_>
     rising
 }
 
-/// The figures of the components, over the voxels of the tile.
-pub(super) fn figures(around: &Classified, class: &[u8], band: &[u8], parts: &Parts) -> Vec<Option<Part>> {
+/// The figures of the components, over the voxels of the tile. `decided` says which voxels a chain decided.
+pub(super) fn figures(
+    around: &Classified,
+    class: &[u8],
+    band: &[u8],
+    decided: &dyn Fn(usize) -> bool,
+    parts: &Parts,
+) -> Vec<Option<Part>> {
     let columns = &around.voxels.columns;
     let mut finder = columns.finder();
     let touching = Window::new(1, 1);
@@ -114,7 +120,8 @@ pub(super) fn figures(around: &Classified, class: &[u8], band: &[u8], parts: &Pa
         let key @ [i, j, k] = around.voxels.key[voxel];
         let mut one =
             Part::of_voxel(class[voxel], band[voxel], key, around.height[voxel], around.voxels.centre[voxel]);
-        if matches!(class[voxel], FENCE | SMALL | VEHICLE) {
+        one.decided = u32::from(decided(voxel));
+        if matches!(class[voxel], POLE | FENCE | SMALL | VEHICLE) {
             touching.visit(columns, &mut finder, [i, j], k, |other| {
                 one.contact += u32::from(matches!(class[other], TREE | BUILDING));
             });

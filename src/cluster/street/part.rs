@@ -27,6 +27,8 @@ pub(super) struct Part {
     pub(super) sum: [i64; 2],
     /// Neighbours (of 26) that are trees or buildings.
     pub(super) contact: u32,
+    /// Voxels whose class a chain decided.
+    pub(super) decided: u32,
     /// Voxels with a vehicle above, below or beside them, if the class is another.
     pub(super) in_vehicle: u32,
     /// Highest tree voxel around low tree voxels, in lattice units above ground.
@@ -46,6 +48,7 @@ impl Part {
             max: place,
             sum: place,
             contact: 0,
+            decided: 0,
             in_vehicle: 0,
             canopy: i32::MIN,
         }
@@ -61,6 +64,7 @@ impl Part {
             self.sum[axis] += other.sum[axis];
         }
         self.contact += other.contact;
+        self.decided += other.decided;
         self.in_vehicle += other.in_vehicle;
         self.canopy = self.canopy.max(other.canopy);
     }
