@@ -10,6 +10,8 @@ use chainage::run::{
     CancelToken, Event, Observer, Registries, RunError, RunRequest, RunSummary, Silent, run,
 };
 
+use crate::util::drive::scratch;
+
 /// Outputs of a run that must not depend on how it ran.
 const RESULTS: [&str; 5] = [
     "tree_road_sweep.laz",
@@ -89,7 +91,7 @@ fn order(pass: &str) -> usize {
 
 #[test]
 fn tiles_and_threads_do_not_show() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = scratch();
     let whole = folder.path().join("whole");
     let summary = run_in(&whole, &["tiling.tile_length=1000", "run.threads=1"]);
     assert_eq!(summary.tiles, 1);
@@ -106,7 +108,7 @@ fn tiles_and_threads_do_not_show() {
 
 #[test]
 fn a_run_stopped_in_any_pass_ends_in_the_same_bytes() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = scratch();
     let settings = ["tiling.tile_length=20", "run.threads=2"];
     let straight: PathBuf = folder.path().join("straight");
     run_in(&straight, &settings);
@@ -146,7 +148,7 @@ fn global_of(out: &Path, pass: &str) -> PathBuf {
 
 #[test]
 fn a_run_that_died_in_a_reduction_does_it_again() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = scratch();
     let settings = ["tiling.tile_length=20", "run.threads=2"];
     let straight: PathBuf = folder.path().join("straight");
     run_in(&straight, &settings);
@@ -172,7 +174,7 @@ fn a_run_that_died_in_a_reduction_does_it_again() {
 
 #[test]
 fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = scratch();
     let base = ["tiling.tile_length=20"];
     let out = folder.path().join("changed");
     let fresh = folder.path().join("fresh");

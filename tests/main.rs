@@ -44,3 +44,5 @@ mod switch;
 mod synth;
 #[cfg(test)]
 mod util;
+#[cfg(test)]
+mod words;
