@@ -39,6 +39,8 @@ pub mod words;
 mod codec;
 mod whole_file;
 
+pub mod boosting;
+
 pub mod config;
 
 pub mod input;

@@ -88,8 +88,9 @@ const LAYERS: [&[&str]; 7] = [
     &["error", "allocator", "words"],
     &["codec", "whole_file"],
     &["model"],
-    // Beside each other: what is near what knows no setting, and no setting needs to know it.
-    &["spatial", "config"],
+    // Beside each other: what is near what and what is learned from a table know no setting of the program, and no
+    // setting needs to know them.
+    &["spatial", "boosting", "config"],
     &["input", "survey", "tiling", "ground", "cluster", "stitch", "inventory", "output", "store", "table"],
     &["run", "eval", "synth"],
     &["cli"],

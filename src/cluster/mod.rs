@@ -19,6 +19,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod columns;
 pub mod dbscan;
 mod density_peaks;
 mod euclidean;
@@ -28,6 +29,8 @@ mod local;
 mod method;
 pub mod p_linkage;
 mod sliced;
+#[expect(dead_code, reason = "it is not in the registry before its last step exists")]
+mod street;
 
 pub use dbscan::{Auto, Dbscan, DbscanConfig, DbscanVariant, Epsilon};
 pub use density_peaks::{DensityPeaks, DensityPeaksConfig};

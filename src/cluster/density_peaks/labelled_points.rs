@@ -11,8 +11,8 @@
 
 use std::ops::Range;
 
-use super::columns::{Finder, Voxel};
 use super::surroundings::Surroundings;
+use crate::cluster::columns::{Finder, Voxel};
 use crate::model::{PointId, VoxelGrid};
 use crate::spatial::Cell;
 

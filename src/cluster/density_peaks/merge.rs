@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use super::columns::join;
 use super::figures::{Figures, Reassigned};
 use super::settings::{DensityPeaksConfig, STAGE_PEAKS};
 use super::stage_borders::{self, Halo, PairSum, merges};
 use super::stage_peaks;
+use crate::cluster::columns::join;
 use crate::cluster::{DriveWindow, Grouped};
 use crate::error::Result;
 use crate::model::{PointId, TileId};

@@ -32,7 +32,6 @@
 //! lamp pole below it. A pole inside a crown takes the part of the crown around it. Cars half a metre apart
 //! are one object.
 
-mod columns;
 mod curvature;
 mod decision;
 mod figures;

@@ -12,12 +12,12 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::columns::Border;
 use super::curvature::{ONE, curvature};
 use super::labelled_points::{LabelledPoints, Neighbour, REPRESENTATIVE_M, Search};
 use super::settings::{DensityPeaksConfig, STAGE_BORDERS};
 use super::stage_voxels::number;
 use super::surroundings::Surroundings;
+use crate::cluster::columns::Border;
 use crate::cluster::further::{Asking, Further};
 use crate::cluster::{DriveWindow, Labelled, Mapped, TileWindow};
 use crate::codec;

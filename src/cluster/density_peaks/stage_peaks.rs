@@ -14,10 +14,10 @@ use std::ops::Range;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
-use super::columns::{Columns, Finder, Voxel, disc};
 use super::decision::density_class;
 use super::settings::{DensityPeaksConfig, STAGE_PEAKS, STAGE_VOXELS};
 use super::stage_voxels::{self, StoredVoxel};
+use crate::cluster::columns::{Columns, Finder, Voxel, disc};
 use crate::cluster::sliced;
 use crate::cluster::{DriveWindow, Mapped, TileWindow};
 use crate::codec;

@@ -13,13 +13,13 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::columns::{Border, Columns, Voxel, join};
 use super::settings::{NAME, STAGE_VOXELS};
+use crate::cluster::columns::{Border, Columns, Voxel, global_indices, join};
 use crate::cluster::sliced;
 use crate::cluster::{DriveWindow, Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
-use crate::model::{AlgorithmError, TileId};
+use crate::model::TileId;
 use crate::spatial::{Cell, VoxelIndex};
 
 /// A voxel of one column.
@@ -76,32 +76,6 @@ pub(super) fn reach(edge: u32) -> i64 {
     (f64::from(edge) * 2.0 * std::f64::consts::SQRT_2).ceil() as i64
 }
 
-/// Global indices of the voxels of `index` that are `wanted`, ascending.
-pub(super) fn global_indices(
-    index: &VoxelIndex,
-    wanted: impl Fn(usize) -> bool,
-) -> Result<Vec<(Voxel, u32)>, AlgorithmError> {
-    let grid = index.grid();
-    let too_many = || AlgorithmError::TooManyCells {
-        method: NAME,
-        cells: grid.base.iter().map(|value| value.unsigned_abs()).max().unwrap_or(0),
-        edge_units: grid.edge,
-        limit: i32::MAX as u64,
-    };
-    let global = |axis: usize, local: u32| {
-        i32::try_from(grid.base[axis] + i64::from(local)).ok().filter(|index| index.abs() < i32::MAX / 2)
-    };
-    let mut voxels = Vec::new();
-    for (column, &[i, j]) in index.columns().iter().enumerate() {
-        for voxel in index.column_voxels(column).filter(|&voxel| wanted(voxel)) {
-            let at = [global(0, i), global(1, j), global(2, index.heights()[voxel])];
-            let [Some(i), Some(j), Some(k)] = at else { return Err(too_many()) };
-            voxels.push(([i, j, k], voxel as u32));
-        }
-    }
-    Ok(voxels)
-}
-
 /// Computes the payload of a tile.
 pub(super) fn map(tile: &dyn TileWindow, edge: u32) -> Result<Mapped> {
     let points = tile.points(reach(edge), false)?;
@@ -123,7 +97,7 @@ pub(super) fn map(tile: &dyn TileWindow, edge: u32) -> Result<Mapped> {
 
     let mut payload = VoxelPayload::default();
     let mut last = (None, false);
-    for (voxel @ [i, j, k], local) in global_indices(&index, |_| true)? {
+    for (voxel @ [i, j, k], local) in global_indices(NAME, &index, |_| true)? {
         if last.0 != Some([i, j]) {
             last = (Some([i, j]), mine([i, j]));
         }
@@ -138,7 +112,7 @@ pub(super) fn map(tile: &dyn TileWindow, edge: u32) -> Result<Mapped> {
         }
     }
 
-    let voxels = global_indices(&index, |voxel| objects[voxel] > 0)?;
+    let voxels = global_indices(NAME, &index, |voxel| objects[voxel] > 0)?;
     let columns = Columns::new(voxels.iter().map(|entry| entry.0));
     let mut own = vec![false; columns.len()];
     for (column, &cell) in columns.cells().iter().enumerate() {

@@ -7,10 +7,10 @@
 
 use std::ops::Range;
 
-use super::columns::Columns;
 use super::settings::{NAME, STAGE_PEAKS};
 use super::stage_peaks;
-use super::stage_voxels::{self, global_indices};
+use super::stage_voxels;
+use crate::cluster::columns::{Columns, global_indices};
 use crate::cluster::{TilePoints, TileWindow};
 use crate::error::{Error, Result};
 use crate::model::TileId;
@@ -60,7 +60,7 @@ impl Surroundings {
         let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
         // Every voxel of the index has a point, so the order and the numbers of voxels are the same in
         // `voxels`.
-        let indices = global_indices(&index, |_| true)?;
+        let indices = global_indices(NAME, &index, |_| true)?;
         let voxels = Columns::new(indices.iter().map(|entry| entry.0));
         let mut voxel = vec![0; points.cloud.len()];
         for (range, number) in index.streaks() {

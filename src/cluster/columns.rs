@@ -1,5 +1,5 @@
 //! Voxels as sorted columns with global indices, and which voxels touch. This file knows no points and no
-//! densities.
+//! densities. The methods that work on voxels share it.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "voxels of a tile fit u32 (VoxelIndex), differences of indices are small"
@@ -9,10 +9,39 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::spatial::{Cell, CellCursor, CellMap, DisjointSets};
+use crate::model::AlgorithmError;
+use crate::spatial::{Cell, CellCursor, CellMap, DisjointSets, VoxelIndex};
 
 /// Global index (i, j, k) of a voxel.
 pub(super) type Voxel = [i32; 3];
+
+/// Global indices of the voxels of `index` that are `wanted`, ascending.
+/// `method` is the caller's name for the error.
+pub(super) fn global_indices(
+    method: &'static str,
+    index: &VoxelIndex,
+    wanted: impl Fn(usize) -> bool,
+) -> Result<Vec<(Voxel, u32)>, AlgorithmError> {
+    let grid = index.grid();
+    let too_many = || AlgorithmError::TooManyCells {
+        method,
+        cells: grid.base.iter().map(|value| value.unsigned_abs()).max().unwrap_or(0),
+        edge_units: grid.edge,
+        limit: i32::MAX as u64,
+    };
+    let global = |axis: usize, local: u32| {
+        i32::try_from(grid.base[axis] + i64::from(local)).ok().filter(|index| index.abs() < i32::MAX / 2)
+    };
+    let mut voxels = Vec::new();
+    for (column, &[i, j]) in index.columns().iter().enumerate() {
+        for voxel in index.column_voxels(column).filter(|&voxel| wanted(voxel)) {
+            let at = [global(0, i), global(1, j), global(2, index.heights()[voxel])];
+            let [Some(i), Some(j), Some(k)] = at else { return Err(too_many()) };
+            voxels.push(([i, j, k], voxel as u32));
+        }
+    }
+    Ok(voxels)
+}
 
 /// Voxels (or other things with an index), sorted by (i, j, k).
 #[derive(Debug, Default)]

@@ -1,0 +1,237 @@
+//! Growth of one tree: the leaf with the largest gain is split first. Sums are whole numbers.
+
+use xxhash_rust::xxh3::xxh3_64_with_seed;
+
+use super::bins::Binned;
+use super::exponential::UNITS;
+use super::settings::Settings;
+use super::tree::{Split, Tree};
+
+/// Units of gradients and curvatures per 1. With weights below 100, the sums over a thousand million samples fit.
+pub(super) const GRADIENT_UNITS: f64 = 16_777_216.0;
+
+/// Least curvature of a leaf: below it, a value would be a quotient of rounding errors (as in `LightGBM`).
+const LEAST_CURVATURE: f64 = 1e-3;
+
+/// Largest value of a leaf: a factor of nine million between the odds of two classes.
+const LARGEST_VALUE: f64 = 16.0;
+
+/// Gradient and curvature of the loss at a sample.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Slope {
+    pub(super) gradient: i32,
+    pub(super) curvature: i32,
+}
+
+/// Sums over the samples of a bin or a leaf.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sum {
+    gradient: i64,
+    curvature: i64,
+    samples: i64,
+}
+
+impl Sum {
+    fn add(&mut self, other: Self) {
+        self.gradient += other.gradient;
+        self.curvature += other.curvature;
+        self.samples += other.samples;
+    }
+
+    fn less(self, other: Self) -> Self {
+        Self {
+            gradient: self.gradient - other.gradient,
+            curvature: self.curvature - other.curvature,
+            samples: self.samples - other.samples,
+        }
+    }
+
+    fn slope(self) -> (f64, f64) {
+        (self.gradient as f64 / GRADIENT_UNITS, self.curvature as f64 / GRADIENT_UNITS)
+    }
+
+    /// What the best value of a leaf takes off twice the loss.
+    fn score(self, l2: f64) -> f64 {
+        let (gradient, curvature) = self.slope();
+        gradient * gradient / (curvature + l2)
+    }
+}
+
+/// Sums of every bin of every feature, one after the other.
+type Histogram = Vec<Sum>;
+
+/// A split that a leaf could have.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    gain: f64,
+    feature: usize,
+    threshold: usize,
+}
+
+/// A leaf while the tree grows.
+struct Leaf {
+    samples: Vec<u32>,
+    histogram: Histogram,
+    total: Sum,
+    best: Option<Candidate>,
+}
+
+/// A tree with what it was grown from.
+pub(super) struct Grown {
+    pub(super) tree: Tree,
+    /// Samples of each leaf.
+    pub(super) samples: Vec<Vec<u32>>,
+    /// Feature and gain of each split.
+    pub(super) gains: Vec<(usize, f64)>,
+}
+
+/// What a tree grows from.
+pub(super) struct Grower<'a> {
+    pub(super) binned: &'a Binned,
+    pub(super) settings: &'a Settings,
+    /// Start of each feature in a histogram, and the end of the last.
+    starts: Vec<usize>,
+}
+
+impl<'a> Grower<'a> {
+    pub(super) fn new(binned: &'a Binned, settings: &'a Settings) -> Self {
+        let mut starts = vec![0];
+        let mut end = 0;
+        for thresholds in &binned.thresholds {
+            end += thresholds.len() + 1;
+            starts.push(end);
+        }
+        Self { binned, settings, starts }
+    }
+
+    /// Grows the tree of this `number`, by which its seed differs.
+    pub(super) fn grow(&self, slopes: &[Slope], number: u64) -> Grown {
+        let all: Vec<u32> = (0..).take(slopes.len()).collect();
+        let histogram = self.histogram(&all, slopes);
+        let mut leaves = vec![self.leaf(all, histogram, (number, 0))];
+        let mut splits = Vec::new();
+        let mut gains = Vec::new();
+        while leaves.len() < self.settings.leaves {
+            let mut chosen: Option<(usize, Candidate)> = None;
+            for (at, leaf) in leaves.iter().enumerate() {
+                if let Some(best) =
+                    leaf.best.filter(|best| chosen.is_none_or(|(_, most)| best.gain > most.gain))
+                {
+                    chosen = Some((at, best));
+                }
+            }
+            let Some((at, best)) = chosen else { break };
+            let right = self.split(&mut leaves[at], best, slopes, (number, splits.len()));
+            leaves.push(right);
+            gains.push((best.feature, best.gain));
+            splits.push(Split {
+                leaf: narrow(at),
+                threshold: narrow(best.threshold),
+                feature: u16::try_from(best.feature).unwrap_or(u16::MAX),
+            });
+        }
+        let values = leaves.iter().map(|leaf| self.value(leaf.total)).collect();
+        Grown {
+            tree: Tree { splits, values },
+            samples: leaves.into_iter().map(|leaf| leaf.samples).collect(),
+            gains,
+        }
+    }
+
+    fn leaf(&self, samples: Vec<u32>, histogram: Histogram, key: (u64, usize)) -> Leaf {
+        let mut total = Sum::default();
+        histogram[..self.starts[1]].iter().for_each(|bin| total.add(*bin));
+        let best = self.best(&histogram, total, key);
+        Leaf { samples, histogram, total, best }
+    }
+
+    /// Sums over samples, feature by feature.
+    fn histogram(&self, samples: &[u32], slopes: &[Slope]) -> Histogram {
+        let mut histogram = vec![Sum::default(); self.starts.last().copied().unwrap_or(0)];
+        // In the order of the samples of the leaf: read once per feature, one after the other.
+        let slopes: Vec<Slope> = samples.iter().map(|&sample| slopes[sample as usize]).collect();
+        for (column, start) in self.binned.columns.iter().zip(&self.starts) {
+            let bins = &mut histogram[*start..];
+            for (&sample, slope) in samples.iter().zip(&slopes) {
+                let bin = &mut bins[usize::from(column[sample as usize])];
+                bin.gradient += i64::from(slope.gradient);
+                bin.curvature += i64::from(slope.curvature);
+                bin.samples += 1;
+            }
+        }
+        histogram
+    }
+
+    /// Splits a leaf, which keeps what is not above the threshold, and returns the new leaf.
+    fn split(&self, leaf: &mut Leaf, best: Candidate, slopes: &[Slope], (tree, split): (u64, usize)) -> Leaf {
+        let column = &self.binned.columns[best.feature];
+        let above = |sample: &u32| usize::from(column[*sample as usize]) > best.threshold;
+        let (right, left): (Vec<u32>, Vec<u32>) = leaf.samples.iter().partition(|sample| above(sample));
+        // The sums of the larger part are those of both without those of the smaller part.
+        let smaller = self.histogram(if left.len() <= right.len() { &left } else { &right }, slopes);
+        let larger: Histogram =
+            leaf.histogram.iter().zip(&smaller).map(|(both, one)| both.less(*one)).collect();
+        let (on_left, on_right) =
+            if left.len() <= right.len() { (smaller, larger) } else { (larger, smaller) };
+        *leaf = self.leaf(left, on_left, (tree, 2 * split + 1));
+        self.leaf(right, on_right, (tree, 2 * split + 2))
+    }
+
+    /// The best split of a leaf among the features that its key draws.
+    fn best(&self, histogram: &Histogram, total: Sum, (tree, node): (u64, usize)) -> Option<Candidate> {
+        let whole = total.score(self.settings.l2);
+        let mut best: Option<Candidate> = None;
+        for feature in self.drawn(tree, node as u64) {
+            let bins = &histogram[self.starts[feature]..self.starts[feature + 1]];
+            let mut left = Sum::default();
+            for (threshold, bin) in bins[..bins.len() - 1].iter().enumerate() {
+                left.add(*bin);
+                let right = total.less(left);
+                if !self.may_be_leaf(left) || !self.may_be_leaf(right) {
+                    continue;
+                }
+                let gain = left.score(self.settings.l2) + right.score(self.settings.l2) - whole;
+                // The first of equal gains, in the order of features and thresholds.
+                if gain > best.map_or(0.0, |best| best.gain) {
+                    best = Some(Candidate { gain, feature, threshold });
+                }
+            }
+        }
+        best
+    }
+
+    fn may_be_leaf(&self, sum: Sum) -> bool {
+        sum.samples.unsigned_abs() >= self.settings.leaf_samples && sum.slope().1 >= LEAST_CURVATURE
+    }
+
+    /// The features among which a split chooses, ascending: those with the smallest hashes.
+    fn drawn(&self, tree: u64, node: u64) -> Vec<usize> {
+        let width = self.binned.columns.len();
+        let mut hashed: Vec<(u64, usize)> = (0..width)
+            .map(|feature| {
+                let key = [tree, node, feature as u64].map(u64::to_le_bytes);
+                (xxh3_64_with_seed(key.as_flattened(), self.settings.seed), feature)
+            })
+            .collect();
+        hashed.sort_unstable();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the width")]
+        let count = (self.settings.features * width as f64).ceil() as usize;
+        let mut features: Vec<usize> = hashed[..count.min(width)].iter().map(|pair| pair.1).collect();
+        features.sort_unstable();
+        features
+    }
+
+    /// What a leaf adds to the score.
+    fn value(&self, total: Sum) -> i32 {
+        let (gradient, curvature) = total.slope();
+        let step = -self.settings.rate * gradient / (curvature + self.settings.l2).max(LEAST_CURVATURE);
+        #[expect(clippy::cast_possible_truncation, reason = "at most 16 times 65,536")]
+        let value = (step.clamp(-LARGEST_VALUE, LARGEST_VALUE) * UNITS).round() as i32;
+        value
+    }
+}
+
+/// The number of a leaf or threshold, which is below 256 by the settings.
+fn narrow(number: usize) -> u8 {
+    u8::try_from(number).unwrap_or(u8::MAX)
+}

@@ -1,0 +1,113 @@
+//! What the step `classes` stores: height above ground and probabilities of classes for each voxel of a tile,
+//! and how later steps load them.
+
+use super::settings::{CLASSES, STEP_CLASSES};
+use super::voxels::Voxels;
+use crate::cluster::TileWindow;
+use crate::codec;
+use crate::error::{Error, Result};
+use crate::model::TileId;
+
+/// Sections of the payload of the step `classes`.
+const SECTION_HEIGHTS: usize = 0;
+const SECTION_SHARES: usize = 1;
+
+/// Probabilities of the classes of a voxel in steps of 1/255. Their sum is 255.
+pub(super) type Shares = [u8; CLASSES];
+
+/// Voxels of a tile and around it with what step `classes` found, in the same order.
+#[derive(Debug)]
+pub(super) struct Classified {
+    pub(super) voxels: Voxels,
+    /// Height of the centre above ground in lattice units.
+    pub(super) height: Vec<i32>,
+    /// Smoothed probabilities.
+    pub(super) shares: Vec<Shares>,
+}
+
+impl Classified {
+    /// Loads the voxels that [`Voxels::load`] loads.
+    pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
+        let voxels = Voxels::load(tile, reach)?;
+        let values = voxels.gather(|other| read(&tile.payload(STEP_CLASSES, other)?, other))?;
+        let (height, shares) = values.into_iter().unzip();
+        Ok(Self { voxels, height, shares })
+    }
+}
+
+/// The payload of a tile: heights as differences to the voxel before, and the probabilities that are not 0.
+pub(super) fn encode(heights: &[i32], shares: &[Shares]) -> Result<Vec<u8>> {
+    let mut last = 0;
+    let steps: Vec<i32> =
+        heights.iter().map(|&height| height.wrapping_sub(std::mem::replace(&mut last, height))).collect();
+    let mut bytes = Vec::with_capacity(3 * shares.len());
+    for shares in shares {
+        let mask = (0..CLASSES).fold(0, |mask, class| mask | (u8::from(shares[class] > 0) << class));
+        bytes.push(mask);
+        // The sum is known, so the last probability is not stored.
+        let mut present = shares.iter().copied().filter(|&share| share > 0).peekable();
+        while let Some(share) = present.next() {
+            if present.peek().is_some() {
+                bytes.push(share);
+            }
+        }
+    }
+    Ok(codec::pack(&[codec::encode(&steps)?, bytes]))
+}
+
+/// Heights and probabilities in a payload of `tile`.
+fn read(payload: &[u8], tile: TileId) -> Result<Vec<(i32, Shares)>> {
+    let steps: Vec<i32> = codec::decode(codec::section(payload, SECTION_HEIGHTS)?)?;
+    let mut bytes = codec::section(payload, SECTION_SHARES)?.iter().copied();
+    let mut height = 0_i32;
+    let value = |step: i32| {
+        height = height.wrapping_add(step);
+        shares(&mut bytes).map(|shares| (height, shares))
+    };
+    let values: Option<Vec<(i32, Shares)>> = steps.into_iter().map(value).collect();
+    match values {
+        Some(values) if bytes.next().is_none() => Ok(values),
+        _ => Err(Error::bug(format!("the classes of tile {} do not decode", tile.number()))),
+    }
+}
+
+/// The next probabilities.
+fn shares(bytes: &mut impl Iterator<Item = u8>) -> Option<Shares> {
+    let mask = bytes.next()?;
+    let mut shares = [0; CLASSES];
+    let mut left = u8::MAX;
+    for (class, share) in shares.iter_mut().enumerate() {
+        if mask >> class & 1 == 1 {
+            let last = mask >> class == 1;
+            *share = if last { left } else { bytes.next()? };
+            left = left.checked_sub(*share)?;
+        }
+    }
+    Some(shares)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_and_probabilities_return_from_the_payload() {
+        let heights = [i32::MAX, i32::MIN, 0, 17];
+        let shares = [
+            [0, 0, 0, 0, 0, 0, 0, 255],
+            [255, 0, 0, 0, 0, 0, 0, 0],
+            [1, 2, 3, 4, 5, 6, 7, 227],
+            [0, 128, 0, 127, 0, 0, 0, 0],
+        ];
+        let payload = encode(&heights, &shares).unwrap();
+        let read = read(&payload, TileId::new(0)).unwrap();
+        assert_eq!(read, heights.into_iter().zip(shares).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_payload_that_is_cut_is_refused() {
+        let mut payload = encode(&[1, 2], &[[100, 155, 0, 0, 0, 0, 0, 0]; 2]).unwrap();
+        payload.pop();
+        assert!(read(&payload, TileId::new(0)).is_err());
+    }
+}

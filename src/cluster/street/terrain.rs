@@ -1,0 +1,351 @@
+//! The height of the ground: a raster of 0.5 m with one or two layers per cell, and its interpolation over
+//! gaps.
+//!
+//! *Layers.* The ground points of a cell are one layer, unless a gap of 2.5 m or more separates them: below and
+//! on a bridge. Then the points below the lowest such gap are the lower layer, and those above the highest
+//! gap the upper one if they are at least 3. The height of a layer is the lower quartile of its points, so
+//! that single points below the ground and the foot of objects count little.
+//!
+//! *Which layer.* A voxel stands on the upper layer if its centre is above it or less than 0.5 m below it, and
+//! otherwise on the lower one. So what stands on a bridge is measured from its deck, and what stands under it
+//! (or is part of its girders) from the road below.
+//!
+//! *Gaps.* A cell without ground takes the nearest cell with ground in each of eight sectors within 12 m. A
+//! plane is fitted to them with weights 1 / d^2. Its slope is drawn to zero where the cells are near and on one
+//! side only: a plane through neighbouring cells would continue a kerb as a ramp. So a gap between ground
+//! follows the slope (within 2 cm below a car on a slope of 10 %), and beyond the edge of the ground its height
+//! goes on level. If one of the cells has two layers, the gap has two layers as well, provided that they
+//! differ by 2.5 m there.
+//!
+//! *No ground within 12 m.* The height is counted from the lowest voxel of the column.
+//!
+//! Everything is computed from whole cells on the global lattice in a fixed order, and rounded to lattice
+//! units. So two tiles that see the same 12 m around a cell find the same height.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "offsets of cells within 12 m, heights of a drive in lattice units"
+)]
+
+use serde::{Deserialize, Serialize};
+
+use super::settings::{STEP_VOXELS, edge};
+use super::voxels::{SECTION_GROUND, Voxels};
+use crate::cluster::{DriveWindow, TileWindow};
+use crate::codec;
+use crate::error::Result;
+use crate::model::{Lattice, TileId};
+use crate::spatial::{Cell, CellMap};
+
+/// Edge of a cell in metres.
+pub(super) const CELL_M: f64 = 0.5;
+/// Distance within which gaps are filled, in metres.
+pub(super) const REACH_M: f64 = 12.0;
+/// Vertical gap that separates two layers, in metres.
+pub(super) const LAYER_GAP_M: f64 = 2.5;
+/// Depth below the upper layer at which a voxel still stands on it, in metres.
+const BELOW_UPPER_M: f64 = 0.5;
+/// Fewest points of an upper layer.
+const UPPER_POINTS: usize = 3;
+/// Scale of the distance of samples, in cells, below which a slope is drawn to zero: half-way at 1.4 times it.
+const LEVER_CELLS: f64 = 1.0;
+
+/// The ground raster of a tile, as differences to the cell before.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct StoredGround {
+    /// Differences of i, j and lower height, and the upper height above the lower one.
+    cells: Vec<(i32, i32, i64, u64)>,
+    /// The cell before and its lower height.
+    #[serde(skip)]
+    last: (Cell, i64),
+}
+
+impl StoredGround {
+    /// Adds a cell with its lower and upper height in lattice units.
+    pub(super) fn push(&mut self, cell: Cell, [lower, upper]: [i64; 2]) {
+        let (last, height) = self.last;
+        self.cells.push((cell[0] - last[0], cell[1] - last[1], lower - height, upper.abs_diff(lower)));
+        self.last = (cell, lower);
+    }
+
+    fn cells(&self) -> impl Iterator<Item = (Cell, [i64; 2])> + '_ {
+        let mut at = [0, 0];
+        let mut lower = 0;
+        self.cells.iter().map(move |&(di, dj, dz, more)| {
+            at = [at[0] + di, at[1] + dj];
+            lower += dz;
+            (at, [lower, lower.saturating_add_unsigned(more)])
+        })
+    }
+}
+
+/// Lower and upper height of ground points in a cell, where a gap of `gap` separates layers. `None` without
+/// points. Changes the order of `heights`.
+pub(super) fn layers(heights: &mut [i32], gap: i32) -> Option<[i32; 2]> {
+    let lowest = *heights.iter().min()?;
+    let highest = *heights.iter().max()?;
+    if highest - lowest < gap {
+        return Some([quartile(heights); 2]);
+    }
+    heights.sort_unstable();
+    let gaps = || (1..heights.len()).filter(|&at| heights[at] - heights[at - 1] >= gap);
+    let (Some(first), Some(last)) = (gaps().next(), gaps().next_back()) else {
+        return Some([heights[(heights.len() - 1) / 4]; 2]);
+    };
+    let lower = heights[(first - 1) / 4];
+    let above = &heights[last..];
+    Some([lower, if above.len() < UPPER_POINTS { lower } else { above[(above.len() - 1) / 4] }])
+}
+
+/// The lower quartile.
+fn quartile(heights: &mut [i32]) -> i32 {
+    let rank = (heights.len() - 1) / 4;
+    *heights.select_nth_unstable(rank).1
+}
+
+/// The ground around a tile.
+#[derive(Debug)]
+pub(super) struct Terrain {
+    lattice: Lattice,
+    /// Position in `layers` plus one.
+    places: CellMap<u32>,
+    /// Lower and upper height of cells with ground; equal where there is one layer.
+    layers: Vec<[i64; 2]>,
+    /// Offsets of cells within reach, nearest first, with their sector.
+    around: Vec<([i32; 2], u8)>,
+}
+
+impl Terrain {
+    /// Loads the ground for voxels within `reach` lattice units of those of the tile.
+    pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
+        let lattice = tile.lattice();
+        let further = lattice.units(REACH_M) + 4 * lattice.units(CELL_M) + 4 * i64::from(edge(lattice));
+        let mut cells = Vec::new();
+        for near in tile.near(reach + further) {
+            cells.extend(read(tile, near)?.cells());
+        }
+        Ok(Self::new(lattice, cells))
+    }
+
+    /// The ground with these cells and their lower and upper heights.
+    pub(super) fn new(lattice: Lattice, cells: impl IntoIterator<Item = (Cell, [i64; 2])>) -> Self {
+        let mut places = CellMap::default();
+        let mut layers = Vec::new();
+        for (cell, heights) in cells {
+            layers.push(heights);
+            *places.entry(cell) = layers.len() as u32;
+        }
+        Self { lattice, places, layers, around: around() }
+    }
+
+    /// The heights of the voxels above ground in lattice units.
+    pub(super) fn heights(&self, voxels: &Voxels) -> Vec<i32> {
+        let units = i64::from(edge(self.lattice));
+        let cell_units = self.lattice.units(CELL_M);
+        let below = self.lattice.units(BELOW_UPPER_M);
+        let mut surfaces = Surfaces { terrain: self, known: CellMap::default(), found: Vec::new() };
+        let mut heights = vec![0; voxels.len()];
+        for (column, at) in voxels.columns.cells().iter().enumerate() {
+            let range = voxels.columns.voxels(column);
+            let cell = at.map(|index| (i64::from(index) * units + units / 2).div_euclid(cell_units) as i32);
+            let lowest = voxels.centre[range.start][2];
+            let [lower, upper] = surfaces.at(cell).unwrap_or([lowest; 2]);
+            for voxel in range {
+                let z = voxels.centre[voxel][2];
+                let base = if z >= upper - below { upper } else { lower };
+                heights[voxel] = (z - base).clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+            }
+        }
+        heights
+    }
+
+    /// Lower and upper height of the ground in a cell that has none, from the cells around it.
+    fn fill(&self, cell: Cell) -> Option<[i64; 2]> {
+        let mut samples: Vec<([i32; 2], [i64; 2])> = Vec::with_capacity(8);
+        let mut sectors = 0_u8;
+        let mut places = self.places.cursor();
+        for &(by, sector) in &self.around {
+            if sectors & sector == 0 {
+                let place = places.get([cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])]);
+                if let Some(place) = place.checked_sub(1) {
+                    samples.push((by, self.layers[place as usize]));
+                    sectors |= sector;
+                    if sectors == u8::MAX {
+                        break;
+                    }
+                }
+            }
+        }
+        if samples.is_empty() {
+            return None;
+        }
+        let lower = plane(samples.iter().map(|(by, heights)| (*by, heights[0])));
+        let upper = plane(samples.iter().map(|(by, heights)| (*by, heights[1])));
+        let two = upper - lower >= self.lattice.units(LAYER_GAP_M);
+        Some([lower, if two { upper } else { lower }])
+    }
+}
+
+/// Surfaces of cells, each computed once.
+struct Surfaces<'a> {
+    terrain: &'a Terrain,
+    /// Position in `found` plus one.
+    known: CellMap<u32>,
+    found: Vec<Option<[i64; 2]>>,
+}
+
+impl Surfaces<'_> {
+    fn at(&mut self, cell: Cell) -> Option<[i64; 2]> {
+        if let Some(place) = self.terrain.places.get(cell).checked_sub(1) {
+            return Some(self.terrain.layers[place as usize]);
+        }
+        if let Some(place) = self.known.get(cell).checked_sub(1) {
+            return self.found[place as usize];
+        }
+        let surface = self.terrain.fill(cell);
+        self.found.push(surface);
+        *self.known.entry(cell) = self.found.len() as u32;
+        surface
+    }
+}
+
+/// Offsets within reach in ascending (distance, i, j), with a bit for the sector. A sector contains the
+/// direction at which it begins and not the one at which it ends.
+fn around() -> Vec<([i32; 2], u8)> {
+    let most = (REACH_M / CELL_M) as i32;
+    let mut offsets: Vec<(i32, [i32; 2])> = (-most..=most)
+        .flat_map(|i| (-most..=most).map(move |j| (i * i + j * j, [i, j])))
+        .filter(|(square, _)| (1..=most * most).contains(square))
+        .collect();
+    offsets.sort_unstable();
+    offsets.into_iter().map(|(_, by)| (by, sector(by))).collect()
+}
+
+/// The bit of the sector of 45 degrees that contains a direction.
+fn sector([i, j]: [i32; 2]) -> u8 {
+    let (quadrant, along, across) = if i > 0 && j >= 0 {
+        (0, i, j)
+    } else if i <= 0 && j > 0 {
+        (1, j, -i)
+    } else if i < 0 && j <= 0 {
+        (2, -i, -j)
+    } else {
+        (3, -j, i)
+    };
+    1 << (2 * quadrant + u8::from(across >= along))
+}
+
+/// The height at offset (0, 0) of the plane through heights at offsets, by weighted least squares with
+/// weights 1 / d^2. The slope is drawn to zero, see the module.
+fn plane(samples: impl Iterator<Item = ([i32; 2], i64)> + Clone) -> i64 {
+    // Relative to the first height, so that the result does not depend on how far up the drive is.
+    let base = samples.clone().next().map_or(0, |sample| sample.1);
+    let mut w = 0.0;
+    let mut x = 0.0;
+    let mut y = 0.0;
+    let mut z = 0.0;
+    let mut xx = 0.0;
+    let mut xy = 0.0;
+    let mut yy = 0.0;
+    let mut xz = 0.0;
+    let mut yz = 0.0;
+    for ([i, j], height) in samples {
+        let i = f64::from(i);
+        let j = f64::from(j);
+        let height = (height - base) as f64;
+        let weight = 1.0 / (i * i + j * j);
+        w += weight;
+        x += weight * i;
+        y += weight * j;
+        z += weight * height;
+        xx += weight * i * i;
+        xy += weight * i * j;
+        yy += weight * j * j;
+        xz += weight * i * height;
+        yz += weight * j * height;
+    }
+    // About the weighted centre, with the lever added to the diagonal.
+    let lever = LEVER_CELLS * LEVER_CELLS * w;
+    let cxx = xx - x * x / w + lever;
+    let cxy = xy - x * y / w;
+    let cyy = yy - y * y / w + lever;
+    let cxz = xz - x * z / w;
+    let cyz = yz - y * z / w;
+    let determinant = cxx * cyy - cxy * cxy;
+    let slope_x = (cxz * cyy - cyz * cxy) / determinant;
+    let slope_y = (cyz * cxx - cxz * cxy) / determinant;
+    base + (z / w - slope_x * x / w - slope_y * y / w).round() as i64
+}
+
+/// The ground raster of a tile.
+fn read(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<StoredGround> {
+    codec::decode(codec::section(&drive.payload(STEP_VOXELS, tile)?, SECTION_GROUND)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ground z = 0.1 x - 0.04 y, in lattice units, in the cells that `keep` accepts.
+    fn slope(keep: impl Fn(Cell) -> bool) -> Terrain {
+        let cells = (-40..40).flat_map(|i| (-40..40).map(move |j| [i, j])).filter(|cell| keep(*cell));
+        Terrain::new(Lattice::MILLIMETRE, cells.map(|cell| (cell, [plane_at(cell); 2])))
+    }
+
+    fn plane_at([i, j]: Cell) -> i64 {
+        i64::from(i * 50 - j * 20) + 7_000
+    }
+
+    #[test]
+    fn gaps_follow_a_slope() {
+        // A gap of 5 m by 2.5 m, as below a car.
+        let terrain = slope(|[i, j]| !((-5..5).contains(&i) && (-2..3).contains(&j)));
+        for i in -5..5 {
+            for j in -2..3 {
+                let [lower, upper] = terrain.fill([i, j]).unwrap();
+                assert_eq!(lower, upper);
+                assert!((lower - plane_at([i, j])).abs() <= 21, "{i} {j}: {lower}");
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_edge_of_the_ground_a_kerb_goes_on_level() {
+        // A step of 0.12 m between the last two rows of cells before the gap.
+        let step = |[i, _]: Cell| if i < -1 { 0 } else { 120 };
+        let cells = (-40..0).flat_map(|i| (-40..40).map(move |j| [i, j]));
+        let terrain = Terrain::new(Lattice::MILLIMETRE, cells.map(|cell| (cell, [step(cell); 2])));
+        for i in 0..20 {
+            let [lower, _] = terrain.fill([i, 0]).unwrap();
+            assert!((lower - 120).abs() <= 2, "{i}: {lower}");
+        }
+    }
+
+    #[test]
+    fn sectors_are_eight_and_ground_beyond_the_reach_does_not_count() {
+        let mut counts = [0; 8];
+        for (by, sector) in around() {
+            assert!(by[0] * by[0] + by[1] * by[1] <= 24 * 24);
+            counts[sector.trailing_zeros() as usize] += 1;
+        }
+        // The axes are in the even sectors, the diagonals in the odd ones.
+        assert_eq!(counts, [228, 220].repeat(4)[..]);
+        let terrain = Terrain::new(Lattice::MILLIMETRE, [([25, 0], [0; 2]), ([0, -24], [50; 2])]);
+        assert_eq!(terrain.fill([0, 0]), Some([50; 2]));
+        assert_eq!(terrain.fill([0, 1]), None);
+    }
+
+    #[test]
+    fn a_bridge_is_a_second_layer() {
+        let mut heights = vec![6_000, 10, 20, 6_010, 0, 30, 6_020];
+        assert_eq!(layers(&mut heights, 2_500), Some([0, 6_000]));
+        assert_eq!(layers(&mut [0, 10, 6_000], 2_500), Some([0, 0]), "one point is no bridge");
+        assert_eq!(layers(&mut [0, 1_000, 2_000, 3_000, 4_000], 2_500), Some([1_000; 2]), "a steep bank");
+        assert_eq!(layers(&mut [], 2_500), None);
+        let cells = [([0, 0], [0, 6_000]), ([2, 0], [0, 6_000])];
+        let terrain = Terrain::new(Lattice::MILLIMETRE, cells);
+        let points: Vec<[i64; 3]> =
+            [100, 600].into_iter().flat_map(|x| [1_000, 5_000, 5_700, 8_000].map(|z| [x, 100, z])).collect();
+        let voxels = Voxels::of_points(Lattice::MILLIMETRE, &points);
+        assert_eq!(terrain.heights(&voxels), [1_000, 5_000, -300, 2_000, 1_000, 5_000, -300, 2_000]);
+    }
+}
