@@ -83,7 +83,7 @@ pub(crate) fn program() -> clap::Command {
         names.iter().for_each(|name| list.push_str(&format!("  {name:<16}  {}\n", about(name))));
     }
     let template = format!(
-        "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{list}\n{{options}}{{after-help}}"
+        "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{list}\nOptions:\n{{options}}{{after-help}}"
     );
     Program::command().help_template(template)
 }

@@ -54,8 +54,6 @@ pub use look::{
 pub use look::{PassStatus, RunStatus, status};
 pub use summary::{Counts, RunSummary};
 
-pub use crate::store::StaleReason;
-
 /// A request for a run.
 #[derive(Debug, Clone)]
 pub struct RunRequest<'a> {
