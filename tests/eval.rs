@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use chainage::eval::metrics::Figures;
 use chainage::eval::metrics::hoover::Tolerance;
-use chainage::eval::table::{Cell, Counter, Predicted, Table};
+use chainage::eval::table::{Cell, Counter, Table};
 use chainage::eval::{
     self, Axis, ClassTable, CompareSettings, EvalError, Evaluation, MetricSettings, Provenance, Report,
 };
@@ -30,7 +30,7 @@ fn table(parts: &[(i64, i64, u64)]) -> Table {
     let mut counter = Counter::default();
     for &(object, segment, points) in parts {
         let class = if object == 0 { 1 } else { 2 + u16::try_from(object % 4).unwrap() };
-        counter.cells.add(Cell { object, segment, class, predicted: Predicted::Other }, points);
+        counter.cells.add(Cell { object, segment, class, ..Cell::default() }, points);
     }
     counter.finish()
 }
@@ -414,6 +414,7 @@ fn the_report_is_the_same_for_any_number_of_threads() {
                 prediction_dim: "cluster_id".into(),
                 reference_dim: "gt_instance".into(),
                 class_dim: Some("gt_class".into()),
+                named_dim: None,
                 matched_by,
                 chainage_along: "principal axis of the objects".into(),
             };
@@ -459,6 +460,7 @@ fn objects_too_small_to_be_evaluated_are_listed_where_their_id_is() {
         prediction_dim: "p".into(),
         reference_dim: "r".into(),
         class_dim: None,
+        named_dim: None,
         matched_by: "record order".into(),
         chainage_along: "principal axis of the objects".into(),
     };

@@ -60,7 +60,7 @@ fn write(plan: &LabelledFile, input: &InputFile, original: &[u8], truth: &Truth,
             usize::try_from(chunk.start).expect("small")..usize::try_from(chunk.end).expect("small");
         let records = &original[indices.start * record_len..indices.end * record_len];
         let mut new = Vec::new();
-        plan.label(records, &truth.labels[indices.clone()], &truth.classes[indices], &mut new);
+        plan.label(records, &truth.labels[indices.clone()], &truth.classes[indices], &[], &mut new);
         new
     };
     if plan.is_compressed() {

@@ -43,6 +43,8 @@ mod switch;
 #[cfg(test)]
 mod synth;
 #[cfg(test)]
+mod train;
+#[cfg(test)]
 mod util;
 #[cfg(test)]
 mod words;

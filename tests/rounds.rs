@@ -8,8 +8,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use chainage::cluster::{
-    self, BytesPer, ClusterEntry, DriveWindow, Figures, Grouped, Labelled, Mapped, Method, Reduced, Repeat,
-    Step, TileWindow,
+    self, BytesPer, ClusterEntry, DriveWindow, Grouped, Labelled, Mapped, Method, Reduced, Repeat, Step,
+    TileWindow,
 };
 use chainage::model::{Lattice, Reach, TileId};
 use chainage::run::{
@@ -159,7 +159,7 @@ impl Method for Smallest {
                 .map(|id| u32::try_from(u64::from_le_bytes(*id) + 1).expect("few points"));
             groups.push(names.collect());
         }
-        Ok(Reduced::Groups(Grouped { groups, figures: Figures::new(), charts: Vec::new() }))
+        Ok(Reduced::Groups(Grouped { groups, ..Grouped::default() }))
     }
 }
 

@@ -10,6 +10,8 @@ use super::tree::{MOST_LEAVES, Tree};
 
 /// Rows of a block: bits of a word.
 const ROWS: usize = 64;
+/// Rows whose bins are searched together.
+const GROUP: usize = 8;
 /// Binary digits of the number of a leaf.
 const DIGITS: usize = 5;
 
@@ -125,8 +127,15 @@ impl Forest {
             rest = after;
             // The rows in each bin, then the rows in all bins above a threshold.
             let mut bins = [0_u64; 256];
-            for (row, values) in block.chunks_exact(self.width).enumerate() {
-                bins[bin(thresholds, values[*feature]) & 255] |= 1 << row;
+            for (eight, rows) in block.chunks(GROUP * self.width).enumerate() {
+                let values = rows.iter().skip(*feature).step_by(self.width);
+                let count = rows.len() / self.width;
+                let mut group = [f32::NEG_INFINITY; GROUP];
+                group.iter_mut().zip(values).for_each(|(to, value)| *to = *value);
+                let found = search(thresholds, &group);
+                for (row, bin) in found.iter().take(count).enumerate() {
+                    bins[bin & 255] |= 1 << (GROUP * eight + row);
+                }
             }
             let mut over = 0;
             for (word, rows) in words.iter_mut().zip(&bins[1..]).rev() {
@@ -137,13 +146,17 @@ impl Forest {
     }
 }
 
-/// The number of thresholds below a value, by a search without branches. There are 2^n - 1 thresholds.
+/// For each value, the number of thresholds below it. There are 2^n - 1 thresholds. The search has no branches that
+/// depend on a value, and does not wait for the step of one value before it begins that of the next.
 #[inline]
-fn bin(thresholds: &[f32], value: f32) -> usize {
-    let mut found = 0;
+fn search(thresholds: &[f32], values: &[f32; GROUP]) -> [usize; GROUP] {
+    let mut found = [0; GROUP];
     let mut step = thresholds.len().div_ceil(2);
     while step > 0 {
-        found += if value > thresholds[found + step - 1] { step } else { 0 };
+        for (found, value) in found.iter_mut().zip(values) {
+            let below = *value > thresholds[*found + step - 1];
+            *found += step & usize::from(below).wrapping_neg();
+        }
         step /= 2;
     }
     found

@@ -12,8 +12,8 @@
 
 use xxhash_rust::xxh3::xxh3_64;
 
+use super::content::Content;
 use super::error::BoostingError;
-use super::model::Content;
 use crate::codec;
 use crate::error::Result;
 

@@ -7,8 +7,15 @@ use super::exponential::UNITS;
 use super::settings::Settings;
 use super::tree::{Split, Tree};
 
-/// Units of gradients and curvatures per 1. With weights below 100, the sums over a thousand million samples fit.
-pub(super) const GRADIENT_UNITS: f64 = 16_777_216.0;
+/// Units of gradients and curvatures per 1.
+pub(super) const GRADIENT_UNITS: f64 = 65_536.0;
+
+/// Bits of a number of samples. A curvature is at most a quarter and weighs 1 in the mean, so that its sum over so many
+/// samples has 38 bits more.
+const SAMPLE_BITS: u32 = 24;
+
+/// Largest number of samples.
+pub(super) const MOST_SAMPLES: usize = (1 << SAMPLE_BITS) - 1;
 
 /// Least curvature of a leaf: below it, a value would be a quotient of rounding errors (as in `LightGBM`).
 const LEAST_CURVATURE: f64 = 1e-3;
@@ -16,38 +23,37 @@ const LEAST_CURVATURE: f64 = 1e-3;
 /// Largest value of a leaf: a factor of nine million between the odds of two classes.
 const LARGEST_VALUE: f64 = 16.0;
 
-/// Gradient and curvature of the loss at a sample.
+/// Gradient and curvature of the loss, summed over the samples of a bin or a leaf, and their number. These are two
+/// words, because most of the time goes into adding them: the number is in the lowest bits of the curvature.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Slope {
-    pub(super) gradient: i32,
-    pub(super) curvature: i32,
-}
-
-/// Sums over the samples of a bin or a leaf.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sum {
+pub(super) struct Sum {
     gradient: i64,
     curvature: i64,
-    samples: i64,
 }
 
 impl Sum {
+    /// The values of one sample.
+    pub(super) fn of(gradient: i64, curvature: i64) -> Self {
+        Self { gradient, curvature: (curvature << SAMPLE_BITS) + 1 }
+    }
+
+    #[inline]
     fn add(&mut self, other: Self) {
         self.gradient += other.gradient;
         self.curvature += other.curvature;
-        self.samples += other.samples;
     }
 
     fn less(self, other: Self) -> Self {
-        Self {
-            gradient: self.gradient - other.gradient,
-            curvature: self.curvature - other.curvature,
-            samples: self.samples - other.samples,
-        }
+        Self { gradient: self.gradient - other.gradient, curvature: self.curvature - other.curvature }
+    }
+
+    fn samples(self) -> u64 {
+        self.curvature.cast_unsigned() & MOST_SAMPLES as u64
     }
 
     fn slope(self) -> (f64, f64) {
-        (self.gradient as f64 / GRADIENT_UNITS, self.curvature as f64 / GRADIENT_UNITS)
+        let curvature = self.curvature >> SAMPLE_BITS;
+        (self.gradient as f64 / GRADIENT_UNITS, curvature as f64 / GRADIENT_UNITS)
     }
 
     /// What the best value of a leaf takes off twice the loss.
@@ -105,7 +111,7 @@ impl<'a> Grower<'a> {
     }
 
     /// Grows the tree of this `number`, by which its seed differs.
-    pub(super) fn grow(&self, slopes: &[Slope], number: u64) -> Grown {
+    pub(super) fn grow(&self, slopes: &[Sum], number: u64) -> Grown {
         let all: Vec<u32> = (0..).take(slopes.len()).collect();
         let histogram = self.histogram(&all, slopes);
         let mut leaves = vec![self.leaf(all, histogram, (number, 0))];
@@ -146,24 +152,21 @@ impl<'a> Grower<'a> {
     }
 
     /// Sums over samples, feature by feature.
-    fn histogram(&self, samples: &[u32], slopes: &[Slope]) -> Histogram {
+    fn histogram(&self, samples: &[u32], slopes: &[Sum]) -> Histogram {
         let mut histogram = vec![Sum::default(); self.starts.last().copied().unwrap_or(0)];
         // In the order of the samples of the leaf: read once per feature, one after the other.
-        let slopes: Vec<Slope> = samples.iter().map(|&sample| slopes[sample as usize]).collect();
+        let slopes: Vec<Sum> = samples.iter().map(|&sample| slopes[sample as usize]).collect();
         for (column, start) in self.binned.columns.iter().zip(&self.starts) {
             let bins = &mut histogram[*start..];
             for (&sample, slope) in samples.iter().zip(&slopes) {
-                let bin = &mut bins[usize::from(column[sample as usize])];
-                bin.gradient += i64::from(slope.gradient);
-                bin.curvature += i64::from(slope.curvature);
-                bin.samples += 1;
+                bins[usize::from(column[sample as usize])].add(*slope);
             }
         }
         histogram
     }
 
     /// Splits a leaf, which keeps what is not above the threshold, and returns the new leaf.
-    fn split(&self, leaf: &mut Leaf, best: Candidate, slopes: &[Slope], (tree, split): (u64, usize)) -> Leaf {
+    fn split(&self, leaf: &mut Leaf, best: Candidate, slopes: &[Sum], (tree, split): (u64, usize)) -> Leaf {
         let column = &self.binned.columns[best.feature];
         let above = |sample: &u32| usize::from(column[*sample as usize]) > best.threshold;
         let (right, left): (Vec<u32>, Vec<u32>) = leaf.samples.iter().partition(|sample| above(sample));
@@ -201,7 +204,7 @@ impl<'a> Grower<'a> {
     }
 
     fn may_be_leaf(&self, sum: Sum) -> bool {
-        sum.samples.unsigned_abs() >= self.settings.leaf_samples && sum.slope().1 >= LEAST_CURVATURE
+        sum.samples() >= self.settings.leaf_samples && sum.slope().1 >= LEAST_CURVATURE
     }
 
     /// The features among which a split chooses, ascending: those with the smallest hashes.

@@ -3,17 +3,18 @@
 use rayon::prelude::*;
 
 use super::bins::Binned;
+use super::content::About;
 use super::error::BoostingError;
 use super::exponential::{UNITS, ln, softmax};
-use super::grow::{GRADIENT_UNITS, Grower, Grown, Slope};
-use super::model::{About, Model};
+use super::grow::{GRADIENT_UNITS, Grower, Grown, MOST_SAMPLES, Sum};
+use super::model::Model;
 use super::samples::Samples;
 use super::settings::Settings;
 use super::tree::Tree;
 use crate::error::Result;
 
 /// Weight of a class that has a share of the samples this small or smaller, at most: rarer classes are not weighted up
-/// further. It also keeps gradients in 32 bits.
+/// further.
 const LARGEST_WEIGHT: f64 = 64.0;
 
 /// Least share of a class in the first scores.
@@ -36,8 +37,8 @@ pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize)) -> Re
     if samples.features().is_empty() || samples.features().len() > usize::from(u16::MAX) {
         return Err(wrong("a sample needs 1 to 65,535 features").into());
     }
-    if u32::try_from(samples.len()).is_err() {
-        return Err(wrong("at most 4,294,967,295 are possible").into());
+    if samples.len() > MOST_SAMPLES {
+        return Err(wrong("at most 16,777,215 are possible").into());
     }
     let mut binned = Binned::of(samples, settings.bins);
     let weights = weights(&counts);
@@ -113,9 +114,9 @@ fn first_scores(counts: &[u64], weights: &[f64]) -> Vec<i32> {
 }
 
 /// Gradient and curvature of the loss at each sample, per class.
-fn slopes(class: &[u8], weights: &[f64], scores: &[i32]) -> Vec<Vec<Slope>> {
+fn slopes(class: &[u8], weights: &[f64], scores: &[i32]) -> Vec<Vec<Sum>> {
     let classes = weights.len();
-    let rows: Vec<Vec<Slope>> = class
+    let rows: Vec<Vec<Sum>> = class
         .par_iter()
         .zip(scores.par_chunks_exact(classes))
         .map_init(
@@ -125,10 +126,7 @@ fn slopes(class: &[u8], weights: &[f64], scores: &[i32]) -> Vec<Vec<Slope>> {
                 let weight = weights[usize::from(class)] * GRADIENT_UNITS;
                 let slope = |(other, &probability): (usize, &f64)| {
                     let gradient = probability - f64::from(u8::from(other == usize::from(class)));
-                    Slope {
-                        gradient: whole(weight * gradient),
-                        curvature: whole(weight * probability * (1.0 - probability)),
-                    }
+                    Sum::of(whole(weight * gradient), whole(weight * probability * (1.0 - probability)))
                 };
                 probabilities.iter().enumerate().map(slope).collect()
             },
@@ -137,10 +135,10 @@ fn slopes(class: &[u8], weights: &[f64], scores: &[i32]) -> Vec<Vec<Slope>> {
     (0..classes).map(|class| rows.iter().map(|row| row[class]).collect()).collect()
 }
 
-/// The nearest whole number. Its size is below 64 times [`GRADIENT_UNITS`], which is 2^30.
-fn whole(value: f64) -> i32 {
-    #[expect(clippy::cast_possible_truncation, reason = "below 2^30")]
-    let value = value.round() as i32;
+/// The nearest whole number. Its size is below 64 times [`GRADIENT_UNITS`].
+fn whole(value: f64) -> i64 {
+    #[expect(clippy::cast_possible_truncation, reason = "below 2^22")]
+    let value = value.round() as i64;
     value
 }
 
@@ -223,7 +221,7 @@ mod tests {
         assert_eq!(one, bytes(5, &settings));
         assert_ne!(one, bytes(1, &Settings { seed: 1, ..settings.clone() }));
         // Computed once: another platform or compiler must give the same.
-        assert_eq!(xxhash_rust::xxh3::xxh3_64(&one), 2_793_742_399_101_433_567);
+        assert_eq!(xxhash_rust::xxh3::xxh3_64(&one), 16_090_246_880_578_227_481);
     }
 
     #[test]

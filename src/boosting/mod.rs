@@ -33,6 +33,8 @@
 //! ```
 
 mod bins;
+mod confusion;
+mod content;
 mod error;
 mod evaluate;
 mod exponential;
@@ -44,8 +46,10 @@ mod samples;
 mod settings;
 mod tree;
 
+pub use confusion::Confusion;
+pub use content::{About, TrainedOn};
 pub use error::BoostingError;
 pub use learn::learn;
-pub use model::{About, Model, TrainedOn};
+pub use model::Model;
 pub use samples::Samples;
 pub use settings::Settings;

@@ -14,6 +14,7 @@ use crate::cli::commands::plan::PlanArgs;
 use crate::cli::commands::run::RunArgs;
 use crate::cli::commands::status::StatusArgs;
 use crate::cli::commands::synth::SynthArgs;
+use crate::cli::commands::train::TrainArgs;
 
 /// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
 ///
@@ -48,6 +49,8 @@ pub(crate) enum Command {
     Cluster(ClusterArgs),
     /// Estimate the radius epsilon of dbscan from a drive or a table
     EstimateEpsilon(EstimateArgs),
+    /// Learn the classes of street from labelled drives
+    Train(TrainArgs),
     /// Process the small real sample that is part of the program
     Demo(DemoArgs),
     /// Measure the throughput of one and two threads, and compare it with copying the files
@@ -65,7 +68,7 @@ pub(crate) enum Command {
 /// The commands in the groups of the help.
 const GROUPS: [(&str, &[&str]); 3] = [
     ("Work with a drive", &["info", "plan", "run", "status"]),
-    ("Check and measure", &["eval", "bench", "estimate-epsilon", "cluster", "synth", "demo"]),
+    ("Check and measure", &["eval", "bench", "estimate-epsilon", "cluster", "train", "synth", "demo"]),
     ("Settings and pages", &["methods", "config", "completions", "man", "help"]),
 ];
 

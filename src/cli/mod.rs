@@ -36,6 +36,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Cluster(args) => args.run(),
         Command::EstimateEpsilon(args) => args.run(),
         Command::Eval(args) => args.run(),
+        Command::Train(args) => args.run(),
         Command::Methods => pages::methods(),
         Command::Config(args) => args.run(),
         Command::Completions(args) => args.run(args::program()),

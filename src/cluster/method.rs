@@ -6,11 +6,12 @@
 //! steps and the payloads of nearby tiles. A step runs once, or in rounds until it has settled. The last step
 //! labels points, and its reduction decides which labels are one object.
 
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 use crate::config::ConfigError;
 use crate::error::Result;
-use crate::model::{Chart, Field, FieldSums, Lattice, Reach, TileCloud, TileId};
+use crate::model::{Chart, Field, FieldSums, Kind, Lattice, Reach, TileCloud, TileId};
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
 /// How often a step runs.
@@ -96,10 +97,12 @@ impl Mapped {
 }
 
 /// Which labels are one object, with figures and charts for the report.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Grouped {
     /// Group of label 1, 2, ... of each tile. Labels with equal groups are one object, and 0 is no object.
     pub groups: Vec<Vec<u32>>,
+    /// Class and confidence of each group, from methods that classify. Empty otherwise.
+    pub kinds: BTreeMap<u32, Kind>,
     /// Figures of the steps for the report, by name.
     pub figures: Figures,
     /// Charts for the choice of thresholds.
@@ -196,9 +199,32 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// The steps in their order. The last one runs once and labels points.
     fn steps(&self) -> &[Step];
 
+    /// Whether the method gives objects a class ([`Grouped::kinds`]).
+    fn classifies(&self) -> bool {
+        false
+    }
+
     /// Further fields of points that the method needs. Their sums over the drive are computed.
     fn fields(&self) -> &[Field] {
         &[]
+    }
+
+    /// Values on which a step depends and that are no settings, by name: for example the checksum of a model.
+    fn depends_on(&self, _step: usize) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
+
+    /// The file of a model that the method needs, as a setting names it. `None` if it needs none.
+    fn model_file(&self) -> Option<&str> {
+        None
+    }
+
+    /// Takes the content of that file.
+    ///
+    /// # Errors
+    /// When the content is not a model that the method can use.
+    fn use_model(&mut self, _file: &str, _content: &[u8]) -> Result<()> {
+        Ok(())
     }
 
     /// Distance around a tile within which points are read as a rule. The plan uses it before anything is

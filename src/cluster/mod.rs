@@ -29,8 +29,7 @@ mod local;
 mod method;
 pub mod p_linkage;
 mod sliced;
-#[expect(dead_code, reason = "it is not in the registry before its last step exists")]
-mod street;
+pub(crate) mod street;
 
 pub use dbscan::{Auto, Dbscan, DbscanConfig, DbscanVariant, Epsilon};
 pub use density_peaks::{DensityPeaks, DensityPeaksConfig};
@@ -40,6 +39,8 @@ pub use method::{
     BytesPer, ClusterEntry, DriveWindow, Figures, Grouped, Labelled, Mapped, Method, Reduced, Repeat,
     Sections, Step, TilePoints, TileWindow,
 };
+pub use street::{Street, StreetConfig};
 
 /// Every clustering method, in the order in which help lists them.
-pub static REGISTRY: &[ClusterEntry] = &[euclidean::ENTRY, density_peaks::ENTRY, dbscan::ENTRY];
+pub static REGISTRY: &[ClusterEntry] =
+    &[euclidean::ENTRY, density_peaks::ENTRY, dbscan::ENTRY, street::ENTRY];

@@ -78,6 +78,12 @@ impl ClassTable {
         self.ground.contains(&code)
     }
 
+    /// The first class of the ground.
+    #[must_use]
+    pub fn first_ground(&self) -> Option<u16> {
+        self.ground.first().copied()
+    }
+
     /// Whether any class is ground.
     #[must_use]
     pub fn has_ground(&self) -> bool {

@@ -154,7 +154,7 @@ impl Failure for EvalError {
         match self {
             Self::NoDimension { side, known, .. } => {
                 let option = match side {
-                    Side::Prediction => "--prediction-dim",
+                    Side::Prediction => "--prediction-dim and --object-class-dim",
                     Side::Reference => "--reference-dim and --class-dim",
                 };
                 Some(format!("name it with {option}; the file has {}", known.join(", ")).into())

@@ -31,8 +31,10 @@ pub struct Cell {
     pub segment: i64,
     /// Reference class.
     pub class: u16,
-    /// Predicted class.
+    /// What the prediction says of the point besides its segment.
     pub predicted: Predicted,
+    /// Class that the prediction gives the object of the point; 0 is none.
+    pub named: u16,
 }
 
 /// Number and coordinate sums of a set of points, in lattice units.

@@ -166,6 +166,14 @@ pub enum InputError {
         /// The field.
         field: &'static str,
     },
+    /// A file without the classes that are to be learned.
+    #[error("{path} has no dimension {name} of unsigned bytes, so there is nothing to learn from it", path = path.display())]
+    NoLabels {
+        /// The file.
+        path: PathBuf,
+        /// The dimension.
+        name: &'static str,
+    },
     /// The file changed during the run.
     #[error("{path} changed during the run: {before} before, {now} now", path = path.display())]
     Changed {
@@ -326,6 +334,7 @@ impl Failure for InputError {
             Self::CrsDiffers { .. } => {
                 "reproject the files to one system, or process them as separate drives"
             }
+            Self::NoLabels { .. } => "give labelled drives, for example those of chainage synth",
             Self::NoField { .. } => {
                 "leave the field out of dbscan.fields (--fields), or the file out of the drive"
             }

@@ -46,6 +46,27 @@ pub struct RecordLayout {
     pub(crate) descriptors: Vec<u8>,
 }
 
+/// Data type of an extra dimension of unsigned bytes (LAS 1.4 R15, table 25).
+const UNSIGNED_BYTE: u8 = 1;
+
+/// Where a field of a point is in its record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FieldPlace {
+    offset: usize,
+    /// Two bytes, not one.
+    wide: bool,
+}
+
+impl FieldPlace {
+    /// The value in a record.
+    #[inline]
+    #[must_use]
+    pub fn value(self, record: &[u8]) -> u16 {
+        let low = record[self.offset];
+        if self.wide { u16::from_le_bytes([low, record[self.offset + 1]]) } else { low.into() }
+    }
+}
+
 /// One described dimension of the extra bytes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExtraDimension {
@@ -97,9 +118,21 @@ impl RecordLayout {
         layout
     }
 
-    /// Offset of a field that is not a coordinate (u16), if the format has it.
+    /// Where a field that is not a coordinate is, if the records have it.
     #[must_use]
-    pub fn field(&self, field: Field) -> Option<usize> {
+    pub fn field(&self, field: Field) -> Option<FieldPlace> {
+        match field {
+            Field::Class | Field::Core => {
+                let dimension =
+                    self.dimension(field.name()).filter(|found| found.data_type == UNSIGNED_BYTE)?;
+                Some(FieldPlace { offset: dimension.offset, wide: false })
+            }
+            _ => self.word(field).map(|offset| FieldPlace { offset, wide: true }),
+        }
+    }
+
+    /// Offset of a field of two bytes.
+    fn word(&self, field: Field) -> Option<usize> {
         let red = match self.point_format {
             2 => Some(20),
             3 | 5 => Some(28),
@@ -107,7 +140,7 @@ impl RecordLayout {
             _ => None,
         };
         match field {
-            Field::X | Field::Y | Field::Z => None,
+            Field::X | Field::Y | Field::Z | Field::Class | Field::Core => None,
             Field::Intensity => Some(self.intensity),
             Field::Red => red,
             Field::Green => red.map(|red| red + 2),

@@ -40,7 +40,7 @@ pub use chunks::Block;
 pub use crs::{Crs, CrsKind};
 pub use error::{ChunkProblem, ChunkTableProblem, InputError};
 pub use file::InputFile;
-pub use layout::{ExtraDimension, RecordLayout};
+pub use layout::{ExtraDimension, FieldPlace, RecordLayout};
 pub use options::InputOptions;
 
 /// The fields of a record that a caller needs.

@@ -6,6 +6,7 @@
 
 mod attribute;
 mod centroid;
+mod class;
 mod extent;
 mod files;
 mod footprint;
@@ -27,6 +28,7 @@ pub use terrain::{Terrain, TerrainSums};
 /// Every attribute, in the order of its columns.
 pub static REGISTRY: &[&dyn Attribute] = &[
     &id::Id,
+    &class::Class,
     &points::Points,
     &extent::Extent,
     &centroid::Centroid,
@@ -41,7 +43,7 @@ pub static REGISTRY: &[&dyn Attribute] = &[
 ///
 /// ```
 /// let names: Vec<&str> = chainage::inventory::columns().iter().map(|column| column.name).collect();
-/// assert_eq!(names[..2], ["id", "points"]);
+/// assert_eq!(names[..2], ["id", "class"]);
 /// ```
 #[must_use]
 pub fn columns() -> Vec<Column> {

@@ -1,7 +1,7 @@
 //! What attributes see: one whole object, and what all objects of a drive share.
 
 use crate::inventory::terrain::Terrain;
-use crate::model::{Lattice, ObjectPart};
+use crate::model::{Kind, Lattice, ObjectPart};
 
 /// Where a place is along the axis of the drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +57,8 @@ pub struct Object<'a> {
     pub id: u32,
     /// Summary of its points, on the lattice.
     pub part: &'a ObjectPart,
+    /// Its class and confidence. Class 0 from methods that do not classify.
+    pub kind: Kind,
     /// The values that all objects share.
     pub site: &'a Site<'a>,
     /// Mean of its points on the lattice, rounded towards zero: the lattice is finer than the written decimals.
@@ -73,7 +75,13 @@ impl<'a> Object<'a> {
         #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
         let centre = part.sum.map(|sum| (sum / i128::from(part.points.max(1))) as i64);
         let ground_m = site.terrain.height_m([centre[0], centre[1]]);
-        Self { id, part, site, centre, ground_m }
+        Self { id, part, kind: Kind::default(), site, centre, ground_m }
+    }
+
+    /// The same object with a class and its confidence.
+    #[must_use]
+    pub fn of_kind(self, kind: Kind) -> Self {
+        Self { kind, ..self }
     }
 
     /// Height of a lattice z above the ground in metres.

@@ -22,6 +22,13 @@ pub enum Field {
     Blue,
     /// Near infrared.
     Nir,
+    /// Class of a labelled drive, the extra dimension `gt_class`. It is to learn from, not to measure distances in, and
+    /// so no setting can name it.
+    #[serde(skip)]
+    Class,
+    /// Whether a labelled drive is labelled completely here, the extra dimension `gt_core`. As above.
+    #[serde(skip)]
+    Core,
 }
 
 impl Field {
@@ -32,7 +39,9 @@ impl Field {
             Self::X => Some(0),
             Self::Y => Some(1),
             Self::Z => Some(2),
-            Self::Intensity | Self::Red | Self::Green | Self::Blue | Self::Nir => None,
+            Self::Intensity | Self::Red | Self::Green | Self::Blue | Self::Nir | Self::Class | Self::Core => {
+                None
+            }
         }
     }
 
@@ -48,6 +57,8 @@ impl Field {
             Self::Green => "green",
             Self::Blue => "blue",
             Self::Nir => "nir",
+            Self::Class => "gt_class",
+            Self::Core => "gt_core",
         }
     }
 }

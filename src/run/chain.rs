@@ -1,9 +1,13 @@
 //! The chain of methods of a run (noise, ground filter, clustering), with their reach and the values that
 //! they depend on.
 
+use std::path::PathBuf;
+
 use crate::cluster::{self, ClusterEntry, Method};
 use crate::config::{self, Config, ConfigError};
+use crate::error::Result;
 use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoGround, NoiseConfig};
+use crate::input::InputError;
 use crate::model::Lattice;
 use crate::store::Inputs;
 
@@ -36,11 +40,7 @@ pub(crate) struct Chain {
 
 impl Chain {
     /// Builds the methods that the configuration names.
-    pub(crate) fn build(
-        config: &Config,
-        registries: &Registries<'_>,
-        lattice: Lattice,
-    ) -> Result<Self, ConfigError> {
+    pub(crate) fn build(config: &Config, registries: &Registries<'_>, lattice: Lattice) -> Result<Self> {
         let noise_config: NoiseConfig = config::section("noise", &config.method_table("noise"))?;
         let noise = IsolatedNoise::new(&noise_config)?;
         let filter = ground_filter(config, registries)?;
@@ -49,11 +49,23 @@ impl Chain {
             let known = registries.cluster.iter().map(|entry| entry.name.to_owned()).collect();
             ConfigError::UnknownMethod { kind: "clustering method", name: name.clone(), known }
         })?;
-        let method = (entry.build)(&|section| config.method_table(section))?;
+        let mut method = (entry.build)(&|section| config.method_table(section))?;
+        if let Some(file) = method.model_file().map(str::to_owned) {
+            let content = fs_err::read(&file)
+                .map_err(|source| InputError::Read { path: PathBuf::from(&file), source })?;
+            method.use_model(&file, &content)?;
+        }
         let verdicts = noise.height_reach(lattice).metres().max(filter.reach(lattice).metres());
         let ground_reach = lattice.units_up(noise.reach(lattice).metres()) + lattice.units_up(verdicts);
         let cluster_reach = lattice.units_up(method.planning_reach(lattice).metres());
         Ok(Self { noise: noise_config.enabled.then_some(noise), filter, method, ground_reach, cluster_reach })
+    }
+
+    /// The same noise and ground filters before another method.
+    pub(crate) fn before(mut self, method: Box<dyn Method>, lattice: Lattice) -> Self {
+        self.cluster_reach = lattice.units_up(method.planning_reach(lattice).metres());
+        self.method = method;
+        self
     }
 }
 

@@ -5,8 +5,9 @@
 //! The result of a pass is used to build the next value: the survey gives a plan, the plan gives tiles, and
 //! the ground pass gives tiles with classes.
 
-use crate::cluster::{Figures, Method};
+use crate::cluster::{DriveWindow, Figures, Method};
 use crate::error::Result;
+use crate::model::TileId;
 use crate::output::LabelledFile;
 use crate::run::drive::{StoredFields, Surveyed, Tiled};
 use crate::run::engine::{Driver, Event, Outline};
@@ -187,6 +188,20 @@ pub(crate) fn global_of_step<D: Driver>(
     })
 }
 
+/// The payloads of the last step of the method, by tile. They are not joined to objects.
+pub(crate) fn payloads_of_last_step<D: Driver>(
+    open: &Opened<'_>,
+    driver: &mut D,
+    run_dir: &RunDir,
+    planned: &Planned,
+) -> Result<Option<Vec<Vec<u8>>>> {
+    let last = open.chain.method.steps().len() - 1;
+    through_step(open, driver, run_dir, planned, last, |_, _, progress| {
+        let payloads = TileId::first(progress.tiles()).map(|tile| progress.payload(last, tile));
+        payloads.collect::<Result<_>>().map(Some)
+    })
+}
+
 /// Ground, clusters, stitching, labelled files and tables.
 pub(crate) fn to_files<D: Driver>(
     open: &Opened<'_>,
@@ -218,9 +233,10 @@ pub(crate) fn to_files<D: Driver>(
         if !driver.computes() {
             return Ok(None);
         }
-        let pass = ExportPass::of(&open.drive, &columns, labelled, run_dir, list.export.clone());
+        let pass =
+            ExportPass::of(&open.drive, &columns, &objects.kinds, labelled, run_dir, list.export.clone());
         let Some(files) = driver.complete(&pass)? else { return Ok(None) };
-        tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects.objects, &terrain)?;
+        tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects, &terrain)?;
         tables::write_charts(run_dir, &objects.charts)?;
         figures.extend(objects.figures);
         let count = objects.objects.len();

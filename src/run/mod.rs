@@ -31,6 +31,7 @@ mod open;
 mod passes;
 mod plan;
 mod summary;
+mod train;
 
 use std::path::PathBuf;
 
@@ -53,6 +54,7 @@ pub use look::{
 };
 pub use look::{PassStatus, RunStatus, status};
 pub use summary::{Counts, RunSummary};
+pub use train::{TrainRequest, Trained, built_in_model, read_model, score_model, train};
 
 /// A request for a run.
 #[derive(Debug, Clone)]
@@ -80,7 +82,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let catalog = open::catalog(&request.inputs, config)?;
     let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-    let (labelled, file_warnings) = names::plan_files(&catalog, config, &run_dir)?;
+    let (labelled, file_warnings) = names::plan_files(&catalog, config, chain.method.classifies(), &run_dir)?;
     let mut warnings = catalog.warnings().to_vec();
     warnings.extend(file_warnings);
     if request.fresh {

@@ -44,6 +44,10 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME", default_value = "gt_class", help_heading = "Labels")]
     class_dim: String,
 
+    /// Dimension of the predicted classes of objects, to score classes too [default: object_class where all files have it]
+    #[arg(long, value_name = "NAME", help_heading = "Labels")]
+    object_class_dim: Option<String>,
+
     /// TOML file with the names of the reference classes, and with the codes of ground and noise [default: the classes of
     /// `chainage synth`]
     #[arg(long, value_name = "FILE", help_heading = "Labels")]
@@ -170,6 +174,7 @@ impl EvalArgs {
             prediction_dim: self.prediction_dim.clone(),
             reference_dim: self.reference_dim.clone(),
             class_dim: self.has_classes().then(|| self.class_dim.clone()),
+            named_dim: self.object_class_dim.clone(),
             ground_classes: self.ground_class.clone(),
             noise_classes: self.noise_class.clone(),
             ignore_time: self.ignore_time,
@@ -187,6 +192,7 @@ impl EvalArgs {
             prediction_dim: self.prediction_dim.clone(),
             reference_dim: self.reference_dim.clone(),
             class_dim: self.has_classes().then(|| self.class_dim.clone()),
+            named_dim: counted.named_dim.clone(),
             matched_by: counted.matching.name().to_owned(),
             chainage_along: self.trajectory.as_ref().map_or_else(
                 || "principal axis of the objects".to_owned(),

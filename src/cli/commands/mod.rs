@@ -12,3 +12,4 @@ pub(crate) mod plan;
 pub(crate) mod run;
 pub(crate) mod status;
 pub(crate) mod synth;
+pub(crate) mod train;

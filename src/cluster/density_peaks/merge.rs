@@ -44,7 +44,7 @@ pub(super) fn group(drive: &dyn DriveWindow, config: &DensityPeaksConfig) -> Res
     let figures = Figures::collect(drive, clusters, &segments, &sums, threshold, reassigned)?;
     let mut named = crate::cluster::Figures::new();
     named.insert("stages".to_owned(), figures.to_json());
-    Ok(Grouped { groups, figures: named, charts: figures.charts(config) })
+    Ok(Grouped { groups, figures: named, charts: figures.charts(config), ..Grouped::default() })
 }
 
 /// Segment (from 1) of every cluster (from 1; index 0 is none).

@@ -7,6 +7,7 @@ use crate::cluster::TileWindow;
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::TileId;
+use crate::spatial::Cell;
 
 /// Sections of the payload of the step `classes`.
 const SECTION_HEIGHTS: usize = 0;
@@ -28,7 +29,12 @@ pub(super) struct Classified {
 impl Classified {
     /// Loads the voxels that [`Voxels::load`] loads.
     pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
-        let voxels = Voxels::load(tile, reach)?;
+        Self::load_with(tile, reach, &[])
+    }
+
+    /// Loads the voxels that [`Voxels::load_with`] loads.
+    pub(super) fn load_with(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
+        let voxels = Voxels::load_with(tile, reach, also)?;
         let values = voxels.gather(|other| read(&tile.payload(STEP_CLASSES, other)?, other))?;
         let (height, shares) = values.into_iter().unzip();
         Ok(Self { voxels, height, shares })

@@ -4,13 +4,186 @@
 //!
 //! Steps. `voxels`: points to voxels of 0.15 m and a ground raster. `classes`: features of each voxel from the
 //! voxels within 5.4 m (the corner of the largest window) and the ground 12 m around them, probabilities of
-//! classes, smoothed. Sums are integers, and eigenvalues follow a fixed sequence of IEEE operations. So a voxel
-//! has the same features in every tile that sees its surroundings.
+//! classes, smoothed. `chains`: upright chains near the ground, each a trunk or a pole as a whole. `cores`: the
+//! parts of the drive that are certainly one object each, and the stems of trees. `edges`: which voxels are
+//! neighbours. `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
+//! `leftovers`: what no core reaches joins an object nearby or is an object of its own. `objects`: the labels
+//! of points, and class and confidence of objects.
+//!
+//! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
+//! eigenvalues and costs follow a fixed sequence of IEEE operations. Ties are broken by the keys of voxels,
+//! which do not depend on tiles. So tiled equals untiled to the bit.
+//!
+//! `benches/results/street.md` has the study of the thresholds and what was tried. Growth along least paths
+//! follows the separation of trees of Tao et al., "Segmenting tree crowns from terrestrial and mobile LiDAR
+//! data by exploring ecological theories", ISPRS Journal 110, 66-76 (2015), doi:10.1016/j.isprsjprs.2015.10.007.
 
+mod chains;
 mod classified;
+mod cores;
+mod edges;
 mod features;
+mod growth;
+mod leftovers;
+mod model;
+mod objects;
+mod parts;
+mod seeds;
 mod settings;
+mod shares;
 mod stage_classes;
 mod stage_voxels;
 mod terrain;
+mod training;
 mod voxels;
+mod window;
+
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+pub(crate) use self::features::NAMES as FEATURES;
+pub(crate) use self::model::{CLASS_NAMES, built_in, read as read_model};
+pub(crate) use self::settings::CLASSES;
+pub use self::settings::StreetConfig;
+use self::settings::{
+    NAME, STEP_CHAINS, STEP_CLASSES, STEP_CORES, STEP_EDGES, STEP_GROWTH, STEP_LEFTOVERS, STEP_OBJECTS,
+    STEP_VOXELS,
+};
+pub(crate) use self::training::{Counts, Purpose, Sample, Training};
+use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
+use crate::boosting::Model;
+use crate::config::{self, ConfigError};
+use crate::error::{Error, Result};
+use crate::model::{Lattice, Reach};
+
+pub(super) const ENTRY: ClusterEntry = ClusterEntry {
+    name: NAME,
+    summary: "voxels get a class from a trained model; objects are separated class by class and named",
+    reference: "ours, see benches/results/street.md",
+    build: |sections| Ok(Box::new(Street::new(&config::section(NAME, &sections(NAME))?)?)),
+};
+
+/// Bytes per point that a tile of a step needs at its peak.
+const BYTES_PER_POINT: u64 = 60;
+
+const fn step(name: &'static str, settings: &'static [&'static str], repeat: Repeat) -> Step {
+    Step { name, settings, bytes: BytesPer::Point(BYTES_PER_POINT), repeat }
+}
+
+const STEPS: [Step; 8] = [
+    step("voxels", &[], Repeat::Once),
+    step("classes", &["street.model"], Repeat::Once),
+    step("chains", &[], Repeat::Once),
+    step("cores", &[], Repeat::Once),
+    step("edges", &[], Repeat::Once),
+    step("growth", &[], Repeat::UntilSettled { most: growth::MOST_ROUNDS }),
+    step("leftovers", &["street.min_points"], Repeat::Once),
+    step("objects", &[], Repeat::Once),
+];
+
+/// The method, see the module.
+#[derive(Debug, Clone)]
+pub struct Street {
+    config: StreetConfig,
+    /// The model of a file; `None` for the one that the program contains.
+    model: Option<Arc<Model>>,
+}
+
+impl Street {
+    /// The method with these settings.
+    ///
+    /// # Errors
+    /// Those of [`StreetConfig::validate`].
+    pub fn new(config: &StreetConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone(), model: None })
+    }
+
+    fn model(&self) -> Result<Arc<Model>> {
+        match &self.model {
+            Some(model) => Ok(Arc::clone(model)),
+            None => Ok(built_in()?),
+        }
+    }
+}
+
+impl Method for Street {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn object_size(&self) -> RangeInclusive<u64> {
+        1..=u64::MAX
+    }
+
+    fn steps(&self) -> &[Step] {
+        &STEPS
+    }
+
+    fn classifies(&self) -> bool {
+        true
+    }
+
+    fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
+        match step {
+            STEP_CLASSES => {
+                let checksum = self.model().map(|model| format!("{:016x}", model.checksum()));
+                vec![("model", checksum.unwrap_or_else(|error| error.to_string()))]
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    fn model_file(&self) -> Option<&str> {
+        Some(&*self.config.model).filter(|file| !file.is_empty())
+    }
+
+    fn use_model(&mut self, file: &str, content: &[u8]) -> Result<()> {
+        self.model = Some(Arc::new(read_model(file, content)?));
+        Ok(())
+    }
+
+    /// Points are read for the columns of voxels and the cells of the ground raster that a tile owns.
+    fn planning_reach(&self, lattice: Lattice) -> Reach {
+        Reach::Exact { metres: lattice.metres(stage_voxels::points_reach(lattice)) }
+    }
+
+    fn border_reach(&self, _step: usize, lattice: Lattice) -> i64 {
+        growth::border_reach(lattice)
+    }
+
+    fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
+        match step {
+            STEP_VOXELS => stage_voxels::map(tile),
+            STEP_CLASSES => {
+                let model = self.model()?;
+                stage_classes::map(tile, &|rows, shares| model::classify(&model, rows, shares))
+            }
+            STEP_CHAINS => chains::map(tile),
+            STEP_CORES => cores::map(tile),
+            STEP_EDGES => edges::map(tile),
+            STEP_GROWTH => growth::map(tile),
+            STEP_LEFTOVERS => leftovers::map(tile),
+            STEP_OBJECTS => objects::map(tile),
+            other => Err(no_step(other)),
+        }
+    }
+
+    fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
+        match step {
+            STEP_VOXELS | STEP_CLASSES | STEP_EDGES | STEP_GROWTH => Ok(Reduced::Global(Vec::new())),
+            STEP_CHAINS => chains::reduce(drive).map(Reduced::Global),
+            STEP_CORES => cores::reduce(drive).map(Reduced::Global),
+            STEP_LEFTOVERS => {
+                let cores = cores::count(drive.global(STEP_CORES))?;
+                leftovers::reduce(drive, cores, self.config.min_points).map(Reduced::Global)
+            }
+            STEP_OBJECTS => objects::reduce(drive).map(Reduced::Groups),
+            other => Err(no_step(other)),
+        }
+    }
+}
+
+fn no_step(step: usize) -> Error {
+    Error::bug(format!("{NAME} has no step {step}"))
+}

@@ -1,5 +1,8 @@
 //! Fixed values of `street`: lengths, classes, and the numbers of its first steps.
 
+use serde::Deserialize;
+
+use crate::config::ConfigError;
 use crate::model::Lattice;
 
 /// Name of the method and of its section.
@@ -8,6 +11,12 @@ pub(super) const NAME: &str = "street";
 /// Numbers of the steps, in their order.
 pub(super) const STEP_VOXELS: usize = 0;
 pub(super) const STEP_CLASSES: usize = 1;
+pub(super) const STEP_CHAINS: usize = 2;
+pub(super) const STEP_CORES: usize = 3;
+pub(super) const STEP_EDGES: usize = 4;
+pub(super) const STEP_GROWTH: usize = 5;
+pub(super) const STEP_LEFTOVERS: usize = 6;
+pub(super) const STEP_OBJECTS: usize = 7;
 
 /// Edge of a voxel in metres. Not a setting: the model was trained with it. The thinnest objects (signs,
 /// stems, rails) are about 0.1 m, and the spacing of points is mostly below 0.1 m.
@@ -20,4 +29,34 @@ pub(crate) const CLASSES: usize = 8;
 /// Edge of a voxel in lattice units.
 pub(super) fn edge(lattice: Lattice) -> u32 {
     u32::try_from(lattice.units(EDGE_M)).unwrap_or(u32::MAX)
+}
+
+/// Settings of the section `[street]`.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StreetConfig {
+    /// Smallest number of points of an object without a core, 1 to 1,000,000. Default 60. Smaller pieces that
+    /// join no object are left without an id.
+    pub min_points: u64,
+    /// File of the model that classifies voxels. Empty for the model that the program contains.
+    pub model: String,
+}
+
+impl Default for StreetConfig {
+    fn default() -> Self {
+        Self { min_points: 60, model: String::new() }
+    }
+}
+
+impl StreetConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] with the key and the range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        if !(1..=1_000_000).contains(&self.min_points) {
+            return Err(ConfigError::value("street.min_points", self.min_points, "1 to 1,000,000 points"));
+        }
+        Ok(())
+    }
 }

@@ -14,7 +14,7 @@ use crate::cluster::{Mapped, TileWindow};
 use crate::error::Result;
 
 /// Gives the probabilities of some voxels from their features. The lengths agree.
-pub(super) type Classify<'a> = &'a dyn Fn(&[f32], &mut [Shares]);
+pub(super) type Classify<'a> = &'a dyn Fn(&[f32], &mut [Shares]) -> Result<()>;
 
 /// Voxels around a tile with their heights, so many that the features of its own voxels and of those that touch
 /// them are those of the whole drive.
@@ -37,6 +37,12 @@ impl Around {
 
 /// Computes the payload of a tile.
 pub(super) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mapped> {
+    let (heights, smoothed) = of_tile(tile, classify)?;
+    Ok(Mapped::payload(classified::encode(&heights, &smoothed)?))
+}
+
+/// Heights above ground and smoothed probabilities of the voxels that a tile owns.
+pub(super) fn of_tile(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<(Vec<i32>, Vec<Shares>)> {
     let around = Around::load(tile)?;
     let voxels = &around.voxels;
     let mut wanted = voxels.owned.clone();
@@ -46,19 +52,23 @@ pub(super) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mappe
     });
     let mut shares = vec![Shares::default(); voxels.len()];
     let mut found = Vec::new();
+    let mut result = Ok(());
     features::compute(voxels, &around.heights, &wanted, &mut |numbers, rows| {
         found.clear();
         found.resize(numbers.len(), Shares::default());
-        classify(rows, &mut found);
+        if result.is_ok() {
+            result = classify(rows, &mut found);
+        }
         for (&number, &found) in numbers.iter().zip(&found) {
             shares[number as usize] = found;
         }
     });
+    result?;
     let smoothed = smooth(voxels, &shares);
     let own = |voxel: &usize| voxels.owned[*voxel];
-    let heights: Vec<i32> = (0..voxels.len()).filter(own).map(|voxel| around.heights[voxel]).collect();
-    let smoothed: Vec<Shares> = (0..voxels.len()).filter(own).map(|voxel| smoothed[voxel]).collect();
-    Ok(Mapped::payload(classified::encode(&heights, &smoothed)?))
+    let heights = (0..voxels.len()).filter(own).map(|voxel| around.heights[voxel]).collect();
+    let smoothed = (0..voxels.len()).filter(own).map(|voxel| smoothed[voxel]).collect();
+    Ok((heights, smoothed))
 }
 
 /// The smoothed probabilities.

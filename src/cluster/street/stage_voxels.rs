@@ -13,6 +13,7 @@ use crate::cluster::columns::global_indices;
 use crate::cluster::{Mapped, TilePoints, TileWindow};
 use crate::codec;
 use crate::error::Result;
+use crate::model::Lattice;
 use crate::spatial::VoxelIndex;
 
 /// The points around a tile and the voxels that the tile owns.
@@ -53,8 +54,17 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
 
 /// Reads the points of a tile and computes its voxels and its ground raster.
 pub(super) fn cut(tile: &dyn TileWindow) -> Result<Cut> {
+    cut_of(tile, tile.points(points_reach(tile.lattice()), false)?)
+}
+
+/// Distance around a tile within which points are read, in lattice units.
+pub(super) fn points_reach(lattice: Lattice) -> i64 {
+    reach(lattice.units(CELL_M))
+}
+
+/// The voxels and the ground raster of points within [`points_reach`] of a tile, or of some of them.
+pub(super) fn cut_of(tile: &dyn TileWindow, points: TilePoints) -> Result<Cut> {
     let cell = tile.lattice().units(CELL_M);
-    let points = tile.points(reach(cell), false)?;
     let (voxel, stored) = voxels(tile, &points)?;
     let ground = ground(tile, &points, cell.unsigned_abs() as u32)?;
     Ok(Cut { points, voxel, stored, ground })

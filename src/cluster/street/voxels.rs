@@ -8,6 +8,7 @@
     reason = "voxels of a tile fit u32 (VoxelIndex), reaches are a few metres"
 )]
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
@@ -18,7 +19,7 @@ use crate::cluster::{DriveWindow, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{Lattice, TileId};
-use crate::spatial::{CellGrid, CellMap};
+use crate::spatial::{Cell, CellGrid, CellMap};
 
 /// Sections of the payload of the step `voxels`.
 pub(super) const SECTION_VOXELS: usize = 0;
@@ -45,6 +46,17 @@ impl StoredVoxels {
     /// Number of voxels.
     pub(super) fn len(&self) -> usize {
         self.k.len()
+    }
+
+    /// Keys of the voxels, ascending.
+    pub(super) fn keys(&self) -> impl Iterator<Item = Voxel> + '_ {
+        let mut k = 0;
+        let columns = self.columns.iter().scan([0, 0], |at, &(di, dj, count)| {
+            *at = [at[0] + di, at[1] + dj];
+            Some((*at, count))
+        });
+        let cells = columns.flat_map(|(cell, count)| std::iter::repeat_n(cell, count as usize));
+        cells.zip(&self.k).map(move |([i, j], step)| [i, j, add(&mut k, *step)])
     }
 
     /// Columns and the range of their voxels.
@@ -111,9 +123,16 @@ impl Voxels {
     /// Loads the voxels of a tile, and every voxel whose column is within `reach` lattice units of a column of
     /// the tile. Some columns further away may be among them.
     pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
+        Self::load_with(tile, reach, &[])
+    }
+
+    /// Loads these voxels, and those of the columns `also`. A tile may have points in a column that another
+    /// tile owns, far from any column of its own.
+    pub(super) fn load_with(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
         let units = i64::from(edge(tile.lattice()));
         let own = read(tile, tile.tile())?;
-        let near = Near::around(&own, reach.div_euclid(units) + 1);
+        let mut near = Near::around(&own, reach.div_euclid(units) + 1);
+        near.add(also);
         let mut found: Vec<([i32; 2], u32, Range<usize>)> = Vec::new();
         let mut tiles: Vec<(TileId, StoredVoxels)> = vec![(tile.tile(), own)];
         // The owner of a column owns a cell that meets it: at most two edges away on both sides.
@@ -174,6 +193,16 @@ impl Voxels {
         self.key.binary_search(&key).ok()
     }
 
+    /// The loaded voxels of each tile: their positions among the voxels of the tile, ascending, and their
+    /// numbers here.
+    pub(super) fn by_tile(&self) -> BTreeMap<TileId, Vec<(u32, u32)>> {
+        let mut tiles = BTreeMap::<TileId, Vec<(u32, u32)>>::new();
+        for (number, &(tile, position)) in (0_u32..).zip(&self.origin) {
+            tiles.entry(tile).or_default().push((position, number));
+        }
+        tiles
+    }
+
     /// Brings together what a step stored for the voxels of each tile. `read` gives one value per voxel of a
     /// tile, in the order in which the tile stores its voxels.
     pub(super) fn gather<T: Copy>(&self, mut read: impl FnMut(TileId) -> Result<Vec<T>>) -> Result<Vec<T>> {
@@ -223,6 +252,13 @@ impl Near {
             }
         }
         Self { grid, squares }
+    }
+
+    /// Adds columns.
+    fn add(&mut self, columns: &[Cell]) {
+        for column in columns {
+            *self.squares.entry(column.map(|index| index.div_euclid(SQUARE))) = 1;
+        }
     }
 
     fn holds(&self, column: [i32; 2]) -> bool {

@@ -159,7 +159,7 @@ fn table(pairs: Tally<[u32; 2], u64>, predicted: &[(Label, Place)], referred: &[
         let ours = predicted[left as usize].0;
         let theirs = referred[right as usize].0;
         let predicted = codes.into_iter().find(|code| *code as u16 == ours.class).unwrap_or_default();
-        Cell { object: theirs.id, segment: ours.id, class: theirs.class, predicted }
+        Cell { object: theirs.id, segment: ours.id, class: theirs.class, predicted, named: ours.named }
     };
     let places = |labels: &[(Label, Place)]| {
         let mut places = Tally::default();
@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn labels_of_one_object_with_two_classes_have_one_place() {
-        let label = |id, class| (Label { id, class }, Place::of([id + i64::from(class), 0, 0]));
+        let label = |id, class| (Label { id, class, named: 0 }, Place::of([id + i64::from(class), 0, 0]));
         let mut pairs = Tally::default();
         pairs.add([0, 1], 3);
         pairs.add([1, 0], 2);

@@ -11,8 +11,10 @@ use crate::eval::table::Place;
 pub(super) struct Label {
     /// Object or segment; 0 is none.
     pub(super) id: i64,
-    /// Class of the reference, or code of the predicted class.
+    /// Class of the reference, or code of what is predicted besides.
     pub(super) class: u16,
+    /// Of the prediction: class of the object; 0 is none.
+    pub(super) named: u16,
 }
 
 /// Numbers of labels, from 0, that all threads agree on. Which label gets which number depends on the threads.
@@ -96,7 +98,7 @@ mod tests {
     #[test]
     fn threads_agree_on_numbers_and_their_places_add_up() {
         let numbers = Numbers::default();
-        let label = |id: i64| Label { id, class: 2 };
+        let label = |id: i64| Label { id, class: 2, named: 0 };
         let mut one = Met::new(&numbers);
         let mut other = Met::new(&numbers);
         assert_eq!(

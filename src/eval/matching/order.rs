@@ -42,11 +42,11 @@ pub(super) fn count_same_files(
             let predicted = &prediction.fields[run.file];
             let referred = &reference.fields[run.file];
             for (record, index) in records.chunks_exact(file.layout().record_len).zip(run.first.onward()) {
-                let (segment, predicted) =
+                let (segment, predicted, named) =
                     predicted.read(record).map_err(|label| prediction.wrong(run, index, label))?;
                 let (object, class) =
                     referred.read(record).map_err(|label| reference.wrong(run, index, label))?;
-                let cell = Cell { object, segment, class, predicted };
+                let cell = Cell { object, segment, class, predicted, named };
                 counter.add(cell, file.transform().apply(record_xyz(record)));
             }
             file.release(run.block);
@@ -89,13 +89,13 @@ impl Pair<'_> {
             let same = SamePoint::new(self, stretch.files);
             for ((left, right), index) in stretch.records().zip(stretch.first.onward()) {
                 let Some(at) = same.position(left, right) else { return Ok(Some(index)) };
-                let (segment, predicted) = predicted
+                let (segment, predicted, named) = predicted
                     .read(left)
                     .map_err(|label| self.prediction.wrong(stretch.runs.0, index, label))?;
                 let (object, class) = referred
                     .read(right)
                     .map_err(|label| self.reference.wrong(stretch.runs.1, index, label))?;
-                counter.add(Cell { object, segment, class, predicted }, at);
+                counter.add(Cell { object, segment, class, predicted, named }, at);
             }
             Ok(None)
         })?;

@@ -2,6 +2,11 @@
 
 use std::path::PathBuf;
 
+use crate::input::Catalog;
+
+/// The dimension of the predicted classes of objects that is compared without being asked for.
+const OBJECT_CLASS: &str = "object_class";
+
 /// Which dimensions contain the labels, and how points are matched.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CompareSettings {
@@ -11,6 +16,8 @@ pub struct CompareSettings {
     pub reference_dim: String,
     /// Dimension of the reference classes; none when there are no classes.
     pub class_dim: Option<String>,
+    /// Dimension of the predicted classes of objects. If it is none, `object_class` is compared where all files have it.
+    pub named_dim: Option<String>,
     /// LAS classes of the prediction that are ground.
     pub ground_classes: Vec<u16>,
     /// LAS classes of the prediction that are isolated noise.
@@ -27,10 +34,27 @@ impl Default for CompareSettings {
             prediction_dim: "cluster_id".to_owned(),
             reference_dim: "gt_instance".to_owned(),
             class_dim: Some("gt_class".to_owned()),
+            named_dim: None,
             ground_classes: vec![2],
             noise_classes: vec![7, 18],
             ignore_time: false,
             scratch: std::env::temp_dir(),
         }
+    }
+}
+
+impl CompareSettings {
+    /// The dimension of the predicted classes of objects, if they are compared: there are classes to compare them
+    /// with, and a dimension was named or all files have the one of this program.
+    pub(super) fn named_dim_in(&self, prediction: &Catalog) -> Option<&str> {
+        let everywhere = || {
+            prediction
+                .files()
+                .iter()
+                .all(|file| file.layout().dimension(OBJECT_CLASS).is_some())
+                .then_some(OBJECT_CLASS)
+        };
+        self.class_dim.as_ref()?;
+        self.named_dim.as_deref().or_else(everywhere)
     }
 }

@@ -39,6 +39,8 @@ pub(super) struct Files<'a, F> {
 pub(super) struct PredictionFields {
     segment: LabelField,
     class: LabelField,
+    /// Class of the object, if it is compared.
+    named: Option<LabelField>,
     ground: Vec<u16>,
     noise: Vec<u16>,
 }
@@ -51,9 +53,9 @@ pub(super) struct ReferenceFields {
 }
 
 impl PredictionFields {
-    /// Segment and class of a record.
+    /// Segment, ground or noise, and class of the object of a record.
     #[inline]
-    pub(super) fn read(&self, record: &[u8]) -> Result<(i64, Predicted), WrongLabel> {
+    pub(super) fn read(&self, record: &[u8]) -> Result<(i64, Predicted, u16), WrongLabel> {
         let class = self.class.class(record)?;
         let predicted = if self.ground.contains(&class) {
             Predicted::Ground
@@ -62,7 +64,8 @@ impl PredictionFields {
         } else {
             Predicted::Other
         };
-        Ok((self.segment.id(record)?, predicted))
+        let named = self.named.as_ref().map_or(Ok(0), |field| field.class(record))?;
+        Ok((self.segment.id(record)?, predicted, named))
     }
 }
 
@@ -87,23 +90,25 @@ pub(super) trait LabelFields {
 impl LabelFields for PredictionFields {
     #[inline]
     fn label(&self, record: &[u8]) -> Result<Label, WrongLabel> {
-        self.read(record).map(|(id, predicted)| Label { id, class: predicted as u16 })
+        self.read(record).map(|(id, predicted, named)| Label { id, class: predicted as u16, named })
     }
 }
 
 impl LabelFields for ReferenceFields {
     #[inline]
     fn label(&self, record: &[u8]) -> Result<Label, WrongLabel> {
-        self.read(record).map(|(id, class)| Label { id, class })
+        self.read(record).map(|(id, class)| Label { id, class, named: 0 })
     }
 }
 
 impl<'a> Files<'a, PredictionFields> {
     pub(super) fn prediction(catalog: &'a Catalog, settings: &CompareSettings) -> Result<Self, EvalError> {
+        let named = settings.named_dim_in(catalog);
         let fields = |file: &InputFile| {
             Ok(PredictionFields {
                 segment: LabelField::find(file, Side::Prediction, &settings.prediction_dim)?,
                 class: LabelField::find(file, Side::Prediction, "classification")?,
+                named: named.map(|name| LabelField::find(file, Side::Prediction, name)).transpose()?,
                 ground: settings.ground_classes.clone(),
                 noise: settings.noise_classes.clone(),
             })

@@ -6,6 +6,7 @@
 //! often count false positives in no class, because their segments have no class. That F1 is given as well.
 
 pub mod hoover;
+pub mod named;
 pub mod overlaps;
 pub mod panoptic;
 pub mod rand_index;
@@ -15,6 +16,7 @@ use crate::eval::classes::ClassTable;
 use crate::eval::table::{Predicted, Table};
 use crate::model::Lattice;
 use hoover::{Detection, Hoover, Tolerance};
+use named::Named;
 use overlaps::{Object, Scene, Segment};
 use panoptic::{Iou, Panoptic, SegmentRole};
 use rand_index::adjusted_rand_index;
@@ -231,6 +233,8 @@ pub struct Evaluation {
     pub ground: PointScore,
     /// Stray returns.
     pub noise: PointScore,
+    /// Classes of points and objects, if the prediction gives objects classes.
+    pub named: Option<Named>,
 }
 
 impl Evaluation {
@@ -243,12 +247,15 @@ impl Evaluation {
         let is_noise = |code| classes.is_noise(code);
         let ground = PointScore::count(&table, classes.has_ground(), is_ground, Predicted::Ground);
         let noise = PointScore::count(&table, classes.has_noise(), is_noise, Predicted::Noise);
+        let named = Named::of_points(&table, classes);
         let scene = Scene::build(&table, classes, lattice, settings.min_points);
         // The results take as much memory again.
         drop(table);
         let judged = Judged::of(scene, settings);
+        let name = |points| Named::new(points, &judged.scene, &judged.panoptic, &settings.classes);
+        let named = named.map(name);
         let classes = judged.codes().into_iter().map(|code| (code, judged.of_class(code))).collect();
-        Self { points, classes, overall: judged.figures(|_| true, |_| true), ground, noise, judged }
+        Self { points, classes, overall: judged.figures(|_| true, |_| true), ground, noise, named, judged }
     }
 
     /// Mean of PQ over the classes, as the paper reports it; each class counts the same.

@@ -63,6 +63,8 @@ pub struct Segment {
     pub points: u64,
     /// Points that belong to evaluated objects.
     pub labelled: u64,
+    /// Class that the prediction gives most of its points (ties: the smaller code); 0 is none.
+    pub named: u16,
     /// Mean position in metres.
     pub centroid_m: [f64; 3],
     /// Evaluated objects that have points in it: most points first, ties by the smaller id.
@@ -193,6 +195,11 @@ fn majority(cells: &[(Cell, u64)]) -> u16 {
     for (cell, points) in cells {
         *counts.entry(cell.class).or_insert(0) += points;
     }
+    most(counts)
+}
+
+/// The code with most points; ties go to the smaller code.
+fn most(counts: BTreeMap<u16, u64>) -> u16 {
     let mut best = (0, 0);
     for (class, points) in counts {
         if points > best.1 {
@@ -204,13 +211,14 @@ fn majority(cells: &[(Cell, u64)]) -> u16 {
 
 /// All segments by id, without overlaps yet.
 fn segments(table: &Table, lattice: Lattice) -> Vec<Segment> {
-    let mut sizes: BTreeMap<i64, u64> = BTreeMap::new();
+    let mut sizes: BTreeMap<i64, BTreeMap<u16, u64>> = BTreeMap::new();
     for (cell, points) in table.cells.iter().filter(|entry| entry.0.segment > 0) {
-        *sizes.entry(cell.segment).or_default() += points;
+        *sizes.entry(cell.segment).or_default().entry(cell.named).or_default() += points;
     }
-    let segment = |(id, points)| {
+    let segment = |(id, named): (i64, BTreeMap<u16, u64>)| {
         let centroid_m = metres(&table.segments, id, lattice);
-        Segment { id, points, labelled: 0, centroid_m, overlaps: Box::default() }
+        let points = named.values().sum();
+        Segment { id, points, labelled: 0, named: most(named), centroid_m, overlaps: Box::default() }
     };
     sizes.into_iter().map(segment).collect()
 }
@@ -236,8 +244,7 @@ pub(crate) mod tests {
         for &(object, segment, points) in parts {
             let class = if object == 0 { 1 } else { class(object) };
             for _ in 0..points {
-                counter
-                    .add(Cell { object, segment, class, predicted: Predicted::Other }, [object * 1000, 0, 0]);
+                counter.add(Cell { object, segment, class, ..Cell::default() }, [object * 1000, 0, 0]);
             }
         }
         counter.finish()
@@ -269,7 +276,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_tie_of_classes_goes_to_the_smaller_code() {
-        let cell = |class| Cell { object: 1, segment: 0, class, predicted: Predicted::Other };
+        let cell = |class| Cell { object: 1, class, ..Cell::default() };
         assert_eq!(majority(&[(cell(5), 10), (cell(4), 10), (cell(7), 9)]), 4);
     }
 }

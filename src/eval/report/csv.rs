@@ -21,20 +21,26 @@ impl Report<'_> {
         for tolerance in tolerances {
             write!(to, "hoover_{tolerance:.2},")?;
         }
-        writeln!(to, "points_without_segment,points_predicted_ground,points_predicted_noise,what")?;
+        write!(to, "points_without_segment,points_predicted_ground,points_predicted_noise,")?;
+        // Classes are columns where the prediction has them.
+        let named = self.object_classes.is_some();
+        writeln!(to, "{}what", if named { "called,class_right," } else { "" })?;
         let mut small = self.small_objects.iter().peekable();
-        let small_line = |row: &SmallRow| small_csv_line(row, tolerances.len(), self.settings.min_points);
+        let small_line = |row: &SmallRow| {
+            small_csv_line(row, tolerances.len() + if named { 2 } else { 0 }, self.settings.min_points)
+        };
         for row in self.objects.iter() {
             while let Some(before) = small.next_if(|small| small.object < row.object) {
                 to.write_all(small_line(&before).as_bytes())?;
             }
-            to.write_all(csv_line(&row).as_bytes())?;
+            to.write_all(csv_line(&row, named).as_bytes())?;
         }
         small.try_for_each(|row| to.write_all(small_line(&row).as_bytes()))
     }
 }
 
-/// The row of an object that is not evaluated, in the columns of one that is.
+/// The row of an object that is not evaluated, in the columns of one that is. `tolerances` counts the columns that not
+/// every file has.
 fn small_csv_line(row: &SmallRow, tolerances: usize, min_points: u64) -> String {
     let [x, y, z] = row.at_m;
     // Ten columns before those of the tolerances, three after them, and the words.
@@ -49,7 +55,7 @@ fn small_csv_line(row: &SmallRow, tolerances: usize, min_points: u64) -> String 
     )
 }
 
-fn csv_line(row: &ObjectRow) -> String {
+fn csv_line(row: &ObjectRow, named: bool) -> String {
     let id = |id: Option<i64>| id.map_or(String::new(), |id| id.to_string());
     let fields = [
         row.object.to_string(),
@@ -74,10 +80,16 @@ fn csv_line(row: &ObjectRow) -> String {
         row.points_without_segment.to_string(),
         row.points_predicted_ground.to_string(),
         row.points_predicted_noise.to_string(),
+        row.named.to_string(),
+        (row.matched && row.named == row.class).to_string(),
         quoted(&row.what),
     ];
     // Without tolerances there are no columns for them.
-    let present = fields.into_iter().enumerate().filter(|(at, _)| *at != 18 || !row.hoover.is_empty());
+    let present = fields.into_iter().enumerate().filter(|(at, _)| match at {
+        18 => !row.hoover.is_empty(),
+        22 | 23 => named,
+        _ => true,
+    });
     present.map(|field| field.1).collect::<Vec<_>>().join(",") + "\n"
 }
 

@@ -41,6 +41,9 @@ pub struct ObjectRow {
     pub best_iou: f64,
     /// The segment of that IoU.
     pub best_iou_segment: Option<i64>,
+    /// Class that the prediction gives that segment; 0 is none.
+    #[serde(skip)]
+    pub named: u16,
     /// Whether it is matched at IoU > 0.5.
     pub matched: bool,
     /// Whether S(o) is also that of another object, or contains much of another.
@@ -163,6 +166,7 @@ impl<'a> ObjectRows<'a> {
             points_in_segment: main.map_or(0, |main| main.points),
             best_iou: self.best_iou(index),
             best_iou_segment: judged.panoptic.best[index].map(|iou| segment_id(iou.segment)),
+            named: judged.panoptic.best[index].map_or(0, |iou| scene.segments[iou.segment].named),
             matched: judged.panoptic.matched[index],
             under_segmented: outcome.is_under(),
             shares_with: outcome.shared_with.map(|other| scene.objects[other.index].id),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::eval::report::values::{FiguresView, Report, ScoreView};
+use crate::eval::report::values::{ConfusionView, FiguresView, HitsView, Report, ScoreView};
 use crate::words::{counted, separated};
 
 /// Width of the column of names.
@@ -12,7 +12,8 @@ impl Report<'_> {
     /// The figures for a person, with the `worst` objects of smallest best IoU below.
     #[must_use]
     pub fn text(&self, worst: usize) -> String {
-        let blocks = [head(self), shares(self), hoover(self), scores(self), worst_objects(self, worst)];
+        let blocks =
+            [head(self), shares(self), hoover(self), scores(self), named(self), worst_objects(self, worst)];
         blocks.into_iter().filter(|block| !block.is_empty()).collect::<Vec<_>>().join("\n")
     }
 }
@@ -116,6 +117,55 @@ fn scores(report: &Report<'_>) -> String {
     line("ground", &report.ground);
     line("noise", &report.noise);
     text
+}
+
+/// How well classes are told apart.
+fn named(report: &Report<'_>) -> String {
+    let Some(named) = &report.object_classes else { return String::new() };
+    let titles = ["objects", "matched", "class right", "F1+class", "points F1", "prec.", "recall"];
+    let mut text = format!("{:NAME$}", "classes");
+    titles.iter().for_each(|title| text += &format!(" {title:>11}"));
+    let line = |name: &str, objects: &HitsView, points: [Option<f64>; 3]| {
+        let [f1, precision, recall] = points.map(cell);
+        format!(
+            "\n{name:NAME$} {:>11} {:>11} {:>11} {:>11} {f1:>11} {precision:>11} {recall:>11}",
+            objects.objects,
+            objects.matched,
+            cell(objects.class_right_of_matched),
+            cell(objects.f1_with_class)
+        )
+    };
+    for class in &named.classes {
+        let points = [class.point_f1, class.point_precision, class.point_recall];
+        text += &line(&format!("{} {}", class.class, class.name), &class.objects, points);
+    }
+    text += &line("overall", &named.overall, [None; 3]);
+    text += &format!("\naccuracy {} of {} points\n", cell(named.accuracy), named.points);
+    text +=
+        "class right: share of the matched objects. F1+class counts a match of another class as two errors\n";
+    text += &confusion("points that are, and are called", &named.point_confusion);
+    text + &confusion("matched objects that are, and are called", &named.object_confusion)
+}
+
+/// The counts of a confusion as a table, a row per class.
+fn confusion(title: &str, counts: &[ConfusionView]) -> String {
+    let mut called: Vec<&str> = Vec::new();
+    counts.iter().for_each(|entry| {
+        if !called.contains(&entry.called.as_str()) {
+            called.push(&entry.called);
+        }
+    });
+    let width = |name: &str| name.len().max(10);
+    let mut text = format!("{title}\n{:NAME$}", "");
+    called.iter().for_each(|name| text += &format!(" {name:>0$}", width(name)));
+    for row in counts.chunk_by(|a, b| a.class == b.class) {
+        text += &format!("\n{:NAME$}", format!("{} {}", row[0].class, row[0].name));
+        for name in &called {
+            let count = row.iter().find(|entry| entry.called == *name).map_or(0, |entry| entry.count);
+            text += &format!(" {count:>0$}", width(name));
+        }
+    }
+    text + "\n"
 }
 
 /// The objects of smallest best IoU among those that are not matched.

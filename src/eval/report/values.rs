@@ -1,8 +1,12 @@
 //! The result of an evaluation as values to show: figures, findings and the outcome of every object. Not: any
 //! decision about the figures.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
+use crate::eval::classes::ClassTable;
+use crate::eval::metrics::named::{Called, Counts, Hits, Named};
 use crate::eval::metrics::panoptic::SegmentRole;
 use crate::eval::metrics::{Evaluation, Figures, MetricSettings, PointScore};
 use crate::eval::report::axis::Axis;
@@ -27,6 +31,9 @@ pub struct Provenance {
     pub reference_dim: String,
     /// Dimension of the classes; none when the reference has none.
     pub class_dim: Option<String>,
+    /// Dimension of the predicted classes of objects, if they are compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub named_dim: Option<String>,
     /// How the points of both sides were matched.
     pub matched_by: String,
     /// The line along which chainages are measured: the trajectory file, or the principal axis.
@@ -45,6 +52,8 @@ pub struct Report<'a> {
     pub(super) classes: Vec<ClassView>,
     pub(super) ground: ScoreView,
     pub(super) noise: ScoreView,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) object_classes: Option<NamedView>,
     /// The objects and segments behind every figure.
     pub behind: Behind<'a>,
     /// Every evaluated object.
@@ -121,6 +130,100 @@ pub(super) struct ScoreView {
     pub(super) precision: Option<f64>,
     pub(super) recall: Option<f64>,
     pub(super) iou: Option<f64>,
+}
+
+/// How well classes are told apart.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct NamedView {
+    pub(super) points: u64,
+    pub(super) points_right: u64,
+    pub(super) accuracy: Option<f64>,
+    pub(super) overall: HitsView,
+    pub(super) classes: Vec<NamedClassView>,
+    /// Points by class and what they are called.
+    pub(super) point_confusion: Vec<ConfusionView>,
+    /// Matched objects by class and what they are called.
+    pub(super) object_confusion: Vec<ConfusionView>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct NamedClassView {
+    pub(super) class: u16,
+    pub(super) name: String,
+    pub(super) point_precision: Option<f64>,
+    pub(super) point_recall: Option<f64>,
+    pub(super) point_f1: Option<f64>,
+    #[serde(flatten)]
+    pub(super) objects: HitsView,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct HitsView {
+    pub(super) objects: u64,
+    pub(super) matched: u64,
+    pub(super) class_right: u64,
+    pub(super) class_right_of_matched: Option<f64>,
+    pub(super) f1_with_class: Option<f64>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct ConfusionView {
+    pub(super) class: u16,
+    pub(super) name: String,
+    pub(super) called: String,
+    pub(super) count: u64,
+}
+
+impl NamedView {
+    fn new(named: &Named, classes: &ClassTable) -> Self {
+        let right = named.right_points();
+        let confusion = |counts: &Counts| {
+            let view = |(&(class, called), &count): (&(u16, Called), &u64)| ConfusionView {
+                class,
+                name: classes.name(class),
+                called: called.name(classes),
+                count,
+            };
+            counts.iter().map(view).collect()
+        };
+        let hits = |list: &[(u16, Hits)], code: u16| {
+            list.iter().find(|entry| entry.0 == code).map_or_else(Hits::default, |entry| entry.1)
+        };
+        let codes: BTreeSet<u16> =
+            named.of_points.iter().chain(&named.of_objects).map(|entry| entry.0).collect();
+        let class = |code: u16| {
+            let points = hits(&named.of_points, code);
+            NamedClassView {
+                class: code,
+                name: classes.name(code),
+                point_precision: share(points.precision()),
+                point_recall: share(points.recall()),
+                point_f1: share(points.f1()),
+                objects: HitsView::new(&hits(&named.of_objects, code)),
+            }
+        };
+        Self {
+            points: right.of_class,
+            points_right: right.right,
+            accuracy: share(named.accuracy()),
+            overall: HitsView::new(&named.all_objects),
+            classes: codes.into_iter().map(class).collect(),
+            point_confusion: confusion(&named.points),
+            object_confusion: confusion(&named.objects),
+        }
+    }
+}
+
+impl HitsView {
+    fn new(hits: &Hits) -> Self {
+        Self {
+            objects: hits.of_class,
+            matched: hits.matched,
+            class_right: hits.right,
+            class_right_of_matched: share(hits.right_of_matched()),
+            f1_with_class: share(hits.f1()),
+        }
+    }
 }
 
 impl FiguresView {
@@ -221,6 +324,7 @@ impl<'a> Report<'a> {
             classes: evaluation.classes.iter().map(class).collect(),
             ground: ScoreView::new(&evaluation.ground),
             noise: ScoreView::new(&evaluation.noise),
+            object_classes: evaluation.named.as_ref().map(|named| NamedView::new(named, &settings.classes)),
             behind: findings::behind(judged, settings, axis, &objects),
             objects,
             small_objects: SmallRows { judged, settings, axis },

@@ -114,12 +114,13 @@ impl LabelledFile {
 
     /// Appends the new records of a run of records to `out`: the original bytes with label and class.
     ///
-    /// `classes` are codes of [`crate::model::PointClass`].
+    /// `classes` are codes of [`crate::model::PointClass`]. `kinds` are classes of objects
+    /// ([`crate::model::Kind`]), or empty for class 0.
     ///
     /// # Panics
     /// When there is not one label and one class for every record.
-    pub fn label(&self, records: &[u8], labels: &[u32], classes: &[u8], out: &mut Vec<u8>) {
-        self.record.label(records, labels, classes, out);
+    pub fn label(&self, records: &[u8], labels: &[u32], classes: &[u8], kinds: &[u8], out: &mut Vec<u8>) {
+        self.record.label(records, labels, classes, kinds, out);
     }
 
     /// Everything before the points. Of a compressed copy it is not final: [`LabelledFile::assemble_laz`] writes it.

@@ -16,6 +16,8 @@ pub struct LabelOptions {
     pub set_classification: bool,
     /// Whether the class of the input is kept in a dimension of its own, `original_classification`.
     pub keep_original: bool,
+    /// Whether the class of the object of a point is written to the dimension `object_class`.
+    pub object_class: bool,
 }
 
 impl Default for LabelOptions {
@@ -25,6 +27,7 @@ impl Default for LabelOptions {
             dimension: "cluster_id".into(),
             set_classification: true,
             keep_original: false,
+            object_class: false,
         }
     }
 }

@@ -10,8 +10,13 @@ use crate::output::error::OutputError;
 const MAX_RECORD: usize = u16::MAX as usize;
 /// Name of the dimension that keeps the class of the input.
 const ORIGINAL_CLASS: &str = "original_classification";
+/// Name of the dimension with the class of the object.
+const OBJECT_CLASS: &str = "object_class";
 /// LAS classes of our classes (LAS 1.4 R15, tables 9 and 17).
 const GROUND: u8 = 2;
+const HIGH_VEGETATION: u8 = 5;
+const BUILDING: u8 = 6;
+const WIRE: u8 = 14;
 const LOW_NOISE: u8 = 7;
 const HIGH_NOISE: u8 = 18;
 
@@ -24,11 +29,14 @@ pub(super) struct RecordPlan {
     label: usize,
     /// Place of the original class (u8), if it is to be kept and is not kept already.
     original_class: Option<usize>,
+    /// Place of the class of the object (u8), if the method classifies.
+    object_class: Option<usize>,
     /// Byte of the class, and its bits that are the class; `None` when it stays.
     class: Option<(usize, u8)>,
     class_byte: usize,
     class_mask: u8,
-    high_noise: u8,
+    /// Whether the format has LAS classes above 12.
+    extended: bool,
 }
 
 impl RecordPlan {
@@ -42,7 +50,12 @@ impl RecordPlan {
         let kept = existing(input, ORIGINAL_CLASS, ExtraType::U8)?;
         let keep = options.keep_original && kept.is_none();
         let mut descriptors = Vec::new();
-        if label.is_none() || keep {
+        let known = match options.object_class {
+            true => existing(input, OBJECT_CLASS, ExtraType::U8)?,
+            false => None,
+        };
+        let classify = options.object_class && known.is_none();
+        if label.is_none() || keep || classify {
             descriptors.extend(descriptor::undescribed(layout));
         }
         let mut output_len = layout.record_len;
@@ -54,6 +67,8 @@ impl RecordPlan {
         };
         let label = label.unwrap_or_else(|| append(&options.dimension, ExtraType::U32, "object, 0: none"));
         let original_class = keep.then(|| append(ORIGINAL_CLASS, ExtraType::U8, "class before chainage"));
+        let text = "class of the object, 0: none";
+        let object_class = known.or_else(|| classify.then(|| append(OBJECT_CLASS, ExtraType::U8, text)));
         if output_len > MAX_RECORD {
             return Err(OutputError::RecordLength {
                 path: input.path().to_owned(),
@@ -61,7 +76,8 @@ impl RecordPlan {
                 limit: MAX_RECORD,
             });
         }
-        Ok((Self::with(layout, options, output_len, label, original_class), descriptors))
+        let plan = Self { object_class, ..Self::with(layout, options, output_len, label, original_class) };
+        Ok((plan, descriptors))
     }
 
     fn with(
@@ -76,11 +92,12 @@ impl RecordPlan {
             output_len,
             label,
             original_class,
+            object_class: None,
             class: options.set_classification.then_some((layout.classification, layout.classification_mask)),
             class_byte: layout.classification,
             class_mask: layout.classification_mask,
-            // Formats 0 to 5 have no class for high noise: 18 is reserved there.
-            high_noise: if layout.point_format >= 6 { HIGH_NOISE } else { LOW_NOISE },
+            // Formats 0 to 5 have no class for wires and high noise: 14 and 18 are reserved there.
+            extended: layout.point_format >= 6,
         }
     }
 
@@ -90,11 +107,24 @@ impl RecordPlan {
     }
 
     /// Appends the new records of `records` to `out`.
-    pub(super) fn label(&self, records: &[u8], labels: &[u32], classes: &[u8], out: &mut Vec<u8>) {
+    pub(super) fn label(
+        &self,
+        records: &[u8],
+        labels: &[u32],
+        classes: &[u8],
+        kinds: &[u8],
+        out: &mut Vec<u8>,
+    ) {
         assert_eq!(records.len(), labels.len() * self.input_len, "one label for every record");
         assert_eq!(labels.len(), classes.len(), "one class for every record");
         out.reserve(labels.len() * self.output_len);
-        for ((record, label), class) in records.chunks_exact(self.input_len).zip(labels).zip(classes) {
+        assert!(
+            kinds.is_empty() || kinds.len() == labels.len(),
+            "one class of object for every record, or none"
+        );
+        let kinds = kinds.iter().copied().chain(std::iter::repeat(0));
+        let records = records.chunks_exact(self.input_len);
+        for (((record, label), class), kind) in records.zip(labels).zip(classes).zip(kinds) {
             let start = out.len();
             out.extend_from_slice(record);
             out.resize(start + self.output_len, 0);
@@ -103,21 +133,30 @@ impl RecordPlan {
             if let Some(at) = self.original_class {
                 new[at] = record[self.class_byte] & self.class_mask;
             }
+            if let Some(at) = self.object_class {
+                new[at] = kind;
+            }
             if let Some((at, mask)) = self.class
-                && let Some(code) = self.las_class(*class)
+                && let Some(code) = self.las_class(*class, kind)
             {
                 new[at] = (new[at] & !mask) | code;
             }
         }
     }
 
-    /// The LAS class of a class code; `None` if the point keeps its class.
-    fn las_class(&self, code: u8) -> Option<u8> {
+    /// The LAS class of a class code and of the class of an object; `None` if the point keeps its class. Vehicles,
+    /// poles, fences and furniture have no class in LAS.
+    fn las_class(&self, code: u8, kind: u8) -> Option<u8> {
         match PointClass::from_code(code)? {
-            PointClass::Object => None,
+            PointClass::Object => match kind {
+                2 => Some(HIGH_VEGETATION),
+                5 => Some(BUILDING),
+                8 if self.extended => Some(WIRE),
+                _ => None,
+            },
             PointClass::Ground => Some(GROUND),
             PointClass::LowNoise => Some(LOW_NOISE),
-            PointClass::HighNoise => Some(self.high_noise),
+            PointClass::HighNoise => Some(if self.extended { HIGH_NOISE } else { LOW_NOISE }),
         }
     }
 }

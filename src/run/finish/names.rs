@@ -25,6 +25,7 @@ pub(super) const BESIDE: [&str; objects::REGISTRY.len() + 1] = {
 pub(crate) fn plan_files(
     catalog: &Catalog,
     config: &Config,
+    object_class: bool,
     run_dir: &RunDir,
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
     let options = LabelOptions {
@@ -32,6 +33,7 @@ pub(crate) fn plan_files(
         dimension: config.output.dimension.clone(),
         set_classification: config.output.classification == ClassificationChoice::Set,
         keep_original: config.output.original_classification,
+        object_class,
     };
     let ours = run_dir.own_outputs()?;
     let mut files: Vec<LabelledFile> = Vec::new();

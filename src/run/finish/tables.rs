@@ -5,10 +5,11 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::inventory::{self, Object, Site, Station, Terrain};
-use crate::model::{Chart, ObjectPart, in_u32};
+use crate::model::{Chart, in_u32};
 use crate::output::objects::{self, ObjectRow, ObjectTable};
 use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
+use crate::run::passes::stitch::Objects;
 use crate::store::{RunDir, StoreError};
 use crate::whole_file::publish;
 
@@ -17,7 +18,7 @@ pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
     surveyed: &Surveyed,
-    parts: &[ObjectPart],
+    whole: &Objects,
     terrain: &Terrain,
 ) -> Result<()> {
     let crs = drive.catalog.crs();
@@ -35,11 +36,12 @@ pub(crate) fn write_tables(
     };
     let row = |index: usize| {
         let id = in_u32(index + 1, "objects");
-        let object = Object::new(id, &parts[index], &site);
+        let kind = whole.kinds.get(index).copied().unwrap_or_default();
+        let object = Object::new(id, &whole.objects[index], &site).of_kind(kind);
         ObjectRow { outline: inventory::outline(&object), values: inventory::values(&object) }
     };
     let columns = inventory::columns();
-    let len = parts.len();
+    let len = whole.objects.len();
     let table = ObjectTable { columns: &columns, epsg: crs.epsg, len, row: &row };
     for entry in objects::REGISTRY {
         let name = entry.file_name;

@@ -79,7 +79,7 @@ pub fn codec_floor(inputs: &[PathBuf], config: &Config, threads: usize) -> Resul
                 let mut out = Vec::new();
                 let records = file.records(block, Fields::All, &mut buffer)?;
                 let count = file.blocks()[block].count as usize;
-                labelled.label(records, &vec![0; count], &vec![0; count], &mut out);
+                labelled.label(records, &vec![0; count], &vec![0; count], &[], &mut out);
                 std::hint::black_box(labelled.compress(&out)?);
                 Ok(())
             })

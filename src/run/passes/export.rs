@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::input::Fields;
-use crate::model::in_u32;
+use crate::model::{Kind, in_u32};
 use crate::output::{LabelledFile, OutputError};
 use crate::run::chain::with_section;
 use crate::run::drive::{Drive, Surveyed};
@@ -53,6 +53,7 @@ struct Target {
 pub(crate) struct ExportPass<'a> {
     drive: &'a Drive,
     columns: &'a PointColumns,
+    kinds: &'a [Kind],
     run_dir: &'a RunDir,
     targets: Vec<Target>,
     units: Vec<Unit>,
@@ -72,12 +73,14 @@ impl<'a> ExportPass<'a> {
     pub(crate) fn of(
         drive: &'a Drive,
         columns: &'a PointColumns,
+        kinds: &'a [Kind],
         labelled: Vec<LabelledFile>,
         run_dir: &'a RunDir,
         outline: Outline,
     ) -> Self {
         let folder = run_dir.path("export");
-        let mut pass = Self { drive, columns, run_dir, targets: Vec::new(), units: Vec::new(), outline };
+        let mut pass =
+            Self { drive, columns, kinds, run_dir, targets: Vec::new(), units: Vec::new(), outline };
         for (file, labelled) in labelled.into_iter().enumerate() {
             let chunks = labelled.chunks().to_vec();
             let mut start = 0;
@@ -103,7 +106,18 @@ impl<'a> ExportPass<'a> {
         desk.labels.resize(count, 0);
         desk.classes.resize(count, 0);
         self.columns.objects.read(file, records.start, &mut desk.labels)?;
-        self.columns.classes.read(file, records.start, &mut desk.classes)
+        self.columns.classes.read(file, records.start, &mut desk.classes)?;
+        desk.kinds.clear();
+        if !self.kinds.is_empty() {
+            let kind = |label: &u32| {
+                (*label as usize)
+                    .checked_sub(1)
+                    .and_then(|object| self.kinds.get(object))
+                    .map_or(0, |kind| kind.class)
+            };
+            desk.kinds.extend(desk.labels.iter().map(kind));
+        }
+        Ok(())
     }
 
     /// Puts the labelled records of a range into the buffers.
@@ -129,7 +143,7 @@ impl<'a> ExportPass<'a> {
             desk.block = Some(block);
             let bytes = &all[at(from)..at(to)];
             self.labels(file, &(from..to), desk)?;
-            self.targets[file].labelled.label(bytes, &desk.labels, &desk.classes, &mut desk.out);
+            self.targets[file].labelled.label(bytes, &desk.labels, &desk.classes, &desk.kinds, &mut desk.out);
             desk.decoded = decoded;
             if to == run.first_record + u64::from(run.count) {
                 input.release(block);
@@ -172,6 +186,8 @@ impl<'a> ExportPass<'a> {
 struct Desk {
     labels: Vec<u32>,
     classes: Vec<u8>,
+    /// Class of the object of each record. Empty if the method does not classify.
+    kinds: Vec<u8>,
     /// The block whose records are in `decoded`.
     block: Option<usize>,
     decoded: Vec<u8>,

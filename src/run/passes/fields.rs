@@ -57,20 +57,18 @@ impl FieldsPass<'_> {
         {
             let bytes = input.records(block, Fields::All, buffer)?;
             let records = RecordView { bytes, stride: layout.record_len, gps_time: None }.bytes;
-            let value =
-                |record: &[u8], offset: usize| u16::from_le_bytes([record[offset], record[offset + 1]]);
             for (field, sums) in self.stored.fields.iter().zip(sums.iter_mut()) {
                 let records = records.chunks_exact(layout.record_len);
                 match (field.axis(), layout.field(*field)) {
                     (Some(axis), _) => records.for_each(|r| sums.add(transform.apply(record_xyz(r))[axis])),
-                    (None, Some(offset)) => records.for_each(|r| sums.add(value(r, offset).into())),
+                    (None, Some(place)) => records.for_each(|r| sums.add(place.value(r).into())),
                     (None, None) => {}
                 }
             }
             for (field, column) in &self.stored.columns {
-                let Some(offset) = layout.field(*field) else { continue };
+                let Some(place) = layout.field(*field) else { continue };
                 let values: Vec<u16> =
-                    records.chunks_exact(layout.record_len).map(|record| value(record, offset)).collect();
+                    records.chunks_exact(layout.record_len).map(|record| place.value(record)).collect();
                 column.write_run(file, first_record, &values)?;
             }
         }

@@ -34,6 +34,9 @@ pub(crate) fn outlines(ground: &Outline, config: &Config, method: &dyn Method) -
         for key in step.settings {
             depends = with_setting(depends, config, key);
         }
+        for (name, value) in method.depends_on(number) {
+            depends = depends.with(name, value);
+        }
         outlines.push(Outline::of_step(NUMBER, number, step.name, depends));
     }
     outlines

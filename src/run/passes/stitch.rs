@@ -9,7 +9,7 @@ use crate::cluster::{Figures, Grouped, Method, Reduced};
 use crate::codec;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::model::{Chart, ObjectPart, PointId, TileId};
+use crate::model::{Chart, Kind, ObjectPart, PointId, TileId};
 use crate::run::drive::{TileVerdicts, is_object};
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::passes::sections;
@@ -50,6 +50,8 @@ pub(crate) struct Objects {
     pub(crate) objects: Vec<ObjectPart>,
     /// Object of label 1, 2, ... of each tile. 0 if the whole object is too small or too large.
     pub(crate) ids: Vec<Vec<u32>>,
+    /// Class and confidence of object 1, 2, ... Empty if the method does not classify.
+    pub(crate) kinds: Vec<Kind>,
     /// Figures of the steps of the method, if it has any.
     pub(crate) figures: Figures,
     pub(crate) charts: Vec<Chart>,
@@ -60,6 +62,7 @@ pub(crate) struct Objects {
 struct Kept {
     objects: Vec<ObjectPart>,
     ids: Vec<Vec<u32>>,
+    kinds: Vec<Kind>,
     figures: String,
     charts: Vec<Chart>,
 }
@@ -167,25 +170,44 @@ impl Pass for StitchPass<'_> {
 
     fn run(&self, _unit: usize) -> Result<Vec<u8>> {
         let method = self.progress.over.method;
-        let (stitched, figures, charts) = match method.reduce(method.steps().len() - 1, self.progress)? {
-            Reduced::SharedPoints => (self.by_shared_points()?, Figures::new(), Vec::new()),
-            Reduced::Groups(Grouped { groups, figures, charts }) => {
-                (self.by_groups(&groups)?, figures, charts)
-            }
+        let (stitched, grouped) = match method.reduce(method.steps().len() - 1, self.progress)? {
+            Reduced::SharedPoints => (self.by_shared_points()?, Grouped::default()),
+            Reduced::Groups(grouped) => (self.by_groups(&grouped.groups)?, grouped),
             other => return Err(Error::bug(format!("{} ended with {other:?}", method.name()))),
         };
         let Stitched { objects, ids, .. } = stitched;
+        let Grouped { groups, kinds, figures, charts } = grouped;
+        let kinds = kinds_of_objects(&ids, &groups, &kinds, objects.len());
         let figures = serde_json::Value::Object(figures).to_string();
-        codec::encode(&Kept { objects, ids, figures, charts })
+        codec::encode(&Kept { objects, ids, kinds, figures, charts })
     }
 
     /// Whole objects.
     fn reduce(&self, payloads: &Payloads) -> Result<Objects> {
-        let Kept { objects, ids, figures, charts } = codec::decode(&payloads.get(0)?)?;
+        let Kept { objects, ids, kinds, figures, charts } = codec::decode(&payloads.get(0)?)?;
         let figures = serde_json::from_str(&figures)
             .map_err(|error| Error::bug(format!("stored figures cannot be read: {error}")))?;
-        Ok(Objects { objects, ids, figures, charts })
+        Ok(Objects { objects, ids, kinds, figures, charts })
     }
+}
+
+/// Class and confidence of object 1, 2, ..., from those of groups.
+fn kinds_of_objects(
+    ids: &[Vec<u32>],
+    groups: &[Vec<u32>],
+    kinds: &BTreeMap<u32, Kind>,
+    objects: usize,
+) -> Vec<Kind> {
+    if kinds.is_empty() {
+        return Vec::new();
+    }
+    let mut of_objects = vec![Kind::default(); objects];
+    for (&id, group) in ids.iter().flatten().zip(groups.iter().flatten()) {
+        if let (Some(object), Some(kind)) = ((id as usize).checked_sub(1), kinds.get(group)) {
+            of_objects[object] = *kind;
+        }
+    }
+    of_objects
 }
 
 /// The labels that a tile gave to its own points, in ascending order of their ids.

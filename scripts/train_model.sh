@@ -1,0 +1,46 @@
+#!/usr/bin/env bash
+# Makes the built-in model of street, src/cluster/street/model.bin, and its card from synthetic drives alone. So the
+# model may ship, and no scene that we score with has been learned from.
+#
+#     scripts/train_model.sh [SCENES...]
+#
+# SCENES are labelled drives that the card scores the model with (default: the labelled scenes beside the repository,
+# where they are there). Needs a release build (or CHAINAGE), 4 GB of disk and about 10 minutes on two free cores.
+# The same program gives the same bytes.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+program=${CHAINAGE:-target/release/chainage}
+data=${CHAINAGE_SHARED_DATA:-../shared/data}
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/train.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+
+# One drive per line: name, preset, and options of chainage synth. Add scanners here.
+drives="
+suburb-two-heads    suburb   --seed 11 --length 200m --pulse-rate 250kHz
+downtown-two-heads  downtown --seed 12 --length 200m --pulse-rate 250kHz
+avenue-two-heads    avenue   --seed 13 --length 200m --pulse-rate 250kHz
+highway-two-heads   highway  --seed 14 --length 200m --pulse-rate 250kHz
+suburb-one-head     suburb   --seed 21 --length 150m --pulse-rate 550kHz --heads 1
+downtown-one-head   downtown --seed 22 --length 150m --pulse-rate 550kHz --heads 1
+avenue-one-head     avenue   --seed 23 --length 150m --pulse-rate 550kHz --heads 1
+suburb-sparse       suburb   --seed 31 --length 250m --pulse-rate 60kHz --profiles 80Hz --noise 20mm
+downtown-sparse     downtown --seed 32 --length 250m --pulse-rate 60kHz --profiles 80Hz --noise 20mm
+avenue-sparse       avenue   --seed 33 --length 250m --pulse-rate 60kHz --profiles 80Hz --noise 20mm
+"
+names=()
+while read -r name preset options; do
+    [ -n "$name" ] || continue
+    # shellcheck disable=SC2086 # options are words
+    "$program" synth "$preset" $options -o "$scratch/$name" >/dev/null
+    names+=("$scratch/$name")
+done <<<"$drives"
+
+scenes=("$@")
+if [ $# -eq 0 ]; then
+    for scene in "$data"/sim/*.laz "$data"/real-labelled/*.laz; do
+        [ ! -f "$scene" ] || scenes+=("$scene")
+    done
+fi
+[ ${#scenes[@]} -eq 0 ] || set -- --test "${scenes[@]}"
+"$program" train "${names[@]}" --thin 0.4,0.12 --seed 1 --scratch "$scratch/state" --progress plain \
+    -o src/cluster/street/model.bin --card benches/results/street-model.md "$@"

@@ -1,0 +1,259 @@
+//! `chainage train`: learns the model of `street` from labelled drives, and writes it with a card that says what it
+//! was learned from and how well it classifies.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use chainage::boosting::{Confusion, Model, Settings as Learning};
+use chainage::config::ConfigError;
+use chainage::run::{
+    CancelToken, Registries, TrainRequest, Trained, built_in_model, read_model, score_model, train,
+};
+
+use crate::cli::drive_args::Settings;
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::print::{self, deliver};
+use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::{exit, interrupt};
+
+/// Learn the classes of `street` from labelled drives.
+///
+/// A labelled drive has the extra dimension gt_class (1 ground, 2 tree, 3 pole, 4 vehicle, 5 building, 6 fence or hedge,
+/// 7 person or small furniture, 8 wire; 0 is not learned), as those of `chainage synth` have. Where it also has gt_core,
+/// only points with gt_core 1 count. Same drives, settings and seed: same bytes.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  chainage synth mixed -o one --length 1km\n  \
+                        chainage train one -o my.model --thin 0.5,0.25\n  \
+                        chainage run drive.laz -o out --method street --set street.model='\"my.model\"'\n  \
+                        chainage train --model my.model --test other_drive.laz")]
+pub(crate) struct TrainArgs {
+    /// Labelled drives: each a LAS or LAZ file, a folder of them, or a pattern
+    #[arg(value_name = "DRIVES", required_unless_present = "model")]
+    drives: Vec<PathBuf>,
+    /// Write the model here
+    #[arg(short, long, value_name = "MODEL", required_unless_present = "model")]
+    out: Option<PathBuf>,
+    /// Score this model with --test, and learn nothing; `built-in` is the one that comes with the program
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["drives", "out"], requires = "test")]
+    model: Option<PathBuf>,
+    /// Labelled drives to score the model with; nothing is learned from them
+    #[arg(long, value_name = "DRIVES", num_args = 1..)]
+    test: Vec<PathBuf>,
+    /// Write the card of the model, in Markdown (- for standard output)
+    #[arg(long, value_name = "FILE")]
+    card: Option<PathBuf>,
+    /// Folder for the state of one drive at a time [default: the system's folder for temporary files]
+    #[arg(long, value_name = "DIRECTORY")]
+    scratch: Option<PathBuf>,
+    /// How progress is shown on standard error
+    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
+    progress: ProgressChoice,
+    #[command(flatten)]
+    learning: LearningArgs,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Learning")]
+struct LearningArgs {
+    /// Number that chooses the samples and the features of each split
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Samples per class and drive, at most
+    #[arg(long, value_name = "N", default_value_t = 5_000, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
+    samples: usize,
+    /// Learn also from copies of each drive that have these shares of its points, for sparser scanners
+    #[arg(long, value_name = "SHARES", value_delimiter = ',', value_parser = share)]
+    thin: Vec<f64>,
+    /// Rounds; each adds a tree per class
+    #[arg(long, value_name = "N", default_value_t = Learning::default().rounds)]
+    rounds: usize,
+    /// Leaves of a tree, at most
+    #[arg(long, value_name = "N", default_value_t = Learning::default().leaves)]
+    leaves: usize,
+    /// Share of a step towards the best value of a leaf that is taken
+    #[arg(long, value_name = "SHARE", default_value_t = Learning::default().rate)]
+    rate: f64,
+    /// Weight of the values of leaves against the fit
+    #[arg(long, value_name = "WEIGHT", default_value_t = Learning::default().l2)]
+    l2: f64,
+}
+
+/// A share of the points.
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share: &f64| *share > 0.0 && *share < 1.0);
+    share.ok_or_else(|| format!("{text} is not a share above 0 and below 1"))
+}
+
+impl TrainArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let cancel = Arc::new(CancelToken::default());
+        interrupt::listen(&cancel)?;
+        let progress = Progress::new(self.progress);
+        let scratch = Scratch::inside(self.scratch.as_deref());
+        let request = self.request(&scratch)?;
+        let trained = match &self.model {
+            Some(_) => None,
+            None => Some(train(&request, &progress, &cancel)?),
+        };
+        let read = match self.model.as_deref() {
+            Some(path) if path == Path::new("built-in") => Some(built_in_model()?),
+            path => path.map(read_model).transpose()?,
+        };
+        let Some(model) = trained.as_ref().map(|trained| &trained.model).or(read.as_ref()) else {
+            return Err(refused("no drives", "drives to learn from, or --model with --test").into());
+        };
+        let bytes = model.encode()?;
+        deliver(self.out.as_deref(), |to| to.write_all(&bytes))?;
+        let mut scores = Vec::new();
+        for drive in &self.test {
+            scores.push((name(drive), score_model(model, drive, &request, &progress, &cancel)?));
+        }
+        let card = card(model, bytes.len(), trained.as_ref(), &scores);
+        let printed = deliver(self.card.as_deref(), |to| to.write_all(card.as_bytes()))?;
+        if !printed {
+            print::text(&summary(model, trained.as_ref(), &scores))?;
+        }
+        Ok(exit::DONE)
+    }
+
+    fn request(&self, scratch: &Scratch) -> Result<TrainRequest<'static>, CliError> {
+        let LearningArgs { seed, samples, thin, rounds, leaves, rate, l2 } = &self.learning;
+        let settings = Learning {
+            rounds: *rounds,
+            leaves: *leaves,
+            rate: *rate,
+            l2: *l2,
+            seed: *seed,
+            ..Learning::default()
+        };
+        Ok(TrainRequest {
+            drives: self.drives.clone(),
+            scratch: scratch.0.clone(),
+            config: self.settings.resolve(&[])?,
+            registries: Registries::default(),
+            settings,
+            samples: *samples,
+            thin: thin.clone(),
+        })
+    }
+}
+
+fn refused(what: &str, expected: &'static str) -> chainage::Error {
+    ConfigError::value("train", what, expected).into()
+}
+
+fn name(drive: &Path) -> String {
+    drive.file_name().unwrap_or(drive.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// A folder for temporary files. It is removed when the value is dropped.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn inside(folder: Option<&Path>) -> Self {
+        let name = format!("chainage-train-{}", std::process::id());
+        Self(folder.map_or_else(std::env::temp_dir, Path::to_owned).join(name))
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // If the folder cannot be removed, it stays among the temporary files.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share))
+}
+
+/// What is said at the terminal.
+fn summary(model: &Model, trained: Option<&Trained>, scores: &[(String, Confusion)]) -> String {
+    let (trees, leaves) = model.size();
+    let samples: u64 = model.about().samples.iter().sum();
+    let mut text = format!("{trees} trees with {leaves} leaves from {} samples\n", print::count(samples));
+    if let Some(trained) = trained {
+        text += &format!(
+            "{} of {} voxels in squares that were held out are classified rightly\n",
+            percent(trained.held_out.accuracy()),
+            print::count(trained.held_out.rows())
+        );
+    }
+    for (name, confusion) in scores {
+        let accuracy = percent(confusion.accuracy());
+        text += &format!("{accuracy} of {} voxels of {name}\n", print::count(confusion.rows()));
+    }
+    text
+}
+
+/// The card of a model, in Markdown.
+fn card(model: &Model, bytes: usize, trained: Option<&Trained>, scores: &[(String, Confusion)]) -> String {
+    let about = model.about();
+    let (trees, leaves) = model.size();
+    let mut text = format!(
+        "# Model {:016x} of `street`\n\n{trees} trees with {leaves} leaves, {} bytes. {}, seed {}.\n\n## Samples\n\n",
+        model.checksum(),
+        print::count(bytes as u64),
+        about.settings,
+        about.seed
+    );
+    text += &row("drive", model.classes());
+    text += &row("---", &vec!["---:".to_owned(); model.classes().len()]);
+    let counts =
+        |counts: &[u64]| -> Vec<String> { counts.iter().map(|&count| print::count(count)).collect() };
+    for source in &about.trained_on {
+        text += &row(&source.name, &counts(&source.samples));
+    }
+    text += &row("all", &counts(&about.samples));
+    if let Some(trained) = trained {
+        text += "\n## Voxels of the same drives in squares that were held out\n\nSo many per class at most, not smoothed.\n\n";
+        text += &matrix(model, &trained.held_out);
+    }
+    for (name, confusion) in scores {
+        text += &format!("\n## Voxels of {name}\n\nNothing was learned from it. All voxels, smoothed.\n\n");
+        text += &matrix(model, confusion);
+    }
+    text += "\n## Importance of the features\n\nShare in the gain of all splits.\n\n| feature | share |\n|---|---:|\n";
+    let mut ranked: Vec<(&String, f64)> =
+        model.features().iter().zip(about.importance.iter().copied()).collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (feature, share) in ranked {
+        text += &format!("| {feature} | {:.2} % |\n", 100.0 * share);
+    }
+    text
+}
+
+fn row(first: &str, others: &[String]) -> String {
+    format!("| {first} | {} |\n", others.join(" | "))
+}
+
+/// A confusion as a table: a row per true class.
+fn matrix(model: &Model, confusion: &Confusion) -> String {
+    let classes = model.classes();
+    let mut text = format!("{} right.\n\n", percent(confusion.accuracy()));
+    let head: Vec<String> =
+        classes.iter().cloned().chain(["recall".to_owned(), "precision".to_owned()]).collect();
+    text += &row("is, called", &head);
+    text += &row("---", &vec!["---:".to_owned(); head.len()]);
+    for (class, (name, counts)) in classes.iter().zip(confusion.counts()).enumerate() {
+        let mut cells: Vec<String> = counts.iter().map(|&count| print::count(count)).collect();
+        cells.extend([percent(confusion.recall(class)), percent(confusion.precision(class))]);
+        text += &row(name, &cells);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_is_above_0_and_below_1() {
+        assert_eq!(share("0.25"), Ok(0.25));
+        for text in ["0", "1", "-0.5", "half", "NaN"] {
+            assert!(share(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Step `objects`: the label of every point, from the label of its voxel; class and confidence of objects.
+#![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32, a mean share is at most 255")]
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::leftovers::Whole;
+use super::settings::{NAME, STEP_OBJECTS, edge};
+use super::shares::{self};
+use crate::cluster::columns::{Voxel, global_indices};
+use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
+use crate::codec;
+use crate::error::{Error, Result};
+use crate::model::{Kind, TileId};
+use crate::spatial::{Cell, VoxelIndex};
+
+/// A label of a tile.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct OfTile {
+    /// Label in the drive.
+    label: u32,
+    class: u8,
+    /// Sum of the shares of its class over the points that the tile owns, and their number.
+    share: u64,
+    points: u64,
+}
+
+/// Labels the points of a tile.
+pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
+    let edge = edge(tile.lattice());
+    let points = tile.points(0, true)?;
+    let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
+    let indices = global_indices(NAME, &index, |_| true)?;
+    // Another tile may own the column of a point.
+    let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
+    columns.dedup();
+    let whole = Whole::load(tile, 0, &columns)?;
+    let voxels = &whole.grown.cored.around.voxels;
+    let mut place = vec![u32::MAX; index.len()];
+    for (key, number) in indices {
+        let lost = |key: Voxel| Error::bug(format!("voxel {key:?} has points and no tile"));
+        place[number as usize] = voxels.find(key).ok_or_else(|| lost(key))? as u32;
+    }
+    let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
+    let mut labels = vec![0; points.cloud.len()];
+    let mut of_tile: Vec<OfTile> = Vec::new();
+    for (range, voxel) in index.streaks() {
+        let voxel = place[voxel] as usize;
+        let label = whole.grown.label[voxel];
+        if label == 0 {
+            continue;
+        }
+        let class = whole.class.get(&label).copied().unwrap_or(shares::GROUND);
+        for point in range {
+            if !points.core[point] {
+                continue;
+            }
+            let next = of_tile.len() as u32;
+            let number = *numbers.entry(label).or_insert(next);
+            if number == next {
+                of_tile.push(OfTile { label, class, share: 0, points: 0 });
+            }
+            let entry = &mut of_tile[number as usize];
+            entry.points += 1;
+            entry.share += u64::from(whole.shares(voxel)[usize::from(class)]);
+            labels[point] = number + 1;
+        }
+    }
+    let count = of_tile.len() as u32;
+    let labelled = Labelled { points, labels, count, with_halo: false };
+    Ok(Mapped { payload: codec::encode(&of_tile)?, labelled: Some(labelled), ..Mapped::default() })
+}
+
+/// The objects of the drive.
+pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Grouped> {
+    let mut groups = Vec::new();
+    let mut sums: BTreeMap<u32, (u8, u64, u64)> = BTreeMap::new();
+    for tile in TileId::first(drive.tiles()) {
+        let of_tile: Vec<OfTile> = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
+        for one in &of_tile {
+            let sum = sums.entry(one.label).or_insert((one.class, 0, 0));
+            sum.1 += one.share;
+            sum.2 += one.points;
+        }
+        groups.push(of_tile.iter().map(|one| one.label).collect());
+    }
+    let kind = |(class, share, points): (u8, u64, u64)| Kind {
+        class: class + 1,
+        confidence: (share / points.max(1)) as u8,
+    };
+    let kinds = sums.into_iter().map(|(label, sum)| (label, kind(sum))).collect();
+    Ok(Grouped { groups, kinds, ..Grouped::default() })
+}

@@ -1,0 +1,383 @@
+//! The stems of trees: where each tree begins near the ground.
+//!
+//! Low tree voxels are cut into bands of height. The components of a band are nodes, and nodes of adjacent
+//! bands that touch are edges. A sweep from below joins nodes. Two pieces that have both risen by
+//! [`RISE_M`] before they meet stay apart: they are two stems. A piece that has risen less joins the other.
+//! This is the persistence of a merge tree. Chains of trunks come from step `chains` and are certain stems.
+//! Of stems that are nearer to each other than trees of their height stand, the more certain one remains.
+//!
+//! Everything here works on sums over the whole drive, in an order that does not depend on tiles.
+
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "components of a drive fit u32, coordinates are within 2^50 lattice units"
+)]
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::cores::{BANDS, Part};
+use crate::cluster::columns::Voxel;
+use crate::model::Lattice;
+use crate::spatial::DisjointSets;
+
+/// Height by which a piece must rise before it meets another, in metres.
+const RISE_M: f64 = 0.5;
+/// Distance in the plane from which half of this is enough, in metres.
+const APART_M: f64 = 1.5;
+/// Smallest number of voxels of a stem.
+const VOXELS: u32 = 4;
+/// Largest height at which a stem begins, in metres. Higher pieces are branches.
+const BASE_M: f64 = 1.5;
+/// Stems whose axes are at most this far apart are one, in metres.
+const SAME_M: f64 = 0.5;
+/// A stem that begins below this height stands on the ground, in metres.
+const GROUNDED_M: f64 = 0.5;
+/// Smallest distance between two stems in parts of the height of the canopy, and its limits in metres.
+const SPACING: f64 = 0.2;
+const SPACING_HANGING: f64 = 0.5;
+const SPACING_TO_TRUNK: f64 = 0.3;
+const SPACING_HANGING_TO_TRUNK: f64 = 0.6;
+const SPACING_M: (f64, f64) = (0.8, 4.0);
+/// A stem that does not stand on the ground has at least this many voxels, and a canopy this far above it.
+const HANGING_VOXELS: u32 = 8;
+const HANGING_CANOPY_M: f64 = 0.5;
+
+/// A stem.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Seed {
+    /// First voxel in the order (i, j, k).
+    pub(super) first: Voxel,
+    /// Where it stands, in lattice units.
+    pub(super) place: [i64; 2],
+}
+
+/// The stems of a drive.
+#[derive(Debug, Default)]
+pub(super) struct Stems {
+    pub(super) seeds: Vec<Seed>,
+    /// Stem of each component of low tree voxels that belongs to one.
+    pub(super) components: BTreeMap<u32, u32>,
+    /// Stem of each chain.
+    pub(super) chains: BTreeMap<u32, u32>,
+}
+
+/// A piece that may be a stem.
+#[derive(Debug, Clone)]
+struct Candidate {
+    nodes: Vec<usize>,
+    chains: Vec<u32>,
+    first: Voxel,
+    /// Mean of its lowest voxels, in metres relative to nothing but the lattice.
+    place: [f64; 2],
+    base_m: f64,
+    top_m: f64,
+    canopy_m: f64,
+    voxels: u32,
+}
+
+/// Finds the stems among the components of low tree voxels. `rising` are pairs of components that touch, the
+/// lower first. `chains` are pairs of a chain and a component in which it has voxels.
+pub(super) fn find(
+    parts: &BTreeMap<u32, Part>,
+    rising: impl Iterator<Item = (u32, u32)>,
+    chains: impl Iterator<Item = (u32, Option<u32>)>,
+    lattice: Lattice,
+) -> Stems {
+    let nodes: Vec<(u32, &Part)> = parts
+        .iter()
+        .filter(|(_, part)| part.band < BANDS)
+        .map(|(component, part)| (*component, part))
+        .collect();
+    let place = |component: u32| nodes.binary_search_by_key(&component, |node| node.0).ok();
+    let edges: BTreeSet<(usize, usize)> =
+        rising.filter_map(|(low, high)| Some((place(low)?, place(high)?))).collect();
+    let parts: Vec<&Part> = nodes.iter().map(|node| node.1).collect();
+    let seed = sweep(&parts, edges.into_iter().collect(), lattice);
+
+    let mut of_chain: BTreeMap<u32, BTreeSet<usize>> = BTreeMap::new();
+    for (chain, component) in chains {
+        let entry = of_chain.entry(chain).or_default();
+        entry.extend(component.and_then(place));
+    }
+    let candidates = candidates(&parts, &seed, &of_chain, lattice);
+    let kept = thin_out(candidates);
+    let mut stems = Stems::default();
+    for (number, candidate) in (0_u32..).zip(kept) {
+        for node in candidate.nodes {
+            stems.components.insert(nodes[node].0, number);
+        }
+        for chain in candidate.chains {
+            stems.chains.insert(chain, number);
+        }
+        let place = candidate.place.map(|metres| lattice.units(metres));
+        stems.seeds.push(Seed { first: candidate.first, place });
+    }
+    stems
+}
+
+/// A set of nodes during the sweep.
+#[derive(Debug, Clone)]
+struct Rising {
+    /// Height of its lowest voxel and the first voxel of the node with it.
+    birth: (i32, Voxel),
+    place: [i64; 2],
+    voxels: u32,
+    /// Whether stems in it have been found.
+    split: bool,
+    /// Nodes that belong to no stem yet.
+    open: Vec<usize>,
+}
+
+/// Lengths of the sweep in lattice units.
+struct Limits {
+    rise: i32,
+    apart: i64,
+    base: i32,
+}
+
+impl Rising {
+    /// Whether it is large and low enough for a stem.
+    fn is_grown(&self, limits: &Limits) -> bool {
+        self.voxels >= VOXELS && self.birth.0 <= limits.base
+    }
+
+    /// Makes its open nodes one stem, named by the first of them.
+    fn settle(&mut self, stem: &mut [Option<usize>]) {
+        let name = self.open.iter().copied().min();
+        for node in self.open.drain(..) {
+            stem[node] = name;
+        }
+    }
+}
+
+/// Two sets meet at a height. Settles those that are stems. Returns whether the union is split.
+fn meet(
+    older: &mut Rising,
+    younger: &mut Rising,
+    height: i32,
+    limits: &Limits,
+    stem: &mut [Option<usize>],
+) -> bool {
+    let [dx, dy] = [0, 1].map(|axis| older.place[axis] - younger.place[axis]);
+    let far = dx * dx + dy * dy > limits.apart * limits.apart;
+    let risen = height - younger.birth.0;
+    let stands = younger.is_grown(limits) && (risen >= limits.rise || (far && 2 * risen >= limits.rise));
+    match (older.split, younger.split) {
+        (false, false) => {
+            let both = stands && older.is_grown(limits);
+            if both {
+                younger.settle(stem);
+                older.settle(stem);
+            }
+            both
+        }
+        (true, false) => {
+            if stands {
+                younger.settle(stem);
+            }
+            true
+        }
+        (false, true) => {
+            if older.is_grown(limits) && height - older.birth.0 >= limits.rise {
+                older.settle(stem);
+            }
+            true
+        }
+        (true, true) => true,
+    }
+}
+
+/// The stem of each node, named by a node of it.
+fn sweep(parts: &[&Part], mut edges: Vec<(usize, usize)>, lattice: Lattice) -> Vec<Option<usize>> {
+    let low = |metres: f64| lattice.units(metres) as i32;
+    let limits = Limits { rise: low(RISE_M), apart: lattice.units(APART_M), base: low(BASE_M) };
+    edges.sort_unstable_by_key(|&(low, high)| (parts[high].band, parts[high].first, parts[low].first));
+    let mut sets = DisjointSets::new(parts.len() as u32);
+    let mut rising: Vec<Rising> = parts
+        .iter()
+        .enumerate()
+        .map(|(node, part)| Rising {
+            birth: (part.height.0, part.first),
+            place: part.centre(),
+            voxels: part.voxels,
+            split: false,
+            open: vec![node],
+        })
+        .collect();
+    let mut stem: Vec<Option<usize>> = vec![None; parts.len()];
+    for (low, high) in edges {
+        let (one, other) = (sets.find(low as u32) as usize, sets.find(high as u32) as usize);
+        if one == other {
+            continue;
+        }
+        let Ok([first, second]) = rising.get_disjoint_mut([one.min(other), one.max(other)]) else { continue };
+        let first_is_older = first.birth <= second.birth;
+        let (older, younger) =
+            if first_is_older { (&mut *first, &mut *second) } else { (&mut *second, &mut *first) };
+        let height = parts[high].height.0.max(parts[low].height.0);
+        let split = meet(older, younger, height, &limits, &mut stem);
+        let mut open = std::mem::take(&mut older.open);
+        open.append(&mut younger.open);
+        if split {
+            open.clear();
+        }
+        // The root of the union is the smaller number.
+        *first = Rising {
+            birth: older.birth,
+            place: older.place,
+            voxels: older.voxels + younger.voxels,
+            split,
+            open,
+        };
+        sets.union(one as u32, other as u32);
+    }
+    for (root, set) in rising.iter_mut().enumerate() {
+        if sets.find(root as u32) as usize == root && !set.split && set.is_grown(&limits) {
+            set.settle(&mut stem);
+        }
+    }
+    stem
+}
+
+/// The pieces that may be stems: those of the sweep, joined by the chains that run through them, and chains
+/// that no piece contains.
+fn candidates(
+    parts: &[&Part],
+    seed: &[Option<usize>],
+    of_chain: &BTreeMap<u32, BTreeSet<usize>>,
+    lattice: Lattice,
+) -> Vec<Candidate> {
+    let mut nodes: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (node, seed) in seed.iter().enumerate() {
+        if let Some(seed) = seed {
+            nodes.entry(*seed).or_default().push(node);
+        }
+    }
+    // Joins pieces with a common chain, and pieces with nearly the same axis.
+    let names: Vec<usize> = nodes.keys().copied().collect();
+    let number = |name: usize| names.binary_search(&name).ok();
+    let mut sets = DisjointSets::new(names.len() as u32);
+    let mut chains: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    let mut alone = Vec::new();
+    for (&chain, of_chain) in of_chain {
+        let pieces: BTreeSet<usize> =
+            of_chain.iter().filter_map(|&node| seed[node].and_then(number)).collect();
+        let mut pieces = pieces.into_iter();
+        let Some(first) = pieces.next() else {
+            alone.push((chain, of_chain));
+            continue;
+        };
+        for other in pieces {
+            sets.union(first as u32, other as u32);
+        }
+        chains.entry(first as u32).or_default().push(chain);
+    }
+    let axes: Vec<[f64; 2]> = nodes.values().map(|nodes| axis(parts, nodes, lattice)).collect();
+    for (one, other) in near_pairs(&axes, SAME_M) {
+        sets.union(one, other);
+    }
+    let mut joined: BTreeMap<u32, (Vec<usize>, Vec<u32>)> = BTreeMap::new();
+    for (number, members) in (0_u32..).zip(nodes.into_values()) {
+        let entry = joined.entry(sets.find(number)).or_default();
+        entry.0.extend(members);
+        entry.1.extend(chains.remove(&number).unwrap_or_default());
+    }
+    let mut candidates: Vec<Candidate> =
+        joined.into_values().filter_map(|(nodes, chains)| candidate(parts, nodes, chains, lattice)).collect();
+    for (chain, of_chain) in alone {
+        let nodes: Vec<usize> = of_chain.iter().copied().collect();
+        candidates.extend(candidate(parts, nodes, vec![chain], lattice));
+    }
+    candidates
+}
+
+fn candidate(parts: &[&Part], nodes: Vec<usize>, chains: Vec<u32>, lattice: Lattice) -> Option<Candidate> {
+    let metres = |units: i32| lattice.metres(units.into());
+    let place = axis(parts, &nodes, lattice);
+    let of = |of: fn(&Part) -> i32| nodes.iter().map(move |&node| of(parts[node]));
+    let first = nodes.iter().map(|&node| parts[node].first).min()?;
+    let base_m = metres(of(|part| part.height.0).min()?);
+    let top_m = metres(of(|part| part.height.1).max()?);
+    let canopy_m = metres(of(|part| part.canopy).max()?.max(0));
+    let voxels = nodes.iter().map(|&node| parts[node].voxels).sum();
+    Some(Candidate { nodes, chains, first, place, base_m, top_m, canopy_m, voxels })
+}
+
+/// Where a piece stands: the mean of its two lowest bands, in metres.
+fn axis(parts: &[&Part], nodes: &[usize], lattice: Lattice) -> [f64; 2] {
+    let lowest = nodes.iter().map(|&node| parts[node].band).min().unwrap_or(0);
+    let mut sum = [0_i64; 2];
+    let mut count = 0;
+    for part in nodes.iter().map(|&node| parts[node]).filter(|part| part.band <= lowest + 1) {
+        sum = [sum[0] + part.sum[0], sum[1] + part.sum[1]];
+        count += i64::from(part.voxels);
+    }
+    sum.map(|sum| lattice.metres(sum.div_euclid(count.max(1))))
+}
+
+/// Pairs of places at most `limit_m` apart.
+fn near_pairs(places: &[[f64; 2]], limit_m: f64) -> Vec<(u32, u32)> {
+    let mut by_x: Vec<u32> = (0_u32..).zip(places).map(|(number, _)| number).collect();
+    by_x.sort_unstable_by(|&a, &b| places[a as usize][0].total_cmp(&places[b as usize][0]).then(a.cmp(&b)));
+    let mut pairs = Vec::new();
+    for (at, &one) in by_x.iter().enumerate() {
+        let [x, y] = places[one as usize];
+        for &other in &by_x[at + 1..] {
+            let [u, v] = places[other as usize];
+            if u - x > limit_m {
+                break;
+            }
+            if (u - x) * (u - x) + (v - y) * (v - y) <= limit_m * limit_m {
+                pairs.push((one, other));
+            }
+        }
+    }
+    pairs
+}
+
+/// Keeps the most certain stems that are not too near to each other: trunks first, then pieces that stand on
+/// the ground, then those that rise most.
+fn thin_out(mut candidates: Vec<Candidate>) -> Vec<Candidate> {
+    let steps = |candidate: &Candidate| ((candidate.top_m - candidate.base_m) / 0.3).round();
+    let grounded = |candidate: &Candidate| candidate.base_m <= GROUNDED_M;
+    candidates.sort_by(|a, b| {
+        a.chains
+            .is_empty()
+            .cmp(&b.chains.is_empty())
+            .then(grounded(b).cmp(&grounded(a)))
+            .then(steps(b).total_cmp(&steps(a)))
+            .then(b.voxels.cmp(&a.voxels))
+            .then(a.first.cmp(&b.first))
+    });
+    let (nearest, farthest) = SPACING_M;
+    let mut kept: Vec<Candidate> = Vec::new();
+    let mut places: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
+    for candidate in candidates {
+        let stands = grounded(&candidate);
+        let trunk = !candidate.chains.is_empty();
+        if !stands
+            && !trunk
+            && (candidate.voxels < HANGING_VOXELS || candidate.canopy_m < candidate.top_m + HANGING_CANOPY_M)
+        {
+            continue;
+        }
+        let spacing = |part: f64| {
+            if trunk { SAME_M } else { (part * candidate.canopy_m).clamp(nearest, farthest) }
+        };
+        let to_other = spacing(if stands { SPACING } else { SPACING_HANGING });
+        let to_trunk = spacing(if stands { SPACING_TO_TRUNK } else { SPACING_HANGING_TO_TRUNK });
+        let [i, j] = candidate.place.map(|metres| (metres / farthest).floor() as i64);
+        let around = (i - 1..=i + 1).flat_map(|i| (j - 1..=j + 1).map(move |j| [i, j]));
+        let near = around.filter_map(|cell| places.get(&cell)).flatten().any(|&other| {
+            let other: &Candidate = &kept[other];
+            let limit = if other.chains.is_empty() { to_other } else { to_trunk };
+            let [dx, dy] = [0, 1].map(|axis| candidate.place[axis] - other.place[axis]);
+            dx * dx + dy * dy < limit * limit
+        });
+        if !near {
+            places.entry([i, j]).or_default().push(kept.len());
+            kept.push(candidate);
+        }
+    }
+    kept
+}

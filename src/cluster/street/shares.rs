@@ -1,0 +1,40 @@
+//! The classes of voxels: codes, and the class of the largest share.
+
+use super::settings::CLASSES;
+
+/// Index of a class in the shares of a voxel: its code minus one, see `config/classes.toml`.
+pub(super) const GROUND: u8 = 0;
+pub(super) const TREE: u8 = 1;
+pub(super) const POLE: u8 = 2;
+pub(super) const VEHICLE: u8 = 3;
+pub(super) const BUILDING: u8 = 4;
+pub(super) const FENCE: u8 = 5;
+pub(super) const SMALL: u8 = 6;
+pub(super) const WIRE: u8 = 7;
+
+/// The class with the largest share. Of equal shares the first class counts.
+pub(super) fn class(shares: &[u8; CLASSES]) -> u8 {
+    let mut best = 0;
+    for class in 1..CLASSES {
+        if shares[class] > shares[best] {
+            best = class;
+        }
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "there are 8 classes")]
+    let best = best as u8;
+    best
+}
+
+/// The class of every voxel.
+pub(super) fn classes(shares: &[[u8; CLASSES]]) -> Vec<u8> {
+    shares.iter().map(class).collect()
+}
+
+/// The shares of a voxel whose class was decided by the object that it is a part of: 95 % for this class, and
+/// a twentieth of what it had for the others.
+pub(super) fn decided(shares: &[u8; CLASSES], class: u8) -> [u8; CLASSES] {
+    let mut changed = shares.map(|share| share / 20);
+    let rest: u8 = changed.iter().sum();
+    changed[usize::from(class)] += 255 - rest;
+    changed
+}

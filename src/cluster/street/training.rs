@@ -1,0 +1,351 @@
+//! Labelled voxels of a drive, to learn from or to score a model with. It runs the first two steps of `street` on the
+//! points of a labelled drive, in its own steps `voxels` and `samples`.
+//!
+//! The label of a voxel is the class of most of its points (ties: the smaller code). Points without a class (code 0,
+//! stray returns and what nobody labelled) and points outside `gt_core` give no label.
+//!
+//! *Which voxels.* Of each class, the voxels with the smallest hashes of their keys, up to a number. So a voxel is
+//! chosen whatever the tiles are. One of five squares of 20 m is held out: its voxels are not learned from, and a
+//! model is scored with them. Voxels of one square see each other, so a choice among single voxels would score the
+//! memory of the model.
+//!
+//! *Thinning.* A share of the points, chosen by a hash of their ids, is taken before the voxels are made. The ground
+//! is that of all points.
+
+use std::ops::RangeInclusive;
+
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::xxh3_64_with_seed;
+
+use super::features::{self, NAMES};
+use super::model;
+use super::settings::{CLASSES, STEP_CLASSES, STEP_VOXELS};
+use super::stage_classes::{self, Around};
+use super::stage_voxels::{self, Cut};
+use super::voxels;
+use crate::boosting::Model;
+use crate::cluster::columns::Voxel;
+use crate::cluster::{BytesPer, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TilePoints, TileWindow};
+use crate::codec;
+use crate::error::{Error, Result};
+use crate::model::{Field, Lattice, PointId, Reach, TileCloud, TileId};
+
+/// Bytes per point that a tile needs at its peak: the features of all voxels of a tile of the step `classes`.
+const BYTES_PER_POINT: u64 = 90;
+
+const STEPS: [Step; 2] = [step("voxels"), step("samples")];
+
+const fn step(name: &'static str) -> Step {
+    Step { name, settings: &[], bytes: BytesPer::Point(BYTES_PER_POINT), repeat: Repeat::Once }
+}
+
+/// Section of the labels in the payload of the step `voxels`, behind those of `street`.
+const SECTION_LABELS: usize = 2;
+
+/// Edge of a square that is held out or not, in voxels: 20 m.
+const SQUARE: i32 = 133;
+/// One of so many squares is held out.
+const HELD_OUT: u64 = 5;
+/// A class has so many times fewer samples that are held out than samples to learn from.
+const FEWER: usize = 4;
+
+/// What the voxels are for.
+#[derive(Debug, Clone)]
+pub(crate) enum Purpose {
+    /// Samples, so many of each class at most.
+    Samples {
+        /// Decides which.
+        seed: u64,
+        /// The largest number to learn from, per class.
+        most: usize,
+    },
+    /// The score of a model.
+    Score(Box<Model>),
+}
+
+/// Chooses voxels of a labelled drive and computes their features.
+#[derive(Debug, Clone)]
+pub(crate) struct Training {
+    pub(crate) purpose: Purpose,
+    /// Share of the points that is taken, from 0 to 1.
+    pub(crate) share: f64,
+    /// Whether the drive says where it is labelled completely.
+    pub(crate) has_core: bool,
+}
+
+/// A voxel with a label.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Sample {
+    /// By this the samples of a drive are in an order.
+    hash: u64,
+    key: Voxel,
+    /// Place of its class.
+    pub(crate) class: u8,
+    /// Whether it is not to be learned from.
+    pub(crate) held_out: bool,
+    /// Its features.
+    pub(crate) features: Vec<f32>,
+}
+
+/// Voxels of each class (first) and what a model says of them (second).
+pub(crate) type Counts = [[u64; CLASSES]; CLASSES];
+
+/// Largest hash that is chosen, per class: among the samples to learn from, and among those that are held out.
+#[derive(Debug, Serialize, Deserialize)]
+struct Limits([[u64; CLASSES]; 2]);
+
+impl Training {
+    /// The samples in the payloads of all tiles, in an order that does not depend on the tiles.
+    pub(crate) fn samples(payloads: &[Vec<u8>]) -> Result<Vec<Sample>> {
+        let mut samples = Vec::new();
+        for payload in payloads {
+            samples.extend(codec::decode::<Vec<Sample>>(payload)?);
+        }
+        samples.sort_unstable_by_key(|sample| (sample.hash, sample.key));
+        Ok(samples)
+    }
+
+    /// The sums of the counts in the payloads of all tiles.
+    pub(crate) fn counts(payloads: &[Vec<u8>]) -> Result<Counts> {
+        let mut sums = Counts::default();
+        for payload in payloads {
+            let counts: Counts = codec::decode(payload)?;
+            sums.as_flattened_mut()
+                .iter_mut()
+                .zip(counts.as_flattened())
+                .for_each(|(sum, count)| *sum += count);
+        }
+        Ok(sums)
+    }
+
+    fn voxels(&self, tile: &dyn TileWindow) -> Result<Mapped> {
+        let points = tile.points(stage_voxels::points_reach(tile.lattice()), false)?;
+        let cut = stage_voxels::cut_of(tile, thinned(points, self.share))?;
+        let labels = self.labels(&cut);
+        let payload = cut.payload()?;
+        let of_street = |number| codec::section(&payload, number);
+        Ok(Mapped::payload(codec::pack(&[
+            of_street(voxels::SECTION_VOXELS)?,
+            of_street(voxels::SECTION_GROUND)?,
+            &labels,
+        ])))
+    }
+
+    /// The code of the class of each voxel that a tile owns; 0 for none.
+    fn labels(&self, cut: &Cut) -> Vec<u8> {
+        let mut counts = vec![[0_u32; CLASSES]; cut.stored.len()];
+        let cloud = &cut.points.cloud;
+        let class = cloud.field(Field::Class).unwrap_or_default();
+        let core = cloud.field(Field::Core).filter(|_| self.has_core);
+        for (point, (&voxel, &class)) in cut.voxel.iter().zip(class).enumerate() {
+            let complete = core.is_none_or(|core| core[point] > 0);
+            let place = usize::from(class).checked_sub(1).filter(|place| *place < CLASSES && complete);
+            if let (Some(counts), Some(place)) = (counts.get_mut(voxel as usize), place) {
+                counts[place] += 1;
+            }
+        }
+        let label = |counts: &[u32; CLASSES]| {
+            let mut best = (0, 0);
+            for (&count, code) in counts.iter().zip(1..) {
+                if count > best.0 {
+                    best = (count, code);
+                }
+            }
+            best.1
+        };
+        counts.iter().map(label).collect()
+    }
+
+    /// The label and key of the voxels that a tile owns.
+    fn labelled(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<(Voxel, u8)>> {
+        let stored = voxels::read(drive, tile)?;
+        let payload = drive.payload(STEP_VOXELS, tile)?;
+        let labels = codec::section(&payload, SECTION_LABELS)?;
+        Ok(stored.keys().zip(labels.iter().copied()).collect())
+    }
+
+    /// The largest hashes that are chosen.
+    fn limits(drive: &dyn DriveWindow, seed: u64, most: usize) -> Result<Limits> {
+        let limits = [most, most.div_ceil(FEWER)];
+        let mut smallest: [[Smallest; CLASSES]; 2] =
+            limits.map(|most| std::array::from_fn(|_| Smallest::new(most)));
+        for tile in TileId::first(drive.tiles()) {
+            for (key, label) in Self::labelled(drive, tile)? {
+                if let Some(place) = usize::from(label).checked_sub(1) {
+                    smallest[usize::from(held_out(key, seed))][place].add(hash(key, seed));
+                }
+            }
+        }
+        Ok(Limits(smallest.map(|classes| classes.map(Smallest::largest))))
+    }
+
+    fn samples_of(tile: &dyn TileWindow, seed: u64) -> Result<Vec<Sample>> {
+        let Limits(limits) = codec::decode(tile.global(STEP_VOXELS))?;
+        let around = Around::load(tile)?;
+        let mut labels = Self::labelled(tile, tile.tile())?.into_iter();
+        let mut class = vec![0_u8; around.voxels.len()];
+        let mut wanted = vec![false; around.voxels.len()];
+        for voxel in (0..around.voxels.len()).filter(|&voxel| around.voxels.owned[voxel]) {
+            let Some((key, label)) = labels.next().filter(|(key, _)| *key == around.voxels.key[voxel]) else {
+                return Err(Error::bug("labels and voxels of a tile differ"));
+            };
+            class[voxel] = label;
+            wanted[voxel] = usize::from(label)
+                .checked_sub(1)
+                .is_some_and(|place| hash(key, seed) <= limits[usize::from(held_out(key, seed))][place]);
+        }
+        let mut samples = Vec::new();
+        features::compute(&around.voxels, &around.heights, &wanted, &mut |numbers, rows| {
+            for (&voxel, row) in numbers.iter().zip(rows.chunks_exact(NAMES.len())) {
+                let key = around.voxels.key[voxel as usize];
+                samples.push(Sample {
+                    hash: hash(key, seed),
+                    key,
+                    class: class[voxel as usize] - 1,
+                    held_out: held_out(key, seed),
+                    features: row.to_vec(),
+                });
+            }
+        });
+        Ok(samples)
+    }
+
+    fn score(tile: &dyn TileWindow, model: &Model) -> Result<Counts> {
+        let labels = Self::labelled(tile, tile.tile())?;
+        let (_, shares) = stage_classes::of_tile(tile, &|rows, shares| model::classify(model, rows, shares))?;
+        let mut counts = Counts::default();
+        for ((_, label), shares) in labels.into_iter().zip(shares) {
+            let Some(place) = usize::from(label).checked_sub(1) else { continue };
+            let mut best = 0;
+            for class in 1..CLASSES {
+                if shares[class] > shares[best] {
+                    best = class;
+                }
+            }
+            counts[place][best] += 1;
+        }
+        Ok(counts)
+    }
+}
+
+/// A number for a voxel that looks random.
+fn hash(key: Voxel, seed: u64) -> u64 {
+    xxh3_64_with_seed(bytemuck::bytes_of(&key), seed)
+}
+
+/// Whether the square of a voxel is held out.
+fn held_out([i, j, _]: Voxel, seed: u64) -> bool {
+    let square = [i.div_euclid(SQUARE), j.div_euclid(SQUARE)];
+    xxh3_64_with_seed(bytemuck::bytes_of(&square), seed).is_multiple_of(HELD_OUT)
+}
+
+/// The smallest of many numbers, so many at most.
+struct Smallest {
+    most: usize,
+    numbers: Vec<u64>,
+}
+
+impl Smallest {
+    fn new(most: usize) -> Self {
+        Self { most, numbers: Vec::new() }
+    }
+
+    fn add(&mut self, number: u64) {
+        self.numbers.push(number);
+        if self.numbers.len() >= 2 * self.most + 1_000 {
+            self.shorten();
+        }
+    }
+
+    fn shorten(&mut self) {
+        self.numbers.sort_unstable();
+        self.numbers.truncate(self.most);
+    }
+
+    /// The largest of them; 0 without any.
+    fn largest(mut self) -> u64 {
+        self.shorten();
+        self.numbers.last().copied().unwrap_or(0)
+    }
+}
+
+/// The share of the points whose ids have the smallest hashes.
+fn thinned(points: TilePoints, share: f64) -> TilePoints {
+    if share >= 1.0 {
+        return points;
+    }
+    // The upper 32 bits of a hash are a number from 0 to 1 that a double holds exactly.
+    let below = |id: PointId| {
+        let upper = xxh3_64_with_seed(&id.number().to_le_bytes(), 0) >> 32;
+        u32::try_from(upper).map_or(0.0, f64::from) / 4_294_967_296.0 < share
+    };
+    let kept: Vec<bool> = points.cloud.id.iter().map(|&id| below(id)).collect();
+    let TilePoints { cloud, core, ground } = points;
+    let fields = cloud.fields.into_iter().map(|(field, values)| (field, only(values, &kept))).collect();
+    let cloud = TileCloud {
+        lattice: cloud.lattice,
+        origin: cloud.origin,
+        x: only(cloud.x, &kept),
+        y: only(cloud.y, &kept),
+        z: only(cloud.z, &kept),
+        id: only(cloud.id, &kept),
+        fields,
+    };
+    TilePoints { cloud, core: only(core, &kept), ground: only(ground, &kept) }
+}
+
+fn only<T>(values: Vec<T>, kept: &[bool]) -> Vec<T> {
+    values.into_iter().zip(kept).filter(|(_, kept)| **kept).map(|(value, _)| value).collect()
+}
+
+impl Method for Training {
+    fn name(&self) -> &'static str {
+        "street"
+    }
+
+    fn object_size(&self) -> RangeInclusive<u64> {
+        1..=u64::MAX
+    }
+
+    fn steps(&self) -> &[Step] {
+        &STEPS
+    }
+
+    fn fields(&self) -> &[Field] {
+        if self.has_core { &[Field::Class, Field::Core] } else { &[Field::Class] }
+    }
+
+    fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
+        match &self.purpose {
+            _ if step == STEP_VOXELS => vec![("share of the points", self.share.to_string())],
+            Purpose::Samples { seed, most } => {
+                vec![("samples", most.to_string()), ("seed", seed.to_string())]
+            }
+            Purpose::Score(model) => vec![("model", format!("{:016x}", model.checksum()))],
+        }
+    }
+
+    fn planning_reach(&self, lattice: Lattice) -> Reach {
+        Reach::Exact { metres: lattice.metres(stage_voxels::points_reach(lattice)) }
+    }
+
+    fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
+        match (step, &self.purpose) {
+            (STEP_VOXELS, _) => self.voxels(tile),
+            (_, Purpose::Samples { seed, .. }) => {
+                Ok(Mapped::payload(codec::encode(&Self::samples_of(tile, *seed)?)?))
+            }
+            (_, Purpose::Score(model)) => Ok(Mapped::payload(codec::encode(&Self::score(tile, model)?)?)),
+        }
+    }
+
+    fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
+        match (step, &self.purpose) {
+            (STEP_CLASSES.., _) => Err(Error::bug("samples are not joined to objects")),
+            (_, Purpose::Samples { seed, most }) => {
+                Ok(Reduced::Global(codec::encode(&Self::limits(drive, *seed, *most)?)?))
+            }
+            (_, Purpose::Score(_)) => Ok(Reduced::Global(Vec::new())),
+        }
+    }
+}

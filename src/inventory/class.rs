@@ -1,0 +1,54 @@
+//! Attribute `class`: what the object is, and how certain it is.
+
+use crate::inventory::attribute::Attribute;
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Class;
+
+impl Attribute for Class {
+    fn columns(&self) -> &'static [Column] {
+        &[
+            Column {
+                name: "class",
+                column_type: ColumnType::Count,
+                unit: ColumnUnit::None,
+                definition: "2 tree, 3 pole, 4 vehicle, 5 building, 6 fence, wall or hedge, 7 small, 8 wire, 9 other; \
+                             0 from methods that do not classify",
+            },
+            Column {
+                name: "confidence",
+                column_type: ColumnType::Decimal { places: 2 },
+                unit: ColumnUnit::None,
+                definition: "mean probability of the class over the points, 0 to 1; empty where `class` is 0",
+            },
+        ]
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        values.push(Value::Count(object.kind.class.into()));
+        let confidence = (object.kind.class != 0).then(|| f64::from(object.kind.confidence) / 255.0);
+        values.push(confidence.into());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{METRES, box_part, site, terrain_at};
+    use crate::model::Kind;
+
+    #[test]
+    fn objects_without_a_class_have_no_confidence() {
+        let terrain = terrain_at(&[]);
+        let site = site(&terrain, METRES);
+        let part = box_part();
+        let object = Object::new(1, &part, &site);
+        let mut values = Vec::new();
+        Class.finish(&object, &mut values);
+        Class.finish(&object.of_kind(Kind { class: 2, confidence: 51 }), &mut values);
+        assert_eq!(values, [Value::Count(0), Value::Missing, Value::Count(2), Value::Decimal(0.2)]);
+    }
+}

@@ -1,0 +1,196 @@
+//! Learns the classes of voxels from labelled drives. The flow stops after the step that gives samples.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::boosting::{self, Confusion, Model, Samples, TrainedOn, learn};
+use crate::cluster::street::{self, CLASS_NAMES, CLASSES, Counts, FEATURES, Purpose, Sample, Training};
+use crate::config::Config;
+use crate::error::Result;
+use crate::input::{Catalog, InputError, InputFile};
+use crate::model::Field;
+use crate::run::chain::{Chain, Registries};
+use crate::run::engine::{CancelToken, Driver, Event, Here, Observer};
+use crate::run::open::{self, Opened};
+use crate::run::{computed, flow};
+
+/// Name of the learning among the passes.
+const LEARN: &str = "learn";
+
+/// A request to learn from labelled drives.
+#[derive(Debug, Clone)]
+pub struct TrainRequest<'a> {
+    /// Labelled drives: for each a file, a folder or a pattern.
+    pub drives: Vec<PathBuf>,
+    /// Folder for the state of one drive at a time. It is created, and removed in the end.
+    pub scratch: PathBuf,
+    /// Settings. Noise and ground filters are those of a run.
+    pub config: Config,
+    /// The registries of methods.
+    pub registries: Registries<'a>,
+    /// Settings of the learning. Their seed also chooses the samples.
+    pub settings: boosting::Settings,
+    /// Largest number of samples per class and drive.
+    pub samples: usize,
+    /// Shares of the points in further copies of each drive, above 0 and below 1.
+    pub thin: Vec<f64>,
+}
+
+/// What was learned.
+#[derive(Debug)]
+pub struct Trained {
+    /// The model.
+    pub model: Model,
+    /// How it classifies voxels of the same drives that it has not learned from.
+    pub held_out: Confusion,
+}
+
+/// Reads a model that [`train`] gave and a user stored. It is for the features and classes of this program.
+///
+/// # Errors
+/// [`InputError::Read`], or a [`BoostingError`](boosting::BoostingError) that says what is wrong with the file.
+pub fn read_model(path: &Path) -> Result<Model> {
+    let content = fs_err::read(path).map_err(|source| InputError::Read { path: path.to_owned(), source })?;
+    Ok(street::read_model(&path.display().to_string(), &content)?)
+}
+
+/// The model that comes with the program.
+///
+/// # Errors
+/// A [`BoostingError`](boosting::BoostingError), if the program was built with a model that it cannot use.
+pub fn built_in_model() -> Result<Model> {
+    Ok((*street::built_in()?).clone())
+}
+
+/// Learns a model.
+///
+/// # Errors
+/// Any [`Error`](crate::Error): a drive without `gt_class`, settings out of range, what a run can meet.
+pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<Trained> {
+    request.settings.validate()?;
+    let mut learned = Samples::new(&FEATURES, &CLASS_NAMES);
+    let mut held_out = Samples::new(&FEATURES, &CLASS_NAMES);
+    let mut sources = Vec::new();
+    let purpose = Purpose::Samples { seed: request.settings.seed, most: request.samples };
+    for drive in &request.drives {
+        let work = Work { request, drive, observer, cancel };
+        for share in std::iter::once(1.0).chain(request.thin.iter().copied()) {
+            let samples = Training::samples(&work.payloads(purpose.clone(), share)?)?;
+            let mut counts = vec![0; CLASSES];
+            for Sample { class, held_out: held, features, .. } in &samples {
+                if *held {
+                    held_out.push(features, *class)?;
+                } else {
+                    learned.push(features, *class)?;
+                    counts[usize::from(*class)] += 1;
+                }
+            }
+            sources.push(TrainedOn { name: name_of(drive, share), samples: counts });
+        }
+        work.clear();
+    }
+    let units = request.settings.rounds;
+    let points = learned.len() as u64;
+    let started = Instant::now();
+    observer.event(&Event::PassStarted {
+        pass: LEARN,
+        units,
+        done: 0,
+        points: points * units as u64,
+        points_done: 0,
+    });
+    let tell = |round: usize| {
+        let seconds = started.elapsed().as_secs_f64();
+        observer.event(&Event::UnitFinished { pass: LEARN, unit: round - 1, points, seconds });
+    };
+    let model = learn(&learned, &request.settings, &tell)?.trained_on(sources)?;
+    observer.event(&Event::PassFinished { pass: LEARN, seconds: started.elapsed().as_secs_f64() });
+    let mut confusion = Confusion::new(CLASSES);
+    let shares = model.shares::<CLASSES>(held_out.values())?;
+    for (shares, &class) in shares.iter().zip(held_out.class()) {
+        let best =
+            (0..CLASSES).fold(0, |best, class| if shares[class] > shares[best] { class } else { best });
+        confusion.add(usize::from(class), best, 1);
+    }
+    Ok(Trained { model, held_out: confusion })
+}
+
+/// Scores a model with every labelled voxel of a drive, as `street` classifies it. Of the request, the folder, the
+/// settings of the run and the registries are used.
+///
+/// # Errors
+/// As [`train`].
+pub fn score_model(
+    model: &Model,
+    drive: &Path,
+    request: &TrainRequest<'_>,
+    observer: &dyn Observer,
+    cancel: &CancelToken,
+) -> Result<Confusion> {
+    let work = Work { request, drive, observer, cancel };
+    let payloads = work.payloads(Purpose::Score(Box::new(model.clone())), 1.0)?;
+    work.clear();
+    let counts: Counts = Training::counts(&payloads)?;
+    let mut confusion = Confusion::new(CLASSES);
+    for (truth, row) in counts.iter().enumerate() {
+        row.iter().enumerate().for_each(|(called, &rows)| confusion.add(truth, called, rows));
+    }
+    Ok(confusion)
+}
+
+/// The name of a drive in the model: its file or folder, and the share of its points if not all are used.
+fn name_of(drive: &Path, share: f64) -> String {
+    let name = drive.file_name().unwrap_or(drive.as_os_str()).to_string_lossy();
+    if share < 1.0 { format!("{name}, {share} of the points") } else { name.into_owned() }
+}
+
+/// Work on one drive.
+struct Work<'a> {
+    request: &'a TrainRequest<'a>,
+    drive: &'a Path,
+    observer: &'a dyn Observer,
+    cancel: &'a CancelToken,
+}
+
+impl Work<'_> {
+    fn state(&self) -> PathBuf {
+        self.request.scratch.join("drive")
+    }
+
+    /// Removes the state of the drive. If this fails, the files remain among the temporary files.
+    fn clear(&self) {
+        let _ = fs_err::remove_dir_all(self.state());
+    }
+
+    /// The results of the last step of [`Training`] for a share of the points.
+    fn payloads(&self, purpose: Purpose, share: f64) -> Result<Vec<Vec<u8>>> {
+        let config = &self.request.config;
+        let inputs = [self.drive.to_owned()];
+        let catalog = open::catalog(&inputs, config)?;
+        let unlabelled = |file: &&InputFile| file.layout().field(Field::Class).is_none();
+        if let Some(file) = catalog.files().iter().find(unlabelled) {
+            let name = Field::Class.name();
+            return Err(InputError::NoLabels { path: file.path().to_owned(), name }.into());
+        }
+        let lattice = catalog.lattice();
+        let method = Training { purpose, share, has_core: has_core(&catalog) };
+        let chain =
+            Chain::build(config, &self.request.registries, lattice)?.before(Box::new(method), lattice);
+        let run_dir = open::lock(&catalog, &self.state(), false)?;
+        let warnings = catalog.warnings().to_vec();
+        let open = Opened::to_run(&inputs, catalog, chain, config, &run_dir)?;
+        let limits = open.budget.limits();
+        let mut driver = Here::new(&run_dir, limits, config.run.fail_fast, self.observer, self.cancel);
+        let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
+        for text in warnings.iter().chain(&surveyed.warnings) {
+            driver.tell(&Event::Warning { text });
+        }
+        let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
+        computed(flow::payloads_of_last_step(&open, &mut driver, &run_dir, &planned)?)
+    }
+}
+
+/// Whether every file says where its labels are complete.
+fn has_core(catalog: &Catalog) -> bool {
+    catalog.files().iter().all(|file| file.layout().field(Field::Core).is_some())
+}

@@ -1,0 +1,93 @@
+//! `chainage train` on small synthetic drives: same bytes however the drive is cut, and what it refuses.
+
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use chainage::boosting::Model;
+
+use crate::util::las::{Point, Shape};
+use crate::util::program::{ended, program};
+
+/// A short labelled drive.
+fn labelled(folder: &Path) -> PathBuf {
+    let drive = folder.join("drive");
+    let made = program()
+        .args(["synth", "downtown", "--length", "60m", "--pulse-rate", "30kHz", "--seed", "3", "-o"])
+        .arg(&drive)
+        .output()
+        .expect("runs");
+    assert_eq!(ended(&made).0, 0, "{made:?}");
+    drive
+}
+
+fn train(drive: &Path, model: &Path, options: &[&str]) -> Output {
+    program()
+        .args(["train", "--rounds", "4", "--samples", "200", "--progress", "none"])
+        .arg(drive)
+        .arg("-o")
+        .arg(model)
+        .arg("--scratch")
+        .arg(model.with_extension("scratch"))
+        .args(options)
+        .output()
+        .expect("runs")
+}
+
+#[test]
+fn tiles_and_threads_change_no_byte_and_the_model_scores_its_drive() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drive = labelled(folder.path());
+    let card = folder.path().join("card.md");
+    let mut models = Vec::new();
+    for (number, options) in [
+        &["--thin", "0.4", "--card", card.to_str().expect("text")][..],
+        &["--thin", "0.4", "--tile-length", "15", "--threads", "1"],
+        &["--thin", "0.4", "--tile-length", "7", "--threads", "3"],
+        &["--thin", "0.4", "--seed", "1"],
+        &[],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let path = folder.path().join(format!("{number}.model"));
+        let output = train(&drive, &path, options);
+        assert_eq!(ended(&output).0, 0, "{output:?}");
+        assert!(!path.with_extension("scratch").exists(), "the state is removed");
+        models.push(std::fs::read(path).expect("a model"));
+    }
+    assert!(models[0] == models[1] && models[0] == models[2], "tiles or threads change the model");
+    assert!(models[0] != models[3] && models[0] != models[4], "seed and thinned copies change nothing");
+    let model = Model::decode("0.model", &models[0]).expect("a model");
+    let sources = &model.about().trained_on;
+    assert_eq!(sources.len(), 2);
+    assert_eq!(sources[1].name, "drive, 0.4 of the points");
+    assert!(sources.iter().all(|source| source.samples.iter().all(|&count| count <= 200)));
+    assert!(sources[0].samples[1] > 0 && sources[0].samples[4] > 0, "{sources:?}");
+    let card = std::fs::read_to_string(card).expect("a card");
+    assert!(card.contains("| drive, 0.4 of the points |") && card.contains("| fence or hedge |"), "{card}");
+
+    let score = |options: &[&str]| {
+        let model = folder.path().join("0.model");
+        let output =
+            program().args(["train", "--model"]).arg(model).arg("--test").arg(&drive).args(options).output();
+        let output = output.expect("runs");
+        assert_eq!(ended(&output).0, 0, "{output:?}");
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let whole = score(&[]);
+    assert!(whole.contains("voxels of drive"), "{whole}");
+    assert_eq!(whole, score(&["--tile-length", "10"]));
+}
+
+#[test]
+fn a_drive_without_classes_and_a_file_that_is_no_model_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plain = folder.path().join("plain.las");
+    Shape::default().write(&plain, &[Point::at([0, 0, 0]), Point::at([1_000, 0, 0])]);
+    let (code, text) = ended(&train(&plain, &folder.path().join("m"), &[]));
+    assert!(code == 4 && text.contains("gt_class"), "{code}: {text}");
+    let output =
+        program().args(["train", "--model"]).arg(&plain).arg("--test").arg(&plain).output().expect("runs");
+    let (code, text) = ended(&output);
+    assert!(code == 4 && text.contains("is not a model of chainage"), "{code}: {text}");
+}
