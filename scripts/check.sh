@@ -108,6 +108,10 @@ if [ "$lane" = all ]; then
     step "digests of all outputs" scripts/digest.py --check
     step "exactness" scripts/exactness.sh
     step "kill and resume, LAS and LAZ" scripts/kill_and_resume.sh tests/data/tree_road_sweep.laz 20 4
+    step "kill and resume, method with several steps" \
+        scripts/kill_and_resume.sh --method density-peaks tests/data/tree_road_sweep.laz 10 20
+    step "kill and resume, estimated epsilon" \
+        scripts/kill_and_resume.sh --method dbscan --set dbscan.epsilon=auto tests/data/tree_road_sweep.laz 10 20
 fi
 
 echo

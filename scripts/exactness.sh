@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Tiled equals untiled, on real and simulated streets: byte for byte over tile lengths and threads and memory, record
-# for record between LAS and LAZ, point for point between one file, five files and shuffled records.
+# for record between LAS and LAZ, point for point between one file, five files and shuffled records; and byte for byte
+# with `dbscan` and an estimated epsilon, whose sums go over the whole drive.
 #
 #     scripts/exactness.sh [FOLDER-OF-SHARED-DATA] [SCENE...]
 #
@@ -45,6 +46,16 @@ same() { # ONE OTHER WHAT
     done
 }
 
+same_epsilon() { # ONE OTHER WHAT
+    local one other
+    one=$(grep -oE '"epsilon": *[0-9][^,}]*' "$1/report.json" | head -n 1)
+    other=$(grep -oE '"epsilon": *[0-9][^,}]*' "$2/report.json" | head -n 1)
+    if [ -z "$one" ] || [ "$one" != "$other" ]; then
+        echo "DIFFERS: $3: ${one:-no epsilon} and ${other:-no epsilon}"
+        failed=1
+    fi
+}
+
 for scene in "${scenes[@]}"; do
     if [ ! -f "$data/$scene" ]; then
         echo "skipped: $data/$scene is not there"
@@ -66,6 +77,16 @@ for scene in "${scenes[@]}"; do
     run "$scratch/tiled" "$laz" -- --memory 64M --threads 2
     same "$scratch/whole" "$scratch/tiled" "$name, as the memory allows"
     rm -rf "$scratch/tiled"
+
+    auto=(--method dbscan --set dbscan.epsilon=auto)
+    run "$scratch/auto" "$laz" -- "${auto[@]}" --tile-length 1000000 --threads 1
+    for tiles in "20 2" "60 1"; do
+        set -- $tiles
+        run "$scratch/tiled" "$laz" -- "${auto[@]}" --tile-length "$1" --threads "$2"
+        same "$scratch/auto" "$scratch/tiled" "$name, dbscan auto, tiles of $1 m, $2 threads"
+        same_epsilon "$scratch/auto" "$scratch/tiled" "$name, dbscan auto, tiles of $1 m, $2 threads"
+        rm -rf "$scratch/tiled"
+    done
 
     # The same points as LAS. Labelled as LAS, they must equal the unpacked labelled LAZ, for any tiles.
     run "$scratch/unpacked" "$laz" -- --output-format las --keep-classification --tile-length 60

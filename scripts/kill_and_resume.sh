@@ -2,7 +2,7 @@
 # Kills a run again and again at random moments (SIGKILL, seeded), then lets it finish. Compares every output except
 # the report with those of an undisturbed run, byte for byte; for LAZ and for LAS.
 #
-#     scripts/kill_and_resume.sh [--method METHOD] [SCENE.laz] [KILLS] [TILE-LENGTH]
+#     scripts/kill_and_resume.sh [--method METHOD] [--set SECTION.KEY=VALUE]... [SCENE.laz] [KILLS] [TILE-LENGTH]
 #
 # Without a scene it uses downtown_ts2.laz of the shared data if it is there, else the shipped sample. If a run
 # finishes before all kills are spent, it is compared and another one is started. Needs a release build (or
@@ -12,10 +12,18 @@ cd "$(dirname "$0")/.."
 program=${CHAINAGE:-target/release/chainage}
 data=${CHAINAGE_SHARED_DATA:-../shared/data}
 method=euclidean
-if [ "${1:-}" = --method ]; then
-    method=$2
+settings=()
+while [[ ${1:-} == --* ]]; do
+    case $1 in
+    --method) method=$2 ;;
+    --set) settings+=(--set "$2") ;;
+    *)
+        echo "unknown option $1"
+        exit 2
+        ;;
+    esac
     shift 2
-fi
+done
 scene=${1:-$data/sim/downtown_ts2.laz}
 if [ ! -f "$scene" ]; then
     echo "skipped: $scene is not there, the shipped sample is used"
@@ -46,7 +54,7 @@ same() {
 
 for kind in laz las; do
     input=$scratch/$kind/$name.$kind
-    options=(--tile-length "$tile" --method "$method" --progress none)
+    options=(--tile-length "$tile" --method "$method" "${settings[@]}" --progress none)
     run() { # OUT
         if ! "$program" run "$input" -o "$scratch/$1" "${options[@]}" >/dev/null 2>"$scratch/errors"; then
             cat "$scratch/errors"
@@ -77,14 +85,14 @@ for kind in laz las; do
             finished=$((finished + 1))
         else
             hit=$((hit + 1))
-            { grep -o '"pass":"[a-z]*"' "$scratch/killed/.chainage/events.jsonl" || echo '"pass":"none"'; } 2>/dev/null |
+            { grep -o '"pass":"[^"]*"' "$scratch/killed/.chainage/events.jsonl" || echo '"pass":"none"'; } 2>/dev/null |
                 tail -1 | cut -d'"' -f4 >>"$scratch/passes"
         fi
     done
     run killed
     same "$kind"
     rm -rf "$scratch/killed" "$scratch/undisturbed"
-    echo "$method, $name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) run(s) gave the same bytes"
+    echo "$method${settings[*]:+ ${settings[*]}}, $name.$kind: $hit of $spent kills hit a run of $whole_ms ms, $((finished + 1)) run(s) gave the same bytes"
     echo "  by the pass in progress: $(sort "$scratch/passes" | uniq -c | awk '{ printf "%s %s  ", $2, $1 }')"
 done
 echo "kill_and_resume: passed"

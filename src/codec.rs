@@ -50,7 +50,7 @@ pub(crate) fn section(bytes: &[u8], number: usize) -> Result<&[u8]> {
     range.and_then(|range| bytes.get(to_usize(&range)?)).ok_or_else(|| no_section(number))
 }
 
-/// Where section `number` is, when `read` gives bytes of the packed string; `None` where there is no such section.
+/// The range of section `number`. `read` returns bytes of the packed string. `None` if the section does not exist.
 pub(crate) fn section_range(
     read: &mut dyn FnMut(Range<u64>) -> Option<Vec<u8>>,
     number: usize,
@@ -69,7 +69,7 @@ pub(crate) fn section_range(
     Some(body.checked_add(start)?..body.checked_add(word(number + 1)?)?)
 }
 
-/// What to say where a section is missing.
+/// The error of a missing section.
 pub(crate) fn no_section(number: usize) -> Error {
     Error::bug(format!("a payload has no section {number}"))
 }

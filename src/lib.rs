@@ -34,6 +34,7 @@
 pub mod error;
 pub mod model;
 pub mod spatial;
+pub mod words;
 
 mod codec;
 mod whole_file;

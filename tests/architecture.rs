@@ -85,7 +85,7 @@ fn module_of(file: &str) -> &str {
 
 /// The layers, from the ground up. A module uses what is below it, and nothing beside or above it.
 const LAYERS: [&[&str]; 7] = [
-    &["error", "allocator"],
+    &["error", "allocator", "words"],
     &["codec", "whole_file"],
     &["model"],
     // Beside each other: what is near what and what is learned from a table know no setting of the program, and no

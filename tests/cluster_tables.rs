@@ -4,18 +4,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use assert_cmd::Command;
 use chainage::cluster::dbscan::rows::{Dbscan, DbscanVariant};
 use chainage::cluster::p_linkage::PLinkage;
 use chainage::spatial::Points;
 use chainage::table::Table;
 use proptest::prelude::*;
 
+use crate::util::program::program;
 use crate::util::{oracle, shared_data};
-
-fn program() -> Command {
-    Command::cargo_bin("chainage").unwrap()
-}
 
 /// Points of a table of two dimensions, and the label of each.
 fn labelled(path: &Path) -> (Points, Vec<u32>) {
@@ -160,7 +156,7 @@ fn the_program_repeats_the_rows_and_adds_a_column() {
         ),
         (&["-o", "x.csv", "--svg", "x.svg", "--epsilon", "2"], 3, "--svg = x.svg: must be left out unless"),
         (&["-o", "-", "--columns", "x,name"], 4, "line 2 of"),
-        (&["-o", "-", "--columns", "x"], 4, "points have 1 dimensions; only 2 to 8 can be clustered"),
+        (&["-o", "-", "--columns", "x"], 4, "points have 1 dimension; only 2 to 8 can be clustered"),
         (&["-o", "-", "--columns", "x,z"], 4, "has no column z; its columns are: name, x, y"),
         (&["-o", "-", "--id-column", "x"], 4, "already has a column x"),
         (
@@ -168,7 +164,7 @@ fn the_program_repeats_the_rows_and_adds_a_column() {
             4,
             "a curve over 40 neighbours needs at least 40 points, but there are 5",
         ),
-        (&["-o", "-", "--standardise", "--weights", "1"], 3, "must be one weight for each of 2 columns"),
+        (&["-o", "-", "--standardise", "--weights", "1"], 3, "must be one weight per column, 2 in all"),
     ] {
         let (found, stdout, stderr) = run(&[&["--method", "dbscan"], arguments].concat());
         assert!(

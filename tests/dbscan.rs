@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use assert_cmd::Command;
 use chainage::cluster::{Clusterer, Dbscan, DbscanConfig, DbscanVariant};
 use chainage::model::{FileId, Lattice, PointId, TileCloud, TileId};
 use chainage::stitch::{LocalLabels, Stitcher};
 use proptest::prelude::*;
 
 use crate::util::oracle;
+use crate::util::program::program;
 
 const LATTICE: Lattice = Lattice::MILLIMETRE;
 const REACH: i64 = 300;
@@ -125,8 +125,7 @@ fn tiles_that_see_too_little_are_noticed() {
 fn labelled(folder: &Path, name: &str, arguments: &[&str]) -> Vec<u8> {
     let out = folder.join(name);
     let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
-    let output = Command::cargo_bin("chainage")
-        .unwrap()
+    let output = program()
         .args(["run", "--method", "dbscan", "--set", "dbscan.epsilon=0.6", "--progress", "plain", "-o"])
         .args([&out, &sample])
         .args(arguments)

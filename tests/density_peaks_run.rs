@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use chainage::config::Config;
 use chainage::run::RunError;
 
+use crate::util::drive::scratch;
 use crate::util::method_run::{MethodRun, resumed};
 
 const PEAKS: MethodRun = MethodRun {
@@ -27,12 +28,12 @@ fn order(pass: &str) -> usize {
 
 #[test]
 fn tiles_and_threads_do_not_show() {
-    PEAKS.assert_tiles_do_not_show(tempfile::tempdir().unwrap().path());
+    PEAKS.assert_tiles_do_not_show(scratch().path());
 }
 
 #[test]
 fn a_run_stopped_in_any_pass_ends_in_the_same_bytes() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = scratch();
     let settings = ["tiling.tile_length=20", "run.threads=2"];
     let straight: PathBuf = folder.path().join("straight");
     PEAKS.run_in(&straight, &settings);
@@ -72,7 +73,7 @@ fn global_of(out: &Path, pass: &str) -> PathBuf {
 
 #[test]
 fn a_run_that_died_in_a_reduction_does_it_again() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = scratch();
     let settings = ["tiling.tile_length=20", "run.threads=2"];
     let straight: PathBuf = folder.path().join("straight");
     PEAKS.run_in(&straight, &settings);
@@ -98,7 +99,7 @@ fn a_run_that_died_in_a_reduction_does_it_again() {
 
 #[test]
 fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = scratch();
     let base = ["tiling.tile_length=20"];
     let out = folder.path().join("changed");
     let fresh = folder.path().join("fresh");

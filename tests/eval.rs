@@ -14,6 +14,8 @@ use chainage::model::Lattice;
 use chainage::{Error, ErrorKind};
 use proptest::prelude::*;
 
+use crate::util::program::program;
+
 fn settings() -> MetricSettings {
     let hoover = vec![Tolerance::new(0.8).unwrap(), Tolerance::new(0.5).unwrap()];
     MetricSettings { min_points: 30, hoover, classes: ClassTable::default() }
@@ -443,7 +445,7 @@ fn the_report_is_the_same_for_any_number_of_threads() {
     // A header, 40 objects, and two of one point each.
     assert_eq!(csv.lines().count(), 43);
     assert!(csv.lines().all(|line| line.split(',').count() >= 24), "{csv}");
-    assert!(csv.contains("segment 7 also holds 100.0 % of object 8 (building)"), "{csv}");
+    assert!(csv.contains("segment 7 also contains 100.0 % of object 8 (building)"), "{csv}");
     insta::assert_snapshot!("eval_table", text);
 }
 
@@ -475,8 +477,7 @@ fn objects_too_small_to_be_evaluated_are_listed_where_their_id_is() {
 }
 
 fn chainage(arguments: &[&str], files: &[&Path]) -> std::process::Output {
-    let mut command = assert_cmd::Command::cargo_bin("chainage").unwrap();
-    command.arg("eval").args(files).args(arguments).output().unwrap()
+    program().arg("eval").args(files).args(arguments).output().unwrap()
 }
 
 #[test]

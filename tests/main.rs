@@ -50,3 +50,5 @@ mod synth;
 mod train;
 #[cfg(test)]
 mod util;
+#[cfg(test)]
+mod words;

@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 
+use crate::util::drive::scratch;
 use crate::util::method_run::{MethodRun, resumed};
 
 const STREET: MethodRun =
@@ -10,12 +11,12 @@ const STREET: MethodRun =
 
 #[test]
 fn tiles_and_threads_do_not_show() {
-    STREET.assert_tiles_do_not_show(tempfile::tempdir().unwrap().path());
+    STREET.assert_tiles_do_not_show(scratch().path());
 }
 
 #[test]
 fn a_run_stopped_in_any_pass_or_round_ends_in_the_same_bytes() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = scratch();
     let settings = ["tiling.tile_length=20", "run.threads=2"];
     let straight: PathBuf = folder.path().join("straight");
     let passes: Vec<&'static str> =

@@ -1,14 +1,15 @@
 //! The commands.
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::cli::commands::bench::BenchArgs;
 use crate::cli::commands::cluster::ClusterArgs;
+use crate::cli::commands::config::ConfigArgs;
 use crate::cli::commands::demo::DemoArgs;
 use crate::cli::commands::estimate_epsilon::EstimateArgs;
 use crate::cli::commands::eval::EvalArgs;
 use crate::cli::commands::info::InfoArgs;
-use crate::cli::commands::pages::CompletionsArgs;
+use crate::cli::commands::pages::{CompletionsArgs, ManArgs};
 use crate::cli::commands::plan::PlanArgs;
 use crate::cli::commands::run::RunArgs;
 use crate::cli::commands::status::StatusArgs;
@@ -17,8 +18,8 @@ use crate::cli::commands::train::TrainArgs;
 
 /// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
 ///
-/// Works on drives of any length with the memory it is given, resumes after any interruption, and gives a result in
-/// which nobody can tell where its tiles were.
+/// A drive may have any length, because memory stays within a budget. An interrupted run resumes. The result does not
+/// depend on tiles or threads.
 #[derive(Debug, Parser)]
 #[command(name = "chainage", version, max_term_width = 100, after_help = EXIT_CODES)]
 pub(crate) struct Program {
@@ -27,38 +28,81 @@ pub(crate) struct Program {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 bug, 2 usage, 3 configuration, 4 input, 5 writing, 6 state does not \
-match, 7 locked, 8 some tiles failed (the others are kept), 9 a check found a difference, 130 interrupted (state kept)";
+match, 7 locked, 8 some tiles failed (the others are kept), 9 the compared files differ, 130 interrupted (the state is \
+kept)";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Show what is in a drive: files, extent, density, time, CRS, problems
+    /// Show files, extent, density, GPS time, CRS and problems of a drive
     Info(InfoArgs),
-    /// Show the tiles that `run` would work on, and estimate memory and time; changes nothing
+    /// Show the tiles of a run and estimate its memory and time; write nothing
     Plan(PlanArgs),
-    /// Process a drive; on an existing output directory it resumes
+    /// Process a drive, or resume an interrupted run
     Run(RunArgs),
-    /// Show what is done, what is left, what is stale and why
+    /// Show which passes of a run are done, missing or stale, and why
     Status(StatusArgs),
     /// Score a segmentation against reference labels
     Eval(EvalArgs),
-    /// Make a labelled synthetic drive of any length
+    /// Generate a labelled synthetic drive of any length
     Synth(SynthArgs),
-    /// Cluster the rows of a table with dbscan or p-linkage
+    /// Cluster the rows of a table by dbscan or p-linkage
     Cluster(ClusterArgs),
-    /// Estimate the radius of dbscan from the points of a drive or a table
+    /// Estimate the radius epsilon of dbscan from a drive or a table
     EstimateEpsilon(EstimateArgs),
     /// Learn the classes of street from labelled drives
     Train(TrainArgs),
-    /// Run the main job on a small real sample that comes with the program
+    /// Process the small real sample that is part of the program
     Demo(DemoArgs),
-    /// Measure throughput at one and two threads against the copy floor
+    /// Measure the throughput of one and two threads, and compare it with copying the files
     Bench(BenchArgs),
     /// List ground filters and clustering methods
     Methods,
-    /// Print every setting with its unit and default
-    Config,
+    /// Print every setting, the presets or the effective settings, or check a file
+    Config(ConfigArgs),
     /// Print a completion script for a shell
     Completions(CompletionsArgs),
-    /// Print the manual page
-    Man,
+    /// Print a manual page, or write all of them
+    Man(ManArgs),
+}
+
+/// The commands in the groups of the help.
+const GROUPS: [(&str, &[&str]); 3] = [
+    ("Work with a drive", &["info", "plan", "run", "status"]),
+    ("Check and measure", &["eval", "bench", "estimate-epsilon", "cluster", "train", "synth", "demo"]),
+    ("Settings and pages", &["methods", "config", "completions", "man", "help"]),
+];
+
+/// The program with its commands listed in groups.
+pub(crate) fn program() -> clap::Command {
+    let mut program = Program::command();
+    program.build();
+    let about = |name: &str| {
+        let command = program.find_subcommand(name);
+        command.and_then(clap::Command::get_about).map(ToString::to_string).unwrap_or_default()
+    };
+    let mut list = String::new();
+    for (title, names) in GROUPS {
+        list.push_str(&format!("\n{title}:\n"));
+        names.iter().for_each(|name| list.push_str(&format!("  {name:<16}  {}\n", about(name))));
+    }
+    let template = format!(
+        "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{list}\nOptions:\n{{options}}{{after-help}}"
+    );
+    Program::command().help_template(template)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_is_in_one_group() {
+        let mut program = Program::command();
+        program.build();
+        let mut commands: Vec<&str> = program.get_subcommands().map(clap::Command::get_name).collect();
+        let mut grouped: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        commands.sort_unstable();
+        grouped.sort_unstable();
+        assert_eq!(commands, grouped);
+    }
 }

@@ -4,81 +4,149 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use chainage::config::Config;
+use chainage::input::InputError;
+use chainage::run::Registries;
+
+use crate::cli::exit::CliError;
 
 /// A drive.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Inputs {
-    /// LAS or LAZ files, folders (their *.las and *.laz), or patterns like 'drive/*.laz'
+    /// LAS or LAZ files, folders with *.las or *.laz, or patterns such as 'drive/*.laz'
     #[arg(required = true, value_name = "FILES")]
-    pub(crate) files: Vec<PathBuf>,
+    files: Vec<PathBuf>,
+    /// Search the folders below a folder as well
+    #[arg(short, long)]
+    recursive: bool,
 }
 
-/// Settings, from the coarsest to the finest: configuration file, --set, flags of their own.
+impl Inputs {
+    /// The files, folders and patterns. With --recursive, a folder is followed by the folders below it that contain LAS or
+    /// LAZ files.
+    pub(crate) fn files(&self) -> Result<Vec<PathBuf>, CliError> {
+        if !self.recursive {
+            return Ok(self.files.clone());
+        }
+        let mut files = Vec::new();
+        for path in &self.files {
+            let before = files.len();
+            if path.is_dir() {
+                folders_below(path, &mut files)
+                    .map_err(|source| InputError::Read { path: path.clone(), source })
+                    .map_err(chainage::Error::from)?;
+            }
+            // A folder without any LAS or LAZ file stays, so that it is named in an error.
+            if files.len() == before {
+                files.push(path.clone());
+            }
+        }
+        Ok(files)
+    }
+}
+
+/// Adds `folder` and the folders below it, in the order of their names, if they contain a LAS or LAZ file. Symbolic
+/// links are not followed, because they may lead in a circle.
+fn folders_below(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    let mut below = Vec::new();
+    let mut has_files = false;
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        let path = entry.path();
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+        if entry.file_type()?.is_dir() {
+            below.push(path);
+        } else {
+            has_files |= matches!(extension.as_deref(), Some("las" | "laz"));
+        }
+    }
+    if has_files {
+        found.push(folder.to_owned());
+    }
+    below.sort();
+    below.iter().try_for_each(|path| folders_below(path, found))
+}
+
+/// Settings. A flag overrides --set, and --set overrides the configuration file.
 #[derive(Debug, Default, clap::Args)]
 #[command(next_help_heading = "Settings")]
 pub(crate) struct Settings {
-    /// Configuration file; needs to hold only what differs from `chainage config`
-    #[arg(short = 'c', long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Set any key, for example --set euclidean.d_t=0.4; may be repeated
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
-    pub(crate) assignments: Vec<String>,
-    /// Clustering method [default: euclidean]
-    #[arg(long, value_name = "NAME")]
-    pub(crate) method: Option<String>,
-    /// Ground filter [default: voxel-column]
-    #[arg(long, value_name = "NAME")]
-    pub(crate) ground: Option<String>,
-    /// Worker threads [default: one per core]
-    #[arg(long, value_name = "N")]
-    pub(crate) threads: Option<usize>,
-    /// Memory for the points in flight, for example 800M or 4G [default: half of what is free]
-    #[arg(long, value_name = "SIZE", value_parser = mebibytes)]
-    pub(crate) memory: Option<u64>,
-    /// Length of a tile in metres of chainage [default: as long as the memory allows]
-    #[arg(long, value_name = "METRES")]
-    pub(crate) tile_length: Option<f64>,
-    /// Trajectory as CSV with the columns gps_time,x,y,z [default: from GPS time, else the principal axis]
-    #[arg(long, value_name = "FILE")]
-    pub(crate) trajectory: Option<PathBuf>,
-    /// Read files instead of mapping them: for network drives that may lose files during the run
-    #[arg(long)]
-    pub(crate) no_mmap: bool,
+    #[command(flatten)]
+    pub(crate) choices: Choices,
+    #[command(flatten)]
+    machine: Machine,
 }
 
-impl Settings {
-    /// The configuration: defaults, file, --set, flags.
-    pub(crate) fn resolve(&self, extra: &[(&str, String)]) -> chainage::Result<Config> {
-        self.resolve_over(self.config.as_deref(), extra)
-    }
+/// Settings that the result, or the division into tiles, depends on.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+pub(crate) struct Choices {
+    /// Start from the settings of a preset instead of the defaults: see `chainage config --presets`
+    #[arg(long, value_name = "NAME")]
+    preset: Option<String>,
+    /// Configuration file with the settings that differ from `chainage config`
+    #[arg(short = 'c', long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Change a setting, for example --set euclidean.d_t=0.4; may be repeated
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub(crate) assignments: Vec<String>,
+    #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), "euclidean"))]
+    pub(crate) method: Option<String>,
+    #[arg(long, value_name = "NAME", help = methods("Ground filter", &filters(), "voxel-column"))]
+    pub(crate) ground: Option<String>,
+    /// Length of a tile in metres of chainage [default: as long as the memory budget allows]
+    #[arg(long, value_name = "METRES", value_parser = metres, allow_hyphen_values = true)]
+    tile_length: Option<f64>,
+    /// Trajectory: CSV with the columns gps_time,x,y,z [default: the axis is derived from the points]
+    #[arg(long, value_name = "FILE")]
+    trajectory: Option<PathBuf>,
+}
 
-    /// The settings as arguments of another call of the program, without the flags named in `but`.
-    pub(crate) fn as_arguments(&self, but: &[&str]) -> Vec<OsString> {
-        let mut arguments = Vec::new();
-        let mut add = |flag: &str, value: Option<OsString>| {
-            if let (Some(value), false) = (value, but.contains(&flag)) {
-                arguments.push(OsString::from(format!("--{flag}")));
-                arguments.push(value);
-            }
-        };
-        let text = |value: &Option<String>| value.as_ref().map(OsString::from);
-        add("config", self.config.clone().map(PathBuf::into_os_string));
-        for assignment in &self.assignments {
-            add("set", Some(assignment.into()));
-        }
-        add("method", text(&self.method));
-        add("ground", text(&self.ground));
-        add("threads", self.threads.map(|count| count.to_string().into()));
-        add("memory", self.memory.map(|mib| format!("{mib}M").into()));
-        add("tile-length", self.tile_length.map(|metres| metres.to_string().into()));
-        add("trajectory", self.trajectory.clone().map(PathBuf::into_os_string));
-        if self.no_mmap {
-            arguments.push("--no-mmap".into());
-        }
-        arguments
-    }
+/// How the machine is used. The result does not depend on it.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Machine")]
+struct Machine {
+    /// Worker threads [default: one per core]
+    #[arg(long, value_name = "N", value_parser = threads, allow_hyphen_values = true)]
+    threads: Option<usize>,
+    /// Memory budget, for example 800M or 4G [default: half of the free memory]
+    #[arg(long, value_name = "SIZE", value_parser = mebibytes, allow_hyphen_values = true)]
+    memory: Option<u64>,
+    /// Read files instead of mapping them into memory, for unreliable network drives
+    #[arg(long)]
+    no_mmap: bool,
+}
 
-    /// The configuration with another file.
+/// The names of the clustering methods.
+fn clusterers() -> Vec<&'static str> {
+    Registries::default().cluster.iter().map(|entry| entry.name).collect()
+}
+
+/// The names of the ground filters.
+fn filters() -> Vec<&'static str> {
+    Registries::default().ground.iter().map(|entry| entry.name).chain(["none"]).collect()
+}
+
+/// The help of an argument with the name of a method.
+fn methods(what: &str, names: &[&str], default: &str) -> String {
+    format!("{what}: {} [default: {default}]", names.join(", "))
+}
+
+/// A number of threads.
+fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(threads @ 1..=1_024) => Ok(threads),
+        _ => Err("--threads takes a number from 1 to 1024, for example 2".to_owned()),
+    }
+}
+
+/// A length above zero.
+fn metres(text: &str) -> Result<f64, String> {
+    let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
+    length.ok_or_else(|| "must be a number above 0 m, for example 25".to_owned())
+}
+
+impl Choices {
+    /// The configuration with another file, and with `extra` settings.
     pub(crate) fn resolve_over(
         &self,
         file: Option<&Path>,
@@ -91,15 +159,57 @@ impl Settings {
         let quoted = |path: &PathBuf| format!("{:?}", path.display().to_string());
         set("cluster.method", self.method.clone().map(|name| format!("{name:?}")));
         set("ground.method", self.ground.clone().map(|name| format!("{name:?}")));
-        set("run.threads", self.threads.map(|count| count.to_string()));
-        set("run.memory_mib", self.memory.map(|mib| mib.to_string()));
         set("tiling.tile_length", self.tile_length.map(|metres| metres.to_string()));
         set("axis.trajectory", self.trajectory.as_ref().map(quoted));
-        set("input.mmap", self.no_mmap.then(|| "false".to_owned()));
         for (key, value) in extra {
             set(key, Some(value.clone()));
         }
-        Ok(Config::resolve(file, &assignments)?)
+        Ok(Config::with_preset(self.preset.as_deref(), file, &assignments)?)
+    }
+
+    /// The configuration: defaults, preset, file, --set, flags.
+    pub(crate) fn resolve(&self) -> chainage::Result<Config> {
+        self.resolve_over(self.config.as_deref(), &[])
+    }
+}
+
+impl Settings {
+    /// The configuration: defaults, preset, file, --set, flags.
+    pub(crate) fn resolve(&self, extra: &[(&str, String)]) -> chainage::Result<Config> {
+        let mut all = Vec::new();
+        all.extend(self.machine.threads.map(|count| ("run.threads", count.to_string())));
+        all.extend(self.machine.memory.map(|mib| ("run.memory_mib", mib.to_string())));
+        all.extend(self.machine.no_mmap.then(|| ("input.mmap", "false".to_owned())));
+        all.extend(extra.iter().cloned());
+        self.choices.resolve_over(self.choices.config.as_deref(), &all)
+    }
+
+    /// The settings as arguments of another call of the program, without the flags named in `but`.
+    pub(crate) fn as_arguments(&self, but: &[&str]) -> Vec<OsString> {
+        let mut arguments = Vec::new();
+        let mut add = |flag: &str, value: Option<OsString>| {
+            if let (Some(value), false) = (value, but.contains(&flag)) {
+                arguments.push(OsString::from(format!("--{flag}")));
+                arguments.push(value);
+            }
+        };
+        let text = |value: &Option<String>| value.as_ref().map(OsString::from);
+        let Self { choices, machine } = self;
+        add("preset", text(&choices.preset));
+        add("config", choices.config.clone().map(PathBuf::into_os_string));
+        for assignment in &choices.assignments {
+            add("set", Some(assignment.into()));
+        }
+        add("method", text(&choices.method));
+        add("ground", text(&choices.ground));
+        add("threads", machine.threads.map(|count| count.to_string().into()));
+        add("memory", machine.memory.map(|mib| format!("{mib}M").into()));
+        add("tile-length", choices.tile_length.map(|metres| metres.to_string().into()));
+        add("trajectory", choices.trajectory.clone().map(PathBuf::into_os_string));
+        if machine.no_mmap {
+            arguments.push("--no-mmap".into());
+        }
+        arguments
     }
 }
 
@@ -133,6 +243,17 @@ mod tests {
         }
         for text in ["4T", "1M", "lots", "-3G"] {
             assert!(mebibytes(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn numbers_are_explained_by_an_example() {
+        assert_eq!((threads("2"), metres("2.5")), (Ok(2), Ok(2.5)));
+        for text in ["two", "0", "-3", "2.5", ""] {
+            assert!(threads(text).unwrap_err().contains("for example 2"), "{text}");
+        }
+        for text in ["wide", "0", "-3", "inf", ""] {
+            assert!(metres(text).unwrap_err().contains("above 0 m"), "{text}");
         }
     }
 }

@@ -4,6 +4,8 @@ use std::io::{self, Write};
 
 use chainage::{Error, ErrorKind};
 
+use crate::cli::colour;
+
 pub(crate) const DONE: u8 = 0;
 pub(crate) const BUG: u8 = 1;
 // 2 is clap's own code for wrong usage.
@@ -61,7 +63,7 @@ impl CliError {
 
     /// Reports the error on standard error.
     pub(crate) fn print(&self) {
-        let mut text = format!("error: {self}\n");
+        let mut text = format!("{} {self}\n", colour::coloured("error:", colour::RED));
         let mut cause = std::error::Error::source(self);
         while let Some(source) = cause {
             text.push_str(&format!("caused by: {source}\n"));

@@ -1,6 +1,7 @@
 //! The command line: arguments, settings, progress, exit codes. The only user of clap, indicatif and ctrlc.
 
 mod args;
+mod colour;
 mod commands;
 mod drive_args;
 mod exit;
@@ -12,7 +13,7 @@ mod table_points;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::FromArgMatches;
 
 use args::{Command, Program};
 use commands::pages;
@@ -20,7 +21,10 @@ use commands::pages;
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
     exit::install_panic_text();
-    let program = Program::parse_from(arguments());
+    let program = match Program::from_arg_matches_mut(&mut args::program().get_matches_from(arguments())) {
+        Ok(program) => program,
+        Err(error) => error.exit(),
+    };
     let result = match &program.command {
         Command::Info(args) => args.run(),
         Command::Plan(args) => args.run(),
@@ -34,9 +38,9 @@ pub(crate) fn main() -> ExitCode {
         Command::Eval(args) => args.run(),
         Command::Train(args) => args.run(),
         Command::Methods => pages::methods(),
-        Command::Config => pages::config(),
-        Command::Completions(args) => args.run(Program::command()),
-        Command::Man => pages::man(&Program::command()),
+        Command::Config(args) => args.run(),
+        Command::Completions(args) => args.run(args::program()),
+        Command::Man(args) => args.run(&args::program()),
     };
     match result {
         Ok(code) => ExitCode::from(code),

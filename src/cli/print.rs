@@ -4,6 +4,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use chainage::output::save;
+pub(crate) use chainage::words::{counted, separated as count};
 use serde::Serialize;
 
 use crate::cli::exit::CliError;
@@ -21,7 +22,7 @@ pub(crate) fn text(text: &str) -> Result<(), CliError> {
 /// Where a result goes as JSON, in commands that print a page.
 #[derive(Debug, clap::Args)]
 pub(crate) struct JsonOutput {
-    /// Print JSON instead of text, or write it to a file beside it: --json, --json=FILE (- for standard output)
+    /// Print JSON instead of text; with =FILE, print text and write JSON to the file
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-")]
     json: Option<PathBuf>,
 }
@@ -90,36 +91,18 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     text
 }
 
-/// A count with separators: 1,234,567.
-pub(crate) fn count(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (at, digit) in digits.chars().enumerate() {
-        if at > 0 && (digits.len() - at).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 /// Bytes as MiB or GiB.
 pub(crate) fn bytes(number: u64) -> String {
     let mib = number as f64 / f64::from(1 << 20);
     if mib < 1024.0 { format!("{mib:.1} MiB") } else { format!("{:.2} GiB", mib / 1024.0) }
 }
 
+/// Prints a line on standard error. If standard error is closed, nobody reads it, so the failure is ignored.
+pub(crate) fn note(text: &str) {
+    let _ = io::stderr().write_all(format!("{text}\n").as_bytes());
+}
+
 /// Warnings as lines.
 pub(crate) fn warnings(list: &[String]) -> String {
     list.iter().map(|text| format!("  warning: {text}\n")).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn counts_have_separators() {
-        assert_eq!([count(0), count(999), count(1_000), count(1_234_567)].join(" "), "0 999 1,000 1,234,567");
-    }
 }

@@ -29,7 +29,7 @@ impl TablePoints {
         let columns = if columns.is_empty() { table.numeric_columns()? } else { table.columns(columns)? };
         let given = weights.map_or(0, <[f64]>::len);
         if given != 0 && given != columns.len() {
-            let expected = format!("one weight for each of {} columns", columns.len());
+            let expected = format!("one weight per column, {} in all", columns.len());
             return Err(ConfigError::value("--weights", format!("{given} weights"), expected).into());
         }
         let mut points = Points::new(columns.len(), table.values(&columns)?)?;

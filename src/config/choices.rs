@@ -1,4 +1,4 @@
-//! Settings that are one word of a few, and what is said of a word that is none of them.
+//! Settings with a few words as values, and the messages about values that are not accepted.
 
 use serde::{Deserialize, Serialize};
 
@@ -79,6 +79,19 @@ pub enum OutputFormat {
     Las,
     /// Always.
     Laz,
+}
+
+/// What serde expected, in the words of a user: `a number` instead of `f64`.
+pub(super) fn expected(message: &str) -> String {
+    let expected = message.trim().rsplit_once("expected ").map_or(message, |(_, expected)| expected);
+    match expected {
+        "f32" | "f64" => "a number".to_owned(),
+        "i8" | "i16" | "i32" | "i64" => "a whole number".to_owned(),
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, at least 0".to_owned(),
+        "a boolean" => "true or false".to_owned(),
+        "a string" | "path string" => "text".to_owned(),
+        other => other.to_owned(),
+    }
 }
 
 /// The words that serde expected, as in `same, las or laz`; `None` when the message is about something else.

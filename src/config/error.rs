@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
+use crate::words;
 
 /// A setting that cannot be used. The text names the key, the value and the accepted values.
 #[derive(Debug, thiserror::Error)]
@@ -26,11 +27,31 @@ pub enum ConfigError {
         source: toml::de::Error,
     },
     /// A key that does not exist.
-    #[error("there is no setting {key}{}", known_list(known))]
+    #[error("there is no setting {key}{}", suggestion(similar.as_deref(), known))]
     UnknownKey {
         /// The key as written, dotted.
         key: String,
-        /// The existing keys of this section.
+        /// The existing key that it resembles, dotted.
+        similar: Option<String>,
+        /// The existing keys of this section, or the sections.
+        known: Vec<String>,
+    },
+    /// A key without its section.
+    #[error("{key} is a setting of {}: write {}.{key}={value}", sections.join(" and "), sections[0])]
+    NoSection {
+        /// The key.
+        key: String,
+        /// The value.
+        value: String,
+        /// The sections that have this key; at least one.
+        sections: Vec<String>,
+    },
+    /// A preset that does not exist.
+    #[error("there is no preset {name}{}", suggestion(words::similar(name, known.iter().map(String::as_str)), known))]
+    UnknownPreset {
+        /// The name as given.
+        name: String,
+        /// The existing names.
         known: Vec<String>,
     },
     /// A value of the wrong type or out of range.
@@ -44,7 +65,10 @@ pub enum ConfigError {
         expected: String,
     },
     /// A ground filter or clustering method that is not registered.
-    #[error("there is no {kind} named {name}{}", known_list(known))]
+    #[error(
+        "there is no {kind} {name}{}",
+        suggestion(words::similar(name, known.iter().map(String::as_str)), known)
+    )]
     UnknownMethod {
         /// `ground filter` or `clustering method`.
         kind: &'static str,
@@ -61,8 +85,13 @@ pub enum ConfigError {
     },
 }
 
-fn known_list(known: &[String]) -> String {
-    if known.is_empty() { String::new() } else { format!(", there is: {}", known.join(", ")) }
+/// The end of a message about a name that does not exist: the name that was probably meant, else all names.
+fn suggestion(similar: Option<&str>, known: &[String]) -> String {
+    match similar {
+        Some(similar) => format!(": did you mean {similar}?"),
+        None if known.is_empty() => String::new(),
+        None => format!(", there is: {}", known.join(", ")),
+    }
 }
 
 impl ConfigError {
@@ -79,9 +108,11 @@ impl Failure for ConfigError {
 
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
-            Self::UnknownKey { .. } | Self::UnknownMethod { .. } | Self::Assignment { .. } => {
+            Self::UnknownKey { .. } | Self::NoSection { .. } | Self::Assignment { .. } => {
                 Some("chainage config prints every setting with its unit and default".into())
             }
+            Self::UnknownMethod { .. } => Some("chainage methods describes them".into()),
+            Self::UnknownPreset { .. } => Some("chainage config --presets describes them".into()),
             Self::Read { .. } | Self::Syntax { .. } | Self::Value { .. } => None,
         }
     }

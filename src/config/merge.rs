@@ -3,18 +3,28 @@
 use toml::{Table, Value};
 
 use crate::config::ConfigError;
+use crate::words;
 
 /// Parses a TOML text that came from `origin` (a file or an option).
 pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
     text.parse().map_err(|source| ConfigError::Syntax { origin: origin.to_owned(), source })
 }
 
-/// The table of one assignment `section.key=value`. A value that is not TOML is taken as a string.
-pub(super) fn assignment(text: &str) -> Result<Table, ConfigError> {
+/// The table of one assignment `section.key=value`. A value that is not TOML is taken as a string. If the section is
+/// missing, the sections of `base` with this key are named in the error.
+pub(super) fn assignment(text: &str, base: &Table) -> Result<Table, ConfigError> {
     let unreadable = || ConfigError::Assignment { text: text.to_owned() };
     let (path, value) = text.split_once('=').ok_or_else(unreadable)?;
-    let (section, key) = path.trim().split_once('.').ok_or_else(unreadable)?;
-    let value = value.trim();
+    let (path, value) = (path.trim(), value.trim());
+    let Some((section, key)) = path.split_once('.') else {
+        let has = |values: &Value| values.as_table().is_some_and(|values| values.contains_key(path));
+        let sections: Vec<String> =
+            base.iter().filter(|(_, values)| has(values)).map(|(section, _)| section.clone()).collect();
+        if sections.is_empty() {
+            return Err(unreadable());
+        }
+        return Err(ConfigError::NoSection { key: path.to_owned(), value: value.to_owned(), sections });
+    };
     let parsed = format!("value = {value}").parse::<Table>().ok().and_then(|mut table| table.remove("value"));
     let mut inner = Table::new();
     inner.insert(key.to_owned(), parsed.unwrap_or_else(|| Value::String(value.to_owned())));
@@ -25,10 +35,14 @@ pub(super) fn assignment(text: &str) -> Result<Table, ConfigError> {
 
 /// Overrides values of `base` with those of `upper`.
 pub(super) fn overlay(base: &mut Table, upper: Table) -> Result<(), ConfigError> {
+    let all = keys(base);
+    let similar = |key: &str| words::similar(key, all.iter().map(String::as_str)).map(str::to_owned);
     let sections: Vec<String> = base.keys().cloned().collect();
     for (name, value) in upper {
         let Some(Value::Table(section)) = base.get_mut(&name) else {
-            return Err(ConfigError::UnknownKey { key: name, known: sections });
+            let first = value.as_table().and_then(|values| values.keys().next());
+            let key = first.map_or_else(|| name.clone(), |first| format!("{name}.{first}"));
+            return Err(ConfigError::UnknownKey { similar: similar(&key), key, known: sections });
         };
         let Value::Table(values) = value else {
             return Err(ConfigError::value(name, value, "a section with keys"));
@@ -37,12 +51,21 @@ pub(super) fn overlay(base: &mut Table, upper: Table) -> Result<(), ConfigError>
             let known: Vec<String> = section.keys().cloned().collect();
             let dotted = format!("{name}.{key}");
             let Some(old) = section.get_mut(&key) else {
-                return Err(ConfigError::UnknownKey { key: dotted, known });
+                return Err(ConfigError::UnknownKey { similar: similar(&dotted), key: dotted, known });
             };
             *old = same_type(&dotted, old, value)?;
         }
     }
     Ok(())
+}
+
+/// Every key of a table of sections, dotted.
+fn keys(base: &Table) -> Vec<String> {
+    let of_section = |(section, values): (&String, &Value)| {
+        let keys = values.as_table().into_iter().flatten().map(|(key, _)| key);
+        keys.map(|key| format!("{section}.{key}")).collect::<Vec<_>>()
+    };
+    base.iter().flat_map(of_section).collect()
 }
 
 /// `value`, if it has the type of the default. An integer is accepted for a real number. So is `auto`, if the
@@ -54,8 +77,15 @@ fn same_type(key: &str, default: &Value, value: Value) -> Result<Value, ConfigEr
         (Value::Float(_), Value::String(text)) if text == "auto" => Ok(Value::String(text)),
         (default, value) if default.same_type(&value) => Ok(value),
         (default, value) => {
-            let article = if default.is_integer() { "an" } else { "a" };
-            Err(ConfigError::value(key, &value, format!("{article} {}", default.type_str())))
+            let expected = match default {
+                Value::Boolean(_) => "true or false",
+                Value::Integer(_) => "a whole number",
+                Value::Float(_) => "a number",
+                Value::String(_) => "text",
+                Value::Array(_) => "a list, for example [\"x\", \"y\"]",
+                Value::Datetime(_) | Value::Table(_) => default.type_str(),
+            };
+            Err(ConfigError::value(key, &value, expected))
         }
     }
 }

@@ -15,6 +15,7 @@
 mod choices;
 mod error;
 mod merge;
+mod presets;
 
 use std::path::{Path, PathBuf};
 
@@ -24,6 +25,7 @@ use serde::de::DeserializeOwned;
 pub use choices::{AxisChoice, ClassificationChoice, LengthUnit, OutputFormat};
 pub(crate) use choices::{FOOT, US_SURVEY_FOOT};
 pub use error::ConfigError;
+pub use presets::{PRESETS, Preset};
 
 /// The text of `config/default.toml`: every setting with its unit and default.
 pub const DEFAULT_TOML: &str = include_str!("../../config/default.toml");
@@ -119,14 +121,30 @@ impl Config {
     /// # Errors
     /// When the file cannot be read, a key is unknown, or a value has the wrong type or is out of range.
     pub fn resolve(file: Option<&Path>, assignments: &[String]) -> Result<Self, ConfigError> {
+        Self::with_preset(None, file, assignments)
+    }
+
+    /// The same, with the defaults overridden by one of the [`PRESETS`] first.
+    ///
+    /// # Errors
+    /// Those of [`Self::resolve`], and a preset that does not exist.
+    pub fn with_preset(
+        preset: Option<&str>,
+        file: Option<&Path>,
+        assignments: &[String],
+    ) -> Result<Self, ConfigError> {
         let mut table = merge::parse(DEFAULT_TOML, "config/default.toml")?;
+        if let Some(preset) = preset.map(Preset::find).transpose()? {
+            merge::overlay(&mut table, merge::parse(preset.text, preset.name)?)?;
+        }
         if let Some(path) = file {
             let text = fs_err::read_to_string(path)
                 .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
             merge::overlay(&mut table, merge::parse(&text, &path.display().to_string())?)?;
         }
         for text in assignments {
-            merge::overlay(&mut table, merge::assignment(text)?)?;
+            let assigned = merge::assignment(text, &table)?;
+            merge::overlay(&mut table, assigned)?;
         }
         Self::from_table(table)
     }
@@ -170,6 +188,23 @@ impl Config {
         self.table.get(name).and_then(toml::Value::as_table).cloned().unwrap_or_default()
     }
 
+    /// The settings that differ from the defaults, as `section.key = value`, in the order of the defaults.
+    ///
+    /// # Errors
+    /// Never: the defaults are valid.
+    pub fn differences(&self) -> Result<Vec<String>, ConfigError> {
+        let defaults = Self::resolve(None, &[])?.table;
+        let mut list = Vec::new();
+        for (section, values) in &self.table {
+            for (key, value) in values.as_table().into_iter().flatten() {
+                if defaults.get(section).and_then(|values| values.get(key)) != Some(value) {
+                    list.push(format!("{section}.{key} = {value}"));
+                }
+            }
+        }
+        Ok(list)
+    }
+
     /// All settings as TOML.
     #[must_use]
     pub fn to_toml(&self) -> String {
@@ -194,17 +229,38 @@ fn typed<T: DeserializeOwned>(table: &toml::Table, name: &str) -> Result<T, Conf
 /// # Errors
 /// [`ConfigError::Value`] with the dotted key when a key is unknown or a value has the wrong type.
 pub fn section<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T, ConfigError> {
-    serde_path_to_error::deserialize(toml::Value::Table(table.clone())).map_err(|error| {
-        let path = error.path().to_string();
-        let key = if path == "." { name.to_owned() } else { format!("{name}.{path}") };
-        let (value, error) = (table.get(&path), error.into_inner());
+    let read = |table: &toml::Table| T::deserialize(toml::Value::Table(table.clone()));
+    read(table).map_err(|error| {
+        let (key, value) = match wrong_key(table, &error, |part| read(part).err()) {
+            Some((key, value)) => (format!("{name}.{key}"), Some(value)),
+            None => (name.to_owned(), None),
+        };
         // A word is shown as it was given, anything else as TOML has it.
         match (value.and_then(toml::Value::as_str), choices::words(error.message())) {
             (Some(word), Some(words)) => ConfigError::value(key, word, words),
             _ => {
-                ConfigError::value(key, value.map_or_else(String::new, ToString::to_string), error.message())
+                let expected = choices::expected(error.message());
+                ConfigError::value(key, value.map_or_else(String::new, ToString::to_string), expected)
             }
         }
+    })
+}
+
+/// The entry of `table` that causes `error`. Reading stops at the first wrong entry: it is the one with which the error
+/// appears when the table is read entry by entry. `None` if the error is about the table, for instance a missing key.
+fn wrong_key<'t>(
+    table: &'t toml::Table,
+    error: &toml::de::Error,
+    read: impl Fn(&toml::Table) -> Option<toml::de::Error>,
+) -> Option<(&'t String, &'t toml::Value)> {
+    let mut part = toml::Table::new();
+    let fails = |part: &toml::Table| read(part).is_some_and(|other| other.message() == error.message());
+    if fails(&part) {
+        return None;
+    }
+    table.iter().find(|(key, value)| {
+        part.insert((*key).clone(), (*value).clone());
+        fails(&part)
     })
 }
 
@@ -223,14 +279,23 @@ mod tests {
         assert_eq!(config.method_table("euclidean")["d_t"].as_float(), Some(1.0));
         assert!((config.tiling.tile_length - 25.0).abs() < 1e-12);
         for (text, expected) in [
-            ("euclidean.dt=1", "there is no setting euclidean.dt, there is: d_t, min_points, max_points"),
-            ("euclid.d_t=1", "there is no setting euclid"),
+            ("euclidean.dt=1", "there is no setting euclidean.dt: did you mean euclidean.d_t?"),
+            ("euclidean.wide=1", "there is no setting euclidean.wide, there is: d_t, min_points, max_points"),
+            ("euclidian.d_t=1", "there is no setting euclidian.d_t: did you mean euclidean.d_t?"),
+            ("nothing.like_it=1", "there is no setting nothing.like_it, there is: input, axis, tiling"),
+            ("d_t=1", "d_t is a setting of euclidean and density-peaks: write euclidean.d_t=1"),
+            ("threads=2", "threads is a setting of run: write run.threads=2"),
             ("tiling.cell=0.1", "tiling.cell = 0.1: must be 0.5 to 10 (metres)"),
             ("tiling.cell", "cannot read the assignment tiling.cell, expected section.key=value"),
             ("output.format=shp", "output.format = shp: must be same, las or laz"),
             ("input.unit=yard", "input.unit = yard: must be auto, metre, foot or us-survey-foot"),
             ("output.classification=no", "output.classification = no: must be set or keep"),
-            ("run.fail_fast=3", "run.fail_fast = 3: must be a boolean"),
+            ("run.fail_fast=3", "run.fail_fast = 3: must be true or false"),
+            ("tiling.cell=wide", "tiling.cell = \"wide\": must be a number"),
+            ("tiling.cell=auto", "tiling.cell = \"auto\": must be a number"),
+            ("run.threads=2.5", "run.threads = 2.5: must be a whole number"),
+            ("run.threads=-3", "run.threads = -3: must be a whole number, at least 0"),
+            ("output.dimension=3", "output.dimension = 3: must be text"),
         ] {
             let message = set(&[text]).unwrap_err();
             assert!(message.starts_with(expected), "{message}");

@@ -1,4 +1,4 @@
-//! Blocks of columns: between which heights ground can lie in a block, by what is around it.
+//! Blocks of columns: the heights at which ground can lie in a block, derived from the blocks around it.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -89,8 +89,9 @@ impl Blocks {
         (0..self.place.len()).map(&mut of_block).collect()
     }
 
-    /// For every block the smallest low of a block within `radius` (in blocks, centres, inclusive) plus `rise` for each
-    /// block of distance and for the block itself, which is a slope, too; [`NONE`] where there is none.
+    /// The ceiling of every block. Each block within `radius` (in blocks, distance of centres, inclusive) allows its low
+    /// plus `rise` for each block of distance, and once more for the slope inside the block. The smallest of these values
+    /// counts; [`NONE`] where there is none.
     pub(super) fn ceilings(&self, lows: &[u32], radius: i64, rise: f64) -> Vec<u32> {
         let low_of = |block| self.columns(block).iter().map(|&column| lows[column as usize]).min();
         let lows: Vec<u32> = (0..self.place.len()).map(|block| low_of(block).unwrap_or(NONE)).collect();
@@ -127,7 +128,7 @@ mod tests {
 
     #[test]
     fn columns_are_grouped_by_blocks_at_multiples_of_their_edge() {
-        // Columns -1 and 0 are beside each other, and not of one block.
+        // Columns -1 and 0 are neighbours in different blocks.
         let blocks = blocks(&[[-1, 0], [0, 0], [0, 1], [1, 1], [2, 0]]);
         assert_eq!((0..5).map(|column| blocks.of(column)).collect::<Vec<_>>(), [0, 1, 1, 1, 2]);
         assert_eq!(blocks.columns(1), [1, 2, 3]);

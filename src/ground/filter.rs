@@ -4,12 +4,12 @@ use crate::config::ConfigError;
 use crate::model::{AlgorithmError, Lattice, PointClass, Reach};
 use crate::spatial::TileView;
 
-/// A method that tells ground from everything else.
+/// A method that separates the ground from everything else.
 pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     /// Name in the registry and of the section of its settings.
     fn name(&self) -> &'static str;
 
-    /// How far from a point other points matter for its class.
+    /// Largest distance of other points that decide the class of a point.
     fn reach(&self, lattice: Lattice) -> Reach;
 
     /// Sets [`PointClass::Ground`] where a point is ground. `classes` holds [`PointClass::Object`], or noise,

@@ -1,17 +1,16 @@
-//! Isolated noise: small groups of voxels that touch nothing else; it does not look at shape, intensity or
-//! time.
+//! Isolated noise: small groups of voxels that touch no other voxel. Shape, intensity and time do not matter.
 //!
 //! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
-//! segmentation" (2017), section 3.1: small connected components are noise. Ours, because the paper leaves it
-//! open: voxels that touch at a face, edge or corner are connected, the threshold counts points, and noise is
-//! told high from low for the LAS classes 18 and 7.
+//! segmentation" (2017), section 3.1: small connected components are noise. Ours, because the paper does not say it:
+//! voxels are connected if they touch at a face, edge or corner; the threshold counts points; low noise (LAS class 7)
+//! and high noise (LAS class 18) are distinguished.
 //!
-//! The decision is exact in one pass. Two facts bound how far it looks, n being `min_component_points`: a
-//! component of fewer than n points has at most n - 1 voxels, so all of it and of the empty shell around it
-//! lies at most n - 1 voxels from any of its points; and a component that is larger has, within n - 1 voxels of
-//! any of its points, at least n voxels and so n points. Nobody sees how long it goes on, and nobody needs to.
+//! The decision is exact, and needs only a limited neighbourhood. Let n be `min_component_points`. A component of fewer
+//! than n points has at most n - 1 voxels. So the component and the empty voxels around it lie at most n - 1 voxels from
+//! any of its points. A larger component has at least n voxels, and so n points, within n - 1 voxels of any of its
+//! points. Its full size does not matter.
 //!
-//! Cost: O(points) to cut the cloud (shared with a ground filter of the same voxel), O(voxels) after that.
+//! Cost: O(points) for the voxels (shared with a ground filter of the same edge), then O(voxels).
 //! Memory per voxel: 8 bytes beside the voxels themselves. The bench is `benches/kernels.rs`.
 //!
 //! Known failures: mixed pixels close to a surface are connected to it and stay; a bird of ten returns stays.
@@ -28,18 +27,18 @@ use crate::spatial::{Linker, TileView, VoxelIndex};
 
 const NAME: &str = "noise";
 
-/// Horizontal radius in metres of the neighbourhood that high noise is measured above: the default of
-/// `voxel-column`, so that "ground nearby" means much the same to both.
+/// The height of noise is measured above the lowest point within this horizontal radius, in metres. It is the default
+/// radius of `voxel-column`.
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
 /// Settings of the section `[noise]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NoiseConfig {
-    /// Whether isolated noise is looked for at all. Default true (Li et al. 2017, section 3.1).
+    /// Whether isolated noise is searched. Default true (Li et al. 2017, section 3.1).
     pub enabled: bool,
     /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (Li et al.
-    /// 2017, section 4.1), and that of the default ground filter, so that both share the voxels.
+    /// 2017, section 4.1), and as for the default ground filter, so that both share the voxels.
     pub voxel: f64,
     /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 100. Default 10
     /// (chosen; the paper gives no number). The context that tiles need grows with it.
@@ -91,9 +90,8 @@ impl IsolatedNoise {
         Ok(Self { config: config.clone() })
     }
 
-    /// How far from a point other points matter for whether it is noise: n voxels along each axis (see above),
-    /// so sqrt(2) times that in the plane. The engine believes the verdict only for points that have this much
-    /// context.
+    /// Largest distance of other points that decide whether a point is noise: n voxels along each axis (see above),
+    /// and sqrt(2) times that in the plane. The engine uses the decision only for points with this much context.
     #[must_use]
     pub fn reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -103,8 +101,8 @@ impl IsolatedNoise {
         Reach::Exact { metres: f64::from(self.config.min_component_points) * voxel_m * SQRT_2 }
     }
 
-    /// How far from a noise point the verdict on other points matters for whether it is high or low. To be
-    /// added to [`Self::reach`], just like the reach of the ground filter; the larger of the two does for both.
+    /// Largest distance of other points whose classes decide whether a noise point is high or low. It is added to
+    /// [`Self::reach`], like the reach of the ground filter. The larger of the two is enough for both.
     #[must_use]
     pub fn height_reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -115,8 +113,8 @@ impl IsolatedNoise {
     }
 
     /// Sets the noise among the points of `view` to [`PointClass::LowNoise`] or [`PointClass::HighNoise`];
-    /// `classes` has one entry per point, and those of other points stay. Components are those of the points
-    /// given: at the edge of a tile they look small, which is what the context is for.
+    /// `classes` has one entry per point; the entries of other points stay. Components consist of the given points. At
+    /// the edge of the context they are cut, so decisions there are wrong and are not used.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].

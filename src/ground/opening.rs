@@ -1,30 +1,33 @@
-//! `opening`: points close above a surface under which objects have been cut away.
+//! `opening`: ground is close above a surface from which objects have been removed.
 //!
-//! Ours. It takes the morphological opening of the lowest points from Zhang et al., "A progressive morphological
-//! filter for removing nonground measurements from airborne LIDAR data" (2003), and Pingel, Clarke, McBride, "An
-//! improved simple morphological filter for the terrain classification of airborne LIDAR data" (2013), but opens
-//! once and with a small disc: a mobile scanner sees the ground beside whatever stands on a road. It sees all points:
-//! far from the scanner the ground is scattered so thinly that it passes for isolated noise (one true ground point in
-//! a hundred on thinly sampled streets), and what is ground is noise no longer. Steps, over the columns of voxels:
+//! Ours. It uses the morphological opening of the lowest points, as in Zhang et al., "A progressive morphological filter
+//! for removing nonground measurements from airborne LIDAR data" (2003), and in Pingel, Clarke, McBride, "An improved
+//! simple morphological filter for the terrain classification of airborne LIDAR data" (2013). It opens only once, with a
+//! small disc, because a mobile scanner sees the ground beside everything that stands on a road. It also uses the points
+//! that were classified as noise. Far from the scanner the points of the ground are so sparse that they look like
+//! isolated noise (1 % of the true ground on sparsely sampled streets). If such a point is ground, it is no longer
+//! noise. The steps work on the columns of voxels:
 //!
-//! 1. *Floor.* A quantile of the lowest points of all columns in the 5 x 5 blocks around, less `depth`. What lies
-//!    deeper is multipath or a stray return.
-//! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor, so that single returns do not count.
-//! 3. *Surface*: the opening of the lows by a disc of `radius` (the minimum over the disc, of that the maximum).
-//!    It cuts cars, hedges and trunks away, follows slopes, and never lies above a low.
-//! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`: crowns and roofs below which no
-//!    ground was seen lie above that, and the surface does not.
-//! 5. A point is ground from `depth` below the surface up to `close` above it, and up to `height` where its column
-//!    is empty between `height` and `clear` above the surface: kerbs and rough ground are, the foot of a wall is not.
+//! 1. *Floor.* A quantile of the lowest points of all columns in the 5 x 5 blocks around, minus `depth`. Points below
+//!    the floor are multipath or stray returns.
+//! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor. So single returns do not count.
+//! 3. *Surface*: the opening of the lows by a disc of `radius`: the minimum over the disc, then the maximum of these. It
+//!    removes cars, hedges and trunks. It follows slopes, and never lies above a low.
+//! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`. The surface stays below this ceiling.
+//!    Crowns and roofs without ground below them lie above it.
+//! 5. A point is ground if it lies between `depth` below the surface and `close` above it. The upper limit is `height`
+//!    where the column is empty between `height` and `clear` above the surface. So kerbs and rough ground are ground,
+//!    and the foot of a wall is not.
 //!
-//! Numbers are whole lattice units, so that no result depends on an order. `benches/results/ground.md` compares it.
+//! All numbers are whole lattice units, so no result depends on an order. `benches/results/ground.md` compares it with
+//! the other filters.
 //!
 //! Cost: O(points + columns * radius / voxel). Memory: 28 bytes per column beside the voxels. The bench is
 //! `benches/kernels.rs`.
 //!
-//! Known failures: the lowest `close` of walls, trunks and hedges goes to the ground; so does the floor of a room
-//! behind a window, and the lower rim of a crown at the height of the ground beside it; terraces narrower than the
-//! disc; ground that rises faster than `slope`; on slopes the upper rim of what was seen, one `radius` wide.
+//! Known failures. These become ground: the lowest `close` of walls, trunks and hedges; the floor of a room behind a
+//! window; the lower rim of a crown at the height of the ground beside it. These do not: terraces narrower than the
+//! disc; ground that rises faster than `slope`; on slopes, a strip of one `radius` along the upper rim of the scan.
 
 use std::f64::consts::SQRT_2;
 
@@ -41,10 +44,11 @@ use crate::spatial::{TileView, VoxelIndex};
 
 pub(super) const NAME: &str = "opening";
 
-/// Columns along the edge of a block (chosen: 1.5 m by default, which is narrower than a lane).
+/// Number of columns along the edge of a block (chosen: 1.5 m by default, which is narrower than a lane).
 const BLOCK: i64 = 5;
 
-/// Blocks to each side whose lows make the floor (chosen: 7.5 m by default, so that a patch of multipath is small in it).
+/// Number of blocks to each side whose lows determine the floor (chosen: 7.5 m by default, which is larger than a patch
+/// of multipath).
 const FLOOR_REACH: i64 = 2;
 
 pub(super) const ENTRY: GroundEntry = GroundEntry {
@@ -58,20 +62,20 @@ pub(super) const ENTRY: GroundEntry = GroundEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OpeningConfig {
-    /// Edge of a column in metres, 0.05 to 2. Default 0.3: that of the noise, so that both share the voxels.
+    /// Edge of a column in metres, 0.05 to 2. Default 0.3, as for the noise, so that both share the voxels.
     pub voxel: f64,
-    /// The low of a column is its lowest point but so many minus one, 1 to 100. Default 2.
+    /// Rank of the point that is the low of a column: 1 is the lowest point, 2 the second lowest. 1 to 100. Default 2.
     pub lowest_points: u32,
-    /// Quantile of the lows around a block that the floor is measured from, 0 to 0.5. Default 0.1.
+    /// The floor lies below this quantile of the lows around a block, 0 to 0.5. Default 0.1.
     pub low_quantile: f64,
-    /// How far below that quantile, and below the surface, ground may lie in metres, 0 to 100. Default 0.3.
+    /// Largest depth of ground below that quantile and below the surface, in metres, 0 to 100. Default 0.3.
     pub depth: f64,
     /// Radius of the disc in metres, 0 to 20. Default 1.2: half of what is wider than a car.
     pub radius: f64,
-    /// How fast the ground may rise, 0 to 10 (metres per metre). Default 0.6: embankments
-    /// of 1 : 1.5, as a block has its own rise on top.
+    /// Largest slope of the ground, 0 to 10 metres per metre. Default 0.6: with the rise inside a block, this allows
+    /// embankments of 1 : 1.5.
     pub slope: f64,
-    /// Over what distance in metres, 0 to 50. Default 6.
+    /// Distance over which the slope is limited, in metres, 0 to 50. Default 6.
     pub slope_radius: f64,
     /// Points less than this above the surface are ground, in metres, 0 to 10. Default 0.06.
     pub close: f64,
@@ -143,7 +147,7 @@ impl Opening {
         Ok(Self { config: config.clone() })
     }
 
-    /// Blocks that `slope_radius` is long.
+    /// `slope_radius` in blocks.
     fn slope_blocks(&self, lattice: Lattice) -> i64 {
         lattice.units(self.config.slope_radius) / (BLOCK * lattice.units(self.config.voxel))
     }

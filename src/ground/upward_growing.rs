@@ -1,27 +1,27 @@
-//! `upward-growing`: small voxels from which little rises within their block.
+//! `upward-growing`: a voxel is ground if only little rises from it within its block.
 //!
 //! Source: Guan, Yu, Li, Liu, "Segmentation of mobile laser scanning data for trees" (2016), section 3.1, with
-//! the values of its section 4. The plane is cut into blocks of `block`, a block into voxels of `voxel`. A voxel
-//! grows upward to the nine voxels of the layer above it (3 x 3, in its block), those grow in the same way, and
-//! the highest voxel that is reached decides: the voxel is ground when this top is less than `height` above the
-//! low of the block.
+//! the values of its section 4. The plane is divided into blocks of `block`, and a block into voxels of `voxel`. A voxel
+//! grows upward to the occupied ones among the nine voxels of the layer above it (3 x 3, in its block). These grow in the
+//! same way. The highest voxel that is reached is the top. The voxel is ground if its top is less than `height` above
+//! the low of the block.
 //!
-//! Ours, because the paper leaves it open: the low of a block is a quantile of the lowest voxels of its columns.
-//! With their minimum one return below the road would take the block from the ground (recall fell from 0.99 to
-//! 0.34 on a street with 0.02 % of stray returns). Voxels and blocks lie at multiples of their edges in the
-//! coordinates of the drive, so that no point depends on where a file or a tile begins.
+//! Ours, because the paper does not say it: the low of a block is a quantile of the lowest voxels of its columns. If it
+//! were their minimum, one return below the road would remove the whole block from the ground (recall fell from 0.99 to
+//! 0.34 on a street with 0.02 % of stray returns). Voxels and blocks lie at multiples of their edges in the coordinates
+//! of the drive. So no point depends on where a file or a tile begins.
 //!
-//! A path upward passes through every layer up to its top, so a top lies `height` or more above the low exactly
-//! when the first layer at that height is reached. Layers above it are never looked at, and one bit per column
-//! says what of the layer above was reached.
+//! A path upward passes through every layer up to its top. So a top lies `height` or more above the low exactly if the
+//! first layer at that height is reached. Higher layers are not examined. One bit per column says which voxels of the
+//! layer above were reached.
 //!
 //! Cost: O(points + columns log columns). Memory: five bytes per voxel beside the voxels themselves. The bench
 //! is `benches/kernels.rs`.
 //!
-//! Known failures: what is lower than `height` goes to the ground (kerbs, low shrubs), and so does the lower rim
-//! of what floats in a block without ground (crowns, roofs); steps of more than `height` within a block (slopes
-//! of 10 % and more climb so much in 3 m, though only where layers touch); where the ground is dense, the lowest
-//! `height` of what stands on it stays ground unless it rises without a gap.
+//! Known failures. These become ground: objects lower than `height` (kerbs, low shrubs); the lower rim of crowns and
+//! roofs in a block without ground; where the ground is dense, the lowest `height` of an object with a gap above it.
+//! These do not: steps of more than `height` within a block (a slope of 10 % rises as much in 3 m, but only layers that
+//! touch count).
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -45,7 +45,7 @@ use crate::spatial::{TileView, VoxelIndex};
 
 pub(super) const NAME: &str = "upward-growing";
 
-/// Voxels along the edge of a block at most: a row of columns is a word of bits.
+/// Largest number of voxels along the edge of a block: a row of columns is a word of bits.
 const MOST_VOXELS: usize = 128;
 
 pub(super) const ENTRY: GroundEntry = GroundEntry {
@@ -67,8 +67,8 @@ pub struct UpwardGrowingConfig {
     /// A voxel is ground when its top is less than this above the low of its block, in metres, 0.02 to 100.
     /// Default 0.3 (Guan et al. 2016, section 4: H_thresh).
     pub height: f64,
-    /// The low of a block is this quantile of the lowest voxels of its columns, 0 to 0.5. Default 0.05 (chosen:
-    /// the paper does not say what heights are measured from); 0 is the minimum.
+    /// The low of a block is this quantile of the lowest voxels of its columns, 0 to 0.5; 0 is the minimum. Default
+    /// 0.05 (chosen: the paper does not define the low).
     pub low_quantile: f64,
 }
 
@@ -291,7 +291,7 @@ mod tests {
 
     #[test]
     fn a_top_of_five_layers_is_ground_and_one_of_six_is_not() {
-        // 5 * 0.05 m < 0.3 m <= 6 * 0.05 m. The rest of a column that is too high is no ground either.
+        // 5 * 0.05 m < 0.3 m <= 6 * 0.05 m. The rest of a column that is too high is not ground either.
         let tower = |top: i64| (0..=top).map(|k| [10, 10, k]).collect::<Vec<_>>();
         assert_eq!(voxels(&tower(5)), [Ground; 6]);
         assert_eq!(voxels(&tower(6)), [Object; 7]);

@@ -1,21 +1,21 @@
-//! The ground filter `voxel-column`: low, short columns of voxels are ground; it knows no terrain model.
+//! The ground filter `voxel-column`: low, short columns of voxels are ground. It uses no terrain model.
 //!
 //! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
-//! segmentation" (2017), section 3.1.2 and eq. 2. Ours: voxels are anchored at multiples of their edge, not at
-//! the minimum of the data, so that adding a file moves nothing; lengths are compared in lattice units, so that
-//! no rounding decides; the radius of the neighbourhood, which the paper does not give.
+//! segmentation" (2017), section 3.1.2 and eq. 2. Ours: voxels lie at multiples of their edge, not at the minimum of the
+//! data, so an added file moves nothing; lengths are compared in lattice units, so no rounding decides; the paper does
+//! not give the radius of the neighbourhood.
 //!
-//! With the voxels of all points that are not noise, a *run* being a maximal sequence of occupied voxels of one
-//! column with consecutive k: the lowest voxel of a column is ground when its run is shorter than `run_height`
-//! and when it is less than `step` above the lowest voxel of any column within `radius` (centres, inclusive);
-//! then its whole run is ground, kerbs and low growth with it.
+//! The voxels contain all points that are not noise. A *run* is a maximal sequence of occupied voxels of one column with
+//! consecutive k. The lowest voxel of a column is ground if its run is shorter than `run_height`, and if it is less than
+//! `step` above the lowest voxel of every column within `radius` (distance of the centres, inclusive). Then its whole
+//! run is ground, including kerbs and low plants.
 //!
 //! Cost: O(points + columns * radius / voxel). Memory: five bytes per voxel, 8 per column, beside the voxels
 //! themselves. The bench is `benches/kernels.rs`.
 //!
-//! Known failures: ground below a body that touches it within a voxel (cars, hedges, walls) goes to the object
-//! with it; whatever is lower than `run_height` and stands on the ground goes to the ground; slopes that climb
-//! `step` or more within `radius` (18 degrees by default) are no ground.
+//! Known failures: ground that touches an object within a voxel (below cars, hedges, walls) goes to the object; objects
+//! lower than `run_height` go to the ground; slopes that rise `step` or more within `radius` (18 degrees by default) are
+//! not ground.
 
 use std::f64::consts::SQRT_2;
 
@@ -52,11 +52,11 @@ pub struct VoxelColumnConfig {
     /// A lowest voxel is ground only when it is less than this above the lowest one nearby, in metres, 0.02 to
     /// 100. Default 0.5 (Li et al. 2017, eq. 2).
     pub step: f64,
-    /// What nearby means: horizontal distance of the centres of columns in metres, inclusive, 0 to 20. Default
-    /// 1.5 (chosen: five voxels, so that a kerb or a car door beside the road finds the road).
+    /// Columns are nearby if the horizontal distance of their centres is at most this, in metres, 0 to 20. Default 1.5
+    /// (chosen: five voxels, so that the road is near a kerb or a car door beside it).
     pub radius: f64,
-    /// The lowest voxel of a column is the lowest with so many points, 1 to 100. Default 1 (Li et al. 2017 count
-    /// none): with more, a single return below the road does not take the road around it from the ground.
+    /// The lowest voxel of a column is the lowest with at least this number of points, 1 to 100. Default 1, as in Li et
+    /// al. 2017. With 2, a single return below the road does not remove the road around it from the ground.
     pub lowest_points: u32,
 }
 
@@ -200,7 +200,7 @@ mod tests {
         assert_eq!(classify(&voxels(&[[0, 0], [5, 1]]), &[Object; 2]), [Ground, Ground]);
         assert_eq!(classify(&voxels(&[[0, 0], [5, 2]]), &[Object; 2]), [Ground, Object]);
         assert_eq!(classify(&voxels(&[[0, 0], [6, 2]]), &[Object; 2]), [Ground, Ground]);
-        // The lowest of a column that is itself no ground (a wall) counts as well.
+        // The lowest voxel of a column that is not ground (a wall) counts as well.
         let wall = voxels(&[[0, 0], [0, 1], [0, 2], [0, 3], [1, 2]]);
         assert_eq!(classify(&wall, &[Object; 5]), [Object; 5]);
     }

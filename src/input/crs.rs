@@ -183,7 +183,7 @@ impl Claim {
                 CrsKind::Projected => "an unnamed projected system".into(),
                 CrsKind::Geographic => "an unnamed geographic system".into(),
                 CrsKind::Geocentric => "an unnamed geocentric system".into(),
-                CrsKind::Unknown => "an unknown system".into(),
+                CrsKind::Unknown => "not given in the files (coordinates are taken as metres)".into(),
             },
         };
         Crs {

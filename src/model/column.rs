@@ -48,7 +48,7 @@ impl Column {
 pub enum ColumnType {
     /// Whole numbers from 0.
     Count,
-    /// Numbers, rounded to so many decimal places when they are written.
+    /// Numbers that are rounded to this number of decimal places when they are written.
     Decimal {
         /// Decimal places.
         places: u8,

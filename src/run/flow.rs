@@ -47,7 +47,7 @@ pub(crate) struct Outcome {
     pub(crate) unmarked: Option<(Outline, Finished)>,
     /// What the clustering method reports about its steps.
     pub(crate) figures: Figures,
-    /// What the user should know and was not told before the tiles.
+    /// Warnings that were not reported before the tiles.
     pub(crate) warnings: Vec<String>,
 }
 

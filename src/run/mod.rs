@@ -49,7 +49,8 @@ pub use engine::{CancelToken, Event, Observer, PassFigures, Silent};
 pub use error::RunError;
 pub use estimate::{EstimateRequest, estimate_epsilon};
 pub use look::{
-    DriveFacts, FileFacts, PlanFacts, TileFacts, codec_floor, copy_floor, files_of, look_at, plan_of,
+    DriveFacts, FileFacts, PlanFacts, TileFacts, check_settings, codec_floor, copy_floor, files_of, look_at,
+    plan_of,
 };
 pub use look::{PassStatus, RunStatus, status};
 pub use summary::{Counts, RunSummary};
@@ -84,6 +85,9 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let (labelled, file_warnings) = names::plan_files(&catalog, config, chain.method.classifies(), &run_dir)?;
     let mut warnings = catalog.warnings().to_vec();
     warnings.extend(file_warnings);
+    if request.fresh {
+        warnings.extend(names::remove_superseded(&run_dir, &labelled)?);
+    }
     let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
     let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
 

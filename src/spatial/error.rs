@@ -3,13 +3,14 @@
 use std::borrow::Cow;
 
 use crate::error::{ErrorKind, Failure};
+use crate::words::counted;
 
 /// Points that a method cannot cluster.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpatialError {
     /// Too few or too many columns.
-    #[error("points have {dimensions} dimensions; only {} to {} can be clustered", super::DIMENSIONS.start(), super::DIMENSIONS.end())]
+    #[error("points have {}; only {} to {} can be clustered", counted(*dimensions as u64, "dimension"), super::DIMENSIONS.start(), super::DIMENSIONS.end())]
     Dimensions {
         /// Dimensions of the points.
         dimensions: usize,

@@ -86,8 +86,7 @@ impl RunDir {
         })
     }
 
-    /// Removes the state except for the lock and the names of the outputs. The outputs remain known as files
-    /// of chainage.
+    /// Removes the state except for the lock and the names of the outputs, which remain files of chainage.
     fn discard(&self) -> Result<(), StoreError> {
         for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
             let path = entry.map_err(StoreError::io("read", &self.state))?.path();
@@ -131,6 +130,11 @@ impl RunDir {
         let before = all.len();
         all.extend(names.iter().filter(|name| !all.contains(name)).cloned().collect::<Vec<_>>());
         if all.len() == before { Ok(()) } else { self.write_json(OUTPUTS, &all) }
+    }
+
+    /// Records that the files of these names are the only outputs.
+    pub(crate) fn replace_outputs(&self, names: &[String]) -> Result<(), StoreError> {
+        self.write_json(OUTPUTS, &names)
     }
 
     /// Reads a small JSON file of the state; `None` when there is none.

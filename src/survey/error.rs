@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
+use crate::words::counted;
 
 /// A drive that cannot be surveyed.
 #[derive(Debug, thiserror::Error)]
@@ -70,7 +71,7 @@ pub enum SurveyError {
         limit_m: f64,
     },
     /// Files without a single point.
-    #[error("there are no points in {files} files")]
+    #[error("there are no points in {}", counted(*files as u64, "file"))]
     Empty {
         /// Number of files.
         files: usize,

@@ -171,13 +171,16 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
     let representatives: Vec<usize> = cells.into_values().collect();
     let mut sums = BTreeMap::<(Voxel, Voxel), (f64, f64)>::new();
     let mut farthest_neighbour: f64 = 0.0;
+    // A representative has many partners and one curvature.
+    let mut curvatures = BTreeMap::<usize, (f64, f64)>::new();
+    let mut curvature_of = |p: usize| *curvatures.entry(p).or_insert_with(|| curvature(points, &labelled, p));
     for &a in &representatives {
         for &b in &representatives {
             let one = cluster_of(a).expect("labelled");
             let other = cluster_of(b).expect("labelled");
             if one < other && squared(points[a], points[b]) < s.d_th.pow(2) {
-                let (of_a, far_a) = curvature(points, &labelled, a);
-                let (of_b, far_b) = curvature(points, &labelled, b);
+                let (of_a, far_a) = curvature_of(a);
+                let (of_b, far_b) = curvature_of(b);
                 let sum = sums.entry((one, other)).or_default();
                 sum.0 += (of_a + of_b) / 2.0;
                 sum.1 += 1.0;

@@ -11,17 +11,17 @@ use crate::cli::commands::demo::{SAMPLE, SAMPLE_NAME};
 use crate::cli::drive_args::Settings;
 use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
-use crate::cli::print::JsonOutput;
+use crate::cli::print::{self, JsonOutput};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct BenchArgs {
-    /// LAS or LAZ files, folders or patterns [default: the sample that comes with the program]
+    /// LAS or LAZ files, folders or patterns [default: the sample that is part of the program]
     #[arg(value_name = "FILES")]
     files: Vec<PathBuf>,
-    /// Times everything is measured, in turn; medians are shown
+    /// Number of measurements; the medians are shown
     #[arg(long, default_value_t = 3, value_name = "N")]
     rounds: usize,
-    /// Folder for the outputs, which are removed again [default: the system's folder for temporary files]
+    /// Folder for the outputs, which are removed afterwards [default: the system's temporary folder]
     #[arg(long, value_name = "FOLDER")]
     scratch: Option<PathBuf>,
     #[command(flatten)]
@@ -218,8 +218,8 @@ fn page(report: &Value) -> String {
     );
     for run in report["runs"].as_array().into_iter().flatten() {
         text.push_str(&format!(
-            "\n  {} thread(s): {:.2} s ({:.2} to {:.2}), {:.2} M points/s, {:.1} x copy floor ({:.1} x synced), peak {:.0} MiB\n",
-            run["threads"],
+            "\n  {}: {:.2} s ({:.2} to {:.2}), {:.2} M points/s, {:.1} x copy floor ({:.1} x synced), peak {:.0} MiB\n",
+            print::counted(run["threads"].as_u64().unwrap_or(0), "thread"),
             number(&run["seconds"]),
             number(&run["seconds_min"]),
             number(&run["seconds_max"]),

@@ -1,4 +1,4 @@
-//! `chainage cluster`: the rows of a table in, the same rows with a cluster number out. Not: any method.
+//! `chainage cluster`: reads the rows of a table and writes them with the number of their cluster. Not: any method.
 
 use std::path::PathBuf;
 
@@ -17,29 +17,29 @@ use crate::cli::table_points::{self, TablePoints};
 
 /// Clusters the rows of a table: points of 2 to 8 dimensions.
 ///
-/// The output repeats the table byte for byte and adds a column with the number of the cluster; 0 is noise or an outlier.
+/// The output is the table, byte for byte, with one more column: the number of the cluster, or 0 for noise and outliers.
 /// Clusters are numbered in the order of their first rows.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ClusterArgs {
-    /// Table with a header, separated by commas, semicolons, tabs or blanks (- for standard input)
+    /// Table with a header, separated by commas, semicolons, tabs or blanks (-: from standard input)
     #[arg(value_name = "TABLE")]
     table: PathBuf,
-    /// Where the labelled table goes (- for standard output)
+    /// File for the labelled table (-: standard output)
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// Method
+    /// Clustering method
     #[arg(long, value_enum, value_name = "NAME")]
     method: Method,
-    /// Columns that are the coordinates, by name or by number from 1 [default: all that hold numbers only]
+    /// Columns with the coordinates, by name or by number from 1 [default: all numeric columns]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     columns: Vec<String>,
-    /// The first line is a row already; columns have numbers
+    /// The table has no header; name columns by number
     #[arg(long)]
     no_header: bool,
     /// Name of the new column
     #[arg(long, value_name = "NAME", default_value = "cluster_id")]
     id_column: String,
-    /// Divide each column by its standard deviation, after subtracting its mean
+    /// Subtract the mean of each column, then divide the column by its standard deviation
     #[arg(long)]
     standardise: bool,
     /// Weight of each column after standardising, in the order of --columns [default: 1]
@@ -49,38 +49,38 @@ pub(crate) struct ClusterArgs {
     dbscan: DbscanArgs,
     #[command(flatten)]
     p_linkage: PLinkageArgs,
-    /// Write the settings, counts and the estimate as JSON (- for standard output)
+    /// Write settings, counts and the estimate as JSON (-: to standard output)
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Method {
-    /// Density-based clusters; epsilon is estimated or given
+    /// Wang et al. 2019 (doi:10.3390/s19010172) and Ester et al. 1996; epsilon is given or estimated
     Dbscan,
-    /// Links of every point to the closest denser one
+    /// Lu et al. 2016: every point is linked to the nearest denser one
     PLinkage,
 }
 
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "dbscan")]
 struct DbscanArgs {
-    /// What makes a cluster: its size alone, or core points
+    /// Definition of a cluster: connected points limited by their number, or core points with their border
     #[arg(long, value_enum, value_name = "size|core", default_value = "size")]
     variant: Variant,
-    /// Radius of a neighbourhood in the unit of the columns, or auto: estimated from the points
+    /// Radius of a neighbourhood in the unit of the columns; auto: estimated from the points
     #[arg(long, value_name = "NUMBER|auto", default_value = "auto", value_parser = epsilon_or_auto)]
     epsilon: EpsilonChoice,
-    /// Neighbours that the estimation starts with, the point itself included
+    /// Number of neighbours of the first curve of the estimation, the point itself included
     #[arg(long, value_name = "K", default_value_t = epsilon::FIRST_K as u64, value_parser = clap::value_parser!(u64).range(8..=200))]
     k: u64,
-    /// size: rows of the smallest cluster; core: rows around a core point, itself included
+    /// size: number of rows of the smallest cluster; core: number of rows around a core point, itself included
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
     min_points: u64,
-    /// Rows of the largest cluster; 0: no limit
+    /// Number of rows of the largest cluster; 0: no limit
     #[arg(long, value_name = "N", default_value_t = 0)]
     max_points: u64,
-    /// Draw the curve that epsilon is estimated from (- for standard output)
+    /// Write a drawing of the curve of the estimation as SVG (-: to standard output)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
 }
@@ -91,7 +91,7 @@ struct PLinkageArgs {
     /// Cut-off distance as a multiple of the median distance to the nearest neighbour
     #[arg(long, value_name = "NUMBER", default_value_t = 5.0, value_parser = positive)]
     scale: f64,
-    /// Merge neighbouring clusters of like density: for data that are evenly dense
+    /// Merge neighbouring clusters of similar density; for points of uniform density
     #[arg(long)]
     merge: bool,
 }
@@ -161,11 +161,11 @@ impl ClusterArgs {
         let svg_shown = self.dbscan.svg.as_deref().is_some_and(is_standard_output);
         if !table_shown && !json_shown && !svg_shown {
             print::text(&format!(
-                "  {} rows of {}: {} clusters, {} rows in none\n  {}\n",
-                print::count(table.len() as u64),
+                "  {} of {}: {}, {} without a cluster\n  {}\n",
+                print::counted(table.len() as u64, "row"),
                 names.join(", "),
-                print::count(found.clusters.into()),
-                print::count(noise as u64),
+                print::counted(found.clusters.into(), "cluster"),
+                print::counted(noise as u64, "row"),
                 found.line
             ))?;
         }

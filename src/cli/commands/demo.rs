@@ -1,13 +1,14 @@
 //! `chainage demo`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use chainage::config::Config;
 
 use crate::cli::commands::run::{page, process};
+use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::print::JsonOutput;
 use crate::cli::progress::ProgressChoice;
-use crate::cli::{exit, print};
 
 /// The sample: one sweep of a vehicle scanner on a road with two rows of trees, see NOTICE.
 pub(super) const SAMPLE: &[u8] = include_bytes!("../../../tests/data/tree_road_sweep.laz");
@@ -18,6 +19,8 @@ pub(crate) struct DemoArgs {
     /// Output directory
     #[arg(short, long, value_name = "DIRECTORY", default_value = "chainage-demo")]
     out: PathBuf,
+    #[command(flatten)]
+    json: JsonOutput,
 }
 
 impl DemoArgs {
@@ -33,7 +36,14 @@ impl DemoArgs {
         let config =
             Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
         let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
-        print::text(&page(&summary, &out))?;
+        let open = |out: &Path| {
+            let name = out.join(SAMPLE_NAME);
+            format!(
+                "  to see it: open {} in a viewer of point clouds and colour it by cluster_id\n",
+                name.display()
+            )
+        };
+        self.json.show(&summary, || page(&summary, &out) + &open(&out))?;
         Ok(exit::DONE)
     }
 }

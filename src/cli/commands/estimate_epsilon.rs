@@ -1,4 +1,4 @@
-//! `chainage estimate-epsilon`: the radius of `dbscan` from how far away neighbours are, for a drive or a table.
+//! `chainage estimate-epsilon`: the radius of `dbscan` from the distances of neighbours, for a drive or a table.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,40 +16,41 @@ use crate::cli::progress::{Progress, ProgressChoice};
 use crate::cli::table_points::{self, TablePoints};
 use crate::cli::{exit, interrupt, print};
 
-/// Estimate the radius of `dbscan` from the distances between points.
+/// Estimate the radius epsilon of `dbscan` from the distances between points.
 ///
-/// The mean distance to the k-th nearest neighbour over k, a polynomial through it, and the point where its slope is that
-/// of its chord. Over the points of a drive that are neither ground nor noise, read tile by tile and exact: neither tiles
-/// nor threads change the result. Or over the rows of one table (*.csv, *.txt, *.tsv).
+/// The curve is the mean distance to the k-th nearest neighbour over k. A polynomial is fitted to it. Epsilon is its value
+/// where its slope equals that of its chord (Wang et al. 2019, doi:10.3390/s19010172). The points are those of a drive
+/// that are neither ground nor noise, or the rows of one table (*.csv, *.txt, *.tsv). The result does not depend on tiles
+/// or threads.
 #[derive(Debug, clap::Args)]
 pub(crate) struct EstimateArgs {
     #[command(flatten)]
     inputs: Inputs,
-    /// Fields that distances are taken in: x,y,z in metres; with intensity, red, green, blue or nir as well, each is
-    /// divided by its standard deviation over the drive. Of a table: columns by name or number [default: x,y,z; all
-    /// columns]
+    /// Fields that make up the distance. x, y and z alone are in metres. With intensity, red, green, blue or nir, every
+    /// field is divided by its standard deviation over the drive. Of a table: columns by name or number [default: x,y,z;
+    /// of a table: all numeric columns]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     fields: Vec<String>,
-    /// Weight of each field after that, in the order of --fields [default: 1]
+    /// Weight of each field after the division, in the order of --fields [default: 1]
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
     weights: Vec<f64>,
-    /// Neighbours that the curve starts with, the point itself included [default: 40]
+    /// Number of neighbours of the first curve, the point itself included [default: 40]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(8..=200))]
     k: Option<u64>,
-    /// Points whose neighbours are looked for, at most about, for example 500k or 2M; 0: every point [default: 2M]
+    /// Approximate limit of the points whose neighbours are searched, for example 500k or 2M; 0: every point [default: 2M]
     #[arg(long, value_name = "N", value_parser = count)]
     max_queries: Option<u64>,
-    /// Draw the curve, the fit and the result (- for standard output)
+    /// Write a drawing of the curve, the fit and the result as SVG (-: to standard output)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Write the curve, the fit, the result and what it cost as JSON (- for standard output)
+    /// Write the curve, the fit, the result and its cost as JSON (-: to standard output)
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Keep the state here: the same command resumes, and `chainage run` with the same settings goes on from it [default: a
-    /// folder in --scratch that is removed in the end]
+    /// Keep the state in this directory. The same command resumes, and `chainage run` with the same settings continues
+    /// from there [default: a folder in --scratch that is removed at the end]
     #[arg(short, long, value_name = "DIRECTORY")]
     out: Option<PathBuf>,
-    /// Where that folder is made [default: the system's folder for temporary files]
+    /// Folder for the temporary state [default: the system's temporary folder]
     #[arg(long, value_name = "DIRECTORY", conflicts_with = "out")]
     scratch: Option<PathBuf>,
     /// How progress is shown on standard error
@@ -85,7 +86,7 @@ impl EstimateArgs {
         if to_stdout(&self.svg) && to_stdout(&self.json) {
             return Err(refused("--svg", "-", "a file when --json is standard output").into());
         }
-        if let [table] = &self.inputs.files[..]
+        if let [table] = &self.inputs.files()?[..]
             && table_points::is_table(table)
         {
             return self.table(table);
@@ -95,7 +96,7 @@ impl EstimateArgs {
         let names: Vec<&str> = found.space.axes.iter().map(name).collect();
         let cost = &found.cost;
         let more = format!(
-            "  {:.3} % of the points asked for more than {:.1} m around their tile, {:.2} % more points were read for them\n",
+            "  {:.3} % of the points needed neighbours more than {:.1} m beyond their tile; {:.2} % more points were read for them\n",
             100.0 * cost.share,
             cost.halo_m,
             100.0 * cost.read_share
@@ -105,7 +106,7 @@ impl EstimateArgs {
     }
 
     fn drive(&self) -> Result<DriveEpsilon, CliError> {
-        if let Some(method) = self.settings.method.as_deref().filter(|method| *method != "dbscan") {
+        if let Some(method) = self.settings.choices.method.as_deref().filter(|method| *method != "dbscan") {
             return Err(refused("--method", method, "dbscan, which has an epsilon").into());
         }
         let mut set =
@@ -123,7 +124,7 @@ impl EstimateArgs {
         interrupt::listen(&cancel)?;
         let state = State::at(self.out.as_deref(), self.scratch.as_deref());
         let request = EstimateRequest {
-            inputs: self.inputs.files.clone(),
+            inputs: self.inputs.files()?,
             out: state.folder.clone(),
             config,
             registries: Registries::default(),
@@ -134,7 +135,7 @@ impl EstimateArgs {
 
     fn table(&self, path: &Path) -> Outcome {
         for (flag, given) in [
-            ("--ground", self.settings.ground.is_some()),
+            ("--ground", self.settings.choices.ground.is_some()),
             ("--max-queries", self.max_queries.is_some()),
             ("--out", self.out.is_some()),
         ] {
@@ -190,7 +191,7 @@ fn page(found: &Estimate, unit: &str, names: &[&str]) -> String {
     let mut text = print::table(&["k", "mean distance", "fit", "standard error"], &rows);
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     text.push_str(&format!(
-        "\n  {} of {} points asked for their neighbours in {}\n",
+        "\n  neighbours of {} of {} points in {}\n",
         print::count(curve.queries),
         print::count(curve.population),
         names.join(", ")

@@ -1,6 +1,5 @@
 //! `chainage eval`: arguments to settings, and results to files and terminal. Not: any figure.
 
-use std::io::{self, Write};
 use std::path::PathBuf;
 
 use chainage::config::ConfigError;
@@ -10,17 +9,17 @@ use chainage::eval::{
 };
 use chainage::input::{Catalog, InputOptions};
 
-use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
-use crate::cli::print::{self, deliver, is_standard_output};
+use crate::cli::print::{self, deliver, is_standard_output, note};
+use crate::cli::{exit, progress};
 
 /// Scores a segmentation against reference labels.
 ///
-/// Points are matched by record order, or by coordinates and time where the orders differ. Without --reference the
-/// labelled copies are taken to hold the reference too.
+/// Points are matched by the order of records. Where the orders differ, points are matched by coordinates and GPS time.
+/// Without --reference, the files PRED must contain the reference labels as well.
 #[derive(Debug, clap::Args)]
 pub(crate) struct EvalArgs {
-    /// LAS or LAZ files to score, folders or patterns
+    /// LAS or LAZ files with the segmentation, folders or patterns
     #[arg(value_name = "PRED", required = true)]
     prediction: Vec<PathBuf>,
 
@@ -28,20 +27,20 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "REF", num_args = 1.., help_heading = "Input")]
     reference: Vec<PathBuf>,
 
-    /// Trajectory (CSV with the columns x and y, in metres) to measure chainages along [default: the principal axis
-    /// of the objects]
+    /// Trajectory for the chainage of objects: CSV with the columns x and y in metres [default: the principal axis of
+    /// the objects]
     #[arg(long, value_name = "CSV", help_heading = "Input")]
     trajectory: Option<PathBuf>,
 
-    /// Dimension of the predicted segments; 0 or less is none
+    /// Dimension with the ids of the predicted segments; 0 or less: no segment
     #[arg(long, value_name = "NAME", default_value = "cluster_id", help_heading = "Labels")]
     prediction_dim: String,
 
-    /// Dimension of the reference objects; 0 or less is none
+    /// Dimension with the ids of the reference objects; 0 or less: no object
     #[arg(long, value_name = "NAME", default_value = "gt_instance", help_heading = "Labels")]
     reference_dim: String,
 
-    /// Dimension of the reference classes, `none` when there are no classes
+    /// Dimension with the classes of the reference, or `none`
     #[arg(long, value_name = "NAME", default_value = "gt_class", help_heading = "Labels")]
     class_dim: String,
 
@@ -49,27 +48,28 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME", help_heading = "Labels")]
     object_class_dim: Option<String>,
 
-    /// Names of the reference classes, and which are ground or noise (TOML) [default: config/classes.toml]
+    /// TOML file with the names of the reference classes, and with the codes of ground and noise [default: the classes of
+    /// `chainage synth`]
     #[arg(long, value_name = "FILE", help_heading = "Labels")]
     classes: Option<PathBuf>,
 
-    /// LAS classes that are ground in the prediction
+    /// LAS classes of ground in the prediction
     #[arg(long, value_name = "CODE", value_delimiter = ',', default_value = "2", help_heading = "Labels")]
     ground_class: Vec<u16>,
 
-    /// LAS classes that are noise in the prediction
+    /// LAS classes of noise in the prediction
     #[arg(long, value_name = "CODE", value_delimiter = ',', default_value = "7,18", help_heading = "Labels")]
     noise_class: Vec<u16>,
 
-    /// Match points by coordinates alone, for software that changes GPS times
+    /// Match points by coordinates only, because some software changes GPS times
     #[arg(long, help_heading = "Matching")]
     ignore_time: bool,
 
-    /// Folder for scratch files: small, but 32 bytes per point when the orders differ [default: the system's]
+    /// Folder for scratch files: up to 32 bytes per point if the orders differ [default: the system's temporary folder]
     #[arg(long, value_name = "DIR", help_heading = "Matching")]
     scratch: Option<PathBuf>,
 
-    /// Points that an object, and a segment for PQ, need to count
+    /// Smallest number of points of an object, and of a segment for PQ; smaller ones are left out
     #[arg(
         long,
         value_name = "POINTS",
@@ -79,7 +79,7 @@ pub(crate) struct EvalArgs {
     )]
     min_points: u64,
 
-    /// Tolerances of Hoover's classes, shares of overlap from 0.5 to 1
+    /// Tolerances of the classes of Hoover et al. 1996: shares of overlap from 0.5 to 1
     #[arg(
         long,
         value_name = "SHARE",
@@ -90,15 +90,15 @@ pub(crate) struct EvalArgs {
     )]
     hoover: Vec<Tolerance>,
 
-    /// Write every figure, and the objects behind it, as JSON (- for standard output)
+    /// Write every figure and the objects that lower it as JSON (-: to standard output)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     json: Option<PathBuf>,
 
-    /// Write every reference object with its outcome under each metric as CSV (- for standard output)
+    /// Write every reference object with its result in each metric as CSV (-: to standard output)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     objects: Option<PathBuf>,
 
-    /// Objects without a match to list below the table
+    /// Number of objects without a match that are listed below the table
     #[arg(long, value_name = "N", default_value_t = 10, help_heading = "Output")]
     worst: usize,
 }
@@ -135,7 +135,7 @@ impl EvalArgs {
         for warning in
             [Some(&prediction), reference.as_ref()].into_iter().flatten().flat_map(Catalog::warnings)
         {
-            note(&format!("warning: {warning}"));
+            note(&progress::warning(warning));
         }
         let counted = eval::count(&prediction, reference.as_ref(), &self.comparison(), &note)?;
         let provenance = self.provenance(&prediction, reference.as_ref().unwrap_or(&prediction), &counted);
@@ -206,9 +206,4 @@ impl EvalArgs {
         let objects = deliver(self.objects.as_deref(), |to| report.write_objects_csv(to))?;
         if json || objects { Ok(()) } else { print::text(&report.text(self.worst)) }
     }
-}
-
-/// Prints a note on standard error. If this fails, nobody reads it, so the error is ignored.
-fn note(text: &str) {
-    let _ = writeln!(io::stderr(), "{text}");
 }

@@ -20,7 +20,7 @@ pub(crate) struct InfoArgs {
 impl InfoArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&[])?;
-        let facts = look_at(&self.inputs.files, &config)?;
+        let facts = look_at(&self.inputs.files()?, &config)?;
         self.json.show(&facts, || page(&facts))?;
         Ok(exit::DONE)
     }
@@ -51,10 +51,9 @@ fn page(facts: &DriveFacts) -> String {
     let mut text = print::table(&["file", "version", "format", "points", "size", "extra dimensions"], &rows);
     let span = |axis: usize| facts.max_m[axis] - facts.min_m[axis];
     text.push_str(&format!(
-        "\n  points    {} in {} file{}, {}\n",
+        "\n  points    {} in {}, {}\n",
         print::count(facts.points),
-        facts.files.len(),
-        if facts.files.len() == 1 { "" } else { "s" },
+        print::counted(facts.files.len() as u64, "file"),
         print::bytes(facts.bytes)
     ));
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
@@ -66,7 +65,7 @@ fn page(facts: &DriveFacts) -> String {
         ));
     }
     text.push_str(&format!(
-        "  density   {:.0} points/m2 on {:.0} occupied m2; median {:.0}, densest {:.0}\n",
+        "  density   {:.0} points/m² on {:.0} occupied m²; median {:.0}, densest {:.0}\n",
         facts.density_mean, facts.area_m2, facts.density_median, facts.density_max
     ));
     if let Some((first, last)) = facts.gps_time_s {
@@ -88,5 +87,5 @@ pub(crate) fn axis_source(axis: &chainage::run::AxisFacts) -> String {
         AxisSource::GpsTime => "from GPS time",
         AxisSource::Principal => "principal axis of the points",
     };
-    if axis.stretches > 1 { format!("{source}, {} stretches", axis.stretches) } else { source.to_owned() }
+    if axis.stretches > 1 { format!("{source}, in {} parts", axis.stretches) } else { source.to_owned() }
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod bench;
 pub(crate) mod cluster;
+pub(crate) mod config;
 pub(crate) mod demo;
 pub(crate) mod estimate_epsilon;
 pub(crate) mod eval;

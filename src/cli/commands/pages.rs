@@ -1,9 +1,13 @@
-//! Pages made from definitions: the settings, the methods, completions, the manual page.
+//! Pages that are generated from definitions: the settings, the methods, completions, the manual page.
 
+use std::path::{Path, PathBuf};
+
+use chainage::config::ConfigError;
 use clap::Command;
 use clap_complete::Shell;
 
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::print::deliver;
 use crate::cli::{exit, print};
 
 #[derive(Debug, clap::Args)]
@@ -22,22 +26,63 @@ impl CompletionsArgs {
     }
 }
 
-/// The manual page of the `program` and of every command.
-pub(crate) fn man(program: &Command) -> Outcome {
-    let mut page = Vec::new();
-    let failed = CliError::stdout;
-    clap_mangen::Man::new(program.clone()).render(&mut page).map_err(failed)?;
-    for sub in program.get_subcommands() {
-        let name: &'static str = Box::leak(format!("chainage-{}", sub.get_name()).into_boxed_str());
-        clap_mangen::Man::new(sub.clone().name(name)).render(&mut page).map_err(failed)?;
-    }
-    print::text(&String::from_utf8_lossy(&page))?;
-    Ok(exit::DONE)
+/// Print the manual page of the program or of a command.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ManArgs {
+    /// The command [default: the program itself]
+    #[arg(value_name = "COMMAND")]
+    command: Option<String>,
+    /// Write every page into a folder, as chainage.1, chainage-run.1 ...
+    #[arg(long, value_name = "DIRECTORY", conflicts_with = "command")]
+    all: Option<PathBuf>,
 }
 
-/// Every setting with its unit and default.
-pub(crate) fn config() -> Outcome {
-    print::text(chainage::config::DEFAULT_TOML)?;
+impl ManArgs {
+    /// Prints a page of the `program`, or writes all pages.
+    pub(crate) fn run(&self, program: &Command) -> Outcome {
+        if let Some(folder) = &self.all {
+            return write_all(program, folder);
+        }
+        let page = match &self.command {
+            None => manual(program.clone())?,
+            Some(name) => {
+                let found = program.get_subcommands().find(|command| command.get_name() == name);
+                let Some(command) = found else {
+                    let known: Vec<&str> = program.get_subcommands().map(Command::get_name).collect();
+                    let unknown = ConfigError::value("COMMAND", name, format!("one of {}", known.join(", ")));
+                    return Err(chainage::Error::from(unknown).into());
+                };
+                manual(of_command(command))?
+            }
+        };
+        print::text(&String::from_utf8_lossy(&page))?;
+        Ok(exit::DONE)
+    }
+}
+
+/// A command under the name of its page.
+fn of_command(command: &Command) -> Command {
+    let name: &'static str = Box::leak(format!("chainage-{}", command.get_name()).into_boxed_str());
+    let usage: &'static str = Box::leak(format!("chainage {}", command.get_name()).into_boxed_str());
+    command.clone().name(name).display_name(name).bin_name(usage)
+}
+
+fn manual(command: Command) -> Result<Vec<u8>, CliError> {
+    let mut page = Vec::new();
+    clap_mangen::Man::new(command).render(&mut page).map_err(CliError::stdout)?;
+    Ok(page)
+}
+
+/// Writes the page of the program and of every command into a folder.
+fn write_all(program: &Command, folder: &Path) -> Outcome {
+    std::fs::create_dir_all(folder)
+        .map_err(|source| CliError::Write { target: folder.display().to_string(), source })?;
+    let commands = program.get_subcommands().filter(|command| command.get_name() != "help");
+    for command in std::iter::once(program.clone()).chain(commands.map(of_command)) {
+        let path = folder.join(format!("{}.1", command.get_name()));
+        let page = manual(command)?;
+        deliver(Some(&path), |to| to.write_all(&page))?;
+    }
     Ok(exit::DONE)
 }
 

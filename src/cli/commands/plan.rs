@@ -18,7 +18,7 @@ pub(crate) struct PlanArgs {
     inputs: Inputs,
     #[command(flatten)]
     json: JsonOutput,
-    /// Draw tiles, axis and chainage marks (- for standard output)
+    /// Write a drawing of tiles, axis and chainage marks as SVG (-: to standard output)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     #[command(flatten)]
@@ -32,7 +32,7 @@ impl PlanArgs {
             return Err(chainage::Error::from(refused).into());
         }
         let config = self.settings.resolve(&[])?;
-        let plan = plan_of(&self.inputs.files, &config, &Registries::default())?;
+        let plan = plan_of(&self.inputs.files()?, &config, &Registries::default())?;
         if !deliver(self.svg.as_deref(), |to| to.write_all(plan.svg.as_bytes()))? {
             self.json.show(&plan, || page(&plan))?;
         }
@@ -40,7 +40,8 @@ impl PlanArgs {
     }
 }
 
-fn page(plan: &PlanFacts) -> String {
+/// The plan, for a person.
+pub(super) fn page(plan: &PlanFacts) -> String {
     let rows: Vec<Vec<String>> = plan
         .tiles
         .iter()
@@ -59,9 +60,9 @@ fn page(plan: &PlanFacts) -> String {
     let header = ["tile", "from m", "to m", "points", "with halo", "memory"];
     let mut text = print::table(&header, &rows);
     text.push_str(&format!(
-        "\n  {} points in {} tiles along {:.0} m of axis ({})\n",
-        print::count(plan.points),
-        plan.tiles.len(),
+        "\n  {} in {} along {:.0} m of axis ({})\n",
+        print::counted(plan.points, "point"),
+        print::counted(plan.tiles.len() as u64, "tile"),
         plan.axis.length_m,
         info::axis_source(&plan.axis)
     ));
@@ -70,10 +71,10 @@ fn page(plan: &PlanFacts) -> String {
         plan.ground_reach_m, plan.cluster_reach_m
     ));
     text.push_str(&format!(
-        "  memory    about {} in flight of a budget of {}, {} threads\n",
+        "  memory    about {} in use, of a budget of {}, with {}\n",
         print::bytes(plan.memory_needed),
         print::bytes(plan.memory),
-        plan.threads
+        print::counted(plan.threads as u64, "thread")
     ));
     text.push_str(&format!(
         "  disk      {} of state, and the labelled copies\n  reading   every record {:.1} times for the tiles\n",

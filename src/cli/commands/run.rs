@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use chainage::config::Config;
-use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, run};
+use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, plan_of, run};
 
+use crate::cli::commands::plan;
 use crate::cli::drive_args::{Inputs, Settings};
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::JsonOutput;
@@ -16,12 +17,15 @@ use crate::cli::{exit, interrupt, print};
 pub(crate) struct RunArgs {
     #[command(flatten)]
     inputs: Inputs,
-    /// Output directory; an existing run in it is resumed
+    /// Output directory; a run in it resumes
     #[arg(short, long, value_name = "DIRECTORY")]
     out: PathBuf,
-    /// Discard the state of an earlier run in the output directory
+    /// Start again: discard the state of an earlier run in the output directory
     #[arg(long)]
     fresh: bool,
+    /// Show the tiles and estimates of `chainage plan`, and write nothing
+    #[arg(long, conflicts_with = "fresh")]
+    dry_run: bool,
     #[command(flatten)]
     show: Show,
     #[command(flatten)]
@@ -36,8 +40,24 @@ struct Show {
     /// How progress is shown on standard error
     #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
     progress: ProgressChoice,
+    /// Show warnings only: --progress none
+    #[arg(short, long, conflicts_with_all = ["progress", "verbose"])]
+    quiet: bool,
+    /// Show the settings that differ from the defaults, and a line for each tile
+    #[arg(short, long, conflicts_with = "progress")]
+    verbose: bool,
     #[command(flatten)]
     json: JsonOutput,
+}
+
+impl Show {
+    fn progress(&self) -> ProgressChoice {
+        match (self.quiet, self.verbose) {
+            (true, _) => ProgressChoice::None,
+            (_, true) => ProgressChoice::Units,
+            _ => self.progress,
+        }
+    }
 }
 
 #[derive(Debug, clap::Args)]
@@ -46,13 +66,13 @@ struct OutputSettings {
     /// Format of the labelled copies [default: same]
     #[arg(long, value_name = "same|las|laz")]
     output_format: Option<String>,
-    /// Leave the classification of all records as it is
+    /// Do not change the classification of the points
     #[arg(long)]
     keep_classification: bool,
-    /// Keep the original class of every point in an extra dimension `original_classification`
+    /// Store the original class of every point in the extra dimension `original_classification`
     #[arg(long)]
     keep_original: bool,
-    /// Stop at the first tile that fails instead of finishing the others
+    /// Stop at the first tile that fails; without this, the other tiles are finished
     #[arg(long)]
     fail_fast: bool,
 }
@@ -79,7 +99,18 @@ impl OutputSettings {
 impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
         let config = self.settings.resolve(&self.output.assignments())?;
-        let summary = process(self.inputs.files.clone(), &self.out, config, self.fresh, self.show.progress)?;
+        let inputs = self.inputs.files()?;
+        if self.dry_run {
+            let plan = plan_of(&inputs, &config, &Registries::default())?;
+            self.show.json.show(&plan, || plan::page(&plan))?;
+            return Ok(exit::DONE);
+        }
+        if self.show.verbose {
+            for line in config.differences().map_err(chainage::Error::from)? {
+                print::note(&format!("setting {line}"));
+            }
+        }
+        let summary = process(inputs, &self.out, config, self.fresh, self.show.progress())?;
         self.show.json.show(&summary, || page(&summary, &self.out))?;
         Ok(exit::DONE)
     }
@@ -106,11 +137,10 @@ pub(super) fn page(summary: &RunSummary, out: &Path) -> String {
     let share = |part: u64| 100.0 * part as f64 / summary.points.max(1) as f64;
     let counts = &summary.counts;
     let mut text = format!(
-        "  {} points, {} objects, {} tiles{}\n",
-        print::count(summary.points),
-        print::count(summary.objects as u64),
-        summary.tiles,
-        if summary.nothing_to_do { "; everything was there already" } else { "" }
+        "  {}, {}, {}\n",
+        print::counted(summary.points, "point"),
+        print::counted(summary.objects as u64, "object"),
+        print::counted(summary.tiles as u64, "tile")
     );
     text.push_str(&format!(
         "  ground {:.1} %, noise {:.2} %, objects {:.1} %\n",
@@ -127,6 +157,10 @@ pub(super) fn page(summary: &RunSummary, out: &Path) -> String {
             found.estimate.k0,
             found.estimate.k
         ));
+    }
+    if summary.nothing_to_do {
+        text.push_str(&format!("  nothing to do: {} is up to date\n", out.display()));
+        return text;
     }
     let rate = summary.points as f64 / summary.seconds.max(1e-9) / 1e6;
     text.push_str(&format!("  {:.1} s, {rate:.2} M points/s", summary.seconds));

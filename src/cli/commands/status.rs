@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use chainage::run::{PassStatus, Registries, RunStatus, status};
 
-use crate::cli::drive_args::Settings;
+use crate::cli::drive_args::Choices;
 use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
 use crate::cli::{exit, print};
@@ -13,21 +13,21 @@ use crate::cli::{exit, print};
 pub(crate) struct StatusArgs {
     /// Output directory of a run
     out: PathBuf,
-    /// Say what has changed since stored results were computed
+    /// Show which settings changed since the stored results were computed
     #[arg(long)]
     why: bool,
     #[command(flatten)]
     json: JsonOutput,
     #[command(flatten)]
-    settings: Settings,
+    choices: Choices,
 }
 
 impl StatusArgs {
     pub(crate) fn run(&self) -> Outcome {
         // It has no settings of its own and uses those of the last call.
         let resolve = |last: &std::path::Path| {
-            let file = self.settings.config.as_deref().or(Some(last));
-            self.settings.resolve_over(file, &[])
+            let file = self.choices.config.as_deref().or(Some(last));
+            self.choices.resolve_over(file, &[])
         };
         let state = status(&self.out, &Registries::default(), resolve)?;
         self.json.show(&state, || page(&state, self.why))?;
@@ -49,7 +49,7 @@ fn page(state: &RunStatus, why: bool) -> String {
         text.push_str(&reasons(&state.passes));
     }
     let verdict = if state.finished {
-        "finished: every output is there"
+        "finished: every output is complete"
     } else {
         "not finished: the same command resumes"
     };
@@ -62,12 +62,12 @@ fn reasons(passes: &[PassStatus]) -> String {
     let mut text = String::new();
     let mut following = Vec::new();
     for pass in passes.iter().filter(|pass| !pass.why.is_empty()) {
-        let (before, own): (Vec<_>, Vec<_>) = pass.why.iter().partition(|reason| reason.is_of_another_pass());
-        for reason in &own {
-            text.push_str(&format!("  {} is stale: {reason}\n", pass.pass));
-        }
-        if own.is_empty() && !before.is_empty() {
+        let causes = pass.causes();
+        if causes.is_empty() {
             following.push(pass.pass);
+        }
+        for cause in causes {
+            text.push_str(&format!("  {} must be redone: {cause}\n", pass.pass));
         }
     }
     if !following.is_empty() {

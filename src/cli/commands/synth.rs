@@ -1,4 +1,4 @@
-//! `chainage synth`: arguments, units, the progress line. What a drive is made of is decided in the library.
+//! `chainage synth`: arguments, units, the progress line. The library decides what a drive consists of.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -17,11 +17,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::cli::exit::Outcome;
 use crate::cli::{exit, print};
 
-/// Write a labelled synthetic drive: a street, a vehicle and a scanner whose every pulse is traced.
+/// Generate a labelled synthetic drive: a street, a vehicle, and a scanner. Every pulse of the scanner is traced.
 ///
-/// OUT gets PRESET_0001.laz ... (LAS 1.4, point format 6, extra bytes gt_instance and gt_class), reference.csv with
-/// one row per object, trajectory.csv and scene.json. Same preset, settings and seed: same bytes, for any number of
-/// threads. Memory does not depend on the length.
+/// The files in OUT are PRESET_0001.laz ... (LAS 1.4, point format 6, extra bytes gt_instance and gt_class), reference.csv
+/// with one row per object, trajectory.csv and scene.json. The same preset, settings and seed give the same bytes, for any
+/// number of threads. Memory does not depend on the length.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  chainage synth downtown -o demo --length 500m\n  \
                         chainage synth mixed -o big --points 200M --files-every 60s --seed 7\n  \
@@ -31,27 +31,27 @@ pub(crate) struct SynthArgs {
     #[arg(value_enum, value_name = "PRESET")]
     preset: PresetArg,
 
-    /// Folder to write into; must be empty or not exist
+    /// Output folder; must be empty or missing
     #[arg(short, long, value_name = "OUT")]
     out: PathBuf,
 
-    /// Metres to drive: 500m, 5km [default: 1km; loop: 1500m, at least 1100m]
+    /// Length of the drive, for example 500m or 5km [default: 1km; loop: 1500m, at least 1100m]
     #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Drive")]
     length: Option<f64>,
 
-    /// Points after which to stop: 500k, 2M, 1.5G; without --length, as far as it takes (loop: about so many)
+    /// Number of points, for example 500k, 2M or 1.5G; the drive ends there (loop: approximately)
     #[arg(long, value_name = "COUNT", value_parser = count, help_heading = "Drive")]
     points: Option<u64>,
 
-    /// Rotations of a spinning scanner after which to stop; without --length, as far as it takes
+    /// Number of rotations of a spinning scanner; the drive ends there
     #[arg(long, value_name = "N", help_heading = "Drive")]
     sweeps: Option<u64>,
 
-    /// Number that decides everything random
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Drive")]
     seed: u64,
 
-    /// Lowest and highest speed, km/h
+    /// Lowest and highest speed in km/h
     #[arg(long, value_name = "LOW-HIGH", default_value = "30-60", value_parser = speeds, help_heading = "Drive")]
     speed: (f64, f64),
 
@@ -59,21 +59,21 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_enum, value_name = "NAME", default_value = "profiler", help_heading = "Scanner")]
     scanner: SensorArg,
 
-    /// Profile heads, 1 or 2 [default: 2]
+    /// Number of profile heads, 1 or 2 [default: 2]
     #[arg(long, value_name = "N", help_heading = "Scanner")]
     heads: Option<u8>,
 
-    /// Pulses per second of one head, of all its beams together: 550kHz, 300k [default: profiler 550kHz; spinning
+    /// Pulses per second of one head, all beams together, for example 550kHz or 300k [default: profiler 550kHz; spinning
     /// 289kHz (16), 694kHz (32), 1333kHz (64), 1152kHz (64-wide)]
     #[arg(long, value_name = "RATE", value_parser = rate, help_heading = "Scanner")]
     pulse_rate: Option<f64>,
 
-    /// Profiles per second of one head, or rotations per second; with the pulse rate, this is the angular step
+    /// Profiles or rotations per second of one head; the pulse rate divided by it gives the pulses of one
     /// [default: profiler 200Hz; spinning 10Hz]
     #[arg(long, value_name = "RATE", value_parser = rate, help_heading = "Scanner")]
     profiles: Option<f64>,
 
-    /// Farthest target [default: 100m; spinning-64 and 64-wide 120m]
+    /// Largest measured range [default: 100m; spinning-64 and 64-wide 120m]
     #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
     range: Option<f64>,
 
@@ -81,7 +81,7 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
     noise: Option<f64>,
 
-    /// Start a new file after this much driving: 60s, 2min [default: one file]
+    /// Start a new file after this time, for example 60s or 2min [default: one file]
     #[arg(long, value_name = "TIME", value_parser = seconds, help_heading = "Files")]
     files_every: Option<f64>,
 
@@ -89,11 +89,11 @@ pub(crate) struct SynthArgs {
     #[arg(long, conflicts_with = "las", help_heading = "Files")]
     laz: bool,
 
-    /// Write LAS: files seven times as large, about a fifth faster
+    /// Write LAS: seven times as large as LAZ, about a fifth faster
     #[arg(long, help_heading = "Files")]
     las: bool,
 
-    /// Worker threads, 0 for one per processor; does not change the result
+    /// Worker threads; 0: one per core
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Files")]
     threads: usize,
 }
@@ -174,11 +174,11 @@ impl SynthArgs {
         bar.finish_and_clear();
         let seconds = start.elapsed().as_secs_f64();
         print::text(&format!(
-            "{}: {} points in {} file(s), {} objects, {:.3} km, {seconds:.1} s, {:.2} M points/s\n",
+            "{}: {} in {}, {}, {:.3} km, {seconds:.1} s, {:.2} M points/s\n",
             self.out.display(),
-            summary.points,
-            summary.files,
-            summary.objects,
+            print::counted(summary.points, "point"),
+            print::counted(summary.files.into(), "file"),
+            print::counted(summary.objects, "object"),
             summary.length_m / 1_000.0,
             summary.points as f64 / seconds / 1e6
         ))?;

@@ -9,8 +9,9 @@ use crate::eval::metrics::{Judged, MetricSettings};
 use crate::eval::report::axis::Axis;
 use crate::eval::report::rounding::millimetres;
 use crate::eval::report::rows::ObjectRows;
+use crate::words::counted;
 
-/// An object or a segment that is worth a look.
+/// An object or a segment that lowers a figure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
     /// Id of the reference object, when it is one.
@@ -98,7 +99,7 @@ pub struct HooverFindings<'a> {
 /// value is established.
 const POOR_IOU: f64 = 0.8;
 
-/// Collects the objects and segments behind the figures. `rows` are the rows of the evaluated objects.
+/// Collects the objects and segments that lower the figures. `rows` are the rows of the evaluated objects.
 pub(super) fn behind<'a>(
     judged: &'a Judged,
     settings: &'a MetricSettings,
@@ -187,20 +188,20 @@ impl<'a> Collect<'a> {
         let scene = &self.judged.scene;
         let segment = &scene.segments[index];
         let percent = |points: u64| 100.0 * points as f64 / segment.points as f64;
-        let Some(main) = segment.main() else { return "no point of an object".to_owned() };
+        let Some(main) = segment.main() else { return "contains no point of an object".to_owned() };
         let object = &scene.objects[main.index];
         let mut words = format!(
-            "{:.1} % of it is of object {} ({}), of which it is {:.1} %",
+            "{:.1} % of its points belong to object {} ({}), {:.1} % of that object",
             percent(main.points),
             object.id,
             self.settings.classes.name(object.class),
             100.0 * main.points as f64 / object.points as f64
         );
         if segment.overlaps.len() > 1 {
-            words += &format!("; {} more objects", segment.overlaps.len() - 1);
+            words += &format!("; overlaps {}", counted(segment.overlaps.len() as u64 - 1, "more object"));
         }
         if segment.labelled < segment.points {
-            words += &format!("; {:.1} % of it is of none", percent(segment.points - segment.labelled));
+            words += &format!("; {:.1} % belong to no object", percent(segment.points - segment.labelled));
         }
         words
     }

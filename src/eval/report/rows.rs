@@ -200,7 +200,7 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
     if let Some((main, other)) = object.main().zip(outcome.shared_with) {
         let shared = &scene.objects[other.index];
         phrases.push(format!(
-            "segment {} also holds {} of object {} ({})",
+            "segment {} also contains {} of object {} ({})",
             scene.segments[main.index].id,
             percent(other.points, shared.points),
             shared.id,
@@ -209,13 +209,13 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
     }
     if let Some(second) = outcome.second {
         let id = scene.segments[second.index].id;
-        phrases.push(format!("segment {id} holds {} of it", percent(second.points, object.points)));
+        phrases.push(format!("segment {id} contains {} of it", percent(second.points, object.points)));
     }
     if !judged.panoptic.matched[index] {
         phrases.push(match judged.panoptic.best[index] {
-            None => "no segment".to_owned(),
+            None => "in no segment".to_owned(),
             Some(best) if best.is_match() => {
-                format!("its segment {} is too small to count", scene.segments[best.segment].id)
+                format!("segment {} is too small to be counted", scene.segments[best.segment].id)
             }
             Some(best) => {
                 format!("best IoU {:.3} with segment {}", best.value(), scene.segments[best.segment].id)
@@ -223,9 +223,9 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
         });
     }
     let lost = [
-        (object.predicted_ground, "called ground"),
-        (object.predicted_noise, "called noise"),
-        (object.unassigned, "without segment"),
+        (object.predicted_ground, "classified as ground"),
+        (object.predicted_noise, "classified as noise"),
+        (object.unassigned, "in no segment"),
     ];
     // The threshold is a tenth, as for over-segmentation: less does not change what the object is.
     phrases.extend(

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use crate::eval::report::values::{ConfusionView, FiguresView, HitsView, Report, ScoreView};
+use crate::words::{counted, separated};
 
 /// Width of the column of names.
 const NAME: usize = 26;
@@ -31,17 +32,22 @@ fn head(report: &Report<'_>) -> String {
     let counts = &report.counts;
     let min = report.settings.min_points;
     let mut text = format!(
-        "{} points, matched by {}\n{} objects of at least {min} points ({} smaller left out), {} segments\n",
-        counts.points, report.compared.matched_by, counts.objects, counts.objects_too_small, counts.segments
+        "{}, matched by {}\n{} with at least {min} points ({} smaller left out), {}\n",
+        counted(counts.points, "point"),
+        report.compared.matched_by,
+        counted(counts.objects, "object"),
+        separated(counts.objects_too_small),
+        counted(counts.segments, "segment")
     );
     text += &format!(
-        "PQ leaves out {} segments of fewer than {min} points and {} mostly outside objects\n",
-        counts.segments_too_small, counts.segments_mostly_unlabelled
+        "PQ leaves out {} with fewer than {min} points and {} that are mostly outside of objects\n",
+        counted(counts.segments_too_small, "segment"),
+        counted(counts.segments_mostly_unlabelled, "segment")
     );
     if report.overall.without_segment > 0 {
         text += &format!(
-            "{} objects have no segment at all: USR, OSR and OA do not count them as errors\n",
-            report.overall.without_segment
+            "{} in no segment: USR, OSR and OA do not count this as an error\n",
+            counted(report.overall.without_segment, "object")
         );
     }
     text
@@ -76,7 +82,7 @@ fn shares(report: &Report<'_>) -> String {
     }
     text += &format!("\nmean over classes: PQ {}\n", cell(report.overall.pq_class_mean));
     // Two figures are called F1 per class, and they can differ much.
-    text + "F1 counts a false segment in the class of the object with most points in it, F1* counts none\n"
+    text + "F1 counts a false positive in the class of the object with most of its points; F1* counts no false positives\n"
 }
 
 fn hoover(report: &Report<'_>) -> String {
@@ -172,8 +178,8 @@ fn worst_objects(report: &Report<'_>, worst: usize) -> String {
         return String::new();
     }
     let mut text = format!(
-        "{shown} of {} objects without a match, worst first (chainage along the {}; --objects lists all)\n",
-        unmatched.len(),
+        "{shown} of {} without a match, smallest IoU first (chainage along the {}; --objects writes all)\n",
+        counted(unmatched.len() as u64, "object"),
         report.compared.chainage_along
     );
     for row in unmatched[..shown].iter().map(|&index| report.objects.row(index)) {

@@ -156,7 +156,7 @@ impl Editor<'_> {
         let header = self.input.header();
         let mut tail = Tail::default();
         let mut positions = Positions { first_evlr: None, waveforms: header.waveform_start };
-        // Compressed points are followed by their chunk table, which is written anew.
+        // The chunk table follows the compressed points. It is written again.
         let start = match (self.input.is_compressed(), header.tail_start) {
             (false, _) => self.points_end(),
             (true, Some(start)) => start,

@@ -7,7 +7,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::run::drive::Drive;
 use crate::run::drive::axis::find_axis;
-use crate::run::drive::warnings::{warn_of_header_boxes, warn_of_strays};
+use crate::run::drive::warnings::{warn_of_files_apart, warn_of_header_boxes, warn_of_strays};
 use crate::spatial::{BlockZone, PackedCells};
 use crate::survey::{Axis, Survey, SurveyError};
 
@@ -40,6 +40,7 @@ impl Surveyed {
         survey.time_bins.clear();
         warn_of_strays(&survey, &cells, drive.lattice().metres(drive.grid.edge()), &mut warnings);
         warn_of_header_boxes(drive, &survey, &mut warnings);
+        warn_of_files_apart(drive, &mut warnings);
         Ok(Self { survey, axis, cells, warnings })
     }
 

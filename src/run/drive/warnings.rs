@@ -35,6 +35,44 @@ pub(super) fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mu
     }
 }
 
+/// Distance between neighbouring files of one drive that is not asked about, in metres. A vehicle that stops recording
+/// in a tunnel or between two streets goes on within it.
+const APART_M: f64 = 10_000.0;
+
+/// Files far from each other are usually not one drive: an axis through all of them means nothing.
+pub(super) fn warn_of_files_apart(drive: &Drive, warnings: &mut Vec<String>) {
+    let files = drive.catalog.files().iter().filter(|file| file.point_count() > 0);
+    let boxes: Vec<[[f64; 2]; 2]> = files
+        .map(|file| {
+            let (extent, units_m) = (file.header_extent(), file.units_m());
+            extent.map(|corner| [corner[0] * units_m[0], corner[1] * units_m[1]])
+        })
+        .collect();
+    let apart_m = largest_step(&boxes);
+    if apart_m > APART_M {
+        warnings.push(format!("the files lie {:.0} km apart: is this one drive?", apart_m / 1e3));
+    }
+}
+
+/// The longest step, in metres, of the shortest way to connect all boxes (minimum spanning tree; Prim 1957, "Shortest
+/// connection networks and some generalizations", doi:10.1002/j.1538-7305.1957.tb01515.x).
+fn largest_step(boxes: &[[[f64; 2]; 2]]) -> f64 {
+    let gap = |a: &[[f64; 2]; 2], b: &[[f64; 2]; 2]| {
+        let along = |axis: usize| (a[0][axis] - b[1][axis]).max(b[0][axis] - a[1][axis]).max(0.0);
+        along(0).hypot(along(1))
+    };
+    let Some((first, others)) = boxes.split_first() else { return 0.0 };
+    let mut left: Vec<(f64, &[[f64; 2]; 2])> =
+        others.iter().map(|other| (gap(first, other), other)).collect();
+    let mut largest = 0.0_f64;
+    while let Some(at) = (0..left.len()).min_by(|&a, &b| left[a].0.total_cmp(&left[b].0)) {
+        let (step, next) = left.swap_remove(at);
+        largest = largest.max(step);
+        left.iter_mut().for_each(|(step, other)| *step = step.min(gap(next, other)));
+    }
+    largest
+}
+
 /// Points far from all others are usually errors of the scanner or of a merge. They are processed like other
 /// points.
 pub(super) fn warn_of_strays(survey: &Survey, cells: &PackedCells, edge_m: f64, warnings: &mut Vec<String>) {
@@ -60,5 +98,20 @@ pub(super) fn warn_of_strays(survey: &Survey, cells: &PackedCells, edge_m: f64, 
              they are processed like any other",
             extent[0], extent[1]
         ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_connected_by_the_shortest_steps() {
+        let at = |x: f64| [[x, 0.0], [x + 1.0, 1.0]];
+        assert!(largest_step(&[]) == 0.0 && largest_step(&[at(0.0)]) == 0.0);
+        // In any order: the steps are 9, 4 and 0 (two boxes overlap).
+        for order in [[0.0, 10.0, 15.0, 15.5], [15.5, 0.0, 15.0, 10.0]] {
+            assert!((largest_step(&order.map(at)) - 9.0).abs() < 1e-12);
+        }
     }
 }

@@ -54,6 +54,11 @@ impl<'a> Here<'a> {
 }
 
 impl Driver for Here<'_> {
+    fn expect(&mut self, passes: &[(Outline, Option<usize>)]) {
+        let names: Vec<&'static str> = passes.iter().map(|(outline, _)| outline.name).collect();
+        self.tell(&Event::PassesAhead { passes: &names });
+    }
+
     fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>> {
         let outline = pass.outline();
         let dir = self.run_dir.pass(&outline.folder, outline.depends.clone());

@@ -5,6 +5,11 @@ use serde_json::json;
 /// Something that happened.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event<'a> {
+    /// The passes that follow are known.
+    PassesAhead {
+        /// Their names in order. A pass that settles is named once.
+        passes: &'a [&'static str],
+    },
     /// A pass starts. `done` of its `units` were finished by an earlier run.
     PassStarted {
         /// Name of the pass.
@@ -57,6 +62,7 @@ impl Event<'_> {
     #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
         match self {
+            Self::PassesAhead { passes } => json!({ "event": "passes-ahead", "passes": passes }),
             Self::PassStarted { pass, units, done, points, points_done } => json!({
                 "event": "pass-started", "pass": pass, "units": units, "done": done, "points": points,
                 "points_done": points_done

@@ -55,6 +55,22 @@ pub(crate) fn plan_files(
     Ok((files, warnings))
 }
 
+/// Removes the outputs of an earlier run that this run will not write, and names them. Only files that chainage wrote
+/// are removed.
+pub(crate) fn remove_superseded(run_dir: &RunDir, files: &[LabelledFile]) -> Result<Vec<String>> {
+    let names: Vec<String> = files.iter().map(LabelledFile::name).chain(BESIDE).map(str::to_owned).collect();
+    let mut removed = Vec::new();
+    for name in run_dir.own_outputs()?.into_iter().filter(|name| !names.contains(name)) {
+        let path = run_dir.out().join(&name);
+        if path.is_file() {
+            fs_err::remove_file(&path).map_err(StoreError::io("remove", &path))?;
+            removed.push(format!("removed {name}: the earlier run wrote it, and this one does not"));
+        }
+    }
+    run_dir.replace_outputs(&names)?;
+    Ok(removed)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -12,7 +12,7 @@ use crate::run::drive::{AxisFacts, Tiled};
 use crate::run::engine::InMemory;
 use crate::run::flow::{self, Planned};
 use crate::run::open::Opened;
-use crate::run::plan::{self, tile_bytes};
+use crate::run::plan::{self, over_budget, tile_bytes};
 
 /// Points per second and thread of a whole run on the machine of `benches/results`, for the time that `plan`
 /// estimates.
@@ -107,11 +107,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let mut warnings = drive.catalog.warnings().to_vec();
     warnings.extend(surveyed.warnings.iter().cloned());
     if largest > budget.memory {
-        warnings.push(format!(
-            "the largest tile needs about {} MiB, more than the memory budget of {} MiB: it is processed alone",
-            largest >> 20,
-            budget.memory >> 20
-        ));
+        warnings.push(over_budget(largest, budget.memory));
     }
     if chain.method.reach_is_provisional() {
         warnings.push(

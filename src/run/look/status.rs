@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::config::Config;
+use crate::config::{Config, DEFAULT_TOML};
 use crate::error::Result;
 use crate::run::chain::Registries;
 use crate::run::engine::{Nobody, PassState};
@@ -73,5 +73,46 @@ impl PassStatus {
     fn of(state: PassState) -> Self {
         let PassState { outline, units, done, stale, why } = state;
         Self { pass: outline.name, units, done, stale, why }
+    }
+
+    /// The changed values in words, with their units. Empty if the pass only follows a pass that has changed.
+    #[must_use]
+    pub fn causes(&self) -> Vec<String> {
+        let own: Vec<&StaleReason> = self.why.iter().filter(|reason| !reason.is_of_another_pass()).collect();
+        causes(&own).into_iter().map(changed).collect()
+    }
+}
+
+/// The settings among the changed values. The tiles and the reach are derived from settings: they are named only where no
+/// setting of the pass has changed.
+fn causes<'a>(changed: &[&'a StaleReason]) -> Vec<&'a StaleReason> {
+    let settings: Vec<_> = changed.iter().copied().filter(|reason| reason.name.contains('.')).collect();
+    if settings.is_empty() { changed.to_vec() } else { settings }
+}
+
+/// A changed value with its old and its new value.
+fn changed(reason: &StaleReason) -> String {
+    let unit = unit(&reason.name);
+    match (&reason.old, &reason.new) {
+        (Some(old), Some(new)) => format!("{} changed from {old} to {new}{unit}", reason.name),
+        (None, Some(new)) => format!("{} is new: {new}{unit}", reason.name),
+        (Some(old), None) => format!("{} was {old}{unit} and is not used any more", reason.name),
+        (None, None) => reason.name.clone(),
+    }
+}
+
+/// The unit of a setting with a blank before it, as the comments of the defaults say it; empty where there is none.
+fn unit(setting: &str) -> &'static str {
+    let Some((section, key)) = setting.split_once('.') else { return "" };
+    let header = format!("[{section}]");
+    let lines = DEFAULT_TOML.lines().skip_while(|line| !line.starts_with(&header)).skip(1);
+    let mut lines = lines.take_while(|line| !line.starts_with('['));
+    let line = lines.find(|line| line.split('=').next().is_some_and(|name| name.trim() == key));
+    let comment = line.and_then(|line| line.split_once('#')).map_or("", |(_, comment)| comment.trim());
+    match comment.split([',', ' ']).next() {
+        Some("m") => " m",
+        Some("voxels") => " voxels",
+        Some("MiB") => " MiB",
+        _ => "",
     }
 }

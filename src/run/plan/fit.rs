@@ -73,6 +73,15 @@ impl<'a> Street<'a> {
     }
 }
 
+/// The warning about tiles that need more memory than the budget.
+pub(crate) fn over_budget(largest: u64, budget: u64) -> String {
+    format!(
+        "a tile needs {} MiB, more than the memory budget of {} MiB (--memory): it runs by itself",
+        largest >> 20,
+        budget >> 20
+    )
+}
+
 /// The plan of an earlier call if it still fits, or else a new one that fits the budget. `None` if the driver
 /// must not make one.
 pub(crate) fn settle<D: Driver>(
@@ -105,12 +114,7 @@ pub(crate) fn settle<D: Driver>(
     }
     let largest = needs::largest(chain, &plan);
     if largest > budget.memory {
-        let text = format!(
-            "the largest tile needs about {} MiB, more than the memory budget of {} MiB: it is processed alone",
-            largest >> 20,
-            budget.memory >> 20
-        );
-        driver.tell(&Event::Warning { text: &text });
+        driver.tell(&Event::Warning { text: &over_budget(largest, budget.memory) });
     }
     Ok(Some(plan))
 }

@@ -7,5 +7,5 @@ mod needs;
 
 pub(crate) use budget::Budget;
 pub(crate) use drawing::svg;
-pub(crate) use fit::settle;
+pub(crate) use fit::{over_budget, settle};
 pub(crate) use needs::tile_bytes;

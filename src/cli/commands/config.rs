@@ -1,0 +1,66 @@
+//! `chainage config`: the defaults, the presets, the effective settings, and the check of a configuration file.
+
+use std::path::PathBuf;
+
+use chainage::config::{self, Config};
+use chainage::run::{Registries, check_settings};
+use chainage::words::counted;
+
+use crate::cli::drive_args::Choices;
+use crate::cli::exit::Outcome;
+use crate::cli::{exit, print};
+
+/// Prints every setting with its unit and default.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ConfigArgs {
+    /// List the presets and what they are for
+    #[arg(long, conflicts_with_all = ["effective", "check"])]
+    presets: bool,
+    /// Print the settings that a run with these options would use
+    #[arg(long, conflicts_with = "check")]
+    effective: bool,
+    /// Check a configuration file, and list the settings that differ from the defaults
+    #[arg(long, value_name = "FILE")]
+    check: Option<PathBuf>,
+    #[command(flatten)]
+    choices: Choices,
+}
+
+impl ConfigArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let text = if self.presets {
+            presets()
+        } else if self.effective {
+            self.effective()?
+        } else if let Some(path) = &self.check {
+            let config = self.choices.resolve_over(Some(path), &[])?;
+            check_settings(&config, &Registries::default())?;
+            let differences = config.differences().map_err(chainage::Error::from)?;
+            let mut text = format!(
+                "{}: valid, {} from the defaults\n",
+                path.display(),
+                match differences.len() {
+                    1 => "1 setting differs".to_owned(),
+                    count => format!("{} differ", counted(count as u64, "setting")),
+                }
+            );
+            differences.iter().for_each(|line| text.push_str(&format!("  {line}\n")));
+            text
+        } else {
+            config::DEFAULT_TOML.to_owned()
+        };
+        print::text(&text)?;
+        Ok(exit::DONE)
+    }
+
+    fn effective(&self) -> chainage::Result<String> {
+        let config: Config = self.choices.resolve()?;
+        check_settings(&config, &Registries::default())?;
+        Ok(config.to_toml())
+    }
+}
+
+/// The presets with their comments.
+fn presets() -> String {
+    config::PRESETS.iter().map(|preset| format!("  {:<14} {}\n", preset.name, preset.summary())).collect()
+}

@@ -1,0 +1,22 @@
+//! Checks settings without a drive.
+
+use crate::config::Config;
+use crate::error::Result;
+use crate::model::Lattice;
+use crate::run::chain::{Chain, Registries};
+
+/// Checks that the chosen methods exist, and that the settings of every method are in range.
+///
+/// # Errors
+/// The first setting that is out of range.
+pub fn check_settings(config: &Config, registries: &Registries<'_>) -> Result<()> {
+    // The lattice decides about lengths in units, not about the range of a setting.
+    Chain::build(config, registries, Lattice::MILLIMETRE)?;
+    for entry in registries.ground {
+        (entry.build)(&config.method_table(entry.name))?;
+    }
+    for entry in registries.cluster {
+        (entry.build)(&|section| config.method_table(section))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,314 @@
+//! What a user types and reads: did-you-mean, presets, dry runs, silence, pages, and warnings that ask. One test for each
+//! expectation.
+
+use std::path::Path;
+use std::process::Output;
+
+use crate::util::drive::scratch;
+use crate::util::las::{Point, Shape};
+use crate::util::program::program;
+use crate::util::shipped;
+
+const SAMPLE: &str = "mls_profiles.las";
+const SWEEP: &str = "tree_road_sweep.laz";
+
+fn call(folder: &Path, arguments: &[&str]) -> Output {
+    program().current_dir(folder).args(arguments).output().expect("the program starts")
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().expect("an exit code")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("text")
+}
+
+/// Standard output of a call that succeeds.
+fn told(folder: &Path, arguments: &[&str]) -> String {
+    let output = call(folder, arguments);
+    assert_eq!(code(&output), 0, "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// Standard error of a call that fails with `expected`.
+fn refused(folder: &Path, arguments: &[&str], expected: i32) -> String {
+    let output = call(folder, arguments);
+    let errors = text(&output.stderr);
+    assert_eq!(code(&output), expected, "{arguments:?}: {errors}");
+    errors
+}
+
+/// A folder with both shipped samples.
+fn samples() -> tempfile::TempDir {
+    let folder = scratch();
+    for name in [SWEEP, SAMPLE] {
+        std::fs::copy(shipped("tests/data").join(name), folder.path().join(name)).expect("copied");
+    }
+    folder
+}
+
+#[test]
+fn a_mistyped_setting_is_followed_by_the_one_that_was_meant() {
+    let folder = samples();
+    let set = |text: &str| refused(folder.path(), &["plan", SAMPLE, "--set", text], 3);
+    let mistyped = set("euclidian.d_t=0.4");
+    assert!(mistyped.starts_with("error: there is no setting euclidian.d_t: did you mean euclidean.d_t?\n"));
+    let bare = set("d_t=1");
+    assert!(
+        bare.contains("d_t is a setting of euclidean and density-peaks: write euclidean.d_t=1"),
+        "{bare}"
+    );
+    let typed = set("noise.voxel=wide");
+    assert!(typed.contains("noise.voxel = \"wide\": must be a number"), "{typed}");
+}
+
+#[test]
+fn a_wrong_method_points_to_the_list_and_help_names_all() {
+    let folder = samples();
+    let wrong = refused(folder.path(), &["plan", SAMPLE, "--method", "euclidian"], 3);
+    assert!(wrong.contains("there is no clustering method euclidian: did you mean euclidean?"), "{wrong}");
+    assert!(wrong.contains("hint: chainage methods"), "{wrong}");
+    let help = told(folder.path(), &["run", "--help"]);
+    for entry in chainage::cluster::REGISTRY {
+        assert!(help.contains(entry.name), "{}", entry.name);
+    }
+    for entry in chainage::ground::REGISTRY {
+        assert!(help.contains(entry.name), "{}", entry.name);
+    }
+}
+
+#[test]
+fn presets_are_built_in_listed_and_used() {
+    let folder = samples();
+    let list = told(folder.path(), &["config", "--presets"]);
+    assert!(list.contains("dense-trees") && list.contains("crowns"), "{list}");
+    let effective = told(folder.path(), &["config", "--effective", "--preset", "dense-trees"]);
+    assert!(
+        effective.contains("method = \"density-peaks\"") && effective.contains("delta_t = 5.0"),
+        "{effective}"
+    );
+    // A flag is stronger than a preset.
+    let over = ["config", "--effective", "--preset", "dense-trees", "--method", "euclidean"];
+    assert!(told(folder.path(), &over).contains("method = \"euclidean\""));
+    let wrong = refused(folder.path(), &["plan", SAMPLE, "--preset", "dense-tree"], 3);
+    assert!(wrong.contains("there is no preset dense-tree: did you mean dense-trees?"), "{wrong}");
+    assert!(wrong.contains("hint: chainage config --presets"), "{wrong}");
+}
+
+#[test]
+fn a_configuration_file_is_checked_without_a_drive() {
+    let folder = samples();
+    let write = |text: &str| std::fs::write(folder.path().join("my.toml"), text).expect("written");
+    let check = ["config", "--check", "my.toml"];
+    write("[euclidean]\nd_t = 0.4\n[noise]\nenabled = true\n");
+    let page = told(folder.path(), &check);
+    assert_eq!(page, "my.toml: valid, 1 setting differs from the defaults\n  euclidean.d_t = 0.4\n");
+    // The settings of a method that is not chosen are checked as well.
+    write("[density-peaks]\nc_t = 7.0\n");
+    assert!(refused(folder.path(), &check, 3).contains("density-peaks.c_t = 7: must be"));
+    write("[euclidean]\ndt = 0.4\n");
+    assert!(refused(folder.path(), &check, 3).contains("did you mean euclidean.d_t?"));
+}
+
+#[test]
+fn a_dry_run_shows_the_plan_and_writes_nothing() {
+    let folder = samples();
+    let fixed = ["--threads", "2", "--memory", "256M", "--tile-length", "20"];
+    let dry = told(folder.path(), &[&["run", SAMPLE, "-o", "out", "--dry-run"], &fixed[..]].concat());
+    assert_eq!(dry, told(folder.path(), &[&["plan", SAMPLE], &fixed[..]].concat()));
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn quiet_is_silent_and_verbose_shows_settings_and_tiles() {
+    let folder = samples();
+    let run = |out: &str, flag: &str| {
+        let output = call(
+            folder.path(),
+            &["run", SAMPLE, "-o", out, flag, "--tile-length", "40", "--set", "euclidean.d_t=0.4"],
+        );
+        assert_eq!(code(&output), 0, "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    assert_eq!(run("quiet", "-q"), "");
+    let verbose = run("verbose", "-v");
+    assert!(verbose.contains("setting euclidean.d_t = 0.4\n"), "{verbose}");
+    assert!(verbose.contains("ground: unit 1 of ") && verbose.contains("ground 2 of 6"), "{verbose}");
+}
+
+#[test]
+fn a_second_call_says_that_there_is_nothing_to_do() {
+    let folder = samples();
+    let run = ["run", SAMPLE, "-o", "out", "--progress", "plain"];
+    assert_eq!(code(&call(folder.path(), &run)), 0);
+    let again = call(folder.path(), &run);
+    let (page, lines) = (text(&again.stdout), text(&again.stderr));
+    assert!(page.ends_with("  nothing to do: out is up to date\n") && page.contains("1 tile\n"), "{page}");
+    assert!(lines.contains("survey: already done\n") && !lines.contains("points/s"), "{lines}");
+}
+
+#[test]
+fn status_names_the_setting_its_values_and_their_unit() {
+    let folder = samples();
+    assert_eq!(code(&call(folder.path(), &["run", SAMPLE, "-o", "out", "-q"])), 0);
+    let why = told(folder.path(), &["status", "out", "--why", "--set", "noise.voxel=0.5"]);
+    assert!(why.contains("  ground must be redone: noise.voxel changed from 0.3 to 0.5 m\n"), "{why}");
+    assert!(!why.contains("lattice units"), "{why}");
+    // Only what counts: the machine does not.
+    let help = told(folder.path(), &["status", "--help"]);
+    for flag in ["--threads", "--memory", "--no-mmap"] {
+        assert!(!help.contains(flag), "{help}");
+    }
+}
+
+#[test]
+fn a_fresh_run_removes_and_names_what_the_earlier_one_wrote() {
+    let folder = samples();
+    assert_eq!(code(&call(folder.path(), &["run", SAMPLE, "-o", "out", "-q"])), 0);
+    std::fs::write(folder.path().join("out/notes.txt"), "mine").expect("written");
+    let fresh = call(folder.path(), &["run", SWEEP, "-o", "out", "--fresh", "-q"]);
+    assert_eq!(code(&fresh), 0, "{}", text(&fresh.stderr));
+    let removed = "removed mls_profiles.las: the earlier run wrote it, and this one does not";
+    assert!(text(&fresh.stderr).contains(removed), "{}", text(&fresh.stderr));
+    let there = |name: &str| folder.path().join("out").join(name).exists();
+    assert!(!there(SAMPLE) && there(SWEEP) && there("objects.csv"));
+    assert!(there("notes.txt"), "a file of the user stays");
+    assert!(folder.path().join(SAMPLE).exists(), "the input stays");
+}
+
+#[test]
+fn files_far_apart_are_asked_about() {
+    let folder = scratch();
+    for (name, x) in [("near.las", 0), ("far.las", 20_000_000)] {
+        let points: Vec<Point> = (0..20).map(|step| Point::at([x + step * 100, 0, 0])).collect();
+        std::fs::write(folder.path().join(name), Shape::default().bytes(&points)).expect("written");
+    }
+    let plan = told(folder.path(), &["plan", "near.las", "far.las"]);
+    assert!(plan.contains("warning: the files lie 20 km apart: is this one drive?"), "{plan}");
+    assert!(!told(folder.path(), &["plan", "near.las"]).contains("apart"));
+}
+
+#[test]
+fn a_tile_beyond_the_budget_is_mentioned_once() {
+    let folder = scratch();
+    // Half a million points within a square metre cannot be divided into tiles.
+    let points: Vec<Point> =
+        (0..500_000).map(|step| Point::at([step % 997, step / 997, step % 13])).collect();
+    std::fs::write(folder.path().join("dense.las"), Shape::default().bytes(&points)).expect("written");
+    let plan = told(folder.path(), &["plan", "dense.las", "--memory", "16M"]);
+    let words = "more than the memory budget of 1";
+    assert_eq!(plan.matches(words).count(), 1, "{plan}");
+    assert!(plan.contains("warning: a tile needs ") && plan.contains("it runs by itself"), "{plan}");
+}
+
+#[test]
+fn numbers_that_are_none_are_explained_by_an_example() {
+    let folder = samples();
+    let plan = |flag: &str, value: &str| refused(folder.path(), &["plan", SAMPLE, flag, value], 2);
+    for value in ["two", "-3", "0"] {
+        assert!(
+            plan("--threads", value).contains("--threads takes a number from 1 to 1024, for example 2"),
+            "{value}"
+        );
+        assert!(plan("--tile-length", value).contains("must be a number above 0 m"), "{value}");
+    }
+    assert!(plan("--memory", "-3G").contains("-3G is"));
+}
+
+#[test]
+fn folders_below_are_searched_on_request() {
+    let folder = samples();
+    let below = folder.path().join("drives/monday");
+    std::fs::create_dir_all(&below).expect("a folder");
+    std::fs::rename(folder.path().join(SAMPLE), below.join(SAMPLE)).expect("moved");
+    assert!(refused(folder.path(), &["info", "drives"], 4).contains("no LAS or LAZ file"));
+    assert!(told(folder.path(), &["info", "drives", "--recursive"]).contains("10,310 in 1 file"));
+    assert!(
+        refused(folder.path(), &["info", "drives/monday/..", "-r", "none"], 4).contains("cannot read none")
+    );
+}
+
+#[test]
+fn the_manual_has_a_page_for_every_command() {
+    let folder = scratch();
+    let page = told(folder.path(), &["man", "run"]);
+    assert!(page.contains(".TH chainage-run") && page.contains("chainage run"), "{page}");
+    assert!(page.contains("tile\\-length"), "{page}");
+    assert!(refused(folder.path(), &["man", "walk"], 3).contains("one of info, plan, run"));
+    assert_eq!(told(folder.path(), &["man", "--all", "pages"]), "");
+    let mut names: Vec<String> = std::fs::read_dir(folder.path().join("pages"))
+        .expect("the folder")
+        .map(|entry| entry.expect("an entry").file_name().into_string().expect("a name"))
+        .collect();
+    names.sort();
+    assert!(
+        names.contains(&"chainage.1".to_owned()) && names.contains(&"chainage-eval.1".to_owned()),
+        "{names:?}"
+    );
+    // Every page that the first one refers to is there.
+    let first = std::fs::read_to_string(folder.path().join("pages/chainage.1")).expect("written");
+    for reference in first.split("chainage\\-").skip(1) {
+        let name: String =
+            reference.chars().take_while(|c| c.is_ascii_alphabetic() || *c == '\\' || *c == '-').collect();
+        let name = format!("chainage-{}.1", name.replace('\\', ""));
+        assert!(name == "chainage-help.1" || names.contains(&name), "{name}");
+    }
+}
+
+#[test]
+fn commands_are_listed_in_groups() {
+    let folder = scratch();
+    let help = told(folder.path(), &["--help"]);
+    let titles = ["Work with a drive:", "Check and measure:", "Settings and pages:"];
+    let places: Vec<usize> = titles.iter().map(|title| help.find(title).expect("a title")).collect();
+    assert!(places.is_sorted(), "{help}");
+}
+
+#[test]
+fn the_demo_says_where_its_result_is_and_has_json() {
+    let folder = scratch();
+    let page = told(folder.path(), &["demo"]);
+    let last = page.lines().last().expect("a line");
+    assert!(
+        last.contains("chainage-demo/output/tree_road_sweep.laz") && last.contains("cluster_id"),
+        "{page}"
+    );
+    let json: serde_json::Value =
+        serde_json::from_str(&told(folder.path(), &["demo", "--json"])).expect("JSON");
+    assert_eq!(json["points"], 71_841);
+    let ignored = std::fs::read_to_string(shipped(".gitignore")).expect("the list");
+    assert!(ignored.lines().any(|line| line == "/chainage-demo"));
+}
+
+#[test]
+fn a_missing_coordinate_system_is_named_as_missing() {
+    let folder = samples();
+    let info = told(folder.path(), &["info", SAMPLE]);
+    assert!(
+        info.contains("  CRS       not given in the files (coordinates are taken as metres)\n"),
+        "{info}"
+    );
+    assert!(info.contains("points/m²"), "{info}");
+}
+
+#[test]
+fn colours_are_for_terminals_only() {
+    let folder = samples();
+    for arguments in [&["plan", "none.las"][..], &["run", SAMPLE, "-o", "."], &["run", SAMPLE, "-o", "out"]] {
+        let output = call(folder.path(), arguments);
+        assert!(!text(&output.stderr).contains('\u{1b}') && !text(&output.stdout).contains('\u{1b}'));
+    }
+    // `script` provides a terminal. Where it is missing, there is nothing to see.
+    let shown = |colour: &str| {
+        let line = format!("{colour} {} plan none.las", env!("CARGO_BIN_EXE_chainage"));
+        let script = std::process::Command::new("script").args(["-qec", &line, "/dev/null"]).output();
+        script.ok().map(|output| text(&output.stdout))
+    };
+    let Some(coloured) = shown("TERM=xterm NO_COLOR=") else {
+        println!("skipped: the program script is not installed");
+        return;
+    };
+    assert!(coloured.contains("\u{1b}[1;31merror:\u{1b}[0m"), "{coloured:?}");
+    assert!(!shown("TERM=xterm NO_COLOR=1").expect("it was there").contains('\u{1b}'));
+}
