@@ -39,6 +39,10 @@ mod resume;
 #[cfg(test)]
 mod rounds;
 #[cfg(test)]
+mod spinning;
+#[cfg(test)]
+mod street_run;
+#[cfg(test)]
 mod switch;
 #[cfg(test)]
 mod synth;

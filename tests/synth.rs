@@ -18,21 +18,24 @@ fn small(preset: Preset) -> Settings {
     settings
 }
 
-fn write(settings: &Settings, folder: &Path) -> chainage::synth::Summary {
+pub(crate) fn write(settings: &Settings, folder: &Path) -> chainage::synth::Summary {
     generate(settings, folder, &mut |_| ()).unwrap()
 }
 
 /// One point as stored.
 #[derive(Debug, Clone, Copy)]
-struct Point {
-    position: [f64; 3],
-    nth: u8,
-    total: u8,
-    channel: u8,
-    source: u16,
-    time: f64,
-    instance: u32,
-    class: u8,
+pub(crate) struct Point {
+    pub(crate) position: [f64; 3],
+    pub(crate) nth: u8,
+    pub(crate) total: u8,
+    pub(crate) channel: u8,
+    /// Beam of a spinning head, and scan angle in degrees.
+    pub(crate) beam: u8,
+    pub(crate) angle: f64,
+    pub(crate) source: u16,
+    pub(crate) time: f64,
+    pub(crate) instance: u32,
+    pub(crate) class: u8,
 }
 
 fn little<const N: usize>(record: &[u8], at: usize) -> [u8; N] {
@@ -51,6 +54,8 @@ fn points(path: &Path) -> Vec<Point> {
             nth: record[14] & 15,
             total: record[14] >> 4,
             channel: (record[15] >> 4) & 3,
+            beam: record[17],
+            angle: f64::from(i16::from_le_bytes(little(record, 18))) * 0.006,
             source: u16::from_le_bytes(little(record, 20)),
             time: f64::from_le_bytes(little(record, 22)),
             instance: u32::from_le_bytes(little(record, 30)),
@@ -61,7 +66,7 @@ fn points(path: &Path) -> Vec<Point> {
 }
 
 /// The point files of a folder, in order.
-fn files(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let mut files: Vec<PathBuf> =
         entries.filter(|path| path.extension().is_some_and(|e| e == "laz" || e == "las")).collect();
@@ -69,12 +74,12 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-fn all_points(folder: &Path) -> Vec<Point> {
+pub(crate) fn all_points(folder: &Path) -> Vec<Point> {
     files(folder).iter().flat_map(|file| points(file)).collect()
 }
 
 /// Rows of a CSV file as numbers where they are numbers, by column name.
-fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
+pub(crate) fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
     let header: Vec<String> = lines.next().unwrap().split(',').map(str::to_owned).collect();
@@ -82,7 +87,7 @@ fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
     lines.map(row).collect()
 }
 
-fn number(row: &BTreeMap<String, String>, key: &str) -> f64 {
+pub(crate) fn number(row: &BTreeMap<String, String>, key: &str) -> f64 {
     row[key].parse().unwrap()
 }
 

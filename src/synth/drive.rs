@@ -9,8 +9,6 @@ use super::axis::{LEAD, Line, STEM};
 use super::preset::Plan;
 use super::random::{Waves, sequence};
 
-/// Height of the trajectory's reference point over the road, metres.
-const HEIGHT: f64 = 2.35;
 /// Poses per second. Poses in between are interpolated, so that the trajectory file is complete.
 const POSES_HZ: f64 = 100.0;
 
@@ -63,6 +61,8 @@ pub(super) struct Drive {
     plan: Plan,
     /// Chainage at which the street returns to its stem.
     end: f64,
+    /// Height of the trajectory's reference point over the road, metres.
+    height: f64,
     /// Mean speed in m/s, and the vehicle's lead over it: metres as a function of seconds.
     speed: f64,
     ahead: Waves<2>,
@@ -75,13 +75,15 @@ pub(super) struct Drive {
 }
 
 impl Drive {
-    /// A drive with speeds between the two of `speed_kmh` along a street that ends at chainage `end`.
-    pub(super) fn new(plan: Plan, end: f64, (low, high): (f64, f64)) -> Self {
+    /// A drive with speeds between the two of `speed_kmh` along a street that ends at chainage `end`, `height` metres
+    /// over the road.
+    pub(super) fn new(plan: Plan, end: f64, height: f64, (low, high): (f64, f64)) -> Self {
         let mut random = sequence(plan.seed, 4, 0);
         let half = (high - low) / 7.2;
         Self {
             plan,
             end,
+            height,
             speed: low / 3.6 + half,
             ahead: Waves::new([(0.7, 47.0), (0.3, 19.0)].map(|(a, t)| (half * a * t / TAU, t)), &mut random),
             wander: Waves::new([(0.15, 70.0)], &mut random),
@@ -124,7 +126,10 @@ impl Drive {
         let course = axis.at(here).way.to_angle() + drift + (1.0 - way) * FRAC_PI_2;
         Pose {
             t,
-            position: axis.at(here).left(offset(here)).extend(height(here) + HEIGHT + self.bounce.along(t)),
+            position: axis
+                .at(here)
+                .left(offset(here))
+                .extend(height(here) + self.height + self.bounce.along(t)),
             roll: self.roll.along(t),
             pitch: slope.atan() + self.pitch.along(t),
             heading: (FRAC_PI_2 - course).rem_euclid(TAU),

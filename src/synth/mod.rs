@@ -2,8 +2,8 @@
 //! of the scanner is traced.
 //!
 //! `preset` chooses the kind of street at every place. `street` builds it cell by cell from `axis`, `ground` and
-//! `things`. `scene` finds the closest hit. `drive`, `scanner` and `scan` turn time into pulses and pulses into
-//! echoes. `sink` writes. Every cell and every slice of time is a pure function of settings and seed, so the bytes
+//! `things`. `scene` finds the closest hit. `drive`, `scanner` and `aim` turn time into pulses, `scan` turns pulses
+//! into echoes. `sink` writes. Every cell and every slice of time is a pure function of settings and seed, so the bytes
 //! do not depend on the number of threads. Memory does not depend on the length. The rest of the crate does not use
 //! this module.
 
@@ -13,6 +13,7 @@
     reason = "geometry of metres and counts below 2^24: chosen here, not read from anywhere"
 )]
 
+mod aim;
 mod axis;
 mod drive;
 mod ground;
@@ -34,6 +35,7 @@ mod things;
 mod tree;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -50,12 +52,11 @@ use sink::Sink;
 use street::{IDS, Library};
 
 pub use preset::Preset;
-pub use scanner::Scanner;
+pub use scanner::{Scanner, Sensor, Spinning};
 pub use settings::{Settings, Summary};
 
-/// Slices per round, and about how many slices a second has. A drive of any length takes the memory of two rounds.
+/// Slices per round. A drive of any length takes the memory of two rounds.
 const ROUND: u64 = 24;
-const SLICES_HZ: f64 = 40.0;
 
 /// Length of the longest thing along the street (a facade), metres.
 const LONGEST: f64 = 75.0;
@@ -96,7 +97,7 @@ impl<'a> Run<'a> {
         let plan = Plan::new(settings.preset, settings.seed);
         let closes = Some(settings.length()).filter(|_| settings.preset == Preset::Loop);
         let axis = Axis::new(plan.seed, plan.bends, closes);
-        let drive = Drive::new(plan, axis.end, settings.speed_kmh);
+        let drive = Drive::new(plan, axis.end, settings.scanner.height(), settings.speed_kmh);
         Self { settings, plan, axis, library: things::models(plan.seed), drive, cells: BTreeMap::new() }
     }
 
@@ -107,12 +108,13 @@ impl<'a> Run<'a> {
     ) -> Result<Summary, Error> {
         let length = self.settings.length();
         let limit = self.settings.points.unwrap_or(u64::MAX);
+        let end = self.settings.pulses();
         let mut next = 0;
         let mut so_far = Summary::default();
         let mut batch = Vec::new();
         let mut lowest = 0;
-        while so_far.length_m < length && so_far.points < limit {
-            let mut slices = self.slices(next, length);
+        while so_far.length_m < length && so_far.points < limit && next < end {
+            let mut slices = self.slices(next..end, length);
             // The files of the last round are written while this one is traced.
             let (written, ()) = rayon::join(
                 || sink.write(std::mem::take(&mut batch), lowest),
@@ -125,7 +127,7 @@ impl<'a> Run<'a> {
                 }
                 slice.records.truncate((limit - so_far.points) as usize);
                 so_far.points += slice.records.len() as u64;
-                next = slice.profiles.end;
+                next = slice.pulses.end;
                 batch.push(slice);
             }
             // A closed street returns to its first cells.
@@ -138,16 +140,17 @@ impl<'a> Run<'a> {
         Ok(sink.finish(so_far.length_m)?)
     }
 
-    /// Metres driven when a profile begins.
-    fn driven(&self, profile: u64) -> f64 {
-        self.drive.distance(self.settings.scanner.time(profile, 0, 0))
+    /// Metres driven when a pulse is fired.
+    fn driven(&self, pulse: u64) -> f64 {
+        self.drive.distance(self.settings.scanner.time(pulse, 0))
     }
 
-    /// A round of slices to be traced, from profile `from` on and within `length` metres. All of them see the same
-    /// window.
-    fn slices(&mut self, from: u64, length: f64) -> Vec<Slice> {
-        let step = (self.settings.scanner.profiles_hz / SLICES_HZ).ceil() as u64;
-        let (s, _) = self.drive.place(self.settings.scanner.time(from, 0, 0));
+    /// A round of slices to be traced, from the start of `pulses` on and within `length` metres. All of them see the
+    /// same window.
+    fn slices(&mut self, pulses: Range<u64>, length: f64) -> Vec<Slice> {
+        let from = pulses.start;
+        let step = self.settings.scanner.slice();
+        let (s, _) = self.drive.place(self.settings.scanner.time(from, 0));
         // An object belongs to the cell of its middle, so objects that are half a cell or half a building away are
         // included.
         let ahead = self.driven(from + step * ROUND) - self.driven(from);
@@ -162,11 +165,12 @@ impl<'a> Run<'a> {
             Arc::new(Window::new(origin, self.settings.scanner.spread(), self.cells.values().flatten()));
         let starts = (0..ROUND).map(|number| from + number * step);
         let slice = |from: u64| {
-            let [start, end] = [from, from + step].map(|profile| self.settings.scanner.time(profile, 0, 0));
+            let to = (from + step).min(pulses.end);
+            let [start, end] = [from, to].map(|pulse| self.settings.scanner.time(pulse, 0));
             let window = Arc::clone(&window);
             let track = self.drive.track(&self.axis.line, start..end);
-            Slice { window, track, profiles: from..from + step, records: Vec::new() }
+            Slice { window, track, pulses: from..to, records: Vec::new() }
         };
-        starts.take_while(|start| self.driven(*start) < length).map(slice).collect()
+        starts.take_while(|start| *start < pulses.end && self.driven(*start) < length).map(slice).collect()
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::axis::{CELL, LEAD, cell_at};
 use super::random::{Waves, sequence};
-use super::scanner::Scanner;
+use super::scanner::{Scanner, Sensor};
 use super::section::Section;
 use super::shipped::shipped;
 
@@ -129,17 +129,25 @@ pub(super) struct Layout {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tables {
-    scanner: Scanner,
+    scanners: BTreeMap<Sensor, Scanner>,
     kinds: BTreeMap<String, Kind>,
     streets: BTreeMap<Preset, Layout>,
 }
 
 pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(|| shipped(include_str!("presets.toml")));
 
-// It is here and not in the scanner's module, which uses no table.
+// They are here and not in the scanner's module, which uses no table.
+impl Scanner {
+    /// The ready-made scanner.
+    #[must_use]
+    pub fn of(sensor: Sensor) -> Self {
+        TABLES.scanners[&sensor].clone()
+    }
+}
+
 impl Default for Scanner {
     fn default() -> Self {
-        TABLES.scanner.clone()
+        Self::of(Sensor::Profiler)
     }
 }
 
@@ -224,6 +232,22 @@ mod tests {
     fn the_rates_of_the_default_are_those_of_the_data_sheet() {
         let scanner = Scanner::default();
         assert_eq!(scanner.pulses(), 2_750);
-        assert!((scanner.time(1, 0, 0) - 0.005).abs() < 1e-12);
+        assert!((scanner.time(2_750, 0) - 0.005).abs() < 1e-12);
+    }
+
+    #[test]
+    fn every_sensor_has_as_many_beams_as_its_name_says_and_rotates_ten_times_a_second() {
+        for (sensor, beams) in Sensor::ALL.into_iter().zip([1, 16, 32, 64, 64]) {
+            let scanner = Scanner::of(sensor);
+            assert_eq!(scanner.beams(), beams, "{sensor:?}");
+            assert!(
+                beams == 1 || !scanner.pulses().is_multiple_of(beams),
+                "{sensor:?}: columns shift from sweep to sweep"
+            );
+            let elevations =
+                scanner.spinning.as_ref().map(|spinning| spinning.elevations()).unwrap_or_default();
+            assert!(elevations.windows(2).all(|pair| pair[0] < pair[1]), "{sensor:?}: {elevations:?}");
+            assert!(beams == 1 || (scanner.time(scanner.pulses(), 0) - 0.1).abs() < 1e-4, "{sensor:?}");
+        }
     }
 }

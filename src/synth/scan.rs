@@ -1,16 +1,17 @@
-//! Scanning: the ray of every pulse, its echoes, and the point records of a slice of time.
+//! Scanning: the echoes of every pulse and the point records of a slice of time.
 //!
-//! A slice is a pure function of (settings, seed, window, profiles): slices may be traced by any thread.
+//! A slice is a pure function of (settings, seed, window, pulses): slices may be traced by any thread.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat4, DVec3, Vec3A};
+use glam::Vec3A;
 use obvhs::ray::RayHit;
 use rand::RngExt;
 
+use super::aim::{Aim, Shot};
 use super::drive::Track;
 use super::random::{Random, gauss, sequence};
 use super::scanner::Scanner;
@@ -19,13 +20,6 @@ use super::settings::Settings;
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
-/// The heads of a pair look backwards and outwards: azimuth of the axis of rotation from straight back, and its
-/// elevation, degrees. They are a crossed pair, fitted to the labelled scenes.
-const AZIMUTH: f64 = 45.0;
-const ELEVATION: f64 = 22.0;
-/// Fraction by which the phase advances from profile to profile. The golden section is the most irrational number,
-/// so that no rows line up.
-const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
 /// Two echoes of one pulse that are closer than this merge into one between them, metres (pulse length of some
 /// nanoseconds).
 const SEPARATION: f32 = 0.6;
@@ -37,21 +31,6 @@ const BRIGHTNESS: (f32, f32, f32) = (31_700.0, 0.75, 0.7);
 /// Least reflectance times cosine of incidence of a target that is seen at full range. It scales with the square of
 /// the range.
 const FAINTEST: f32 = 0.06;
-
-/// Transform from the frame of profile head `number` of `heads` to the frame of the vehicle (forward, left, up). A
-/// head looks along its -z at scan angle 0 and along its -y at 90 degrees. A single head looks back over the left
-/// shoulder.
-fn mount(number: u8, heads: u8) -> DMat4 {
-    let side = if number == 0 { 1.0 } else { -1.0 };
-    let lever = DVec3::new(-0.4, if heads > 1 { 0.35 * side } else { 0.0 }, 0.0);
-    let tilt = DMat4::from_rotation_y(ELEVATION.to_radians());
-    DMat4::from_translation(lever) * DMat4::from_rotation_z(AZIMUTH.to_radians() * side) * tilt
-}
-
-/// Direction of the pulse at a scan angle, radians, in the frame of its head.
-fn fan(angle: f64) -> DVec3 {
-    DVec3::new(0.0, -angle.sin(), -angle.cos())
-}
 
 /// An echo.
 #[derive(Debug, Clone, Copy)]
@@ -75,8 +54,9 @@ pub(super) struct Record {
     /// Scanner channel.
     flags: u8,
     classification: u8,
+    /// Beam of a spinning head, from the lowest.
     user_data: u8,
-    /// Scan angle in steps of 0.006 degrees.
+    /// Scan angle, or azimuth of a spinning head, in steps of 0.006 degrees.
     angle: i16,
     /// Point source: the number of the file.
     pub(super) file: u16,
@@ -93,68 +73,58 @@ pub(super) struct Slice {
     pub(super) window: Arc<Window>,
     /// The poses within it and around it.
     pub(super) track: Track,
-    /// Profiles of all heads.
-    pub(super) profiles: Range<u64>,
+    /// Pulses of every head.
+    pub(super) pulses: Range<u64>,
     pub(super) records: Vec<Record>,
 }
 
 impl Slice {
     /// Traces its pulses.
     pub(super) fn trace(&mut self, settings: &Settings) {
-        let Self { window, track, profiles, records } = self;
+        let Self { window, track, pulses, records } = self;
         let scanner = &settings.scanner;
-        let mounts: Vec<DMat4> = (0..scanner.heads).map(|number| mount(number, scanner.heads)).collect();
-        // First echo of the previous pulse of every head.
-        let mut before = [None; 2];
-        let together = scanner.together();
-        let mut about = [const { Vec::new() }; 2];
+        let aim = Aim::new(scanner);
+        // First echo of the previous pulse of every beam, and the items that its next pulses may hit.
+        let mut before = vec![None; aim.beams()];
+        let mut about = vec![Vec::new(); aim.beams()];
         let mut echoes = Vec::with_capacity(ECHOES + 1);
-        for profile in profiles.clone() {
-            let aim = |pulse: u64, number: usize| {
-                let t = scanner.time(profile, pulse, number);
-                // The mirror is not locked to the laser, so every profile starts at another fraction of a step.
-                let phase = (profile as f64 * GOLDEN_SECTION + number as f64 * 0.5).fract();
-                let angle = (pulse as f64 + phase) * TAU / scanner.pulses() as f64 - PI;
-                let head = track.at(t) * mounts[number];
-                let direction = head.transform_vector3(fan(angle)).normalize();
-                (t, angle, head.w_axis.truncate() - window.origin, direction)
-            };
-            for pulse in 0..scanner.pulses() {
-                for number in 0..mounts.len() {
-                    if pulse % together == 0 {
-                        let (_, _, origin, direction) = aim(pulse + together / 2, number);
-                        about[number] =
-                            window.about(origin.as_vec3a(), direction.as_vec3a(), scanner.range_m as f32);
-                    }
-                    let (t, angle, origin, direction) = aim(pulse, number);
-                    let key = (20 + number as u64, profile * scanner.pulses() + pulse);
-                    let mut beam = Beam {
-                        scanner,
-                        window,
-                        about: &about[number],
-                        origin: origin.as_vec3a(),
-                        direction: direction.as_vec3a(),
-                        random: sequence(settings.seed, key.0, key.1),
-                        echoes: &mut echoes,
-                    };
-                    before[number] = beam.fire(before[number]);
-                    let file = t / settings.files_every_s.unwrap_or(f64::INFINITY);
-                    for (index, echo) in echoes.iter().enumerate() {
-                        let point = window.origin + origin + direction * f64::from(echo.range);
-                        records.push(Record {
-                            steps: (point / 0.001).round().as_ivec3().to_array(),
-                            intensity: echo.intensity,
-                            returns: (index + 1) as u8 | (echoes.len() as u8) << 4,
-                            flags: (number as u8) << 4,
-                            angle: (angle.to_degrees() / 0.006).round() as i16,
-                            // After 65,535 files, the most that the field can number, the last one continues.
-                            file: file.min(65_534.0) as u16 + 1,
-                            gps_time: START_TIME + t,
-                            instance: echo.instance,
-                            class: echo.class,
-                            ..Record::zeroed()
-                        });
-                    }
+        for count in pulses.clone() {
+            for head in 0..aim.heads() {
+                let beam = aim.beam(count, head);
+                if let Some(middle) = aim.middle(count) {
+                    let Shot { origin, direction, .. } = aim.shot(track, middle, count, head);
+                    let origin = (origin - window.origin).as_vec3a();
+                    about[beam] = window.about(origin, direction.as_vec3a(), scanner.range_m as f32);
+                }
+                let Shot { t, angle, origin, direction } = aim.shot(track, count, count, head);
+                let origin = origin - window.origin;
+                let mut pulse = Pulse {
+                    scanner,
+                    window,
+                    about: &about[beam],
+                    origin: origin.as_vec3a(),
+                    direction: direction.as_vec3a(),
+                    random: sequence(settings.seed, 20 + head as u64, count),
+                    echoes: &mut echoes,
+                };
+                before[beam] = pulse.fire(before[beam]);
+                let file = t / settings.files_every_s.unwrap_or(f64::INFINITY);
+                for (index, echo) in echoes.iter().enumerate() {
+                    let point = window.origin + origin + direction * f64::from(echo.range);
+                    records.push(Record {
+                        steps: (point / 0.001).round().as_ivec3().to_array(),
+                        intensity: echo.intensity,
+                        returns: (index + 1) as u8 | (echoes.len() as u8) << 4,
+                        flags: (head as u8) << 4,
+                        user_data: if scanner.spinning.is_some() { beam as u8 } else { 0 },
+                        angle: (angle.to_degrees() / 0.006).round() as i16,
+                        // After 65,535 files, the most that the field can number, the last one continues.
+                        file: file.min(65_534.0) as u16 + 1,
+                        gps_time: START_TIME + t,
+                        instance: echo.instance,
+                        class: echo.class,
+                        ..Record::zeroed()
+                    });
                 }
             }
         }
@@ -162,7 +132,7 @@ impl Slice {
 }
 
 /// A pulse and its echoes, in the frame of the window.
-struct Beam<'a> {
+struct Pulse<'a> {
     scanner: &'a Scanner,
     window: &'a Window,
     /// The items that the beam may hit.
@@ -173,7 +143,7 @@ struct Beam<'a> {
     echoes: &'a mut Vec<Echo>,
 }
 
-impl Beam<'_> {
+impl Pulse<'_> {
     /// Finds the echoes. `before` is the first echo of the pulse before; returns the first echo of this one.
     fn fire(&mut self, before: Option<Echo>) -> Option<Echo> {
         self.echoes.clear();
@@ -186,7 +156,19 @@ impl Beam<'_> {
             self.stray();
         }
         self.echoes.truncate(ECHOES);
+        if self.scanner.spinning.is_some() {
+            self.strongest();
+        }
         first
+    }
+
+    /// Keeps the strongest echo, the first of several that are equally strong.
+    fn strongest(&mut self) {
+        let first = |&(a, b): &(usize, &Echo)| (b.intensity, std::cmp::Reverse(a));
+        if let Some((index, _)) = self.echoes.iter().enumerate().max_by_key(first) {
+            self.echoes.swap(0, index);
+            self.echoes.truncate(1);
+        }
     }
 
     /// The echoes of the surfaces along the beam.
@@ -245,7 +227,7 @@ impl Beam<'_> {
     fn edge(&mut self, first: Echo, before: Echo) {
         let jump = before.range - first.range;
         let near = before.range.min(first.range);
-        let step = near * (TAU / self.scanner.pulses() as f64) as f32;
+        let step = near * (TAU / self.scanner.columns()) as f32;
         let alone = self.echoes.len() == 1 && jump.abs() >= 0.05;
         if !alone || !self.random.random_bool(f64::from(self.scanner.beam(near) / step).min(0.5)) {
             return;
@@ -270,21 +252,5 @@ impl Beam<'_> {
         let intensity = random.random_range(40..=900);
         self.echoes.clear();
         self.echoes.push(Echo { range, instance: 0, class: 0, intensity });
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn heads_look_down_and_back_at_angle_zero_and_cross_each_other() {
-        let look = |number, angle| mount(number, 2).transform_vector3(fan(angle));
-        let down = look(0, 0.0);
-        assert!(down.z < -0.9 && down.x < -0.2 && (down.length() - 1.0).abs() < 1e-12, "{down}");
-        // The planes of the two heads are mirror images: y changes sign, and with it the angle.
-        let a = look(0, 1.5);
-        let b = look(1, -1.5);
-        assert!((a - DVec3::new(b.x, -b.y, b.z)).length() < 1e-9, "{a} {b}");
     }
 }

@@ -1,4 +1,4 @@
-//! The scanner: its rates, and which pulses are traced together. Not: its mount and its echoes.
+//! The scanner: its rates, its beams, and which pulses are traced together. Not: its mount and its echoes.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -10,17 +10,53 @@ use serde::{Deserialize, Serialize};
 const FAN_PULSES: f64 = 6.0;
 const FAN_RAD: Range<f64> = 0.04..0.1;
 const FAN_S: f64 = 0.001;
+/// About how many slices a second has.
+const SLICES_HZ: f64 = 40.0;
+/// Height of the trajectory's reference point over the road for profile heads, metres.
+const PROFILER_HEIGHT: f64 = 2.35;
+
+/// A ready-made scanner. `presets.toml` has its figures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sensor {
+    /// Two profile heads of a survey vehicle.
+    Profiler,
+    /// A spinning head of 16 beams from -15 to 15 degrees.
+    #[serde(rename = "spinning-16")]
+    Spinning16,
+    /// A spinning head of 32 beams from -30.67 to 10.67 degrees.
+    #[serde(rename = "spinning-32")]
+    Spinning32,
+    /// A spinning head of 64 beams from -24.8 to 2 degrees: it hardly sees what is above it.
+    #[serde(rename = "spinning-64")]
+    Spinning64,
+    /// A spinning head of 64 beams from -25 to 15 degrees, most of them about the horizon.
+    #[serde(rename = "spinning-64-wide")]
+    Spinning64Wide,
+}
+
+impl Sensor {
+    /// All of them, in the order in which help lists them.
+    pub const ALL: [Self; 5] =
+        [Self::Profiler, Self::Spinning16, Self::Spinning32, Self::Spinning64, Self::Spinning64Wide];
+
+    /// Name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        ["profiler", "spinning-16", "spinning-32", "spinning-64", "spinning-64-wide"][self as usize]
+    }
+}
 
 /// The scanner; the defaults are close to a RIEGL VMX-450 (two VQ-450 heads of 550 kHz and 200 profiles/s, 8 mm
 /// accuracy, 0.3 mrad).
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scanner {
-    /// Profile heads, 1 or 2.
+    /// Profile heads, 1 or 2; spinning heads, 1.
     pub heads: u8,
-    /// Pulses per second of one head.
+    /// Pulses per second of one head, of all its beams together.
     pub pulse_rate_hz: f64,
-    /// Profiles per second of one head.
+    /// Profiles per second of one head, or rotations per second of a spinning head.
     pub profiles_hz: f64,
     /// Farthest target, metres.
     pub range_m: f64,
@@ -30,23 +66,73 @@ pub struct Scanner {
     pub divergence_mrad: f64,
     /// Share of pulses that return an isolated echo without a target.
     pub strays: f64,
+    /// The beams of a spinning head; `None` for profile heads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spinning: Option<Spinning>,
+}
+
+/// What a spinning head has beside a profile head. It rotates about its upright axis and returns the strongest echo
+/// of a pulse.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spinning {
+    /// Elevations of the beams, degrees: lowest, highest and number of equally spaced beams, from the ground up.
+    pub beams: Vec<(f64, f64, u16)>,
+    /// Height of the head over the road, metres.
+    pub height_m: f64,
+}
+
+impl Spinning {
+    /// The elevation of every beam, degrees, in the order in which the beams fire.
+    #[must_use]
+    pub fn elevations(&self) -> Vec<f64> {
+        let block = |&(low, high, count): &(f64, f64, u16)| {
+            let step = (high - low) / f64::from(count.max(2) - 1);
+            (0..count).map(move |number| low + step * f64::from(number))
+        };
+        self.beams.iter().flat_map(block).collect()
+    }
 }
 
 impl Scanner {
-    /// Pulses of one profile of one head. The pulse rate is exact; the profile rate is adjusted to it.
+    /// Pulses of one profile, or of one rotation, of one head. The pulse rate is exact; the profile rate is
+    /// adjusted to it.
     pub(super) fn pulses(&self) -> u64 {
         (self.pulse_rate_hz / self.profiles_hz).round().max(1.0) as u64
     }
 
-    /// Number of pulses that are traced together: consecutive ones, or a single one if they are far apart.
+    /// Beams of a head, which fire in turn.
+    pub(super) fn beams(&self) -> u64 {
+        let count = |spinning: &Spinning| spinning.beams.iter().map(|(_, _, count)| u64::from(*count)).sum();
+        self.spinning.as_ref().map_or(1, count).max(1)
+    }
+
+    /// Pulses of one beam in a profile or a rotation.
+    pub(super) fn columns(&self) -> f64 {
+        self.pulses() as f64 / self.beams() as f64
+    }
+
+    /// Number of pulses of a beam that are traced together: consecutive ones, or a single one if they are far
+    /// apart.
     pub(super) fn together(&self) -> u64 {
-        (self.fan() * self.pulses() as f64 / TAU).min(FAN_S * self.pulse_rate_hz).max(1.0) as u64
+        let rate = self.pulse_rate_hz / self.beams() as f64;
+        (self.fan() * self.columns() / TAU).min(FAN_S * rate).max(1.0) as u64
+    }
+
+    /// Number of pulses of a slice of time. A slice has whole profiles, or whole groups of pulses that are traced
+    /// together.
+    pub(super) fn slice(&self) -> u64 {
+        if self.spinning.is_some() {
+            let group = self.beams() * self.together();
+            return (self.pulse_rate_hz / SLICES_HZ / group as f64).ceil() as u64 * group;
+        }
+        (self.profiles_hz / SLICES_HZ).ceil() as u64 * self.pulses()
     }
 
     /// Angle within which pulses are traced together, radians. One list of possible targets should serve several
     /// pulses.
     fn fan(&self) -> f64 {
-        (FAN_PULSES * TAU / self.pulses() as f64).clamp(FAN_RAD.start, FAN_RAD.end)
+        (FAN_PULSES * TAU / self.columns()).clamp(FAN_RAD.start, FAN_RAD.end)
     }
 
     /// Largest distance of a beam from the middle beam of its group, metres. In half a millisecond the vehicle
@@ -55,14 +141,18 @@ impl Scanner {
         (self.range_m * (self.fan() * 0.5 + 0.001) + 0.1) as f32
     }
 
-    /// Time of a pulse, seconds since the start; the second head fires half a pulse later.
-    pub(super) fn time(&self, profile: u64, pulse: u64, head: usize) -> f64 {
-        let count = profile * self.pulses() + pulse;
+    /// Time of pulse number `count` of a head, seconds since the start; the second head fires half a pulse later.
+    pub(super) fn time(&self, count: u64, head: usize) -> f64 {
         (count as f64 + head as f64 / f64::from(self.heads)) / self.pulse_rate_hz
     }
 
     /// Diameter of the beam at a range, metres.
     pub(super) fn beam(&self, range: f32) -> f32 {
         0.004 + range * self.divergence_mrad as f32 * 1e-3
+    }
+
+    /// Height of the trajectory's reference point over the road, metres. A spinning head is at this point.
+    pub(super) fn height(&self) -> f64 {
+        self.spinning.as_ref().map_or(PROFILER_HEIGHT, |spinning| spinning.height_m)
     }
 }

@@ -20,6 +20,9 @@ pub struct Settings {
     pub length_m: Option<f64>,
     /// Points after which the drive ends; `None` to drive the whole length.
     pub points: Option<u64>,
+    /// Rotations of a spinning head after which the drive ends; `None` to drive on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sweeps: Option<u64>,
     /// Same seed, same bytes.
     pub seed: u64,
     /// The scanner.
@@ -43,6 +46,7 @@ impl Settings {
             preset,
             length_m: Some(if preset == Preset::Loop { 1_500.0 } else { 1_000.0 }),
             points: None,
+            sweeps: None,
             seed: 1,
             scanner: Scanner::default(),
             speed_kmh: (30.0, 60.0),
@@ -54,18 +58,29 @@ impl Settings {
 
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         let Self { scanner, speed_kmh: (slow, fast), .. } = self;
+        let spins = scanner.spinning.is_some();
+        if let Some(sweeps) = self.sweeps.filter(|_| !spins) {
+            let expected = "left out, because profile heads do not spin";
+            return Err(ConfigError::value("sweeps", sweeps, expected));
+        }
         // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
         let least = if self.preset == Preset::Loop { LEAST_LOOP } else { 1.0 };
         let ranges = [
-            ("heads", f64::from(scanner.heads), 1.0..=2.0, ""),
+            ("heads", f64::from(scanner.heads), 1.0..=if spins { 1.0 } else { 2.0 }, ""),
             ("pulse-rate", scanner.pulse_rate_hz, 1e3..=2e6, " Hz"),
-            ("profiles", scanner.profiles_hz, 1.0..=scanner.pulse_rate_hz / 36.0, " per second"),
+            (
+                "profiles",
+                scanner.profiles_hz,
+                1.0..=scanner.pulse_rate_hz / scanner.beams() as f64 / 36.0,
+                " per second",
+            ),
             ("range", scanner.range_m, 10.0..=300.0, " m"),
             ("noise", scanner.noise_m, 0.0..=1.0, " m"),
             ("speed", *slow, 1.0..=150.0, " km/h"),
             ("speed", *fast, *slow..=150.0, " km/h"),
             ("files-every", self.files_every_s.unwrap_or(1.0), 0.1..=1e6, " s"),
             ("length", self.length_m.unwrap_or(least), least..=2e6, " m"),
+            ("sweeps", self.sweeps.unwrap_or(1) as f64, 1.0..=1e9, ""),
             ("points", self.points.unwrap_or(1) as f64, 1.0..=1e12, ""),
         ];
         let wrong = ranges.into_iter().find(|(_, value, range, _)| !range.contains(value));
@@ -83,8 +98,14 @@ impl Settings {
             let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.62;
             (points as f64 / rate * (self.speed_kmh.0 + self.speed_kmh.1) / 7.2).max(LEAST_LOOP)
         };
-        let closed = self.points.filter(|_| self.preset == Preset::Loop);
-        self.length_m.unwrap_or(closed.map_or(f64::INFINITY, enough))
+        let closed = self.preset == Preset::Loop;
+        let far = if closed { self.points.map_or(LEAST_LOOP, enough) } else { f64::INFINITY };
+        self.length_m.unwrap_or(far)
+    }
+
+    /// Pulses of every head after which the drive ends at the latest.
+    pub(super) fn pulses(&self) -> u64 {
+        self.sweeps.map_or(u64::MAX, |sweeps| sweeps * self.scanner.pulses())
     }
 }
 

@@ -10,7 +10,7 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use chainage::synth::{Preset, Scanner, Settings, Summary, generate};
+use chainage::synth::{Preset, Scanner, Sensor, Settings, Summary, generate};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -24,7 +24,8 @@ use crate::cli::{exit, print};
 /// number of threads. Memory does not depend on the length.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  chainage synth downtown -o demo --length 500m\n  \
-                        chainage synth mixed -o big --points 200M --files-every 60s --seed 7")]
+                        chainage synth mixed -o big --points 200M --files-every 60s --seed 7\n  \
+                        chainage synth downtown -o sweep --scanner spinning-64 --sweeps 1")]
 pub(crate) struct SynthArgs {
     /// Kind of street
     #[arg(value_enum, value_name = "PRESET")]
@@ -42,6 +43,10 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "COUNT", value_parser = count, help_heading = "Drive")]
     points: Option<u64>,
 
+    /// Number of rotations of a spinning scanner; the drive ends there
+    #[arg(long, value_name = "N", help_heading = "Drive")]
+    sweeps: Option<u64>,
+
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Drive")]
     seed: u64,
@@ -50,25 +55,31 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "LOW-HIGH", default_value = "30-60", value_parser = speeds, help_heading = "Drive")]
     speed: (f64, f64),
 
-    /// Number of profile heads, 1 or 2
-    #[arg(long, value_name = "N", default_value_t = 2, help_heading = "Scanner")]
-    heads: u8,
+    /// Scanner whose figures are used where the options below do not change them
+    #[arg(long, value_enum, value_name = "NAME", default_value = "profiler", help_heading = "Scanner")]
+    scanner: SensorArg,
 
-    /// Pulses per second of one head, for example 550kHz or 300k
-    #[arg(long, value_name = "RATE", default_value = "550kHz", value_parser = rate, help_heading = "Scanner")]
-    pulse_rate: f64,
+    /// Number of profile heads, 1 or 2 [default: 2]
+    #[arg(long, value_name = "N", help_heading = "Scanner")]
+    heads: Option<u8>,
 
-    /// Profiles per second of one head; the pulse rate divided by it gives the pulses of a profile
-    #[arg(long, value_name = "RATE", default_value = "200Hz", value_parser = rate, help_heading = "Scanner")]
-    profiles: f64,
+    /// Pulses per second of one head, all beams together, for example 550kHz or 300k [default: profiler 550kHz; spinning
+    /// 289kHz (16), 694kHz (32), 1333kHz (64), 1152kHz (64-wide)]
+    #[arg(long, value_name = "RATE", value_parser = rate, help_heading = "Scanner")]
+    pulse_rate: Option<f64>,
 
-    /// Largest measured range
-    #[arg(long, value_name = "LENGTH", default_value = "100m", value_parser = length, help_heading = "Scanner")]
-    range: f64,
+    /// Profiles or rotations per second of one head; the pulse rate divided by it gives the pulses of one
+    /// [default: profiler 200Hz; spinning 10Hz]
+    #[arg(long, value_name = "RATE", value_parser = rate, help_heading = "Scanner")]
+    profiles: Option<f64>,
 
-    /// Standard deviation of a measured range
-    #[arg(long, value_name = "LENGTH", default_value = "5mm", value_parser = length, help_heading = "Scanner")]
-    noise: f64,
+    /// Largest measured range [default: 100m; spinning-64 and 64-wide 120m]
+    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
+    range: Option<f64>,
+
+    /// Standard deviation of a measured range [default: profiler 5mm; spinning 2cm]
+    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
+    noise: Option<f64>,
 
     /// Start a new file after this time, for example 60s or 2min [default: one file]
     #[arg(long, value_name = "TIME", value_parser = seconds, help_heading = "Files")]
@@ -113,6 +124,31 @@ impl ValueEnum for PresetArg {
     }
 }
 
+/// [`Sensor`] on the command line.
+#[derive(Debug, Clone, Copy)]
+struct SensorArg(Sensor);
+
+impl ValueEnum for SensorArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [SensorArg; 5] = {
+            let [a, b, c, d, e] = Sensor::ALL;
+            [SensorArg(a), SensorArg(b), SensorArg(c), SensorArg(d), SensorArg(e)]
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        let help = match self.0 {
+            Sensor::Profiler => "two profile heads of a survey vehicle",
+            Sensor::Spinning16 => "16 beams from -15 to 15 degrees, 10 rotations per second",
+            Sensor::Spinning32 => "32 beams from -30.7 to 10.7 degrees",
+            Sensor::Spinning64 => "64 beams from -24.8 to 2 degrees: nothing high above the sensor",
+            Sensor::Spinning64Wide => "64 beams from -25 to 15 degrees, most of them about the horizon",
+        };
+        Some(clap::builder::PossibleValue::new(self.0.name()).help(help))
+    }
+}
+
 impl SynthArgs {
     /// Writes the drive; 0 when it is complete.
     pub(crate) fn run(&self) -> Outcome {
@@ -151,18 +187,19 @@ impl SynthArgs {
 
     fn settings(&self) -> Settings {
         let mut settings = Settings::new(self.preset.0);
-        if self.length.is_some() || self.points.is_some() {
-            (settings.length_m, settings.points) = (self.length, self.points);
+        if self.length.is_some() || self.points.is_some() || self.sweeps.is_some() {
+            (settings.length_m, settings.points, settings.sweeps) = (self.length, self.points, self.sweeps);
         }
         settings.seed = self.seed;
         settings.speed_kmh = self.speed;
+        let ready = Scanner::of(self.scanner.0);
         settings.scanner = Scanner {
-            heads: self.heads,
-            pulse_rate_hz: self.pulse_rate,
-            profiles_hz: self.profiles,
-            range_m: self.range,
-            noise_m: self.noise,
-            ..Scanner::default()
+            heads: self.heads.unwrap_or(ready.heads),
+            pulse_rate_hz: self.pulse_rate.unwrap_or(ready.pulse_rate_hz),
+            profiles_hz: self.profiles.unwrap_or(ready.profiles_hz),
+            range_m: self.range.unwrap_or(ready.range_m),
+            noise_m: self.noise.unwrap_or(ready.noise_m),
+            ..ready
         };
         settings.files_every_s = self.files_every;
         settings.compressed = self.laz || !self.las;

@@ -4,11 +4,8 @@
 //! joined with a reach of this class, over all tiles. Components that are large enough, stand on the ground
 //! (not buildings and wires) and do not hang in foliage are cores. Trees are different, because crowns touch:
 //! their voxels near the ground are cut into bands of height, and `seeds` finds the stems in them.
-//!
-//! Distances in voxels of 0.15 m are those of the prototype. `benches/results/street.md` has their study.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
     reason = "voxels of a tile fit u32; heights above ground in lattice units fit i32"
 )]
 
@@ -18,7 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use super::chains::{self, Piece, Verdict};
 use super::classified::Classified;
-use super::parts::{Links, Parts};
+use super::joining;
+use super::part::{NO_BAND, Part};
+use super::parts::Links;
 use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
 use super::shares::{self, BUILDING, FENCE, GROUND, POLE, SMALL, TREE, VEHICLE, WIRE};
@@ -39,84 +38,6 @@ const PIECES_M: f64 = 1.6;
 const AXIS_M: f64 = 0.45;
 /// Height up to which a trunk takes the voxels around its axis, in metres.
 const TRUNK_M: f64 = 4.0;
-/// Lowest height, height of a band and number of bands of low tree voxels.
-const LOW_M: f64 = 0.15;
-const BAND_M: f64 = 0.25;
-pub(super) const BANDS: u8 = 9;
-/// Voxels of a class are joined within so many voxels in the plane and so many levels.
-const REACHES: [(u8, i32, i32); 5] =
-    [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
-/// Columns of buildings are joined within so many voxels in the plane, whatever their height.
-const BUILDING_REACH: i32 = 10;
-/// Canopy is looked for within so many voxels of a low tree voxel.
-const CANOPY_REACH: i32 = 5;
-
-/// Figures of a component. Sums and extremes, so that the figures of its parts in all tiles add up.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Part {
-    pub(super) class: u8,
-    /// Band of height of low tree voxels.
-    pub(super) band: u8,
-    /// First voxel in the order (i, j, k).
-    pub(super) first: Voxel,
-    pub(super) voxels: u32,
-    /// Lowest and highest height above ground in lattice units.
-    pub(super) height: (i32, i32),
-    /// Smallest and largest coordinates of centres, in lattice units.
-    pub(super) min: [i64; 2],
-    pub(super) max: [i64; 2],
-    /// Sums of the coordinates of centres.
-    pub(super) sum: [i64; 2],
-    /// Neighbours (of 26) that are trees or buildings.
-    pub(super) contact: u32,
-    /// Voxels with a vehicle above, below or beside them, if the class is another.
-    pub(super) in_vehicle: u32,
-    /// Highest tree voxel around low tree voxels, in lattice units above ground.
-    pub(super) canopy: i32,
-}
-
-impl Part {
-    fn of_voxel(class: u8, band: u8, first: Voxel, height: i32, centre: [i64; 3]) -> Self {
-        let place = [centre[0], centre[1]];
-        Self {
-            class,
-            band,
-            first,
-            voxels: 1,
-            height: (height, height),
-            min: place,
-            max: place,
-            sum: place,
-            contact: 0,
-            in_vehicle: 0,
-            canopy: i32::MIN,
-        }
-    }
-
-    pub(super) fn merge(&mut self, other: &Self) {
-        self.first = self.first.min(other.first);
-        self.voxels += other.voxels;
-        self.height = (self.height.0.min(other.height.0), self.height.1.max(other.height.1));
-        for axis in 0..2 {
-            self.min[axis] = self.min[axis].min(other.min[axis]);
-            self.max[axis] = self.max[axis].max(other.max[axis]);
-            self.sum[axis] += other.sum[axis];
-        }
-        self.contact += other.contact;
-        self.in_vehicle += other.in_vehicle;
-        self.canopy = self.canopy.max(other.canopy);
-    }
-
-    pub(super) fn centre(&self) -> [i64; 2] {
-        self.sum.map(|sum| sum.div_euclid(i64::from(self.voxels.max(1))))
-    }
-
-    /// Longest side of the box in the plane.
-    fn extent(&self) -> i64 {
-        (self.max[0] - self.min[0]).max(self.max[1] - self.min[1])
-    }
-}
-
 /// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Payload {
@@ -209,14 +130,14 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let pieces = chains::load(tile, &near)?;
     let mut class = shares::classes(&around.shares);
     let trunk = take_chains(&mut around, &mut class, &pieces, lattice);
-    let band = bands(&around, &class, lattice);
+    let band = joining::bands(&around, &class, lattice);
     let mut links = Links::new(&around.voxels);
-    join_classes(&around, &class, &mut links);
-    join_buildings(&around, &class, &mut links);
-    let rising = join_bands(&around, &band, &mut links);
+    joining::join_classes(&around, &class, &mut links);
+    joining::join_buildings(&around, &class, &mut links);
+    let rising = joining::join_bands(&around, &band, &mut links);
     let chosen = |voxel: usize| band[voxel] != NO_BAND || class[voxel] > TREE;
     let parts = links.finish(&around.voxels, chosen);
-    let figures = figures(&around, &class, &band, &parts);
+    let figures = joining::figures(&around, &class, &band, &|voxel| trunk[voxel].0, &parts);
     let mut rising: Vec<(u32, u32)> =
         rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
     rising.sort_unstable();
@@ -253,7 +174,7 @@ fn take_chains(
         let cell = piece.centre.map(|value| value.div_euclid(edge) as i32);
         window.visit(columns, &mut finder, cell, 0, |voxel| {
             let of = class[voxel];
-            if of != TREE && of != POLE {
+            if !chains::may_be_upright(of) {
                 return;
             }
             let [x, y, _] = around.voxels.centre[voxel];
@@ -261,7 +182,7 @@ fn take_chains(
             let height = around.height[voxel];
             let inside =
                 distance <= piece.radius.pow(2) && height >= piece.height.0 && height <= piece.height.1;
-            let along = if verdict.pole { of == POLE } else { height < top };
+            let along = if verdict.pole { of == POLE } else { height < top && (of == TREE || of == POLE) };
             if inside || (along && distance <= axis.pow(2)) {
                 let found = (distance, piece.slice, piece.first, number);
                 taken[voxel] = Some(taken[voxel].map_or(found, |best| best.min(found)));
@@ -279,131 +200,6 @@ fn take_chains(
         trunk[voxel] = (true, if inside && !verdict.pole { verdict.chain } else { 0 });
     }
     trunk
-}
-
-const NO_BAND: u8 = u8::MAX;
-
-/// The band of height of each low tree voxel.
-fn bands(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<u8> {
-    let low = lattice.units(LOW_M) as i32;
-    let band = lattice.units(BAND_M) as i32;
-    let of = |voxel: usize| {
-        let above = around.height[voxel] - low;
-        if class[voxel] != TREE || above < 0 || above >= band * i32::from(BANDS) {
-            return NO_BAND;
-        }
-        (above / band) as u8
-    };
-    (0..class.len()).map(of).collect()
-}
-
-fn join_classes(around: &Classified, class: &[u8], links: &mut Links<'_>) {
-    let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
-    for (of, radius, levels) in REACHES {
-        let window = Window::new(radius, levels);
-        for voxel in (0..class.len()).filter(|&voxel| class[voxel] == of && around.voxels.owned[voxel]) {
-            let [i, j, k] = around.voxels.key[voxel];
-            window.visit(columns, &mut finder, [i, j], k, |other| {
-                if class[other] == of && other != voxel {
-                    links.join(voxel, other);
-                }
-            });
-        }
-    }
-}
-
-/// Joins the columns with building voxels that are near each other in the plane.
-fn join_buildings(around: &Classified, class: &[u8], links: &mut Links<'_>) {
-    let columns = &around.voxels.columns;
-    let window = Window::new(BUILDING_REACH, 0);
-    let mut finder = columns.finder();
-    let first = |column: usize| columns.voxels(column).find(|&voxel| class[voxel] == BUILDING);
-    let of_column: Vec<Option<usize>> = (0..columns.cells().len()).map(first).collect();
-    for (column, &[i, j]) in columns.cells().iter().enumerate() {
-        let Some(voxel) = of_column[column].filter(|&voxel| around.voxels.owned[voxel]) else { continue };
-        for other in columns.voxels(column).filter(|&other| class[other] == BUILDING) {
-            links.join(voxel, other);
-        }
-        for [di, dj] in window.steps() {
-            let other = finder.number([i + di, j + dj]).and_then(|other| of_column[other]);
-            if let Some(other) = other {
-                links.join(voxel, other);
-            }
-        }
-    }
-}
-
-/// Joins low tree voxels of the same band, and returns voxels of adjacent bands that touch, the lower first.
-fn join_bands(around: &Classified, band: &[u8], links: &mut Links<'_>) -> Vec<(usize, usize)> {
-    let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
-    let window = Window::new(2, 2);
-    let mut rising = Vec::new();
-    for voxel in (0..band.len()).filter(|&voxel| band[voxel] != NO_BAND && around.voxels.owned[voxel]) {
-        let [i, j, k] = around.voxels.key[voxel];
-        window.visit(columns, &mut finder, [i, j], k, |other| {
-            if other == voxel || band[other] == NO_BAND {
-                return;
-            }
-            if band[other] == band[voxel] {
-                links.join(voxel, other);
-            } else if band[other].abs_diff(band[voxel]) == 1 {
-                links.touch(voxel, other);
-                let low_first = band[voxel] < band[other];
-                rising.push(if low_first { (voxel, other) } else { (other, voxel) });
-            }
-        });
-    }
-    rising
-}
-
-/// The figures of the components, over the voxels of the tile.
-fn figures(around: &Classified, class: &[u8], band: &[u8], parts: &Parts) -> Vec<Option<Part>> {
-    let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
-    let touching = Window::new(1, 1);
-    let beside = Window::new(2, 12);
-    let canopy = canopies(around, class);
-    let mut figures: Vec<Option<Part>> = vec![None; parts.border.count as usize];
-    for voxel in (0..class.len()).filter(|&voxel| around.voxels.owned[voxel]) {
-        let Some(figure) = figures.get_mut(parts.of[voxel] as usize) else { continue };
-        let key @ [i, j, k] = around.voxels.key[voxel];
-        let mut one =
-            Part::of_voxel(class[voxel], band[voxel], key, around.height[voxel], around.voxels.centre[voxel]);
-        if matches!(class[voxel], FENCE | SMALL | VEHICLE) {
-            touching.visit(columns, &mut finder, [i, j], k, |other| {
-                one.contact += u32::from(matches!(class[other], TREE | BUILDING));
-            });
-        }
-        if matches!(class[voxel], FENCE | SMALL) {
-            beside.visit(columns, &mut finder, [i, j], k, |other| {
-                one.in_vehicle |= u32::from(class[other] == VEHICLE);
-            });
-        }
-        if band[voxel] != NO_BAND {
-            for [di, dj] in canopy.1.steps() {
-                if let Some(column) = finder.number([i + di, j + dj]) {
-                    one.canopy = one.canopy.max(canopy.0[column]);
-                }
-            }
-        }
-        match figure {
-            Some(figure) => figure.merge(&one),
-            None => *figure = Some(one),
-        }
-    }
-    figures
-}
-
-/// The highest tree voxel of each column.
-fn canopies(around: &Classified, class: &[u8]) -> (Vec<i32>, Window) {
-    let columns = &around.voxels.columns;
-    let highest = |column: usize| {
-        let trees = columns.voxels(column).filter(|&voxel| class[voxel] == TREE);
-        trees.map(|voxel| around.height[voxel]).max().unwrap_or(i32::MIN)
-    };
-    ((0..columns.cells().len()).map(highest).collect(), Window::new(CANOPY_REACH, 0))
 }
 
 /// The cores of the drive.
@@ -498,7 +294,11 @@ fn keeps(part: &Part, lattice: Lattice) -> bool {
     let stands = low < 0.8;
     match part.class {
         BUILDING => voxels >= 150 && high > 2.5,
-        POLE => tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)),
+        // Without a chain that is a pole, an upright piece among leaves is a part of a stem.
+        POLE => {
+            let free = part.decided > 0 || part.contact <= voxels;
+            tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)) && free
+        }
         VEHICLE => voxels >= 60 && extent > 1.5 && stands && free,
         FENCE => voxels >= 12 && stands && free && !in_vehicle,
         SMALL => voxels >= 5 && stands && free && !in_vehicle,

@@ -22,17 +22,17 @@ use std::collections::BinaryHeap;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
-use super::classified::Classified;
+use super::classified::Shares;
 use super::cores::{Core, Cored};
 use super::edges::{self, Edges};
 use super::settings::{CLASSES, EDGE_M, STEP_GROWTH};
-use super::shares::{GROUND, TREE};
-use super::window::Window;
+use super::shares::{GROUND, POLE, TREE};
+use super::voxels::Voxels;
 use crate::cluster::{Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
 use crate::model::Lattice;
-use crate::spatial::Cell;
+use crate::spatial::{Cell, CellMap};
 
 /// Smallest share of a class that opens a voxel to it, by class.
 const OPEN: [u8; CLASSES] = [255, 5, 127, 25, 13, 51, 51, 26];
@@ -72,6 +72,13 @@ struct Border {
 /// owns a cell that meets it.
 pub(super) fn border_reach(lattice: Lattice) -> i64 {
     edges::reach(lattice) + 4 * lattice.units_up(EDGE_M)
+}
+
+/// The share of a class for growth. A tree may also grow over voxels that look like poles: most of them are trunks
+/// and branches, and poles are cores.
+fn share_for(shares: &Shares, class: u8) -> u8 {
+    let share = shares[usize::from(class)];
+    if class == TREE { share.saturating_add(shares[usize::from(POLE)]) } else { share }
 }
 
 /// Costs of edges in lattice units of one drive.
@@ -136,7 +143,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
 
     let mut payload = Payload::default();
     let mut border = Border::default();
-    let at_border = near_foreign(&cored.around, edges::reach(lattice), lattice);
+    let at_border = near_foreign(voxels);
     let mut used = Vec::new();
     let mut seen = Vec::new();
     for (number, voxel) in (0_u32..).zip((0..reached.len()).filter(|&voxel| voxels.owned[voxel])) {
@@ -193,7 +200,7 @@ fn grow(
         let Some(core) = cores.get(&label) else { continue };
         for &other in edges.of_voxel(voxel) {
             let other = other as usize;
-            let share = cored.around.shares[other][usize::from(core.class)];
+            let share = share_for(&cored.around.shares[other], core.class);
             if share < OPEN[usize::from(core.class)] || !open(cored, other) {
                 continue;
             }
@@ -213,22 +220,28 @@ fn grow(
     reached
 }
 
-/// Voxels of the tile that have a voxel of another tile within `distance`, at most two voxels further.
-fn near_foreign(around: &Classified, distance: i64, lattice: Lattice) -> Vec<bool> {
-    let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
-    let window = Window::new((distance / lattice.units(EDGE_M)) as i32 + 2, 0);
-    let mut near = vec![false; columns.len()];
-    for (column, &[i, j]) in columns.cells().iter().enumerate() {
-        let range = columns.voxels(column);
-        if !around.voxels.owned[range.start] {
-            continue;
+/// Columns per edge of the squares of [`near_foreign`]: longer than an edge between voxels.
+const SQUARE: i32 = 8;
+
+/// Voxels of the tile that may have edges to voxels of another tile: those in squares of columns in which, or
+/// beside which, another tile has voxels.
+fn near_foreign(voxels: &Voxels) -> Vec<bool> {
+    let columns = &voxels.columns;
+    let square = |[i, j]: Cell| [i.div_euclid(SQUARE), j.div_euclid(SQUARE)];
+    let mut beside = CellMap::<u8>::default();
+    for (column, &cell) in columns.cells().iter().enumerate() {
+        if !voxels.owned[columns.voxels(column).start] {
+            let [i, j] = square(cell);
+            for (di, dj) in (-1..=1).flat_map(|di| (-1..=1).map(move |dj| (di, dj))) {
+                *beside.entry([i + di, j + dj]) = 1;
+            }
         }
-        let foreign = window.steps().iter().any(|[di, dj]| {
-            let other = finder.column([i + di, j + dj]);
-            !other.is_empty() && !around.voxels.owned[other.start]
-        });
-        near[range].fill(foreign);
+    }
+    let mut near = vec![false; columns.len()];
+    for (column, &cell) in columns.cells().iter().enumerate() {
+        let range = columns.voxels(column);
+        let own = voxels.owned[range.start];
+        near[range].fill(own && beside.get(square(cell)) == 1);
     }
     near
 }

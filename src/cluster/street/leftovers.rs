@@ -25,6 +25,9 @@ const JOIN: (i32, i32) = (4, 4);
 const NEAR_M: f64 = 1.5;
 /// Mean share of the class of this object in the component, in steps of 1/255.
 const NEAR_SHARE: u64 = 51;
+/// Smallest number of voxels of an object without a core: of trees and buildings, and of other classes. Smaller
+/// pieces of these are tips of branches, balconies, and what is seen through windows.
+const OWN_VOXELS: (u32, u32) = (80, 12);
 /// Distance within which a component of trees or buildings joins one of these, in metres, and the number of
 /// points from which it does not: then it is an object of its own.
 const FAR_M: f64 = 3.0;
@@ -65,6 +68,15 @@ impl Left {
     fn class(&self) -> u8 {
         let best = (0..CLASSES).rev().max_by_key(|&class| self.shares[class]);
         best.unwrap_or(usize::from(GROUND)) as u8
+    }
+
+    /// Whether the component may be an object of its own.
+    fn stands_alone(&self) -> bool {
+        match self.class() {
+            GROUND => false,
+            TREE | BUILDING => self.voxels >= OWN_VOXELS.0,
+            _ => self.voxels >= OWN_VOXELS.1,
+        }
     }
 
     /// The object that the component joins.
@@ -201,7 +213,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, cores: u32, smallest: u64) -> Resu
     for (&component, part) in &whole {
         if let Some(joined) = part.joins(lattice) {
             label.insert(component, (joined, 0));
-        } else if part.points >= smallest && part.class() != GROUND {
+        } else if part.points >= smallest && part.stands_alone() {
             own.push((part.first, component, part.class()));
         }
     }

@@ -31,7 +31,11 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let edge = edge(tile.lattice());
     let points = tile.points(0, true)?;
     let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
-    let indices = global_indices(NAME, &index, |_| true)?;
+    let mut core = vec![false; index.len()];
+    for (range, voxel) in index.streaks() {
+        core[voxel] |= points.core[range].contains(&true);
+    }
+    let indices = global_indices(NAME, &index, |voxel| core[voxel])?;
     // Another tile may own the column of a point.
     let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
     columns.dedup();
@@ -45,7 +49,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
     let mut labels = vec![0; points.cloud.len()];
     let mut of_tile: Vec<OfTile> = Vec::new();
-    for (range, voxel) in index.streaks() {
+    for (range, voxel) in index.streaks().filter(|(_, voxel)| core[*voxel]) {
         let voxel = place[voxel] as usize;
         let label = whole.grown.label[voxel];
         if label == 0 {

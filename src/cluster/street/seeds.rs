@@ -15,7 +15,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::cores::{BANDS, Part};
+use super::part::{BANDS, Part};
 use crate::cluster::columns::Voxel;
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;

@@ -1,0 +1,157 @@
+//! Which voxels are joined to components: by class, with a reach of this class, and low tree voxels by bands of
+//! height.
+//!
+//! Distances in voxels of 0.15 m are those of the prototype. `benches/results/street.md` has their study.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "voxels of a tile fit u32; heights above ground in lattice units fit i32"
+)]
+
+use super::classified::Classified;
+use super::part::{BANDS, NO_BAND, Part};
+use super::parts::{Links, Parts};
+use super::shares::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE, WIRE};
+use super::window::Window;
+use crate::model::Lattice;
+
+/// Lowest height and height of a band of low tree voxels.
+const LOW_M: f64 = 0.15;
+const BAND_M: f64 = 0.25;
+/// Voxels of a class are joined within so many voxels in the plane and so many levels.
+const REACHES: [(u8, i32, i32); 5] =
+    [(POLE, 2, 16), (VEHICLE, 3, 3), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
+/// Columns of buildings are joined within so many voxels in the plane, whatever their height.
+const BUILDING_REACH: i32 = 10;
+/// Canopy is looked for within so many voxels of a low tree voxel.
+const CANOPY_REACH: i32 = 5;
+
+/// The band of height of each low tree voxel.
+pub(super) fn bands(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<u8> {
+    let low = lattice.units(LOW_M) as i32;
+    let band = lattice.units(BAND_M) as i32;
+    let of = |voxel: usize| {
+        let above = around.height[voxel] - low;
+        if class[voxel] != TREE || above < 0 || above >= band * i32::from(BANDS) {
+            return NO_BAND;
+        }
+        (above / band) as u8
+    };
+    (0..class.len()).map(of).collect()
+}
+
+pub(super) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<'_>) {
+    let columns = &around.voxels.columns;
+    let mut finder = columns.finder();
+    for (of, radius, levels) in REACHES {
+        let window = Window::new(radius, levels);
+        for voxel in (0..class.len()).filter(|&voxel| class[voxel] == of && around.voxels.owned[voxel]) {
+            let [i, j, k] = around.voxels.key[voxel];
+            window.visit(columns, &mut finder, [i, j], k, |other| {
+                if class[other] == of && other != voxel {
+                    links.join(voxel, other);
+                }
+            });
+        }
+    }
+}
+
+/// Joins the columns with building voxels that are near each other in the plane.
+pub(super) fn join_buildings(around: &Classified, class: &[u8], links: &mut Links<'_>) {
+    let columns = &around.voxels.columns;
+    let window = Window::new(BUILDING_REACH, 0);
+    let mut finder = columns.finder();
+    let first = |column: usize| columns.voxels(column).find(|&voxel| class[voxel] == BUILDING);
+    let of_column: Vec<Option<usize>> = (0..columns.cells().len()).map(first).collect();
+    for (column, &[i, j]) in columns.cells().iter().enumerate() {
+        let Some(voxel) = of_column[column].filter(|&voxel| around.voxels.owned[voxel]) else { continue };
+        for other in columns.voxels(column).filter(|&other| class[other] == BUILDING) {
+            links.join(voxel, other);
+        }
+        for [di, dj] in window.steps() {
+            let other = finder.number([i + di, j + dj]).and_then(|other| of_column[other]);
+            if let Some(other) = other {
+                links.join(voxel, other);
+            }
+        }
+    }
+}
+
+/// Joins low tree voxels of the same band, and returns voxels of adjacent bands that touch, the lower first.
+pub(super) fn join_bands(around: &Classified, band: &[u8], links: &mut Links<'_>) -> Vec<(usize, usize)> {
+    let columns = &around.voxels.columns;
+    let mut finder = columns.finder();
+    let window = Window::new(2, 2);
+    let mut rising = Vec::new();
+    for voxel in (0..band.len()).filter(|&voxel| band[voxel] != NO_BAND && around.voxels.owned[voxel]) {
+        let [i, j, k] = around.voxels.key[voxel];
+        window.visit(columns, &mut finder, [i, j], k, |other| {
+            if other == voxel || band[other] == NO_BAND {
+                return;
+            }
+            if band[other] == band[voxel] {
+                links.join(voxel, other);
+            } else if band[other].abs_diff(band[voxel]) == 1 {
+                links.touch(voxel, other);
+                let low_first = band[voxel] < band[other];
+                rising.push(if low_first { (voxel, other) } else { (other, voxel) });
+            }
+        });
+    }
+    rising
+}
+
+/// The figures of the components, over the voxels of the tile. `decided` says which voxels a chain decided.
+pub(super) fn figures(
+    around: &Classified,
+    class: &[u8],
+    band: &[u8],
+    decided: &dyn Fn(usize) -> bool,
+    parts: &Parts,
+) -> Vec<Option<Part>> {
+    let columns = &around.voxels.columns;
+    let mut finder = columns.finder();
+    let touching = Window::new(1, 1);
+    let beside = Window::new(2, 12);
+    let canopy = canopies(around, class);
+    let mut figures: Vec<Option<Part>> = vec![None; parts.border.count as usize];
+    for voxel in (0..class.len()).filter(|&voxel| around.voxels.owned[voxel]) {
+        let Some(figure) = figures.get_mut(parts.of[voxel] as usize) else { continue };
+        let key @ [i, j, k] = around.voxels.key[voxel];
+        let mut one =
+            Part::of_voxel(class[voxel], band[voxel], key, around.height[voxel], around.voxels.centre[voxel]);
+        one.decided = u32::from(decided(voxel));
+        if matches!(class[voxel], POLE | FENCE | SMALL | VEHICLE) {
+            touching.visit(columns, &mut finder, [i, j], k, |other| {
+                one.contact += u32::from(matches!(class[other], TREE | BUILDING));
+            });
+        }
+        if matches!(class[voxel], FENCE | SMALL) {
+            beside.visit(columns, &mut finder, [i, j], k, |other| {
+                one.in_vehicle |= u32::from(class[other] == VEHICLE);
+            });
+        }
+        if band[voxel] != NO_BAND {
+            for [di, dj] in canopy.1.steps() {
+                if let Some(column) = finder.number([i + di, j + dj]) {
+                    one.canopy = one.canopy.max(canopy.0[column]);
+                }
+            }
+        }
+        match figure {
+            Some(figure) => figure.merge(&one),
+            None => *figure = Some(one),
+        }
+    }
+    figures
+}
+
+/// The highest tree voxel of each column.
+fn canopies(around: &Classified, class: &[u8]) -> (Vec<i32>, Window) {
+    let columns = &around.voxels.columns;
+    let highest = |column: usize| {
+        let trees = columns.voxels(column).filter(|&voxel| class[voxel] == TREE);
+        trees.map(|voxel| around.height[voxel]).max().unwrap_or(i32::MIN)
+    };
+    ((0..columns.cells().len()).map(highest).collect(), Window::new(CANOPY_REACH, 0))
+}

@@ -1,0 +1,43 @@
+//! `street` in the engine, on the shipped scan: the same bytes for any tiles and threads, and after an
+//! interruption in every pass and in every round.
+
+use std::path::PathBuf;
+
+use crate::util::drive::scratch;
+use crate::util::method_run::{MethodRun, resumed};
+
+const STREET: MethodRun =
+    MethodRun { method: "street", results: &["tree_road_sweep.laz", "objects.csv", "objects.geojson"] };
+
+#[test]
+fn tiles_and_threads_do_not_show() {
+    STREET.assert_tiles_do_not_show(scratch().path());
+}
+
+#[test]
+fn a_run_stopped_in_any_pass_or_round_ends_in_the_same_bytes() {
+    let folder = scratch();
+    let settings = ["tiling.tile_length=20", "run.threads=2"];
+    let straight: PathBuf = folder.path().join("straight");
+    let passes: Vec<&'static str> =
+        STREET.run_in(&straight, &settings).passes.iter().map(|figures| figures.pass).collect();
+    assert!(passes.iter().filter(|pass| **pass == "growth").count() > 1, "{passes:?}");
+    let expected = STREET.results(&straight);
+    for pass in ["classes", "chains", "cores", "edges", "leftovers", "objects"] {
+        let out = folder.path().join(pass);
+        assert!(STREET.interrupted_in(pass, 1, &out, &settings).is_err());
+        let summary = STREET.run_in(&out, &settings);
+        let before = passes.iter().position(|name| *name == pass).unwrap();
+        assert!(resumed(&summary)[..before].iter().all(|pass| pass.1), "{pass}: {:?}", resumed(&summary));
+        STREET.assert_same(&out, &expected, &format!("stopped in {pass}"));
+    }
+    // One run, stopped in each round of growth and resumed.
+    let out = folder.path().join("rounds");
+    let mut stops = 0;
+    while STREET.interrupted_in("growth", 1, &out, &settings).is_err() {
+        stops += 1;
+        assert!(stops < 200, "the run never ends");
+    }
+    assert!(stops > 1);
+    STREET.assert_same(&out, &expected, "stopped in every round");
+}
