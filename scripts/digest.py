@@ -45,7 +45,6 @@ RUNS = [
     ("sweep-dbscan-core", SWEEP, ["--method", "dbscan", "--set", "dbscan.variant=core", "--tile-length", "15"]),
     ("sweep-dbscan-auto", SWEEP, [*AUTO, "--tile-length", "30"]),
     ("sweep-dbscan-fields", SWEEP, [*AUTO, "--set", 'dbscan.fields=["x","y","z","intensity"]']),
-    ("sweep-street", SWEEP, ["--method", "street", "--ground", "opening", "--tile-length", "20"]),
     ("profiles-euclidean", PROFILES, []),
     ("profiles-euclidean-laz", PROFILES, ["--output-format", "laz", "--tile-length", "5"]),
     ("profiles-density-peaks", PROFILES, ["--method", "density-peaks"]),

@@ -20,7 +20,7 @@ const LOW_M: f64 = 0.15;
 const BAND_M: f64 = 0.25;
 /// Voxels of a class are joined within so many voxels in the plane and so many levels.
 const REACHES: [(u8, i32, i32); 5] =
-    [(POLE, 2, 16), (VEHICLE, 3, 3), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
+    [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
 /// Columns of buildings are joined within so many voxels in the plane, whatever their height.
 const BUILDING_REACH: i32 = 10;
 /// Canopy is looked for within so many voxels of a low tree voxel.
