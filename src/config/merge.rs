@@ -51,7 +51,10 @@ pub(super) fn overlay(base: &mut Table, upper: Table) -> Result<(), ConfigError>
             let known: Vec<String> = section.keys().cloned().collect();
             let dotted = format!("{name}.{key}");
             let Some(old) = section.get_mut(&key) else {
-                return Err(ConfigError::UnknownKey { similar: similar(&dotted), key: dotted, known });
+                // Only the key is compared: a section that is right makes any two keys similar.
+                let meant = words::similar(&key, known.iter().map(String::as_str));
+                let similar = meant.map(|meant| format!("{name}.{meant}"));
+                return Err(ConfigError::UnknownKey { similar, key: dotted, known });
             };
             *old = same_type(&dotted, old, value)?;
         }
