@@ -142,7 +142,7 @@ fn a_drive_as_wide_as_records_allow_keeps_its_objects() {
         let ends: Vec<[f64; 2]> = table
             .lines()
             .skip(1)
-            .map(|row| [2, 5].map(|column| row.split(',').nth(column).unwrap().parse().unwrap()))
+            .map(|row| [4, 7].map(|column| row.split(',').nth(column).unwrap().parse().unwrap()))
             .collect();
         (summary.objects, ends, Labelled::read(&files, &out))
     };

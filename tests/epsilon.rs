@@ -411,7 +411,10 @@ fn the_program_estimates_and_leaves_nothing_behind() {
     };
     let sweep = sweep.to_str().expect("text");
     let (code, text, errors) = call(&[sweep, "--scratch", "."]);
-    assert!(code == 0 && text.contains("epsilon 0.") && text.contains("asked for more"), "{text}{errors}");
+    assert!(
+        code == 0 && text.contains("epsilon 0.") && text.contains("needed neighbours more than"),
+        "{text}{errors}"
+    );
     assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 0, "something is left");
     let (_, json, errors) = call(&[sweep, "-o", "state", "--json", "-", "--svg", "curve.svg"]);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap_or_else(|_| panic!("{json}{errors}"));
