@@ -23,21 +23,23 @@ pub enum Preset {
     Avenue,
     /// Two carriageways with guard rails, gantries, overpasses and slopes.
     Highway,
-    /// Stretches of the others in turn, each some hundred metres long.
+    /// Stretches of the four above in turn, each some hundred metres long.
     Mixed,
     /// A suburban drive that returns over its first 300 m in the other direction.
     Loop,
+    /// Rows of small trees of many shapes close together, hedges, rails, high buildings behind lawns.
+    Parkway,
 }
 
 impl Preset {
     /// All of them, in the order in which help lists them.
-    pub const ALL: [Self; 6] =
-        [Self::Suburb, Self::Downtown, Self::Avenue, Self::Highway, Self::Mixed, Self::Loop];
+    pub const ALL: [Self; 7] =
+        [Self::Suburb, Self::Downtown, Self::Avenue, Self::Highway, Self::Mixed, Self::Loop, Self::Parkway];
 
     /// Name on the command line and in file names.
     #[must_use]
     pub fn name(self) -> &'static str {
-        ["suburb", "downtown", "avenue", "highway", "mixed", "loop"][self as usize]
+        ["suburb", "downtown", "avenue", "highway", "mixed", "loop", "parkway"][self as usize]
     }
 }
 
@@ -188,7 +190,7 @@ impl Plan {
     /// The layout of a cell.
     pub(super) fn layout(&self, cell: usize) -> &'static Layout {
         let street = match self.preset {
-            // All of them in turn. The seed chooses the first.
+            // The first four in turn. The seed chooses which begins.
             Preset::Mixed => Preset::ALL[(cell / STRETCH + (self.seed % 4) as usize) % 4],
             Preset::Loop => Preset::Suburb,
             other => other,

@@ -104,9 +104,9 @@ struct PresetArg(Preset);
 
 impl ValueEnum for PresetArg {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [PresetArg; 6] = {
-            let [a, b, c, d, e, f] = Preset::ALL;
-            [PresetArg(a), PresetArg(b), PresetArg(c), PresetArg(d), PresetArg(e), PresetArg(f)]
+        const ALL: [PresetArg; 7] = {
+            let [a, b, c, d, e, f, g] = Preset::ALL;
+            [PresetArg(a), PresetArg(b), PresetArg(c), PresetArg(d), PresetArg(e), PresetArg(f), PresetArg(g)]
         };
         &ALL
     }
@@ -117,8 +117,9 @@ impl ValueEnum for PresetArg {
             Preset::Downtown => "facades with shops and balconies, parked cars, signals, passers-by",
             Preset::Avenue => "palms in the median, dense street trees whose crowns touch, hedges",
             Preset::Highway => "two carriageways, guard rails, gantries, overpasses, slopes",
-            Preset::Mixed => "350 m of each of these in turn",
+            Preset::Mixed => "350 m of each of the four above in turn",
             Preset::Loop => "a suburb whose first 300 m are driven again in the other direction",
+            Preset::Parkway => "rows of small trees of many shapes close together, hedges, rails, buildings",
         };
         Some(clap::builder::PossibleValue::new(self.0.name()).help(help))
     }

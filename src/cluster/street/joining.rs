@@ -40,6 +40,7 @@ pub(super) fn bands(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<
     (0..class.len()).map(of).collect()
 }
 
+/// Joins the voxels of each class of [`REACHES`] within the reach of the class.
 pub(super) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let columns = &around.voxels.columns;
     let mut finder = columns.finder();
@@ -114,6 +115,7 @@ pub(super) fn figures(
     let touching = Window::new(1, 1);
     let beside = Window::new(2, 12);
     let canopy = canopies(around, class);
+    let below_canopy = Window::new(CANOPY_REACH, 0);
     let mut figures: Vec<Option<Part>> = vec![None; parts.border.count as usize];
     for voxel in (0..class.len()).filter(|&voxel| around.voxels.owned[voxel]) {
         let Some(figure) = figures.get_mut(parts.of[voxel] as usize) else { continue };
@@ -132,9 +134,9 @@ pub(super) fn figures(
             });
         }
         if band[voxel] != NO_BAND {
-            for [di, dj] in canopy.1.steps() {
+            for [di, dj] in below_canopy.steps() {
                 if let Some(column) = finder.number([i + di, j + dj]) {
-                    one.canopy = one.canopy.max(canopy.0[column]);
+                    one.canopy = one.canopy.max(canopy[column]);
                 }
             }
         }
@@ -146,12 +148,12 @@ pub(super) fn figures(
     figures
 }
 
-/// The highest tree voxel of each column.
-fn canopies(around: &Classified, class: &[u8]) -> (Vec<i32>, Window) {
+/// The height above ground of the highest tree voxel of each column, in lattice units.
+fn canopies(around: &Classified, class: &[u8]) -> Vec<i32> {
     let columns = &around.voxels.columns;
     let highest = |column: usize| {
         let trees = columns.voxels(column).filter(|&voxel| class[voxel] == TREE);
         trees.map(|voxel| around.height[voxel]).max().unwrap_or(i32::MIN)
     };
-    ((0..columns.cells().len()).map(highest).collect(), Window::new(CANOPY_REACH, 0))
+    (0..columns.cells().len()).map(highest).collect()
 }

@@ -79,16 +79,18 @@ impl Left {
         }
     }
 
-    /// The object that the component joins.
-    fn joins(&self, lattice: Lattice) -> Option<u32> {
+    /// Label and class of the object that the component joins.
+    fn joins(&self, lattice: Lattice) -> Option<(u32, u8)> {
         let within = |near: &Near, metres: f64| near.0 <= lattice.units(metres).pow(2);
         let may_be = |class: usize| self.shares[class] > NEAR_SHARE * u64::from(self.voxels);
-        let near = (0..CLASSES).filter(|&class| may_be(class)).filter_map(|class| self.near[class]);
-        let nearest = near.filter(|near| within(near, NEAR_M)).min();
+        let near = (0_u8..).zip(&self.near).filter(|(class, _)| may_be(usize::from(*class)));
+        let near = near.filter_map(|(class, near)| Some((near.as_ref().copied()?, class)));
+        let nearest = near.filter(|(near, _)| within(near, NEAR_M)).min();
         let class = self.class();
         let far = self.near[usize::from(class)]
-            .filter(|_| matches!(class, TREE | BUILDING) && self.points < FAR_POINTS);
-        nearest.or(far.filter(|near| within(near, FAR_M))).map(|near| near.2)
+            .filter(|_| matches!(class, TREE | BUILDING) && self.points < FAR_POINTS)
+            .map(|near| (near, class));
+        nearest.or(far.filter(|(near, _)| within(near, FAR_M))).map(|((_, _, label), class)| (label, class))
     }
 }
 
@@ -139,7 +141,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
             shares: around.shares[voxel].map(u64::from),
             near: [None; CLASSES],
         };
-        search.objects(voxel, part, &mut one.near);
+        search.objects(voxel, &mut one.near);
         part.merge(&one);
     }
     Ok(Mapped::payload(codec::encode(&payload)?))
@@ -166,14 +168,12 @@ struct Nearest<'a> {
 }
 
 impl Nearest<'_> {
-    /// The nearest object of each class, as far as it is nearer than what the component has already. Stops at
-    /// the first window with an object.
-    fn objects(&self, voxel: usize, part: &Left, near: &mut [Option<Near>; CLASSES]) {
+    /// The nearest object of each class in the first window with an object.
+    fn objects(&self, voxel: usize, near: &mut [Option<Near>; CLASSES]) {
         let voxels = &self.grown.cored.around.voxels;
         let mut finder = voxels.columns.finder();
         let [i, j, k] = voxels.key[voxel];
         let [x, y, z] = voxels.centre[voxel];
-        let _ = part;
         for (window, certain) in &self.windows {
             window.visit(&voxels.columns, &mut finder, [i, j], k, |other| {
                 let label = self.grown.label[other];
@@ -208,11 +208,12 @@ pub(super) fn reduce(drive: &dyn DriveWindow, cores: u32, smallest: u64) -> Resu
     for (component, part) in component.iter().flatten().zip(figures.iter().flatten()) {
         whole.entry(*component).or_default().merge(part);
     }
+    // Label and class.
     let mut label: BTreeMap<u32, (u32, u8)> = BTreeMap::new();
     let mut own: Vec<(Option<Voxel>, u32, u8)> = Vec::new();
     for (&component, part) in &whole {
         if let Some(joined) = part.joins(lattice) {
-            label.insert(component, (joined, 0));
+            label.insert(component, joined);
         } else if part.points >= smallest && part.stands_alone() {
             own.push((part.first, component, part.class()));
         }
@@ -230,7 +231,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, cores: u32, smallest: u64) -> Resu
 /// The objects of the voxels around a tile, complete.
 pub(super) struct Whole {
     pub(super) grown: Grown,
-    /// Class of each label.
+    /// Class of each label of a voxel.
     pub(super) class: BTreeMap<u32, u8>,
 }
 
@@ -247,7 +248,8 @@ impl Whole {
                 let Some(part) = payload.part[voxel as usize].checked_sub(1) else { continue };
                 let (label, of) = labels[part as usize];
                 grown.label[at as usize] = label;
-                if label != 0 && of != 0 {
+                if label != 0 {
+                    // A tile may see no voxel of the core of this object.
                     class.insert(label, of);
                 }
             }

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::leftovers::Whole;
 use super::settings::{NAME, STEP_OBJECTS, edge};
-use super::shares::{self};
 use crate::cluster::columns::{Voxel, global_indices};
 use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
@@ -55,7 +54,8 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         if label == 0 {
             continue;
         }
-        let class = whole.class.get(&label).copied().unwrap_or(shares::GROUND);
+        let unknown = || Error::bug(format!("object {label} has points and no class"));
+        let class = whole.class.get(&label).copied().ok_or_else(unknown)?;
         for point in range {
             if !points.core[point] {
                 continue;

@@ -32,11 +32,15 @@ const BASE_M: f64 = 1.5;
 const SAME_M: f64 = 0.5;
 /// A stem that begins below this height stands on the ground, in metres.
 const GROUNDED_M: f64 = 0.5;
-/// Smallest distance between two stems in parts of the height of the canopy, and its limits in metres.
+/// Smallest distance between two stems that stand on the ground, in parts of the height of the canopy.
 const SPACING: f64 = 0.2;
+/// The same for a stem that does not stand on the ground.
 const SPACING_HANGING: f64 = 0.5;
+/// Smallest distance of a stem that stands on the ground to a trunk, in parts of the height of the canopy.
 const SPACING_TO_TRUNK: f64 = 0.3;
+/// The same for a stem that does not stand on the ground.
 const SPACING_HANGING_TO_TRUNK: f64 = 0.6;
+/// Limits of these distances, in metres.
 const SPACING_M: (f64, f64) = (0.8, 4.0);
 /// A stem that does not stand on the ground has at least this many voxels, and a canopy this far above it.
 const HANGING_VOXELS: u32 = 8;
@@ -67,7 +71,7 @@ struct Candidate {
     nodes: Vec<usize>,
     chains: Vec<u32>,
     first: Voxel,
-    /// Mean of its lowest voxels, in metres relative to nothing but the lattice.
+    /// Mean of its lowest voxels, in metres from the origin of the lattice.
     place: [f64; 2],
     base_m: f64,
     top_m: f64,

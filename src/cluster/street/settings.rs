@@ -1,4 +1,4 @@
-//! Fixed values of `street`: lengths, classes, and the numbers of its first steps.
+//! Fixed values of `street`: lengths, classes, and the numbers of its steps.
 
 use serde::Deserialize;
 

@@ -1,6 +1,5 @@
 //! A labelled copy of one input file: planned first, then made from records in any order of chunks.
 //!
-//! The copy is made by editing bytes, so that everything the edit does not name survives: padding of the header,
 //! The copy is made by editing bytes. Everything that is not edited survives: padding of the header, records of any user,
 //! coordinate reference system, waveforms, every bit of a point. Changed are: the positions in the header, the
 //! record length, one extra-bytes record, the laszip record, and in every point the label and, if requested, the
