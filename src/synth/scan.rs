@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3A;
+use glam::{DVec2, Vec3A};
 use obvhs::ray::RayHit;
 use rand::RngExt;
 
@@ -109,8 +109,12 @@ impl Slice {
                 };
                 before[beam] = pulse.fire(before[beam]);
                 let file = t / settings.files_every_s.unwrap_or(f64::INFINITY);
+                let (shift, turn) = scanner.drift(settings.seed, count);
+                let heading = DVec2::from_angle(turn);
                 for (index, echo) in echoes.iter().enumerate() {
-                    let point = window.origin + origin + direction * f64::from(echo.range);
+                    let ray = direction * f64::from(echo.range);
+                    let ray = heading.rotate(ray.truncate()).extend(ray.z);
+                    let point = window.origin + origin + ray + shift;
                     records.push(Record {
                         steps: (point / 0.001).round().as_ivec3().to_array(),
                         intensity: echo.intensity,

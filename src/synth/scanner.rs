@@ -3,7 +3,10 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
+
+use super::random::{gauss, sequence};
 
 /// Pulses that are traced together: their minimum number, the range of their angle in radians, their longest time
 /// in seconds.
@@ -66,6 +69,10 @@ pub struct Scanner {
     pub divergence_mrad: f64,
     /// Share of pulses that return an isolated echo without a target.
     pub strays: f64,
+    /// Standard deviation of the position at which a sweep of a spinning head is registered from its true one, metres,
+    /// on each axis. Its heading deviates so that points 15 m away move as far. 0 for profile heads.
+    #[serde(default)]
+    pub drift_m: f64,
     /// The beams of a spinning head; `None` for profile heads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spinning: Option<Spinning>,
@@ -81,6 +88,9 @@ pub struct Spinning {
     /// Height of the head over the road, metres.
     pub height_m: f64,
 }
+
+/// Distance at which a wrong heading moves points as far as a wrong position does, metres.
+const DRIFT_AT: f64 = 15.0;
 
 impl Spinning {
     /// The elevation of every beam, degrees, in the order in which the beams fire.
@@ -144,6 +154,17 @@ impl Scanner {
     /// Time of pulse number `count` of a head, seconds since the start; the second head fires half a pulse later.
     pub(super) fn time(&self, count: u64, head: usize) -> f64 {
         (count as f64 + head as f64 / f64::from(self.heads)) / self.pulse_rate_hz
+    }
+
+    /// How the sweep of pulse number `count` is registered wrongly: shift in metres, and turn of its heading in
+    /// radians.
+    pub(super) fn drift(&self, seed: u64, count: u64) -> (DVec3, f64) {
+        if self.drift_m <= 0.0 {
+            return (DVec3::ZERO, 0.0);
+        }
+        let mut random = sequence(seed, 30, count / self.pulses());
+        let [x, y, z, turn] = [(); 4].map(|()| f64::from(gauss(&mut random)) * self.drift_m);
+        (DVec3::new(x, y, z), turn / DRIFT_AT)
     }
 
     /// Diameter of the beam at a range, metres.

@@ -63,6 +63,10 @@ impl Settings {
             let expected = "left out, because profile heads do not spin";
             return Err(ConfigError::value("sweeps", sweeps, expected));
         }
+        if !spins && scanner.drift_m != 0.0 {
+            let expected = "left out, because only the sweeps of spinning heads are registered one by one";
+            return Err(ConfigError::value("drift", scanner.drift_m, expected));
+        }
         // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
         let least = if self.preset == Preset::Loop { LEAST_LOOP } else { 1.0 };
         let ranges = [
@@ -76,6 +80,7 @@ impl Settings {
             ),
             ("range", scanner.range_m, 10.0..=300.0, " m"),
             ("noise", scanner.noise_m, 0.0..=1.0, " m"),
+            ("drift", scanner.drift_m, 0.0..=1.0, " m"),
             ("speed", *slow, 1.0..=150.0, " km/h"),
             ("speed", *fast, *slow..=150.0, " km/h"),
             ("files-every", self.files_every_s.unwrap_or(1.0), 0.1..=1e6, " s"),

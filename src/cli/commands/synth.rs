@@ -81,6 +81,11 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
     noise: Option<f64>,
 
+    /// Standard deviation of the position at which a sweep of a spinning scanner is registered from its true one
+    /// [default: 0]
+    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
+    drift: Option<f64>,
+
     /// Start a new file after this time, for example 60s or 2min [default: one file]
     #[arg(long, value_name = "TIME", value_parser = seconds, help_heading = "Files")]
     files_every: Option<f64>,
@@ -200,6 +205,7 @@ impl SynthArgs {
             profiles_hz: self.profiles.unwrap_or(ready.profiles_hz),
             range_m: self.range.unwrap_or(ready.range_m),
             noise_m: self.noise.unwrap_or(ready.noise_m),
+            drift_m: self.drift.unwrap_or(ready.drift_m),
             ..ready
         };
         settings.files_every_s = self.files_every;
