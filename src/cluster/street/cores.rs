@@ -15,12 +15,14 @@ use serde::{Deserialize, Serialize};
 
 use super::chains::{self, Piece, Verdict};
 use super::classified::Classified;
+use super::crowns::{self, Crown};
 use super::joining;
 use super::part::{NO_BAND, Part};
 use super::parts::Links;
 use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
 use super::shares::{self, BUILDING, FENCE, GROUND, POLE, SMALL, TREE, VEHICLE, WIRE};
+use super::uniting;
 use super::window::Window;
 use crate::cluster::columns::{Border, Voxel, join};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
@@ -29,15 +31,18 @@ use crate::error::Result;
 use crate::model::{Lattice, TileId};
 use crate::spatial::Cell;
 
-/// Distance around a tile within which voxels are read, in metres. It covers the longest link (buildings,
-/// 1.6 m) and the canopy around a link of trees.
-const REACH_M: f64 = 2.0;
+/// Distance around a tile within which voxels are read, in metres. Crowns reach farthest. The longest link (buildings)
+/// is 2.2 m.
+const REACH_M: f64 = crowns::REACH_M;
 /// Distance around these voxels within which pieces of chains change their class, in metres.
 const PIECES_M: f64 = 1.6;
 /// Distance from the centre of a piece within which its chain takes voxels above and below it, in metres.
 const AXIS_M: f64 = 0.45;
 /// Height up to which a trunk takes the voxels around its axis, in metres.
 const TRUNK_M: f64 = 4.0;
+/// Share of the voxels of a piece that are within 0.5 m of a facade from which the piece is a part of it.
+const AT_FACADE: f64 = 0.7;
+
 /// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Payload {
@@ -52,6 +57,10 @@ pub(super) struct Payload {
     pub(super) border: Border,
     /// Components of low tree voxels in adjacent bands that touch, the lower first.
     pub(super) rising: Vec<(u32, u32)>,
+    /// Crowns that the tile owns.
+    crowns: Vec<Crown>,
+    /// Voxels in the cores of crowns: number of the voxel in the tile, and cell of the crown.
+    in_crowns: Vec<(u32, Cell)>,
 }
 
 const DECIDED: u8 = 0x80;
@@ -73,6 +82,8 @@ pub(super) struct OfTile {
     labels: Vec<u32>,
     /// Label of each chain that has a trunk voxel in the tile.
     chains: Vec<(u32, u32)>,
+    /// Label of each crown that is a tree of its own and has a voxel in the tile.
+    crowns: Vec<(Cell, u32)>,
     /// The cores of these labels, ascending.
     pub(super) cores: Vec<Core>,
 }
@@ -116,6 +127,15 @@ impl Cored {
                     label[at as usize] = trunk;
                 }
             }
+            let crowns: BTreeMap<Cell, u32> = of_tile.crowns.into_iter().collect();
+            let in_crowns: BTreeMap<u32, Cell> = payload.in_crowns.into_iter().collect();
+            for &(voxel, at) in &places {
+                if let Some(&crown) = in_crowns.get(&voxel).and_then(|cell| crowns.get(cell))
+                    && label[at as usize] == 0
+                {
+                    label[at as usize] = crown;
+                }
+            }
             cores.extend(of_tile.cores.into_iter().map(|core| (core.label, core)));
         }
         Ok(Self { around, class, label, cores })
@@ -142,13 +162,20 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
     rising.sort_unstable();
     rising.dedup();
-    let mut payload = Payload { parts: figures, border: parts.border, rising, ..Payload::default() };
+    let crowns = crowns::find(&around, &class, lattice);
+    let in_crown: BTreeMap<usize, Cell> =
+        crowns::cores(&around, &class, &crowns, lattice).into_iter().collect();
+    let crowns = crowns.into_iter().filter(|(_, owned)| *owned).map(|(crown, _)| crown).collect();
+    let mut payload = Payload { parts: figures, border: parts.border, rising, crowns, ..Payload::default() };
     for (number, voxel) in (0_u32..).zip((0..class.len()).filter(|&voxel| around.voxels.owned[voxel])) {
         let (decided, chain) = trunk[voxel];
         payload.class.push(class[voxel] | if decided { DECIDED } else { 0 });
         payload.part.push(parts.of[voxel].wrapping_add(1));
         if chain != 0 {
             payload.trunks.push((number, chain));
+        }
+        if let Some(cell) = in_crown.get(&voxel) {
+            payload.in_crowns.push((number, *cell));
         }
     }
     Ok(Mapped::payload(codec::encode(&payload)?))
@@ -209,11 +236,15 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let mut figures = Vec::new();
     let mut rising = Vec::new();
     let mut trunks = Vec::new();
+    let mut crowns = Vec::new();
+    let mut in_crowns: Vec<BTreeSet<Cell>> = Vec::new();
     for tile in TileId::first(drive.tiles()) {
         let payload: Payload = codec::decode(&drive.payload(STEP_CORES, tile)?)?;
         borders.push(payload.border);
         figures.push(payload.parts);
         rising.push(payload.rising);
+        crowns.extend(payload.crowns);
+        in_crowns.push(payload.in_crowns.into_iter().map(|(_, cell)| cell).collect());
         // Which component a trunk voxel is in tells which chain rises from which piece near the ground.
         let pairs: BTreeSet<(u32, u32)> =
             payload.trunks.iter().map(|&(voxel, chain)| (chain, payload.part[voxel as usize])).collect();
@@ -233,6 +264,8 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
         trunks.iter().map(|&(chain, part)| (chain, part.checked_sub(1).map(|part| component[part as usize])))
     });
     let stems = seeds::find(&whole, rising, chains, lattice);
+    let crowns = crowns::without_stem(&crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
+    let united = uniting::unite(&mut whole, lattice);
 
     // Labels in the order of first voxels.
     let mut cores: Vec<(Voxel, u8, u64, [i64; 2])> = Vec::new();
@@ -242,13 +275,23 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     for (number, stem) in (0_u64..).zip(&stems.seeds) {
         cores.push((stem.first, TREE, (1 << 32) | number, stem.place));
     }
+    for (number, crown) in (0_u64..).zip(&crowns) {
+        cores.push((crown.first, TREE, (2 << 32) | number, crown.place));
+    }
     cores.sort_unstable();
     let mut of_component: BTreeMap<u32, u32> = BTreeMap::new();
     let mut of_stem = vec![0; stems.seeds.len()];
+    let mut of_crown: BTreeMap<Cell, u32> = BTreeMap::new();
     for (label, core) in (1_u32..).zip(&cores) {
         match core.2 >> 32 {
             0 => drop(of_component.insert(core.2 as u32, label)),
-            _ => of_stem[core.2 as u32 as usize] = label,
+            1 => of_stem[core.2 as u32 as usize] = label,
+            _ => drop(of_crown.insert(crowns[core.2 as u32 as usize].cell, label)),
+        }
+    }
+    for (component, name) in &united {
+        if let Some(&label) = of_component.get(name) {
+            of_component.insert(*component, label);
         }
     }
     for (component, stem) in &stems.components {
@@ -257,7 +300,8 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let slices: Vec<OfTile> = component
         .iter()
         .zip(&trunks)
-        .map(|(component, trunks)| {
+        .zip(&in_crowns)
+        .map(|((component, trunks), in_crowns)| {
             let label = |component: &u32| of_component.get(component).copied().unwrap_or(0);
             let labels: Vec<u32> = component.iter().map(label).collect();
             let mut chains: Vec<(u32, u32)> = trunks
@@ -265,8 +309,10 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
                 .filter_map(|(chain, _)| Some((*chain, of_stem[*stems.chains.get(chain)? as usize])))
                 .collect();
             chains.dedup();
-            let named: BTreeSet<u32> =
-                labels.iter().copied().chain(chains.iter().map(|chain| chain.1)).collect();
+            let crowns: Vec<(Cell, u32)> =
+                in_crowns.iter().filter_map(|cell| Some((*cell, *of_crown.get(cell)?))).collect();
+            let of_trees = chains.iter().map(|chain| chain.1).chain(crowns.iter().map(|crown| crown.1));
+            let named: BTreeSet<u32> = labels.iter().copied().chain(of_trees).collect();
             let cores = named
                 .into_iter()
                 .filter(|&label| label != 0)
@@ -275,7 +321,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
                     Core { label, class, place }
                 })
                 .collect();
-            OfTile { labels, chains, cores }
+            OfTile { labels, chains, crowns, cores }
         })
         .collect();
     sliced::encode(&(cores.len() as u32), &slices)
@@ -292,16 +338,18 @@ fn keeps(part: &Part, lattice: Lattice) -> bool {
     let free = voxels >= 80 || f64::from(part.contact) <= 1.5 * f64::from(voxels);
     let in_vehicle = voxels < 150 && f64::from(part.in_vehicle) >= 0.7 * f64::from(voxels);
     let stands = low < 0.8;
+    // What is fixed to a facade is a part of it: drain pipes, shop windows, railings of balconies.
+    let fixed = f64::from(part.at_facade) >= AT_FACADE * f64::from(voxels);
     match part.class {
         BUILDING => voxels >= 150 && high > 2.5,
         // Without a chain that is a pole, an upright piece among leaves is a part of a stem.
         POLE => {
             let free = part.decided > 0 || part.contact <= voxels;
-            tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)) && free
+            tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)) && free && !fixed
         }
         VEHICLE => voxels >= 60 && extent > 1.5 && stands && free,
-        FENCE => voxels >= 12 && stands && free && !in_vehicle,
-        SMALL => voxels >= 5 && stands && free && !in_vehicle,
+        FENCE => voxels >= 12 && stands && free && !in_vehicle && !fixed,
+        SMALL => voxels >= 5 && stands && free && !in_vehicle && !fixed,
         WIRE => extent >= 3.0,
         _ => false,
     }

@@ -21,8 +21,9 @@ const BAND_M: f64 = 0.25;
 /// Voxels of a class are joined within so many voxels in the plane and so many levels.
 const REACHES: [(u8, i32, i32); 5] =
     [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
-/// Columns of buildings are joined within so many voxels in the plane, whatever their height.
-const BUILDING_REACH: i32 = 10;
+/// Columns of buildings are joined within so many voxels in the plane, whatever their height: 2.1 m. Facades behind
+/// trees have gaps. Houses of a row that stand apart are 2.5 m and more apart.
+const BUILDING_REACH: i32 = 14;
 /// Canopy is looked for within so many voxels of a low tree voxel.
 const CANOPY_REACH: i32 = 5;
 
@@ -114,6 +115,7 @@ pub(super) fn figures(
     let mut finder = columns.finder();
     let touching = Window::new(1, 1);
     let beside = Window::new(2, 12);
+    let facade = Window::new(3, 1);
     let canopy = canopies(around, class);
     let below_canopy = Window::new(CANOPY_REACH, 0);
     let mut figures: Vec<Option<Part>> = vec![None; parts.border.count as usize];
@@ -126,6 +128,11 @@ pub(super) fn figures(
         if matches!(class[voxel], POLE | FENCE | SMALL | VEHICLE) {
             touching.visit(columns, &mut finder, [i, j], k, |other| {
                 one.contact += u32::from(matches!(class[other], TREE | BUILDING));
+            });
+        }
+        if matches!(class[voxel], POLE | FENCE | SMALL) {
+            facade.visit(columns, &mut finder, [i, j], k, |other| {
+                one.at_facade |= u32::from(class[other] == BUILDING);
             });
         }
         if matches!(class[voxel], FENCE | SMALL) {

@@ -21,6 +21,7 @@
 mod chains;
 mod classified;
 mod cores;
+mod crowns;
 mod edges;
 mod features;
 mod growth;
@@ -33,10 +34,12 @@ mod parts;
 mod seeds;
 mod settings;
 mod shares;
+mod spans;
 mod stage_classes;
 mod stage_voxels;
 mod terrain;
 mod training;
+mod uniting;
 mod voxels;
 mod window;
 

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::spans::Spans;
+use super::uniting::unites;
 use crate::cluster::columns::Voxel;
 
 /// Number of bands of height of low tree voxels.
@@ -31,8 +33,12 @@ pub(super) struct Part {
     pub(super) decided: u32,
     /// Voxels with a vehicle above, below or beside them, if the class is another.
     pub(super) in_vehicle: u32,
+    /// Voxels beside a facade, if the class is not that of buildings.
+    pub(super) at_facade: u32,
     /// Highest tree voxel around low tree voxels, in lattice units above ground.
     pub(super) canopy: i32,
+    /// How far it spans in the plane, for the classes that `uniting` unites.
+    pub(super) spans: Option<Box<Spans>>,
 }
 
 impl Part {
@@ -50,7 +56,9 @@ impl Part {
             contact: 0,
             decided: 0,
             in_vehicle: 0,
+            at_facade: 0,
             canopy: i32::MIN,
+            spans: unites(class).then(|| Box::new(Spans::of_place(place))),
         }
     }
 
@@ -66,7 +74,11 @@ impl Part {
         self.contact += other.contact;
         self.decided += other.decided;
         self.in_vehicle += other.in_vehicle;
+        self.at_facade += other.at_facade;
         self.canopy = self.canopy.max(other.canopy);
+        if let (Some(spans), Some(other)) = (&mut self.spans, &other.spans) {
+            spans.merge(other);
+        }
     }
 
     pub(super) fn centre(&self) -> [i64; 2] {
