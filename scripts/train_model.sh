@@ -20,12 +20,21 @@ suburb-two-heads    suburb   --seed 11 --length 200m --pulse-rate 250kHz
 downtown-two-heads  downtown --seed 12 --length 200m --pulse-rate 250kHz
 avenue-two-heads    avenue   --seed 13 --length 200m --pulse-rate 250kHz
 highway-two-heads   highway  --seed 14 --length 200m --pulse-rate 250kHz
+parkway-two-heads   parkway  --seed 15 --length 150m --pulse-rate 250kHz
 suburb-one-head     suburb   --seed 21 --length 150m --pulse-rate 550kHz --heads 1
 downtown-one-head   downtown --seed 22 --length 150m --pulse-rate 550kHz --heads 1
 avenue-one-head     avenue   --seed 23 --length 150m --pulse-rate 550kHz --heads 1
+parkway-one-head    parkway  --seed 24 --length 150m --pulse-rate 550kHz --heads 1
 suburb-sparse       suburb   --seed 31 --length 250m --pulse-rate 60kHz --profiles 80Hz --noise 20mm
 downtown-sparse     downtown --seed 32 --length 250m --pulse-rate 60kHz --profiles 80Hz --noise 20mm
 avenue-sparse       avenue   --seed 33 --length 250m --pulse-rate 60kHz --profiles 80Hz --noise 20mm
+parkway-sparse      parkway  --seed 34 --length 250m --pulse-rate 60kHz --profiles 80Hz --noise 10mm
+suburb-64-sweeps    suburb   --seed 51 --scanner spinning-64 --sweeps 20 --drift 30mm
+downtown-64-sweeps  downtown --seed 52 --scanner spinning-64-wide --sweeps 20 --drift 30mm
+avenue-32-sweeps    avenue   --seed 53 --scanner spinning-32 --sweeps 20 --drift 20mm
+parkway-16-sweeps   parkway  --seed 54 --scanner spinning-16 --sweeps 30 --drift 40mm
+downtown-64-drift   downtown --seed 58 --scanner spinning-64 --sweeps 25 --drift 60mm
+suburb-64-drift     suburb   --seed 59 --scanner spinning-64-wide --sweeps 25 --drift 60mm
 "
 names=()
 while read -r name preset options; do
@@ -42,5 +51,5 @@ if [ $# -eq 0 ]; then
     done
 fi
 [ ${#scenes[@]} -eq 0 ] || set -- --test "${scenes[@]}"
-"$program" train "${names[@]}" --thin 0.4,0.12 --seed 1 --scratch "$scratch/state" --progress plain \
+"$program" train "${names[@]}" --thin 0.4,0.12 --seed 1 --rounds 110 --leaves 32 --scratch "$scratch/state" --progress plain \
     -o src/cluster/street/model.bin --card benches/results/street-model.md "$@"

@@ -1,7 +1,7 @@
 //! `chainage` divides mobile laser scanning data into ground and objects.
 //!
-//! A drive is a set of LAS or LAZ files. The result is a copy of each file with two more facts per point (whether
-//! it is ground, and the id of its object), and a table of the objects. Drives can be longer than memory, runs can
+//! A drive is a set of LAS or LAZ files. The result is a copy of each file with three more facts per point (whether
+//! it is ground, the id of its object, and what the object is), and a table of the objects. Drives can be longer than memory, runs can
 //! be interrupted and resumed, and the division into tiles does not change the result.
 //!
 //! ```
@@ -12,7 +12,7 @@
 //! let request = RunRequest {
 //!     inputs: vec!["tests/data/tree_road_sweep.laz".into()],
 //!     out: out.path().to_owned(),
-//!     config: Config::resolve(None, &["euclidean.d_t=0.4".to_owned()])?,
+//!     config: Config::resolve(None, &["street.min_points=30".to_owned()])?,
 //!     fresh: false,
 //!     registries: Registries::default(),
 //! };

@@ -89,9 +89,9 @@ pub(crate) struct Choices {
     /// Change a setting, for example --set euclidean.d_t=0.4; may be repeated
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) assignments: Vec<String>,
-    #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), "euclidean"))]
+    #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), "street"))]
     pub(crate) method: Option<String>,
-    #[arg(long, value_name = "NAME", help = methods("Ground filter", &filters(), "voxel-column"))]
+    #[arg(long, value_name = "NAME", help = methods("Ground filter", &filters(), "opening"))]
     pub(crate) ground: Option<String>,
     /// Length of a tile in metres of chainage [default: as long as the memory budget allows]
     #[arg(long, value_name = "METRES", value_parser = metres, allow_hyphen_values = true)]

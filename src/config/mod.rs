@@ -4,7 +4,7 @@
 //! use chainage::config::Config;
 //!
 //! let config = Config::resolve(None, &["euclidean.d_t=0.4".to_owned()])?;
-//! assert_eq!(config.cluster.method, "euclidean");
+//! assert_eq!(config.cluster.method, "street");
 //! assert_eq!(config.method_table("euclidean")["d_t"].as_float(), Some(0.4));
 //!
 //! let error = Config::resolve(None, &["tiling.cell=0.1".to_owned()]).unwrap_err();

@@ -17,9 +17,10 @@ pub(crate) fn scratch() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// The configuration with these assignments.
+/// The configuration with these assignments, and the methods with the least to compute: most tests are about the engine.
 pub(crate) fn config(assignments: &[String]) -> Config {
-    Config::resolve(None, assignments).expect("valid settings")
+    let methods = settings(&["cluster.method=euclidean", "ground.method=voxel-column"]);
+    Config::resolve(None, &[&methods, assignments].concat()).expect("valid settings")
 }
 
 /// `a=b` texts in the form of the configuration.
