@@ -251,6 +251,7 @@ mod tests {
     use crate::cluster::normalized_cut::settings::NormalizedCutConfig;
 
     /// The graph of points on a line, in metres.
+    #[expect(clippy::cast_possible_truncation, reason = "a few metres")]
     fn line(places: &[f64]) -> Graph {
         let keys: Vec<[i32; 3]> = places.iter().map(|x| [(x / 0.3).floor() as i32, 0, 0]).collect();
         let centroids: Vec<[f64; 3]> = places.iter().map(|x| [*x, 0.1, 0.1]).collect();
@@ -289,7 +290,7 @@ mod tests {
         let places: Vec<f64> = (0..12).map(|n| 0.3 * f64::from(n) + if n < 6 { 0.0 } else { 0.6 }).collect();
         let start: Vec<f64> = (0..12).map(|n| f64::from(n * 7 % 12)).collect();
         let vector = check(&line(&places), &start);
-        assert!((0..12).all(|n| (vector[n] > 0.0) == (vector[0] > 0.0) == (n < 6)));
+        assert!((0..12).all(|n| (vector[n] > 0.0) == ((vector[0] > 0.0) == (n < 6))));
     }
 
     #[test]

@@ -234,7 +234,7 @@ mod tests {
         whole.add(&right, 0, 1_000);
         assert_eq!(
             whole.sums.iter().map(|sum| sum[1]).sum::<i64>(),
-            found.sums.iter().map(|sum| sum[1]).sum()
+            found.sums.iter().map(|sum| sum[1]).sum::<i64>()
         );
     }
 }
