@@ -18,7 +18,7 @@ use crate::cluster::linking::cell_side;
 use crate::cluster::{Clusterer, DriveWindow, Euclidean, Mapped, TilePoints, TileWindow, sliced};
 use crate::codec;
 use crate::error::Result;
-use crate::model::{AlgorithmError, Lattice, TileId, in_u32};
+use crate::model::{AlgorithmError, Lattice, TileId};
 use crate::spatial::{CellMap, VoxelIndex};
 
 /// Sections of the payload.
@@ -292,9 +292,4 @@ pub(super) fn load_labels(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> 
     let payload = drive.payload(STEP_CLUSTERS, tile)?;
     let (labels, _) = codec::section(&payload, SECTION_LABELS)?.as_chunks::<4>();
     Ok(labels.iter().map(|label| u32::from_le_bytes(*label)).collect())
-}
-
-/// A number of labels, checked to fit.
-pub(super) fn number(count: usize) -> u32 {
-    in_u32(count, "parts of a tile")
 }

@@ -60,7 +60,7 @@ const STEPS: [Step; 3] = [
     Step {
         name: "clusters",
         settings: &["euclidean.*", "normalized-cut.voxel", "normalized-cut.tall", "normalized-cut.wide"],
-        bytes: BytesPer::ObjectPoint(local::BYTES_PER_POINT),
+        bytes: BytesPer::ObjectPoint(CLUSTERS_BYTES_PER_POINT),
         repeat: Repeat::Once,
     },
     Step {
@@ -77,9 +77,13 @@ const STEPS: [Step; 3] = [
     },
 ];
 
-/// Bytes per point of objects that a tile needs for the graphs and bases of its largest object.
-const CUT_BYTES_PER_POINT: u64 = 200;
-/// Bytes per point of objects that a tile needs for labels.
+/// Bytes per point of objects that a tile needs for the clusters and, beside them, their labels and voxels. Estimated
+/// from sizes.
+const CLUSTERS_BYTES_PER_POINT: u64 = local::BYTES_PER_POINT + 16;
+/// Bytes per point of objects that a tile needs for the graph, its halves and the basis of one object at a time.
+/// Estimated from sizes: 4 to 5 KB per voxel of a dense crown, and about 12 points per voxel.
+const CUT_BYTES_PER_POINT: u64 = 400;
+/// Bytes per point of objects that a tile needs for labels. Estimated from sizes.
 const OBJECTS_BYTES_PER_POINT: u64 = 40;
 
 /// The method, see the module.

@@ -11,7 +11,7 @@ use crate::cluster::columns::Voxel;
 use crate::cluster::{DriveWindow, Figures, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{Kind, TileId};
+use crate::model::{Kind, TileId, in_u32};
 
 /// Number of this step.
 const STEP_OBJECTS: usize = STEP_CUT + 1;
@@ -55,14 +55,14 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
             }
         };
         let group = placed.first_group + part;
-        let next = clusters::number(of_labels.len());
+        let next = in_u32(of_labels.len(), "objects of a tile");
         let number = *numbers.entry(group).or_insert(next);
         if number == next {
             of_labels.push((group, placed.classes[part as usize]));
         }
         labels[point] = number + 1;
     }
-    let count = clusters::number(of_labels.len());
+    let count = in_u32(of_labels.len(), "objects of a tile");
     let labelled = Labelled { points, labels, count, with_halo: false };
     Ok(Mapped { payload: codec::encode(&of_labels)?, labelled: Some(labelled), ..Mapped::default() })
 }

@@ -6,6 +6,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use crate::cluster::columns::Voxel;
+use crate::model::in_u32;
 
 /// Voxels of each label of a tile, sorted by label and key. Keys are differences to the voxel before, which
 /// take few bytes after the encoding.
@@ -30,7 +31,7 @@ pub(super) struct Storing {
 impl Storing {
     /// Adds a voxel of a label.
     pub(super) fn push(&mut self, label: u32, key: Voxel, points: u32, sums: [u64; 3]) {
-        let end = super::clusters::number(self.pieces.keys.len());
+        let end = in_u32(self.pieces.keys.len(), "voxels of an object");
         self.pieces.ends.resize(label as usize, end);
         self.pieces.keys.push([0, 1, 2].map(|axis| key[axis].wrapping_sub(self.last[axis])));
         self.pieces.points.push(points);
@@ -40,7 +41,7 @@ impl Storing {
 
     /// The stored form.
     pub(super) fn finish(mut self) -> Pieces {
-        self.pieces.ends.push(super::clusters::number(self.pieces.keys.len()));
+        self.pieces.ends.push(in_u32(self.pieces.keys.len(), "voxels of an object"));
         self.pieces
     }
 }
@@ -162,7 +163,8 @@ impl Voxels {
         };
         let keys = coarse.key.clone();
         coarse.merge();
-        let number = |key: &Voxel| super::clusters::number(coarse.key.partition_point(|other| other < key));
+        let number =
+            |key: &Voxel| in_u32(coarse.key.partition_point(|other| other < key), "voxels of an object");
         let numbers = keys.iter().map(number).collect();
         (coarse, numbers)
     }

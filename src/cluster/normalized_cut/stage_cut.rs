@@ -16,7 +16,7 @@ use crate::cluster::columns::Voxel;
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{Lattice, TileId};
+use crate::model::{Lattice, TileId, in_u32};
 
 /// An object that a tile has cut and named.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -151,7 +151,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, edge: u32) -> Result<Vec<u8>> {
         let named: Vec<Named> = codec::decode(codec::section(&payload, 0)?)?;
         let mut section = 0;
         for one in named {
-            let parts = clusters::number(one.classes.len());
+            let parts = in_u32(one.classes.len(), "parts of an object");
             figures.objects += 1;
             figures.several += u64::from(one.several);
             figures.parts += u64::from(parts);

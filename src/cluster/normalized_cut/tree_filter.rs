@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use super::cut::Parts;
 use super::pieces::Voxels;
 use crate::cluster::columns::{Columns, Voxel};
-use crate::model::Lattice;
+use crate::model::{Lattice, in_u32};
 use crate::spatial::DisjointSets;
 
 /// Classes, as in `config/classes.toml`.
@@ -171,14 +171,14 @@ pub(super) fn join_facades(voxels: &Voxels, parts: Parts, classes: Vec<u8>) -> (
     for part in 0..parts.count {
         let name = sets.find(part);
         if name == part {
-            number[part as usize] = super::clusters::number(kept.len());
+            number[part as usize] = in_u32(kept.len(), "parts of an object");
             kept.push(classes[part as usize]);
         } else {
             number[part as usize] = number[name as usize];
         }
     }
     let of = parts.of.iter().map(|&part| number[part as usize]).collect();
-    (Parts { of, count: super::clusters::number(kept.len()), ..parts }, kept)
+    (Parts { of, count: in_u32(kept.len(), "parts of an object"), ..parts }, kept)
 }
 
 #[cfg(test)]
