@@ -1,14 +1,15 @@
 //! Step `clusters`: the `euclidean` objects of the drive, and their voxels. It is the only step that joins points.
 //!
 //! A tile labels its points and those within d_t around it. It names each label by the cells of single link in
-//! which points of other tiles lie, or may lie: points of one cell are within d_t of each other, so equal names
-//! are one object. A link between two tiles has one end in either, both tiles see it, and both name its ends.
+//! which a link to another tile may end: points of one cell are within d_t of each other, so equal names are one
+//! object. A link between two tiles has one end in either, both tiles see it, and both name its ends.
 //!
 //! A tile stores the voxels of its own points: the number of points and the sum of their places, by label. A voxel
 //! at a border is stored in parts. Sums are integers, so the parts of any tiles add up to the same voxel.
 
 use std::collections::BTreeMap;
 
+use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::pieces::{Pieces, Storing};
@@ -123,7 +124,7 @@ fn own_labels(points: &TilePoints, mut labels: Vec<u32>, count: u32) -> (u32, Ve
     (last, labels)
 }
 
-/// The cells of single link near points of other tiles, with the labels in them.
+/// The cells of single link that a link over the border of the tile may reach, with the labels in them.
 fn shared_cells(
     tile: &dyn TileWindow,
     points: &TilePoints,
@@ -156,6 +157,8 @@ fn shared_cells(
     };
     let mut near = near.cursor();
     let mut shared = Vec::new();
+    // Whether a cell has points of the tile, and of other tiles.
+    let mut has: FxHashMap<Voxel, [bool; 2]> = FxHashMap::default();
     let labelled = |point: &usize| labels[*point] > 0;
     for point in (0..cloud.len()).filter(labelled) {
         if cell_of(point).is_none_or(|cell| near.get(cell) == 0) {
@@ -167,6 +170,7 @@ fn shared_cells(
             let index = at[axis].div_euclid(side) - base[axis];
             name[axis] = i32::try_from(index).map_err(|_| too_many(axis))?;
         }
+        has.entry(name).or_default()[usize::from(!points.core[point])] = true;
         let one = (name, labels[point] - 1);
         if shared.last() != Some(&one) {
             shared.push(one);
@@ -174,6 +178,19 @@ fn shared_cells(
     }
     shared.sort_unstable();
     shared.dedup();
+    // Points that are linked are at most two cells apart on each axis. A cell that is so far from every point on the
+    // other side has no link over the border.
+    let around = |[i, j, k]: Voxel| {
+        let steps = move || -2..=2;
+        steps()
+            .flat_map(move |di| steps().flat_map(move |dj| steps().map(move |dk| [i + di, j + dj, k + dk])))
+    };
+    let faces =
+        |cell: Voxel, side: usize| around(cell).any(|near| has.get(&near).is_some_and(|has| has[side]));
+    shared.retain(|(cell, _)| {
+        let [own, foreign] = has.get(cell).copied().unwrap_or_default();
+        (own && faces(*cell, 1)) || (foreign && faces(*cell, 0))
+    });
     Ok(shared)
 }
 
