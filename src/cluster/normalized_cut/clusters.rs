@@ -181,9 +181,8 @@ fn shared_cells(
     // Points that are linked are at most two cells apart on each axis. A cell that is so far from every point on the
     // other side has no link over the border.
     let around = |[i, j, k]: Voxel| {
-        let steps = move || -2..=2;
-        steps()
-            .flat_map(move |di| steps().flat_map(move |dj| steps().map(move |dk| [i + di, j + dj, k + dk])))
+        let steps = |from: i32| from.saturating_sub(2)..=from.saturating_add(2);
+        steps(i).flat_map(move |i| steps(j).flat_map(move |j| steps(k).map(move |k| [i, j, k])))
     };
     let faces =
         |cell: Voxel, side: usize| around(cell).any(|near| has.get(&near).is_some_and(|has| has[side]));
