@@ -33,6 +33,8 @@ mod kernels;
 #[cfg(test)]
 mod labelled;
 #[cfg(test)]
+mod normalized_cut;
+#[cfg(test)]
 mod refusals;
 #[cfg(test)]
 mod resume;

@@ -27,6 +27,7 @@ mod further;
 mod linking;
 mod local;
 mod method;
+mod normalized_cut;
 pub mod p_linkage;
 mod sliced;
 pub(crate) mod street;
@@ -39,8 +40,9 @@ pub use method::{
     BytesPer, ClusterEntry, DriveWindow, Figures, Grouped, Labelled, Mapped, Method, Reduced, Repeat,
     Sections, Step, TilePoints, TileWindow,
 };
+pub use normalized_cut::{NormalizedCut, NormalizedCutConfig};
 pub use street::{Street, StreetConfig};
 
 /// Every clustering method, in the order in which help lists them.
 pub static REGISTRY: &[ClusterEntry] =
-    &[euclidean::ENTRY, density_peaks::ENTRY, dbscan::ENTRY, street::ENTRY];
+    &[euclidean::ENTRY, density_peaks::ENTRY, dbscan::ENTRY, normalized_cut::ENTRY, street::ENTRY];

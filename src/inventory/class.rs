@@ -22,14 +22,14 @@ impl Attribute for Class {
                 name: "confidence",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::None,
-                definition: "mean probability of the class over the points, 0 to 1; empty where `class` is 0",
+                definition: "mean probability of the class over the points, 0 to 1; empty from methods without probabilities",
             },
         ]
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
         values.push(Value::Count(object.kind.class.into()));
-        let confidence = (object.kind.class != 0).then(|| f64::from(object.kind.confidence) / 255.0);
+        let confidence = (object.kind.confidence != 0).then(|| f64::from(object.kind.confidence) / 255.0);
         values.push(confidence.into());
     }
 }
@@ -41,7 +41,7 @@ mod tests {
     use crate::model::Kind;
 
     #[test]
-    fn objects_without_a_class_have_no_confidence() {
+    fn objects_without_a_probability_have_no_confidence() {
         let terrain = terrain_at(&[]);
         let site = site(&terrain, METRES);
         let part = box_part();
@@ -49,6 +49,17 @@ mod tests {
         let mut values = Vec::new();
         Class.finish(&object, &mut values);
         Class.finish(&object.of_kind(Kind { class: 2, confidence: 51 }), &mut values);
-        assert_eq!(values, [Value::Count(0), Value::Missing, Value::Count(2), Value::Decimal(0.2)]);
+        Class.finish(&object.of_kind(Kind { class: 2, confidence: 0 }), &mut values);
+        assert_eq!(
+            values,
+            [
+                Value::Count(0),
+                Value::Missing,
+                Value::Count(2),
+                Value::Decimal(0.2),
+                Value::Count(2),
+                Value::Missing
+            ]
+        );
     }
 }

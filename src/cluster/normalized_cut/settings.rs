@@ -1,0 +1,98 @@
+//! Settings of `normalized-cut`, and the numbers of its steps.
+
+use serde::Deserialize;
+
+use crate::config::ConfigError;
+
+/// Name of the method and of its section.
+pub(super) const NAME: &str = "normalized-cut";
+
+/// Numbers of the steps, in their order.
+pub(super) const STEP_CLUSTERS: usize = 0;
+pub(super) const STEP_CUT: usize = 1;
+
+/// Settings of the section `[normalized-cut]`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NormalizedCutConfig {
+    /// Edge of a voxel in metres, w_s of the paper, 0.05 to 2. Default 0.3 (chosen; section 4 has 0.05).
+    pub voxel: f64,
+    /// Horizontal distance in metres at which a weight falls to 1/e, sigma_H of equation 1, 0.05 to 20. Default 0.8
+    /// (chosen; the paper has no value).
+    pub sigma_h: f64,
+    /// Vertical distance in metres at which a weight falls to 1/e, sigma_V of equation 1, 0.05 to 20. Default 2
+    /// (chosen; the paper has no value).
+    pub sigma_v: f64,
+    /// Voxels are linked up to this horizontal distance in metres, d_H of equation 1, 0.1 to 20. Default 1.2
+    /// (chosen; the paper has no value).
+    pub d_h: f64,
+    /// A part is cut in two if Ncut (equation 3) of its best cut is at most this, 0 (never) to 2. Default 0.08
+    /// (chosen; the paper has no value).
+    pub stop: f64,
+    /// Objects and parts are cut if they are taller than this, in metres, 0 to 100. Default 2.5 (chosen).
+    pub tall: f64,
+    /// Objects are cut if they are wider than this, in metres, 0 to 1000. Default 3 (chosen).
+    pub wide: f64,
+    /// An object with more voxels is cut on voxels of twice the edge first, or four times, and so on, and its parts
+    /// again on finer ones; 1000 to 200,000. Default 20,000: a limit of memory that does not depend on the machine.
+    pub max_voxels: u64,
+}
+
+impl Default for NormalizedCutConfig {
+    fn default() -> Self {
+        let [voxel, sigma_h, sigma_v, d_h] = [0.3, 0.8, 2.0, 1.2];
+        Self { voxel, sigma_h, sigma_v, d_h, stop: 0.08, tall: 2.5, wide: 3.0, max_voxels: 20_000 }
+    }
+}
+
+impl NormalizedCutConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] with the key and the range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let ranges = [
+            ("normalized-cut.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
+            ("normalized-cut.sigma_h", self.sigma_h, 0.05..=20.0, "0.05 to 20 metres"),
+            ("normalized-cut.sigma_v", self.sigma_v, 0.05..=20.0, "0.05 to 20 metres"),
+            ("normalized-cut.d_h", self.d_h, 0.1..=20.0, "0.1 to 20 metres"),
+            ("normalized-cut.stop", self.stop, 0.0..=2.0, "0 to 2"),
+            ("normalized-cut.tall", self.tall, 0.0..=100.0, "0 to 100 metres"),
+            ("normalized-cut.wide", self.wide, 0.0..=1_000.0, "0 to 1000 metres"),
+        ];
+        for (key, value, range, expected) in ranges {
+            if !range.contains(&value) {
+                return Err(ConfigError::value(key, value, expected));
+            }
+        }
+        if !(1_000..=200_000).contains(&self.max_voxels) {
+            let key = "normalized-cut.max_voxels";
+            return Err(ConfigError::value(key, self.max_voxels, "1000 to 200,000 voxels"));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_key() {
+        let default = NormalizedCutConfig::default;
+        for (config, key) in [
+            (NormalizedCutConfig { voxel: f64::NAN, ..default() }, "normalized-cut.voxel = NaN"),
+            (NormalizedCutConfig { sigma_h: 0.0, ..default() }, "normalized-cut.sigma_h = 0"),
+            (NormalizedCutConfig { sigma_v: f64::INFINITY, ..default() }, "normalized-cut.sigma_v = inf"),
+            (NormalizedCutConfig { d_h: -1.0, ..default() }, "normalized-cut.d_h = -1"),
+            (NormalizedCutConfig { stop: 2.5, ..default() }, "normalized-cut.stop = 2.5"),
+            (NormalizedCutConfig { tall: -0.1, ..default() }, "normalized-cut.tall = -0.1"),
+            (NormalizedCutConfig { wide: 1_001.0, ..default() }, "normalized-cut.wide = 1001"),
+            (NormalizedCutConfig { max_voxels: 999, ..default() }, "normalized-cut.max_voxels = 999"),
+        ] {
+            let error = config.validate().unwrap_err().to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+        default().validate().unwrap();
+    }
+}
