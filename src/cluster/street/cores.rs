@@ -229,102 +229,124 @@ fn take_chains(
     trunk
 }
 
+/// What the tiles found.
+#[derive(Debug, Default)]
+struct Found {
+    borders: Vec<Border>,
+    figures: Vec<Vec<Option<Part>>>,
+    rising: Vec<Vec<(u32, u32)>>,
+    /// Chains of trunks and the components, plus one, in which they have voxels. This tells which chain rises from
+    /// which piece near the ground.
+    trunks: Vec<BTreeSet<(u32, u32)>>,
+    crowns: Vec<Crown>,
+    in_crowns: Vec<BTreeSet<Cell>>,
+}
+
+impl Found {
+    fn of(drive: &dyn DriveWindow) -> Result<Self> {
+        let mut found = Self::default();
+        for tile in TileId::first(drive.tiles()) {
+            let payload: Payload = codec::decode(&drive.payload(STEP_CORES, tile)?)?;
+            let part = |&(voxel, chain): &(u32, u32)| (chain, payload.part[voxel as usize]);
+            found.trunks.push(payload.trunks.iter().map(part).collect());
+            found.borders.push(payload.border);
+            found.figures.push(payload.parts);
+            found.rising.push(payload.rising);
+            found.crowns.extend(payload.crowns);
+            found.in_crowns.push(payload.in_crowns.into_iter().map(|(_, cell)| cell).collect());
+        }
+        Ok(found)
+    }
+}
+
+/// Where a core comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Source {
+    Component(u32),
+    Stem(usize),
+    Crown(Cell),
+}
+
+/// The labels of the cores, by where they come from.
+#[derive(Debug, Default)]
+struct Labels {
+    of: BTreeMap<Source, u32>,
+    /// The core of each label from 1.
+    cores: Vec<Core>,
+}
+
+impl Labels {
+    /// Numbers the cores in the order of their first voxels.
+    fn number(mut found: Vec<(Voxel, u8, Source, [i64; 2])>) -> Self {
+        found.sort_unstable();
+        let mut labels = Self::default();
+        for (label, (_, class, source, place)) in (1..).zip(found) {
+            labels.of.insert(source, label);
+            labels.cores.push(Core { label, class, place });
+        }
+        labels
+    }
+
+    fn get(&self, source: Source) -> Option<u32> {
+        self.of.get(&source).copied()
+    }
+
+    /// The slice of a tile, with the cores that it names.
+    fn of_tile(&self, labels: Vec<u32>, chains: Vec<(u32, u32)>, crowns: Vec<(Cell, u32)>) -> OfTile {
+        let of_trees = chains.iter().map(|chain| chain.1).chain(crowns.iter().map(|crown| crown.1));
+        let named: BTreeSet<u32> =
+            labels.iter().copied().chain(of_trees).filter(|&label| label != 0).collect();
+        let cores = named.into_iter().map(|label| self.cores[label as usize - 1]).collect();
+        OfTile { labels, chains, crowns, cores }
+    }
+}
+
 /// The cores of the drive.
 pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let lattice = drive.lattice();
-    let mut borders = Vec::new();
-    let mut figures = Vec::new();
-    let mut rising = Vec::new();
-    let mut trunks = Vec::new();
-    let mut crowns = Vec::new();
-    let mut in_crowns: Vec<BTreeSet<Cell>> = Vec::new();
-    for tile in TileId::first(drive.tiles()) {
-        let payload: Payload = codec::decode(&drive.payload(STEP_CORES, tile)?)?;
-        borders.push(payload.border);
-        figures.push(payload.parts);
-        rising.push(payload.rising);
-        crowns.extend(payload.crowns);
-        in_crowns.push(payload.in_crowns.into_iter().map(|(_, cell)| cell).collect());
-        // Which component a trunk voxel is in tells which chain rises from which piece near the ground.
-        let pairs: BTreeSet<(u32, u32)> =
-            payload.trunks.iter().map(|&(voxel, chain)| (chain, payload.part[voxel as usize])).collect();
-        trunks.push(pairs);
-    }
-    let component = join(&borders);
+    let found = Found::of(drive)?;
+    let component = join(&found.borders);
     let mut whole: BTreeMap<u32, Part> = BTreeMap::new();
-    for (component, part) in component.iter().flatten().zip(figures.iter().flatten()) {
+    for (component, part) in component.iter().flatten().zip(found.figures.iter().flatten()) {
         if let Some(part) = part {
             whole.entry(*component).and_modify(|whole| whole.merge(part)).or_insert_with(|| part.clone());
         }
     }
-    let rising = component.iter().zip(&rising).flat_map(|(component, rising)| {
+    let rising = component.iter().zip(&found.rising).flat_map(|(component, rising)| {
         rising.iter().map(|&(low, high)| (component[low as usize], component[high as usize]))
     });
-    let chains = component.iter().zip(&trunks).flat_map(|(component, trunks)| {
+    let chains = component.iter().zip(&found.trunks).flat_map(|(component, trunks)| {
         trunks.iter().map(|&(chain, part)| (chain, part.checked_sub(1).map(|part| component[part as usize])))
     });
     let stems = seeds::find(&whole, rising, chains, lattice);
-    let crowns = crowns::without_stem(&crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
+    let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
     let united = uniting::unite(&mut whole, lattice);
 
-    // Labels in the order of first voxels.
-    let mut cores: Vec<(Voxel, u8, u64, [i64; 2])> = Vec::new();
-    for (&component, part) in whole.iter().filter(|(_, part)| part.band == NO_BAND && keeps(part, lattice)) {
-        cores.push((part.first, part.class, u64::from(component), part.centre()));
-    }
-    for (number, stem) in (0_u64..).zip(&stems.seeds) {
-        cores.push((stem.first, TREE, (1 << 32) | number, stem.place));
-    }
-    for (number, crown) in (0_u64..).zip(&crowns) {
-        cores.push((crown.first, TREE, (2 << 32) | number, crown.place));
-    }
-    cores.sort_unstable();
-    let mut of_component: BTreeMap<u32, u32> = BTreeMap::new();
-    let mut of_stem = vec![0; stems.seeds.len()];
-    let mut of_crown: BTreeMap<Cell, u32> = BTreeMap::new();
-    for (label, core) in (1_u32..).zip(&cores) {
-        match core.2 >> 32 {
-            0 => drop(of_component.insert(core.2 as u32, label)),
-            1 => of_stem[core.2 as u32 as usize] = label,
-            _ => drop(of_crown.insert(crowns[core.2 as u32 as usize].cell, label)),
-        }
-    }
-    for (component, name) in &united {
-        if let Some(&label) = of_component.get(name) {
-            of_component.insert(*component, label);
-        }
-    }
-    for (component, stem) in &stems.components {
-        of_component.insert(*component, of_stem[*stem as usize]);
-    }
-    let slices: Vec<OfTile> = component
-        .iter()
-        .zip(&trunks)
-        .zip(&in_crowns)
-        .map(|((component, trunks), in_crowns)| {
-            let label = |component: &u32| of_component.get(component).copied().unwrap_or(0);
-            let labels: Vec<u32> = component.iter().map(label).collect();
-            let mut chains: Vec<(u32, u32)> = trunks
-                .iter()
-                .filter_map(|(chain, _)| Some((*chain, of_stem[*stems.chains.get(chain)? as usize])))
-                .collect();
-            chains.dedup();
-            let crowns: Vec<(Cell, u32)> =
-                in_crowns.iter().filter_map(|cell| Some((*cell, *of_crown.get(cell)?))).collect();
-            let of_trees = chains.iter().map(|chain| chain.1).chain(crowns.iter().map(|crown| crown.1));
-            let named: BTreeSet<u32> = labels.iter().copied().chain(of_trees).collect();
-            let cores = named
-                .into_iter()
-                .filter(|&label| label != 0)
-                .map(|label| {
-                    let (_, class, _, place) = cores[label as usize - 1];
-                    Core { label, class, place }
-                })
-                .collect();
-            OfTile { labels, chains, crowns, cores }
+    let kept = whole.iter().filter(|(_, part)| part.band == NO_BAND && keeps(part, lattice));
+    let cores =
+        kept.map(|(&component, part)| (part.first, part.class, Source::Component(component), part.centre()));
+    let of_stems = stems.seeds.iter().enumerate();
+    let of_stems = of_stems.map(|(number, stem)| (stem.first, TREE, Source::Stem(number), stem.place));
+    let of_crowns = crowns.iter().map(|crown| (crown.first, TREE, Source::Crown(crown.cell), crown.place));
+    let labels = Labels::number(cores.chain(of_stems).chain(of_crowns).collect());
+
+    let stem = |stem: &u32| labels.get(Source::Stem(*stem as usize));
+    let of_component = |component: &u32| match stems.components.get(component) {
+        Some(number) => stem(number),
+        None => labels.get(Source::Component(*united.get(component).unwrap_or(component))),
+    };
+    let slices: Vec<OfTile> = (0..component.len())
+        .map(|tile| {
+            let of_parts = component[tile].iter().map(|component| of_component(component).unwrap_or(0));
+            let trunks = found.trunks[tile].iter().map(|(chain, _)| chain);
+            let chains: BTreeMap<u32, u32> =
+                trunks.filter_map(|chain| Some((*chain, stem(stems.chains.get(chain)?)?))).collect();
+            let cells = found.in_crowns[tile].iter();
+            let crowns = cells.filter_map(|cell| Some((*cell, labels.get(Source::Crown(*cell))?)));
+            labels.of_tile(of_parts.collect(), chains.into_iter().collect(), crowns.collect())
         })
         .collect();
-    sliced::encode(&(cores.len() as u32), &slices)
+    sliced::encode(&(labels.cores.len() as u32), &slices)
 }
 
 /// Whether a component is a core.

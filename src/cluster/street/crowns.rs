@@ -8,8 +8,7 @@
 //! the distance to the next higher one. All sums are integers, and all distances are local, so tiles do not show.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "voxels of a tile fit u32; counts in cells and kernels are small"
+    reason = "heights in lattice units fit i32; sums over a kernel are clamped to u32"
 )]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -73,6 +72,9 @@ pub(super) struct Crown {
     rivals: Vec<(Cell, u32)>,
 }
 
+/// Weights, and steps to the cells that they belong to.
+type Kernel = Vec<(u64, [i32; 2])>;
+
 /// The counts in the cells around a tile.
 struct Field<'a> {
     cells: Columns,
@@ -81,7 +83,8 @@ struct Field<'a> {
     buildings: Vec<u32>,
     top: Vec<i32>,
     first: Vec<usize>,
-    kernels: Vec<(i32, Vec<(u64, [i32; 2])>)>,
+    /// Height in lattice units up to which each kernel is used.
+    kernels: Vec<(i32, Kernel)>,
     canopy: Vec<[i32; 2]>,
     around: &'a Classified,
 }
@@ -156,10 +159,10 @@ impl<'a> Field<'a> {
 }
 
 /// The steps of a kernel (1 - d² / r²)², whose weights sum to about [`ONE`].
-fn kernel(radius: i32) -> Vec<(u64, [i32; 2])> {
-    let square = u64::from(radius.unsigned_abs()).pow(2);
-    let steps = disc(square as i64);
-    let weight = |d: i64| (square - d.unsigned_abs()).pow(2);
+fn kernel(radius: i32) -> Kernel {
+    let square = i64::from(radius).pow(2);
+    let steps = disc(square);
+    let weight = |d: i64| (square - d).unsigned_abs().pow(2);
     let sum: u64 = steps.iter().map(|step| weight(step.0)).sum();
     steps.into_iter().map(|(d, step)| (weight(d) * ONE / sum, step)).collect()
 }
@@ -252,11 +255,11 @@ pub(super) fn cores(
 }
 
 /// The crowns of the drive that are trees without a stem, in an order that does not depend on tiles.
-pub(super) fn without_stem<'a>(
-    crowns: &'a [Crown],
+pub(super) fn without_stem(
+    crowns: &[Crown],
     stems: impl Iterator<Item = [i64; 2]>,
     lattice: Lattice,
-) -> Vec<&'a Crown> {
+) -> Vec<&Crown> {
     let claim = lattice.units(CLAIM_M);
     let square = |place: [i64; 2]| place.map(|value| value.div_euclid(claim));
     let mut by_square: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
@@ -285,4 +288,54 @@ pub(super) fn without_stem<'a>(
         crowns.iter().filter(|crown| !claimed.contains(&crown.cell) && rises(crown)).collect();
     alone.sort_unstable_by_key(|crown| crown.first);
     alone
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kernel_sums_to_one_and_is_highest_in_the_middle() {
+        for (_, radius) in KERNELS {
+            let kernel = kernel(radius);
+            let sum: u64 = kernel.iter().map(|step| step.0).sum();
+            assert!((ONE * 95 / 100..=ONE).contains(&sum), "{radius}: {sum}");
+            assert!(kernel[0].1 == [0, 0] && kernel.iter().all(|step| step.0 <= kernel[0].0));
+        }
+    }
+
+    fn crown(x_m: f64, top_m: f64, field: u32, rivals: &[(f64, u32)]) -> Crown {
+        let cell = |x_m: f64| [(x_m / 0.3).round() as i32, 0];
+        let lattice = Lattice::MILLIMETRE;
+        Crown {
+            cell: cell(x_m),
+            first: [cell(x_m)[0] * CELL, 0, 0],
+            place: [lattice.units(x_m), 0],
+            top: lattice.units(top_m) as i32,
+            field,
+            rivals: rivals.iter().map(|&(x_m, saddle)| (cell(x_m), saddle)).collect(),
+        }
+    }
+
+    fn alone(crowns: &[Crown], stems_m: &[f64]) -> Vec<[i64; 2]> {
+        let lattice = Lattice::MILLIMETRE;
+        let stems = stems_m.iter().map(|&x_m| [lattice.units(x_m), 0]);
+        without_stem(crowns, stems, lattice).into_iter().map(|crown| crown.place).collect()
+    }
+
+    #[test]
+    fn a_crown_without_a_stem_is_a_tree_if_it_rises_above_its_surroundings() {
+        let first = || crown(0.0, 5.0, 5_000, &[]);
+        // The field falls to 40 % and to 70 % of the lower peak.
+        assert_eq!(alone(&[first(), crown(3.0, 5.0, 4_000, &[(0.0, 1_600)])], &[0.2]), [[3_000, 0]]);
+        assert!(alone(&[first(), crown(3.0, 5.0, 4_000, &[(0.0, 2_800)])], &[0.2]).is_empty());
+    }
+
+    #[test]
+    fn a_stem_claims_every_peak_within_a_part_of_the_height() {
+        let crowns = [crown(0.0, 5.0, 5_000, &[]), crown(3.0, 5.0, 4_000, &[(0.0, 100)])];
+        assert_eq!(alone(&crowns, &[1.4]), [[3_000, 0]]);
+        assert!(alone(&crowns, &[1.5]).is_empty());
+        assert_eq!(alone(&crowns, &[]), [[0, 0], [3_000, 0]]);
+    }
 }

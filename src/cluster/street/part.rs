@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::shares::unites;
 use super::spans::Spans;
-use super::uniting::unites;
 use crate::cluster::columns::Voxel;
 
 /// Number of bands of height of low tree voxels.
@@ -37,7 +37,7 @@ pub(super) struct Part {
     pub(super) at_facade: u32,
     /// Highest tree voxel around low tree voxels, in lattice units above ground.
     pub(super) canopy: i32,
-    /// How far it spans in the plane, for the classes that `uniting` unites.
+    /// How far it reaches in the plane, for classes whose pieces are united.
     pub(super) spans: Option<Box<Spans>>,
 }
 

@@ -12,6 +12,11 @@ pub(super) const FENCE: u8 = 5;
 pub(super) const SMALL: u8 = 6;
 pub(super) const WIRE: u8 = 7;
 
+/// Whether pieces of this class may be one object although they do not touch.
+pub(super) fn unites(class: u8) -> bool {
+    matches!(class, VEHICLE | FENCE)
+}
+
 /// The class with the largest share. Of equal shares the first class counts.
 pub(super) fn class(shares: &[u8; CLASSES]) -> u8 {
     let mut best = 0;

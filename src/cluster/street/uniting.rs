@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::part::Part;
-use super::shares::{FENCE, VEHICLE};
+use super::shares::{FENCE, VEHICLE, unites};
 use crate::cluster::columns::Voxel;
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;
@@ -27,11 +27,6 @@ const FENCE_BEND: f64 = 0.03;
 const FENCE_GAP_M: f64 = 2.5;
 /// Largest difference of the heights at which two pieces of a fence end, in metres.
 const FENCE_TOP_M: f64 = 0.5;
-
-/// Whether pieces of this class are united.
-pub(super) fn unites(class: u8) -> bool {
-    matches!(class, VEHICLE | FENCE)
-}
 
 /// Unites components. `parts` has one entry for each united component then, under the name of one of its components.
 /// Returns this name for all others.
