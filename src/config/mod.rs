@@ -70,6 +70,10 @@ pub struct OutputConfig {
     pub classification: ClassificationChoice,
     /// Whether the original class is kept in a dimension of its own.
     pub original_classification: bool,
+    /// Whether the page `report.html` is written.
+    pub report: bool,
+    /// Largest size of the page in megabytes.
+    pub report_mb: f64,
 }
 
 /// Section `[run]`.
@@ -174,6 +178,13 @@ impl Config {
         }
         if self.run.threads > 1_024 {
             return Err(ConfigError::value("run.threads", self.run.threads, "0 to 1024"));
+        }
+        if !(1.0..=200.0).contains(&self.output.report_mb) {
+            return Err(ConfigError::value(
+                "output.report_mb",
+                self.output.report_mb,
+                "1 to 200 (megabytes)",
+            ));
         }
         let name = &self.output.dimension;
         if name.is_empty() || name.len() > 31 || !name.is_ascii() {

@@ -40,7 +40,7 @@ use crate::error::{Error, Result};
 
 use chain::Chain;
 use engine::{Driver, Here};
-use finish::{mark, names, report};
+use finish::{mark, names, page, report};
 use open::Opened;
 
 pub use chain::Registries;
@@ -86,7 +86,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let mut warnings = catalog.warnings().to_vec();
     warnings.extend(file_warnings);
     if request.fresh {
-        warnings.extend(names::remove_superseded(&run_dir, &labelled)?);
+        warnings.extend(names::remove_superseded(&run_dir, config, &labelled)?);
     }
     let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
     let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
@@ -112,9 +112,11 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         peak_resident_bytes: engine::peak_resident_bytes(),
     };
     if let Some((export, finished)) = outcome.unmarked {
-        report::write_report(&run_dir, &open.drive, config, &planned.surveyed, &summary)?;
+        let report = report::report(&open.drive, config, &planned.surveyed, &summary);
+        report::write_report(&run_dir, &report)?;
+        page::write_page(&run_dir, &open, &planned.surveyed, &planned.plan, outcome.page, report)?;
         let export = run_dir.pass(&export.folder, export.depends);
-        mark::mark_finished(&run_dir, &export, &finished)?;
+        mark::mark_finished(&run_dir, &export, &finished, &names::beside(config))?;
     }
     Ok(summary)
 }

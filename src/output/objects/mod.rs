@@ -7,6 +7,9 @@ mod geojson;
 mod number;
 mod table;
 
+pub(crate) use number::{places, rounded};
+#[cfg(test)]
+pub(crate) use table::tests;
 pub use table::{ObjectFormat, ObjectRow, ObjectTable};
 
 /// One line of the registry.

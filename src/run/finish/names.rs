@@ -9,16 +9,16 @@ use crate::store::{RunDir, StoreError};
 
 /// Name of the report.
 pub(super) const REPORT: &str = "report.json";
+/// Name of the page.
+pub(super) const PAGE: &str = "report.html";
+
 /// Outputs of a finished run beside the labelled copies.
-pub(super) const BESIDE: [&str; objects::REGISTRY.len() + 1] = {
-    let mut names = [REPORT; objects::REGISTRY.len() + 1];
-    let mut index = 0;
-    while index < objects::REGISTRY.len() {
-        names[index] = objects::REGISTRY[index].file_name;
-        index += 1;
-    }
+pub(crate) fn beside(config: &Config) -> Vec<&'static str> {
+    let mut names: Vec<&str> = objects::REGISTRY.iter().map(|entry| entry.file_name).collect();
+    names.push(REPORT);
+    names.extend(config.output.report.then_some(PAGE));
     names
-};
+}
 
 /// The labelled copies to be written. Their names do not collide, and no foreign file has the name of an
 /// output.
@@ -44,7 +44,8 @@ pub(crate) fn plan_files(
         files.push(labelled);
     }
     check_names(&files)?;
-    let names: Vec<String> = files.iter().map(LabelledFile::name).chain(BESIDE).map(str::to_owned).collect();
+    let names: Vec<String> =
+        files.iter().map(LabelledFile::name).chain(beside(config)).map(str::to_owned).collect();
     for name in names.iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
         if path.exists() {
@@ -57,8 +58,13 @@ pub(crate) fn plan_files(
 
 /// Removes the outputs of an earlier run that this run will not write, and names them. Only files that chainage wrote
 /// are removed.
-pub(crate) fn remove_superseded(run_dir: &RunDir, files: &[LabelledFile]) -> Result<Vec<String>> {
-    let names: Vec<String> = files.iter().map(LabelledFile::name).chain(BESIDE).map(str::to_owned).collect();
+pub(crate) fn remove_superseded(
+    run_dir: &RunDir,
+    config: &Config,
+    files: &[LabelledFile],
+) -> Result<Vec<String>> {
+    let names: Vec<String> =
+        files.iter().map(LabelledFile::name).chain(beside(config)).map(str::to_owned).collect();
     let mut removed = Vec::new();
     for name in run_dir.own_outputs()?.into_iter().filter(|name| !names.contains(name)) {
         let path = run_dir.out().join(&name);
@@ -77,6 +83,9 @@ mod tests {
 
     #[test]
     fn every_format_is_among_the_outputs() {
-        assert_eq!(BESIDE, ["objects.csv", "objects.geojson", "report.json"]);
+        let beside = |settings: &[String]| beside(&Config::resolve(None, settings).unwrap());
+        let all = ["objects.csv", "objects.geojson", "report.json", "report.html"];
+        assert_eq!(beside(&[]), all);
+        assert_eq!(beside(&["output.report=false".to_owned()]), all[..3]);
     }
 }

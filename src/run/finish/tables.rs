@@ -7,20 +7,23 @@ use crate::error::{Error, Result};
 use crate::inventory::{self, Object, Site, Station, Terrain};
 use crate::model::{Chart, in_u32};
 use crate::output::objects::{self, ObjectRow, ObjectTable};
+use crate::output::report::PageTable;
 use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
+use crate::run::finish::frame::frame;
 use crate::run::passes::stitch::Objects;
 use crate::store::{RunDir, StoreError};
 use crate::whole_file::publish;
 
-/// Writes the table of objects in every format.
+/// Writes the table of objects in every format. Returns it for the page, if that has a limit in bytes.
 pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
     surveyed: &Surveyed,
     whole: &Objects,
     terrain: &Terrain,
-) -> Result<()> {
+    page_limit: Option<u64>,
+) -> Result<Option<PageTable>> {
     let crs = drive.catalog.crs();
     let file_names: Vec<&str> = drive.catalog.files().iter().map(|file| file.name()).collect();
     let locate = |place| {
@@ -50,7 +53,10 @@ pub(crate) fn write_tables(
             entry.format.write(&table, out).map_err(failed)
         })?;
     }
-    Ok(())
+    let points = |index: usize| whole.objects[index].points;
+    let frame = frame(drive, surveyed);
+    let for_page = page_limit.map(|limit| PageTable::of(&table, &points, frame, limit)).transpose();
+    for_page.map_err(|error| Error::bug(error.to_string()))
 }
 
 /// Writes every chart as `NAME.svg`, and removes the charts of an earlier call with another method.

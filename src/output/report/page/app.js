@@ -86,12 +86,8 @@ class App {
     const { sample } = this.page;
     const points = this.points = readPoints(await inflated("data-points"), sample.points, sample.step_m);
     this.ground = new Ground(points);
-    let radius = 10;
-    for (let at = 0; at < points.count; at += 50) radius = Math.max(radius, Math.hypot(points.places[3 * at], points.places[3 * at + 1]));
-    this.camera = new Camera(radius);
-    this.measure(points);
-    const spacing = (key) => (key < 2 ? sample.spacing_m[key] : sample.spacing_m[2 + this.rowOf.get(key - 1)] ?? sample.spacing_m[1]);
-    this.scene = new Scene($("scene"), points, spacing);
+    this.camera = new Camera(this.radius(points));
+    this.scene = new Scene($("scene"), points, this.measure(points));
     this.scene.axisLines = this.axis.stretches.map(({ x, y }) => Float32Array.from(x.flatMap((value, at) => [value, y[at], this.ground.height(value, y[at]) + 0.1])));
     this.fillModes();
     this.bindScene();
@@ -103,12 +99,23 @@ class App {
     this.render();
   }
 
-  /** Box of each object, from its points. */
+  /** Distance within which all but single stray points are. */
+  radius(points) {
+    const far = [];
+    for (let at = 0; at < points.count; at += 1 + (points.count >> 12)) far.push(Math.hypot(points.places[3 * at], points.places[3 * at + 1]));
+    far.sort((a, b) => a - b);
+    return Math.max(10, far[Math.floor(0.98 * (far.length - 1))] ?? 10);
+  }
+
+  /** Finds the box of each object, and returns how far apart the points of a key are, in metres. */
   measure(points) {
     this.boxes = Array.from({ length: this.table.count }, () => null);
+    const counts = new Map();
     for (let at = 0; at < points.count; at++) {
-      const row = this.rowOf.get(points.keys[at] - 1);
-      if (points.keys[at] < 2 || row === undefined) continue;
+      const key = points.keys[at];
+      counts.set(key, (counts.get(key) ?? 0) + 1);
+      const row = key < 2 ? undefined : this.rowOf.get(key - 1);
+      if (row === undefined) continue;
       const box = (this.boxes[row] ??= [Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
       for (let axis = 0; axis < 3; axis++) {
         const value = points.places[3 * at + axis];
@@ -116,6 +123,13 @@ class App {
         if (value > box[axis + 3]) box[axis + 3] = value;
       }
     }
+    const ground = 0.8 * Math.sqrt(this.ground.area() / Math.max(1, counts.get(0) ?? 1));
+    return (key) => {
+      const box = key < 2 ? null : this.boxes[this.rowOf.get(key - 1)];
+      if (!box) return Math.min(0.5, Math.max(0.04, ground));
+      const [dx, dy, dz] = [0, 1, 2].map((axis) => box[axis + 3] - box[axis]);
+      return Math.min(1.2, Math.max(0.03, Math.sqrt((0.7 * (dx + dy) * dz + 0.5 * dx * dy) / counts.get(key))));
+    };
   }
 
   classOf(row) { return row >= 0 && this.table.classColumn >= 0 ? this.table.values[this.table.classColumn][row] : 0; }

@@ -68,6 +68,9 @@ class Ground {
     this.found = new Map();
   }
 
+  /** Area of the cells with ground in square metres. */
+  area() { return this.cells.size * this.edge ** 2; }
+
   key(x, y) {
     return (Math.floor(x / this.edge) + 0x100000) * 0x200000 + Math.floor(y / this.edge) + 0x100000;
   }
