@@ -35,6 +35,8 @@ mod labelled;
 #[cfg(test)]
 mod refusals;
 #[cfg(test)]
+mod report;
+#[cfg(test)]
 mod resume;
 #[cfg(test)]
 mod rounds;
@@ -50,5 +52,7 @@ mod synth;
 mod train;
 #[cfg(test)]
 mod util;
+#[cfg(test)]
+mod view;
 #[cfg(test)]
 mod words;

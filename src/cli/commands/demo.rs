@@ -39,7 +39,8 @@ impl DemoArgs {
         let open = |out: &Path| {
             let name = out.join(SAMPLE_NAME);
             format!(
-                "  to see it: open {} in a viewer of point clouds and colour it by cluster_id\n",
+                "  to see it: open {} in a browser, or {} in a viewer of point clouds and colour it by cluster_id\n",
+                out.join("report.html").display(),
                 name.display()
             )
         };

@@ -72,6 +72,9 @@ struct OutputSettings {
     /// Store the original class of every point in the extra dimension `original_classification`
     #[arg(long)]
     keep_original: bool,
+    /// Do not write report.html, the page with a 3D view, a plan, a table and statistics
+    #[arg(long)]
+    no_report: bool,
     /// Stop at the first tile that fails; without this, the other tiles are finished
     #[arg(long)]
     fail_fast: bool,
@@ -88,6 +91,9 @@ impl OutputSettings {
         }
         if self.keep_original {
             list.push(("output.original_classification", "true".to_owned()));
+        }
+        if self.no_report {
+            list.push(("output.report", "false".to_owned()));
         }
         if self.fail_fast {
             list.push(("run.fail_fast", "true".to_owned()));
@@ -167,9 +173,11 @@ pub(super) fn page(summary: &RunSummary, out: &Path) -> String {
     if let Some(peak) = summary.peak_resident_bytes {
         text.push_str(&format!(", peak memory {}", print::bytes(peak)));
     }
+    let page = out.join("report.html").is_file();
     text.push_str(&format!(
-        "\n  {}: labelled files, objects.csv, objects.geojson, report.json\n",
-        out.display()
+        "\n  {}: labelled files, objects.csv, objects.geojson, report.json{}\n",
+        out.display(),
+        if page { ", report.html" } else { "" }
     ));
     text
 }

@@ -18,7 +18,7 @@ class App {
   fillHead() {
     const { page, run } = this, { result } = run;
     $("title").textContent = page.title;
-    $("subtitle").textContent = [page.files, run.crs.description, run.program].filter(Boolean).join(" · ");
+    $("subtitle").textContent = [page.files, run.crs.description && `coordinate system ${run.crs.description}`, run.program].filter(Boolean).join(" · ");
     const figures = [["Length", run.axis.length_m < 1000 ? `${shown(run.axis.length_m, 0)} m` : `${shown(run.axis.length_m / 1000, 2)} km`, ""], ["Points", shown(result.points), ""], ["Objects", shown(result.objects), ""], ["Time", seconds(result.seconds), ""], ["Memory", result.peak_resident_bytes ? mebibytes(result.peak_resident_bytes) : "", "extra"]];
     $("figures").replaceChildren(...figures.filter(([, value]) => value).map(([name, value, kind]) => el("div", { class: kind || null }, el("dt", {}, name), el("dd", {}, value))));
   }
@@ -93,7 +93,6 @@ class App {
     this.bindScene();
     $("scene-message").hidden = points.count > 0;
     if (points.count === 0) $("scene-message").textContent = "The drive has no points to show.";
-    this.mode = "object";
     this.paint();
     this.camera.take(this.wholePose());
     this.render();
@@ -126,7 +125,7 @@ class App {
     const ground = 0.8 * Math.sqrt(this.ground.area() / Math.max(1, counts.get(0) ?? 1));
     return (key) => {
       const box = key < 2 ? null : this.boxes[this.rowOf.get(key - 1)];
-      if (!box) return Math.min(0.5, Math.max(0.04, ground));
+      if (!box) return Math.min(0.3, Math.max(0.03, ground));
       const [dx, dy, dz] = [0, 1, 2].map((axis) => box[axis + 3] - box[axis]);
       return Math.min(1.2, Math.max(0.03, Math.sqrt((0.7 * (dx + dy) * dz + 0.5 * dx * dy) / counts.get(key))));
     };
@@ -146,9 +145,11 @@ class App {
   }
 
   fillModes() {
-    $("modes").append(...MODES.map(([mode, text]) => {
+    const classified = this.table.classColumn >= 0 && this.table.values[this.table.classColumn].some((code) => code !== 0);
+    this.mode = classified ? "class" : "object";
+    $("modes").append(...MODES.filter(([mode]) => classified || mode !== "class").map(([mode, text]) => {
       const input = el("input", { type: "radio", name: "mode", value: mode, id: `mode-${mode}`, onchange: () => { this.mode = mode; this.paint(); } });
-      input.checked = mode === "object";
+      input.checked = mode === this.mode;
       return el("label", {}, input, el("span", {}, text));
     }));
   }
@@ -171,16 +172,19 @@ class App {
       const key = points.keys[at];
       let colour = key === 0 ? groundColour : key === 1 ? looseColour : ofKey(key);
       const visible = key === 0 ? !this.hidden.has("ground") : key === 1 ? !this.hidden.has("loose") : colour[3];
-      let from = 0;
+      // The intensity shows markings and bark in every mode.
+      let from = 0, light = 0.74 + points.intensities[at] / 800;
       if (mode === "height") {
         const over = points.places[3 * at + 2] - ground.height(points.places[3 * at], points.places[3 * at + 1]);
         from = 3 * Math.max(0, Math.min(255, Math.round((over / HIGHEST_M) * 255)));
         colour = heights;
+        light = 1;
       } else if (mode === "intensity") {
         from = 3 * points.intensities[at];
         colour = grays;
+        light = 1;
       }
-      look[to] = colour[from]; look[to + 1] = colour[from + 1]; look[to + 2] = colour[from + 2];
+      for (let part = 0; part < 3; part++) look[to + part] = Math.min(255, colour[from + part] * light);
       return visible;
     });
     this.fillLegend();
@@ -262,8 +266,8 @@ class App {
       const { table } = this;
       const title = el("h2", {}, this.nameOf(row));
       const close = el("button", { type: "button", class: "icon", "aria-label": "Close", onclick: () => this.choose(-1) }, "×");
-      const values = table.columns.flatMap((column, at) => {
-        const text = table.text(at, row);
+      const values = table.order.flatMap((at) => {
+        const column = table.columns[at], text = table.text(at, row);
         if (at === 0 || at === table.classColumn || text === "") return [];
         return [el("dt", { title: column.definition }, column.name.replaceAll("_", " ")), el("dd", {}, text)];
       });
@@ -298,16 +302,22 @@ class App {
     return best;
   }
 
+  /** A pose from which nearly all points are seen, across the street, so that its length fills the width. */
   wholePose() {
-    const { points, camera } = this;
-    const low = [Infinity, Infinity, Infinity], high = low.map(() => -Infinity);
-    for (const stretch of this.axis.stretches) stretch.x.forEach((x, at) => [x, stretch.y[at]].forEach((value, k) => { low[k] = Math.min(low[k], value); high[k] = Math.max(high[k], value); }));
-    if (low[0] > high[0]) for (let at = 0; at < points.count; at++) for (let k = 0; k < 2; k++) { low[k] = Math.min(low[k], points.places[3 * at + k]); high[k] = Math.max(high[k], points.places[3 * at + k]); }
-    if (low[0] > high[0]) return camera.pose();
-    const centre = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2], size = Math.max(18, Math.hypot(high[0] - low[0], high[1] - low[1]));
-    // Across the street, so that its length fills the width of the view.
-    const aspect = Math.min(2.2, $("scene").clientWidth / Math.max(1, $("scene").clientHeight));
-    return { target: [...centre, this.ground.height(...centre) + 2], yaw: -this.plan.angle + Math.PI / 2 - 0.5, pitch: 0.62, distance: (size * 1.08) / Math.max(0.6, aspect * 0.82) };
+    const { points, camera, plan } = this, along = [], across = [];
+    for (let at = 0; at < points.count; at += 1 + (points.count >> 13)) {
+      const [u, v] = plan.turned(points.places[3 * at], points.places[3 * at + 1]);
+      along.push(u);
+      across.push(v);
+    }
+    if (along.length === 0) return camera.pose();
+    const ends = (values) => { values.sort((a, b) => a - b); return [0.02, 0.98].map((share) => values[Math.floor(share * (values.length - 1))]); };
+    const [[u0, u1], [v0, v1]] = [ends(along), ends(across)], u = (u0 + u1) / 2, v = (v0 + v1) / 2;
+    const centre = [plan.cos * u + plan.sin * v, -plan.sin * u + plan.cos * v];
+    const { clientWidth, clientHeight } = $("scene"), aspect = clientWidth / Math.max(1, clientHeight);
+    const wide = Math.max(u1 - u0, 20), deep = Math.max(v1 - v0, 10);
+    const distance = Math.max((wide * 1.12 + deep * 0.6) / aspect, wide * 0.35 + deep * 0.8) + deep * 0.2 + 6;
+    return { target: [...centre, this.ground.height(...centre) + 1.5], yaw: -plan.angle + Math.PI / 2 - 0.35, pitch: 0.55, distance };
   }
 
   /** The pose of a driver at a chainage, who looks ahead. */

@@ -34,7 +34,9 @@ class Plan {
   /** The long side of the street becomes horizontal. */
   turnAlongStreet() {
     let n = 0, mx = 0, my = 0;
-    const all = this.axis.stretches.flatMap((stretch) => stretch.x.map((x, at) => [x, stretch.y[at]]));
+    // Of the objects, where there are enough: the axis of a single sweep says little.
+    const objects = this.boxes.filter((box) => box[0] <= box[2]).map((box) => [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]);
+    const all = objects.length >= 12 ? objects : this.axis.stretches.flatMap((stretch) => stretch.x.map((x, at) => [x, stretch.y[at]]));
     for (const [x, y] of all) { n++; mx += x; my += y; }
     mx /= n || 1; my /= n || 1;
     let xx = 0, xy = 0, yy = 0;

@@ -22,11 +22,11 @@ function fillRun(panel, run, page) {
   if (warnings.length) parts.push(el("section", { class: "block" }, el("h2", {}, warnings.length === 1 ? "One warning" : `${warnings.length} warnings`), ...warnings.map((text) => el("p", { class: "warning" }, text))));
   parts.push(el("section", { class: "block" }, el("h2", {}, "Figures"), facts([
     ["Points", shown(result.points)], ["Ground", share(result.counts.ground)], ["Noise", share(result.counts.low_noise + result.counts.high_noise)],
-    ["In objects and loose", share(result.counts.object)], ["Objects", shown(result.objects)], ["Tiles", shown(result.tiles)],
+    ["Above the ground", share(result.counts.object)], ["Objects", shown(result.objects)], ["Tiles", shown(result.tiles)],
     ["Wall time", seconds(result.seconds)], ["Speed", `${shown(result.points / Math.max(1e-9, result.seconds) / 1e6, 2)} M points/s`],
     ["Peak memory", result.peak_resident_bytes && mebibytes(result.peak_resident_bytes)],
-    ["Axis", `${shown(run.axis.length_m, 1)} m, ${run.axis.source}`],
-  ]), el("p", {}, page.sample.sentence)));
+    ["Axis", `${shown(run.axis.length_m, 1)} m`], ["Axis from", run.axis.source.replace("-", " ")],
+  ]), el("p", { class: "note" }, page.sample.sentence)));
   const longest = Math.max(1e-9, ...result.passes.map((pass) => pass.seconds));
   parts.push(el("section", { class: "block" }, el("h2", {}, "Passes"), el("div", { class: "bars" }, ...result.passes.flatMap((pass) => {
     const bar = el("i");

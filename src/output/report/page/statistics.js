@@ -34,7 +34,7 @@ function fillStatistics(panel, table) {
   const choices = measures(table);
   const charts = el("div", { class: "charts" });
   const select = el("select", { id: "measure", onchange: () => draw(Number(select.value)) }, ...choices.map((at) => el("option", { value: at }, table.columns[at].name.replaceAll("_", " "))));
-  const note = el("p", {});
+  const note = el("p", { class: "note" });
   const draw = (at) => {
     const column = table.columns[at];
     note.textContent = `${column.definition}${column.unit ? ` (${column.unit})` : ""}`;

@@ -11,9 +11,24 @@ class ObjectTable {
     const place = (name) => this.columns.findIndex((column) => column.name === name);
     this.classColumn = place("class");
     this.chainageColumn = place("chainage_m");
+    this.order = this.displayed();
     this.fillHead();
     this.fillFilters();
     this.update();
+  }
+
+  /** The columns that have values, in the order of the page: what an object is and measures, then where it is. */
+  displayed() {
+    const group = ({ name, type }, at) => {
+      if (at === 0 || at === this.classColumn) return 0;
+      if (type === "text" || type === "texts") return 5;
+      if (/(^|_)[xyz]$/.test(name)) return 4;
+      if (/^(confidence|points)$/.test(name)) return 3;
+      return /^(chainage|offset)_m$/.test(name) ? 2 : 1;
+    };
+    const known = (at) => this.values[at].some((value) => value !== null && (at !== this.classColumn || value !== 0));
+    const order = this.columns.map((_, at) => at).filter((at) => at === 0 || known(at));
+    return order.sort((a, b) => group(this.columns[a], a) - group(this.columns[b], b) || a - b);
   }
 
   id(row) { return this.values[0][row]; }
@@ -27,8 +42,8 @@ class ObjectTable {
   }
 
   fillHead() {
-    const cells = this.columns.map((column, at) => {
-      const words = column.type === "text" || column.type === "texts" || at === this.classColumn;
+    const cells = this.order.map((at) => {
+      const column = this.columns[at], words = column.type === "text" || column.type === "texts" || at === this.classColumn;
       const name = column.unit ? column.name.replace(/_(m2|m|deg)$/, "") : column.name;
       const label = name.replaceAll("_", " ") + (column.unit && column.unit !== "input" ? ` (${column.unit})` : "");
       return el("th", { scope: "col", class: words ? "words" : null }, el("button", { type: "button", title: `${column.name}: ${column.definition}`, onclick: () => this.sort(at) }, label));
@@ -40,8 +55,8 @@ class ObjectTable {
     const changed = () => { this.page = 0; this.update(); };
     this.filter = {};
     const parts = [];
-    if (this.classColumn >= 0) {
-      const codes = [...new Set(this.values[this.classColumn])].sort((a, b) => a - b);
+    const codes = this.classColumn < 0 ? [] : [...new Set(this.values[this.classColumn])].sort((a, b) => a - b);
+    if (codes.length > 1) {
       this.filter.kind = el("select", { onchange: changed, id: "filter-class" }, el("option", { value: "" }, "all"), ...codes.map((code) => el("option", { value: code }, className(this.classes, code))));
       parts.push(el("label", {}, "Class", this.filter.kind));
     }
@@ -99,13 +114,13 @@ class ObjectTable {
     this.page = Math.min(this.page, pages - 1);
     const first = this.page * PAGE_ROWS, rows = this.rows.slice(first, first + PAGE_ROWS);
     [...$("table").tHead.rows[0].cells].forEach((cell, at) => {
-      if (at === this.sorted) cell.setAttribute("aria-sort", this.descending ? "descending" : "ascending");
+      if (this.order[at] === this.sorted) cell.setAttribute("aria-sort", this.descending ? "descending" : "ascending");
       else cell.removeAttribute("aria-sort");
     });
     $("table").tBodies[0].replaceChildren(...rows.map((row) => this.row(row)));
     if (rows.length === 0) {
       const words = this.count ? "No object passes the filters." : "The drive has no objects.";
-      $("table").tBodies[0].append(el("tr", {}, el("td", { colspan: this.columns.length, class: "empty" }, words)));
+      $("table").tBodies[0].append(el("tr", {}, el("td", { colspan: this.order.length, class: "empty" }, words)));
     }
     const turn = (by, text) => el("button", { type: "button", class: "plain", disabled: this.page + by < 0 || this.page + by >= pages, onclick: () => { this.page += by; this.show(); } }, text);
     const range = this.rows.length ? `${shown(first + 1)} to ${shown(first + rows.length)} of ${shown(this.rows.length)}` : "0 rows";
@@ -114,8 +129,8 @@ class ObjectTable {
   }
 
   row(row) {
-    const cells = this.columns.map((column, at) => {
-      const text = this.text(at, row);
+    const cells = this.order.map((at) => {
+      const column = this.columns[at], text = this.text(at, row);
       if (at === 0) return el("td", {}, el("button", { type: "button", "aria-label": `Object ${text}: fly to it` }, text));
       if (at === this.classColumn) return el("td", { class: "words" }, dot(classColour(this.values[at][row])), className(this.classes, this.values[at][row]));
       const words = column.type === "text" || column.type === "texts";
