@@ -8,8 +8,6 @@ mod number;
 mod table;
 
 pub(crate) use number::{places, rounded};
-#[cfg(test)]
-pub(crate) use table::tests;
 pub use table::{ObjectFormat, ObjectRow, ObjectTable};
 
 /// One line of the registry.
@@ -26,3 +24,6 @@ pub const REGISTRY: &[ObjectFormatEntry] = &[
     ObjectFormatEntry { file_name: "objects.csv", format: &csv::Csv },
     ObjectFormatEntry { file_name: "objects.geojson", format: &geojson::GeoJson },
 ];
+
+#[cfg(test)]
+pub(crate) use table::tests;

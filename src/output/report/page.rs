@@ -229,10 +229,12 @@ mod tests {
     }
 
     fn points(count: usize) -> Vec<SamplePoint> {
-        (0..count)
+        (0_u32..)
+            .take(count)
             .map(|at| {
-                let place = [0x9e37_u64, 0x79b9, 0x7f4a].map(|factor| (at as u64 * factor % 4_001) as i32);
-                SamplePoint { key: at as u32 % 50, place, intensity: at as u16, ..SamplePoint::zeroed() }
+                let place = [0x9e37_u64, 0x79b9, 0x7f4a]
+                    .map(|factor| i32::try_from(u64::from(at) * factor % 4_001).unwrap());
+                SamplePoint { key: at % 50, place, intensity: (at % 4_096) as u16, ..SamplePoint::zeroed() }
             })
             .collect()
     }

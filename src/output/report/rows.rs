@@ -105,7 +105,7 @@ mod tests {
         assert_eq!(found["values"][3], json!(["car, \"red\"", "none"]));
         assert_eq!(found["values"][4][0], json!(["a.las", "b, \"c\".laz"]));
         assert_eq!(found["columns"][2]["places"], 1);
-        assert_eq!(found["outlines"][0], json!([0.0, 0.0, 4.0, 0.0, 4.0, 2.0]));
+        assert_eq!(found["outlines"][0], json!([0, 0, 4, 0, 4, 2]));
         let none: serde_json::Value = serde_json::from_slice(&json_of(&table, &[], frame).unwrap()).unwrap();
         assert_eq!(none["values"], json!([[], [], [], [], []]));
     }

@@ -20,9 +20,11 @@ pub(crate) const STEPS_PER_M: f64 = 100.0;
 const GROUND_SHARE: f64 = 0.25;
 const LOOSE_SHARE: f64 = 0.05;
 /// Planned points per shown point. The surface of an object is estimated from its box and can be smaller.
-const SURPLUS: f64 = 1.3;
+const SURPLUS: f64 = 2.0;
 /// Points that an object gets before the rest is distributed by surface. Chosen: enough to see a pole.
 const LEAST_OF_OBJECT: f64 = 24.0;
+/// Thinning where every point is planned, a quarter: such points are shown before all others.
+const FIRST: u64 = 1 << 14;
 /// Candidates that one unit collects before it drops the worse ones.
 const UNIT_CANDIDATES: usize = 1 << 16;
 /// Slots for the voxels that were seen last, a power of two. Neighbouring records are mostly in the same voxels.
@@ -58,7 +60,7 @@ impl SamplePoint {
 struct Rule {
     /// Binary logarithm of the edge of a voxel in lattice units.
     shift: u8,
-    /// Voxels per planned point, at least 1, in steps of 2^-16.
+    /// Voxels per planned point in steps of 2^-16. Below 1 where every point is planned: these are shown first.
     thinning: u64,
 }
 
@@ -66,7 +68,7 @@ impl Rule {
     /// The rule that keeps about `quota` of `points` points on a surface.
     fn of(points: f64, quota: f64, surface_units2: f64) -> Self {
         if quota >= points {
-            return Self { shift: 0, thinning: 1 << 16 };
+            return Self { shift: 0, thinning: FIRST };
         }
         let edge = (surface_units2 / quota.max(1.0)).sqrt().clamp(1.0, 1e9);
         let mut shift = 0_u8;
@@ -318,7 +320,7 @@ impl Choice {
     /// Adds the candidates of a unit.
     pub(crate) fn add(&mut self, candidates: &[SamplePoint]) {
         self.best.extend_from_slice(candidates);
-        if self.best.len() >= 2 * self.budget {
+        if self.best.len() >= self.budget + self.budget / 2 {
             keep_best(&mut self.best, self.budget);
         }
     }
@@ -336,7 +338,7 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
 
     use super::*;
-    use crate::model::PointId;
+    use crate::model::{PointId, in_u32};
 
     struct Seen {
         points: Vec<(u64, [i64; 3], PointClass, u32, u16)>,
@@ -350,7 +352,8 @@ mod tests {
         let mut objects = vec![ObjectPart::empty(); sizes.len()];
         let mut all = Vec::new();
         for number in 0..points {
-            let object = (number % 7) as usize;
+            let id = in_u32(usize::try_from(number % 7).unwrap(), "objects");
+            let object = id as usize;
             let intensity = random.random_range(0..60_000_u16);
             let Some(size) = sizes.get(object).filter(|_| object != 3 || number < 70) else {
                 let place = [random.random_range(0..60_000), random.random_range(0..60_000), 0];
@@ -359,15 +362,15 @@ mod tests {
                 continue;
             };
             let place =
-                [0, 1, 2].map(|axis| 1_000 * (object as i64 + 1) + random.random_range(0..size[axis]));
+                [0, 1, 2].map(|axis| 1_000 * (i64::from(id) + 1) + random.random_range(0..size[axis]));
             let part = &mut objects[object];
             part.points += 1;
             part.first_id = part.first_id.min(PointId::new(number));
-            for axis in 0..3 {
-                part.lo[axis] = part.lo[axis].min(place[axis]);
-                part.hi[axis] = part.hi[axis].max(place[axis]);
+            for (axis, &value) in place.iter().enumerate() {
+                part.lo[axis] = part.lo[axis].min(value);
+                part.hi[axis] = part.hi[axis].max(value);
             }
-            all.push((number, place, PointClass::Object, object as u32 + 1, intensity));
+            all.push((number, place, PointClass::Object, id + 1, intensity));
         }
         Seen { points: all, objects }
     }

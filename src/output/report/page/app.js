@@ -68,8 +68,9 @@ class App {
     this.table = new ObjectTable(data, this.classes, { choose: (row) => this.choose(row, true), filtered: (rows) => this.filtered(rows) });
     this.rowOf = new Map(this.table.values.length ? this.table.values[0].map((id, row) => [id, row]) : []);
     fillStatistics($("classes-panel"), this.table);
-    this.plan = new Plan($("plan"), this.axis, this.outlines, this.run.tiles, { choose: (row) => this.choose(row, row >= 0), colour: (row) => classColour(this.classOf(row)) });
+    this.plan = new Plan($("plan"), this.axis, this.outlines, this.run.tiles, { choose: (row) => this.choose(row, row >= 0), colour: (row) => this.colourOf(row) });
     this.plan.shown = (row) => this.isShown(row);
+    this.classified = this.table.classColumn >= 0 && this.table.values[this.table.classColumn].some((code) => code !== 0);
     this.stations();
     try {
       await this.startScene();
@@ -94,7 +95,7 @@ class App {
     $("scene-message").hidden = points.count > 0;
     if (points.count === 0) $("scene-message").textContent = "The drive has no points to show.";
     this.paint();
-    this.camera.take(this.wholePose());
+    this.camera.take(this.firstPose());
     this.render();
   }
 
@@ -125,13 +126,16 @@ class App {
     const ground = 0.8 * Math.sqrt(this.ground.area() / Math.max(1, counts.get(0) ?? 1));
     return (key) => {
       const box = key < 2 ? null : this.boxes[this.rowOf.get(key - 1)];
-      if (!box) return Math.min(0.3, Math.max(0.03, ground));
+      if (!box) return Math.min(key === 0 ? 0.4 : 0.12, Math.max(0.03, ground));
       const [dx, dy, dz] = [0, 1, 2].map((axis) => box[axis + 3] - box[axis]);
-      return Math.min(1.2, Math.max(0.03, Math.sqrt((0.7 * (dx + dy) * dz + 0.5 * dx * dy) / counts.get(key))));
+      return Math.min(1, Math.max(0.03, 0.75 * Math.sqrt(((dx + dy) * dz + 0.5 * dx * dy) / counts.get(key))));
     };
   }
 
   classOf(row) { return row >= 0 && this.table.classColumn >= 0 ? this.table.values[this.table.classColumn][row] : 0; }
+
+  /** Colour of an object: that of its class, or its own where the method has no classes. */
+  colourOf(row) { return this.classified ? classColour(this.classOf(row)) : hueColour(this.table.id(row) + 1); }
 
   isShown(row) { return !this.hidden.has(this.classOf(row)) && (!this.passing || this.passing.has(row)); }
 
@@ -145,7 +149,7 @@ class App {
   }
 
   fillModes() {
-    const classified = this.table.classColumn >= 0 && this.table.values[this.table.classColumn].some((code) => code !== 0);
+    const { classified } = this;
     this.mode = classified ? "class" : "object";
     $("modes").append(...MODES.filter(([mode]) => classified || mode !== "class").map(([mode, text]) => {
       const input = el("input", { type: "radio", name: "mode", value: mode, id: `mode-${mode}`, onchange: () => { this.mode = mode; this.paint(); } });
@@ -269,9 +273,9 @@ class App {
       const values = table.order.flatMap((at) => {
         const column = table.columns[at], text = table.text(at, row);
         if (at === 0 || at === table.classColumn || text === "") return [];
-        return [el("dt", { title: column.definition }, column.name.replaceAll("_", " ")), el("dd", {}, text)];
+        return [el("dt", { title: column.definition }, labelOf(column)), el("dd", {}, text)];
       });
-      card.replaceChildren(el("header", {}, dot(classColour(this.classOf(row))), title, close), el("dl", {}, ...values));
+      card.replaceChildren(el("header", {}, dot(this.colourOf(row)), title, close), el("dl", {}, ...values));
       const box = this.boxes?.[row];
       if (fly && box && this.camera) this.fly(this.poseOf(box));
       const outline = this.outlines[row];
@@ -317,7 +321,15 @@ class App {
     const { clientWidth, clientHeight } = $("scene"), aspect = clientWidth / Math.max(1, clientHeight);
     const wide = Math.max(u1 - u0, 20), deep = Math.max(v1 - v0, 10);
     const distance = Math.max((wide * 1.12 + deep * 0.6) / aspect, wide * 0.35 + deep * 0.8) + deep * 0.2 + 6;
-    return { target: [...centre, this.ground.height(...centre) + 1.5], yaw: -plan.angle + Math.PI / 2 - 0.35, pitch: 0.55, distance };
+    return { target: [...centre, this.ground.height(...centre) + 1.5], yaw: -plan.angle + Math.PI / 2 - 0.35, pitch: 0.72, distance };
+  }
+
+  /** The whole drive, or the beginning of a long one. */
+  firstPose() {
+    const whole = this.wholePose();
+    if (whole.distance < 500) return whole;
+    const { x, y, heading } = this.axis.at(this.axis.from + 60);
+    return { target: [x, y, this.ground.height(x, y)], yaw: heading + 0.25, pitch: 0.5, distance: 105 };
   }
 
   /** The pose of a driver at a chainage, who looks ahead. */

@@ -18,7 +18,7 @@ function classColour(code) {
 /** Colours that differ for neighbouring numbers: hues a golden angle apart, in three tones. */
 function hueColour(number) {
   const hue = (number * 137.508) % 360, tone = number % 3;
-  const s = [0.55, 0.66, 0.48][tone], l = [0.57, 0.5, 0.67][tone];
+  const s = [0.5, 0.6, 0.45][tone], l = [0.58, 0.52, 0.68][tone];
   const part = (n) => {
     const k = (n + hue / 30) % 12;
     const value = l - s * Math.min(l, 1 - l) * Math.max(-1, Math.min(k - 3, 9 - k, 1));

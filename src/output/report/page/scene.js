@@ -15,7 +15,7 @@ void main() {
   gl_Position = camera * vec4(place - eye, 1.0);
   // The alpha channel holds the distance between points: eighths of powers of two from 1/64 m; 0 hides the point.
   float apart = exp2(look.a * 255.0 / 8.0 - 6.0);
-  gl_PointSize = clamp(1.25 * apart * pixels.x / max(gl_Position.w, 0.01), 1.6, pixels.y);
+  gl_PointSize = clamp(1.3 * apart * pixels.x / max(gl_Position.w, 0.01), 1.6, pixels.y);
   colour = vec4(look.rgb, 1.0);
   if (numbers) colour = vec4(uvec4(key, key >> 8, key >> 16, key >> 24) & 255u) / 255.0;
   else if (chosen != 0u) colour.rgb = key == chosen ? mix(look.rgb, accent, 0.75) : mix(look.rgb, vec3(dot(look.rgb, vec3(0.33))), 0.55);
@@ -125,11 +125,14 @@ class Scene {
     for (let at = 0, from = 0; at < count; at++, from = (from + stride) % count) order[at] = from;
     const places = new Float32Array(3 * count), keys = new Uint32Array(count);
     this.spacings = new Uint8Array(count);
+    const codes = new Map();
     for (let at = 0; at < count; at++) {
-      const from = order[at];
-      places.set(points.places.subarray(3 * from, 3 * from + 3), 3 * at);
-      keys[at] = points.keys[from];
-      this.spacings[at] = Math.max(1, Math.min(255, Math.round(8 * (Math.log2(spacings(keys[at])) + 6))));
+      const from = order[at], key = points.keys[from];
+      for (let axis = 0; axis < 3; axis++) places[3 * at + axis] = points.places[3 * from + axis];
+      keys[at] = key;
+      let code = codes.get(key);
+      if (code === undefined) codes.set(key, (code = Math.max(1, Math.min(255, Math.round(8 * (Math.log2(spacings(key)) + 6))))));
+      this.spacings[at] = code;
     }
     this.look = new Uint8Array(4 * count);
     this.cloud = gl.createVertexArray();
@@ -197,7 +200,7 @@ class Scene {
     gl.uniform3fv(places.eye, camera.eye());
     // Fewer points are drawn larger, so that surfaces stay closed.
     const larger = Math.min(3, Math.sqrt(this.points.count / Math.max(1, count)));
-    gl.uniform2f(places.pixels, (larger * targets.height) / (2 * Math.tan(camera.opening / 2)), 26 * targets.scale);
+    gl.uniform2f(places.pixels, (larger * targets.height) / (2 * Math.tan(camera.opening / 2)), 18 * targets.scale);
     gl.uniform1ui(places.chosen, this.chosen);
     gl.uniform3fv(places.accent, this.accent);
     gl.uniform1i(places.numbers, numbers);

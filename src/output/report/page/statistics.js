@@ -33,11 +33,11 @@ function fillStatistics(panel, table) {
   });
   const choices = measures(table);
   const charts = el("div", { class: "charts" });
-  const select = el("select", { id: "measure", onchange: () => draw(Number(select.value)) }, ...choices.map((at) => el("option", { value: at }, table.columns[at].name.replaceAll("_", " "))));
+  const select = el("select", { id: "measure", onchange: () => draw(Number(select.value)) }, ...choices.map((at) => el("option", { value: at }, labelOf(table.columns[at]))));
   const note = el("p", { class: "note" });
   const draw = (at) => {
     const column = table.columns[at];
-    note.textContent = `${column.definition}${column.unit ? ` (${column.unit})` : ""}`;
+    note.textContent = column.definition;
     const found = table.values[at].filter((value) => value !== null).sort((a, b) => a - b);
     // One range for all classes, so that they can be compared; the largest hundredth counts in the last bar.
     const high = niceStep(Math.max(found[Math.floor((found.length - 1) * 0.99)] ?? 1, 1e-6));

@@ -44,9 +44,7 @@ class ObjectTable {
   fillHead() {
     const cells = this.order.map((at) => {
       const column = this.columns[at], words = column.type === "text" || column.type === "texts" || at === this.classColumn;
-      const name = column.unit ? column.name.replace(/_(m2|m|deg)$/, "") : column.name;
-      const label = name.replaceAll("_", " ") + (column.unit && column.unit !== "input" ? ` (${column.unit})` : "");
-      return el("th", { scope: "col", class: words ? "words" : null }, el("button", { type: "button", title: `${column.name}: ${column.definition}`, onclick: () => this.sort(at) }, label));
+      return el("th", { scope: "col", class: words ? "words" : null }, el("button", { type: "button", title: `${column.name}: ${column.definition}`, onclick: () => this.sort(at) }, labelOf(column)));
     });
     $("table").tHead.replaceChildren(el("tr", {}, ...cells));
   }
@@ -167,6 +165,12 @@ class ObjectTable {
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 1000);
   }
+}
+
+/** The name of a column for a person, with its unit. */
+function labelOf(column) {
+  const named = column.unit && column.unit !== "input";
+  return (named ? column.name.replace(/_(m2|m|deg)$/, "") : column.name).replaceAll("_", " ") + (named ? ` (${column.unit})` : "");
 }
 
 function dot(colour) {
