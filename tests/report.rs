@@ -142,6 +142,37 @@ fn names_are_never_markup() {
 }
 
 #[test]
+fn outputs_that_are_not_chosen_are_left_out() {
+    let folder = scratch();
+    let out = folder.path().join("out");
+    let names = |out: &Path| -> Vec<String> {
+        let entries =
+            std::fs::read_dir(out).expect("a folder").map(|entry| entry.expect("an entry").file_name());
+        let mut names: Vec<String> = entries.map(|name| name.to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    };
+    let call = |list: &str| {
+        run_to_the_end(&sweep(), &out, &["--outputs", list]);
+        names(&out)
+    };
+    let all = "points,csv,geojson,report";
+    let whole = call(all);
+    let complete = page(&out);
+    // What an earlier call wrote goes with it.
+    assert_eq!(call("report"), [".chainage", "report.html", "report.json"]);
+    // The points are sampled without labelled copies as with them.
+    assert_eq!(part(&page(&out), "points"), part(&complete, "points"));
+    assert_eq!(call("csv"), [".chainage", "objects.csv", "report.json"]);
+    assert_eq!(call("points"), [".chainage", "report.json", "tree_road_sweep.laz"]);
+    assert_eq!(call(all), whole);
+    let refused = run_command(&sweep(), &out, &["--outputs", "csv,shp"]).output().expect("starts");
+    let (code, errors) = ended(&refused);
+    assert_eq!(code, 3, "{errors}");
+    assert!(errors.contains("output.files = shp: must be points, csv, geojson, report"), "{errors}");
+}
+
+#[test]
 fn without_a_report_the_page_of_an_earlier_call_goes() {
     let folder = scratch();
     let out = folder.path().join("out");

@@ -239,7 +239,7 @@ pub(crate) fn to_files<D: Driver>(
         if !driver.computes() {
             return Ok(None);
         }
-        let limit = page::limit_bytes(open.config);
+        let limit = names::page_limit_bytes(open.config);
         let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
         let pass = ExportPass::of(
             &open.drive,
@@ -247,11 +247,13 @@ pub(crate) fn to_files<D: Driver>(
             &objects.kinds,
             sampling.as_ref(),
             labelled,
+            open.config.output.writes("points"),
             run_dir,
             list.export.clone(),
         );
         let Some(exported) = driver.complete(&pass)? else { return Ok(None) };
-        let table = tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects, &terrain, limit)?;
+        let table =
+            tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects, &terrain, open.config)?;
         let page = table.map(|table| PageContent { table, points: exported.points });
         tables::write_charts(run_dir, &objects.charts)?;
         figures.extend(objects.figures);

@@ -88,6 +88,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     if request.fresh {
         warnings.extend(names::remove_superseded(&run_dir, config, &labelled)?);
     }
+    let copies: Vec<String> = labelled.iter().map(|file| file.name().to_owned()).collect();
     let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
     let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
 
@@ -115,6 +116,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         let report = report::report(&open.drive, config, &planned.surveyed, &summary);
         report::write_report(&run_dir, &report)?;
         page::write_page(&run_dir, &open, &planned.surveyed, &planned.plan, outcome.page, report)?;
+        names::remove_left_out(&run_dir, config, &copies)?;
         let export = run_dir.pass(&export.folder, export.depends);
         mark::mark_finished(&run_dir, &export, &finished, &names::beside(config))?;
     }

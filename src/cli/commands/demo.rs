@@ -35,6 +35,7 @@ impl DemoArgs {
         // One sweep has about a hundredth of the points of a drive: objects may be smaller.
         let config =
             Config::resolve(None, &["euclidean.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
+        let output = config.output.clone();
         let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
         let open = |out: &Path| {
             let name = out.join(SAMPLE_NAME);
@@ -44,7 +45,7 @@ impl DemoArgs {
                 name.display()
             )
         };
-        self.json.show(&summary, || page(&summary, &out) + &open(&out))?;
+        self.json.show(&summary, || page(&summary, &out, &output) + &open(&out))?;
         Ok(exit::DONE)
     }
 }

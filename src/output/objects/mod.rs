@@ -19,6 +19,14 @@ pub struct ObjectFormatEntry {
     pub format: &'static dyn ObjectFormat,
 }
 
+impl ObjectFormatEntry {
+    /// Its name in settings: the extension of its file.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.file_name.rsplit('.').next().unwrap_or(self.file_name)
+    }
+}
+
 /// Every format, in the order in which the files are written.
 pub const REGISTRY: &[ObjectFormatEntry] = &[
     ObjectFormatEntry { file_name: "objects.csv", format: &csv::Csv },

@@ -68,5 +68,11 @@ pub(crate) fn mark_finished(
     run_dir.write_json(FINISHED, &Mark { fingerprint, objects, files, bytes })?;
     export.clear()?;
     let folder = run_dir.path("export");
-    Ok(fs_err::remove_dir_all(&folder).map_err(StoreError::io("remove", &folder))?)
+    match fs_err::remove_dir_all(&folder) {
+        // Without labelled copies there is none.
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+            Err(StoreError::io("remove", &folder)(source).into())
+        }
+        _ => Ok(()),
+    }
 }

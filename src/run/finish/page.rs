@@ -4,7 +4,6 @@ use std::io::Write;
 
 use serde_json::{Value, json};
 
-use crate::config::Config;
 use crate::error::Result;
 use crate::output::OutputError;
 use crate::output::report::{
@@ -12,7 +11,7 @@ use crate::output::report::{
 };
 use crate::run::drive::Surveyed;
 use crate::run::finish::frame::{frame, origin};
-use crate::run::finish::names::PAGE;
+use crate::run::finish::names::{PAGE, page_limit_bytes};
 use crate::run::finish::tables::write_whole;
 use crate::run::open::Opened;
 use crate::run::passes::stitch::Objects;
@@ -29,12 +28,6 @@ pub(crate) struct PageContent {
     pub(crate) table: PageTable,
     /// The shown points, best first.
     pub(crate) points: Vec<SamplePoint>,
-}
-
-/// Limit of the page in bytes; `None` if there is none.
-pub(crate) fn limit_bytes(config: &Config) -> Option<u64> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 200 MB, validated")]
-    config.output.report.then_some((config.output.report_mb * 1e6) as u64)
 }
 
 /// The rules by which points are sampled.
@@ -58,8 +51,7 @@ pub(crate) fn sampling(
     Sampling::new(&sampled, point_budget(limit_bytes))
 }
 
-/// Writes the page with the values of the report. Without a page, that of an earlier call is removed, because it would
-/// show other objects.
+/// Writes the page with the values of the report, unless it is left out.
 pub(crate) fn write_page(
     run_dir: &RunDir,
     open: &Opened<'_>,
@@ -70,10 +62,7 @@ pub(crate) fn write_page(
 ) -> Result<()> {
     let path = run_dir.out().join(PAGE);
     let failed = |source| OutputError::Write { path: path.clone(), source };
-    let (Some(content), Some(limit_bytes)) = (content, limit_bytes(open.config)) else {
-        if run_dir.own_outputs()?.iter().any(|name| name == PAGE) && path.is_file() {
-            fs_err::remove_file(&path).map_err(failed)?;
-        }
+    let (Some(content), Some(limit_bytes)) = (content, page_limit_bytes(open.config)) else {
         return Ok(());
     };
     let mut run = report;

@@ -62,6 +62,8 @@ pub(crate) struct ExportPass<'a> {
     kinds: &'a [Kind],
     /// `None` if there is no report.
     sampling: Option<&'a Sampling>,
+    /// Whether labelled copies are written. Without them, records are read for the samples only.
+    writes: bool,
     run_dir: &'a RunDir,
     targets: Vec<Target>,
     units: Vec<Unit>,
@@ -84,6 +86,7 @@ impl<'a> ExportPass<'a> {
         kinds: &'a [Kind],
         sampling: Option<&'a Sampling>,
         labelled: Vec<LabelledFile>,
+        writes: bool,
         run_dir: &'a RunDir,
         outline: Outline,
     ) -> Self {
@@ -93,12 +96,14 @@ impl<'a> ExportPass<'a> {
             columns,
             kinds,
             sampling,
+            writes,
             run_dir,
             targets: Vec::new(),
             units: Vec::new(),
             outline,
         };
-        for (file, labelled) in labelled.into_iter().enumerate() {
+        let labelled = labelled.into_iter().filter(|_| writes || sampling.is_some());
+        for (file, labelled) in labelled.enumerate() {
             let chunks = labelled.chunks().to_vec();
             let mut start = 0;
             while start < chunks.len() {
@@ -161,7 +166,10 @@ impl<'a> ExportPass<'a> {
             let bytes = &all[at(from)..at(to)];
             self.labels(file, &(from..to), desk)?;
             self.sample(file, from, bytes, desk);
-            self.targets[file].labelled.label(bytes, &desk.labels, &desk.classes, &desk.kinds, &mut desk.out);
+            if self.writes {
+                let labelled = &self.targets[file].labelled;
+                labelled.label(bytes, &desk.labels, &desk.classes, &desk.kinds, &mut desk.out);
+            }
             desk.decoded = decoded;
             if to == run.first_record + u64::from(run.count) {
                 input.release(block);
@@ -336,8 +344,13 @@ impl Pass for ExportPass<'_> {
         self.drive.file(unit.file).check_unchanged()?;
         let mut desk = Desk { sampler: self.sampling.map(Sampler::new), ..Desk::default() };
         let mut chunks = Vec::new();
-        let part = (!target.labelled.is_compressed()).then(|| open_part(target)).transpose()?;
+        let writes_records = self.writes && !target.labelled.is_compressed();
+        let part = writes_records.then(|| open_part(target)).transpose()?;
         for chunk in &target.chunks[unit.chunks.clone()] {
+            if !self.writes {
+                self.label(unit.file, chunk, &mut desk)?;
+                continue;
+            }
             let Some(part) = &part else {
                 self.label(unit.file, chunk, &mut desk)?;
                 let count = in_u32(length(chunk), "records of a chunk");
@@ -375,6 +388,9 @@ impl Pass for ExportPass<'_> {
     fn prepare(&self, dir: &PassDir) -> Result<()> {
         let run_dir = self.run_dir;
         mark::withdraw(run_dir, dir)?;
+        if !self.writes {
+            return Ok(());
+        }
         let folder = run_dir.path("export");
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         let fingerprint = dir.fingerprint().to_string();
@@ -413,6 +429,9 @@ impl Pass for ExportPass<'_> {
     /// again.
     fn reduce(&self, payloads: &Payloads) -> Result<Exported> {
         let points = self.shown_points(payloads)?;
+        if !self.writes {
+            return Ok(Exported { names: Vec::new(), points });
+        }
         let dir = payloads.dir()?;
         let run_dir = self.run_dir;
         for (file, target) in self.targets.iter().enumerate() {
