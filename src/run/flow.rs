@@ -15,7 +15,7 @@ use crate::run::finish::mark::{self, Finished};
 use crate::run::finish::page::{self, PageContent};
 use crate::run::finish::{names, tables};
 use crate::run::open::Opened;
-use crate::run::passes::export::{self, ExportPass};
+use crate::run::passes::export::{self, Copies, ExportPass};
 use crate::run::passes::fields::{self, FieldsPass};
 use crate::run::passes::ground::{self, GroundPass};
 use crate::run::passes::relabel::{self, PointColumns, RelabelPass};
@@ -246,8 +246,7 @@ pub(crate) fn to_files<D: Driver>(
             &columns,
             &objects.kinds,
             sampling.as_ref(),
-            labelled,
-            open.config.output.writes("points"),
+            Copies { labelled, writes: open.config.output.writes("points") },
             run_dir,
             list.export.clone(),
         );

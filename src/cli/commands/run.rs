@@ -73,8 +73,7 @@ struct OutputSettings {
     /// Store the original class of every point in the extra dimension `original_classification`
     #[arg(long)]
     keep_original: bool,
-    /// Write only these: points (labelled copies), csv, geojson, report [default: all]
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help = outputs())]
     outputs: Vec<String>,
     /// Do not write report.html, the page with a 3D view, a plan, a table and statistics
     #[arg(long)]
@@ -82,6 +81,12 @@ struct OutputSettings {
     /// Stop at the first tile that fails; without this, the other tiles are finished
     #[arg(long)]
     fail_fast: bool,
+}
+
+/// The help of --outputs.
+fn outputs() -> String {
+    let tables: Vec<&str> = objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name).collect();
+    format!("Write only these: points (labelled copies), {}, report [default: all]", tables.join(", "))
 }
 
 impl OutputSettings {

@@ -11,10 +11,10 @@ use super::sample::SamplePoint;
 /// Bytes of a point before compression.
 const PLANES: usize = 17;
 
-/// The bytes of points, which are sorted by object and place.
-pub(super) fn planes(mut points: Vec<SamplePoint>) -> Vec<u8> {
+/// The bytes of points. Sorts them by object and place.
+pub(super) fn planes(points: &mut [SamplePoint]) -> Vec<u8> {
     points.sort_unstable_by_key(|point| (point.key, along_curve(point.place), point.place, point.rank));
-    let range = intensities(&points);
+    let range = intensities(points);
     let count = points.len();
     let mut bytes = vec![0; PLANES * count];
     let mut word = |plane: usize, at: usize, value: u32| {
@@ -109,12 +109,12 @@ mod tests {
 
     #[test]
     fn planes_hold_every_point() {
-        let points =
+        let mut points =
             vec![point(3, [5, -7, 100_000], 40), point(0, [-2, 9, 0], 10), point(3, [4, 0, 99_000], 70)];
         let expected = [(0, [-2, 9, 0], 0), (3, [4, 0, 99_000], 255), (3, [5, -7, 100_000], 255)];
-        let mut found = read(&planes(points));
+        let mut found = read(&planes(&mut points));
         found.sort_unstable();
         assert_eq!(found, expected);
-        assert!(planes(Vec::new()).is_empty());
+        assert!(planes(&mut []).is_empty());
     }
 }

@@ -95,8 +95,7 @@ pub(crate) struct Page<'a> {
     pub(crate) files: String,
     pub(crate) axis: Vec<PageStretch>,
     pub(crate) table: &'a PageTable,
-    /// Points, those first that are shown first.
-    pub(crate) points: &'a [SamplePoint],
+    pub(crate) points: Vec<SamplePoint>,
     /// Points of the drive.
     pub(crate) all_points: u64,
     /// The content of `report.json`, with the tiles.
@@ -109,20 +108,23 @@ impl Page<'_> {
     ///
     /// # Errors
     /// Those of `out`.
-    pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+    pub(crate) fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
         let script = format!("\"use strict\";\n{}", SCRIPT.join("\n"));
         let run = json(self.run)?;
         let fixed = MARKUP.len() + STYLE.len() + script.len() + run.len() + self.table.packed.len();
-        let mut count = self.points.len();
+        // Sorted in place, because a million points are 24 MB.
+        let mut points = std::mem::take(&mut self.points);
         let (page, points) = loop {
+            let count = points.len();
             let page = json(&self.facts(count))?;
-            let points = packed(&planes(self.points[..count].to_vec()));
+            let coded = packed(&planes(&mut points));
             let room =
                 usize::try_from(self.limit_bytes).unwrap_or(usize::MAX).saturating_sub(fixed + page.len());
-            if points.len() <= room || count == 0 {
-                break (page, points);
+            if coded.len() <= room || count == 0 {
+                break (page, coded);
             }
-            count = count.min(count * (room / 100 * 97) / points.len());
+            points.sort_unstable();
+            points.truncate(count.min(count * (room / 100 * 97) / coded.len()));
         };
         let policy = format!(
             "default-src 'none'; script-src {}; style-src {}; img-src data:; base-uri 'none'; form-action 'none'",
@@ -239,7 +241,7 @@ mod tests {
             .collect()
     }
 
-    fn written(points: &[SamplePoint], table: &PageTable, limit_bytes: u64) -> String {
+    fn written(points: Vec<SamplePoint>, table: &PageTable, limit_bytes: u64) -> String {
         let page = Page {
             title: "a <b> & c".to_owned(),
             files: String::new(),
@@ -257,7 +259,7 @@ mod tests {
 
     #[test]
     fn texts_of_files_are_never_markup() {
-        let text = written(&points(100), &table(3, 1 << 20), 1 << 20);
+        let text = written(points(100), &table(3, 1 << 20), 1 << 20);
         assert!(text.contains("<title>chainage: a &lt;b> &amp; c</title>"));
         assert!(!text.contains("<script>alert"));
         // The program's own elements, and no others: four of data, one with the script.
@@ -267,7 +269,7 @@ mod tests {
 
     #[test]
     fn the_policy_names_the_script_and_the_style_of_the_page() {
-        let text = written(&points(10), &table(1, 1 << 20), 1 << 20);
+        let text = written(points(10), &table(1, 1 << 20), 1 << 20);
         let between = |from: &str, to: &str| text.split_once(from).unwrap().1.split_once(to).unwrap().0;
         let policy = between("Content-Security-Policy\" content=\"", "\">");
         assert!(policy.starts_with("default-src 'none'; "), "{policy}");
@@ -277,10 +279,10 @@ mod tests {
 
     #[test]
     fn a_page_keeps_its_limit_and_says_what_it_left_out() {
-        let own = written(&[], &table(0, 1 << 20), 1 << 20).len();
+        let own = written(Vec::new(), &table(0, 1 << 20), 1 << 20).len();
         for limit in [own as u64 + 60_000, own as u64 + 200_000] {
             let table = table(20_000, limit);
-            let text = written(&points(100_000), &table, limit);
+            let text = written(points(100_000), &table, limit);
             assert!(text.len() as u64 <= limit, "{} of {limit}", text.len());
             assert!(table.shown > 100 && table.shown < table.all, "{}", table.shown);
             assert!(

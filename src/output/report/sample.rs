@@ -2,7 +2,7 @@
 //!
 //! A voxel is kept or not by the hash of its index, so the choice depends neither on tiles nor on threads nor on the
 //! order of the records. Of a kept voxel, the point nearest to its centre is shown. The first point of every object is
-//! always kept. Units of the drive collect candidates with bounded memory, and [`choose`] takes the best of all units.
+//! always kept. Units of the drive collect candidates with bounded memory, and [`Choice`] takes the best of all units.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -26,7 +26,7 @@ const LEAST_OF_OBJECT: f64 = 24.0;
 /// Thinning where every point is planned, a quarter: such points are shown before all others.
 const FIRST: u64 = 1 << 14;
 /// Candidates that one unit collects before it drops the worse ones.
-const UNIT_CANDIDATES: usize = 1 << 16;
+const UNIT_CANDIDATES: usize = 1 << 17;
 /// Slots for the voxels that were seen last, a power of two. Neighbouring records are mostly in the same voxels.
 const SLOTS: usize = 1 << 14;
 
@@ -251,7 +251,6 @@ impl<'a> Sampler<'a> {
         if rank >= self.limit && !first {
             return;
         }
-        let Some(place) = self.sampling.place(point) else { return };
         let edge = 1_i64 << rule.shift;
         // Twice the distance, so that the centre is an integer.
         let squared: f64 = (0..3)
@@ -260,6 +259,14 @@ impl<'a> Sampler<'a> {
             .sum();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 3 times 20,000")]
         let apart = (squared * 20_000.0) as u16;
+        #[expect(clippy::cast_possible_truncation, reason = "the lowest bits of a hash")]
+        let slot = &mut self.recent[hash as usize & (SLOTS - 1)];
+        let same = u64::from(slot.rank) == rank && slot.key == key;
+        // Most points are in a voxel that was just seen, further from its centre.
+        if same && slot.apart < apart && !first {
+            return;
+        }
+        let Some(place) = self.sampling.place(point) else { return };
         let mut sample = SamplePoint { rank: 0, key, apart, intensity, place };
         if first {
             self.found.push(sample);
@@ -270,9 +277,7 @@ impl<'a> Sampler<'a> {
         #[expect(clippy::cast_possible_truncation, reason = "below the limit, which is below 2^32")]
         let narrow = rank as u32;
         sample.rank = narrow;
-        #[expect(clippy::cast_possible_truncation, reason = "the lowest bits of a hash")]
-        let slot = &mut self.recent[hash as usize & (SLOTS - 1)];
-        if slot.voxel() == sample.voxel() {
+        if same {
             *slot = (*slot).min(sample);
             return;
         }

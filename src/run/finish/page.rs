@@ -79,7 +79,7 @@ pub(crate) fn write_page(
         files,
         axis: stretches(&surveyed.axis, frame(&open.drive, surveyed)),
         table: &content.table,
-        points: &content.points,
+        points: content.points,
         all_points: surveyed.survey.points(),
         run: &run,
         limit_bytes,

@@ -56,13 +56,19 @@ struct Target {
     unsynced: AtomicBool,
 }
 
+/// The labelled copies, and whether they are written. If not, records are read for the samples only.
+pub(crate) struct Copies {
+    pub(crate) labelled: Vec<LabelledFile>,
+    pub(crate) writes: bool,
+}
+
 pub(crate) struct ExportPass<'a> {
     drive: &'a Drive,
     columns: &'a PointColumns,
     kinds: &'a [Kind],
     /// `None` if there is no report.
     sampling: Option<&'a Sampling>,
-    /// Whether labelled copies are written. Without them, records are read for the samples only.
+    /// Whether labelled copies are written.
     writes: bool,
     run_dir: &'a RunDir,
     targets: Vec<Target>,
@@ -85,12 +91,12 @@ impl<'a> ExportPass<'a> {
         columns: &'a PointColumns,
         kinds: &'a [Kind],
         sampling: Option<&'a Sampling>,
-        labelled: Vec<LabelledFile>,
-        writes: bool,
+        copies: Copies,
         run_dir: &'a RunDir,
         outline: Outline,
     ) -> Self {
         let folder = run_dir.path("export");
+        let Copies { labelled, writes } = copies;
         let mut pass = Self {
             drive,
             columns,

@@ -64,7 +64,7 @@ class ObjectTable {
         parts.push(el("label", {}, text, this.filter[name]));
       }
     }
-    this.filter.text = el("input", { type: "search", oninput: changed, id: "filter-text", placeholder: "id, text" });
+    this.filter.text = el("input", { type: "search", oninput: changed, id: "filter-text", placeholder: "id, file" });
     parts.push(el("label", {}, "Find", this.filter.text));
     parts.push(el("button", { type: "button", class: "plain", id: "csv", onclick: () => this.download() }, "Download CSV"));
     $("filters").replaceChildren(...parts);
