@@ -27,7 +27,11 @@ pub(crate) enum Refusal {
 pub(crate) fn check_host<'a>(hosts: impl IntoIterator<Item = &'a str>, port: u16) -> Result<(), Refusal> {
     let mut hosts = hosts.into_iter();
     let ours = hosts.next().is_some_and(|host| {
-        ["127.0.0.1", "localhost"].iter().any(|name| host.eq_ignore_ascii_case(&format!("{name}:{port}")))
+        ["127.0.0.1", "localhost"].iter().any(|name| {
+            // The standard port is left out (RFC 9110, section 4.2.1).
+            host.eq_ignore_ascii_case(&format!("{name}:{port}"))
+                || (port == 80 && host.eq_ignore_ascii_case(name))
+        })
     });
     if ours && hosts.next().is_none() { Ok(()) } else { Err(Refusal::Forbidden) }
 }
@@ -119,6 +123,7 @@ mod tests {
         for hosts in [["127.0.0.1:8080"], ["localhost:8080"], ["LocalHost:8080"]] {
             assert_eq!(check_host(hosts, 8080), Ok(()));
         }
+        assert_eq!(check_host(["localhost"], 80), Ok(()));
         let refused: [&[&str]; 8] = [
             &[],
             &["localhost"],

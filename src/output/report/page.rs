@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::cloud::planes;
-use super::packed::{json, packed, source_of};
+use super::packed::{Compressed, json, source_of};
 use super::rows::{self, PageFrame};
 use super::sample::{STEPS_PER_M, SamplePoint};
 use crate::output::objects::ObjectTable;
@@ -68,12 +68,12 @@ impl PageTable {
         loop {
             let mut shown = largest.clone();
             shown.sort_unstable();
-            let packed = packed(&rows::json_of(table, &shown, frame)?);
-            if packed.len() <= room || shown.is_empty() {
-                return Ok(Self { packed, shown: shown.len(), all: table.len });
+            let packed = Compressed::of(&rows::json_of(table, &shown, frame)?);
+            if packed.text_len() <= room || shown.is_empty() {
+                return Ok(Self { packed: packed.text(), shown: shown.len(), all: table.len });
             }
             // A tenth less than fits in proportion, so that the second attempt mostly fits.
-            largest.truncate(largest.len() * (room / 10 * 9) / packed.len());
+            largest.truncate(largest.len() * (room / 10 * 9) / packed.text_len());
         }
     }
 }
@@ -117,14 +117,15 @@ impl Page<'_> {
         let (page, points) = loop {
             let count = points.len();
             let page = json(&self.facts(count))?;
-            let coded = packed(&planes(&mut points));
+            let packed = Compressed::of(&planes(&mut points));
             let room =
                 usize::try_from(self.limit_bytes).unwrap_or(usize::MAX).saturating_sub(fixed + page.len());
-            if coded.len() <= room || count == 0 {
-                break (page, coded);
+            if packed.text_len() <= room || count == 0 {
+                drop(points);
+                break (page, packed.text());
             }
             points.sort_unstable();
-            points.truncate(count.min(count * (room / 100 * 97) / coded.len()));
+            points.truncate(count.min(count * (room / 100 * 97) / packed.text_len()));
         };
         let policy = format!(
             "default-src 'none'; script-src {}; style-src {}; img-src data:; base-uri 'none'; form-action 'none'",

@@ -319,20 +319,22 @@ pub(crate) struct Choice {
 impl Choice {
     /// No points yet; at most `budget` are taken.
     pub(crate) fn new(budget: usize) -> Self {
-        Self { budget, best: Vec::new() }
+        // With its room at once: a list that grows is in memory twice while it grows.
+        Self { budget, best: Vec::with_capacity(budget + budget / 2 + UNIT_CANDIDATES) }
     }
 
     /// Adds the candidates of a unit.
     pub(crate) fn add(&mut self, candidates: &[SamplePoint]) {
-        self.best.extend_from_slice(candidates);
-        if self.best.len() >= self.budget + self.budget / 2 {
+        if self.best.len() + candidates.len() > self.best.capacity() {
             keep_best(&mut self.best, self.budget);
         }
+        self.best.extend_from_slice(candidates);
     }
 
     /// The chosen points, best first.
     pub(crate) fn finish(mut self) -> Vec<SamplePoint> {
         keep_best(&mut self.best, self.budget);
+        self.best.shrink_to_fit();
         self.best
     }
 }

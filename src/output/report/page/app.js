@@ -2,6 +2,9 @@
 
 const MODES = [["object", "Object"], ["class", "Class"], ["height", "Height"], ["intensity", "Intensity"]];
 
+/** Objects up to which the plan is drawn with every picture. */
+const FEW_OUTLINES = 1500;
+
 class App {
   constructor() {
     this.page = json("data-page");
@@ -233,7 +236,8 @@ class App {
       this.plan.eye = { x, y, yaw: this.camera.yaw };
       clearTimeout(this.still);
       if (fast) this.still = setTimeout(() => this.render(), 160);
-      else this.plan.draw();
+      // Thousands of outlines would slow the drive down: then the plan follows when the eye rests.
+      if (!fast || this.table.count < FEW_OUTLINES) this.plan.draw();
     });
   }
 
