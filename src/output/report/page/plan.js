@@ -235,7 +235,7 @@ class Plan {
 }
 
 /** The smallest of 1, 2, 5, 10, ... that is not below a value. */
-function niceStep(value) {
+function niceStep(value, steps = [1, 2, 5, 10]) {
   const decade = 10 ** Math.floor(Math.log10(value));
-  return [1, 2, 5, 10].map((step) => step * decade).find((step) => step >= value * 0.999) ?? value;
+  return steps.map((step) => step * decade).find((step) => step >= value * 0.999) ?? value;
 }

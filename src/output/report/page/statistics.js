@@ -38,12 +38,8 @@ function fillStatistics(panel, table) {
   const draw = (at) => {
     const column = table.columns[at];
     note.textContent = column.definition;
-    const found = table.values[at].filter((value) => value !== null).sort((a, b) => a - b);
-    // One range for all classes, so that they can be compared; the largest hundredth counts in the last bar.
-    const high = niceStep(Math.max(found[Math.floor((found.length - 1) * 0.99)] ?? 1, 1e-6));
-    const low = Math.min(0, found[0] ?? 0);
     const shownClasses = classes.filter((code) => rowsOf.get(code).some((row) => table.values[at][row] !== null));
-    charts.replaceChildren(...shownClasses.map((code) => histogram(table, column, rowsOf.get(code).map((row) => table.values[at][row]).filter((value) => value !== null), code, low, high)));
+    charts.replaceChildren(...shownClasses.map((code) => histogram(table, column, rowsOf.get(code).map((row) => table.values[at][row]).filter((value) => value !== null), code)));
   };
   panel.replaceChildren(
     el("section", { class: "block" }, el("h2", {}, "Objects by class"), el("div", { class: "bars" }, ...bars)),
@@ -52,12 +48,16 @@ function fillStatistics(panel, table) {
   if (choices.length) draw(choices[0]);
 }
 
-function histogram(table, column, values, code, low, high) {
+function histogram(table, column, values, code) {
+  // From 0 to a round number; the largest hundredth counts in the last bar.
+  const sorted = [...values].sort((a, b) => a - b);
+  const high = niceStep(Math.max(sorted[Math.floor((sorted.length - 1) * 0.99)], 1e-6), [1, 1.5, 2, 3, 4, 5, 6, 8, 10]);
+  const low = Math.min(0, sorted[0]);
   const bins = 18, width = 210, height = 84, left = 6, bottom = 66;
   const counts = new Array(bins).fill(0);
   for (const value of values) counts[Math.max(0, Math.min(bins - 1, Math.floor(((value - low) / (high - low || 1)) * bins)))]++;
   const most = Math.max(1, ...counts), step = (width - 2 * left) / bins;
-  const sorted = [...values].sort((a, b) => a - b), middle = sorted[(sorted.length - 1) >> 1];
+  const middle = sorted[(sorted.length - 1) >> 1];
   const name = className(table.classes, code);
   const text = (x, anchor, words) => svg("text", { x, y: bottom + 13, "text-anchor": anchor }, words);
   const chart = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${name}: ${values.length} objects, median ${shown(middle, column.places && 1)} ${column.unit}` },
