@@ -334,7 +334,7 @@ def main():
             source = scratch / '<script>alert(1)<img src=x onerror=alert(2)> "sweep" & \'more\'.laz'
             shutil.copy(SAMPLE, source)
             out = scratch / "out"
-            subprocess.run([PROGRAM, "run", source, "-o", out, "--progress", "none", "--set", "euclidean.min_points=30"], check=True, stdout=subprocess.DEVNULL)
+            subprocess.run([PROGRAM, "run", source, "-o", out, "--progress", "none", "--method", "euclidean", "--ground", "voxel-column", "--set", "euclidean.min_points=30"], check=True, stdout=subprocess.DEVNULL)
         if arguments.pictures:
             arguments.pictures.mkdir(parents=True, exist_ok=True)
         report = json.loads((out / "report.json").read_text())

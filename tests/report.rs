@@ -52,7 +52,12 @@ fn keys(page: &str) -> Vec<u32> {
 fn every_object_is_shown_and_the_table_is_that_of_the_csv() {
     let folder = scratch();
     let out = folder.path().join("out");
-    let summary = drive(&sweep(), &out, &settings(&["euclidean.min_points=30"])).expect("runs");
+    let summary = drive(
+        &sweep(),
+        &out,
+        &settings(&["cluster.method=euclidean", "ground.method=voxel-column", "euclidean.min_points=30"]),
+    )
+    .expect("runs");
     let page = page(&out);
     let keys = keys(&page);
     let shown: BTreeSet<u32> = keys.iter().copied().collect();
@@ -119,7 +124,12 @@ fn a_small_limit_is_kept_and_every_object_stays() {
     let points = Street { things: 9_000, patches: 60_000, ..Street::middling(5, Course::Straight) }.points();
     let file = folder.path().join("street.las");
     Shape::default().write(&file, &points);
-    let summary = drive(&[file], &out, &settings(&["output.report_mb=1"])).expect("runs");
+    let summary = drive(
+        &[file],
+        &out,
+        &settings(&["cluster.method=euclidean", "ground.method=voxel-column", "output.report_mb=1"]),
+    )
+    .expect("runs");
     let page = page(&out);
     assert!(page.len() <= 1_000_000, "{} bytes", page.len());
     let shown: BTreeSet<u32> = keys(&page).into_iter().filter(|&key| key > 1).collect();
