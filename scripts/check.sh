@@ -7,7 +7,7 @@
 # --quick  before a commit: everything that needs no release build
 # Without an option: everything. It takes about a quarter of an hour on two cores from nothing.
 #
-# Some checks use the shared data (CHAINAGE_SHARED_DATA, else ../shared/data), python3 with laspy, typos or cargo-deny.
+# Some checks use the shared data (CHAINAGE_SHARED_DATA, else ../shared/data), python3 with laspy, typos, cargo-deny or Chromium.
 # They report what they skip because it is missing. .ci/run installs the tools.
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -91,6 +91,17 @@ minimal_rust() {
     esac
 }
 
+browser() {
+    local log
+    log=$(mktemp)
+    scripts/check_report.py 2>&1 | tee "$log"
+    local code=${PIPESTATUS[0]}
+    skipped+=("$(sed -n 's/^skipped: //p' "$log")")
+    [ -n "${skipped[-1]}" ] || unset 'skipped[-1]'
+    rm -f "$log"
+    return "$code"
+}
+
 step "format" cargo fmt --check
 if [ "$lane" = --fast ]; then
     step "unit tests" tests --lib
@@ -107,6 +118,7 @@ if [ "$lane" = all ]; then
     step "release build" cargo build --locked --release --quiet
     step "digests of all outputs" scripts/digest.py --check
     step "exactness" scripts/exactness.sh
+    step "report in a browser" browser
     step "kill and resume, LAS and LAZ" scripts/kill_and_resume.sh tests/data/tree_road_sweep.laz 20 4
     step "kill and resume, method with several steps" \
         scripts/kill_and_resume.sh --method density-peaks tests/data/tree_road_sweep.laz 10 20

@@ -98,10 +98,18 @@ def json_digest(data, keys=None):
     return digest(json.dumps(steady(value), sort_keys=True).encode())
 
 
+def page_digest(data):
+    """The digest of a page without what the run did: times, memory, tiles."""
+    return digest(b"\n".join(line for line in data.split(b"\n") if b'id="data-run"' not in line))
+
+
 def folder_digests(case, folder):
     for path in sorted(path for path in folder.iterdir() if path.is_file()):
         data = path.read_bytes()
-        yield f"{case}/{path.name}", json_digest(data, REPORT_KEYS) if path.name == "report.json" else digest(data)
+        if path.name == "report.json":
+            yield f"{case}/{path.name}", json_digest(data, REPORT_KEYS)
+        else:
+            yield f"{case}/{path.name}", page_digest(data) if path.name == "report.html" else digest(data)
 
 
 def all_digests(scratch, skipped):

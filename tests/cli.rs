@@ -369,7 +369,7 @@ fn the_demo_runs() {
     let output = call(folder.path(), &["demo"]);
     assert_eq!(output.status.code(), Some(0), "{}", told(&output));
     let out = folder.path().join("chainage-demo/output");
-    for name in ["tree_road_sweep.laz", "objects.csv", "objects.geojson", "report.json"] {
+    for name in ["tree_road_sweep.laz", "objects.csv", "objects.geojson", "report.json", "report.html"] {
         assert!(out.join(name).exists(), "{name}");
     }
     let report: serde_json::Value =

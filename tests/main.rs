@@ -37,6 +37,8 @@ mod normalized_cut;
 #[cfg(test)]
 mod refusals;
 #[cfg(test)]
+mod report;
+#[cfg(test)]
 mod resume;
 #[cfg(test)]
 mod rounds;
@@ -52,5 +54,7 @@ mod synth;
 mod train;
 #[cfg(test)]
 mod util;
+#[cfg(test)]
+mod view;
 #[cfg(test)]
 mod words;

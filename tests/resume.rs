@@ -499,7 +499,7 @@ fn nothing_foreign_is_overwritten_and_no_input_is_at_risk() {
         &["out/sweep.laz would be overwritten", "hint: choose another output"],
     );
     assert_eq!(std::fs::read(out.join("sweep.laz")).expect("still there"), b"mine");
-    for table in ["objects.csv", "objects.geojson", "report.json"] {
+    for table in ["objects.csv", "objects.geojson", "report.json", "report.html"] {
         let out = inputs.path(&format!("out-{table}"));
         std::fs::create_dir(&out).expect("a folder");
         std::fs::write(out.join(table), b"mine").expect("written");

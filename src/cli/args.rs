@@ -15,6 +15,7 @@ use crate::cli::commands::run::RunArgs;
 use crate::cli::commands::status::StatusArgs;
 use crate::cli::commands::synth::SynthArgs;
 use crate::cli::commands::train::TrainArgs;
+use crate::cli::commands::view::ViewArgs;
 
 /// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
 ///
@@ -41,6 +42,8 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Show which passes of a run are done, missing or stale, and why
     Status(StatusArgs),
+    /// Open the report of a run in a browser, and serve its files on 127.0.0.1
+    View(ViewArgs),
     /// Score a segmentation against reference labels
     Eval(EvalArgs),
     /// Generate a labelled synthetic drive of any length
@@ -67,7 +70,7 @@ pub(crate) enum Command {
 
 /// The commands in the groups of the help.
 const GROUPS: [(&str, &[&str]); 3] = [
-    ("Work with a drive", &["info", "plan", "run", "status"]),
+    ("Work with a drive", &["info", "plan", "run", "status", "view"]),
     ("Check and measure", &["eval", "bench", "estimate-epsilon", "cluster", "train", "synth", "demo"]),
     ("Settings and pages", &["methods", "config", "completions", "man", "help"]),
 ];

@@ -1,6 +1,8 @@
 //! Exit codes, and how an error is reported: once, with its causes and the next command to type.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
+use std::path::PathBuf;
 
 use chainage::{Error, ErrorKind};
 
@@ -30,6 +32,17 @@ pub(crate) enum CliError {
     /// Standard output or a file of the command line itself cannot be written.
     #[error("cannot write {target}")]
     Write { target: String, source: io::Error },
+    /// The folder has no page to show.
+    #[error("{path} has no report.html", path = path.display())]
+    NoPage { path: PathBuf },
+    /// No server can be started.
+    #[error("cannot serve on 127.0.0.1{}", port_text(*port))]
+    Serve { port: u16, source: io::Error },
+}
+
+/// The port, if the user has chosen one.
+fn port_text(port: u16) -> String {
+    if port == 0 { String::new() } else { format!(":{port}") }
 }
 
 impl CliError {
@@ -46,7 +59,8 @@ impl CliError {
     /// The exit code.
     pub(crate) fn code(&self) -> u8 {
         match self {
-            Self::Write { .. } => OUTPUT,
+            Self::Write { .. } | Self::Serve { .. } => OUTPUT,
+            Self::NoPage { .. } => INPUT,
             Self::Library(error) => match error.kind() {
                 ErrorKind::Bug => BUG,
                 ErrorKind::Config => CONFIG,
@@ -61,6 +75,18 @@ impl CliError {
         }
     }
 
+    /// What to type next.
+    fn hint(&self) -> Option<Cow<'static, str>> {
+        match self {
+            Self::Library(error) => error.hint(),
+            Self::NoPage { .. } => {
+                Some("chainage run FILES... -o OUT writes it, unless --no-report is given".into())
+            }
+            Self::Serve { .. } => Some("choose another --port, or none".into()),
+            Self::Write { .. } => None,
+        }
+    }
+
     /// Reports the error on standard error.
     pub(crate) fn print(&self) {
         let mut text = format!("{} {self}\n", colour::coloured("error:", colour::RED));
@@ -69,9 +95,7 @@ impl CliError {
             text.push_str(&format!("caused by: {source}\n"));
             cause = source.source();
         }
-        if let Self::Library(error) = self
-            && let Some(hint) = error.hint()
-        {
+        if let Some(hint) = self.hint() {
             text.push_str(&format!("hint: {hint}\n"));
         }
         // If standard error is closed, nothing can be reported.

@@ -8,6 +8,7 @@ mod exit;
 mod interrupt;
 mod print;
 mod progress;
+mod served;
 mod table_points;
 
 use std::ffi::OsString;
@@ -30,6 +31,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Plan(args) => args.run(),
         Command::Run(args) => args.run(),
         Command::Status(args) => args.run(),
+        Command::View(args) => args.run(),
         Command::Synth(args) => args.run(),
         Command::Demo(args) => args.run(),
         Command::Bench(args) => args.run(),

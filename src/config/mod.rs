@@ -70,6 +70,22 @@ pub struct OutputConfig {
     pub classification: ClassificationChoice,
     /// Whether the original class is kept in a dimension of its own.
     pub original_classification: bool,
+    /// What is written, by the names of [`Self::writes`]; everything if it is empty.
+    pub files: Vec<String>,
+    /// Whether the page `report.html` is written.
+    pub report: bool,
+    /// Largest size of the page in megabytes.
+    pub report_mb: f64,
+}
+
+impl OutputConfig {
+    /// Whether an output is written: `points` (labelled copies), `report` (the page), or a format of the table of
+    /// objects by its extension. `report.json` always is.
+    #[must_use]
+    pub fn writes(&self, name: &str) -> bool {
+        let chosen = self.files.is_empty() || self.files.iter().any(|chosen| chosen == name);
+        chosen && (name != "report" || self.report)
+    }
 }
 
 /// Section `[run]`.
@@ -174,6 +190,13 @@ impl Config {
         }
         if self.run.threads > 1_024 {
             return Err(ConfigError::value("run.threads", self.run.threads, "0 to 1024"));
+        }
+        if !(1.0..=200.0).contains(&self.output.report_mb) {
+            return Err(ConfigError::value(
+                "output.report_mb",
+                self.output.report_mb,
+                "1 to 200 (megabytes)",
+            ));
         }
         let name = &self.output.dimension;
         if name.is_empty() || name.len() > 31 || !name.is_ascii() {

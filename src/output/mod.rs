@@ -3,7 +3,7 @@
 mod error;
 pub mod objects;
 pub(crate) mod points;
-mod report;
+pub(crate) mod report;
 mod save;
 
 pub use crate::config::OutputFormat;

@@ -12,9 +12,10 @@ use crate::output::LabelledFile;
 use crate::run::drive::{StoredFields, Surveyed, Tiled};
 use crate::run::engine::{Driver, Event, Outline};
 use crate::run::finish::mark::{self, Finished};
-use crate::run::finish::tables;
+use crate::run::finish::page::{self, PageContent};
+use crate::run::finish::{names, tables};
 use crate::run::open::Opened;
-use crate::run::passes::export::{self, ExportPass};
+use crate::run::passes::export::{self, Copies, ExportPass};
 use crate::run::passes::fields::{self, FieldsPass};
 use crate::run::passes::ground::{self, GroundPass};
 use crate::run::passes::relabel::{self, PointColumns, RelabelPass};
@@ -47,6 +48,8 @@ pub(crate) struct Outcome {
     pub(crate) unmarked: Option<(Outline, Finished)>,
     /// What the clustering method reports about its steps.
     pub(crate) figures: Figures,
+    /// What the page shows. `None` if it is not written.
+    pub(crate) page: Option<PageContent>,
     /// Warnings that were not reported before the tiles.
     pub(crate) warnings: Vec<String>,
 }
@@ -216,12 +219,15 @@ pub(crate) fn to_files<D: Driver>(
         let mut figures = method.figures(progress)?;
         let warnings = progress.over.classified.warnings.clone();
         let (counts, terrain) = ground::summed_up(progress.over.classified)?;
-        if let Some(finished) = mark::already_finished(run_dir, list.export.depends.fingerprint())? {
+        if let Some(finished) =
+            mark::already_finished(run_dir, list.export.depends.fingerprint(), &names::beside(open.config))?
+        {
             return Ok(Some(Outcome {
                 counts,
                 objects: finished.objects,
                 unmarked: None,
                 figures,
+                page: None,
                 warnings,
             }));
         }
@@ -233,14 +239,25 @@ pub(crate) fn to_files<D: Driver>(
         if !driver.computes() {
             return Ok(None);
         }
-        let pass =
-            ExportPass::of(&open.drive, &columns, &objects.kinds, labelled, run_dir, list.export.clone());
-        let Some(files) = driver.complete(&pass)? else { return Ok(None) };
-        tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects, &terrain)?;
+        let limit = names::page_limit_bytes(open.config);
+        let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
+        let pass = ExportPass::of(
+            &open.drive,
+            &columns,
+            &objects.kinds,
+            sampling.as_ref(),
+            Copies { labelled, writes: open.config.output.writes("points") },
+            run_dir,
+            list.export.clone(),
+        );
+        let Some(exported) = driver.complete(&pass)? else { return Ok(None) };
+        let table =
+            tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects, &terrain, open.config)?;
+        let page = table.map(|table| PageContent { table, points: exported.points });
         tables::write_charts(run_dir, &objects.charts)?;
         figures.extend(objects.figures);
         let count = objects.objects.len();
-        let unmarked = Some((list.export.clone(), Finished { objects: count, files }));
-        Ok(Some(Outcome { counts, objects: count, unmarked, figures, warnings }))
+        let unmarked = Some((list.export.clone(), Finished { objects: count, files: exported.names }));
+        Ok(Some(Outcome { counts, objects: count, unmarked, figures, page, warnings }))
     })
 }

@@ -40,7 +40,7 @@ use crate::error::{Error, Result};
 
 use chain::Chain;
 use engine::{Driver, Here};
-use finish::{mark, names, report};
+use finish::{mark, names, page, report};
 use open::Opened;
 
 pub use chain::Registries;
@@ -86,8 +86,9 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let mut warnings = catalog.warnings().to_vec();
     warnings.extend(file_warnings);
     if request.fresh {
-        warnings.extend(names::remove_superseded(&run_dir, &labelled)?);
+        warnings.extend(names::remove_superseded(&run_dir, config, &labelled)?);
     }
+    let copies: Vec<String> = labelled.iter().map(|file| file.name().to_owned()).collect();
     let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
     let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
 
@@ -112,9 +113,12 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         peak_resident_bytes: engine::peak_resident_bytes(),
     };
     if let Some((export, finished)) = outcome.unmarked {
-        report::write_report(&run_dir, &open.drive, config, &planned.surveyed, &summary)?;
+        let report = report::report(&open.drive, config, &planned.surveyed, &summary);
+        report::write_report(&run_dir, &report)?;
+        page::write_page(&run_dir, &open, &planned.surveyed, &planned.plan, outcome.page, report)?;
+        names::remove_left_out(&run_dir, config, &copies)?;
         let export = run_dir.pass(&export.folder, export.depends);
-        mark::mark_finished(&run_dir, &export, &finished)?;
+        mark::mark_finished(&run_dir, &export, &finished, &names::beside(config))?;
     }
     Ok(summary)
 }

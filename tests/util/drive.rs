@@ -116,14 +116,15 @@ impl Labelled {
     }
 }
 
-/// The outputs of a run by name, without the report (which has times).
+/// The outputs of a run by name, without the report (which has times) and without the same part of the page.
 pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(out).expect("an output folder") {
         let path = entry.expect("an entry").path();
         let name = path.file_name().expect("a name").to_string_lossy().into_owned();
         if path.is_file() && name != "report.json" {
-            files.push((name, std::fs::read(&path).expect("readable")));
+            let bytes = std::fs::read(&path).expect("readable");
+            files.push(if name == "report.html" { (name, without_run(bytes)) } else { (name, bytes) });
         }
     }
     files.sort();
@@ -133,6 +134,15 @@ pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
         files.iter().map(|file| &file.0).collect::<Vec<_>>()
     );
     files
+}
+
+/// The page without what the run did: times, memory, tiles. A page that was cut stays as it is.
+fn without_run(page: Vec<u8>) -> Vec<u8> {
+    let text = String::from_utf8(page).expect("a page is text");
+    let begin = text.split_once("id=\"data-run\">").map(|(before, _)| before.len());
+    let end = begin.and_then(|begin| text[begin..].find("</script>").map(|end| begin + end));
+    let (Some(begin), Some(end)) = (begin, end) else { return text.into_bytes() };
+    format!("{}{}", &text[..begin], &text[end..]).into_bytes()
 }
 
 /// Compares the outputs of two runs, byte by byte.

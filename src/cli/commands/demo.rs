@@ -35,15 +35,17 @@ impl DemoArgs {
         // One sweep has about a hundredth of the points of a drive: objects may be smaller.
         let config =
             Config::resolve(None, &["street.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
+        let output = config.output.clone();
         let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
         let open = |out: &Path| {
             let name = out.join(SAMPLE_NAME);
             format!(
-                "  to see it: open {} in a viewer of point clouds and colour it by cluster_id\n",
+                "  to see it: open {} in a browser, or {} in a viewer of point clouds and colour it by cluster_id\n",
+                out.join("report.html").display(),
                 name.display()
             )
         };
-        self.json.show(&summary, || page(&summary, &out) + &open(&out))?;
+        self.json.show(&summary, || page(&summary, &out, &output) + &open(&out))?;
         Ok(exit::DONE)
     }
 }

@@ -13,3 +13,4 @@ pub(crate) mod run;
 pub(crate) mod status;
 pub(crate) mod synth;
 pub(crate) mod train;
+pub(crate) mod view;

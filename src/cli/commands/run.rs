@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use chainage::config::Config;
+use chainage::config::{Config, OutputConfig};
+use chainage::output::objects;
 use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, plan_of, run};
 
 use crate::cli::commands::plan;
@@ -72,9 +73,20 @@ struct OutputSettings {
     /// Store the original class of every point in the extra dimension `original_classification`
     #[arg(long)]
     keep_original: bool,
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help = outputs())]
+    outputs: Vec<String>,
+    /// Do not write report.html, the page with a 3D view, a plan, a table and statistics
+    #[arg(long)]
+    no_report: bool,
     /// Stop at the first tile that fails; without this, the other tiles are finished
     #[arg(long)]
     fail_fast: bool,
+}
+
+/// The help of --outputs.
+fn outputs() -> String {
+    let tables: Vec<&str> = objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name).collect();
+    format!("Write only these: points (labelled copies), {}, report [default: all]", tables.join(", "))
 }
 
 impl OutputSettings {
@@ -88,6 +100,12 @@ impl OutputSettings {
         }
         if self.keep_original {
             list.push(("output.original_classification", "true".to_owned()));
+        }
+        if !self.outputs.is_empty() {
+            list.push(("output.files", format!("{:?}", self.outputs)));
+        }
+        if self.no_report {
+            list.push(("output.report", "false".to_owned()));
         }
         if self.fail_fast {
             list.push(("run.fail_fast", "true".to_owned()));
@@ -110,8 +128,9 @@ impl RunArgs {
                 print::note(&format!("setting {line}"));
             }
         }
+        let output = config.output.clone();
         let summary = process(inputs, &self.out, config, self.fresh, self.show.progress())?;
-        self.show.json.show(&summary, || page(&summary, &self.out))?;
+        self.show.json.show(&summary, || page(&summary, &self.out, &output))?;
         Ok(exit::DONE)
     }
 }
@@ -133,7 +152,7 @@ pub(super) fn process(
 }
 
 /// The result of a run, for a person.
-pub(super) fn page(summary: &RunSummary, out: &Path) -> String {
+pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> String {
     let share = |part: u64| 100.0 * part as f64 / summary.points.max(1) as f64;
     let counts = &summary.counts;
     let mut text = format!(
@@ -167,9 +186,12 @@ pub(super) fn page(summary: &RunSummary, out: &Path) -> String {
     if let Some(peak) = summary.peak_resident_bytes {
         text.push_str(&format!(", peak memory {}", print::bytes(peak)));
     }
-    text.push_str(&format!(
-        "\n  {}: labelled files, objects.csv, objects.geojson, report.json\n",
-        out.display()
-    ));
+    let mut written = Vec::new();
+    written.extend(output.writes("points").then_some("labelled files"));
+    let tables = objects::REGISTRY.iter().filter(|entry| output.writes(entry.name()));
+    written.extend(tables.map(|entry| entry.file_name));
+    written.push("report.json");
+    written.extend(output.writes("report").then_some("report.html"));
+    text.push_str(&format!("\n  {}: {}\n", out.display(), written.join(", ")));
     text
 }

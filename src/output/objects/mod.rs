@@ -7,6 +7,7 @@ mod geojson;
 mod number;
 mod table;
 
+pub(crate) use number::{places, rounded};
 pub use table::{ObjectFormat, ObjectRow, ObjectTable};
 
 /// One line of the registry.
@@ -18,8 +19,19 @@ pub struct ObjectFormatEntry {
     pub format: &'static dyn ObjectFormat,
 }
 
+impl ObjectFormatEntry {
+    /// Its name in settings: the extension of its file.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.file_name.rsplit('.').next().unwrap_or(self.file_name)
+    }
+}
+
 /// Every format, in the order in which the files are written.
 pub const REGISTRY: &[ObjectFormatEntry] = &[
     ObjectFormatEntry { file_name: "objects.csv", format: &csv::Csv },
     ObjectFormatEntry { file_name: "objects.geojson", format: &geojson::GeoJson },
 ];
+
+#[cfg(test)]
+pub(crate) use table::tests;

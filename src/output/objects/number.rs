@@ -7,7 +7,7 @@ use crate::model::ColumnType;
 pub(super) const OUTLINE_PLACES: u8 = 3;
 
 /// Decimal places of the numbers of a column; none where it has no decimals.
-pub(super) fn places(column_type: ColumnType) -> u8 {
+pub(crate) fn places(column_type: ColumnType) -> u8 {
     match column_type {
         ColumnType::Decimal { places } => places,
         ColumnType::Count | ColumnType::Text | ColumnType::Texts => 0,
@@ -15,7 +15,7 @@ pub(super) fn places(column_type: ColumnType) -> u8 {
 }
 
 /// Rounded to this many places, without a negative zero; `None` for a value that is not finite.
-pub(super) fn rounded(value: f64, places: u8) -> Option<f64> {
+pub(crate) fn rounded(value: f64, places: u8) -> Option<f64> {
     // This is exact. `powi` does not promise that.
     let scale = f64::from(10_u32.saturating_pow(places.into()));
     value.is_finite().then(|| (value * scale).round() / scale + 0.0)

@@ -1,5 +1,13 @@
-//! What is shown of a run: charts.
+//! What a run shows: charts, and the page `report.html` with its points, its table and its script.
 
 mod chart;
+mod cloud;
+mod packed;
+mod page;
+mod rows;
+mod sample;
 
 pub use chart::{ChartError, chart_svg};
+pub(crate) use page::{Page, PageStretch, PageTable, point_budget};
+pub(crate) use rows::PageFrame;
+pub(crate) use sample::{Choice, SamplePoint, SampledDrive, Sampler, Sampling};

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
-use crate::run::finish::names::BESIDE;
 use crate::store::{Fingerprint, PassDir, RunDir, StoreError};
 
 const FINISHED: &str = "finished.json";
@@ -26,9 +25,13 @@ struct Mark {
 }
 
 /// The outputs of an earlier call with the same fingerprint, if all of them still exist.
-pub(crate) fn already_finished(run_dir: &RunDir, export: Fingerprint) -> Result<Option<Finished>> {
+pub(crate) fn already_finished(
+    run_dir: &RunDir,
+    export: Fingerprint,
+    beside: &[&str],
+) -> Result<Option<Finished>> {
     let Some(mark) = run_dir.read_json::<Mark>(FINISHED)? else { return Ok(None) };
-    let names = mark.files.iter().map(String::as_str).chain(BESIDE);
+    let names = mark.files.iter().map(String::as_str).chain(beside.iter().copied());
     let size = |name: &str| fs_err::metadata(run_dir.out().join(name)).map(|facts| facts.len()).ok();
     let whole = names.zip(&mark.bytes).all(|(name, &bytes)| size(name) == Some(bytes));
     let same = mark.fingerprint == export.to_string();
@@ -48,9 +51,14 @@ pub(crate) fn withdraw(run_dir: &RunDir, export: &PassDir) -> Result<()> {
 
 /// Marks the run as finished after its last output was written, and removes the files that only an unfinished
 /// export needs.
-pub(crate) fn mark_finished(run_dir: &RunDir, export: &PassDir, finished: &Finished) -> Result<()> {
+pub(crate) fn mark_finished(
+    run_dir: &RunDir,
+    export: &PassDir,
+    finished: &Finished,
+    beside: &[&str],
+) -> Result<()> {
     let mut bytes = Vec::new();
-    for name in finished.files.iter().map(String::as_str).chain(BESIDE) {
+    for name in finished.files.iter().map(String::as_str).chain(beside.iter().copied()) {
         let path = run_dir.out().join(name);
         bytes.push(fs_err::metadata(&path).map_err(StoreError::io("read", &path))?.len());
     }
@@ -60,5 +68,11 @@ pub(crate) fn mark_finished(run_dir: &RunDir, export: &PassDir, finished: &Finis
     run_dir.write_json(FINISHED, &Mark { fingerprint, objects, files, bytes })?;
     export.clear()?;
     let folder = run_dir.path("export");
-    Ok(fs_err::remove_dir_all(&folder).map_err(StoreError::io("remove", &folder))?)
+    match fs_err::remove_dir_all(&folder) {
+        // Without labelled copies there is none.
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+            Err(StoreError::io("remove", &folder)(source).into())
+        }
+        _ => Ok(()),
+    }
 }

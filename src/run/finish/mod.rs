@@ -1,6 +1,8 @@
 //! The end of a run: names, tables, report, and the mark that all outputs are complete.
 
+mod frame;
 pub(crate) mod mark;
 pub(crate) mod names;
+pub(crate) mod page;
 pub(crate) mod report;
 pub(crate) mod tables;

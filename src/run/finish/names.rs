@@ -1,6 +1,6 @@
 //! The names of the outputs of a run, and whether they may be written.
 
-use crate::config::{ClassificationChoice, Config};
+use crate::config::{ClassificationChoice, Config, ConfigError};
 use crate::error::Result;
 use crate::input::Catalog;
 use crate::output::objects;
@@ -9,16 +9,40 @@ use crate::store::{RunDir, StoreError};
 
 /// Name of the report.
 pub(super) const REPORT: &str = "report.json";
+/// Name of the page.
+pub(super) const PAGE: &str = "report.html";
+
 /// Outputs of a finished run beside the labelled copies.
-pub(super) const BESIDE: [&str; objects::REGISTRY.len() + 1] = {
-    let mut names = [REPORT; objects::REGISTRY.len() + 1];
-    let mut index = 0;
-    while index < objects::REGISTRY.len() {
-        names[index] = objects::REGISTRY[index].file_name;
-        index += 1;
-    }
+pub(crate) fn beside(config: &Config) -> Vec<&'static str> {
+    let tables = objects::REGISTRY.iter().filter(|entry| config.output.writes(entry.name()));
+    let mut names: Vec<&str> = tables.map(|entry| entry.file_name).collect();
+    names.push(REPORT);
+    names.extend(config.output.writes("report").then_some(PAGE));
     names
-};
+}
+
+/// Limit of the page in bytes; `None` if it is not written.
+pub(crate) fn page_limit_bytes(config: &Config) -> Option<u64> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 200 MB, validated")]
+    config.output.writes("report").then_some((config.output.report_mb * 1e6) as u64)
+}
+
+/// All outputs of a run.
+fn planned(config: &Config, files: &[LabelledFile]) -> Vec<String> {
+    let points = files.iter().filter(|_| config.output.writes("points")).map(LabelledFile::name);
+    points.chain(beside(config)).map(str::to_owned).collect()
+}
+
+/// Whether the settings name only outputs that exist.
+fn check_files(config: &Config) -> Result<(), ConfigError> {
+    let mut known = vec!["points"];
+    known.extend(objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name));
+    known.push("report");
+    match config.output.files.iter().find(|name| !known.contains(&name.as_str())) {
+        Some(name) => Err(ConfigError::value("output.files", name, known.join(", "))),
+        None => Ok(()),
+    }
+}
 
 /// The labelled copies to be written. Their names do not collide, and no foreign file has the name of an
 /// output.
@@ -28,6 +52,7 @@ pub(crate) fn plan_files(
     object_class: bool,
     run_dir: &RunDir,
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
+    check_files(config)?;
     let options = LabelOptions {
         format: config.output.format,
         dimension: config.output.dimension.clone(),
@@ -44,7 +69,7 @@ pub(crate) fn plan_files(
         files.push(labelled);
     }
     check_names(&files)?;
-    let names: Vec<String> = files.iter().map(LabelledFile::name).chain(BESIDE).map(str::to_owned).collect();
+    let names = planned(config, &files);
     for name in names.iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
         if path.exists() {
@@ -57,8 +82,12 @@ pub(crate) fn plan_files(
 
 /// Removes the outputs of an earlier run that this run will not write, and names them. Only files that chainage wrote
 /// are removed.
-pub(crate) fn remove_superseded(run_dir: &RunDir, files: &[LabelledFile]) -> Result<Vec<String>> {
-    let names: Vec<String> = files.iter().map(LabelledFile::name).chain(BESIDE).map(str::to_owned).collect();
+pub(crate) fn remove_superseded(
+    run_dir: &RunDir,
+    config: &Config,
+    files: &[LabelledFile],
+) -> Result<Vec<String>> {
+    let names = planned(config, files);
     let mut removed = Vec::new();
     for name in run_dir.own_outputs()?.into_iter().filter(|name| !names.contains(name)) {
         let path = run_dir.out().join(&name);
@@ -71,12 +100,34 @@ pub(crate) fn remove_superseded(run_dir: &RunDir, files: &[LabelledFile]) -> Res
     Ok(removed)
 }
 
+/// Removes outputs of an earlier call that this one leaves out, because they would show other objects.
+pub(crate) fn remove_left_out(run_dir: &RunDir, config: &Config, files: &[String]) -> Result<()> {
+    let tables = objects::REGISTRY.iter().map(|entry| entry.file_name);
+    let mut left_out: Vec<&str> = tables.chain([PAGE]).collect();
+    left_out.retain(|name| !beside(config).contains(name));
+    if !config.output.writes("points") {
+        left_out.extend(files.iter().map(String::as_str));
+    }
+    let ours = run_dir.own_outputs()?;
+    for name in left_out.into_iter().filter(|name| ours.iter().any(|ours| ours == name)) {
+        let path = run_dir.out().join(name);
+        if path.is_file() {
+            fs_err::remove_file(&path).map_err(StoreError::io("remove", &path))?;
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn every_format_is_among_the_outputs() {
-        assert_eq!(BESIDE, ["objects.csv", "objects.geojson", "report.json"]);
+        let beside = |settings: &[String]| beside(&Config::resolve(None, settings).unwrap());
+        let all = ["objects.csv", "objects.geojson", "report.json", "report.html"];
+        assert_eq!(beside(&[]), all);
+        assert_eq!(beside(&["output.report=false".to_owned()]), all[..3]);
+        assert_eq!(beside(&["output.files=[\"csv\"]".to_owned()]), [all[0], all[2]]);
     }
 }

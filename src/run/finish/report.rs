@@ -1,6 +1,6 @@
-//! The report: `report.json`.
+//! The report of a run as JSON: `report.json`, and the same values for the page.
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::config::Config;
 use crate::error::Result;
@@ -11,21 +11,15 @@ use crate::run::finish::tables::write_whole;
 use crate::run::summary::RunSummary;
 use crate::store::RunDir;
 
-/// Writes `report.json`: configuration, figures, times, warnings.
-pub(crate) fn write_report(
-    run_dir: &RunDir,
-    drive: &Drive,
-    config: &Config,
-    surveyed: &Surveyed,
-    summary: &RunSummary,
-) -> Result<()> {
+/// The report: configuration, figures, times, warnings.
+pub(crate) fn report(drive: &Drive, config: &Config, surveyed: &Surveyed, summary: &RunSummary) -> Value {
     let files: Vec<_> = drive
         .catalog
         .files()
         .iter()
         .map(|file| json!({ "name": file.name(), "points": file.point_count(), "bytes": file.size_bytes() }))
         .collect();
-    let report = json!({
+    json!({
         "program": format!("chainage {}", env!("CARGO_PKG_VERSION")),
         "input": files,
         "crs": { "description": drive.catalog.crs().description, "epsg": drive.catalog.crs().epsg },
@@ -33,9 +27,13 @@ pub(crate) fn write_report(
         "axis": AxisFacts::of(&surveyed.axis),
         "result": summary,
         "configuration": config.to_json(),
-    });
+    })
+}
+
+/// Writes `report.json`.
+pub(crate) fn write_report(run_dir: &RunDir, report: &Value) -> Result<()> {
     write_whole(run_dir, REPORT, |out| {
-        serde_json::to_writer_pretty(&mut *out, &report)
+        serde_json::to_writer_pretty(&mut *out, report)
             .map_err(std::io::Error::from)
             .and_then(|()| out.write_all(b"\n"))
             .map_err(|source| OutputError::Write { path: run_dir.out().join(REPORT), source })

@@ -3,24 +3,29 @@
 use std::io::Write;
 use std::path::Path;
 
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::inventory::{self, Object, Site, Station, Terrain};
 use crate::model::{Chart, in_u32};
 use crate::output::objects::{self, ObjectRow, ObjectTable};
+use crate::output::report::PageTable;
 use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
+use crate::run::finish::frame::frame;
+use crate::run::finish::names::page_limit_bytes;
 use crate::run::passes::stitch::Objects;
 use crate::store::{RunDir, StoreError};
 use crate::whole_file::publish;
 
-/// Writes the table of objects in every format.
+/// Writes the table of objects in the formats of the settings. Returns it for the page, if that is written.
 pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
     surveyed: &Surveyed,
     whole: &Objects,
     terrain: &Terrain,
-) -> Result<()> {
+    config: &Config,
+) -> Result<Option<PageTable>> {
     let crs = drive.catalog.crs();
     let file_names: Vec<&str> = drive.catalog.files().iter().map(|file| file.name()).collect();
     let locate = |place| {
@@ -43,14 +48,18 @@ pub(crate) fn write_tables(
     let columns = inventory::columns();
     let len = whole.objects.len();
     let table = ObjectTable { columns: &columns, epsg: crs.epsg, len, row: &row };
-    for entry in objects::REGISTRY {
+    for entry in objects::REGISTRY.iter().filter(|entry| config.output.writes(entry.name())) {
         let name = entry.file_name;
         write_whole(run_dir, name, |out| {
             let failed = |source| OutputError::Write { path: name.into(), source };
             entry.format.write(&table, out).map_err(failed)
         })?;
     }
-    Ok(())
+    let points = |index: usize| whole.objects[index].points;
+    let frame = frame(drive, surveyed);
+    let for_page =
+        page_limit_bytes(config).map(|limit| PageTable::of(&table, &points, frame, limit)).transpose();
+    for_page.map_err(|error| Error::bug(error.to_string()))
 }
 
 /// Writes every chart as `NAME.svg`, and removes the charts of an earlier call with another method.

@@ -1,5 +1,10 @@
-//! Pass `export`: writes the labelled copies, a run of blocks at a time. Its reduction gives them their
-//! names.
+//! Pass `export`: writes the labelled copies, a run of blocks at a time, and samples the points for the report on
+//! the way. Its reduction gives the copies their names and chooses the shown points.
+//!
+//! ```text
+//! payload := bytes of the samples (u64) samples chunk*     chunks only of compressed copies
+//! chunk   := records (u32) bytes (u64) the chunk
+//! ```
 
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -11,7 +16,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::input::Fields;
-use crate::model::{Kind, in_u32};
+use crate::model::{Kind, PointClass, in_u32, record_xyz};
+use crate::output::report::{Choice, SamplePoint, Sampler, Sampling};
 use crate::output::{LabelledFile, OutputError};
 use crate::run::chain::with_section;
 use crate::run::drive::{Drive, Surveyed};
@@ -50,10 +56,20 @@ struct Target {
     unsynced: AtomicBool,
 }
 
+/// The labelled copies, and whether they are written. If not, records are read for the samples only.
+pub(crate) struct Copies {
+    pub(crate) labelled: Vec<LabelledFile>,
+    pub(crate) writes: bool,
+}
+
 pub(crate) struct ExportPass<'a> {
     drive: &'a Drive,
     columns: &'a PointColumns,
     kinds: &'a [Kind],
+    /// `None` if there is no report.
+    sampling: Option<&'a Sampling>,
+    /// Whether labelled copies are written.
+    writes: bool,
     run_dir: &'a RunDir,
     targets: Vec<Target>,
     units: Vec<Unit>,
@@ -74,14 +90,26 @@ impl<'a> ExportPass<'a> {
         drive: &'a Drive,
         columns: &'a PointColumns,
         kinds: &'a [Kind],
-        labelled: Vec<LabelledFile>,
+        sampling: Option<&'a Sampling>,
+        copies: Copies,
         run_dir: &'a RunDir,
         outline: Outline,
     ) -> Self {
         let folder = run_dir.path("export");
-        let mut pass =
-            Self { drive, columns, kinds, run_dir, targets: Vec::new(), units: Vec::new(), outline };
-        for (file, labelled) in labelled.into_iter().enumerate() {
+        let Copies { labelled, writes } = copies;
+        let mut pass = Self {
+            drive,
+            columns,
+            kinds,
+            sampling,
+            writes,
+            run_dir,
+            targets: Vec::new(),
+            units: Vec::new(),
+            outline,
+        };
+        let labelled = labelled.into_iter().filter(|_| writes || sampling.is_some());
+        for (file, labelled) in labelled.enumerate() {
             let chunks = labelled.chunks().to_vec();
             let mut start = 0;
             while start < chunks.len() {
@@ -101,7 +129,7 @@ impl<'a> ExportPass<'a> {
     }
 
     /// Reads objects and classes of the records of a range, ready to be written.
-    fn labels(&self, file: usize, records: &Range<u64>, desk: &mut Desk) -> Result<()> {
+    fn labels(&self, file: usize, records: &Range<u64>, desk: &mut Desk<'_>) -> Result<()> {
         let count = usize::try_from(length(records)).unwrap_or(0);
         desk.labels.resize(count, 0);
         desk.classes.resize(count, 0);
@@ -121,7 +149,7 @@ impl<'a> ExportPass<'a> {
     }
 
     /// Puts the labelled records of a range into the buffers.
-    fn label(&self, file: usize, records: &Range<u64>, desk: &mut Desk) -> Result<()> {
+    fn label(&self, file: usize, records: &Range<u64>, desk: &mut Desk<'_>) -> Result<()> {
         let input = self.drive.file(file);
         let stride = input.layout().record_len;
         desk.out.clear();
@@ -143,13 +171,33 @@ impl<'a> ExportPass<'a> {
             desk.block = Some(block);
             let bytes = &all[at(from)..at(to)];
             self.labels(file, &(from..to), desk)?;
-            self.targets[file].labelled.label(bytes, &desk.labels, &desk.classes, &desk.kinds, &mut desk.out);
+            self.sample(file, from, bytes, desk);
+            if self.writes {
+                let labelled = &self.targets[file].labelled;
+                labelled.label(bytes, &desk.labels, &desk.classes, &desk.kinds, &mut desk.out);
+            }
             desk.decoded = decoded;
             if to == run.first_record + u64::from(run.count) {
                 input.release(block);
             }
         }
         Ok(())
+    }
+
+    /// Shows the sampler the records from a number on, whose labels are in the buffers.
+    fn sample(&self, file: usize, first: u64, records: &[u8], desk: &mut Desk<'_>) {
+        let Some(sampler) = &mut desk.sampler else { return };
+        let input = self.drive.file(file);
+        let intensity = input.layout().intensity;
+        let numbers = (self.drive.catalog.first_id(file) + first).number()..;
+        let labels = desk.labels.iter().zip(&desk.classes);
+        for ((number, record), (&object, &class)) in
+            numbers.zip(records.chunks_exact(input.layout().record_len)).zip(labels)
+        {
+            let place = input.transform().apply(record_xyz(record));
+            let intensity = u16::from_le_bytes([record[intensity], record[intensity + 1]]);
+            sampler.add(number, place, PointClass::from_code(class).unwrap_or_default(), object, intensity);
+        }
     }
 
     /// Whether the finished copy of a file has its name. The intent to rename it is on disk before the
@@ -164,6 +212,22 @@ impl<'a> ExportPass<'a> {
             && !target.part.exists())
     }
 
+    /// The points that the report shows, chosen from the samples of all units.
+    fn shown_points(&self, payloads: &Payloads) -> Result<Vec<SamplePoint>> {
+        let Some(sampling) = self.sampling else { return Ok(Vec::new()) };
+        let mut choice = Choice::new(sampling.budget());
+        for unit in 0..self.units.len() {
+            let reader = payloads.reader(unit)?;
+            let length = reader.read(0..LENGTH)?;
+            let length = u64::from_le_bytes(length.try_into().map_err(|_| broken())?);
+            let bytes = reader.read(LENGTH..LENGTH + length)?;
+            let samples = bytemuck::try_cast_slice::<u8, SamplePoint>(&bytes).map(<[SamplePoint]>::to_vec);
+            // Bytes from a file are not aligned in general.
+            choice.add(&samples.unwrap_or_else(|_| bytemuck::pod_collect_to_vec(&bytes)));
+        }
+        Ok(choice.finish())
+    }
+
     /// The compressed chunks of a file in order, one unit at a time.
     fn chunks<'b>(
         &'b self,
@@ -172,7 +236,7 @@ impl<'a> ExportPass<'a> {
     ) -> impl Iterator<Item = Result<(u32, Vec<u8>)>> + 'b {
         let units = self.units.iter().enumerate().filter(move |(_, unit)| unit.file == file);
         units.flat_map(|(unit, _)| {
-            match dir.payload(unit).map_err(Error::from).and_then(|bytes| unpack(&bytes)) {
+            match dir.payload(unit).map_err(Error::from).and_then(|bytes| chunks_of(&bytes)) {
                 Ok(chunks) => chunks.into_iter().map(Ok).collect::<Vec<_>>(),
                 Err(error) => vec![Err(error)],
             }
@@ -183,7 +247,7 @@ impl<'a> ExportPass<'a> {
 /// Buffers of one worker, kept from chunk to chunk, because the system would have to zero new ones every
 /// time.
 #[derive(Default)]
-struct Desk {
+struct Desk<'a> {
     labels: Vec<u32>,
     classes: Vec<u8>,
     /// Class of the object of each record. Empty if the method does not classify.
@@ -193,9 +257,13 @@ struct Desk {
     decoded: Vec<u8>,
     /// Labelled records.
     out: Vec<u8>,
+    sampler: Option<Sampler<'a>>,
 }
 
-/// Appends a compressed chunk to a payload: records (u32), bytes (u64), the chunk.
+/// Bytes of the length of the samples in a payload.
+const LENGTH: u64 = size_of::<u64>() as u64;
+
+/// Appends a compressed chunk to a payload.
 fn pack(payload: &mut Vec<u8>, records: u32, chunk: &[u8]) {
     payload.extend_from_slice(&records.to_le_bytes());
     payload.extend_from_slice(&(chunk.len() as u64).to_le_bytes());
@@ -203,8 +271,18 @@ fn pack(payload: &mut Vec<u8>, records: u32, chunk: &[u8]) {
 }
 
 /// The chunks of a payload.
+fn chunks_of(payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
+    let (samples, rest) = payload.split_first_chunk::<8>().ok_or_else(broken)?;
+    let samples = usize::try_from(u64::from_le_bytes(*samples)).map_err(|_| broken())?;
+    unpack(rest.get(samples..).ok_or_else(broken)?)
+}
+
+fn broken() -> Error {
+    Error::bug("a payload of the export does not decode".to_owned())
+}
+
+/// Compressed chunks, one after the other.
 fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
-    let broken = || Error::bug("a payload of the export does not decode".to_owned());
     let mut chunks = Vec::new();
     while !payload.is_empty() {
         let (records, rest) = payload.split_first_chunk::<4>().ok_or_else(broken)?;
@@ -236,9 +314,16 @@ fn open_part(target: &Target) -> Result<File, OutputError> {
         .map_err(|source| OutputError::Write { path: target.part.clone(), source })
 }
 
-impl Pass for ExportPass<'_> {
+/// The result of the pass.
+pub(crate) struct Exported {
     /// Names of the labelled copies.
-    type Global = Vec<String>;
+    pub(crate) names: Vec<String>,
+    /// The points that the report shows, best first.
+    pub(crate) points: Vec<SamplePoint>,
+}
+
+impl Pass for ExportPass<'_> {
+    type Global = Exported;
 
     fn outline(&self) -> &Outline {
         &self.outline
@@ -255,21 +340,27 @@ impl Pass for ExportPass<'_> {
     fn bytes(&self, unit: usize) -> u64 {
         let unit = &self.units[unit];
         // Records as read, as labelled, and (if compressed) as a payload.
-        unit.points * (self.drive.file(unit.file).layout().record_len as u64 * 3 + 16)
+        let sampler = self.sampling.map_or(0, |_| Sampler::BYTES);
+        unit.points * (self.drive.file(unit.file).layout().record_len as u64 * 3 + 16) + sampler
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
         let unit = &self.units[unit];
         let target = &self.targets[unit.file];
         self.drive.file(unit.file).check_unchanged()?;
-        let mut desk = Desk::default();
-        let mut payload = Vec::new();
-        let part = (!target.labelled.is_compressed()).then(|| open_part(target)).transpose()?;
+        let mut desk = Desk { sampler: self.sampling.map(Sampler::new), ..Desk::default() };
+        let mut chunks = Vec::new();
+        let writes_records = self.writes && !target.labelled.is_compressed();
+        let part = writes_records.then(|| open_part(target)).transpose()?;
         for chunk in &target.chunks[unit.chunks.clone()] {
+            if !self.writes {
+                self.label(unit.file, chunk, &mut desk)?;
+                continue;
+            }
             let Some(part) = &part else {
                 self.label(unit.file, chunk, &mut desk)?;
                 let count = in_u32(length(chunk), "records of a chunk");
-                pack(&mut payload, count, &target.labelled.compress(&desk.out)?);
+                pack(&mut chunks, count, &target.labelled.compress(&desk.out)?);
                 continue;
             };
             let mut piece = chunk.start..chunk.start;
@@ -281,6 +372,11 @@ impl Pass for ExportPass<'_> {
             }
         }
         target.unsynced.store(part.is_some(), Ordering::Release);
+        let samples = desk.sampler.map(Sampler::finish).unwrap_or_default();
+        let samples: &[u8] = bytemuck::cast_slice(&samples);
+        let mut payload = (samples.len() as u64).to_le_bytes().to_vec();
+        payload.extend_from_slice(samples);
+        payload.append(&mut chunks);
         Ok(payload)
     }
 
@@ -298,6 +394,9 @@ impl Pass for ExportPass<'_> {
     fn prepare(&self, dir: &PassDir) -> Result<()> {
         let run_dir = self.run_dir;
         mark::withdraw(run_dir, dir)?;
+        if !self.writes {
+            return Ok(());
+        }
         let folder = run_dir.path("export");
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         let fingerprint = dir.fingerprint().to_string();
@@ -334,7 +433,11 @@ impl Pass for ExportPass<'_> {
 
     /// Gives every labelled copy its final name after all units are done. It may be interrupted and called
     /// again.
-    fn reduce(&self, payloads: &Payloads) -> Result<Vec<String>> {
+    fn reduce(&self, payloads: &Payloads) -> Result<Exported> {
+        let points = self.shown_points(payloads)?;
+        if !self.writes {
+            return Ok(Exported { names: Vec::new(), points });
+        }
         let dir = payloads.dir()?;
         let run_dir = self.run_dir;
         for (file, target) in self.targets.iter().enumerate() {
@@ -360,6 +463,7 @@ impl Pass for ExportPass<'_> {
             run_dir.write_json(&intent(file), &dir.fingerprint().to_string())?;
             publish(&target.part, &path).map_err(failed)?;
         }
-        Ok(self.targets.iter().map(|target| target.labelled.name().to_owned()).collect())
+        let names = self.targets.iter().map(|target| target.labelled.name().to_owned()).collect();
+        Ok(Exported { names, points })
     }
 }

@@ -1,0 +1,163 @@
+//! `chainage view`.
+
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
+
+use chainage::run::CancelToken;
+use tiny_http::{Header, Method, Request, Response, Server, StatusCode};
+
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::served::{PAGE, Refusal, check_host, file_of, media_type, range_of};
+use crate::cli::{exit, interrupt, print};
+
+/// How often the server looks whether it is to stop.
+const PATIENCE: Duration = Duration::from_millis(200);
+/// Requests that are answered at the same time. A browser opens six connections to a host.
+const WORKERS: usize = 6;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct ViewArgs {
+    /// Output directory of a run
+    out: PathBuf,
+    /// Port on 127.0.0.1 [default: a free one]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// Only print the address; do not open a browser
+    #[arg(long)]
+    no_open: bool,
+}
+
+impl ViewArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let root = fs_err::canonicalize(&self.out).unwrap_or_else(|_| self.out.clone());
+        if !root.join(PAGE).is_file() {
+            return Err(CliError::NoPage { path: self.out.clone() });
+        }
+        let failed = |source: Box<dyn std::error::Error + Send + Sync>| CliError::Serve {
+            port: self.port,
+            source: io::Error::other(source),
+        };
+        let server = Server::http(("127.0.0.1", self.port)).map_err(failed)?;
+        let Some(port) = server.server_addr().to_ip().map(|address| address.port()) else {
+            return Err(failed("the address has no port".into()));
+        };
+        let cancel = Arc::new(CancelToken::default());
+        interrupt::listen(&cancel)?;
+        let url = format!("http://127.0.0.1:{port}/");
+        print::text(&format!("{url}\n"))?;
+        if !self.no_open && !open_browser(&url) {
+            print::note("no browser could be opened: open the address yourself");
+        }
+        print::note("Ctrl-C ends the server");
+        std::thread::scope(|scope| {
+            for _ in 0..WORKERS {
+                scope.spawn(|| serve(&server, &root, port, &cancel));
+            }
+        });
+        Ok(exit::DONE)
+    }
+}
+
+/// Answers requests until Ctrl-C.
+fn serve(server: &Server, root: &Path, port: u16, cancel: &CancelToken) {
+    while !cancel.is_cancelled() {
+        // A client that goes away is no failure of the server.
+        if let Ok(Some(request)) = server.recv_timeout(PATIENCE) {
+            let _ = answer(request, root, port);
+        }
+    }
+}
+
+fn answer(request: Request, root: &Path, port: u16) -> io::Result<()> {
+    match found(&request, root, port) {
+        Ok(found) => found.send(request),
+        Err(refusal) => {
+            let status = StatusCode(refusal as u16);
+            let text = format!("{} {}\n", status.0, status.default_reason_phrase());
+            let allowed = (refusal == Refusal::MethodNotAllowed).then(|| header("Allow", "GET, HEAD"));
+            let mut response = Response::from_string(text).with_status_code(status);
+            for header in allowed.into_iter().flatten().chain(guards()) {
+                response.add_header(header);
+            }
+            request.respond(response)
+        }
+    }
+}
+
+/// A file and the part of it that was asked for.
+struct Found {
+    path: PathBuf,
+    file: fs_err::File,
+    length: u64,
+    range: Option<std::ops::Range<u64>>,
+}
+
+fn found(request: &Request, root: &Path, port: u16) -> Result<Found, Refusal> {
+    let values = |name: &'static str| {
+        let fields = request.headers().iter().filter(move |header| header.field.equiv(name));
+        fields.map(|header| header.value.as_str())
+    };
+    check_host(values("Host"), port)?;
+    if !matches!(request.method(), Method::Get | Method::Head) {
+        return Err(Refusal::MethodNotAllowed);
+    }
+    let path = file_of(root, request.url())?;
+    let file = fs_err::File::open(&path).map_err(|_| Refusal::NotFound)?;
+    let length = file.metadata().map_err(|_| Refusal::NotFound)?.len();
+    let range = range_of(values("Range").next(), length)?;
+    Ok(Found { path, file, length, range })
+}
+
+impl Found {
+    fn send(mut self, request: Request) -> io::Result<()> {
+        let part = self.range.clone().unwrap_or(0..self.length);
+        self.file.seek(SeekFrom::Start(part.start))?;
+        let count = usize::try_from(part.end - part.start).map_err(io::Error::other)?;
+        let mut headers: Vec<Header> = guards().collect();
+        headers.extend(header("Content-Type", media_type(&self.path)));
+        headers.extend(header("Accept-Ranges", "bytes"));
+        if self.range.is_some() {
+            let range = format!("bytes {}-{}/{}", part.start, part.end - 1, self.length);
+            headers.extend(header("Content-Range", &range));
+        }
+        let status = StatusCode(if self.range.is_some() { 206 } else { 200 });
+        let body = self.file.take(part.end - part.start);
+        // With its length and not in chunks, so that a browser shows how much is left.
+        request.respond(
+            Response::new(status, headers, body, Some(count), None).with_chunked_threshold(usize::MAX),
+        )
+    }
+}
+
+/// Headers of every answer: nothing is guessed, kept, framed, or read by pages of other sites.
+fn guards() -> impl Iterator<Item = Header> {
+    [
+        ("X-Content-Type-Options", "nosniff"),
+        ("Cache-Control", "no-store"),
+        ("Content-Security-Policy", "frame-ancestors 'none'"),
+        ("Cross-Origin-Resource-Policy", "same-origin"),
+        ("Referrer-Policy", "no-referrer"),
+    ]
+    .into_iter()
+    .filter_map(|(name, value)| header(name, value))
+}
+
+/// A header; `None` for characters that no header may have.
+fn header(name: &str, value: &str) -> Option<Header> {
+    Header::from_bytes(name, value).ok()
+}
+
+/// Opens the address in the browser of the user. Returns whether one was started.
+fn open_browser(url: &str) -> bool {
+    let opener = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
+    let started = Command::new(opener)
+        .arg(url)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    started.is_ok()
+}

@@ -1,0 +1,303 @@
+//! The page `report.html`: one file with everything in it. It asks for nothing from any network, and its policy
+//! forbids that it ever does. Texts of files are data for its script and never markup.
+
+use std::io::{self, Write};
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::cloud::planes;
+use super::packed::{Compressed, json, source_of};
+use super::rows::{self, PageFrame};
+use super::sample::{STEPS_PER_M, SamplePoint};
+use crate::output::objects::ObjectTable;
+use crate::words::{counted, separated};
+
+const MARKUP: &str = include_str!("page/index.html");
+const STYLE: &str = include_str!("page/style.css");
+/// The files of the script, in the order in which they use one another.
+const SCRIPT: [&str; 9] = [
+    include_str!("page/data.js"),
+    include_str!("page/colours.js"),
+    include_str!("page/scene.js"),
+    include_str!("page/camera.js"),
+    include_str!("page/plan.js"),
+    include_str!("page/table.js"),
+    include_str!("page/statistics.js"),
+    include_str!("page/run.js"),
+    include_str!("page/app.js"),
+];
+
+/// Names of the classes of objects, beside the codes in `config/classes.toml`.
+const CLASSES: &str = include_str!("../../../config/classes.toml");
+
+/// Bytes of a page per shown point that the budget allows for: 5 to 7 were measured on streets.
+const BYTES_PER_POINT: u64 = 10;
+/// Part of the limit that the table of objects may take.
+const TABLE_PART: u64 = 3;
+
+/// Number of points that a page with a limit in bytes may show.
+#[must_use]
+pub(crate) fn point_budget(limit_bytes: u64) -> usize {
+    usize::try_from(limit_bytes / BYTES_PER_POINT).unwrap_or(usize::MAX)
+}
+
+/// The table of objects, ready for the page.
+#[derive(Debug)]
+pub(crate) struct PageTable {
+    packed: String,
+    shown: usize,
+    all: usize,
+}
+
+impl PageTable {
+    /// The rows that fit the limit: all of them, or those of the objects with most points. `points` is the number of
+    /// points of the object at a position.
+    ///
+    /// # Errors
+    /// Never in practice: rows are texts and numbers.
+    pub(crate) fn of(
+        table: &ObjectTable<'_>,
+        points: &dyn Fn(usize) -> u64,
+        frame: PageFrame,
+        limit_bytes: u64,
+    ) -> serde_json::Result<Self> {
+        let room = usize::try_from(limit_bytes / TABLE_PART).unwrap_or(usize::MAX);
+        let mut largest: Vec<usize> = (0..table.len).collect();
+        largest.sort_by_key(|&position| (std::cmp::Reverse(points(position)), position));
+        loop {
+            let mut shown = largest.clone();
+            shown.sort_unstable();
+            let packed = Compressed::of(&rows::json_of(table, &shown, frame)?);
+            if packed.text_len() <= room || shown.is_empty() {
+                return Ok(Self { packed: packed.text(), shown: shown.len(), all: table.len });
+            }
+            // A tenth less than fits in proportion, so that the second attempt mostly fits.
+            largest.truncate(largest.len() * (room / 10 * 9) / packed.text_len());
+        }
+    }
+}
+
+/// A stretch of the axis: vertices in metres from the origin of the page, with their chainage.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct PageStretch {
+    /// Chainage in metres.
+    pub(crate) s: Vec<f64>,
+    pub(crate) x: Vec<f64>,
+    pub(crate) y: Vec<f64>,
+}
+
+/// The content of a page.
+#[derive(Debug)]
+pub(crate) struct Page<'a> {
+    pub(crate) title: String,
+    /// A few words on the files.
+    pub(crate) files: String,
+    pub(crate) axis: Vec<PageStretch>,
+    pub(crate) table: &'a PageTable,
+    pub(crate) points: Vec<SamplePoint>,
+    /// Points of the drive.
+    pub(crate) all_points: u64,
+    /// The content of `report.json`, with the tiles.
+    pub(crate) run: &'a Value,
+    pub(crate) limit_bytes: u64,
+}
+
+impl Page<'_> {
+    /// Writes the page. It shows as many points as fit the limit.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub(crate) fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
+        let script = format!("\"use strict\";\n{}", SCRIPT.join("\n"));
+        let run = json(self.run)?;
+        let fixed = MARKUP.len() + STYLE.len() + script.len() + run.len() + self.table.packed.len();
+        // Sorted in place, because a million points are 24 MB.
+        let mut points = std::mem::take(&mut self.points);
+        let (page, points) = loop {
+            let count = points.len();
+            let page = json(&self.facts(count))?;
+            let packed = Compressed::of(&planes(&mut points));
+            let room =
+                usize::try_from(self.limit_bytes).unwrap_or(usize::MAX).saturating_sub(fixed + page.len());
+            if packed.text_len() <= room || count == 0 {
+                drop(points);
+                break (page, packed.text());
+            }
+            points.sort_unstable();
+            points.truncate(count.min(count * (room / 100 * 97) / packed.text_len()));
+        };
+        let policy = format!(
+            "default-src 'none'; script-src {}; style-src {}; img-src data:; base-uri 'none'; form-action 'none'",
+            source_of(&script),
+            source_of(STYLE)
+        );
+        let title = format!("chainage: {}", self.title).replace('&', "&amp;").replace('<', "&lt;");
+        let parts = [
+            ("policy", policy.as_str()),
+            ("title", &title),
+            ("style", STYLE),
+            ("page", &page),
+            ("run", &run),
+            ("table", &self.table.packed),
+            ("points", &points),
+            ("script", &script),
+        ];
+        fill(MARKUP, &parts, out)
+    }
+
+    /// What the script reads first. It has nothing that depends on tiles, threads or time.
+    fn facts(&self, count: usize) -> Value {
+        json!({
+            "title": self.title,
+            "files": self.files,
+            "classes": class_names(),
+            "axis": self.axis,
+            "sample": {
+                "points": count,
+                "step_m": 1.0 / STEPS_PER_M,
+                "sentence": self.sentence(count),
+            },
+        })
+    }
+
+    /// What is shown, and what was left out.
+    fn sentence(&self, count: usize) -> String {
+        let mut text = if count as u64 >= self.all_points {
+            format!("The 3D view shows all {}.", counted(self.all_points, "point"))
+        } else {
+            let (shown, all) = (separated(count as u64), counted(self.all_points, "point"));
+            format!("The 3D view shows {shown} of {all}: at most one of a voxel, and some of every object.")
+        };
+        let PageTable { shown, all, .. } = *self.table;
+        if shown < all {
+            let limit = self.limit_bytes as f64 / 1e6;
+            text.push_str(&format!(
+                " The page is limited to {limit:.0} MB: the table has the {} of {} with most points, objects.csv has all.",
+                separated(shown as u64),
+                counted(all as u64, "object")
+            ));
+        }
+        text
+    }
+}
+
+/// Writes the markup with every `{{name}}` replaced by its part. Parts are not searched again.
+fn fill(markup: &str, parts: &[(&str, &str)], out: &mut dyn Write) -> io::Result<()> {
+    let mut rest = markup;
+    while let Some((before, after)) = rest.split_once("{{") {
+        let (name, after) =
+            after.split_once("}}").ok_or_else(|| io::Error::other("a part of the page has no end"))?;
+        let (_, text) = parts
+            .iter()
+            .find(|(known, _)| *known == name)
+            .ok_or_else(|| io::Error::other(format!("the page has no part {name}")))?;
+        out.write_all(before.as_bytes())?;
+        out.write_all(text.as_bytes())?;
+        rest = after;
+    }
+    out.write_all(rest.as_bytes())?;
+    out.flush()
+}
+
+/// Names of the classes by code. Code 0 is noise in labelled drives, and no class of an object.
+fn class_names() -> Value {
+    let table: toml::Table = CLASSES.parse().unwrap_or_default();
+    let mut names = serde_json::Map::new();
+    for (code, name) in table.get("names").and_then(toml::Value::as_table).into_iter().flatten() {
+        names.insert(code.clone(), json!(name.as_str()));
+    }
+    names.insert("0".to_owned(), json!("no class"));
+    names.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+    use crate::output::objects::tests::{COLUMNS, car};
+
+    const FRAME: PageFrame = PageFrame { origin_m: [0.0; 2], units_m: [1.0; 2] };
+
+    fn table(rows: usize, limit_bytes: u64) -> PageTable {
+        let row = |at: usize| {
+            let mut row = car();
+            row.values[0] = crate::model::Value::Count(at as u64 + 1);
+            row.outline[0][0] = at as f64 * 1.37;
+            row
+        };
+        let table = ObjectTable { columns: COLUMNS, epsg: None, len: rows, row: &row };
+        PageTable::of(&table, &|at| (at as u64 * 7_919) % 1_000, FRAME, limit_bytes).unwrap()
+    }
+
+    fn points(count: usize) -> Vec<SamplePoint> {
+        (0_u32..)
+            .take(count)
+            .map(|at| {
+                let place = [0x9e37_u64, 0x79b9, 0x7f4a]
+                    .map(|factor| i32::try_from(u64::from(at) * factor % 4_001).unwrap());
+                SamplePoint { key: at % 50, place, intensity: (at % 4_096) as u16, ..SamplePoint::zeroed() }
+            })
+            .collect()
+    }
+
+    fn written(points: Vec<SamplePoint>, table: &PageTable, limit_bytes: u64) -> String {
+        let page = Page {
+            title: "a <b> & c".to_owned(),
+            files: String::new(),
+            axis: Vec::new(),
+            table,
+            points,
+            all_points: 1_000_000,
+            run: &json!({"warnings": ["</script><script>alert(1)</script>"]}),
+            limit_bytes,
+        };
+        let mut out = Vec::new();
+        page.write(&mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn texts_of_files_are_never_markup() {
+        let text = written(points(100), &table(3, 1 << 20), 1 << 20);
+        assert!(text.contains("<title>chainage: a &lt;b> &amp; c</title>"));
+        assert!(!text.contains("<script>alert"));
+        // The program's own elements, and no others: four of data, one with the script.
+        assert_eq!(text.matches("<script").count(), 5);
+        assert!(!text.contains("{{") && !text.contains("http://localhost") && !text.contains("https://"));
+    }
+
+    #[test]
+    fn the_policy_names_the_script_and_the_style_of_the_page() {
+        let text = written(points(10), &table(1, 1 << 20), 1 << 20);
+        let between = |from: &str, to: &str| text.split_once(from).unwrap().1.split_once(to).unwrap().0;
+        let policy = between("Content-Security-Policy\" content=\"", "\">");
+        assert!(policy.starts_with("default-src 'none'; "), "{policy}");
+        assert!(policy.contains(&format!("script-src {};", source_of(between("<script>", "</script>")))));
+        assert!(policy.contains(&format!("style-src {};", source_of(between("<style>", "</style>")))));
+    }
+
+    #[test]
+    fn a_page_keeps_its_limit_and_says_what_it_left_out() {
+        let own = written(Vec::new(), &table(0, 1 << 20), 1 << 20).len();
+        for limit in [own as u64 + 60_000, own as u64 + 200_000] {
+            let table = table(20_000, limit);
+            let text = written(points(100_000), &table, limit);
+            assert!(text.len() as u64 <= limit, "{} of {limit}", text.len());
+            assert!(table.shown > 100 && table.shown < table.all, "{}", table.shown);
+            assert!(
+                text.contains("of 20,000 objects with most points") && text.contains(" of 1,000,000 points:")
+            );
+            assert!(!text.contains("shows 0 of"), "points were left");
+        }
+        let all = table(20, 1 << 20);
+        assert_eq!((all.shown, all.all), (20, 20));
+    }
+
+    #[test]
+    fn classes_have_their_names() {
+        let names = class_names();
+        assert_eq!((names["2"].as_str(), names["0"].as_str()), (Some("tree"), Some("no class")));
+    }
+}

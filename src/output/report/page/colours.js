@@ -1,0 +1,39 @@
+// The colours of classes and objects, and the ramps of height and intensity.
+
+const CLASS_COLOURS = { 0: "#8d97a5", 2: "#3fa35a", 3: "#efb112", 4: "#3f83f0", 5: "#c7664c", 6: "#9b72d8", 7: "#e5599b", 8: "#1fb4c9", 9: "#a48a67" };
+const GROUND_COLOUR = { light: "#c9c1b2", dark: "#575650" };
+const LOOSE_COLOUR = { light: "#a9afb8", dark: "#4a505a" };
+/** Viridis (Smith and van der Walt, 2015) at even steps. */
+const HEIGHT_RAMP = ["#440154", "#443983", "#31688e", "#21918c", "#35b779", "#90d743", "#fde725"];
+const INTENSITY_RAMP = { light: ["#1a1d22", "#8d929a", "#e9ebee"], dark: ["#2a2e35", "#8f959d", "#ffffff"] };
+/** Where the ramp of heights ends, in metres over the ground. */
+const HIGHEST_M = 12;
+
+const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
+
+function classColour(code) {
+  return CLASS_COLOURS[code] ?? hueColour(code * 7 + 3);
+}
+
+/** Colours that differ for neighbouring numbers: hues a golden angle apart, in three tones. */
+function hueColour(number) {
+  const hue = (number * 137.508) % 360, tone = number % 3;
+  const s = [0.5, 0.6, 0.45][tone], l = [0.58, 0.52, 0.68][tone];
+  const part = (n) => {
+    const k = (n + hue / 30) % 12;
+    const value = l - s * Math.min(l, 1 - l) * Math.max(-1, Math.min(k - 3, 9 - k, 1));
+    return Math.round(255 * value).toString(16).padStart(2, "0");
+  };
+  return `#${part(0)}${part(8)}${part(4)}`;
+}
+
+/** 256 colours between those of a ramp, as one array of red, green, blue. */
+function ramp(colours) {
+  const table = new Uint8Array(768);
+  const stops = colours.map(rgb);
+  for (let at = 0; at < 256; at++) {
+    const place = (at / 255) * (stops.length - 1), low = Math.min(stops.length - 2, Math.floor(place));
+    for (let part = 0; part < 3; part++) table[3 * at + part] = stops[low][part] + (place - low) * (stops[low + 1][part] - stops[low][part]);
+  }
+  return table;
+}

@@ -1,0 +1,241 @@
+// The plan of the street: axis, tiles, objects by class, scale bar, north, and where the eye is.
+
+class Plan {
+  constructor(canvas, axis, outlines, tiles, on) {
+    Object.assign(this, { canvas, axis, outlines, tiles, on, chosen: -1, shown: () => true, eye: null });
+    this.context = canvas.getContext("2d");
+    this.boxes = outlines.map((outline) => {
+      const box = [Infinity, Infinity, -Infinity, -Infinity];
+      for (let at = 0; at < outline.length; at += 2) {
+        box[0] = Math.min(box[0], outline[at]); box[2] = Math.max(box[2], outline[at]);
+        box[1] = Math.min(box[1], outline[at + 1]); box[3] = Math.max(box[3], outline[at + 1]);
+      }
+      return box;
+    });
+    this.turnAlongStreet();
+    this.fit();
+    follow(canvas, {
+      touched: () => {}, rest: () => {},
+      turn: (dx, dy) => this.shift(dx, dy), move: (dx, dy) => this.shift(dx, dy),
+      zoom: (factor, x, y) => this.zoom(1 / factor, x, y),
+      click: (x, y) => this.click(x, y),
+    });
+    canvas.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[event.key];
+      if (step) this.shift(...step);
+      else if (event.key === "+" || event.key === "=") this.zoom(1.4);
+      else if (event.key === "-") this.zoom(1 / 1.4);
+      else if (event.key === "0" || event.key === "Home") { this.fit(); this.draw(); }
+      else return;
+      event.preventDefault();
+    });
+  }
+
+  /** The long side of the street becomes horizontal. */
+  turnAlongStreet() {
+    let n = 0, mx = 0, my = 0;
+    // Of the objects, where there are enough: the axis of a single sweep says little.
+    const objects = this.boxes.filter((box) => box[0] <= box[2]).map((box) => [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]);
+    const all = objects.length >= 12 ? objects : this.axis.stretches.flatMap((stretch) => stretch.x.map((x, at) => [x, stretch.y[at]]));
+    for (const [x, y] of all) { n++; mx += x; my += y; }
+    mx /= n || 1; my /= n || 1;
+    let xx = 0, xy = 0, yy = 0;
+    for (const [x, y] of all) { xx += (x - mx) ** 2; xy += (x - mx) * (y - my); yy += (y - my) ** 2; }
+    this.angle = -0.5 * Math.atan2(2 * xy, xx - yy);
+    this.sin = Math.sin(this.angle);
+    this.cos = Math.cos(this.angle);
+  }
+
+  turned(x, y) { return [this.cos * x - this.sin * y, this.sin * x + this.cos * y]; }
+
+  /** The place on the canvas of a place in metres. */
+  place(x, y) {
+    const [u, v] = this.turned(x, y);
+    return [this.width / 2 + (u - this.centre[0]) * this.scale, this.height / 2 - (v - this.centre[1]) * this.scale];
+  }
+
+  fit() {
+    this.size();
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+    const see = (x, y) => this.turned(x, y).forEach((value, k) => { low[k] = Math.min(low[k], value); high[k] = Math.max(high[k], value); });
+    for (const stretch of this.axis.stretches) stretch.x.forEach((x, at) => see(x, stretch.y[at]));
+    for (const outline of this.outlines) for (let at = 0; at < outline.length; at += 2) see(outline[at], outline[at + 1]);
+    if (low[0] > high[0]) { low.fill(-10); high.fill(10); }
+    this.centre = [0, 1].map((k) => (low[k] + high[k]) / 2);
+    this.scale = Math.min((this.width - 60) / Math.max(5, high[0] - low[0]), (this.height - 44) / Math.max(5, high[1] - low[1]));
+    this.least = this.scale / 2;
+  }
+
+  size() {
+    this.width = Math.max(1, this.canvas.clientWidth);
+    this.height = Math.max(1, this.canvas.clientHeight);
+  }
+
+  shift(dx, dy) {
+    this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
+    this.draw();
+  }
+
+  zoom(factor, x = this.width / 2, y = this.height / 2) {
+    const scale = Math.min(200, Math.max(this.least, this.scale * factor));
+    const dx = x - this.width / 2, dy = this.height / 2 - y;
+    this.centre = [this.centre[0] + dx / this.scale - dx / scale, this.centre[1] + dy / this.scale - dy / scale];
+    this.scale = scale;
+    this.draw();
+  }
+
+  /** Moves the plan if a place is not on it. */
+  show(x, y) {
+    const [px, py] = this.place(x, y);
+    if (px < 20 || py < 20 || px > this.width - 20 || py > this.height - 20) this.centre = this.turned(x, y);
+  }
+
+  click(x, y) {
+    let best = -1, smallest = Infinity;
+    this.outlines.forEach((outline, row) => {
+      if (!this.shown(row) || outline.length === 0) return;
+      const ring = [];
+      for (let at = 0; at < outline.length; at += 2) ring.push(this.place(outline[at], outline[at + 1]));
+      let within = false, area = 0, near = Infinity;
+      ring.forEach(([ax, ay], at) => {
+        const [bx, by] = ring[(at + 1) % ring.length];
+        if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) within = !within;
+        area += ax * by - bx * ay;
+        near = Math.min(near, Math.hypot(ax - x, ay - y));
+      });
+      area = Math.abs(area);
+      if ((within || near < 6) && area < smallest) { smallest = area; best = row; }
+    });
+    this.on.choose(best);
+  }
+
+  draw() {
+    const { context: pen, canvas } = this;
+    const dots = Math.min(devicePixelRatio || 1, 2);
+    this.size();
+    canvas.width = Math.round(this.width * dots);
+    canvas.height = Math.round(this.height * dots);
+    pen.setTransform(dots, 0, 0, dots, 0, 0);
+    const style = getComputedStyle(document.documentElement);
+    const [ink, soft, line, card, accent] = ["--ink", "--soft", "--line", "--card", "--accent"].map((name) => style.getPropertyValue(name).trim());
+    pen.lineJoin = pen.lineCap = "round";
+    pen.font = "11px system-ui, sans-serif";
+    this.drawTiles(pen, line, soft);
+    this.outlines.forEach((outline, row) => {
+      const box = this.boxes[row];
+      if (!this.shown(row) || outline.length === 0) return;
+      const [x, y] = this.place((box[0] + box[2]) / 2, (box[1] + box[3]) / 2);
+      const reach = ((box[2] - box[0] + box[3] - box[1]) * this.scale) / 2 + 4;
+      if (x < -reach || y < -reach || x > this.width + reach || y > this.height + reach) return;
+      const colour = row === this.chosen ? accent : this.on.colour(row);
+      pen.beginPath();
+      for (let at = 0; at < outline.length; at += 2) pen.lineTo(...this.place(outline[at], outline[at + 1]));
+      pen.closePath();
+      pen.fillStyle = colour;
+      pen.strokeStyle = colour;
+      pen.globalAlpha = row === this.chosen ? 0.75 : 0.4;
+      pen.fill();
+      pen.globalAlpha = 1;
+      pen.lineWidth = row === this.chosen ? 2.5 : 1.2;
+      pen.stroke();
+      if (reach < 7) { pen.beginPath(); pen.arc(x, y, row === this.chosen ? 4 : 2, 0, 7); pen.fill(); }
+    });
+    this.drawAxis(pen, ink, soft);
+    this.drawEye(pen, accent, card);
+    this.drawScale(pen, ink, card);
+  }
+
+  /** Tiles as bands along the axis, in two tones, because they follow one another along it. */
+  drawTiles(pen, line, soft) {
+    const stretchOf = (from, to) => {
+      const step = Math.max(1, (to - from) / 60), places = [];
+      for (let s = from; s < to; s += step) places.push(s);
+      return [...places, to].map((s) => this.axis.at(s));
+    };
+    pen.lineCap = "butt";
+    this.tiles.forEach((tile, number) => {
+      pen.beginPath();
+      for (const { x, y } of stretchOf(tile.from_m, Math.max(tile.to_m, tile.from_m + 0.5))) pen.lineTo(...this.place(x, y));
+      pen.strokeStyle = number % 2 ? soft : line;
+      pen.globalAlpha = number % 2 ? 0.22 : 0.8;
+      pen.lineWidth = 14;
+      pen.stroke();
+    });
+    pen.globalAlpha = 1;
+    pen.lineCap = "round";
+  }
+
+  drawAxis(pen, ink, soft) {
+    pen.strokeStyle = ink;
+    pen.lineWidth = 1.4;
+    for (const { x, y } of this.axis.stretches) {
+      pen.beginPath();
+      x.forEach((value, at) => pen.lineTo(...this.place(value, y[at])));
+      pen.stroke();
+    }
+    const step = niceStep(110 / this.scale);
+    pen.fillStyle = soft;
+    pen.textAlign = "center";
+    for (let s = Math.ceil(this.axis.from / step) * step; s <= this.axis.to; s += step) {
+      const { x, y } = this.axis.at(s), [px, py] = this.place(x, y);
+      pen.beginPath();
+      pen.arc(px, py, 2.4, 0, 7);
+      pen.fillStyle = ink;
+      pen.fill();
+      pen.fillStyle = soft;
+      pen.fillText(`${shown(s)} m`, px, py - 9);
+    }
+  }
+
+  drawEye(pen, accent, card) {
+    if (!this.eye) return;
+    const [x, y] = this.place(this.eye.x, this.eye.y), angle = -(this.eye.yaw + this.angle);
+    pen.save();
+    pen.translate(x, y);
+    pen.rotate(angle);
+    pen.beginPath();
+    pen.moveTo(0, 0);
+    pen.arc(0, 0, 34, -0.45, 0.45);
+    pen.closePath();
+    pen.fillStyle = accent;
+    pen.globalAlpha = 0.28;
+    pen.fill();
+    pen.globalAlpha = 1;
+    pen.beginPath();
+    pen.arc(0, 0, 5, 0, 7);
+    pen.fill();
+    pen.strokeStyle = card;
+    pen.lineWidth = 1.5;
+    pen.stroke();
+    pen.restore();
+  }
+
+  drawScale(pen, ink, card) {
+    const metres = niceStep(60 / this.scale), length = metres * this.scale, x = 14, y = this.height - 14;
+    pen.strokeStyle = ink;
+    pen.fillStyle = ink;
+    pen.lineWidth = 1.6;
+    pen.beginPath();
+    pen.moveTo(x, y - 4); pen.lineTo(x, y); pen.lineTo(x + length, y); pen.lineTo(x + length, y - 4);
+    pen.stroke();
+    pen.textAlign = "left";
+    pen.fillText(`${shown(metres)} m`, x + length + 6, y);
+    pen.save();
+    pen.translate(24, 28);
+    pen.rotate(-this.angle);
+    pen.beginPath();
+    pen.moveTo(0, -13); pen.lineTo(5.5, 8); pen.lineTo(0, 4.5); pen.lineTo(-5.5, 8);
+    pen.closePath();
+    pen.fill();
+    pen.restore();
+    // The letter stays upright beside the tip of the arrow.
+    pen.textAlign = "center";
+    pen.fillText("N", 24 - 20 * Math.sin(this.angle), 32 - 20 * Math.cos(this.angle));
+  }
+}
+
+/** The smallest of 1, 2, 5, 10, ... that is not below a value. */
+function niceStep(value, steps = [1, 2, 5, 10]) {
+  const decade = 10 ** Math.floor(Math.log10(value));
+  return steps.map((step) => step * decade).find((step) => step >= value * 0.999) ?? value;
+}

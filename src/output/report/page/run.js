@@ -1,0 +1,44 @@
+// What the run did: figures, warnings, passes with their times, input, settings. The numbers are those of report.json.
+
+function mebibytes(bytes) {
+  return bytes < 1024 ** 3 ? `${shown(bytes / 1024 ** 2, 0)} MiB` : `${shown(bytes / 1024 ** 3, 2)} GiB`;
+}
+
+function seconds(value) {
+  if (value < 100) return `${shown(value, value < 10 ? 2 : 1)} s`;
+  const minutes = Math.round(value / 60);
+  return minutes < 100 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+function facts(pairs) {
+  return el("dl", { class: "facts" }, ...pairs.filter(([, value]) => value).map(([name, value]) => el("div", {}, el("dt", {}, name), el("dd", {}, value))));
+}
+
+function fillRun(panel, run, page) {
+  const { result } = run;
+  const share = (part) => `${shown((100 * part) / Math.max(1, result.points), 1)} %`;
+  const parts = [];
+  const warnings = result.warnings ?? [];
+  if (warnings.length) parts.push(el("section", { class: "block" }, el("h2", {}, warnings.length === 1 ? "One warning" : `${warnings.length} warnings`), ...warnings.map((text) => el("p", { class: "warning" }, text))));
+  parts.push(el("section", { class: "block" }, el("h2", {}, "Figures"), facts([
+    ["Points", shown(result.points)], ["Ground", share(result.counts.ground)], ["Noise", share(result.counts.low_noise + result.counts.high_noise)],
+    ["Above the ground", share(result.counts.object)], ["Objects", shown(result.objects)], ["Tiles", shown(result.tiles)],
+    ["Wall time", seconds(result.seconds)], ["Speed", `${shown(result.points / Math.max(1e-9, result.seconds) / 1e6, 2)} M points/s`],
+    ["Peak memory", result.peak_resident_bytes && mebibytes(result.peak_resident_bytes)],
+    ["Axis", `${shown(run.axis.length_m, 1)} m`], ["Axis from", run.axis.source.replace("-", " ")],
+  ]), el("p", { class: "note" }, page.sample.sentence)));
+  const longest = Math.max(1e-9, ...result.passes.map((pass) => pass.seconds));
+  parts.push(el("section", { class: "block" }, el("h2", {}, "Passes"), el("div", { class: "bars" }, ...result.passes.flatMap((pass) => {
+    const bar = el("i");
+    bar.style.width = `${(100 * pass.seconds) / longest}%`;
+    const resumed = pass.resumed ? `, ${pass.resumed} of ${pass.units} units done before` : "";
+    return [el("span", { class: "name" }, pass.pass), el("span", { class: "bar" }, bar), el("span", { class: "value" }, `${seconds(pass.seconds)}${resumed}`)];
+  }))));
+  parts.push(el("section", { class: "block" }, el("h2", {}, run.input.length === 1 ? "Input file" : `${shown(run.input.length)} input files`), el("dl", { class: "settings" },
+    ...run.input.slice(0, 200).flatMap((file) => [el("dt", {}, file.name), el("dd", {}, `${shown(file.points)} points, ${mebibytes(file.bytes)}`)]),
+    el("dt", {}, "Coordinate system"), el("dd", {}, `${run.crs.description ?? ""}${run.crs.epsg ? ` (EPSG:${run.crs.epsg})` : ""}`))));
+  parts.push(el("section", { class: "block" }, el("h2", {}, "Settings"), ...Object.entries(run.configuration).map(([section, values]) =>
+    el("details", {}, el("summary", {}, section), el("dl", { class: "settings" }, ...Object.entries(values).flatMap(([key, value]) => [el("dt", {}, key), el("dd", {}, typeof value === "string" ? value || "(none)" : JSON.stringify(value))]))))));
+  parts.push(el("p", {}, run.program));
+  panel.replaceChildren(...parts);
+}

@@ -1,0 +1,22 @@
+//! Where the page counts coordinates from.
+
+use crate::output::report::PageFrame;
+use crate::run::drive::{Drive, Surveyed};
+
+/// Where the page counts coordinates from: the start of the axis and the lowest point, on the lattice. The start of the
+/// axis, because stray points can be far from everything.
+pub(super) fn origin(drive: &Drive, surveyed: &Surveyed) -> [i64; 3] {
+    let start = surveyed.axis.vertices().first().copied().unwrap_or_default();
+    let [x, y] = start.map(|metres| drive.lattice().units(metres.round()));
+    [x, y, surveyed.lowest()]
+}
+
+/// The frame of the page.
+pub(super) fn frame(drive: &Drive, surveyed: &Surveyed) -> PageFrame {
+    let origin = origin(drive, surveyed);
+    let unit_m = drive.catalog.crs().horizontal_unit_m;
+    PageFrame {
+        origin_m: [origin[0], origin[1]].map(|units| drive.lattice().metres(units)),
+        units_m: [unit_m; 2],
+    }
+}

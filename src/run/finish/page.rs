@@ -1,0 +1,110 @@
+//! The page of a run: which points are sampled for it, what it says of the drive, and when it is written.
+
+use std::io::Write;
+
+use serde_json::{Value, json};
+
+use crate::error::Result;
+use crate::output::OutputError;
+use crate::output::report::{
+    Page, PageFrame, PageStretch, PageTable, SamplePoint, SampledDrive, Sampling, point_budget,
+};
+use crate::run::drive::Surveyed;
+use crate::run::finish::frame::{frame, origin};
+use crate::run::finish::names::{PAGE, page_limit_bytes};
+use crate::run::finish::tables::write_whole;
+use crate::run::open::Opened;
+use crate::run::passes::stitch::Objects;
+use crate::run::summary::Counts;
+use crate::store::RunDir;
+use crate::survey::Axis;
+use crate::tiling::Plan;
+
+/// Largest number of vertices of the axis on the page. A vertex takes about 25 bytes.
+const MOST_VERTICES: usize = 4_000;
+
+/// What was collected for the page while the outputs were written.
+pub(crate) struct PageContent {
+    pub(crate) table: PageTable,
+    /// The shown points, best first.
+    pub(crate) points: Vec<SamplePoint>,
+}
+
+/// The rules by which points are sampled.
+pub(crate) fn sampling(
+    open: &Opened<'_>,
+    surveyed: &Surveyed,
+    objects: &Objects,
+    counts: &Counts,
+    limit_bytes: u64,
+) -> Sampling {
+    let drive = &open.drive;
+    let cell_units2 = (drive.grid.edge() as f64).powi(2);
+    let sampled = SampledDrive {
+        objects: &objects.objects,
+        ground_points: counts.ground,
+        object_points: counts.object,
+        area_units2: surveyed.cells.len() as f64 * cell_units2,
+        origin: origin(drive, surveyed),
+        lattice: drive.lattice(),
+    };
+    Sampling::new(&sampled, point_budget(limit_bytes))
+}
+
+/// Writes the page with the values of the report, unless it is left out.
+pub(crate) fn write_page(
+    run_dir: &RunDir,
+    open: &Opened<'_>,
+    surveyed: &Surveyed,
+    plan: &Plan,
+    content: Option<PageContent>,
+    report: Value,
+) -> Result<()> {
+    let path = run_dir.out().join(PAGE);
+    let failed = |source| OutputError::Write { path: path.clone(), source };
+    let (Some(content), Some(limit_bytes)) = (content, page_limit_bytes(open.config)) else {
+        return Ok(());
+    };
+    let mut run = report;
+    run["tiles"] = json!(plan.tiles);
+    let files = open.drive.catalog.files();
+    let names: Vec<&str> = files.iter().map(|file| file.name()).collect();
+    let (title, files) = match names.as_slice() {
+        [one] => ((*one).to_owned(), String::new()),
+        [first, .., last] => (format!("{first} to {last}"), format!("{} files", names.len())),
+        [] => Default::default(),
+    };
+    let page = Page {
+        title,
+        files,
+        axis: stretches(&surveyed.axis, frame(&open.drive, surveyed)),
+        table: &content.table,
+        points: content.points,
+        all_points: surveyed.survey.points(),
+        run: &run,
+        limit_bytes,
+    };
+    write_whole(run_dir, PAGE, |out: &mut dyn Write| page.write(out).map_err(failed))?;
+    Ok(())
+}
+
+/// The axis with every so many vertices, and the last one of each stretch.
+fn stretches(axis: &Axis, frame: PageFrame) -> Vec<PageStretch> {
+    let every = axis.vertices().len().div_ceil(MOST_VERTICES).max(1);
+    let mut chainage = axis.chainage_m().iter();
+    let rounded = |metres: f64| (metres * 100.0).round() / 100.0 + 0.0;
+    let mut stretches = Vec::new();
+    for vertices in axis.stretches() {
+        let mut stretch = PageStretch::default();
+        for (at, vertex) in vertices.iter().enumerate() {
+            let s = chainage.next().copied().unwrap_or_default();
+            if at % every == 0 || at + 1 == vertices.len() {
+                stretch.s.push(rounded(s));
+                stretch.x.push(rounded(vertex[0] - frame.origin_m[0]));
+                stretch.y.push(rounded(vertex[1] - frame.origin_m[1]));
+            }
+        }
+        stretches.push(stretch);
+    }
+    stretches
+}
