@@ -31,8 +31,6 @@ avenue-sparse       avenue   --seed 33 --length 250m --pulse-rate 60kHz --profil
 parkway-sparse      parkway  --seed 34 --length 250m --pulse-rate 60kHz --profiles 80Hz --noise 10mm
 suburb-64-sweeps    suburb   --seed 51 --scanner spinning-64 --sweeps 20 --drift 30mm
 downtown-64-sweeps  downtown --seed 52 --scanner spinning-64-wide --sweeps 20 --drift 30mm
-avenue-32-sweeps    avenue   --seed 53 --scanner spinning-32 --sweeps 20 --drift 20mm
-parkway-16-sweeps   parkway  --seed 54 --scanner spinning-16 --sweeps 30 --drift 40mm
 downtown-64-drift   downtown --seed 58 --scanner spinning-64 --sweeps 25 --drift 60mm
 suburb-64-drift     suburb   --seed 59 --scanner spinning-64-wide --sweeps 25 --drift 60mm
 "
