@@ -97,7 +97,8 @@ def json_digest(data, keys=None):
 
 
 def folder_digests(case, folder):
-    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+    # The bytes of a GeoPackage follow from the version of SQLite as well. Its values are those of objects.csv.
+    for path in sorted(path for path in folder.iterdir() if path.is_file() and path.suffix != ".gpkg"):
         data = path.read_bytes()
         yield f"{case}/{path.name}", json_digest(data, REPORT_KEYS) if path.name == "report.json" else digest(data)
 

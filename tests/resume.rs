@@ -303,7 +303,7 @@ fn damaged_unit_files_are_noticed_and_computed_again() {
             let before = events(&out).len();
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             let after = &events(&out)[before..];
-            let again: usize = ["survey", "scatter", "ground", "cluster", "stitch", "relabel"]
+            let again: usize = ["survey", "scatter", "ground", "cluster", "stitch", "relabel", "inventory"]
                 .iter()
                 .map(|pass| finished(after, pass))
                 .sum();

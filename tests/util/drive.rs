@@ -115,13 +115,14 @@ impl Labelled {
     }
 }
 
-/// The outputs of a run by name, without the report (which has times).
+/// The outputs of a run by name, without the report (which has times) and the GeoPackage (which has a layer of the tiles;
+/// its other values are those of the tables).
 pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(out).expect("an output folder") {
         let path = entry.expect("an entry").path();
         let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-        if path.is_file() && name != "report.json" {
+        if path.is_file() && !["report.json", "objects.gpkg"].contains(&&*name) {
             files.push((name, std::fs::read(&path).expect("readable")));
         }
     }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use chainage::config::Config;
+use chainage::output::objects;
 use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, plan_of, run};
 
 use crate::cli::commands::plan;
@@ -167,9 +168,7 @@ pub(super) fn page(summary: &RunSummary, out: &Path) -> String {
     if let Some(peak) = summary.peak_resident_bytes {
         text.push_str(&format!(", peak memory {}", print::bytes(peak)));
     }
-    text.push_str(&format!(
-        "\n  {}: labelled files, objects.csv, objects.geojson, report.json\n",
-        out.display()
-    ));
+    let tables: Vec<&str> = objects::REGISTRY.iter().map(|entry| entry.file_name).collect();
+    text.push_str(&format!("\n  {}: labelled files, {}, report.json\n", out.display(), tables.join(", ")));
     text
 }
