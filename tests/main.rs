@@ -27,7 +27,8 @@ mod epsilon;
 mod equivalence;
 #[cfg(test)]
 mod eval;
-#[cfg(all(test, feature = "gpkg"))]
+#[cfg(test)]
+#[cfg(feature = "gpkg")]
 mod geopackage;
 #[cfg(test)]
 mod inventory;

@@ -25,6 +25,7 @@ mod points;
 mod size;
 mod station;
 mod stem_diameter;
+mod surface;
 mod terrain;
 mod touches;
 mod touching;

@@ -1,22 +1,15 @@
 //! Height of the ground by cell of the raster, and between cells, for heights of objects above ground.
 
-use nalgebra::{Matrix3, Vector3};
-
+use crate::inventory::surface::{Near, height_amid};
 use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
 /// Search radius for ground around the centre of an object, in metres (methods, section 5.1 has the same distance).
 const SEARCH_M: f64 = 10.0;
 
-/// Cells whose middle is within this distance of a place decide on the slope of the ground there, in metres (chosen: on
-/// both sides of a stem, not over a verge).
-const SLOPE_M: f64 = 2.5;
-/// Distance in metres at which a cell has half the weight of one at the place.
-const HALF_WEIGHT_M: f64 = 0.5;
-/// Smallest number of cells for a slope.
-const LEAST_CELLS: usize = 5;
-/// Smallest variance of the places of these cells in any direction, in square metres: less is a row of cells.
-const LEAST_VARIANCE_M2: f64 = 0.15;
+/// Cells whose middle is within this distance of a place decide on the slope of the ground there, in metres (chosen: more
+/// of them are ground than were taken for ground by mistake, below a tree or a car).
+const SLOPE_M: f64 = 4.0;
 
 /// Mean height of the ground points of every cell that has any.
 #[derive(Debug)]
@@ -111,9 +104,9 @@ impl Terrain {
         self.lattice.metres(self.grid.edge()) * std::f64::consts::SQRT_2
     }
 
-    /// Height of the ground in metres at a place in metres: that of a plane through the cells within 2.5 m, in which
-    /// nearer cells have more weight. Where there are too few cells for a slope, that of the nearest cell
-    /// ([`Self::height_m`]). `None` where no cell is within 10 m.
+    /// Height of the ground in metres at a place in metres: that of a plane through the cells within 4 m, in which nearer
+    /// cells have more weight and those that are not ground have none. Where there are too few cells for a slope, that of
+    /// the nearest cell ([`Self::height_m`]). `None` where no cell is within 10 m.
     #[must_use]
     pub fn surface_m(&self, place: [f64; 2]) -> Option<f64> {
         let units = place.map(|value| self.lattice.units(value));
@@ -122,41 +115,19 @@ impl Terrain {
         let reach = self.lattice.units(SLOPE_M);
         let rows = |k: usize| self.grid.index(units[k] - reach)..=self.grid.index(units[k] + reach);
         let mut heights = self.heights.cursor();
-        let mut matrix = Matrix3::zeros();
-        let mut right = Vector3::zeros();
-        let mut cells = 0;
+        let mut cells = Vec::new();
         for i in rows(0) {
             for j in rows(1) {
                 let (Ok(column), Ok(row)) = (i32::try_from(i), i32::try_from(j)) else { continue };
                 let height = heights.get([column, row]);
                 let away = [(i, 0), (j, 1)].map(|(index, k)| (index as f64 + 0.5) * edge_m - place[k]);
-                let squared = away[0] * away[0] + away[1] * away[1];
-                if height == 0 || squared > SLOPE_M * SLOPE_M {
-                    continue;
+                if height > 0 && away[0].hypot(away[1]) <= SLOPE_M {
+                    cells.push(Near { away, height: self.metres(height) });
                 }
-                let weight = 1.0 / (1.0 + squared / (HALF_WEIGHT_M * HALF_WEIGHT_M));
-                let terms = Vector3::new(1.0, away[0], away[1]);
-                matrix += terms * terms.transpose() * weight;
-                right += terms * (weight * (self.metres(height) - nearest));
-                cells += 1;
             }
         }
-        if cells < LEAST_CELLS || least_variance(&matrix) < LEAST_VARIANCE_M2 {
-            return Some(nearest);
-        }
-        let plane = matrix.try_inverse()? * right;
-        Some(nearest + plane[0])
+        Some(height_amid(&cells, nearest))
     }
-}
-
-/// Smallest variance, in any direction, of places whose weighted sums of 1, x, y, and their products are in `sums`.
-fn least_variance(sums: &Matrix3<f64>) -> f64 {
-    let weight = sums[(0, 0)];
-    let mean = [sums[(0, 1)] / weight, sums[(0, 2)] / weight];
-    let xx = sums[(1, 1)] / weight - mean[0] * mean[0];
-    let yy = sums[(2, 2)] / weight - mean[1] * mean[1];
-    let xy = sums[(1, 2)] / weight - mean[0] * mean[1];
-    f64::midpoint(xx, yy) - ((xx - yy) / 2.0).hypot(xy)
 }
 
 #[cfg(test)]

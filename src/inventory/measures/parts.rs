@@ -148,3 +148,68 @@ impl Measures {
         self.crown.merge(other.crown, CROWN_VOXELS);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::model::FileId;
+
+    proptest! {
+        /// However the points are divided, and in whatever order the parts are merged, the measures are those that are
+        /// found directly. Few enough points, so that sketches stay at level 0.
+        #[test]
+        fn parts_in_any_order_are_the_whole(
+            points in prop::collection::vec(
+                ([-900..900_i64, -900..900_i64, -5_000..5_000_i64], 0..4_usize, 0..3_u32), 1..150,
+            ),
+            class in 0..5_u8,
+            order in Just([0_usize, 1, 2, 3]).prop_shuffle(),
+            shift in prop::array::uniform3(-(1_i64 << 40)..1 << 40),
+        ) {
+            let places: Vec<[i64; 3]> =
+                points.iter().map(|(p, ..)| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]).collect();
+            let objects: Vec<u32> = points.iter().map(|(_, _, object)| *object).collect();
+            let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &places);
+            let kind = Kind { class, confidence: 1 };
+            let wholes = ObjectPart::collect(&cloud, &objects, 2, |_| true, |_| FileId::new(0));
+            let whole = |id: u32| Some((&wholes[id as usize - 1], kind));
+            let mut merged: BTreeMap<u32, Measures> = BTreeMap::new();
+            for tile in order {
+                for (id, part) in Measures::collect(&cloud, &objects, |point| points[point].1 == tile, whole) {
+                    let frames = Frames::new(&wholes[id as usize - 1], kind, Lattice::MILLIMETRE);
+                    merged.entry(id).or_insert_with(|| Measures::empty(&frames)).merge(part);
+                }
+            }
+            let direct: BTreeMap<u32, Measures> = Measures::collect(&cloud, &objects, |_| true, whole).into_iter().collect();
+            prop_assert_eq!(&merged, &direct);
+            for (id, measures) in direct {
+                let mine: Vec<[i64; 3]> =
+                    places.iter().zip(&objects).filter(|(_, of)| **of == id).map(|(place, _)| *place).collect();
+                let mut cells: BTreeMap<[i64; 2], (i64, i64)> = BTreeMap::new();
+                for [x, y, z] in &mine {
+                    let ends = cells.entry([x.div_euclid(100), y.div_euclid(100)]).or_insert((*z, *z));
+                    *ends = (ends.0.min(*z), ends.1.max(*z));
+                }
+                let frame = Frames::new(&wholes[id as usize - 1], kind, Lattice::MILLIMETRE).plan;
+                let found: BTreeMap<[i64; 2], (i64, i64)> = measures.plan.voxels.iter().map(|([i, j, _], heights)| {
+                    let cell = [(0, *i), (1, *j)].map(|(k, index)| frame.corner[k] / 100 + i64::from(index));
+                    (cell, (heights.lowest, heights.highest))
+                }).collect();
+                prop_assert_eq!(found, cells);
+                let lowest = mine.iter().map(|place| place[2]).min().unwrap();
+                let expected = match class {
+                    TREE => mine.iter().filter(|place| place[2] <= lowest + 4_000).count(),
+                    POLE => mine.len(),
+                    _ => 0,
+                };
+                let sums = measures.stem.voxels.iter().map(|(_, sums)| sums.points).sum::<u64>();
+                prop_assert_eq!(sums, expected as u64);
+                prop_assert_eq!(measures.crown.voxels.is_empty(), class != TREE);
+            }
+        }
+    }
+}

@@ -2,10 +2,10 @@
 //!
 //! A stem is where the object is occupied at the most heights. A straight line is fitted there by iterated weighted
 //! least squares with Tukey's biweight (Beaton and Tukey, Technometrics 16, 147-185, 1974, doi:10.2307/1267936) of the
-//! horizontal distances; every height has the same weight. The direction of a pole is then the median of the directions
-//! between heights (Theil, 1950; Sen, 1968, doi:10.1080/01621459.1968.10480934), so that a sign or an arm does not pull
-//! it; that of a tree is the median between circles in slices, which leaves do not pull. Circles also correct for the
-//! side that was not seen.
+//! horizontal distances; every height has the same weight. Then only heights count at which there is nothing beside a
+//! pole, so that signs and arms do not pull it, and the direction is the median of those between heights (Theil, 1950;
+//! Sen, 1968, doi:10.1080/01621459.1968.10480934). The direction of a tree is that between circles in slices, which
+//! leaves do not pull. Circles also correct for the side that was not seen. `benches/results/attributes.md` has the errors.
 //!
 //! Places are metres from the corner of the frame of the sketch, so that all numbers are small.
 
@@ -34,8 +34,24 @@ const SLICE_REACH_M: f64 = 0.6;
 const OFF_AXIS_M: f64 = 0.1;
 /// A circle is used if at least this much of it was seen, in degrees, and
 pub(crate) const LEAST_SEEN_DEG: f64 = 60.0;
-/// its radius is known to this standard error, in metres.
-const LARGEST_ERROR_M: f64 = 0.01;
+/// its radius is known to this standard error, in metres: for a place on the axis,
+const LARGEST_ERROR_M: f64 = 0.02;
+/// and for the section of a stem.
+const SECTION_ERROR_M: f64 = 0.01;
+/// Circles on the axis of a tree have radii that differ from their median by at most this share of it.
+const ONE_STEM: f64 = 0.25;
+/// Points this near to the axis of a pole are of the pole, in metres: its radius and the side that was not seen.
+const OF_POLE_M: f64 = 0.13;
+/// A layer is one of the bare pole if at least this share of the points within the reach of a slice is of it.
+const BARE_SHARE: f64 = 0.75;
+/// Smallest number of points of such a layer,
+const BARE_POINTS: usize = 3;
+/// and smallest number of layers for the direction of a pole.
+const BARE_LAYERS: usize = 8;
+/// Pairs of layers are this share of the height apart: the slopes between nearer ones are mostly noise.
+const BARE_APART: f64 = 1.0 / 3.0;
+/// Rounds of choosing layers and of fitting through them.
+const BARE_ROUNDS: usize = 2;
 /// A section is that of the stem if sections at these distances above it, in metres,
 const NEIGHBOURS_M: [f64; 4] = [-0.4, -0.2, 0.2, 0.4];
 /// have nearly the same radius: at least this many of them,
@@ -58,7 +74,7 @@ pub(crate) struct StemAxis {
     pub(crate) from: f64,
     /// See `from`.
     pub(crate) to: f64,
-    /// Whether its direction is known. It is vertical otherwise.
+    /// Whether its direction is known well enough to be given.
     pub(crate) has_direction: bool,
 }
 
@@ -113,11 +129,18 @@ impl Stem {
         if axis.to - axis.from < SHORTEST_M {
             return Some(axis.upright());
         }
-        if !self.is_tree {
-            let cut_off = CUT_OFFS_M[CUT_OFFS_M.len() - 1];
-            axis = steady_line(&self.layers(&axis, cut_off)).unwrap_or(axis);
+        if self.is_tree {
+            return Some(self.through_circles(axis));
         }
-        Some(self.centred(axis))
+        for _ in 0..BARE_ROUNDS {
+            let bare = self.bare_layers(&axis);
+            let through = steady_line(&bare, BARE_APART).filter(|line| line.to - line.from >= SHORTEST_M);
+            if let Some(through) = through.filter(|_| bare.len() >= BARE_LAYERS) {
+                axis = StemAxis { from: axis.from, to: axis.to, ..through };
+            }
+        }
+        let centres = self.centres(&axis);
+        Some(if centres.len() < LEAST_CIRCLES { axis } else { shifted(axis, &centres) })
     }
 
     /// Mean place of the points in the cell of 0.3 m that is occupied at the most heights.
@@ -176,45 +199,53 @@ impl Stem {
         means
     }
 
-    /// The axis through the middle of the stem, instead of through the mean of the side that was seen.
-    fn centred(&self, axis: StemAxis) -> StemAxis {
-        let mut centres = Vec::new();
-        let mut z = axis.from + SLICE_STEP_M;
-        while z <= (axis.from + SLICES_TO_M).min(axis.to) {
-            if let Some(circle) = self.circle(&axis, z) {
-                centres.push([circle.centre[0], circle.centre[1], z]);
+    /// The mean place of the points of a pole in every layer with hardly anything beside it.
+    fn bare_layers(&self, axis: &StemAxis) -> Vec<[f64; 3]> {
+        #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
+        let layer = |z: f64| (z / CELL_M).floor() as i64;
+        let mut layers: BTreeMap<i64, (usize, Vec<[f64; 3]>)> = BTreeMap::new();
+        for place in &self.places {
+            let at = axis.at(place[2]);
+            let away = (place[0] - at[0]).hypot(place[1] - at[1]);
+            if away < SLICE_REACH_M {
+                let (all, near) = layers.entry(layer(place[2])).or_default();
+                *all += 1;
+                if away < OF_POLE_M {
+                    near.push(*place);
+                }
             }
-            z += SLICE_STEP_M;
         }
-        if self.is_tree {
-            // Leaves and branches pull the means of layers, so these have no direction.
-            let enough = centres.len() >= LEAST_CIRCLES;
-            let through = steady_line(&centres)
-                .filter(|through| enough && through.to - through.from >= SHORTEST_M / 2.0);
-            return match through {
-                Some(through) => StemAxis { from: axis.from, to: axis.to, ..through },
-                None => self.upright_through(&centres, axis),
-            };
-        }
-        if centres.len() < LEAST_CIRCLES {
-            return axis;
-        }
-        // The direction of a pole is that over its whole height.
-        let off = [0, 1].map(|k| {
-            let mut all: Vec<f64> = centres.iter().map(|centre| centre[k] - axis.at(centre[2])[k]).collect();
-            median(&mut all)
-        });
-        StemAxis { foot: [axis.foot[0] + off[0], axis.foot[1] + off[1]], ..axis }
+        let bare = layers
+            .into_values()
+            .filter(|(all, near)| near.len() >= BARE_POINTS && near.len() as f64 >= BARE_SHARE * *all as f64);
+        let mean = |places: &[[f64; 3]], k: usize| {
+            places.iter().map(|place| place[k]).sum::<f64>() / places.len() as f64
+        };
+        bare.map(|(_, near)| [0, 1, 2].map(|k| mean(&near, k))).collect()
     }
 
-    /// A vertical axis through the middle of the circles, or of the axis where there are none.
-    fn upright_through(&self, centres: &[[f64; 3]], axis: StemAxis) -> StemAxis {
-        let upright = axis.upright();
-        if centres.is_empty() {
-            return upright;
+    /// The axis of a tree through the circles in its slices. Without enough of them it has no direction, since leaves and
+    /// branches pull the means of layers.
+    fn through_circles(&self, axis: StemAxis) -> StemAxis {
+        let centres = self.centres(&axis);
+        let through = steady_line(&centres, 0.0).filter(|line| line.to - line.from >= SHORTEST_M);
+        match through.filter(|_| centres.len() >= LEAST_CIRCLES) {
+            Some(through) => StemAxis { from: axis.from, to: axis.to, ..through },
+            None => StemAxis { has_direction: false, ..shifted(axis, &centres) },
         }
-        let foot = [0, 1].map(|k| median(&mut centres.iter().map(|centre| centre[k]).collect::<Vec<_>>()));
-        StemAxis { foot, ..upright }
+    }
+
+    /// Centres of the circles in the slices, of those with nearly the same radius.
+    fn centres(&self, axis: &StemAxis) -> Vec<[f64; 3]> {
+        let mut circles = Vec::new();
+        let mut z = axis.from + SLICE_STEP_M;
+        while z <= (axis.from + SLICES_TO_M).min(axis.to) {
+            circles.extend(self.circle(axis, z).map(|circle| (circle, z)));
+            z += SLICE_STEP_M;
+        }
+        let radius = median(&mut circles.iter().map(|(circle, _)| circle.radius).collect::<Vec<_>>());
+        circles.retain(|(circle, _)| (circle.radius - radius).abs() <= ONE_STEM * radius);
+        circles.into_iter().map(|(circle, z)| [circle.centre[0], circle.centre[1], z]).collect()
     }
 
     /// The circle in a slice around height `z`, if those in slices above and below have nearly its radius.
@@ -225,7 +256,8 @@ impl Stem {
         let enough = radii.len() >= LEAST_NEIGHBOURS;
         let off = (median(&mut radii) - circle.radius).abs();
         let (share, length_m) = SAME_RADIUS;
-        (enough && off <= share * circle.radius + length_m).then_some(circle)
+        let same = off <= share * circle.radius + length_m;
+        (enough && same && circle.radius_error <= SECTION_ERROR_M).then_some(circle)
     }
 
     /// The circle in a slice around height `z`, if enough of it was seen and it is on the axis. Points are moved along
@@ -257,6 +289,15 @@ fn around([i, j]: [i64; 2]) -> [[i64; 2]; 9] {
     all
 }
 
+/// The axis, moved by the median distance of these places from it.
+fn shifted(axis: StemAxis, places: &[[f64; 3]]) -> StemAxis {
+    let off = [0, 1].map(|k| {
+        let mut all: Vec<f64> = places.iter().map(|place| place[k] - axis.at(place[2])[k]).collect();
+        median(&mut all)
+    });
+    StemAxis { foot: [axis.foot[0] + off[0], axis.foot[1] + off[1]], ..axis }
+}
+
 /// The line through places (x, y, z) by least squares of x and y over z. Vertical where all have one height.
 fn line(places: &[[f64; 3]]) -> Option<StemAxis> {
     let count = places.len() as f64;
@@ -275,16 +316,16 @@ fn line(places: &[[f64; 3]]) -> Option<StemAxis> {
     Some(StemAxis { foot, slope, from, to, has_direction: true })
 }
 
-/// The line through places whose slope is the median of the slopes of pairs that are at least a third of its height
-/// apart: those of nearer ones are mostly noise.
-fn steady_line(places: &[[f64; 3]]) -> Option<StemAxis> {
+/// The line through places whose slope is the median of the slopes of pairs that are at least `apart` of its height
+/// apart.
+fn steady_line(places: &[[f64; 3]], apart: f64) -> Option<StemAxis> {
     let ends = line(places)?;
-    let least = (ends.to - ends.from) / 3.0;
+    let least = (ends.to - ends.from) * apart;
     let slope = [0, 1].map(|k| {
         let mut slopes = Vec::new();
         for (number, a) in places.iter().enumerate() {
-            let apart = places[number + 1..].iter().filter(|b| b[2] - a[2] >= least.max(f64::EPSILON));
-            slopes.extend(apart.map(|b| (b[k] - a[k]) / (b[2] - a[2])));
+            let far = places[number + 1..].iter().filter(|b| b[2] - a[2] >= least.max(f64::EPSILON));
+            slopes.extend(far.map(|b| (b[k] - a[k]) / (b[2] - a[2])));
         }
         median(&mut slopes)
     });
