@@ -60,6 +60,8 @@ const LEAST_NEIGHBOURS: usize = 2;
 const SAME_RADIUS: (f64, f64) = (0.15, 0.01);
 /// Smallest number of circles for a line through their centres.
 const LEAST_CIRCLES: usize = 4;
+/// Largest distance of their middle from the mean of the side that was seen, in metres: two thirds of a radius of 0.45 m.
+const LARGEST_SHIFT_M: f64 = 0.3;
 /// Shortest axis whose direction is given, in metres.
 const SHORTEST_M: f64 = 1.0;
 
@@ -139,8 +141,7 @@ impl Stem {
                 axis = StemAxis { from: axis.from, to: axis.to, ..through };
             }
         }
-        let centres = self.centres(&axis);
-        Some(if centres.len() < LEAST_CIRCLES { axis } else { shifted(axis, &centres) })
+        Some(shifted(axis, &self.centres(&axis)))
     }
 
     /// Mean place of the points in the cell of 0.3 m that is occupied at the most heights.
@@ -289,12 +290,19 @@ fn around([i, j]: [i64; 2]) -> [[i64; 2]; 9] {
     all
 }
 
-/// The axis, moved by the median distance of these places from it.
+/// The axis, moved by the median distance of the centres of circles from it. Few circles, or such that are far away, are
+/// of something else.
 fn shifted(axis: StemAxis, places: &[[f64; 3]]) -> StemAxis {
+    if places.len() < LEAST_CIRCLES {
+        return axis;
+    }
     let off = [0, 1].map(|k| {
         let mut all: Vec<f64> = places.iter().map(|place| place[k] - axis.at(place[2])[k]).collect();
         median(&mut all)
     });
+    if off[0].hypot(off[1]) > LARGEST_SHIFT_M {
+        return axis;
+    }
     StemAxis { foot: [axis.foot[0] + off[0], axis.foot[1] + off[1]], ..axis }
 }
 
