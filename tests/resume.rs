@@ -356,7 +356,7 @@ fn a_lost_half_written_copy_is_written_again() {
         std::fs::remove_file(&copy).expect("removed");
         std::fs::create_dir_all(&copy).expect("a folder in the way");
         refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write", "street.las"]);
-        assert!(state.join("pass-06-export/unit-000000.bin").exists(), "the unit was done");
+        assert!(state.join("pass-07-export/unit-000000.bin").exists(), "the unit was done");
         match other {
             None => std::fs::remove_file(state.join("export/00000.part")).expect("removed"),
             Some(other) => refused(
