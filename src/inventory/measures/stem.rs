@@ -44,6 +44,12 @@ const ONE_STEM: f64 = 0.25;
 const OF_POLE_M: f64 = 0.13;
 /// A layer is one of the bare pole if at least this share of the points within the reach of a slice is of it.
 const BARE_SHARE: f64 = 0.75;
+/// Points this near to the axis of a tree may be of its stem, in metres,
+const OF_STEM_M: f64 = 0.25;
+/// and are if they have this share: leaves that are spread evenly have a sixth.
+const STEM_SHARE: f64 = 0.6;
+/// Without a circle, so many layers of the bare stem must have been seen. Else the densest leaves would be the stem.
+const STEM_LAYERS: usize = 3;
 /// Smallest number of points of such a layer,
 const BARE_POINTS: usize = 3;
 /// and smallest number of layers for the direction of a pole.
@@ -121,12 +127,18 @@ impl Stem {
         Self { places, is_tree: class == TREE }
     }
 
-    /// The axis; `None` without points.
+    /// The axis; `None` without points, and of a tree of whose stem hardly anything was seen.
     pub(crate) fn axis(&self) -> Option<StemAxis> {
         let centre = self.densest_column()?;
         let mut axis = StemAxis { foot: centre, slope: [0.0; 2], from: 0.0, to: 0.0, has_direction: false };
         for cut_off in CUT_OFFS_M {
             axis = line(&self.layers(&axis, cut_off))?;
+        }
+        if self.is_tree {
+            let bare = self.bare_layers(&axis, OF_STEM_M, STEM_SHARE).len() >= STEM_LAYERS;
+            if !bare && self.centres(&axis).is_empty() {
+                return None;
+            }
         }
         if axis.to - axis.from < SHORTEST_M {
             return Some(axis.upright());
@@ -135,7 +147,7 @@ impl Stem {
             return Some(self.through_circles(axis));
         }
         for _ in 0..BARE_ROUNDS {
-            let bare = self.bare_layers(&axis);
+            let bare = self.bare_layers(&axis, OF_POLE_M, BARE_SHARE);
             let through = steady_line(&bare, BARE_APART).filter(|line| line.to - line.from >= SHORTEST_M);
             if let Some(through) = through.filter(|_| bare.len() >= BARE_LAYERS) {
                 axis = StemAxis { from: axis.from, to: axis.to, ..through };
@@ -200,8 +212,9 @@ impl Stem {
         means
     }
 
-    /// The mean place of the points of a pole in every layer with hardly anything beside it.
-    fn bare_layers(&self, axis: &StemAxis) -> Vec<[f64; 3]> {
+    /// The mean place of the points within `radius` of an axis in every layer with hardly anything beside it: at least
+    /// `share` of the points within the reach of a slice.
+    fn bare_layers(&self, axis: &StemAxis, radius: f64, share: f64) -> Vec<[f64; 3]> {
         #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
         let layer = |z: f64| (z / CELL_M).floor() as i64;
         let mut layers: BTreeMap<i64, (usize, Vec<[f64; 3]>)> = BTreeMap::new();
@@ -211,14 +224,14 @@ impl Stem {
             if away < SLICE_REACH_M {
                 let (all, near) = layers.entry(layer(place[2])).or_default();
                 *all += 1;
-                if away < OF_POLE_M {
+                if away < radius {
                     near.push(*place);
                 }
             }
         }
         let bare = layers
             .into_values()
-            .filter(|(all, near)| near.len() >= BARE_POINTS && near.len() as f64 >= BARE_SHARE * *all as f64);
+            .filter(|(all, near)| near.len() >= BARE_POINTS && near.len() as f64 >= share * *all as f64);
         let mean = |places: &[[f64; 3]], k: usize| {
             places.iter().map(|place| place[k]).sum::<f64>() / places.len() as f64
         };
