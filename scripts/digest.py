@@ -104,7 +104,8 @@ def page_digest(data):
 
 
 def folder_digests(case, folder):
-    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+    # The bytes of a GeoPackage follow from the version of SQLite as well. Its values are those of objects.csv.
+    for path in sorted(path for path in folder.iterdir() if path.is_file() and path.suffix != ".gpkg"):
         data = path.read_bytes()
         if path.name == "report.json":
             yield f"{case}/{path.name}", json_digest(data, REPORT_KEYS)

@@ -19,8 +19,8 @@ const PEAKS: MethodRun = MethodRun {
         "density-peaks-curvature.svg",
     ],
 };
-const PASSES: [&str; 9] =
-    ["survey", "scatter", "ground", "voxels", "peaks", "borders", "stitch", "relabel", "export"];
+const PASSES: [&str; 10] =
+    ["survey", "scatter", "ground", "voxels", "peaks", "borders", "stitch", "relabel", "inventory", "export"];
 
 fn order(pass: &str) -> usize {
     PASSES.iter().position(|name| *name == pass).unwrap()

@@ -139,10 +139,12 @@ fn a_drive_as_wide_as_records_allow_keeps_its_objects() {
         let out = scratch.out("out");
         let summary = drive(&files, &out, &list(0.0, &[cell])).unwrap();
         let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
+        let names: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+        let columns = ["min_x", "max_x"].map(|name| names.iter().position(|other| *other == name).unwrap());
         let ends: Vec<[f64; 2]> = table
             .lines()
             .skip(1)
-            .map(|row| [4, 7].map(|column| row.split(',').nth(column).unwrap().parse().unwrap()))
+            .map(|row| columns.map(|column| row.split(',').nth(column).unwrap().parse().unwrap()))
             .collect();
         (summary.objects, ends, Labelled::read(&files, &out))
     };

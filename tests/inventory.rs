@@ -1,11 +1,14 @@
-//! The columns of the table of objects: what README.md says of them is generated from the registry, and their names
-//! keep the rules.
+//! The columns of the table of objects: what README.md says of them is generated from the registry, their names keep the
+//! rules, and an object keeps its `uid`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 use chainage::inventory;
 
+use crate::util::drive::{drive, scratch, settings};
+use crate::util::las::{Point, Shape};
 use crate::util::shipped;
 
 /// Where the generated part of README.md begins and ends.
@@ -60,4 +63,73 @@ fn columns_are_named_once_and_by_the_rules() {
             "{name} has no such unit"
         );
     }
+}
+
+/// Ground of 0.2 m spacing from `from` to `to` metres along x, 20 m wide, and a post of points every 5 m.
+fn street(from: i64, to: i64) -> Vec<Point> {
+    let mut points = Vec::new();
+    for x in (from * 1_000..to * 1_000).step_by(200) {
+        points.extend((0..20_000).step_by(200).map(|y| Point::at([x, y, x / 50])));
+    }
+    for x in (from + 2..to).step_by(5) {
+        // Two posts across the street, of different sizes and places.
+        for (y, height) in [(4_000 + 10 * x, 3_000), (15_000 - 10 * x, 2_000 + 10 * x.rem_euclid(50))] {
+            let wide = 100 + 20 * x.rem_euclid(7);
+            for z in (400..height).step_by(100) {
+                let corner = |k: i64| [x * 1_000 + wide * (k % 3), y + wide * (k / 3), x * 20 + z];
+                points.extend((0..9).map(|k| Point::at(corner(k))));
+            }
+        }
+    }
+    points
+}
+
+/// The rows of the table of objects by `uid`. Only objects that are not cut.
+fn whole_objects(out: &Path) -> BTreeMap<String, BTreeMap<String, String>> {
+    let text = std::fs::read_to_string(out.join("objects.csv")).expect("a table");
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let rows = lines.map(|line| {
+        let row: BTreeMap<String, String> = names
+            .iter()
+            .zip(line.split(','))
+            .map(|(name, value)| ((*name).to_owned(), value.to_owned()))
+            .collect();
+        (row["uid"].clone(), row)
+    });
+    rows.filter(|(_, row)| row["cut"] == "false").collect()
+}
+
+/// A file before the others changes all ids, chainages and tiles, and no `uid`.
+#[test]
+fn an_object_keeps_its_uid_when_files_are_added_and_tiles_change() {
+    let folder = scratch();
+    let path = |name: &str| folder.path().join(name);
+    let files = [(path("a.las"), -60, 0), (path("b.las"), 0, 80), (path("c.laz"), 80, 120)];
+    for (path, from, to) in &files {
+        Shape::default().write(path, &street(*from, *to));
+    }
+    let [a, b, c] = files.map(|(path, ..)| path);
+    let run = |inputs: &[&PathBuf], name: &str, list: &[&str]| {
+        let inputs: Vec<PathBuf> = inputs.iter().copied().cloned().collect();
+        let mut list = settings(list);
+        list.push("euclidean.min_points=20".to_owned());
+        drive(&inputs, &path(name), &list).expect("a run");
+        whole_objects(&path(name))
+    };
+    let alone = run(&[&b], "alone", &["tiling.tile_length=1000"]);
+    let among = run(&[&c, &a, &b], "among", &["tiling.tile_length=7"]);
+    assert!((25..40).contains(&alone.len()), "{}", alone.len());
+    let stays =
+        ["points", "base_x", "base_y", "base_z", "height_m", "length_m", "width_m", "azimuth_deg", "area_m2"];
+    let mut moved = 0;
+    for (uid, row) in &alone {
+        let other = among.get(uid).unwrap_or_else(|| panic!("{uid} is not among {:?}", among.keys()));
+        for name in stays {
+            assert_eq!(row[name], other[name], "{name} of {uid}");
+        }
+        moved += usize::from(row["id"] != other["id"] && row["chainage_m"] != other["chainage_m"]);
+    }
+    assert_eq!(moved, alone.len(), "ids and chainages change");
+    assert!(among.len() > 2 * alone.len());
 }

@@ -28,6 +28,9 @@ mod equivalence;
 #[cfg(test)]
 mod eval;
 #[cfg(test)]
+#[cfg(feature = "gpkg")]
+mod geopackage;
+#[cfg(test)]
 mod inventory;
 mod kernels;
 #[cfg(test)]

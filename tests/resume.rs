@@ -303,7 +303,7 @@ fn damaged_unit_files_are_noticed_and_computed_again() {
             let before = events(&out).len();
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             let after = &events(&out)[before..];
-            let again: usize = ["survey", "scatter", "ground", "cluster", "stitch", "relabel"]
+            let again: usize = ["survey", "scatter", "ground", "cluster", "stitch", "relabel", "inventory"]
                 .iter()
                 .map(|pass| finished(after, pass))
                 .sum();
@@ -356,7 +356,7 @@ fn a_lost_half_written_copy_is_written_again() {
         std::fs::remove_file(&copy).expect("removed");
         std::fs::create_dir_all(&copy).expect("a folder in the way");
         refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write", "street.las"]);
-        assert!(state.join("pass-06-export/unit-000000.bin").exists(), "the unit was done");
+        assert!(state.join("pass-07-export/unit-000000.bin").exists(), "the unit was done");
         match other {
             None => std::fs::remove_file(state.join("export/00000.part")).expect("removed"),
             Some(other) => refused(

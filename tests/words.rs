@@ -134,7 +134,7 @@ fn quiet_is_silent_and_verbose_shows_settings_and_tiles() {
     assert_eq!(run("quiet", "-q"), "");
     let verbose = run("verbose", "-v");
     assert!(verbose.contains("setting euclidean.d_t = 0.4\n"), "{verbose}");
-    assert!(verbose.contains("ground: unit 1 of ") && verbose.contains("ground 2 of 6"), "{verbose}");
+    assert!(verbose.contains("ground: unit 1 of ") && verbose.contains("ground 2 of 7"), "{verbose}");
 }
 
 #[test]

@@ -70,6 +70,7 @@ fn cost(pass: &str) -> f64 {
     match pass {
         "survey" | "scatter" | "relabel" => 1.0,
         "stitch" => 0.1,
+        "inventory" => 1.5,
         "export" => 3.0,
         // Ground, and the steps of the methods.
         _ => 2.5,

@@ -37,29 +37,14 @@ impl Attribute for Class {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inventory::object::tests::{METRES, box_part, site, terrain_at};
+    use crate::inventory::object::tests::{BOX, METRES, NO_KIND, values_of};
     use crate::model::Kind;
 
     #[test]
     fn objects_without_a_probability_have_no_confidence() {
-        let terrain = terrain_at(&[]);
-        let site = site(&terrain, METRES);
-        let part = box_part();
-        let object = Object::new(1, &part, &site);
-        let mut values = Vec::new();
-        Class.finish(&object, &mut values);
-        Class.finish(&object.of_kind(Kind { class: 2, confidence: 51 }), &mut values);
-        Class.finish(&object.of_kind(Kind { class: 2, confidence: 0 }), &mut values);
-        assert_eq!(
-            values,
-            [
-                Value::Count(0),
-                Value::Missing,
-                Value::Count(2),
-                Value::Decimal(0.2),
-                Value::Count(2),
-                Value::Missing
-            ]
-        );
+        let values = |kind| values_of(&Class, &BOX, kind, &[], METRES);
+        assert_eq!(values(NO_KIND), [Value::Count(0), Value::Missing]);
+        assert_eq!(values(Kind { class: 2, confidence: 0 }), [Value::Count(2), Value::Missing]);
+        assert_eq!(values(Kind { class: 2, confidence: 51 }), [Value::Count(2), Value::Decimal(0.2)]);
     }
 }

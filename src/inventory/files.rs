@@ -29,15 +29,11 @@ impl Attribute for Files {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inventory::object::tests::{METRES, box_part, site, terrain_at};
+    use crate::inventory::object::tests::{BOX, METRES, NO_KIND, values_of};
 
     #[test]
     fn files_are_named_in_the_order_of_the_input() {
-        let terrain = terrain_at(&[]);
-        let site = site(&terrain, METRES);
-        let part = box_part();
-        let mut values = Vec::new();
-        Files.finish(&Object::new(1, &part, &site), &mut values);
+        let values = values_of(&Files, &BOX, NO_KIND, &[], METRES);
         assert_eq!(values, [Value::Texts(vec!["a.las".into(), "c.las".into()])]);
     }
 }

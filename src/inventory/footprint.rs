@@ -1,6 +1,7 @@
-//! Attribute `footprint`: the area of the convex hull in the plane, and the hull as the outline of the object.
+//! Attribute `footprint`: the area of the outline in the plane.
 
 use crate::inventory::attribute::Attribute;
+use crate::inventory::measures::Polygon;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
@@ -14,41 +15,29 @@ impl Attribute for Footprint {
             name: "area_m2",
             column_type: ColumnType::Decimal { places: 3 },
             unit: ColumnUnit::SquareMetre,
-            definition: "area of the convex hull in the plane, which is the geometry in GeoJSON",
+            definition: "area of the concave outline in the plane, which is the geometry in GeoJSON and GeoPackage: every point \
+                         is within 0.1 m of it, and gaps below 0.4 m are closed",
         }]
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        values.push(Value::Decimal(object.part.hull_area_units2() * object.site.lattice.step_m().powi(2)));
+        let area = object.outline.as_ref().map_or(0.0, Polygon::area_units2);
+        values.push(Value::Decimal(area * object.site.lattice.step_m().powi(2)));
     }
-}
-
-/// The outline of an object, the geometry of its row: vertices of its convex hull in the units of the input,
-/// counter-clockwise and not closed; one or two where it has no area.
-#[must_use]
-pub fn outline(object: &Object<'_>) -> Vec<[f64; 2]> {
-    let vertex = |place: &[i64; 2]| [0, 1].map(|axis| object.site.input_units(axis, place[axis]));
-    object.part.hull.iter().map(vertex).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inventory::object::tests::{FEET, METRES, box_part, decimals, near, site, terrain_at};
+    use crate::inventory::object::tests::{FEET, METRES, NO_KIND, as_decimals, near, values_of};
 
     #[test]
     fn areas_are_square_metres_whatever_the_units_of_the_input() {
+        // 2 m by 1 m, a point in the middle of every cell of 0.1 m. Half a cell is cut off at each corner.
+        let points: Vec<[i64; 3]> = (0..200).map(|k| [50 + k % 20 * 100, 50 + k / 20 * 100, 0]).collect();
         for units_m in [METRES, FEET] {
-            assert!(near(&decimals(&Footprint, &[], units_m), &[3.048 * 6.096]));
+            let values = values_of(&Footprint, &points, NO_KIND, &[], units_m);
+            assert!(near(&as_decimals(&values), &[2.0 - 4.0 * 0.05 * 0.05 / 2.0]), "{values:?}");
         }
-    }
-
-    #[test]
-    fn outlines_are_in_the_units_of_the_input() {
-        let terrain = terrain_at(&[]);
-        let part = box_part();
-        let found = outline(&Object::new(1, &part, &site(&terrain, FEET)));
-        let expected = [[0.0, 0.0], [10.0, 0.0], [10.0, 20.0], [0.0, 20.0]];
-        assert!(near(&found.concat().into_iter().map(Some).collect::<Vec<_>>(), &expected.concat()));
     }
 }

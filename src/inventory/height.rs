@@ -12,10 +12,10 @@ impl Attribute for Height {
     fn columns(&self) -> &'static [Column] {
         &[
             Column {
-                name: "height_above_ground_m",
+                name: "height_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "height of the highest point above `ground_z`; empty where that is",
+                definition: "height of the highest point above the ground at the base; empty where no ground is within 10 m of it",
             },
             Column {
                 name: "base_above_ground_m",
@@ -27,7 +27,8 @@ impl Attribute for Height {
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        values.push(object.above_ground_m(object.part.hi[2]).into());
+        let highest_m = object.site.lattice.metres(object.part.hi[2]);
+        values.push(object.foot.ground_m.map(|ground_m| highest_m - ground_m).into());
         values.push(object.above_ground_m(object.part.lo[2]).into());
     }
 }

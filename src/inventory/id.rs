@@ -26,15 +26,10 @@ impl Attribute for Id {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inventory::object::tests::{METRES, box_part, site, terrain_at};
+    use crate::inventory::object::tests::{BOX, METRES, NO_KIND, values_of};
 
     #[test]
     fn the_id_is_the_one_given() {
-        let terrain = terrain_at(&[]);
-        let site = site(&terrain, METRES);
-        let part = box_part();
-        let mut values = Vec::new();
-        Id.finish(&Object::new(7, &part, &site), &mut values);
-        assert_eq!(values, [Value::Count(7)]);
+        assert_eq!(values_of(&Id, &BOX, NO_KIND, &[], METRES), [Value::Count(7)]);
     }
 }

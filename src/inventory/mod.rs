@@ -4,38 +4,62 @@
 //! the axis and the frame of the input; no files, no paths, no threads, no clock. Every format of the table writes
 //! every column. The table of columns in README.md is generated from the registry.
 
+mod among;
 mod attribute;
+mod base;
 mod centroid;
 mod class;
+mod clearance;
+mod crown_size;
+mod cut;
 mod extent;
 mod files;
 mod footprint;
 mod ground_height;
 mod height;
 mod id;
+mod inclination;
+mod measures;
 mod object;
 mod points;
+mod size;
 mod station;
+mod stem_diameter;
+mod surface;
 mod terrain;
+mod touches;
+mod touching;
+mod uid;
 
 use crate::model::{Column, Value};
 
+pub use among::{Among, Place};
 pub use attribute::Attribute;
-pub use footprint::outline;
+pub use measures::{Measures, around_cells};
 pub use object::{Object, Site, Station};
 pub use terrain::{Terrain, TerrainSums};
+pub use touching::{reach as touching_reach, touching};
 
 /// Every attribute, in the order of its columns.
 pub static REGISTRY: &[&dyn Attribute] = &[
     &id::Id,
+    &uid::Uid,
     &class::Class,
     &points::Points,
+    &base::Base,
+    &station::StationOnAxis,
+    &height::Height,
+    &size::Size,
+    &footprint::Footprint,
+    &crown_size::CrownSize,
+    &stem_diameter::StemDiameter,
+    &inclination::Inclination,
+    &clearance::Clearance,
+    &touches::Touches,
+    &cut::Cut,
     &extent::Extent,
     &centroid::Centroid,
     &ground_height::GroundHeight,
-    &height::Height,
-    &footprint::Footprint,
-    &station::StationOnAxis,
     &files::Files,
 ];
 
@@ -43,14 +67,14 @@ pub static REGISTRY: &[&dyn Attribute] = &[
 ///
 /// ```
 /// let names: Vec<&str> = chainage::inventory::columns().iter().map(|column| column.name).collect();
-/// assert_eq!(names[..2], ["id", "class"]);
+/// assert_eq!(names[..3], ["id", "uid", "class"]);
 /// ```
 #[must_use]
 pub fn columns() -> Vec<Column> {
     REGISTRY.iter().flat_map(|attribute| attribute.columns()).copied().collect()
 }
 
-/// The values of an object, one per column of [`columns`].
+/// The values of an object, one per column of [`columns`], as far as they do not depend on other objects.
 #[must_use]
 pub fn values<'a>(object: &Object<'a>) -> Vec<Value<'a>> {
     let mut values = Vec::with_capacity(REGISTRY.iter().map(|attribute| attribute.columns().len()).sum());
@@ -60,28 +84,61 @@ pub fn values<'a>(object: &Object<'a>) -> Vec<Value<'a>> {
     values
 }
 
+/// Completes the values of object `id` with what is known of the other objects.
+pub fn complete(id: u32, among: &Among, values: &mut [Value<'_>]) {
+    let mut rest = values;
+    for attribute in REGISTRY {
+        let (own, others) = rest.split_at_mut(attribute.columns().len().min(rest.len()));
+        attribute.complete(id, among, own);
+        rest = others;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inventory::object::tests::{FEET, box_part, site, terrain_at};
-    use crate::model::ObjectPart;
+    use crate::inventory::object::tests::{BOX, FEET, NO_KIND, site, summaries, terrain_at};
+    use crate::model::Kind;
 
     #[test]
     fn every_attribute_gives_a_value_of_its_type_per_column() {
         let terrain = terrain_at(&[]);
         let site = site(&terrain, FEET);
-        for part in [box_part(), ObjectPart::empty()] {
-            let object = Object::new(1, &part, &site);
-            for attribute in REGISTRY {
-                let mut values = Vec::new();
-                attribute.finish(&object, &mut values);
-                let columns = attribute.columns();
-                assert_eq!(values.len(), columns.len(), "{attribute:?}");
-                for (column, value) in columns.iter().zip(&values) {
-                    assert!(column.holds(value), "{}: {value:?}", column.name);
+        for class in 0..10 {
+            for points in [&BOX[..], &BOX[..1]] {
+                let kind = Kind { class, ..NO_KIND };
+                let (part, measures) = summaries(points, kind);
+                let object = Object::new(1, &part, &measures, kind, &site);
+                for attribute in REGISTRY {
+                    let mut values = Vec::new();
+                    attribute.finish(&object, &mut values);
+                    let columns = attribute.columns();
+                    assert_eq!(values.len(), columns.len(), "{attribute:?}");
+                    for (column, value) in columns.iter().zip(&values) {
+                        assert!(column.holds(value), "{}: {value:?}", column.name);
+                    }
                 }
+                assert_eq!(values(&object).len(), columns().len());
             }
-            assert_eq!(values(&object).len(), columns().len());
         }
+    }
+
+    #[test]
+    fn completed_values_are_those_of_their_attribute() {
+        let terrain = terrain_at(&[]);
+        let site = site(&terrain, FEET);
+        let (part, measures) = summaries(&BOX, NO_KIND);
+        let object = Object::new(1, &part, &measures, NO_KIND, &site);
+        let place = Place::of(&object);
+        let mut found = values(&object);
+        complete(1, &Among::new(&[place, place], [(1, 2)]), &mut found);
+        let before = values(&object);
+        let changed: Vec<&str> = columns()
+            .iter()
+            .zip(found.iter().zip(&before))
+            .filter(|(_, (a, b))| a != b)
+            .map(|(column, _)| column.name)
+            .collect();
+        assert_eq!(changed, ["touches"], "the first in a place keeps its name");
     }
 }

@@ -1,5 +1,6 @@
 //! What attributes see: one whole object, and what all objects of a drive share.
 
+use crate::inventory::measures::{Foot, Frames, Measures, Polygon, outline};
 use crate::inventory::terrain::Terrain;
 use crate::model::{Kind, Lattice, ObjectPart};
 
@@ -23,7 +24,9 @@ pub struct Site<'a> {
     pub terrain: &'a Terrain,
     /// Finds where a place, in metres, is along the axis. A function, so that attributes do not depend on how the
     /// axis is found.
-    pub locate: &'a dyn Fn([f64; 2]) -> Station,
+    pub locate: &'a (dyn Fn([f64; 2]) -> Station + Sync),
+    /// Whether a place, in lattice units, is at the end of the data.
+    pub at_end: &'a (dyn Fn([i64; 2]) -> bool + Sync),
     /// Names of the input files, in their order.
     pub file_names: &'a [&'a str],
 }
@@ -50,8 +53,8 @@ impl Site<'_> {
     }
 }
 
-/// A whole object: its number, the summary of its points, and values that several attributes derive from it.
-#[derive(Debug, Clone, Copy)]
+/// A whole object: its number, the summaries of its points, and values that several attributes derive from them.
+#[derive(Debug)]
 pub struct Object<'a> {
     /// Object id, from 1.
     pub id: u32,
@@ -65,29 +68,57 @@ pub struct Object<'a> {
     pub centre: [i64; 3],
     /// Height of the ground in metres in the cell nearest to its centre, if one is known nearby.
     pub ground_m: Option<f64>,
+    /// Sketches of its points.
+    pub(super) measures: &'a Measures,
+    /// The frames of the sketches.
+    pub(super) frames: Frames,
+    /// Where it stands.
+    pub(super) foot: Foot,
+    /// Its outline; `None` without points.
+    pub(super) outline: Option<Polygon>,
 }
 
 impl<'a> Object<'a> {
-    /// The object `id` with its points.
+    /// The object `id` of a class, with the summaries of all its points.
     #[must_use]
-    pub fn new(id: u32, part: &'a ObjectPart, site: &'a Site<'a>) -> Self {
+    pub fn new(
+        id: u32,
+        part: &'a ObjectPart,
+        measures: &'a Measures,
+        kind: Kind,
+        site: &'a Site<'a>,
+    ) -> Self {
         // Sums are exact integers.
         #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
         let centre = part.sum.map(|sum| (sum / i128::from(part.points.max(1))) as i64);
         let ground_m = site.terrain.height_m([centre[0], centre[1]]);
-        Self { id, part, kind: Kind::default(), site, centre, ground_m }
+        let frames = Frames::new(part, kind, site.lattice);
+        let foot = Foot::new(part, kind, measures, &frames, site.terrain, site.lattice);
+        let outline = outline(&measures.plan, &frames.plan, site.lattice, |_| true);
+        Self { id, part, kind, site, centre, ground_m, measures, frames, foot, outline }
     }
 
-    /// The same object with a class and its confidence.
-    #[must_use]
-    pub fn of_kind(self, kind: Kind) -> Self {
-        Self { kind, ..self }
-    }
-
-    /// Height of a lattice z above the ground in metres.
+    /// Height of a lattice z above the ground below its centre, in metres.
     #[must_use]
     pub fn above_ground_m(&self, z: i64) -> Option<f64> {
         self.ground_m.map(|ground_m| self.site.lattice.metres(z) - ground_m)
+    }
+
+    /// Where it stands, in the units of the input. Its z is that of the ground, or that of its lowest point where no
+    /// ground is known within 10 m.
+    #[must_use]
+    pub fn base(&self) -> [f64; 3] {
+        let [x, y] = self.foot.place;
+        let z = self.foot.ground_m.unwrap_or_else(|| self.site.lattice.metres(self.part.lo[2]));
+        let metres = [x, y, z];
+        [0, 1, 2].map(|axis| metres[axis] / self.site.units_m[axis])
+    }
+
+    /// The vertices of its outline in the units of the input, counter-clockwise and not closed.
+    #[must_use]
+    pub fn ring(&self) -> Vec<[f64; 2]> {
+        let vertices = self.outline.iter().flat_map(|outline| &outline.vertices);
+        vertices.map(|place| [0, 1].map(|axis| self.site.input_units(axis, place[axis]))).collect()
     }
 }
 
@@ -96,24 +127,27 @@ pub(crate) mod tests {
     use super::*;
     use crate::inventory::attribute::Attribute;
     use crate::inventory::terrain::TerrainSums;
-    use crate::model::{FileId, PointId, Value};
+    use crate::model::{FileId, TileCloud, Value};
     use crate::spatial::{Cell, CellGrid};
 
     pub(crate) const METRES: [f64; 3] = [1.0; 3];
     /// International feet.
     pub(crate) const FEET: [f64; 3] = [0.304_8; 3];
+    /// A class that has attributes of its own.
+    pub(crate) const NO_KIND: Kind = Kind { class: 0, confidence: 0 };
 
-    /// A box of 3.048 m by 6.096 m from (0, 0), 1 m to 4.048 m high, of which four points are known.
-    pub(crate) fn box_part() -> ObjectPart {
-        ObjectPart {
-            points: 4,
-            first_id: PointId::new(9),
-            lo: [0, 0, 1_000],
-            hi: [3_048, 6_096, 4_048],
-            sum: [2 * 3_048, 2 * 6_096, 2 * 5_048],
-            hull: vec![[0, 0], [3_048, 0], [3_048, 6_096], [0, 6_096]],
-            files: vec![FileId::new(0), FileId::new(2)],
-        }
+    /// Four corners of a box of 3.048 m by 6.096 m from (0, 0), 1 m to 4.048 m high.
+    pub(crate) const BOX: [[i64; 3]; 4] =
+        [[0, 0, 1_000], [3_048, 0, 4_048], [3_048, 6_096, 1_000], [0, 6_096, 4_048]];
+
+    /// The summaries of points of an object.
+    pub(crate) fn summaries(points: &[[i64; 3]], kind: Kind) -> (ObjectPart, Measures) {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let labels = vec![1; points.len()];
+        let file = |id: crate::model::PointId| FileId::new(if id.number() < 2 { 0 } else { 2 });
+        let part = ObjectPart::collect(&cloud, &labels, 1, |_| true, file).remove(0);
+        let measures = Measures::collect(&cloud, &labels, |_| true, |_| Some((&part, kind))).remove(0).1;
+        (part, measures)
     }
 
     /// Ground at the given heights, in lattice units, in cells of 1 m.
@@ -125,34 +159,51 @@ pub(crate) mod tests {
         sums.into_terrain()
     }
 
-    /// Three files, and an axis to the east along y = 5 m.
+    /// Three files, an axis to the east along y = 5 m, and data that ends at x = 0.
     pub(crate) fn site(terrain: &Terrain, units_m: [f64; 3]) -> Site<'_> {
         Site {
             lattice: Lattice::MILLIMETRE,
             units_m,
             terrain,
             locate: &|place| Station { chainage_m: place[0], offset_m: place[1] - 5.0 },
+            at_end: &|place| place[0] == 0,
             file_names: &["a.las", "b.las", "c.las"],
         }
     }
 
-    /// The decimals that an attribute gives for [`box_part`]; `None` for a missing value.
-    pub(crate) fn decimals(
+    /// What an attribute gives for these points.
+    pub(crate) fn values_of(
         attribute: &dyn Attribute,
+        points: &[[i64; 3]],
+        kind: Kind,
         ground: &[(Cell, i64)],
         units_m: [f64; 3],
-    ) -> Vec<Option<f64>> {
+    ) -> Vec<Value<'static>> {
         let terrain = terrain_at(ground);
         let site = site(&terrain, units_m);
-        let part = box_part();
+        let (part, measures) = summaries(points, kind);
         let mut values = Vec::new();
-        attribute.finish(&Object::new(7, &part, &site), &mut values);
+        attribute.finish(&Object::new(7, &part, &measures, kind, &site), &mut values);
+        crate::codec::decode(&crate::codec::encode(&values).unwrap()).unwrap()
+    }
+
+    /// The decimals among values; `None` for a missing value.
+    pub(crate) fn as_decimals(values: &[Value<'_>]) -> Vec<Option<f64>> {
         let decimal = |value: &Value<'_>| match value {
             Value::Decimal(value) => Some(*value),
             Value::Missing => None,
             other => panic!("{other:?} is not a decimal"),
         };
         values.iter().map(decimal).collect()
+    }
+
+    /// The decimals that an attribute gives for [`BOX`] without a class; `None` for a missing value.
+    pub(crate) fn decimals(
+        attribute: &dyn Attribute,
+        ground: &[(Cell, i64)],
+        units_m: [f64; 3],
+    ) -> Vec<Option<f64>> {
+        as_decimals(&values_of(attribute, &BOX, NO_KIND, ground, units_m))
     }
 
     /// Whether numbers agree to a millionth.
@@ -165,11 +216,28 @@ pub(crate) mod tests {
     fn the_ground_of_an_object_is_that_below_its_centre() {
         let terrain = terrain_at(&[([1, 3], 250), ([0, 0], 900)]);
         let site = site(&terrain, METRES);
-        let part = box_part();
-        let object = Object::new(7, &part, &site);
+        let (part, measures) = summaries(&BOX, NO_KIND);
+        let object = Object::new(7, &part, &measures, NO_KIND, &site);
         assert_eq!(object.centre, [1_524, 3_048, 2_524]);
         assert_eq!((object.ground_m, object.above_ground_m(1_000)), (Some(0.25), Some(0.75)));
         let nothing = ObjectPart::empty();
-        assert_eq!(Object::new(1, &nothing, &site).centre, [0; 3], "no points, and no division by zero");
+        let none = Measures::empty(&Frames::new(&nothing, NO_KIND, Lattice::MILLIMETRE));
+        let object = Object::new(1, &nothing, &none, NO_KIND, &site);
+        assert_eq!(object.centre, [0; 3], "no points, and no division by zero");
+        assert!(object.ring().is_empty());
+    }
+
+    #[test]
+    fn outlines_are_in_the_units_of_the_input() {
+        let terrain = terrain_at(&[]);
+        let (part, measures) = summaries(&BOX, NO_KIND);
+        let rings = [METRES, FEET].map(|units_m| {
+            let site = site(&terrain, units_m);
+            Object::new(1, &part, &measures, NO_KIND, &site).ring()
+        });
+        assert!(rings[0].len() > 3 && rings[0].len() == rings[1].len());
+        for (metres, feet) in rings[0].concat().iter().zip(rings[1].concat()) {
+            assert!((metres - feet * 0.304_8).abs() < 1e-9);
+        }
     }
 }

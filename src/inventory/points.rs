@@ -26,16 +26,11 @@ impl Attribute for Points {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inventory::object::tests::{METRES, box_part, site, terrain_at};
+    use crate::inventory::object::tests::{BOX, METRES, NO_KIND, values_of};
 
     #[test]
     fn points_are_those_of_all_parts() {
-        let terrain = terrain_at(&[]);
-        let site = site(&terrain, METRES);
-        let mut part = box_part();
-        part.merge(&box_part());
-        let mut values = Vec::new();
-        Points.finish(&Object::new(1, &part, &site), &mut values);
-        assert_eq!(values, [Value::Count(8)]);
+        let twice = [BOX, BOX].concat();
+        assert_eq!(values_of(&Points, &twice, NO_KIND, &[], METRES), [Value::Count(8)]);
     }
 }

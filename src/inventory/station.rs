@@ -1,4 +1,4 @@
-//! Attribute `station`: where the centroid of the object is along the axis of the drive.
+//! Attribute `station`: where the base of the object is along the axis of the drive.
 
 use crate::inventory::attribute::Attribute;
 use crate::inventory::object::{Object, Station};
@@ -15,20 +15,19 @@ impl Attribute for StationOnAxis {
                 name: "chainage_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "distance of the centroid along the axis of the drive",
+                definition: "distance of the base along the axis of the drive",
             },
             Column {
                 name: "offset_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "distance of the centroid from the axis, positive to its left",
+                definition: "distance of the base from the axis, positive to its left",
             },
         ]
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        let place = [object.centre[0], object.centre[1]].map(|value| object.site.lattice.metres(value));
-        let Station { chainage_m, offset_m } = (object.site.locate)(place);
+        let Station { chainage_m, offset_m } = (object.site.locate)(object.foot.place);
         values.extend([chainage_m, offset_m].map(Value::Decimal));
     }
 }
@@ -39,9 +38,10 @@ mod tests {
     use crate::inventory::object::tests::{FEET, METRES, decimals, near};
 
     #[test]
-    fn the_axis_is_asked_for_the_centroid_in_metres() {
+    fn the_axis_is_asked_for_the_base_in_metres() {
+        // The middle of the cells of the two low corners, (0, 0) and (3.048, 6.096).
         for units_m in [METRES, FEET] {
-            assert!(near(&decimals(&StationOnAxis, &[], units_m), &[1.524, -1.952]));
+            assert!(near(&decimals(&StationOnAxis, &[], units_m), &[1.55, -1.95]));
         }
     }
 }

@@ -1,10 +1,15 @@
-//! Height of the ground by cell of the raster, for heights of objects above ground.
+//! Height of the ground by cell of the raster, and between cells, for heights of objects above ground.
 
+use crate::inventory::surface::{Near, height_amid};
 use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
 /// Search radius for ground around the centre of an object, in metres (methods, section 5.1 has the same distance).
 const SEARCH_M: f64 = 10.0;
+
+/// Cells whose middle is within this distance of a place decide on the slope of the ground there, in metres (chosen: more
+/// of them are ground than were taken for ground by mistake, below a tree or a car).
+const SLOPE_M: f64 = 4.0;
 
 /// Mean height of the ground points of every cell that has any.
 #[derive(Debug)]
@@ -70,7 +75,58 @@ impl Terrain {
                 }
             }
         }
-        nearest.map(|(_, height)| self.lattice.metres(self.lowest + i64::from(height) - 1))
+        nearest.map(|(_, height)| self.metres(height))
+    }
+
+    /// Height in metres of a stored height.
+    fn metres(&self, height: u32) -> f64 {
+        self.lattice.metres(self.lowest + i64::from(height) - 1)
+    }
+
+    /// The cell of a place in lattice units.
+    pub(super) fn cell(&self, place: [i64; 2]) -> [i64; 2] {
+        place.map(|value| self.grid.index(value))
+    }
+
+    /// [`Self::height_m`] of the middle of the cell of a place: the same for all places of the cell.
+    pub(super) fn height_of_cell_m(&self, place: [i64; 2]) -> Option<f64> {
+        self.height_m(self.middle(place))
+    }
+
+    /// The middle of the cell of a place, in lattice units.
+    pub(super) fn middle(&self, place: [i64; 2]) -> [i64; 2] {
+        let edge = self.grid.edge();
+        self.cell(place).map(|index| index * edge + edge / 2)
+    }
+
+    /// Diagonal of a cell in metres.
+    pub(super) fn diagonal_m(&self) -> f64 {
+        self.lattice.metres(self.grid.edge()) * std::f64::consts::SQRT_2
+    }
+
+    /// Height of the ground in metres at a place in metres: that of a plane through the cells within 4 m, in which nearer
+    /// cells have more weight and those that are not ground have none. Where there are too few cells for a slope, that of
+    /// the nearest cell ([`Self::height_m`]). `None` where no cell is within 10 m.
+    #[must_use]
+    pub fn surface_m(&self, place: [f64; 2]) -> Option<f64> {
+        let units = place.map(|value| self.lattice.units(value));
+        let nearest = self.height_m(units)?;
+        let edge_m = self.lattice.metres(self.grid.edge());
+        let reach = self.lattice.units(SLOPE_M);
+        let rows = |k: usize| self.grid.index(units[k] - reach)..=self.grid.index(units[k] + reach);
+        let mut heights = self.heights.cursor();
+        let mut cells = Vec::new();
+        for i in rows(0) {
+            for j in rows(1) {
+                let (Ok(column), Ok(row)) = (i32::try_from(i), i32::try_from(j)) else { continue };
+                let height = heights.get([column, row]);
+                let away = [(i, 0), (j, 1)].map(|(index, k)| (index as f64 + 0.5) * edge_m - place[k]);
+                if height > 0 && away[0].hypot(away[1]) <= SLOPE_M {
+                    cells.push(Near { away, height: self.metres(height) });
+                }
+            }
+        }
+        Some(height_amid(&cells, nearest))
     }
 }
 
@@ -97,5 +153,29 @@ mod tests {
         ] {
             assert_eq!(terrain.height_m(place), expected, "{place:?}");
         }
+    }
+
+    #[test]
+    fn between_cells_the_ground_is_a_plane() {
+        // A slope of 0.2 m per metre to the east and -0.1 m per metre to the north, in cells of 1 m.
+        let mut sums = TerrainSums::new(CellGrid::new(1_000), Lattice::MILLIMETRE, -10_000);
+        for k in 0..400 {
+            let (i, j) = (k / 20, k % 20);
+            sums.add([i, j], 1, 200 * i64::from(i) - 100 * i64::from(j) + 50);
+        }
+        let terrain = sums.into_terrain();
+        // The mean of a cell is the height of its middle: 0.05 m at (0.5, 0.5).
+        for place in [[5.0, 5.0], [5.5, 5.5], [10.13, 7.77], [0.1, 0.2], [19.9, 19.9], [20.5, 10.0]] {
+            let expected = 0.2 * (place[0] - 0.5) - 0.1 * (place[1] - 0.5) + 0.05;
+            let found = terrain.surface_m(place).unwrap();
+            assert!((found - expected).abs() < 1e-3, "{place:?}: {found}, expected {expected}");
+        }
+        assert_eq!(terrain.surface_m([40.0, 10.0]), None);
+        // A single cell, and a row of cells, have no slope across.
+        let mut row = TerrainSums::new(CellGrid::new(1_000), Lattice::MILLIMETRE, 0);
+        (0..9).for_each(|i| row.add([i, 0], 1, 300));
+        row.add([20, 0], 1, 700);
+        let row = row.into_terrain();
+        assert_eq!((row.surface_m([4.4, 0.5]), row.surface_m([20.9, 0.1])), (Some(0.3), Some(0.7)));
     }
 }

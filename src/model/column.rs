@@ -3,6 +3,8 @@
 
 use std::borrow::Cow;
 
+use serde::{Deserialize, Serialize};
+
 /// One column: name, type, unit, and its definition in one line.
 ///
 /// ```
@@ -39,6 +41,8 @@ impl Column {
             Value::Decimal(_) => matches!(self.column_type, ColumnType::Decimal { .. }),
             Value::Text(_) => self.column_type == ColumnType::Text,
             Value::Texts(_) => self.column_type == ColumnType::Texts,
+            Value::Counts(_) => self.column_type == ColumnType::Counts,
+            Value::Flag(_) => self.column_type == ColumnType::Flag,
         }
     }
 }
@@ -57,6 +61,10 @@ pub enum ColumnType {
     Text,
     /// Lists of texts.
     Texts,
+    /// Lists of whole numbers from 0.
+    Counts,
+    /// True or false.
+    Flag,
 }
 
 impl ColumnType {
@@ -68,6 +76,8 @@ impl ColumnType {
             Self::Decimal { .. } => "number",
             Self::Text => "text",
             Self::Texts => "list of texts",
+            Self::Counts => "list of whole numbers",
+            Self::Flag => "true or false",
         }
     }
 }
@@ -83,6 +93,8 @@ pub enum ColumnUnit {
     Metre,
     /// Square metres.
     SquareMetre,
+    /// Degrees.
+    Degree,
 }
 
 impl ColumnUnit {
@@ -94,6 +106,7 @@ impl ColumnUnit {
             Self::Input => "input",
             Self::Metre => "m",
             Self::SquareMetre => "m²",
+            Self::Degree => "degrees",
         }
     }
 
@@ -104,12 +117,13 @@ impl ColumnUnit {
             Self::None | Self::Input => "",
             Self::Metre => "_m",
             Self::SquareMetre => "_m2",
+            Self::Degree => "_deg",
         }
     }
 }
 
 /// One value of a row.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Value<'a> {
     /// Not known for this object.
     Missing,
@@ -121,6 +135,10 @@ pub enum Value<'a> {
     Text(Cow<'a, str>),
     /// A list of texts.
     Texts(Vec<Cow<'a, str>>),
+    /// A list of whole numbers.
+    Counts(Vec<u64>),
+    /// True or false.
+    Flag(bool),
 }
 
 impl From<Option<f64>> for Value<'_> {

@@ -12,7 +12,7 @@ fn turn(a: [i64; 2], b: [i64; 2], c: [i64; 2]) -> i128 {
 /// The convex hull of `points`: counter-clockwise from the smallest (x, y), not closed, no three vertices on
 /// a line. It has one or two vertices when the points are in one place or on one line. Sorts `points`.
 /// Andrew's monotone chain (1979).
-pub(super) fn convex_hull(points: &mut Vec<[i64; 2]>) -> Vec<[i64; 2]> {
+pub(crate) fn convex_hull(points: &mut Vec<[i64; 2]>) -> Vec<[i64; 2]> {
     points.sort_unstable();
     points.dedup();
     if points.len() < 3 {

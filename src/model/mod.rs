@@ -38,6 +38,7 @@ pub use error::AlgorithmError;
 pub use field::{Field, FieldSums};
 pub use field_space::{FieldAxis, FieldSpace};
 pub use frame::{AxisTransform, Lattice, LatticeTransform};
+pub(crate) use hull::convex_hull;
 pub(crate) use ids::in_u32;
 pub use ids::{FileId, PointId, TileId};
 pub use kind::Kind;

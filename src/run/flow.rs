@@ -18,6 +18,7 @@ use crate::run::open::Opened;
 use crate::run::passes::export::{self, Copies, ExportPass};
 use crate::run::passes::fields::{self, FieldsPass};
 use crate::run::passes::ground::{self, GroundPass};
+use crate::run::passes::inventory;
 use crate::run::passes::relabel::{self, PointColumns, RelabelPass};
 use crate::run::passes::scatter::{self, ScatterPass};
 use crate::run::passes::stitch::{self, StitchPass};
@@ -91,6 +92,7 @@ pub(crate) struct List {
     steps: Vec<Outline>,
     stitch: Outline,
     relabel: Outline,
+    inventory: Outline,
     export: Outline,
 }
 
@@ -104,7 +106,8 @@ impl List {
         let steps = method::outlines(&ground, config, method);
         let stitch = stitch::outline(&steps, config, method);
         let relabel = relabel::outline(&stitch);
-        let export = export::outline(&relabel, surveyed, config);
+        let inventory = inventory::outline(&relabel, surveyed);
+        let export = export::outline(&relabel, &inventory, config);
         let fields = method.fields();
         Self {
             scatter: scatters.then(|| scatter::outline(surveyed, plan)),
@@ -113,6 +116,7 @@ impl List {
             steps,
             stitch,
             relabel,
+            inventory,
             export,
         }
     }
@@ -126,7 +130,8 @@ impl List {
         all.push((&self.ground, tiles));
         all.extend(self.fields.iter().map(|outline| (outline, runs)));
         all.extend(self.steps.iter().map(|outline| (outline, tiles)));
-        all.extend([(&self.stitch, Some(1)), (&self.relabel, runs), (&self.export, None)]);
+        all.extend([(&self.stitch, Some(1)), (&self.relabel, runs), (&self.inventory, tiles)]);
+        all.push((&self.export, None));
         all.into_iter().map(|(outline, units)| (outline.clone(), units)).collect()
     }
 }
@@ -239,6 +244,9 @@ pub(crate) fn to_files<D: Driver>(
         if !driver.computes() {
             return Ok(None);
         }
+        let outline = list.inventory.clone();
+        let rows = inventory::complete(driver, progress, &objects, &columns, &terrain, outline)?;
+        let Some(rows) = rows else { return Ok(None) };
         let limit = names::page_limit_bytes(open.config);
         let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
         let pass = ExportPass::of(
@@ -251,8 +259,15 @@ pub(crate) fn to_files<D: Driver>(
             list.export.clone(),
         );
         let Some(exported) = driver.complete(&pass)? else { return Ok(None) };
-        let table =
-            tables::write_tables(run_dir, &open.drive, &planned.surveyed, &objects, &terrain, open.config)?;
+        let table = tables::write_tables(
+            run_dir,
+            &open.drive,
+            &planned.surveyed,
+            &planned.plan,
+            &objects,
+            &rows,
+            open.config,
+        )?;
         let page = table.map(|table| PageContent { table, points: exported.points });
         tables::write_charts(run_dir, &objects.charts)?;
         figures.extend(objects.figures);

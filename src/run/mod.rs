@@ -1,5 +1,5 @@
 //! Runs a drive. This module joins all modules above: `open -> catalog -> survey -> plan -> passes over tiles
-//! -> stitch -> relabel -> export`. The state is on disk after every unit. Read `flow.rs` first.
+//! -> stitch -> relabel -> inventory -> export`. The state is on disk after every unit. Read `flow.rs` first.
 //!
 //! ```
 //! use chainage::config::Config;

@@ -33,6 +33,7 @@ mod sink;
 mod street;
 mod things;
 mod tree;
+mod truth;
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::truth::Truth;
+
 /// Properties of an object besides its points.
 #[derive(Debug)]
 pub(super) struct Object {
@@ -13,4 +15,6 @@ pub(super) struct Object {
     pub(super) base: DVec3,
     pub(super) height: f64,
     pub(super) s: f64,
+    /// What an inventory should find.
+    pub(super) truth: Truth,
 }

@@ -139,6 +139,7 @@ mod tests {
 
     use super::super::random::sequence;
     use super::super::shape::Shape;
+    use super::super::truth::Truth;
     use super::*;
 
     #[test]
@@ -148,7 +149,15 @@ mod tests {
         // Twice as high, turned by 90 degrees, 10 m east and 5 m north of the window's origin.
         let turn = Mat3A::from_rotation_z(std::f32::consts::FRAC_PI_2)
             * Mat3A::from_diagonal(Vec3::new(1.0, 1.0, 2.0));
-        let object = Object { id: 7, class: 4, kind: "box", base: DVec3::ZERO, height: 2.0, s: 0.0 };
+        let object = Object {
+            id: 7,
+            class: 4,
+            kind: "box",
+            base: DVec3::ZERO,
+            height: 2.0,
+            s: 0.0,
+            truth: Truth::default(),
+        };
         let at = DVec3::new(110.0, 5.0, 0.0);
         let placed = Placed { model, at, turn, owner: Owner::Object(Arc::new(object)) };
         let window = Window::new(DVec3::X * 100.0, 0.0, vec![&placed]);
@@ -174,8 +183,15 @@ mod tests {
         let mut within = |half: f32| Vec3::from_array([0; 3].map(|_| random.random_range(-half..=half)));
         let leaf = |centre: Vec3| Shape::Disc(centre, centre.normalize(), 0.3).of("leaf");
         let model = Arc::new(Model::new((0..200).map(|_| leaf(within(2.0))).collect()));
-        let object =
-            Arc::new(Object { id: 7, class: 2, kind: "tree", base: DVec3::ZERO, height: 2.0, s: 0.0 });
+        let object = Arc::new(Object {
+            id: 7,
+            class: 2,
+            kind: "tree",
+            base: DVec3::ZERO,
+            height: 2.0,
+            s: 0.0,
+            truth: Truth::default(),
+        });
         let place = |_| {
             let turn = Mat3A::from_rotation_z(within(3.0).x) * Mat3A::from_diagonal(within(0.3) + Vec3::ONE);
             let owner = Owner::Object(Arc::clone(&object));

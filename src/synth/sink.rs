@@ -74,7 +74,7 @@ impl<'a> Sink<'a> {
             reference: table(
                 "reference.csv",
                 "instance,class,class_name,kind,base_x,base_y,base_z,xmin,ymin,zmin,xmax,ymax,zmax,n_points,height,\
-                 model_height,base_inside",
+                 model_height,base_inside,crown_diameter,dbh,inclination,inclination_azimuth",
             )?,
             trajectory: table("trajectory.csv", "gps_time,x,y,z,roll,pitch,heading")?,
             seen: BTreeMap::new(),
@@ -144,7 +144,7 @@ impl<'a> Sink<'a> {
     /// Writes the row of an object.
     fn object(&mut self, tally: &Tally) -> io::Result<()> {
         let &Tally { object: Some(ref object), points, low, high } = tally else { return Ok(()) };
-        let Object { id, class, kind, base, height, s } = **object;
+        let Object { id, class, kind, base, height, s, truth } = **object;
         let name = CLASSES[usize::from(class)];
         let [x, y, z] = (base + WORLD).to_array();
         let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
@@ -152,11 +152,16 @@ impl<'a> Sink<'a> {
         let tall = z1 - z0;
         let driven = LEAD..LEAD + self.summary.length_m;
         let inside = u8::from(driven.contains(&s));
+        // What an object does not have is empty.
+        let field = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.3}"));
+        let crown = field(truth.crown_diameter);
+        let dbh = field(truth.dbh);
+        let [lean, azimuth] = [0, 1].map(|k| field(truth.inclination.map(|both| both[k])));
         self.summary.objects += 1;
         writeln!(
             self.reference,
             "{id},{class},{name},{kind},{x:.3},{y:.3},{z:.3},{x0:.3},{y0:.3},{z0:.3},{x1:.3},{y1:.3},{z1:.3},\
-             {points},{tall:.3},{height:.3},{inside}"
+             {points},{tall:.3},{height:.3},{inside},{crown},{dbh},{lean},{azimuth}"
         )
     }
 

@@ -14,6 +14,7 @@ use super::object::Object;
 use super::preset::{Lot, Plan, Row, kind};
 use super::random::{Random, pick, sequence};
 use super::scene::{Owner, Placed};
+use super::truth::Truth;
 
 /// Object numbers that each cell has for itself.
 pub(super) const IDS: u32 = 1_000;
@@ -84,13 +85,6 @@ impl Site<'_> {
             let class = kind.class;
             let base = self.ground.at(place);
             let height = f64::from(model.height() * tall);
-            let object = match whole {
-                Some((of, object)) if row.joined.is_some() && of == group => object,
-                _ => {
-                    self.last_id += 1;
-                    Arc::new(Object { id: self.last_id, class, kind: name, base, height, s })
-                }
-            };
             // A thing with a span leads from end to end. A thing without one stands level.
             let (at, way) = if kind.span > 0.0 {
                 let [from, to] = ends.map(|s| self.ground.at(line(s)));
@@ -102,6 +96,14 @@ impl Site<'_> {
             let frame = Mat3A::from(DMat3::from_cols(way, across, DVec3::Z).as_mat3());
             let turn = Mat3A::from_rotation_z((if side > 0.0 { turn } else { turn + PI }) as f32);
             let turn = frame * turn * Mat3A::from_diagonal(size * vec3(wide, wide, tall));
+            let object = match whole {
+                Some((of, object)) if row.joined.is_some() && of == group => object,
+                _ => {
+                    self.last_id += 1;
+                    let truth = Truth::of(class, model, turn);
+                    Arc::new(Object { id: self.last_id, class, kind: name, base, height, s, truth })
+                }
+            };
             let owner = Owner::Object(Arc::clone(&object));
             self.placed.push(Placed { model: Arc::clone(model), at, turn, owner });
             self.taken.push((place, kind.radius));

@@ -126,6 +126,7 @@ mod tests {
     use super::super::material::material;
     use super::super::object::Object;
     use super::super::scene::{Owner, Placed, Window};
+    use super::super::truth::Truth;
     use super::*;
 
     #[test]
@@ -133,7 +134,15 @@ mod tests {
         // The first kind of storey, stretched to 42 x 16 x 3 m: bays of 3 m, windows 1.4 m wide from 0.9 to 2.34 m.
         let parts =
             THINGS["storey"][0].parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut sequence(1, 2, 3));
-        let object = Object { id: 1, class: 5, kind: "building", base: DVec3::ZERO, height: 3.0, s: 0.0 };
+        let object = Object {
+            id: 1,
+            class: 5,
+            kind: "building",
+            base: DVec3::ZERO,
+            height: 3.0,
+            s: 0.0,
+            truth: Truth::default(),
+        };
         let owner = Owner::Object(object.into());
         let model = Model::new(parts).into();
         let at = DVec3::ZERO;

@@ -116,13 +116,14 @@ impl Labelled {
     }
 }
 
-/// The outputs of a run by name, without the report (which has times) and without the same part of the page.
+/// The outputs of a run by name, without the report (which has times), without the same part of the page, and without
+/// the GeoPackage (which has a layer of the tiles; its other values are those of the tables).
 pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(out).expect("an output folder") {
         let path = entry.expect("an entry").path();
         let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-        if path.is_file() && name != "report.json" {
+        if path.is_file() && !["report.json", "objects.gpkg"].contains(&&*name) {
             let bytes = std::fs::read(&path).expect("readable");
             files.push(if name == "report.html" { (name, without_run(bytes)) } else { (name, bytes) });
         }

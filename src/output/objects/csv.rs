@@ -1,35 +1,40 @@
-//! CSV after RFC 4180, with lines that end in a line feed. A missing value is an empty field, and a list of texts is
-//! joined by `;`.
+//! CSV after RFC 4180, with lines that end in a line feed. A missing value is an empty field, a list is joined by `;`,
+//! and a flag is `true` or `false`.
 
 use std::io::{self, Write};
+use std::path::Path;
 
 use crate::model::{Column, Value};
 use crate::output::objects::number::{places, rounded};
-use crate::output::objects::table::{ObjectFormat, ObjectTable};
+use crate::output::objects::table::{ObjectFormat, ObjectTable, stream};
 
 /// The format.
 #[derive(Debug)]
 pub(super) struct Csv;
 
 impl ObjectFormat for Csv {
-    fn write(&self, table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
-        let names: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
-        writeln!(out, "{}", names.join(","))?;
-        // A line is built in memory, so that `out` is called once per row and not once per field.
-        let mut line = Vec::new();
-        for row in table.rows() {
-            line.clear();
-            for (index, (column, value)) in table.columns.iter().zip(&row.values).enumerate() {
-                if index > 0 {
-                    line.push(b',');
-                }
-                write_field(column, value, &mut line)?;
-            }
-            line.push(b'\n');
-            out.write_all(&line)?;
-        }
-        out.flush()
+    fn write(&self, table: &ObjectTable<'_>, path: &Path) -> io::Result<()> {
+        stream(path, |out| lines(table, out))
     }
+}
+
+fn lines(table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let names: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
+    writeln!(out, "{}", names.join(","))?;
+    // A line is built in memory, so that `out` is called once per row and not once per field.
+    let mut line = Vec::new();
+    for row in table.rows() {
+        line.clear();
+        for (index, (column, value)) in table.columns.iter().zip(&row?.values).enumerate() {
+            if index > 0 {
+                line.push(b',');
+            }
+            write_field(column, value, &mut line)?;
+        }
+        line.push(b'\n');
+        out.write_all(&line)?;
+    }
+    Ok(())
 }
 
 fn write_field(column: &Column, value: &Value<'_>, line: &mut Vec<u8>) -> io::Result<()> {
@@ -45,6 +50,11 @@ fn write_field(column: &Column, value: &Value<'_>, line: &mut Vec<u8>) -> io::Re
         }
         Value::Text(text) => write_text(text, line),
         Value::Texts(texts) => write_text(&texts.join(";"), line),
+        Value::Counts(counts) => {
+            let texts: Vec<String> = counts.iter().map(u64::to_string).collect();
+            write_text(&texts.join(";"), line)
+        }
+        Value::Flag(flag) => write!(line, "{flag}"),
     }
 }
 
@@ -60,7 +70,8 @@ fn write_text(text: &str, line: &mut Vec<u8>) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::objects::table::tests::{car, refuses_after, stray, written};
+    use crate::model::{ColumnType, ColumnUnit};
+    use crate::output::objects::table::tests::{car, reports_errors, stray, written};
 
     #[test]
     fn there_is_a_header_and_a_line_per_row() {
@@ -71,7 +82,21 @@ mod tests {
     }
 
     #[test]
-    fn a_refusing_writer_is_an_error() {
-        assert!(refuses_after(&Csv, 10) && refuses_after(&Csv, 40) && !refuses_after(&Csv, 1_000));
+    fn lists_and_flags_are_one_field() {
+        let column =
+            Column { name: "x", column_type: ColumnType::Counts, unit: ColumnUnit::None, definition: "" };
+        let text = |value: Value<'_>| {
+            let mut line = Vec::new();
+            write_field(&column, &value, &mut line).unwrap();
+            String::from_utf8(line).unwrap()
+        };
+        assert_eq!(text(Value::Counts(vec![])), "");
+        assert_eq!(text(Value::Counts(vec![3, 17])), "3;17");
+        assert_eq!([text(Value::Flag(true)), text(Value::Flag(false))], ["true", "false"]);
+    }
+
+    #[test]
+    fn errors_are_reported() {
+        assert!(reports_errors(&Csv));
     }
 }

@@ -6,39 +6,43 @@
 
 use std::borrow::Cow;
 use std::io::{self, Write};
+use std::path::Path;
 
 use geojson::{Feature, Geometry, GeometryValue, JsonObject, JsonValue, Position};
 use serde_json::json;
 
 use crate::model::{Column, Value};
 use crate::output::objects::number::{OUTLINE_PLACES, places, rounded};
-use crate::output::objects::table::{ObjectFormat, ObjectRow, ObjectTable};
+use crate::output::objects::table::{ObjectFormat, ObjectRow, ObjectTable, stream};
 
 /// The format.
 #[derive(Debug)]
 pub(super) struct GeoJson;
 
 impl ObjectFormat for GeoJson {
-    // The frame is written here and not by geojson's FeatureWriter: version 1.0.0 writes a superfluous comma after
-    // a foreign member if no feature follows.
-    fn write(&self, table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
-        writeln!(out, r#"{{"type":"FeatureCollection","#)?;
-        if let Some(epsg) = table.epsg {
-            let name = format!("urn:ogc:def:crs:EPSG::{epsg}");
-            writeln!(out, r#""crs":{},"#, json!({"type": "name", "properties": {"name": name}}))?;
-        }
-        write!(out, r#""features":["#)?;
-        // A line is built in memory, so that `out` is called once per row and not once per token.
-        let mut line = Vec::new();
-        for (index, row) in table.rows().enumerate() {
-            line.clear();
-            line.extend_from_slice(if index == 0 { b"\n" } else { b",\n" });
-            serde_json::to_writer(&mut line, &feature(table.columns, row))?;
-            out.write_all(&line)?;
-        }
-        writeln!(out, "\n]}}")?;
-        out.flush()
+    fn write(&self, table: &ObjectTable<'_>, path: &Path) -> io::Result<()> {
+        stream(path, |out| collection(table, out))
     }
+}
+
+// The frame is written here and not by geojson's FeatureWriter: version 1.0.0 writes a superfluous comma after a foreign
+// member if no feature follows.
+fn collection(table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, r#"{{"type":"FeatureCollection","#)?;
+    if let Some(epsg) = table.drive.epsg {
+        let name = format!("urn:ogc:def:crs:EPSG::{epsg}");
+        writeln!(out, r#""crs":{},"#, json!({"type": "name", "properties": {"name": name}}))?;
+    }
+    write!(out, r#""features":["#)?;
+    // A line is built in memory, so that `out` is called once per row and not once per token.
+    let mut line = Vec::new();
+    for (index, row) in table.rows().enumerate() {
+        line.clear();
+        line.extend_from_slice(if index == 0 { b"\n" } else { b",\n" });
+        serde_json::to_writer(&mut line, &feature(table.columns, row?))?;
+        out.write_all(&line)?;
+    }
+    writeln!(out, "\n]}}")
 }
 
 fn feature(columns: &[Column], row: ObjectRow<'_>) -> Feature {
@@ -60,6 +64,8 @@ fn property(column: &Column, value: Value<'_>) -> JsonValue {
         }
         Value::Text(text) => text.into_owned().into(),
         Value::Texts(texts) => texts.into_iter().map(Cow::into_owned).collect::<Vec<String>>().into(),
+        Value::Counts(counts) => counts.into(),
+        Value::Flag(flag) => flag.into(),
     }
 }
 
@@ -88,7 +94,8 @@ fn geometry(outline: &[[f64; 2]]) -> Option<GeometryValue> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::objects::table::tests::{car, refuses_after, stray, written};
+    use crate::model::{ColumnType, ColumnUnit};
+    use crate::output::objects::table::tests::{car, reports_errors, stray, written};
 
     #[test]
     fn there_is_a_feature_per_line_and_the_coordinate_system_is_named() {
@@ -141,9 +148,15 @@ mod tests {
     }
 
     #[test]
-    fn a_refusing_writer_is_an_error() {
-        assert!(
-            refuses_after(&GeoJson, 10) && refuses_after(&GeoJson, 100) && !refuses_after(&GeoJson, 1_000)
-        );
+    fn lists_and_flags_are_json() {
+        let column =
+            Column { name: "x", column_type: ColumnType::Counts, unit: ColumnUnit::None, definition: "" };
+        assert_eq!(property(&column, Value::Counts(vec![3, 17])).to_string(), "[3,17]");
+        assert_eq!(property(&column, Value::Flag(true)).to_string(), "true");
+    }
+
+    #[test]
+    fn errors_are_reported() {
+        assert!(reports_errors(&GeoJson));
     }
 }

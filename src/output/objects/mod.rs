@@ -4,11 +4,13 @@
 
 mod csv;
 mod geojson;
+#[cfg(feature = "gpkg")]
+mod geopackage;
 mod number;
 mod table;
 
 pub(crate) use number::{places, rounded};
-pub use table::{ObjectFormat, ObjectRow, ObjectTable};
+pub use table::{DriveShape, ObjectFormat, ObjectRow, ObjectTable, TileShape};
 
 /// One line of the registry.
 #[derive(Debug, Clone, Copy)]
@@ -31,6 +33,8 @@ impl ObjectFormatEntry {
 pub const REGISTRY: &[ObjectFormatEntry] = &[
     ObjectFormatEntry { file_name: "objects.csv", format: &csv::Csv },
     ObjectFormatEntry { file_name: "objects.geojson", format: &geojson::GeoJson },
+    #[cfg(feature = "gpkg")]
+    ObjectFormatEntry { file_name: "objects.gpkg", format: &geopackage::GeoPackage },
 ];
 
 #[cfg(test)]

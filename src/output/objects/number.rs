@@ -10,7 +10,7 @@ pub(super) const OUTLINE_PLACES: u8 = 3;
 pub(crate) fn places(column_type: ColumnType) -> u8 {
     match column_type {
         ColumnType::Decimal { places } => places,
-        ColumnType::Count | ColumnType::Text | ColumnType::Texts => 0,
+        _ => 0,
     }
 }
 

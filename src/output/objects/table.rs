@@ -1,6 +1,9 @@
-//! A table of objects as formats see it: columns and rows of typed values, and an outline per row.
+//! A table of objects as formats see it: columns and rows of typed values, an outline and a base per row, and what
+//! belongs to the whole drive.
 
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
 
 use crate::model::{Column, Value};
 
@@ -10,8 +13,36 @@ pub struct ObjectRow<'a> {
     /// Vertices of the outline in the units of the input, counter-clockwise; one or two when it has no area. A ring
     /// may be closed or not.
     pub outline: Vec<[f64; 2]>,
+    /// Where the object stands, in the units of the input.
+    pub base: [f64; 3],
     /// One value per column, of the type of the column.
     pub values: Vec<Value<'a>>,
+}
+
+/// A tile of the run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TileShape {
+    /// Number of the tile, from 0.
+    pub number: u32,
+    /// Chainage of its first and last cell in metres.
+    pub chainage_m: [f64; 2],
+    /// Points that it owns.
+    pub points: u64,
+    /// Its outline in the units of the input, without holes, counter-clockwise and not closed.
+    pub outline: Vec<[f64; 2]>,
+}
+
+/// What a table says of the drive as a whole. Formats without room for it leave it out.
+#[derive(Debug, Clone, Default)]
+pub struct DriveShape<'a> {
+    /// EPSG code of the coordinate system, when known.
+    pub epsg: Option<u32>,
+    /// The coordinate system as the files describe it, when they do.
+    pub wkt: Option<&'a str>,
+    /// Stretches of the axis: x, y in the units of the input, and chainage in metres.
+    pub axis: Vec<Vec<[f64; 3]>>,
+    /// The tiles of the run.
+    pub tiles: Vec<TileShape>,
 }
 
 /// A table of objects. Rows are made one at a time, so that a table may be larger than memory.
@@ -19,25 +50,25 @@ pub struct ObjectRow<'a> {
 pub struct ObjectTable<'a> {
     /// The columns. The first one is the id.
     pub columns: &'a [Column],
-    /// EPSG code of the coordinate system, when known.
-    pub epsg: Option<u32>,
+    /// The drive.
+    pub drive: &'a DriveShape<'a>,
     /// Number of rows.
     pub len: usize,
     /// The row at a position below `len`. Rows ascend by id.
-    pub row: &'a dyn Fn(usize) -> ObjectRow<'a>,
+    pub row: &'a dyn Fn(usize) -> io::Result<ObjectRow<'a>>,
 }
 
 impl std::fmt::Debug for ObjectTable<'_> {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut text = out.debug_struct("ObjectTable");
-        text.field("columns", &self.columns).field("epsg", &self.epsg).field("len", &self.len);
+        text.field("columns", &self.columns).field("drive", &self.drive).field("len", &self.len);
         text.finish_non_exhaustive()
     }
 }
 
 impl<'a> ObjectTable<'a> {
     /// The rows in their order, each made when it is asked for.
-    pub fn rows(&self) -> impl Iterator<Item = ObjectRow<'a>> + use<'a> {
+    pub fn rows(&self) -> impl Iterator<Item = io::Result<ObjectRow<'a>>> + use<'a> {
         let row = self.row;
         (0..self.len).map(row)
     }
@@ -45,11 +76,18 @@ impl<'a> ObjectTable<'a> {
 
 /// A file format of the table of objects.
 pub trait ObjectFormat: std::fmt::Debug + Sync {
-    /// Writes the whole table, row by row.
+    /// Writes the whole table, row by row, to a new file. The caller syncs it and gives it its name.
     ///
     /// # Errors
-    /// Those of `out`.
-    fn write(&self, table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()>;
+    /// Those of the file system, and those of a row.
+    fn write(&self, table: &ObjectTable<'_>, path: &Path) -> io::Result<()>;
+}
+
+/// Creates a file and lets `content` write it from the beginning to the end.
+pub(super) fn stream(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut out = BufWriter::new(File::create(path)?);
+    content(&mut out)?;
+    out.flush()
 }
 
 #[cfg(test)]
@@ -72,6 +110,7 @@ pub(crate) mod tests {
 
     pub(crate) fn car() -> ObjectRow<'static> {
         ObjectRow {
+            base: [530_001.0, 3_380_001.5, 7.25],
             outline: vec![[530_000.000_4, 3_380_000.0], [530_004.0, 3_380_000.0], [530_004.0, 3_380_002.0]],
             values: vec![
                 Value::Count(7),
@@ -85,6 +124,7 @@ pub(crate) mod tests {
 
     pub(crate) fn stray() -> ObjectRow<'static> {
         ObjectRow {
+            base: [1.0, 2.0, 3.0],
             outline: vec![[1.0, 2.0]],
             values: vec![
                 Value::Count(8),
@@ -96,21 +136,30 @@ pub(crate) mod tests {
         }
     }
 
-    /// What a format writes of these rows.
+    /// What a text format writes of these rows.
     pub(crate) fn written(format: &dyn ObjectFormat, rows: &[ObjectRow<'_>], epsg: Option<u32>) -> String {
-        let row = |index: usize| rows[index].clone();
-        let table = ObjectTable { columns: COLUMNS, epsg, len: rows.len(), row: &row };
-        let mut out = Vec::new();
-        format.write(&table, &mut out).unwrap();
-        String::from_utf8(out).unwrap()
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table");
+        let row = |index: usize| Ok(rows[index].clone());
+        let drive = DriveShape { epsg, ..DriveShape::default() };
+        format
+            .write(&ObjectTable { columns: COLUMNS, drive: &drive, len: rows.len(), row: &row }, &path)
+            .unwrap();
+        std::fs::read_to_string(path).unwrap()
     }
 
-    /// Whether a format returns an error if the writer refuses after this many bytes.
-    pub(crate) fn refuses_after(format: &dyn ObjectFormat, bytes: usize) -> bool {
-        let row = |_| car();
-        let table = ObjectTable { columns: COLUMNS, epsg: None, len: 1, row: &row };
-        let mut space = vec![0; bytes];
-        format.write(&table, &mut &mut space[..]).is_err()
+    /// Whether a format returns an error if the file or a row cannot be had.
+    pub(crate) fn reports_errors(format: &dyn ObjectFormat) -> bool {
+        let folder = tempfile::tempdir().unwrap();
+        let good = |_| Ok(car());
+        let bad = |index: usize| if index < 2 { Ok(car()) } else { Err(io::Error::other("no row")) };
+        let drive = DriveShape::default();
+        let table = |row| ObjectTable { columns: COLUMNS, drive: &drive, len: 3, row };
+        format.write(&table(&good), &folder.path().join("good")).is_ok()
+            && format
+                .write(&table(&bad), &folder.path().join("bad"))
+                .is_err_and(|error| error.to_string().contains("no row"))
+            && format.write(&table(&good), &folder.path().join("no folder/file")).is_err()
     }
 
     #[test]

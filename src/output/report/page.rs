@@ -55,7 +55,7 @@ impl PageTable {
     /// points of the object at a position.
     ///
     /// # Errors
-    /// Never in practice: rows are texts and numbers.
+    /// Those of reading a row.
     pub(crate) fn of(
         table: &ObjectTable<'_>,
         points: &dyn Fn(usize) -> u64,
@@ -216,6 +216,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     use super::*;
+    use crate::output::objects::DriveShape;
     use crate::output::objects::tests::{COLUMNS, car};
 
     const FRAME: PageFrame = PageFrame { origin_m: [0.0; 2], units_m: [1.0; 2] };
@@ -225,9 +226,10 @@ mod tests {
             let mut row = car();
             row.values[0] = crate::model::Value::Count(at as u64 + 1);
             row.outline[0][0] = at as f64 * 1.37;
-            row
+            Ok(row)
         };
-        let table = ObjectTable { columns: COLUMNS, epsg: None, len: rows, row: &row };
+        let drive = DriveShape::default();
+        let table = ObjectTable { columns: COLUMNS, drive: &drive, len: rows, row: &row };
         PageTable::of(&table, &|at| (at as u64 * 7_919) % 1_000, FRAME, limit_bytes).unwrap()
     }
 

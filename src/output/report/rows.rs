@@ -27,7 +27,7 @@ pub(super) fn json_of(
     let mut values = vec![Vec::new(); table.columns.len()];
     let mut outlines = Vec::new();
     for (number, &position) in shown.iter().enumerate() {
-        let row = (table.row)(position);
+        let row = (table.row)(position).map_err(serde_json::Error::io)?;
         for ((column, value), to) in table.columns.iter().zip(&row.values).zip(&mut values) {
             to.extend_from_slice(if number == 0 { b"[" } else { b"," });
             write_value(column, value, to)?;
@@ -54,6 +54,8 @@ fn described(column: &Column) -> serde_json::Value {
         ColumnType::Decimal { .. } => "decimal",
         ColumnType::Text => "text",
         ColumnType::Texts => "texts",
+        ColumnType::Counts => "counts",
+        ColumnType::Flag => "flag",
     };
     json!({
         "name": column.name,
@@ -77,6 +79,8 @@ fn write_value(column: &Column, value: &Value<'_>, to: &mut Vec<u8>) -> Result<(
         }
         Value::Text(text) => serde_json::to_writer(to, text)?,
         Value::Texts(texts) => serde_json::to_writer(to, texts)?,
+        Value::Counts(counts) => serde_json::to_writer(to, counts)?,
+        Value::Flag(flag) => serde_json::to_writer(to, flag)?,
     }
     Ok(())
 }
@@ -92,12 +96,14 @@ fn coordinates(place: [f64; 2], frame: PageFrame) -> [String; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::objects::DriveShape;
     use crate::output::objects::tests::{COLUMNS, car, stray};
 
     #[test]
     fn rows_are_columns_with_the_digits_of_the_other_formats() {
-        let row = |at: usize| if at == 0 { car() } else { stray() };
-        let table = ObjectTable { columns: COLUMNS, epsg: None, len: 2, row: &row };
+        let row = |at: usize| Ok(if at == 0 { car() } else { stray() });
+        let drive = DriveShape::default();
+        let table = ObjectTable { columns: COLUMNS, drive: &drive, len: 2, row: &row };
         let frame = PageFrame { origin_m: [530_000.0, 3_380_000.0], units_m: [1.0, 1.0] };
         let text = json_of(&table, &[0, 1], frame).unwrap();
         let found: serde_json::Value = serde_json::from_slice(&text).unwrap();

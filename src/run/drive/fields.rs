@@ -6,9 +6,6 @@ use crate::model::{Field, PointId};
 use crate::run::drive::{Drive, PerPoint};
 use crate::store::RunDir;
 
-/// Number of records that are read from a column at once.
-const PAGE: u64 = 65_536;
-
 /// Columns of further fields.
 #[derive(Debug)]
 pub(crate) struct StoredFields {
@@ -48,22 +45,7 @@ impl StoredFields {
     pub(crate) fn of_points(&self, drive: &Drive, ids: &[PointId]) -> Result<Vec<(Field, Vec<u16>)>> {
         let mut fields = Vec::new();
         for (field, column) in &self.columns {
-            let mut values = Vec::with_capacity(ids.len());
-            let mut page = Vec::new();
-            let mut page_ids = PointId::default()..PointId::default();
-            for &id in ids {
-                if !page_ids.contains(&id) {
-                    let (file, record) = drive.locate(id);
-                    let first = record / PAGE * PAGE;
-                    let count = PAGE.min(drive.file(file).point_count() - first);
-                    page.resize(usize::try_from(count).unwrap_or(0), 0);
-                    column.read(file, first, &mut page)?;
-                    let first_id = drive.catalog.first_id(file) + first;
-                    page_ids = first_id..first_id + count;
-                }
-                values.push(page[usize::try_from(id - page_ids.start).unwrap_or(0)]);
-            }
-            fields.push((*field, values));
+            fields.push((*field, column.of_points(drive, ids)?));
         }
         Ok(fields)
     }

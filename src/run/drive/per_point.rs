@@ -8,7 +8,11 @@ use bytemuck::Pod;
 use super::columns::sync_columns;
 use super::opened::Drive;
 use crate::error::{Error, Result};
+use crate::model::PointId;
 use crate::store::{Column, RunDir, StoreError};
+
+/// Number of records that are read from a column at once.
+const PAGE: u64 = 65_536;
 
 /// One value per point of the drive, a column per file.
 #[derive(Debug)]
@@ -45,6 +49,26 @@ impl<T: Pod + Default> PerPoint<T> {
     pub(crate) fn read(&self, file: usize, first: u64, values: &mut [T]) -> Result<()> {
         let column = &self.columns()?[file];
         Ok(column.read(first, values).map_err(StoreError::io("read", column.path()))?)
+    }
+
+    /// The values of points by their ids. The ids are mostly ascending.
+    pub(crate) fn of_points(&self, drive: &Drive, ids: &[PointId]) -> Result<Vec<T>> {
+        let mut values = Vec::with_capacity(ids.len());
+        let mut page = Vec::new();
+        let mut page_ids = PointId::default()..PointId::default();
+        for &id in ids {
+            if !page_ids.contains(&id) {
+                let (file, record) = drive.locate(id);
+                let first = record / PAGE * PAGE;
+                let count = PAGE.min(drive.file(file).point_count() - first);
+                page.resize(usize::try_from(count).unwrap_or(0), T::default());
+                self.read(file, first, &mut page)?;
+                let first_id = drive.catalog.first_id(file) + first;
+                page_ids = first_id..first_id + count;
+            }
+            values.push(page[usize::try_from(id - page_ids.start).unwrap_or(0)]);
+        }
+        Ok(values)
     }
 
     /// Writes the values of consecutive records of a file.

@@ -125,9 +125,10 @@ mod tests {
     #[test]
     fn every_format_is_among_the_outputs() {
         let beside = |settings: &[String]| beside(&Config::resolve(None, settings).unwrap());
-        let all = ["objects.csv", "objects.geojson", "report.json", "report.html"];
-        assert_eq!(beside(&[]), all);
-        assert_eq!(beside(&["output.report=false".to_owned()]), all[..3]);
-        assert_eq!(beside(&["output.files=[\"csv\"]".to_owned()]), [all[0], all[2]]);
+        let tables =
+            &["objects.csv", "objects.geojson", "objects.gpkg"][..2 + usize::from(cfg!(feature = "gpkg"))];
+        assert_eq!(beside(&[]), [tables, &["report.json", "report.html"]].concat());
+        assert_eq!(beside(&["output.report=false".to_owned()]), [tables, &["report.json"]].concat());
+        assert_eq!(beside(&["output.files=[\"csv\"]".to_owned()]), ["objects.csv", "report.json"]);
     }
 }

@@ -1,20 +1,22 @@
 //! The tables of objects, and charts for the choice of thresholds.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::inventory::{self, Object, Site, Station, Terrain};
+use crate::inventory;
 use crate::model::{Chart, in_u32};
-use crate::output::objects::{self, ObjectRow, ObjectTable};
+use crate::output::objects::{self, DriveShape, ObjectRow, ObjectTable, TileShape};
 use crate::output::report::PageTable;
 use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
 use crate::run::finish::frame::frame;
 use crate::run::finish::names::page_limit_bytes;
+use crate::run::passes::inventory::Inventory;
 use crate::run::passes::stitch::Objects;
 use crate::store::{RunDir, StoreError};
+use crate::tiling::Plan;
 use crate::whole_file::publish;
 
 /// Writes the table of objects in the formats of the settings. Returns it for the page, if that is written.
@@ -22,38 +24,27 @@ pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
     surveyed: &Surveyed,
+    plan: &Plan,
     whole: &Objects,
-    terrain: &Terrain,
+    rows: &Inventory,
     config: &Config,
 ) -> Result<Option<PageTable>> {
-    let crs = drive.catalog.crs();
-    let file_names: Vec<&str> = drive.catalog.files().iter().map(|file| file.name()).collect();
-    let locate = |place| {
-        let (chainage_m, offset_m) = surveyed.axis.locate(place);
-        Station { chainage_m, offset_m }
-    };
-    let site = Site {
-        lattice: drive.lattice(),
-        units_m: [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
-        terrain,
-        locate: &locate,
-        file_names: &file_names,
-    };
     let row = |index: usize| {
-        let id = in_u32(index + 1, "objects");
-        let kind = whole.kinds.get(index).copied().unwrap_or_default();
-        let object = Object::new(id, &whole.objects[index], &site).of_kind(kind);
-        ObjectRow { outline: inventory::outline(&object), values: inventory::values(&object) }
+        let row = rows.row(index).map_err(io::Error::other)?;
+        Ok(ObjectRow { outline: row.outline, base: row.base, values: row.values })
     };
     let columns = inventory::columns();
-    let len = whole.objects.len();
-    let table = ObjectTable { columns: &columns, epsg: crs.epsg, len, row: &row };
+    let shape = shape(drive, surveyed, plan);
+    let table = ObjectTable { columns: &columns, drive: &shape, len: rows.len(), row: &row };
     for entry in objects::REGISTRY.iter().filter(|entry| config.output.writes(entry.name())) {
         let name = entry.file_name;
-        write_whole(run_dir, name, |out| {
-            let failed = |source| OutputError::Write { path: name.into(), source };
-            entry.format.write(&table, out).map_err(failed)
-        })?;
+        let path = run_dir.out().join(name);
+        let part = run_dir.path(&format!("{name}.part"));
+        let failed = |source| OutputError::Write { path: path.clone(), source };
+        entry.format.write(&table, &part).map_err(failed)?;
+        let whole = std::fs::File::options().write(true).open(&part).map_err(failed)?;
+        whole.sync_all().map_err(failed)?;
+        publish(&part, &path).map_err(failed)?;
     }
     let points = |index: usize| whole.objects[index].points;
     let frame = frame(drive, surveyed);
@@ -62,13 +53,42 @@ pub(crate) fn write_tables(
     for_page.map_err(|error| Error::bug(error.to_string()))
 }
 
+/// The axis and the tiles in the units of the input.
+fn shape<'a>(drive: &'a Drive, surveyed: &Surveyed, plan: &Plan) -> DriveShape<'a> {
+    let crs = drive.catalog.crs();
+    let unit_m = crs.horizontal_unit_m;
+    let mut chainage = surveyed.axis.chainage_m().iter();
+    let axis = surveyed
+        .axis
+        .stretches()
+        .map(|stretch| {
+            let placed = stretch.iter().zip(&mut chainage);
+            placed.map(|(place, &chainage_m)| [place[0] / unit_m, place[1] / unit_m, chainage_m]).collect()
+        })
+        .collect();
+    let edge = drive.grid.edge();
+    let corner = |corner: [i64; 2]| corner.map(|index| drive.lattice().metres(index * edge) / unit_m);
+    let tiles = plan
+        .tiles
+        .iter()
+        .enumerate()
+        .map(|(number, tile)| TileShape {
+            number: in_u32(number, "tiles"),
+            chainage_m: [tile.from_m, tile.to_m],
+            points: tile.points,
+            outline: inventory::around_cells(&plan.core(number)).into_iter().map(corner).collect(),
+        })
+        .collect();
+    DriveShape { epsg: crs.epsg, wkt: crs.wkt.as_deref(), axis, tiles }
+}
+
 /// Writes every chart as `NAME.svg`, and removes the charts of an earlier call with another method.
 pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<()> {
     let names: Vec<String> = charts.iter().map(|chart| format!("{}.svg", chart.name)).collect();
     for name in run_dir.own_outputs()?.iter().filter(|name| name.ends_with(".svg") && !names.contains(name)) {
         let path = run_dir.out().join(name);
         match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
                 return Err(OutputError::Write { path, source: error }.into());
             }
             _ => {}
@@ -105,7 +125,7 @@ pub(super) fn write_whole(
         let path = path.to_owned();
         move |source| OutputError::Write { path, source }
     };
-    let mut out = std::io::BufWriter::new(std::fs::File::create(&part).map_err(failed(&part))?);
+    let mut out = io::BufWriter::new(std::fs::File::create(&part).map_err(failed(&part))?);
     write(&mut out)?;
     let file = out.into_inner().map_err(|error| failed(&part)(error.into_error()))?;
     file.sync_all().map_err(failed(&part))?;

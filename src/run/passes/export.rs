@@ -20,14 +20,14 @@ use crate::model::{Kind, PointClass, in_u32, record_xyz};
 use crate::output::report::{Choice, SamplePoint, Sampler, Sampling};
 use crate::output::{LabelledFile, OutputError};
 use crate::run::chain::with_section;
-use crate::run::drive::{Drive, Surveyed};
+use crate::run::drive::Drive;
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::finish::mark;
 use crate::run::passes::relabel::PointColumns;
 use crate::store::{Inputs, PassDir, RunDir, StoreError};
 use crate::whole_file::publish;
 
-const NUMBER: u32 = 6;
+const NUMBER: u32 = 7;
 const NAME: &str = "export";
 
 /// Maximum number of points of one unit.
@@ -76,12 +76,12 @@ pub(crate) struct ExportPass<'a> {
     outline: Outline,
 }
 
-/// The export depends on the values of all points, the axis (for chainage in the tables) and the settings of the output.
-pub(crate) fn outline(relabel: &Outline, surveyed: &Surveyed, config: &Config) -> Outline {
-    let axis = &surveyed.axis;
+/// The export depends on the values of all points, the rows of the tables (they are finished with it) and the settings
+/// of the output.
+pub(crate) fn outline(relabel: &Outline, inventory: &Outline, config: &Config) -> Outline {
     let depends = Inputs::new()
         .with("pass relabel", relabel.depends.fingerprint())
-        .with("axis", format!("{:?}, {:.3} m, {:016x}", axis.source, axis.length_m(), axis.digest()));
+        .with("pass inventory", inventory.depends.fingerprint());
     Outline::new(NUMBER, NAME, with_section(depends, config, "output"))
 }
 

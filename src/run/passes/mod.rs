@@ -4,6 +4,7 @@
 pub(crate) mod export;
 pub(crate) mod fields;
 pub(crate) mod ground;
+pub(crate) mod inventory;
 pub(crate) mod method;
 pub(crate) mod relabel;
 pub(crate) mod scatter;

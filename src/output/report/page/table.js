@@ -1,4 +1,7 @@
-// The table of objects: any columns, sorted, filtered by class and chainage, a hundred rows a page, as CSV.
+// The table of objects: any columns, sorted, filtered by /** Whether the values of a column are words and lists, not numbers. */
+function isText({ type }) { return type !== "count" && type !== "decimal"; }
+
+class and chainage, a hundred rows a page, as CSV.
 
 const PAGE_ROWS = 100;
 
@@ -21,7 +24,7 @@ class ObjectTable {
   displayed() {
     const group = ({ name, type }, at) => {
       if (at === 0 || at === this.classColumn) return 0;
-      if (type === "text" || type === "texts") return 5;
+      if (isText({ type })) return 5;
       if (/(^|_)[xyz]$/.test(name)) return 4;
       if (/^(confidence|points)$/.test(name)) return 3;
       return /^(chainage|offset)_m$/.test(name) ? 2 : 1;
@@ -43,7 +46,7 @@ class ObjectTable {
 
   fillHead() {
     const cells = this.order.map((at) => {
-      const column = this.columns[at], words = column.type === "text" || column.type === "texts" || at === this.classColumn;
+      const column = this.columns[at], words = isText(column) || at === this.classColumn;
       return el("th", { scope: "col", class: words ? "words" : null }, el("button", { type: "button", title: `${column.name}: ${column.definition}`, onclick: () => this.sort(at) }, labelOf(column)));
     });
     $("table").tHead.replaceChildren(el("tr", {}, ...cells));
@@ -88,19 +91,19 @@ class ObjectTable {
     const wanted = text.value.trim().toLowerCase();
     if (!wanted) return true;
     if (String(this.id(row)) === wanted) return true;
-    return this.columns.some((column, at) => (column.type === "text" || column.type === "texts") && this.text(at, row).toLowerCase().includes(wanted));
+    return this.columns.some((column, at) => isText(column) && this.text(at, row).toLowerCase().includes(wanted));
   }
 
   update() {
     const values = this.values[this.sorted], sign = this.descending ? -1 : 1;
-    const words = this.columns[this.sorted]?.type;
+    const words = this.columns[this.sorted] && isText(this.columns[this.sorted]);
     const empty = (value) => value === null || value === undefined;
     this.rows = Array.from({ length: this.count }, (_, row) => row).filter((row) => this.passes(row));
     this.rows.sort((a, b) => {
       const one = values[a], two = values[b];
       // Missing values are last in both directions; equal ones stay in the order of ids.
       if (empty(one) || empty(two)) return empty(one) - empty(two) || a - b;
-      const order = words === "text" || words === "texts" ? String(one).localeCompare(String(two)) : one - two;
+      const order = words ? String(one).localeCompare(String(two)) : one - two;
       return order * sign || a - b;
     });
     this.show();
@@ -131,7 +134,7 @@ class ObjectTable {
       const column = this.columns[at], text = this.text(at, row);
       if (at === 0) return el("td", {}, el("button", { type: "button", "aria-label": `Object ${text}: fly to it` }, text));
       if (at === this.classColumn) return el("td", { class: "words" }, dot(classColour(this.values[at][row])), className(this.classes, this.values[at][row]));
-      const words = column.type === "text" || column.type === "texts";
+      const words = isText(column);
       return el("td", words ? { class: "words", title: text } : {}, text);
     });
     return el("tr", { "data-row": row, "aria-selected": row === this.chosen ? "true" : "false", onclick: () => this.on.choose(row) }, ...cells);

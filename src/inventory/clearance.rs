@@ -1,0 +1,87 @@
+//! Attribute `clearance`: the room below what is above the roadway.
+
+use std::collections::BTreeMap;
+
+use crate::inventory::attribute::Attribute;
+use crate::inventory::measures::{SMALL, VEHICLE};
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// Distance from the axis up to which a place is in the roadway, in metres.
+const ROADWAY_M: f64 = 3.5;
+/// What is lower than this over the ground stands on the roadway and is not above it, in metres (chosen: below the
+/// height of a passenger car's occupants there is no clearance to speak of).
+const LEAST_M: f64 = 2.0;
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Clearance;
+
+impl Attribute for Clearance {
+    fn columns(&self) -> &'static [Column] {
+        &[Column {
+            name: "clearance_m",
+            column_type: ColumnType::Decimal { places: 2 },
+            unit: ColumnUnit::Metre,
+            definition: "least height above the ground of what begins at least 2 m above it, within 3.5 m of the axis; empty where \
+                         nothing does, and of vehicles and persons (classes 4 and 7)",
+        }]
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        let stands_there = matches!(object.kind.class, VEHICLE | SMALL);
+        values.push(if stands_there { None } else { least(object) }.into());
+    }
+}
+
+/// Least height over the ground of the cells of the plan that are above the roadway, in metres.
+fn least(object: &Object<'_>) -> Option<f64> {
+    let site = object.site;
+    let plan = &object.measures.plan;
+    let frame = &object.frames.plan;
+    // Ground, and distance of the middle from the axis, by cell of the terrain.
+    let mut around = BTreeMap::new();
+    let mut least = None::<f64>;
+    let diagonal_m = site.terrain.diagonal_m();
+    for ([i, j, _], heights) in &plan.voxels {
+        let place = [(0, *i), (1, *j)]
+            .map(|(axis, index)| frame.doubled_middle(plan.level, axis, index).div_euclid(2));
+        let metres = |place: [i64; 2]| place.map(|value| site.lattice.metres(value));
+        let offset_m = |place: [i64; 2]| (site.locate)(metres(place)).offset_m.abs();
+        let (ground_m, middle_offset_m) = *around.entry(site.terrain.cell(place)).or_insert_with(|| {
+            let middle = site.terrain.middle(place);
+            (site.terrain.surface_m(metres(middle)), offset_m(middle))
+        });
+        let Some(ground_m) = ground_m else { continue };
+        let over_m = site.lattice.metres(heights.lowest) - ground_m;
+        let lower = over_m >= LEAST_M && least.is_none_or(|least| over_m < least);
+        // A cell of the terrain that is too far away has no place that is near enough.
+        if lower && middle_offset_m <= ROADWAY_M + diagonal_m && offset_m(place) <= ROADWAY_M {
+            least = Some(over_m);
+        }
+    }
+    least
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{METRES, NO_KIND, as_decimals, values_of};
+    use crate::model::Kind;
+
+    #[test]
+    fn the_least_height_over_the_roadway_counts() {
+        // The axis is y = 5 m, the ground 0.5 m high. An arm from y = 10 m to 3 m that sinks from 6 m to 4.6 m, on a mast.
+        let arm = (0..140).map(|k| [1_050, 10_000 - k * 50, 6_000 - k * 10]);
+        let mast = (0..120).map(|k| [1_050, 10_000, k * 50]);
+        let points: Vec<[i64; 3]> = arm.chain(mast).collect();
+        let ground: Vec<_> = (0..12).map(|j| ([1, j], 500)).collect();
+        let found = |kind, ground: &[_]| as_decimals(&values_of(&Clearance, &points, kind, ground, METRES));
+        let least = found(NO_KIND, &ground)[0].unwrap();
+        assert!((least - (4.61 - 0.5)).abs() < 1e-9, "{least}");
+        assert_eq!(found(Kind { class: 4, confidence: 1 }, &ground), [None], "a vehicle");
+        assert_eq!(found(NO_KIND, &[]), [None], "no ground");
+        let beside: Vec<[i64; 3]> = points.iter().map(|[x, y, z]| [*x, y + 6_000, *z]).collect();
+        assert_eq!(as_decimals(&values_of(&Clearance, &beside, NO_KIND, &ground, METRES)), [None]);
+    }
+}

@@ -1,0 +1,39 @@
+//! Attribute `cut`: whether the object reaches the end of the data.
+
+use crate::inventory::attribute::Attribute;
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Cut;
+
+impl Attribute for Cut {
+    fn columns(&self) -> &'static [Column] {
+        &[Column {
+            name: "cut",
+            column_type: ColumnType::Flag,
+            unit: ColumnUnit::None,
+            definition: "whether it comes within a cell of the raster of the convex hull of the occupied cells, where the data ends",
+        }]
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        // What is nearest to a convex border is a vertex of the hull.
+        values.push(Value::Flag(object.part.hull.iter().any(|vertex| (object.site.at_end)(*vertex))));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{BOX, METRES, NO_KIND, values_of};
+
+    #[test]
+    fn a_vertex_at_the_end_is_enough() {
+        // The data of the tests ends at x = 0.
+        assert_eq!(values_of(&Cut, &BOX, NO_KIND, &[], METRES), [Value::Flag(true)]);
+        let further = BOX.map(|[x, y, z]| [x + 1, y, z]);
+        assert_eq!(values_of(&Cut, &further, NO_KIND, &[], METRES), [Value::Flag(false)]);
+    }
+}

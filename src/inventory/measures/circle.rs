@@ -1,0 +1,214 @@
+//! A circle through points of the plane, of which some belong to something else.
+//!
+//! The circle with the largest consensus (Fischler and Bolles, "Random sample consensus", Communications of the ACM 24,
+//! 381-395, 1981, doi:10.1145/358669.358692) over a fixed sequence of triples, then least squares of the distances
+//! from it (Gauss-Newton). Points inside a stem cannot be seen, so they count against a circle.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Radii that a stem or a pole can have, in metres.
+const RADII_M: [f64; 2] = [0.015, 0.8];
+/// Number of triples that are tried (chosen: with 40 % of the points on the circle, the chance to miss it is 3e-9).
+const TRIES: usize = 300;
+/// More points than this are thinned evenly before triples are tried.
+const MOST_POINTS: usize = 500;
+/// A point within this distance of a circle is on it, in metres: three times the range noise of survey scanners.
+const TOLERANCE_M: f64 = 0.015;
+/// Smallest number of points on a circle.
+const LEAST_POINTS: usize = 8;
+/// Rounds of least squares.
+const ROUNDS: usize = 12;
+/// Directions in which a circle can be seen.
+const SECTORS: usize = 36;
+
+/// A circle, and how well it is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Circle {
+    /// Centre in metres.
+    pub(crate) centre: [f64; 2],
+    /// Radius in metres.
+    pub(crate) radius: f64,
+    /// Standard error of the radius in metres.
+    pub(crate) radius_error: f64,
+    /// Part of the circumference on which there are points, in degrees, in steps of 10.
+    pub(crate) seen_deg: f64,
+}
+
+/// The circle on which most of the points lie. Points in metres, in an order that does not depend on chance.
+/// `None` if no circle has enough points.
+pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
+    if points.len() < LEAST_POINTS {
+        return None;
+    }
+    let step = points.len().div_ceil(MOST_POINTS);
+    let some: Vec<[f64; 2]> = points.iter().copied().step_by(step).collect();
+    let mut chance = Chance(0x9e37_79b9_7f4a_7c15);
+    let mut best: Option<(f64, [f64; 3])> = None;
+    for _ in 0..TRIES {
+        let triple = [(); 3].map(|()| some[chance.below(some.len())]);
+        let Some(circle) = through(triple) else { continue };
+        let score = score(&some, circle);
+        if best.is_none_or(|(most, _)| score > most) {
+            best = Some((score, circle));
+        }
+    }
+    let (_, mut circle) = best.filter(|(score, _)| *score > 0.0)?;
+    for _ in 0..ROUNDS {
+        circle = improved(&on(points, circle), circle)?;
+    }
+    let on = on(points, circle);
+    if on.len() < LEAST_POINTS || !(RADII_M[0]..=RADII_M[1]).contains(&circle[2]) {
+        return None;
+    }
+    let squared: f64 = on.iter().map(|point| away(*point, circle).powi(2)).sum();
+    let variance = squared / (on.len() - 3) as f64;
+    let covariance = normal(&on, circle).0.try_inverse()?;
+    let mut sectors = [false; SECTORS];
+    for point in &on {
+        let turn = (point[1] - circle[1]).atan2(point[0] - circle[0]) / std::f64::consts::TAU + 0.5;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1 times 36")]
+        let sector = (turn * SECTORS as f64) as usize;
+        sectors[sector.min(SECTORS - 1)] = true;
+    }
+    let seen = sectors.iter().filter(|seen| **seen).count();
+    Some(Circle {
+        centre: [circle[0], circle[1]],
+        radius: circle[2],
+        radius_error: (variance * covariance[(2, 2)]).max(0.0).sqrt(),
+        seen_deg: 360.0 * seen as f64 / SECTORS as f64,
+    })
+}
+
+/// A fixed sequence of numbers: Sebastiano Vigna's `splitmix64`.
+struct Chance(u64);
+
+impl Chance {
+    fn below(&mut self, count: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let z = u128::from(z ^ (z >> 31));
+        #[expect(clippy::cast_possible_truncation, reason = "smaller than `count`")]
+        let number = ((z * count as u128) >> 64) as usize;
+        number
+    }
+}
+
+/// Signed distance of a point from a circle (x, y, radius); negative inside.
+fn away(point: [f64; 2], circle: [f64; 3]) -> f64 {
+    (point[0] - circle[0]).hypot(point[1] - circle[1]) - circle[2]
+}
+
+/// The circle through three points, if it has a possible radius.
+fn through([a, b, c]: [[f64; 2]; 3]) -> Option<[f64; 3]> {
+    let [bx, by] = [b[0] - a[0], b[1] - a[1]];
+    let [cx, cy] = [c[0] - a[0], c[1] - a[1]];
+    let d = 2.0 * (bx * cy - by * cx);
+    let b2 = bx * bx + by * by;
+    let c2 = cx * cx + cy * cy;
+    let x = (cy * b2 - by * c2) / d;
+    let y = (bx * c2 - cx * b2) / d;
+    let radius = x.hypot(y);
+    // A division by zero gives a radius that is not in the range.
+    (RADII_M[0]..=RADII_M[1]).contains(&radius).then_some([a[0] + x, a[1] + y, radius])
+}
+
+/// Points on the circle, less those inside.
+fn score(points: &[[f64; 2]], circle: [f64; 3]) -> f64 {
+    let mut score = 0.0;
+    for point in points {
+        let away = away(*point, circle);
+        if away.abs() <= TOLERANCE_M {
+            // Nearer points count more, so that the best of many similar circles is taken.
+            score += 1.0 - (away / TOLERANCE_M).powi(2) / 2.0;
+        } else if away < -TOLERANCE_M {
+            score -= 1.0;
+        }
+    }
+    score
+}
+
+fn on(points: &[[f64; 2]], circle: [f64; 3]) -> Vec<[f64; 2]> {
+    points.iter().copied().filter(|point| away(*point, circle).abs() <= TOLERANCE_M).collect()
+}
+
+/// Normal equations of the distances from a circle.
+fn normal(points: &[[f64; 2]], circle: [f64; 3]) -> (Matrix3<f64>, Vector3<f64>) {
+    let mut matrix = Matrix3::zeros();
+    let mut right = Vector3::zeros();
+    for point in points {
+        let [x, y] = [point[0] - circle[0], point[1] - circle[1]];
+        let distance = x.hypot(y).max(1e-9);
+        let gradient = Vector3::new(-x / distance, -y / distance, -1.0);
+        matrix += gradient * gradient.transpose();
+        right -= gradient * (distance - circle[2]);
+    }
+    (matrix, right)
+}
+
+/// One step of least squares. `None` if the points do not determine a circle.
+fn improved(points: &[[f64; 2]], circle: [f64; 3]) -> Option<[f64; 3]> {
+    if points.len() < LEAST_POINTS {
+        return None;
+    }
+    let (matrix, right) = normal(points, circle);
+    let step = matrix.try_inverse()? * right;
+    let next = [circle[0] + step[0], circle[1] + step[1], circle[2] + step[2]];
+    next.iter().all(|value| value.is_finite()).then_some(next)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Points on an arc, with a pattern of errors of `noise` metres.
+    fn arc(circle: [f64; 3], from_deg: f64, to_deg: f64, count: u32, noise: f64) -> Vec<[f64; 2]> {
+        (0..count)
+            .map(|k| {
+                let angle = (from_deg + (to_deg - from_deg) * f64::from(k) / f64::from(count)).to_radians();
+                let radius = circle[2] + noise * (f64::from(k * 7 % 5) - 2.0) / 2.0;
+                [circle[0] + radius * angle.cos(), circle[1] + radius * angle.sin()]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_circle_is_found_among_twigs() {
+        let mut points = arc([3.0, -2.0, 0.15], 0.0, 180.0, 120, 0.0);
+        // Half as many points elsewhere, outside.
+        points.extend((0..60).map(|k| [3.3 + 0.002 * f64::from(k), -1.8 + 0.004 * f64::from(k * 13 % 29)]));
+        let found = fit(&points).unwrap();
+        assert!((found.radius - 0.15).abs() < 1e-3, "{found:?}");
+        assert!((found.centre[0] - 3.0).abs() < 1e-3 && (found.centre[1] + 2.0).abs() < 1e-3);
+        assert!((170.0..=200.0).contains(&found.seen_deg), "{found:?}");
+    }
+
+    #[test]
+    fn what_is_no_circle_is_none() {
+        assert_eq!(fit(&[]), None);
+        assert_eq!(fit(&[[1.0, 1.0]; 50]), None, "one place");
+        let line: Vec<[f64; 2]> = (0..100).map(|k| [0.01 * f64::from(k), 0.0]).collect();
+        assert_eq!(fit(&line), None, "a straight line");
+    }
+
+    #[test]
+    fn little_of_a_circle_is_less_certain_than_much() {
+        let error = |to| fit(&arc([0.0, 0.0, 0.2], 0.0, to, 200, 0.005)).unwrap().radius_error;
+        assert!(error(60.0) > 3.0 * error(180.0), "{} {}", error(60.0), error(180.0));
+    }
+
+    proptest! {
+        #[test]
+        fn arcs_of_a_third_give_the_circle(
+            x in -3.0..3.0_f64, y in -3.0..3.0_f64, radius in 0.05..0.5_f64, from in 0.0..360.0_f64,
+        ) {
+            let found = fit(&arc([x, y, radius], from, from + 120.0, 150, 0.002));
+            let found = found.unwrap();
+            prop_assert!((found.radius - radius).abs() < 0.003, "{:?} for {}", found, radius);
+            prop_assert!((found.centre[0] - x).hypot(found.centre[1] - y) < 0.004);
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! What the inventory measures on the points of an object: sketches that tiles collect and merge exactly, and the
+//! geometry that is derived from the sketches of a whole object. No columns, no files, no tiles.
+
+mod circle;
+mod crown;
+mod foot;
+mod grid;
+mod outline;
+mod parts;
+mod rectangle;
+mod sketch;
+mod stem;
+
+pub(super) use circle::Circle;
+pub(super) use crown::crown;
+pub(super) use foot::Foot;
+pub use outline::around_cells;
+pub(super) use outline::{Polygon, outline};
+pub use parts::Measures;
+pub(super) use parts::{Frames, SMALL, TREE, VEHICLE};
+pub(super) use rectangle::{Rectangle, least_area};

@@ -1,0 +1,212 @@
+//! A sketch: the occupied voxels of an object with a value each, of bounded size, merged exactly in any order.
+//!
+//! Voxels of level 0 have an edge that is the same for all objects; those of level k have 2^k times that edge and
+//! consist of whole voxels of the level before. If a sketch has more voxels than it may have, it goes to the next
+//! level. The level of a sketch is therefore the smallest at which its points occupy few enough voxels. A part of an
+//! object never needs a higher level than the whole, so the order in which parts are merged does not matter.
+
+use serde::{Deserialize, Serialize};
+
+/// A value of a voxel. Merging is associative and commutative, and exact.
+pub(crate) trait Patch: Copy {
+    /// Adds the value of other points in the same voxel.
+    fn merge(&mut self, other: &Self);
+}
+
+/// Index of a voxel, counted from the voxel that contains the lowest corner of the whole object.
+pub(crate) type Key = [u32; 3];
+
+/// Where the voxels of an object are: the edge of level 0, and the corner from which keys are counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Frame {
+    /// Edge of a voxel of level 0, in lattice units.
+    pub(crate) edge: i64,
+    /// Lattice coordinates of the lower corner of voxel (0, 0, 0): multiples of the edge.
+    pub(crate) corner: [i64; 3],
+    /// The level from which on keys fit 32 bits.
+    first_level: u8,
+}
+
+impl Frame {
+    /// The frame of an object that extends from `lo` to `hi`, in lattice units.
+    pub(crate) fn new(edge: i64, lo: [i64; 3], hi: [i64; 3]) -> Self {
+        let corner = lo.map(|value| value.div_euclid(edge) * edge);
+        let fits = |level: &u8| (0..3).all(|k| (hi[k].wrapping_sub(corner[k]) / edge) >> level < 1 << 32);
+        let first_level = (0..63).find(fits).unwrap_or(63);
+        Self { edge, corner, first_level }
+    }
+
+    /// Edge of a voxel of a level, in lattice units.
+    pub(crate) fn edge_at(&self, level: u8) -> i64 {
+        self.edge << level
+    }
+
+    /// The voxel of a point of the object at the lowest level of the frame.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "points are not below the corner, and the level was chosen so that keys fit"
+    )]
+    pub(crate) fn key(&self, point: [i64; 3]) -> Key {
+        [0, 1, 2].map(|k| (((point[k] - self.corner[k]) / self.edge) >> self.first_level) as u32)
+    }
+
+    /// Lattice coordinate of the middle of a voxel along an axis, doubled, so that it is an integer.
+    pub(crate) fn doubled_middle(&self, level: u8, axis: usize, index: u32) -> i64 {
+        2 * self.corner[axis] + (2 * i64::from(index) + 1) * self.edge_at(level)
+    }
+}
+
+/// The occupied voxels of an object, or of a part of one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Sketch<V> {
+    /// Level of its voxels.
+    pub(crate) level: u8,
+    /// The voxels in ascending order.
+    pub(crate) voxels: Vec<(Key, V)>,
+}
+
+impl<V: Patch> Sketch<V> {
+    /// No points.
+    pub(crate) fn empty(frame: &Frame) -> Self {
+        Self { level: frame.first_level, voxels: Vec::new() }
+    }
+
+    /// The sketch of points, each with the voxel of [`Frame::key`] and its value; at most `most` voxels remain.
+    pub(crate) fn of(frame: &Frame, voxels: Vec<(Key, V)>, most: usize) -> Self {
+        let mut sketch = Self { level: frame.first_level, voxels };
+        sketch.unite();
+        sketch.limit(most);
+        sketch
+    }
+
+    /// Adds another part of the same object.
+    pub(crate) fn merge(&mut self, mut other: Self, most: usize) {
+        while self.level < other.level {
+            self.coarsen();
+        }
+        while other.level < self.level {
+            other.coarsen();
+        }
+        self.voxels.append(&mut other.voxels);
+        self.unite();
+        self.limit(most);
+    }
+
+    fn limit(&mut self, most: usize) {
+        while self.voxels.len() > most.max(1) {
+            self.coarsen();
+        }
+    }
+
+    /// Goes to the next level.
+    pub(crate) fn coarsen(&mut self) {
+        self.level += 1;
+        for (key, _) in &mut self.voxels {
+            *key = key.map(|index| index >> 1);
+        }
+        self.unite();
+    }
+
+    /// Sorts the voxels and merges equal ones.
+    fn unite(&mut self) {
+        self.voxels.sort_unstable_by_key(|(key, _)| *key);
+        self.voxels.dedup_by(|next, kept| {
+            let same = next.0 == kept.0;
+            if same {
+                kept.1.merge(&next.1);
+            }
+            same
+        });
+    }
+}
+
+/// Lowest and highest lattice z of the points in a voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Heights {
+    pub(crate) lowest: i64,
+    pub(crate) highest: i64,
+}
+
+impl Patch for Heights {
+    fn merge(&mut self, other: &Self) {
+        self.lowest = self.lowest.min(other.lowest);
+        self.highest = self.highest.max(other.highest);
+    }
+}
+
+/// Number of points in a voxel and the sums of their coordinates, counted from the corner of the frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Sums {
+    pub(crate) points: u64,
+    pub(crate) sum: [i64; 3],
+}
+
+impl Patch for Sums {
+    fn merge(&mut self, other: &Self) {
+        self.points += other.points;
+        for axis in 0..3 {
+            self.sum[axis] += other.sum[axis];
+        }
+    }
+}
+
+/// That there are points in a voxel.
+impl Patch for () {
+    fn merge(&mut self, _other: &Self) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn sketch(frame: &Frame, points: &[[i64; 3]], most: usize) -> Sketch<Sums> {
+        let one = |point: &[i64; 3]| {
+            let sum = [0, 1, 2].map(|k| point[k] - frame.corner[k]);
+            (frame.key(*point), Sums { points: 1, sum })
+        };
+        Sketch::of(frame, points.iter().map(one).collect(), most)
+    }
+
+    #[test]
+    fn objects_of_any_size_have_keys() {
+        let far = 1_i64 << 50;
+        let frame = Frame::new(10, [-far; 3], [far; 3]);
+        assert!(frame.first_level > 0 && frame.corner[0] <= -far && frame.corner[0] % 10 == 0);
+        let last = frame.key([far; 3]);
+        assert!(last[0] > u32::MAX / 4, "{last:?}");
+        assert_eq!(frame.key([-far; 3]), [0; 3]);
+    }
+
+    proptest! {
+        /// The level is the smallest at which few enough voxels are occupied, found by counting sets.
+        #[test]
+        fn parts_in_any_order_are_the_whole(
+            points in prop::collection::vec(([-300..300_i64, -300..300_i64, -300..300_i64], 0..4_usize), 1..120),
+            most in 1..40_usize,
+            order in Just([0_usize, 1, 2, 3]).prop_shuffle(),
+        ) {
+            let all: Vec<[i64; 3]> = points.iter().map(|(point, _)| *point).collect();
+            let corner = |pick: fn(i64, i64) -> i64| [0, 1, 2].map(|k| all.iter().map(|p| p[k]).reduce(pick).unwrap());
+            let frame = Frame::new(20, corner(i64::min), corner(i64::max));
+            let whole = sketch(&frame, &all, most);
+            let mut merged = Sketch::empty(&frame);
+            for part in order {
+                let mine: Vec<[i64; 3]> = points.iter().filter(|(_, of)| *of == part).map(|(p, _)| *p).collect();
+                merged.merge(sketch(&frame, &mine, most), most);
+            }
+            prop_assert_eq!(&merged, &whole);
+            let occupied = |level: u8| {
+                let edge = 20 << level;
+                all.iter().map(|p| [0, 1, 2].map(|k| (p[k] - frame.corner[k]) / edge)).collect::<BTreeSet<_>>().len()
+            };
+            let level = (0..).find(|level| occupied(*level) <= most).unwrap();
+            prop_assert_eq!((whole.level, whole.voxels.len()), (level, occupied(level)));
+            prop_assert_eq!(whole.voxels.iter().map(|(_, sums)| sums.points).sum::<u64>(), all.len() as u64);
+        }
+    }
+}

@@ -1,0 +1,451 @@
+//! The axis of a stem or a pole, and its section at a height.
+//!
+//! A stem is where the object is occupied at the most heights. A straight line is fitted there by iterated weighted
+//! least squares with Tukey's biweight (Beaton and Tukey, Technometrics 16, 147-185, 1974, doi:10.2307/1267936) of the
+//! horizontal distances; every height has the same weight. Then only heights count at which there is nothing beside a
+//! pole, so that signs and arms do not pull it, and the direction is the median of those between heights (Theil, 1950;
+//! Sen, 1968, doi:10.1080/01621459.1968.10480934). The direction of a tree is that between circles in slices, which
+//! leaves do not pull. Circles also correct for the side that was not seen. `benches/results/attributes.md` has the errors.
+//!
+//! Places are metres from the corner of the frame of the sketch, so that all numbers are small.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::circle::{self, Circle};
+use super::parts::TREE;
+use super::sketch::{Sketch, Sums};
+use crate::model::Lattice;
+
+/// Edge of the cells in which occupied heights are counted, and height of a layer, in metres.
+const CELL_M: f64 = 0.1;
+/// Layers above the lowest point in which heights are counted. Above them, a crown has more of them than its stem.
+const VOTING_LAYERS: i64 = 30;
+/// Cut-off of the biweight in metres, from round to round: the first sees a stem that leans by 4 degrees.
+const CUT_OFFS_M: [f64; 10] = [0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.25];
+/// Half the height of a slice in metres.
+pub(crate) const HALF_SLICE_M: f64 = 0.1;
+/// Slices are cut at these steps in metres, up to the height below.
+const SLICE_STEP_M: f64 = 0.25;
+/// Highest slice over the lowest point in metres.
+const SLICES_TO_M: f64 = 3.5;
+/// A slice reaches this far from the axis, in metres.
+const SLICE_REACH_M: f64 = 0.6;
+/// A circle whose centre is further from the axis than its radius and this is of something else, in metres.
+const OFF_AXIS_M: f64 = 0.1;
+/// A circle is used if at least this much of it was seen, in degrees, and
+pub(crate) const LEAST_SEEN_DEG: f64 = 60.0;
+/// its radius is known to this standard error, in metres: for a place on the axis,
+const LARGEST_ERROR_M: f64 = 0.02;
+/// and for the section of a stem.
+const SECTION_ERROR_M: f64 = 0.01;
+/// Circles on the axis of a tree have radii that differ from their median by at most this share of it.
+const ONE_STEM: f64 = 0.25;
+/// Points this near to the axis of a pole are of the pole, in metres: its radius and the side that was not seen.
+const OF_POLE_M: f64 = 0.13;
+/// A layer is one of the bare pole if at least this share of the points within the reach of a slice is of it.
+const BARE_SHARE: f64 = 0.75;
+/// Points this near to the axis of a tree may be of its stem, in metres,
+const OF_STEM_M: f64 = 0.25;
+/// and are if they have this share: leaves that are spread evenly have a sixth.
+const STEM_SHARE: f64 = 0.6;
+/// Without a circle, so many layers of the bare stem must have been seen. Else the densest leaves would be the stem.
+const STEM_LAYERS: usize = 3;
+/// Smallest number of points of such a layer,
+const BARE_POINTS: usize = 3;
+/// and smallest number of layers for the direction of a pole.
+const BARE_LAYERS: usize = 8;
+/// Pairs of layers are this share of the height apart: the slopes between nearer ones are mostly noise.
+const BARE_APART: f64 = 1.0 / 3.0;
+/// Rounds of choosing layers and of fitting through them.
+const BARE_ROUNDS: usize = 2;
+/// A section is that of the stem if sections at these distances above it, in metres,
+const NEIGHBOURS_M: [f64; 4] = [-0.4, -0.2, 0.2, 0.4];
+/// have nearly the same radius: at least this many of them,
+const LEAST_NEIGHBOURS: usize = 2;
+/// and their median differs by at most this share of it and this length in metres. What is larger is a fork or a twig.
+const SAME_RADIUS: (f64, f64) = (0.15, 0.01);
+/// Smallest number of circles for a line through their centres.
+const LEAST_CIRCLES: usize = 4;
+/// Largest distance of their middle from the mean of the side that was seen, in metres: two thirds of a radius of 0.45 m.
+const LARGEST_SHIFT_M: f64 = 0.3;
+/// Shortest axis whose direction is given, in metres.
+const SHORTEST_M: f64 = 1.0;
+
+/// A straight axis: a place for every height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct StemAxis {
+    /// Where the axis is at height 0 of the frame.
+    pub(crate) foot: [f64; 2],
+    /// How far it moves per metre of height.
+    pub(crate) slope: [f64; 2],
+    /// Lowest and highest point on it.
+    pub(crate) from: f64,
+    /// See `from`.
+    pub(crate) to: f64,
+    /// Whether its direction is known well enough to be given.
+    pub(crate) has_direction: bool,
+}
+
+impl StemAxis {
+    /// Where the axis is at a height.
+    pub(crate) fn at(&self, z: f64) -> [f64; 2] {
+        [0, 1].map(|k| self.foot[k] + self.slope[k] * z)
+    }
+
+    /// A vertical axis where this one is at the middle of its height.
+    fn upright(self) -> Self {
+        let foot = self.at(f64::midpoint(self.from, self.to));
+        Self { foot, slope: [0.0; 2], has_direction: false, ..self }
+    }
+
+    /// Angle from the vertical in degrees.
+    pub(crate) fn inclination_deg(&self) -> f64 {
+        self.slope[0].hypot(self.slope[1]).atan().to_degrees()
+    }
+
+    /// Direction in which it leans, in degrees clockwise from north, 0 to 360.
+    pub(crate) fn azimuth_deg(&self) -> f64 {
+        self.slope[0].atan2(self.slope[1]).to_degrees().rem_euclid(360.0)
+    }
+}
+
+/// The points of a stem or a pole: means of voxels.
+#[derive(Debug)]
+pub(crate) struct Stem {
+    places: Vec<[f64; 3]>,
+    is_tree: bool,
+}
+
+impl Stem {
+    /// The stem in a sketch of an object of a class.
+    pub(crate) fn new(sketch: &Sketch<Sums>, lattice: Lattice, class: u8) -> Self {
+        let place = |sums: &Sums| {
+            // Sums are counted from the corner, so that they fit 64 bits and a mean is a small number.
+            sums.sum.map(|sum| sum as f64 / sums.points as f64 * lattice.step_m())
+        };
+        let places = sketch.voxels.iter().map(|(_, sums)| place(sums)).collect();
+        Self { places, is_tree: class == TREE }
+    }
+
+    /// The axis; `None` without points, and of a tree of whose stem hardly anything was seen.
+    pub(crate) fn axis(&self) -> Option<StemAxis> {
+        let centre = self.densest_column()?;
+        let mut axis = StemAxis { foot: centre, slope: [0.0; 2], from: 0.0, to: 0.0, has_direction: false };
+        for cut_off in CUT_OFFS_M {
+            axis = line(&self.layers(&axis, cut_off))?;
+        }
+        if self.is_tree {
+            let bare = self.bare_layers(&axis, OF_STEM_M, STEM_SHARE).len() >= STEM_LAYERS;
+            if !bare && self.centres(&axis).is_empty() {
+                return None;
+            }
+        }
+        if axis.to - axis.from < SHORTEST_M {
+            return Some(axis.upright());
+        }
+        if self.is_tree {
+            return Some(self.through_circles(axis));
+        }
+        for _ in 0..BARE_ROUNDS {
+            let bare = self.bare_layers(&axis, OF_POLE_M, BARE_SHARE);
+            let through = steady_line(&bare, BARE_APART).filter(|line| line.to - line.from >= SHORTEST_M);
+            if let Some(through) = through.filter(|_| bare.len() >= BARE_LAYERS) {
+                axis = StemAxis { from: axis.from, to: axis.to, ..through };
+            }
+        }
+        Some(shifted(axis, &self.centres(&axis)))
+    }
+
+    /// Mean place of the points in the cell of 0.3 m that is occupied at the most heights.
+    fn densest_column(&self) -> Option<[f64; 2]> {
+        #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
+        let index = |value: f64| (value / CELL_M).floor() as i64;
+        let lowest = self.places.iter().map(|place| index(place[2])).min()?;
+        let mut layers: BTreeMap<[i64; 2], BTreeSet<i64>> = BTreeMap::new();
+        for place in &self.places {
+            let layer = index(place[2]) - lowest;
+            if layer < VOTING_LAYERS {
+                layers.entry([index(place[0]), index(place[1])]).or_default().insert(layer);
+            }
+        }
+        let mut best: Option<(usize, [i64; 2])> = None;
+        for cell in layers.keys() {
+            let mut all: BTreeSet<i64> = BTreeSet::new();
+            for [i, j] in around(*cell) {
+                all.extend(layers.get(&[i, j]).into_iter().flatten());
+            }
+            if best.is_none_or(|(most, _)| all.len() > most) {
+                best = Some((all.len(), *cell));
+            }
+        }
+        let (_, cell) = best?;
+        let near: Vec<&[f64; 3]> = self
+            .places
+            .iter()
+            .filter(|place| index(place[2]) - lowest < VOTING_LAYERS)
+            .filter(|place| around(cell).contains(&[index(place[0]), index(place[1])]))
+            .collect();
+        let count = near.len() as f64;
+        Some([0, 1].map(|k| near.iter().map(|place| place[k]).sum::<f64>() / count))
+    }
+
+    /// The mean place of the points near an axis in every layer, by the biweight of their distances.
+    fn layers(&self, axis: &StemAxis, cut_off: f64) -> Vec<[f64; 3]> {
+        #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
+        let layer = |z: f64| (z / CELL_M).floor() as i64;
+        let mut near: BTreeMap<i64, Vec<([f64; 3], f64)>> = BTreeMap::new();
+        for place in &self.places {
+            let at = axis.at(place[2]);
+            let share = (place[0] - at[0]).hypot(place[1] - at[1]) / cut_off;
+            if share < 1.0 {
+                near.entry(layer(place[2])).or_default().push((*place, (1.0 - share * share).powi(2)));
+            }
+        }
+        let mut means = Vec::new();
+        for places in near.values() {
+            let weight: f64 = places.iter().map(|(_, weight)| weight).sum();
+            if weight > 0.0 {
+                let mean = |k: usize| places.iter().map(|(p, w)| p[k] * w).sum::<f64>() / weight;
+                means.push([mean(0), mean(1), mean(2)]);
+            }
+        }
+        means
+    }
+
+    /// The mean place of the points within `radius` of an axis in every layer with hardly anything beside it: at least
+    /// `share` of the points within the reach of a slice.
+    fn bare_layers(&self, axis: &StemAxis, radius: f64, share: f64) -> Vec<[f64; 3]> {
+        #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
+        let layer = |z: f64| (z / CELL_M).floor() as i64;
+        let mut layers: BTreeMap<i64, (usize, Vec<[f64; 3]>)> = BTreeMap::new();
+        for place in &self.places {
+            let at = axis.at(place[2]);
+            let away = (place[0] - at[0]).hypot(place[1] - at[1]);
+            if away < SLICE_REACH_M {
+                let (all, near) = layers.entry(layer(place[2])).or_default();
+                *all += 1;
+                if away < radius {
+                    near.push(*place);
+                }
+            }
+        }
+        let bare = layers
+            .into_values()
+            .filter(|(all, near)| near.len() >= BARE_POINTS && near.len() as f64 >= share * *all as f64);
+        let mean = |places: &[[f64; 3]], k: usize| {
+            places.iter().map(|place| place[k]).sum::<f64>() / places.len() as f64
+        };
+        bare.map(|(_, near)| [0, 1, 2].map(|k| mean(&near, k))).collect()
+    }
+
+    /// The axis of a tree through the circles in its slices. Without enough of them it has no direction, since leaves and
+    /// branches pull the means of layers.
+    fn through_circles(&self, axis: StemAxis) -> StemAxis {
+        let centres = self.centres(&axis);
+        let through = steady_line(&centres, 0.0).filter(|line| line.to - line.from >= SHORTEST_M);
+        match through.filter(|_| centres.len() >= LEAST_CIRCLES) {
+            Some(through) => StemAxis { from: axis.from, to: axis.to, ..through },
+            None => StemAxis { has_direction: false, ..shifted(axis, &centres) },
+        }
+    }
+
+    /// Centres of the circles in the slices, of those with nearly the same radius.
+    fn centres(&self, axis: &StemAxis) -> Vec<[f64; 3]> {
+        let mut circles = Vec::new();
+        let mut z = axis.from + SLICE_STEP_M;
+        while z <= (axis.from + SLICES_TO_M).min(axis.to) {
+            circles.extend(self.circle(axis, z).map(|circle| (circle, z)));
+            z += SLICE_STEP_M;
+        }
+        let radius = median(&mut circles.iter().map(|(circle, _)| circle.radius).collect::<Vec<_>>());
+        circles.retain(|(circle, _)| (circle.radius - radius).abs() <= ONE_STEM * radius);
+        circles.into_iter().map(|(circle, z)| [circle.centre[0], circle.centre[1], z]).collect()
+    }
+
+    /// The circle in a slice around height `z`, if those in slices above and below have nearly its radius.
+    pub(crate) fn section(&self, axis: &StemAxis, z: f64) -> Option<Circle> {
+        let circle = self.circle(axis, z)?;
+        let near = NEIGHBOURS_M.iter().filter_map(|by| self.circle(axis, z + by));
+        let mut radii: Vec<f64> = near.map(|circle| circle.radius).collect();
+        let enough = radii.len() >= LEAST_NEIGHBOURS;
+        let off = (median(&mut radii) - circle.radius).abs();
+        let (share, length_m) = SAME_RADIUS;
+        let same = off <= share * circle.radius + length_m;
+        (enough && same && circle.radius_error <= SECTION_ERROR_M).then_some(circle)
+    }
+
+    /// The circle in a slice around height `z`, if enough of it was seen and it is on the axis. Points are moved along
+    /// the axis to that height.
+    fn circle(&self, axis: &StemAxis, z: f64) -> Option<Circle> {
+        let at = axis.at(z);
+        let slice: Vec<[f64; 2]> = self
+            .places
+            .iter()
+            .filter(|place| (place[2] - z).abs() <= HALF_SLICE_M)
+            .map(|place| [0, 1].map(|k| place[k] - axis.slope[k] * (place[2] - z)))
+            .filter(|place| (place[0] - at[0]).hypot(place[1] - at[1]) <= SLICE_REACH_M)
+            .collect();
+        let circle = circle::fit(&slice)?;
+        let off = (circle.centre[0] - at[0]).hypot(circle.centre[1] - at[1]);
+        let good = circle.seen_deg >= LEAST_SEEN_DEG
+            && circle.radius_error <= LARGEST_ERROR_M
+            && off <= circle.radius + OFF_AXIS_M;
+        good.then_some(circle)
+    }
+}
+
+/// A cell and the eight around it.
+fn around([i, j]: [i64; 2]) -> [[i64; 2]; 9] {
+    let mut all = [[0; 2]; 9];
+    for (number, cell) in (0..).zip(&mut all) {
+        *cell = [i + number / 3 - 1, j + number % 3 - 1];
+    }
+    all
+}
+
+/// The axis, moved by the median distance of the centres of circles from it. Few circles, or such that are far away, are
+/// of something else.
+fn shifted(axis: StemAxis, places: &[[f64; 3]]) -> StemAxis {
+    if places.len() < LEAST_CIRCLES {
+        return axis;
+    }
+    let off = [0, 1].map(|k| {
+        let mut all: Vec<f64> = places.iter().map(|place| place[k] - axis.at(place[2])[k]).collect();
+        median(&mut all)
+    });
+    if off[0].hypot(off[1]) > LARGEST_SHIFT_M {
+        return axis;
+    }
+    StemAxis { foot: [axis.foot[0] + off[0], axis.foot[1] + off[1]], ..axis }
+}
+
+/// The line through places (x, y, z) by least squares of x and y over z. Vertical where all have one height.
+fn line(places: &[[f64; 3]]) -> Option<StemAxis> {
+    let count = places.len() as f64;
+    if places.is_empty() {
+        return None;
+    }
+    let mean = [0, 1, 2].map(|k| places.iter().map(|place| place[k]).sum::<f64>() / count);
+    let squares: f64 = places.iter().map(|place| (place[2] - mean[2]).powi(2)).sum();
+    let slope = [0, 1].map(|k| {
+        let products: f64 = places.iter().map(|place| (place[k] - mean[k]) * (place[2] - mean[2])).sum();
+        if squares > 1e-6 { products / squares } else { 0.0 }
+    });
+    let foot = [0, 1].map(|k| mean[k] - slope[k] * mean[2]);
+    let from = places.iter().map(|place| place[2]).fold(f64::INFINITY, f64::min);
+    let to = places.iter().map(|place| place[2]).fold(f64::NEG_INFINITY, f64::max);
+    Some(StemAxis { foot, slope, from, to, has_direction: true })
+}
+
+/// The line through places whose slope is the median of the slopes of pairs that are at least `apart` of its height
+/// apart.
+fn steady_line(places: &[[f64; 3]], apart: f64) -> Option<StemAxis> {
+    let ends = line(places)?;
+    let least = (ends.to - ends.from) * apart;
+    let slope = [0, 1].map(|k| {
+        let mut slopes = Vec::new();
+        for (number, a) in places.iter().enumerate() {
+            let far = places[number + 1..].iter().filter(|b| b[2] - a[2] >= least.max(f64::EPSILON));
+            slopes.extend(far.map(|b| (b[k] - a[k]) / (b[2] - a[2])));
+        }
+        median(&mut slopes)
+    });
+    let foot = [0, 1].map(|k| {
+        let mut feet: Vec<f64> = places.iter().map(|place| place[k] - slope[k] * place[2]).collect();
+        median(&mut feet)
+    });
+    Some(StemAxis { foot, slope, ..ends })
+}
+
+/// The median; 0 of nothing.
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let half = values.len() / 2;
+    match values.len() {
+        0 => 0.0,
+        odd if odd % 2 == 1 => values[half],
+        _ => f64::midpoint(values[half - 1], values[half]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cylinder that leans: the side towards -x only, 0 to `height` metres.
+    fn cylinder(
+        foot: [f64; 2],
+        slope: [f64; 2],
+        radius: f64,
+        height: f64,
+        from_deg: f64,
+        to_deg: f64,
+    ) -> Vec<[f64; 3]> {
+        let mut places = Vec::new();
+        let mut z = 0.01;
+        while z < height {
+            for k in 0..24 {
+                let angle = (from_deg + (to_deg - from_deg) * f64::from(k) / 24.0).to_radians();
+                let x = foot[0] + slope[0] * z + radius * angle.cos();
+                let y = foot[1] + slope[1] * z + radius * angle.sin();
+                places.push([x, y, z]);
+            }
+            z += 0.02;
+        }
+        places
+    }
+
+    #[test]
+    fn a_leaning_pole_seen_from_one_side_has_its_true_axis() {
+        // 2 degrees towards the east-north-east, with an arm at 5 m and a plate at the foot.
+        let lean = 2.0_f64.to_radians().tan();
+        let slope = [lean * 0.8, lean * 0.6];
+        let mut places = cylinder([4.0, 7.0], slope, 0.08, 6.0, 100.0, 240.0);
+        places.extend((0..100).map(|k| [4.2 + 0.02 * f64::from(k), 7.1, 5.0]));
+        places
+            .extend((0..400).map(|k| [4.3 + 0.02 * f64::from(k % 20), 6.8 + 0.02 * f64::from(k / 20), 2.0]));
+        let stem = Stem { places, is_tree: false };
+        let axis = stem.axis().unwrap();
+        assert!((axis.inclination_deg() - 2.0).abs() < 0.1, "{axis:?} {}", axis.inclination_deg());
+        assert!((axis.azimuth_deg() - 53.13).abs() < 4.0, "{}", axis.azimuth_deg());
+        let foot = axis.at(0.0);
+        assert!((foot[0] - 4.0).hypot(foot[1] - 7.0) < 0.03, "{foot:?}");
+        let circle = stem.section(&axis, 1.3).unwrap();
+        assert!((circle.radius - 0.08).abs() < 0.005, "{circle:?}");
+    }
+
+    #[test]
+    fn a_stem_below_a_dense_crown_is_found() {
+        let mut places = cylinder([2.0, 2.0], [0.0, 0.0], 0.15, 2.5, 0.0, 180.0);
+        // Leaves from 2 m on, 3 m wide.
+        places.extend((0..6_000).map(|k| {
+            let at = |step: i32, most: i32| f64::from(k * step % most) / f64::from(most);
+            [0.5 + 3.0 * at(131, 997), 0.5 + 3.0 * at(223, 991), 2.0 + 1.9 * at(311, 983)]
+        }));
+        let stem = Stem { places, is_tree: true };
+        let axis = stem.axis().unwrap();
+        let foot = axis.at(0.0);
+        assert!((foot[0] - 2.0).hypot(foot[1] - 2.0) < 0.03, "{axis:?}");
+        let circle = stem.section(&axis, 1.3).unwrap();
+        assert!((circle.radius - 0.15).abs() < 0.003, "{circle:?}");
+    }
+
+    #[test]
+    fn no_points_have_no_axis_and_few_have_no_direction() {
+        assert_eq!(Stem { places: Vec::new(), is_tree: true }.axis(), None);
+        let low = Stem { places: vec![[1.0, 2.0, 0.1], [1.1, 2.0, 0.1]], is_tree: false };
+        let axis = low.axis().unwrap();
+        assert!(!axis.has_direction && (axis.at(9.0)[0] - 1.05).abs() < 1e-9, "{axis:?}");
+    }
+
+    #[test]
+    fn azimuths_are_clockwise_from_north() {
+        let axis = |slope| StemAxis { foot: [0.0; 2], slope, from: 0.0, to: 5.0, has_direction: true };
+        for (slope, azimuth) in
+            [([0.0, 1.0], 0.0), ([1.0, 0.0], 90.0), ([0.0, -1.0], 180.0), ([-1.0, 0.0], 270.0)]
+        {
+            assert!((axis(slope).azimuth_deg() - azimuth).abs() < 1e-9);
+            assert!((axis(slope).inclination_deg() - 45.0).abs() < 1e-9);
+        }
+    }
+}

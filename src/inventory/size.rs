@@ -1,0 +1,56 @@
+//! Attribute `size`: the box of least area in the plane.
+
+use crate::inventory::attribute::Attribute;
+use crate::inventory::measures::{Rectangle, least_area};
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Size;
+
+impl Attribute for Size {
+    fn columns(&self) -> &'static [Column] {
+        &[
+            Column {
+                name: "length_m",
+                column_type: ColumnType::Decimal { places: 3 },
+                unit: ColumnUnit::Metre,
+                definition: "longer side of the box of least area in the plane",
+            },
+            Column {
+                name: "width_m",
+                column_type: ColumnType::Decimal { places: 3 },
+                unit: ColumnUnit::Metre,
+                definition: "shorter side of that box",
+            },
+            Column {
+                name: "azimuth_deg",
+                column_type: ColumnType::Decimal { places: 2 },
+                unit: ColumnUnit::Degree,
+                definition: "direction of the longer side, clockwise from north (the y axis), 0 to 180; empty of a single place",
+            },
+        ]
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        let Rectangle { length, width, azimuth_deg } = least_area(&object.part.hull);
+        values.extend([length, width].map(|side| Value::Decimal(side * object.site.lattice.step_m())));
+        values.push(azimuth_deg.into());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{FEET, METRES, NO_KIND, as_decimals, decimals, near, values_of};
+
+    #[test]
+    fn sides_are_metres_whatever_the_units_of_the_input() {
+        for units_m in [METRES, FEET] {
+            assert!(near(&decimals(&Size, &[], units_m), &[6.096, 3.048, 0.0]));
+        }
+        let one = values_of(&Size, &[[5, 5, 5]], NO_KIND, &[], METRES);
+        assert_eq!(as_decimals(&one), [Some(0.0), Some(0.0), None]);
+    }
+}

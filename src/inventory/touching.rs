@@ -1,0 +1,105 @@
+//! Objects that touch each other: points of both lie in neighbouring voxels.
+
+use std::collections::BTreeSet;
+
+use crate::model::{Lattice, TileCloud, VoxelGrid};
+
+/// Edge of the voxels in metres: objects that are up to 0.1 m apart touch, and none that are 0.35 m apart (twice the
+/// diagonal of a voxel).
+const EDGE_M: f64 = 0.1;
+
+/// Distance around a tile within which points decide what its objects touch, in lattice units.
+#[must_use]
+pub fn reach(lattice: Lattice) -> i64 {
+    2 * edge(lattice)
+}
+
+fn edge(lattice: Lattice) -> i64 {
+    lattice.units(EDGE_M).max(1)
+}
+
+/// The pairs of objects, the smaller number first, with points in the same voxel or in two that have a corner in
+/// common. `objects` has the object of each point, 0 for none. Voxels are the same in every tile.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "edges are 100 or 1,000 units")]
+pub fn touching(cloud: &TileCloud, objects: &[u32]) -> BTreeSet<(u32, u32)> {
+    let grid = VoxelGrid::new(cloud.origin, edge(cloud.lattice) as u32);
+    let mut voxels: Vec<([u32; 3], u32)> = (0..objects.len())
+        .filter(|&point| objects[point] != 0)
+        .map(|point| {
+            // From 1 on, so that a neighbour is never below 0.
+            let index = |axis: usize, local: i32| grid.index(axis, local) + 1;
+            let voxel = [index(0, cloud.x[point]), index(1, cloud.y[point]), index(2, cloud.z[point])];
+            (voxel, objects[point])
+        })
+        .collect();
+    // Points that follow each other are mostly in one voxel.
+    voxels.dedup();
+    voxels.sort_unstable();
+    voxels.dedup();
+    let mut pairs = BTreeSet::new();
+    for_neighbours(&voxels, |a, b| {
+        if a != b {
+            pairs.insert((a.min(b), a.max(b)));
+        }
+    });
+    pairs
+}
+
+/// Calls `see` for every pair of entries in one voxel or in neighbouring ones. Shifted by a fixed step, sorted voxels
+/// stay sorted, so each of the steps is one walk along both.
+fn for_neighbours(voxels: &[([u32; 3], u32)], mut see: impl FnMut(u32, u32)) {
+    for step in 0..27_u32 {
+        let by = [step / 9, step / 3 % 3, step % 3];
+        // Half of the neighbours, and the voxel itself.
+        if by < [1, 1, 1] {
+            continue;
+        }
+        let mut first = 0;
+        for (voxel, object) in voxels {
+            let wanted = [0, 1, 2].map(|k| voxel[k] + by[k] - 1);
+            while first < voxels.len() && voxels[first].0 < wanted {
+                first += 1;
+            }
+            for (_, other) in voxels[first..].iter().take_while(|(voxel, _)| *voxel == wanted) {
+                see(*object, *other);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn neighbours_touch_and_others_do_not() {
+        let points = [[0, 0, 0], [190, 0, 0], [50, 50, 250], [1_000, 0, 0], [1_050, 0, 0], [1_060, 0, 0]];
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+        // The last is no object.
+        let found = touching(&cloud, &[1, 2, 3, 4, 4, 0]);
+        assert_eq!(found.into_iter().collect::<Vec<_>>(), [(1, 2)]);
+    }
+
+    proptest! {
+        #[test]
+        fn pairs_are_those_of_all_pairs_of_points(
+            points in prop::collection::vec(([-400..400_i64, -400..400_i64, -400..400_i64], 0..5_u32), 1..60),
+        ) {
+            let places: Vec<[i64; 3]> = points.iter().map(|(place, _)| *place).collect();
+            let objects: Vec<u32> = points.iter().map(|(_, object)| *object).collect();
+            let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &places);
+            let mut expected = BTreeSet::new();
+            for (p, a) in &points {
+                for (q, b) in points.iter().filter(|(_, b)| *a != 0 && a < b) {
+                    if (0..3).all(|k| (p[k].div_euclid(100) - q[k].div_euclid(100)).abs() <= 1) {
+                        expected.insert((*a, *b));
+                    }
+                }
+            }
+            prop_assert_eq!(touching(&cloud, &objects), expected);
+        }
+    }
+}

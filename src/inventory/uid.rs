@@ -1,0 +1,74 @@
+//! Attribute `uid`: a name of the object that other runs give it as well.
+
+use std::fmt::Write;
+
+use crate::inventory::among::{Among, Place};
+use crate::inventory::attribute::Attribute;
+use crate::inventory::object::Object;
+use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// The attribute.
+#[derive(Debug)]
+pub(super) struct Uid;
+
+impl Attribute for Uid {
+    fn columns(&self) -> &'static [Column] {
+        &[Column {
+            name: "uid",
+            column_type: ColumnType::Text,
+            unit: ColumnUnit::None,
+            definition: "class and base in steps of 0.1 m as `CLASS-X-Y`, and `-2`, `-3` if several stand there: the same for the \
+                         same whole object in every run, whatever the other files, their order and the tiles",
+        }]
+    }
+
+    fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
+        let Place { class, decimetres: [x, y], .. } = Place::of(object);
+        values.push(Value::Text(format!("{class}-{x}-{y}").into()));
+    }
+
+    fn complete(&self, id: u32, among: &Among, values: &mut [Value<'_>]) {
+        if let ([Value::Text(text)], number @ 2..) = (values, among.number(id)) {
+            // Writing to a text does not fail.
+            let _ = write!(text.to_mut(), "-{number}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::object::tests::{
+        BOX, FEET, METRES, NO_KIND, site, summaries, terrain_at, values_of,
+    };
+    use crate::model::Kind;
+
+    #[test]
+    fn class_and_place_are_the_name_in_metres_whatever_the_units() {
+        for units_m in [METRES, FEET] {
+            let found = values_of(&Uid, &BOX, NO_KIND, &[], units_m);
+            assert_eq!(found, [Value::Text("0-16-31".into())]);
+        }
+        let west: Vec<[i64; 3]> = BOX.iter().map(|[x, y, z]| [x - 20_000, *y, *z]).collect();
+        let found = values_of(&Uid, &west, Kind { class: 5, confidence: 9 }, &[], METRES);
+        assert_eq!(found, [Value::Text("5--185-31".into())]);
+    }
+
+    #[test]
+    fn the_second_in_a_place_has_a_suffix() {
+        let terrain = terrain_at(&[]);
+        let site = site(&terrain, METRES);
+        let higher = BOX.map(|[x, y, z]| [x, y, z + 500]);
+        let [(a, over_a), (b, over_b)] = [&higher, &BOX].map(|points| summaries(points, NO_KIND));
+        let objects =
+            [Object::new(1, &a, &over_a, NO_KIND, &site), Object::new(2, &b, &over_b, NO_KIND, &site)];
+        let among = Among::new(&objects.each_ref().map(|object| Place::of(object)), []);
+        let names = objects.each_ref().map(|object| {
+            let mut values = Vec::new();
+            Uid.finish(object, &mut values);
+            Uid.complete(object.id, &among, &mut values);
+            values.remove(0)
+        });
+        assert_eq!(names, [Value::Text("0-16-31-2".into()), Value::Text("0-16-31".into())]);
+    }
+}

@@ -1,0 +1,314 @@
+//! Pass `inventory`: the row of every object in the table of objects.
+//!
+//! A tile sketches the points that it owns, object by object, and finishes the rows of the objects that lie in it
+//! alone. The reduction merges the sketches of objects that several tiles share, in the order of the tiles, and finishes
+//! each when its last tile was read. So the memory does not grow with the number of points.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::codec;
+use crate::error::{Error, Result};
+use crate::inventory::{self, Among, Measures, Object, Place, Site, Station, Terrain};
+use crate::model::{Kind, TileId, Value, convex_hull, in_u32};
+use crate::run::drive::{Drive, Surveyed};
+use crate::run::engine::{Driver, Outline, Pass, Payloads};
+use crate::run::passes::relabel::PointColumns;
+use crate::run::passes::stitch::Objects;
+use crate::run::passes::window::Progress;
+use crate::store::Inputs;
+use crate::tiling::Wanted;
+
+const NUMBER: u32 = 6;
+const NAME: &str = "inventory";
+
+/// Bytes per point of objects that a tile needs at its peak: coordinates and id (20), class and role (2), object (4),
+/// the list by object (8), and a voxel for touching (16). The sketches of one object at a time are bounded.
+const BYTES_PER_POINT: u64 = 52;
+/// Bytes for the sketches and the raster of one object.
+const BYTES_OF_OBJECT: u64 = 16 << 20;
+
+/// The rows depend on objects and their points, on the axis (for chainage), and on the columns.
+pub(crate) fn outline(relabel: &Outline, surveyed: &Surveyed) -> Outline {
+    let axis = &surveyed.axis;
+    let names: Vec<&str> = inventory::columns().iter().map(|column| column.name).collect();
+    let depends = Inputs::new()
+        .with("pass relabel", relabel.depends.fingerprint())
+        .with("axis", format!("{:?}, {:.3} m, {:016x}", axis.source, axis.length_m(), axis.digest()))
+        .with("columns", names.join(" "));
+    Outline::new(NUMBER, NAME, depends)
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Row {
+    /// Vertices of the outline in the units of the input, counter-clockwise and not closed.
+    pub(crate) outline: Vec<[f64; 2]>,
+    /// Where the object stands, in the units of the input.
+    pub(crate) base: [f64; 3],
+    /// One value per column.
+    pub(crate) values: Vec<Value<'static>>,
+}
+
+/// A row as it is stored: as bytes, since rows are many and are read one at a time.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Kept {
+    place: Place,
+    row: Vec<u8>,
+}
+
+/// The rows of all objects, and what they are to each other.
+#[derive(Debug)]
+pub(crate) struct Inventory {
+    rows: Vec<Vec<u8>>,
+    among: Among,
+}
+
+impl Inventory {
+    /// Number of rows.
+    pub(crate) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// The row of object `index + 1`.
+    pub(crate) fn row(&self, index: usize) -> Result<Row> {
+        let bytes =
+            self.rows.get(index).ok_or_else(|| Error::bug(format!("object {} has no row", index + 1)))?;
+        let mut row: Row = codec::decode(bytes)?;
+        inventory::complete(in_u32(index + 1, "objects"), &self.among, &mut row.values);
+        Ok(row)
+    }
+}
+
+/// What a tile found.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Found {
+    /// Objects that lie in this tile alone.
+    whole: Vec<(u32, Kept)>,
+    /// Parts of other objects.
+    parts: Vec<(u32, Measures)>,
+    /// Pairs of objects that touch each other.
+    touching: Vec<(u32, u32)>,
+}
+
+/// Computes the rows.
+pub(crate) fn complete<D: Driver>(
+    driver: &mut D,
+    progress: &Progress<'_>,
+    objects: &Objects,
+    columns: &PointColumns,
+    terrain: &Terrain,
+    outline: Outline,
+) -> Result<Option<Inventory>> {
+    let tiled = progress.over.classified.tiled;
+    let (drive, surveyed) = (tiled.drive, tiled.surveyed);
+    let crs = drive.catalog.crs();
+    let file_names: Vec<&str> = drive.catalog.files().iter().map(|file| file.name()).collect();
+    let locate = |place| {
+        let (chainage_m, offset_m) = surveyed.axis.locate(place);
+        Station { chainage_m, offset_m }
+    };
+    let edge = Edge::of(surveyed, drive);
+    let at_end = |place| edge.is_near(place);
+    let site = Site {
+        lattice: drive.lattice(),
+        units_m: [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
+        terrain,
+        locate: &locate,
+        at_end: &at_end,
+        file_names: &file_names,
+    };
+    let last_tile = last_tiles(objects);
+    let pass = InventoryPass { progress, objects, columns, site: &site, last_tile, outline };
+    driver.complete(&pass)
+}
+
+/// The first and last tile with a label of object 1, 2, ...
+fn last_tiles(objects: &Objects) -> Vec<(TileId, TileId)> {
+    let mut tiles: Vec<Option<(TileId, TileId)>> = vec![None; objects.objects.len()];
+    for (tile, ids) in TileId::first(objects.ids.len()).zip(&objects.ids) {
+        for id in ids.iter().filter_map(|id| (*id as usize).checked_sub(1)) {
+            tiles[id] = Some((tiles[id].map_or(tile, |(first, _)| first), tile));
+        }
+    }
+    tiles.into_iter().map(|tiles| tiles.unwrap_or_default()).collect()
+}
+
+struct InventoryPass<'a> {
+    progress: &'a Progress<'a>,
+    objects: &'a Objects,
+    columns: &'a PointColumns,
+    site: &'a Site<'a>,
+    /// First and last tile of each object.
+    last_tile: Vec<(TileId, TileId)>,
+    outline: Outline,
+}
+
+impl InventoryPass<'_> {
+    fn drive(&self) -> &Drive {
+        self.progress.over.classified.tiled.drive
+    }
+
+    fn reach(&self) -> i64 {
+        inventory::touching_reach(self.drive().lattice())
+    }
+
+    fn kind(&self, index: usize) -> Kind {
+        self.objects.kinds.get(index).copied().unwrap_or_default()
+    }
+
+    /// The row of an object, of which all points were sketched.
+    fn finished(&self, id: u32, measures: &Measures) -> Result<Kept> {
+        let index = id as usize - 1;
+        let object = Object::new(id, &self.objects.objects[index], measures, self.kind(index), self.site);
+        let row =
+            StoredRow { outline: object.ring(), base: object.base(), values: inventory::values(&object) };
+        Ok(Kept { place: Place::of(&object), row: codec::encode(&row)? })
+    }
+}
+
+/// [`Row`] with borrowed texts.
+#[derive(Serialize)]
+struct StoredRow<'a> {
+    outline: Vec<[f64; 2]>,
+    base: [f64; 3],
+    values: Vec<Value<'a>>,
+}
+
+impl Pass for InventoryPass<'_> {
+    type Global = Inventory;
+
+    fn outline(&self) -> &Outline {
+        &self.outline
+    }
+
+    fn units(&self) -> usize {
+        self.progress.plan().tiles.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.progress.plan().tiles[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        self.progress.over.classified.object_points(unit, self.reach()) * BYTES_PER_POINT + BYTES_OF_OBJECT
+    }
+
+    fn prefetch(&self, unit: usize) {
+        self.progress.over.classified.tiled.prefetch(unit, self.reach());
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let region = self.progress.plan().region(unit, self.reach());
+        let gathered = self.progress.over.classified.gather(&region, Wanted::Objects, None)?;
+        let cloud = &gathered.cloud;
+        let ids = self.columns.objects.of_points(self.drive(), &cloud.id)?;
+        let whole = |id: u32| {
+            let index = id as usize - 1;
+            self.objects.objects.get(index).map(|part| (part, self.kind(index)))
+        };
+        let mut found =
+            Found { touching: inventory::touching(cloud, &ids).into_iter().collect(), ..Found::default() };
+        for (id, measures) in Measures::collect(cloud, &ids, |point| gathered.core[point], whole) {
+            let (first, last) = self.last_tile[id as usize - 1];
+            if first == last {
+                found.whole.push((id, self.finished(id, &measures)?));
+            } else {
+                found.parts.push((id, measures));
+            }
+        }
+        codec::encode(&found)
+    }
+
+    fn reduce(&self, payloads: &Payloads) -> Result<Inventory> {
+        let mut kept: Vec<Option<Kept>> = vec![None; self.objects.objects.len()];
+        let mut open: BTreeMap<u32, Measures> = BTreeMap::new();
+        let mut touching = std::collections::BTreeSet::new();
+        for tile in TileId::first(self.units()) {
+            let found: Found = codec::decode(&payloads.get(tile.index())?)?;
+            touching.extend(found.touching);
+            for (id, one) in found.whole {
+                kept[id as usize - 1] = Some(one);
+            }
+            for (id, part) in found.parts {
+                match open.entry(id) {
+                    std::collections::btree_map::Entry::Vacant(entry) => _ = entry.insert(part),
+                    std::collections::btree_map::Entry::Occupied(mut entry) => entry.get_mut().merge(part),
+                }
+            }
+            let complete: Vec<u32> =
+                open.keys().copied().filter(|id| self.last_tile[*id as usize - 1].1 == tile).collect();
+            for id in complete {
+                if let Some(measures) = open.remove(&id) {
+                    kept[id as usize - 1] = Some(self.finished(id, &measures)?);
+                }
+            }
+        }
+        let mut places = Vec::with_capacity(kept.len());
+        let mut rows = Vec::with_capacity(kept.len());
+        for (index, one) in kept.into_iter().enumerate() {
+            let Kept { place, row } =
+                one.ok_or_else(|| Error::bug(format!("no tile has points of object {}", index + 1)))?;
+            places.push(place);
+            rows.push(row);
+        }
+        Ok(Inventory { rows, among: Among::new(&places, touching) })
+    }
+}
+
+/// Where the data ends: the border of the convex hull of the occupied cells.
+struct Edge {
+    /// Its vertices in lattice units, counter-clockwise.
+    hull: Vec<[i64; 2]>,
+    /// What is not further inside than this is at the end, in lattice units.
+    within: f64,
+}
+
+impl Edge {
+    fn of(surveyed: &Surveyed, drive: &Drive) -> Self {
+        // Lowest and highest cell of each column: the others are not on the hull.
+        let mut columns: BTreeMap<i32, (i32, i32)> = BTreeMap::new();
+        for ([i, j], _) in surveyed.cells.iter() {
+            let ends = columns.entry(i).or_insert((j, j));
+            *ends = (ends.0.min(j), ends.1.max(j));
+        }
+        let edge = drive.grid.edge();
+        let corners = |(i, (low, high)): (i32, (i32, i32))| {
+            let [left, bottom, top] = [i, low, high].map(|index| i64::from(index) * edge);
+            [[left, bottom], [left + edge, bottom], [left, top + edge], [left + edge, top + edge]]
+        };
+        let mut places: Vec<[i64; 2]> = columns.into_iter().flat_map(corners).collect();
+        Self { hull: convex_hull(&mut places), within: edge as f64 }
+    }
+
+    fn is_near(&self, place: [i64; 2]) -> bool {
+        (0..self.hull.len()).any(|k| {
+            let (from, to) = (self.hull[k], self.hull[(k + 1) % self.hull.len()]);
+            let along = [(to[0] - from[0]) as f64, (to[1] - from[1]) as f64];
+            let arm = [(place[0] - from[0]) as f64, (place[1] - from[1]) as f64];
+            let inside = along[0] * arm[1] - along[1] * arm[0];
+            inside <= self.within * along[0].hypot(along[1])
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_of_the_data_is_a_cell_wide() {
+        let edge = Edge { hull: vec![[0, 0], [40_000, 0], [40_000, 30_000], [0, 30_000]], within: 1_000.0 };
+        for (place, expected) in [
+            ([500, 15_000], true),
+            ([1_000, 15_000], true),
+            ([1_001, 15_000], false),
+            ([39_500, 2_000], true),
+            ([20_000, 15_000], false),
+            ([20_000, 29_001], true),
+        ] {
+            assert_eq!(edge.is_near(place), expected, "{place:?}");
+        }
+    }
+}
