@@ -1,9 +1,9 @@
-// The table of objects: any columns, sorted, filtered by /** Whether the values of a column are words and lists, not numbers. */
-function isText({ type }) { return type !== "count" && type !== "decimal"; }
-
-class and chainage, a hundred rows a page, as CSV.
+// The table of objects: any columns, sorted, filtered by class and chainage, a hundred rows a page, as CSV.
 
 const PAGE_ROWS = 100;
+
+/** Whether the values of a column are words and lists, not numbers. */
+function isText({ type }) { return type !== "count" && type !== "decimal"; }
 
 class ObjectTable {
   /** `columns` have name, type, unit, places, definition; `values` is an array per column. */
