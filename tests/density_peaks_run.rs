@@ -141,7 +141,8 @@ fn every_configuration_that_ships_is_accepted_and_says_what_the_defaults_are() {
                 .unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         if name == "density-peaks.toml" {
-            let default = Config::resolve(None, &["cluster.method=density-peaks".to_owned()]).unwrap();
+            let methods = ["cluster.method=density-peaks", "ground.method=voxel-column"];
+            let default = Config::resolve(None, &methods.map(str::to_owned)).unwrap();
             assert_eq!(config.to_json(), default.to_json());
         }
         seen.push(name);

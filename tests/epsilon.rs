@@ -423,7 +423,8 @@ fn the_program_estimates_and_leaves_nothing_behind() {
     // A run uses the state.
     let out = folder.path().join("state");
     let before = events(&out).len();
-    run_to_the_end(&[PathBuf::from(sweep)], &out, &["--method", "dbscan", "--set", "dbscan.epsilon=auto"]);
+    let options = ["--method", "dbscan", "--ground", "opening", "--set", "dbscan.epsilon=auto"];
+    run_to_the_end(&[PathBuf::from(sweep)], &out, &options);
     let after = &events(&out)[before..];
     assert_eq!(["ground", "epsilon"].map(|pass| finished(after, pass)), [0, 0]);
     // A table with the same points gives the same result.

@@ -88,7 +88,12 @@ fn every_object_is_shown_and_the_table_is_that_of_the_csv() {
                     (value.as_f64().expect("finite") - text.parse::<f64>().expect("a number")).abs() < 1e-9;
                 assert!(same, "{}: {value} and {text}", column["name"]);
             }
-            Value::Array(texts) => assert_eq!(texts[0], text),
+            Value::Array(values) => {
+                let words =
+                    values.iter().map(|value| value.as_str().map_or(value.to_string(), str::to_owned));
+                assert_eq!(words.collect::<Vec<_>>().join(";"), text, "{}", column["name"]);
+            }
+            Value::Bool(flag) => assert_eq!(flag.to_string(), text, "{}", column["name"]),
             other => assert_eq!(other, text),
         }
     }

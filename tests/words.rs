@@ -126,7 +126,19 @@ fn quiet_is_silent_and_verbose_shows_settings_and_tiles() {
     let run = |out: &str, flag: &str| {
         let output = call(
             folder.path(),
-            &["run", SAMPLE, "-o", out, flag, "--tile-length", "40", "--set", "euclidean.d_t=0.4"],
+            &[
+                "run",
+                SAMPLE,
+                "-o",
+                out,
+                flag,
+                "--tile-length",
+                "40",
+                "--method",
+                "euclidean",
+                "--set",
+                "euclidean.d_t=0.4",
+            ],
         );
         assert_eq!(code(&output), 0, "{}", text(&output.stderr));
         text(&output.stderr)
