@@ -258,7 +258,7 @@ fn wrong_usage_ends_with_2() {
 fn wrong_settings_end_with_3() {
     let run = |more: &'static str| ["run", "mls_profiles.las", "-o", "out", "--set", more];
     assert_told("config_unknown_key", &run("euclidean.dt=1"));
-    assert_told("config_range", &run("euclidean.d_t=-1"));
+    assert_told("config_range", &run("street.min_points=0"));
     assert_told("config_type", &run("run.fail_fast=3"));
     assert_told("config_assignment", &run("euclidean"));
     assert_told("config_method", &["run", "mls_profiles.las", "-o", "out", "--method", "magic"]);
