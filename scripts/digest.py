@@ -34,8 +34,13 @@ VOLATILE = {"seconds", "passes", "peak_resident_bytes", "program", "prediction",
 # The plan, and with it the number of tiles, follows from threads and memory.
 EVERY_RUN = ["--progress", "none", "--threads", "2", "--memory", "2G"]
 
-# Name, input, arguments of `run`.
+# Name, input, arguments of `run`. Cases of the default method name no method. For the others, `euclidean` and
+# `voxel-column` are used unless the arguments name others.
 RUNS = [
+    ("sweep-default", SWEEP, []),
+    ("sweep-default-tiles", SWEEP, ["--tile-length", "15"]),
+    ("lille-default", DATA / "real/lille_street.laz", ["--tile-length", "8"]),
+    ("downtown-default", DATA / "sim/downtown_ts2.laz", []),
     ("sweep-euclidean", SWEEP, []),
     ("sweep-euclidean-tiles", SWEEP, ["--tile-length", "15"]),
     ("sweep-euclidean-las", SWEEP, ["--output-format", "las", "--set", "output.original_classification=true"]),
@@ -70,6 +75,14 @@ TABLES = [
 
 # Versions may rename the settings of methods. The outputs prove the values that a run used.
 REPORT_KEYS = ("input", "crs", "lattice_step_m", "axis", "result")
+
+
+def methods(case, arguments):
+    """Method and ground filter of a case that names none."""
+    if "default" in case:
+        return []
+    fixed = [("--method", "euclidean"), ("--ground", "voxel-column")]
+    return [word for option, value in fixed if option not in arguments for word in (option, value)]
 
 
 def call(*arguments):
@@ -120,7 +133,7 @@ def all_digests(scratch, skipped):
             skipped.append(case)
             continue
         out = scratch / case
-        call("run", source, "-o", out, *EVERY_RUN, *arguments)
+        call("run", source, "-o", out, *EVERY_RUN, *arguments, *methods(case, arguments))
         yield from folder_digests(case, out)
         yield f"{case}/status", json_digest(json.dumps(json.loads(call("status", out, "--json"))["finished"]))
         if case.startswith(("downtown", "avenue", "suburb")):
