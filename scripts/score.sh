@@ -31,7 +31,7 @@ score() { # NAME INPUT
         rm -rf "$scratch/out"
         case $chosen in
         *.toml) "$program" run "$2" -o "$scratch/out" -c "$chosen" --progress none >/dev/null ;;
-        *) "$program" run "$2" -o "$scratch/out" --method "$chosen" --progress none >/dev/null ;;
+        *) "$program" run "$2" -o "$scratch/out" --method "$chosen" --ground voxel-column --progress none >/dev/null ;;
         esac
         cp "$scratch/out/report.json" "$kept/$1.$method.report.json"
         "$program" eval "$scratch/out" --json "$kept/$1.$method.eval.json" >/dev/null
