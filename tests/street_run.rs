@@ -23,7 +23,7 @@ fn a_run_stopped_in_any_pass_or_round_ends_in_the_same_bytes() {
         STREET.run_in(&straight, &settings).passes.iter().map(|figures| figures.pass).collect();
     assert!(passes.iter().filter(|pass| **pass == "growth").count() > 1, "{passes:?}");
     let expected = STREET.results(&straight);
-    for pass in ["classes", "chains", "cores", "edges", "leftovers", "objects", "inventory"] {
+    for pass in ["classes", "context", "cores", "leftovers", "objects"] {
         let out = folder.path().join(pass);
         assert!(STREET.interrupted_in(pass, 1, &out, &settings).is_err());
         let summary = STREET.run_in(&out, &settings);

@@ -67,6 +67,18 @@ pub(super) fn decode(origin: &str, bytes: &[u8]) -> Result<(Content, u64), Boost
     Ok((content, checksum))
 }
 
+/// The bytes of the model at the start of `bytes`, and what follows it.
+pub(super) fn split<'a>(origin: &str, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), BoostingError> {
+    if !bytes.starts_with(MAGIC) {
+        return Err(BoostingError::Foreign { origin: origin.to_owned() });
+    }
+    let stated =
+        bytes.get(HEADER_LEN - 8..).and_then(<[u8]>::first_chunk).map(|word| u64::from_le_bytes(*word));
+    let end = stated.and_then(|length| usize::try_from(length).ok()?.checked_add(HEADER_LEN + FOOTER_LEN));
+    end.and_then(|end| bytes.split_at_checked(end))
+        .ok_or_else(|| BoostingError::Damaged { origin: origin.to_owned(), what: "it is cut".to_owned() })
+}
+
 #[cfg(test)]
 mod tests {
     use crate::boosting::{Model, Samples, Settings, TrainedOn, learn};
@@ -93,6 +105,18 @@ mod tests {
         let rows = [0.0, 0.0, 9.0, 1.0];
         assert_eq!(read.shares::<2>(&rows).unwrap(), model.shares::<2>(&rows).unwrap());
         assert!(read.shares::<3>(&rows).is_err() && read.shares::<2>(&rows[1..]).is_err());
+    }
+
+    #[test]
+    fn one_of_two_models_in_a_row_is_found() {
+        let bytes = model().encode().unwrap();
+        let mut both = bytes.clone();
+        both.extend_from_slice(b"more");
+        assert_eq!(Model::split("m.bin", &both).unwrap(), (&bytes[..], &b"more"[..]));
+        assert_eq!(Model::split("m.bin", &bytes).unwrap().1, b"");
+        for length in 0..bytes.len() {
+            Model::split("m.bin", &bytes[..length]).unwrap_err();
+        }
     }
 
     #[test]

@@ -56,6 +56,14 @@ impl Model {
         Self::from_content(origin, content, checksum)
     }
 
+    /// The bytes of the model at the start of `bytes`, and what follows it. Only the length is read.
+    ///
+    /// # Errors
+    /// [`BoostingError::Foreign`] or [`BoostingError::Damaged`].
+    pub fn split<'a>(origin: &str, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), BoostingError> {
+        file::split(origin, bytes)
+    }
+
     /// The bytes of the model.
     ///
     /// # Errors

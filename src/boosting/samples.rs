@@ -40,6 +40,20 @@ impl Samples {
         Ok(())
     }
 
+    /// Adds the rows of others behind these.
+    ///
+    /// # Errors
+    /// [`BoostingError::Samples`] when they have other features or classes.
+    pub fn append(&mut self, others: Self) -> Result<(), BoostingError> {
+        if (&self.features, &self.classes) != (&others.features, &others.classes) {
+            let why = "rows of other features or classes".to_owned();
+            return Err(BoostingError::Samples { samples: self.len(), why });
+        }
+        self.values.extend(others.values);
+        self.class.extend(others.class);
+        Ok(())
+    }
+
     /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {

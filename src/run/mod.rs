@@ -43,6 +43,7 @@ use engine::{Driver, Here};
 use finish::{mark, names, page, report};
 use open::Opened;
 
+pub use crate::cluster::street::StreetModel;
 pub use chain::Registries;
 pub use drive::AxisFacts;
 pub use engine::{CancelToken, Event, Observer, PassFigures, Silent};

@@ -1,10 +1,16 @@
 //! Learns the classes of voxels from labelled drives. The flow stops after the step that gives samples.
+//!
+//! The model of the context must learn from classes as wrong as those of a new drive. So two further models of shapes learn
+//! from one half of the drives each, and classify the other half. A single drive has no other half: it is classified by
+//! the model that learned from it.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::boosting::{self, Confusion, Model, Samples, TrainedOn, learn};
-use crate::cluster::street::{self, CLASS_NAMES, CLASSES, Counts, FEATURES, Purpose, Sample, Training};
+use crate::cluster::street::{
+    self, CLASS_NAMES, CLASSES, CONTEXT_FEATURES, Counts, FEATURES, Purpose, Sample, StreetModel, Training,
+};
 use crate::config::Config;
 use crate::error::Result;
 use crate::input::{Catalog, InputError, InputFile};
@@ -14,8 +20,10 @@ use crate::run::engine::{CancelToken, Driver, Event, Here, Observer};
 use crate::run::open::{self, Opened};
 use crate::run::{computed, flow};
 
-/// Name of the learning among the passes.
-const LEARN: &str = "learn";
+/// Names of the learning among the passes.
+const LEARN_HALVES: &str = "learn from half of the drives";
+const LEARN_SHAPES: &str = "learn shapes";
+const LEARN_CONTEXT: &str = "learn context";
 
 /// A request to learn from labelled drives.
 #[derive(Debug, Clone)]
@@ -40,7 +48,7 @@ pub struct TrainRequest<'a> {
 #[derive(Debug)]
 pub struct Trained {
     /// The model.
-    pub model: Model,
+    pub model: StreetModel,
     /// How it classifies voxels of the same drives that it has not learned from.
     pub held_out: Confusion,
 }
@@ -49,17 +57,45 @@ pub struct Trained {
 ///
 /// # Errors
 /// [`InputError::Read`], or a [`BoostingError`](boosting::BoostingError) that says what is wrong with the file.
-pub fn read_model(path: &Path) -> Result<Model> {
+pub fn read_model(path: &Path) -> Result<StreetModel> {
     let content = fs_err::read(path).map_err(|source| InputError::Read { path: path.to_owned(), source })?;
-    Ok(street::read_model(&path.display().to_string(), &content)?)
+    Ok(StreetModel::decode(&path.display().to_string(), &content)?)
 }
 
 /// The model that comes with the program.
 ///
 /// # Errors
 /// A [`BoostingError`](boosting::BoostingError), if the program was built with a model that it cannot use.
-pub fn built_in_model() -> Result<Model> {
+pub fn built_in_model() -> Result<StreetModel> {
     Ok((*street::built_in()?).clone())
+}
+
+/// Samples of drives: to learn from, by half of the drives, and held out.
+struct Sampled {
+    halves: [Samples; 2],
+    held_out: Samples,
+    sources: Vec<TrainedOn>,
+}
+
+impl Sampled {
+    fn new(features: &[&str]) -> Self {
+        let none = || Samples::new(features, &CLASS_NAMES);
+        Self { halves: [none(), none()], held_out: none(), sources: Vec::new() }
+    }
+
+    fn add(&mut self, half: usize, name: String, samples: &[Sample]) -> Result<()> {
+        let mut counts = vec![0; CLASSES];
+        for Sample { class, held_out, features, .. } in samples {
+            if *held_out {
+                self.held_out.push(features, *class)?;
+            } else {
+                self.halves[half].push(features, *class)?;
+                counts[usize::from(*class)] += 1;
+            }
+        }
+        self.sources.push(TrainedOn { name, samples: counts });
+        Ok(())
+    }
 }
 
 /// Learns a model.
@@ -68,32 +104,69 @@ pub fn built_in_model() -> Result<Model> {
 /// Any [`Error`](crate::Error): a drive without `gt_class`, settings out of range, what a run can meet.
 pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<Trained> {
     request.settings.validate()?;
-    let mut learned = Samples::new(&FEATURES, &CLASS_NAMES);
-    let mut held_out = Samples::new(&FEATURES, &CLASS_NAMES);
-    let mut sources = Vec::new();
-    let purpose = Purpose::Samples { seed: request.settings.seed, most: request.samples };
-    for drive in &request.drives {
+    let (seed, most) = (request.settings.seed, request.samples);
+    let shapes = sample(request, &FEATURES, observer, cancel, &|_| Purpose::Shapes { seed, most })?;
+    let Sampled { halves: [mut all, other], sources, .. } = shapes;
+    // The model that classifies the drives of a half has learned from the other one.
+    let of_halves = if other.is_empty() {
+        None
+    } else {
+        let of_first = learned(LEARN_HALVES, &all, &request.settings, observer)?;
+        Some([learned(LEARN_HALVES, &other, &request.settings, observer)?, of_first])
+    };
+    all.append(other)?;
+    let shapes = learned(LEARN_SHAPES, &all, &request.settings, observer)?.trained_on(sources)?;
+    drop(all);
+
+    let classifies = |half: usize| of_halves.as_ref().map_or(&shapes, |halves| &halves[half]);
+    let purpose = |half: usize| Purpose::Context { seed, most, shapes: Box::new(classifies(half).clone()) };
+    let context = sample(request, &CONTEXT_FEATURES, observer, cancel, &purpose)?;
+    let Sampled { halves: [mut all, other], held_out, sources } = context;
+    all.append(other)?;
+    let settings =
+        boosting::Settings { rounds: request.settings.rounds.div_ceil(2), ..request.settings.clone() };
+    let context = learned(LEARN_CONTEXT, &all, &settings, observer)?.trained_on(sources)?;
+    let mut confusion = Confusion::new(CLASSES);
+    let shares = context.shares::<CLASSES>(held_out.values())?;
+    for (shares, &class) in shares.iter().zip(held_out.class()) {
+        confusion.add(usize::from(class), usize::from(street::class(shares)), 1);
+    }
+    Ok(Trained { model: StreetModel { shapes, context }, held_out: confusion })
+}
+
+/// The samples of all drives, every other drive in the second half.
+fn sample(
+    request: &TrainRequest<'_>,
+    features: &[&str],
+    observer: &dyn Observer,
+    cancel: &CancelToken,
+    purpose: &dyn Fn(usize) -> Purpose,
+) -> Result<Sampled> {
+    let mut sampled = Sampled::new(features);
+    for (number, drive) in request.drives.iter().enumerate() {
+        let half = number % 2;
         let work = Work { request, drive, observer, cancel };
         for share in std::iter::once(1.0).chain(request.thin.iter().copied()) {
-            let samples = Training::samples(&work.payloads(purpose.clone(), share)?)?;
-            let mut counts = vec![0; CLASSES];
-            for Sample { class, held_out: held, features, .. } in &samples {
-                if *held {
-                    held_out.push(features, *class)?;
-                } else {
-                    learned.push(features, *class)?;
-                    counts[usize::from(*class)] += 1;
-                }
-            }
-            sources.push(TrainedOn { name: name_of(drive, share), samples: counts });
+            let samples = Training::samples(&work.payloads(purpose(half), share)?)?;
+            sampled.add(half, name_of(drive, share), &samples)?;
         }
         work.clear();
     }
-    let units = request.settings.rounds;
-    let points = learned.len() as u64;
+    Ok(sampled)
+}
+
+/// Learns one model, with its progress.
+fn learned(
+    pass: &'static str,
+    samples: &Samples,
+    settings: &boosting::Settings,
+    observer: &dyn Observer,
+) -> Result<Model> {
+    let units = settings.rounds;
+    let points = samples.len() as u64;
     let started = Instant::now();
     observer.event(&Event::PassStarted {
-        pass: LEARN,
+        pass,
         units,
         done: 0,
         points: points * units as u64,
@@ -101,18 +174,11 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
     });
     let tell = |round: usize| {
         let seconds = started.elapsed().as_secs_f64();
-        observer.event(&Event::UnitFinished { pass: LEARN, unit: round - 1, points, seconds });
+        observer.event(&Event::UnitFinished { pass, unit: round - 1, points, seconds });
     };
-    let model = learn(&learned, &request.settings, &tell)?.trained_on(sources)?;
-    observer.event(&Event::PassFinished { pass: LEARN, seconds: started.elapsed().as_secs_f64() });
-    let mut confusion = Confusion::new(CLASSES);
-    let shares = model.shares::<CLASSES>(held_out.values())?;
-    for (shares, &class) in shares.iter().zip(held_out.class()) {
-        let best =
-            (0..CLASSES).fold(0, |best, class| if shares[class] > shares[best] { class } else { best });
-        confusion.add(usize::from(class), best, 1);
-    }
-    Ok(Trained { model, held_out: confusion })
+    let model = learn(samples, settings, &tell)?;
+    observer.event(&Event::PassFinished { pass, seconds: started.elapsed().as_secs_f64() });
+    Ok(model)
 }
 
 /// Scores a model with every labelled voxel of a drive, as `street` classifies it. Of the request, the folder, the
@@ -121,7 +187,7 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
 /// # Errors
 /// As [`train`].
 pub fn score_model(
-    model: &Model,
+    model: &StreetModel,
     drive: &Path,
     request: &TrainRequest<'_>,
     observer: &dyn Observer,

@@ -15,6 +15,8 @@ pub(super) struct Material {
     pub(super) speckle: f32,
     pub(super) roughness: f32,
     pub(super) lost: f32,
+    #[serde(default)]
+    pub(super) through: f32,
 }
 
 static MATERIALS: LazyLock<FxHashMap<String, Material>> =

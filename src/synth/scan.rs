@@ -192,7 +192,7 @@ impl Pulse<'_> {
                 }
                 (Some(echo), _) => self.echoes.push(echo),
             }
-            // The part of the beam outside the rim of a leaf continues.
+            // The part of the beam outside the rim of a leaf continues, and what glass lets through.
             if rim > self.scanner.beam(hit.t) {
                 return;
             }
@@ -200,7 +200,8 @@ impl Pulse<'_> {
         }
     }
 
-    /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit.
+    /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit. It is 0 if the pulse
+    /// goes through the surface.
     fn echo(&mut self, hit: &RayHit) -> (Option<Echo>, f32) {
         let (surface, point) = self.window.surface(hit, self.origin, self.direction);
         let (material, instance, class) = match &self.window.items[hit.instance_id as usize].owner {
@@ -213,7 +214,8 @@ impl Pulse<'_> {
         let share = hit.t / self.scanner.range_m as f32;
         let seen = reflectance * cosine > FAINTEST * share * share * random.random_range(0.6..=1.4);
         if !seen || random.random_bool(f64::from(material.lost)) {
-            return (None, surface.rim);
+            let through = material.through > 0.0 && random.random_bool(f64::from(material.through));
+            return (None, if through { 0.0 } else { surface.rim });
         }
         // Along the beam, the roughness of a surface and the footprint on it are stretched by the incidence.
         let footprint = 0.5 * self.scanner.beam(hit.t);

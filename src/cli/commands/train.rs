@@ -7,7 +7,8 @@ use std::sync::Arc;
 use chainage::boosting::{Confusion, Model, Settings as Learning};
 use chainage::config::ConfigError;
 use chainage::run::{
-    CancelToken, Registries, TrainRequest, Trained, built_in_model, read_model, score_model, train,
+    CancelToken, Registries, StreetModel, TrainRequest, Trained, built_in_model, read_model, score_model,
+    train,
 };
 
 use crate::cli::drive_args::Settings;
@@ -169,11 +170,20 @@ fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share))
 }
 
+/// Both models with what they are.
+fn parts(model: &StreetModel) -> [(&'static str, &Model); 2] {
+    [("shapes", &model.shapes), ("context", &model.context)]
+}
+
 /// What is said at the terminal.
-fn summary(model: &Model, trained: Option<&Trained>, scores: &[(String, Confusion)]) -> String {
-    let (trees, leaves) = model.size();
-    let samples: u64 = model.about().samples.iter().sum();
-    let mut text = format!("{trees} trees with {leaves} leaves from {} samples\n", print::count(samples));
+fn summary(model: &StreetModel, trained: Option<&Trained>, scores: &[(String, Confusion)]) -> String {
+    let mut text = String::new();
+    for (name, model) in parts(model) {
+        let (trees, leaves) = model.size();
+        let samples: u64 = model.about().samples.iter().sum();
+        text +=
+            &format!("{name}: {trees} trees with {leaves} leaves from {} samples\n", print::count(samples));
+    }
     if let Some(trained) = trained {
         text += &format!(
             "{} of {} voxels in squares that were held out are classified rightly\n",
@@ -189,38 +199,50 @@ fn summary(model: &Model, trained: Option<&Trained>, scores: &[(String, Confusio
 }
 
 /// The card of a model, in Markdown.
-fn card(model: &Model, bytes: usize, trained: Option<&Trained>, scores: &[(String, Confusion)]) -> String {
-    let about = model.about();
-    let (trees, leaves) = model.size();
-    let mut text = format!(
-        "# Model {:016x} of `street`\n\n{trees} trees with {leaves} leaves, {} bytes. {}, seed {}.\n\n## Samples\n\n",
-        model.checksum(),
-        print::count(bytes as u64),
-        about.settings,
-        about.seed
-    );
-    text += &row("drive", model.classes());
-    text += &row("---", &vec!["---:".to_owned(); model.classes().len()]);
+fn card(
+    model: &StreetModel,
+    bytes: usize,
+    trained: Option<&Trained>,
+    scores: &[(String, Confusion)],
+) -> String {
+    let mut text =
+        format!("# Model {:016x} of `street`\n\n{} bytes.\n", model.checksum(), print::count(bytes as u64));
     let counts =
         |counts: &[u64]| -> Vec<String> { counts.iter().map(|&count| print::count(count)).collect() };
-    for source in &about.trained_on {
-        text += &row(&source.name, &counts(&source.samples));
+    for (name, model) in parts(model) {
+        let about = model.about();
+        let (trees, leaves) = model.size();
+        text += &format!(
+            "\n## Samples of the model of {name}\n\n{trees} trees with {leaves} leaves. {}, seed {}.\n\n",
+            about.settings, about.seed
+        );
+        text += &row("drive", model.classes());
+        text += &row("---", &vec!["---:".to_owned(); model.classes().len()]);
+        for source in &about.trained_on {
+            text += &row(&source.name, &counts(&source.samples));
+        }
+        text += &row("all", &counts(&about.samples));
     }
-    text += &row("all", &counts(&about.samples));
     if let Some(trained) = trained {
-        text += "\n## Voxels of the same drives in squares that were held out\n\nSo many per class at most, not smoothed.\n\n";
-        text += &matrix(model, &trained.held_out);
+        text += "\n## Voxels of the same drives in squares that were held out\n\nAs frequent as they are. The first \
+                 classes are those of models that learned from other drives.\n\n";
+        text += &matrix(model.context.classes(), &trained.held_out);
     }
     for (name, confusion) in scores {
-        text += &format!("\n## Voxels of {name}\n\nNothing was learned from it. All voxels, smoothed.\n\n");
-        text += &matrix(model, confusion);
+        text += &format!("\n## Voxels of {name}\n\nNothing was learned from it. All voxels.\n\n");
+        text += &matrix(model.context.classes(), confusion);
     }
-    text += "\n## Importance of the features\n\nShare in the gain of all splits.\n\n| feature | share |\n|---|---:|\n";
-    let mut ranked: Vec<(&String, f64)> =
-        model.features().iter().zip(about.importance.iter().copied()).collect();
-    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
-    for (feature, share) in ranked {
-        text += &format!("| {feature} | {:.2} % |\n", 100.0 * share);
+    for (name, model) in parts(model) {
+        text += &format!(
+            "\n## Importance of the features of the model of {name}\n\nShare in the gain of all splits.\n\n\
+             | feature | share |\n|---|---:|\n"
+        );
+        let mut ranked: Vec<(&String, f64)> =
+            model.features().iter().zip(model.about().importance.iter().copied()).collect();
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+        for (feature, share) in ranked {
+            text += &format!("| {feature} | {:.2} % |\n", 100.0 * share);
+        }
     }
     text
 }
@@ -230,8 +252,7 @@ fn row(first: &str, others: &[String]) -> String {
 }
 
 /// A confusion as a table: a row per true class.
-fn matrix(model: &Model, confusion: &Confusion) -> String {
-    let classes = model.classes();
+fn matrix(classes: &[String], confusion: &Confusion) -> String {
     let mut text = format!("{} right.\n\n", percent(confusion.accuracy()));
     let head: Vec<String> =
         classes.iter().cloned().chain(["recall".to_owned(), "precision".to_owned()]).collect();

@@ -1,7 +1,7 @@
-//! What the step `classes` stores: height above ground and probabilities of classes for each voxel of a tile,
-//! and how later steps load them.
+//! What the steps `classes` and `context` store: height above ground and probabilities of classes for each voxel of a
+//! tile, and how later steps load them.
 
-use super::settings::{CLASSES, STEP_CLASSES};
+use super::settings::{CLASSES, STEP_CLASSES, STEP_CONTEXT};
 use super::voxels::Voxels;
 use crate::cluster::TileWindow;
 use crate::codec;
@@ -9,24 +9,29 @@ use crate::error::{Error, Result};
 use crate::model::TileId;
 use crate::spatial::Cell;
 
-/// Sections of the payload of the step `classes`.
+/// Sections of the payload.
 const SECTION_HEIGHTS: usize = 0;
 const SECTION_SHARES: usize = 1;
 
 /// Probabilities of the classes of a voxel in steps of 1/255. Their sum is 255.
 pub(super) type Shares = [u8; CLASSES];
 
-/// Voxels of a tile and around it with what step `classes` found, in the same order.
+/// Voxels of a tile and around it with what one of these steps found, in the same order.
 #[derive(Debug)]
 pub(super) struct Classified {
     pub(super) voxels: Voxels,
     /// Height of the centre above ground in lattice units.
     pub(super) height: Vec<i32>,
-    /// Smoothed probabilities.
+    /// Probabilities of the classes.
     pub(super) shares: Vec<Shares>,
 }
 
 impl Classified {
+    /// Loads the voxels that [`Voxels::load`] loads, as step `classes` classifies them.
+    pub(super) fn at_first(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
+        Self::of_step(STEP_CLASSES, tile, Voxels::load(tile, reach)?)
+    }
+
     /// Loads the voxels that [`Voxels::load`] loads.
     pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
         Self::load_with(tile, reach, &[])
@@ -34,8 +39,11 @@ impl Classified {
 
     /// Loads the voxels that [`Voxels::load_with`] loads.
     pub(super) fn load_with(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
-        let voxels = Voxels::load_with(tile, reach, also)?;
-        let values = voxels.gather(|other| read(&tile.payload(STEP_CLASSES, other)?, other))?;
+        Self::of_step(STEP_CONTEXT, tile, Voxels::load_with(tile, reach, also)?)
+    }
+
+    fn of_step(step: usize, tile: &dyn TileWindow, voxels: Voxels) -> Result<Self> {
+        let values = voxels.gather(|other| read(&tile.payload(step, other)?, other))?;
         let (height, shares) = values.into_iter().unzip();
         Ok(Self { voxels, height, shares })
     }

@@ -4,7 +4,7 @@
 //!
 //! Steps. `voxels`: points to voxels of 0.15 m and a ground raster. `classes`: features of each voxel from the
 //! voxels within 5.4 m (the corner of the largest window) and the ground 12 m around them, probabilities of
-//! classes, smoothed. `chains`: upright chains near the ground, each a trunk or a pole as a whole. `cores`: the
+//! classes, smoothed. `context`: probabilities of classes from those of the voxels around. `chains`: upright chains near the ground, each a trunk or a pole as a whole. `cores`: the
 //! parts of the drive that are certainly one object each, and the stems of trees. `edges`: which voxels are
 //! neighbours. `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
 //! `leftovers`: what no core reaches joins an object nearby or is an object of its own. `objects`: the labels
@@ -36,6 +36,7 @@ mod settings;
 mod shares;
 mod spans;
 mod stage_classes;
+mod stage_context;
 mod stage_voxels;
 mod terrain;
 mod training;
@@ -47,16 +48,18 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 pub(crate) use self::features::NAMES as FEATURES;
-pub(crate) use self::model::{CLASS_NAMES, built_in, read as read_model};
+pub(crate) use self::features::context::NAMES as CONTEXT_FEATURES;
+pub use self::model::StreetModel;
+pub(crate) use self::model::{CLASS_NAMES, built_in};
 pub(crate) use self::settings::CLASSES;
 pub use self::settings::StreetConfig;
 use self::settings::{
-    NAME, STEP_CHAINS, STEP_CLASSES, STEP_CORES, STEP_EDGES, STEP_GROWTH, STEP_LEFTOVERS, STEP_OBJECTS,
-    STEP_VOXELS,
+    NAME, STEP_CHAINS, STEP_CLASSES, STEP_CONTEXT, STEP_CORES, STEP_EDGES, STEP_GROWTH, STEP_LEFTOVERS,
+    STEP_OBJECTS, STEP_VOXELS,
 };
+pub(crate) use self::shares::class;
 pub(crate) use self::training::{Counts, Purpose, Sample, Training};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
-use crate::boosting::Model;
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
 use crate::model::{Lattice, Reach};
@@ -75,9 +78,10 @@ const fn step(name: &'static str, settings: &'static [&'static str], repeat: Rep
     Step { name, settings, bytes: BytesPer::Point(BYTES_PER_POINT), repeat }
 }
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 9] = [
     step("voxels", &[], Repeat::Once),
     step("classes", &["street.model"], Repeat::Once),
+    step("context", &[], Repeat::Once),
     step("chains", &[], Repeat::Once),
     step("cores", &[], Repeat::Once),
     step("edges", &[], Repeat::Once),
@@ -91,7 +95,7 @@ const STEPS: [Step; 8] = [
 pub struct Street {
     config: StreetConfig,
     /// The model of a file; `None` for the one that the program contains.
-    model: Option<Arc<Model>>,
+    model: Option<Arc<StreetModel>>,
 }
 
 impl Street {
@@ -104,7 +108,7 @@ impl Street {
         Ok(Self { config: config.clone(), model: None })
     }
 
-    fn model(&self) -> Result<Arc<Model>> {
+    fn model(&self) -> Result<Arc<StreetModel>> {
         match &self.model {
             Some(model) => Ok(Arc::clone(model)),
             None => Ok(built_in()?),
@@ -144,7 +148,7 @@ impl Method for Street {
     }
 
     fn use_model(&mut self, file: &str, content: &[u8]) -> Result<()> {
-        self.model = Some(Arc::new(read_model(file, content)?));
+        self.model = Some(Arc::new(StreetModel::decode(file, content)?));
         Ok(())
     }
 
@@ -162,7 +166,11 @@ impl Method for Street {
             STEP_VOXELS => stage_voxels::map(tile),
             STEP_CLASSES => {
                 let model = self.model()?;
-                stage_classes::map(tile, &|rows, shares| model::classify(&model, rows, shares))
+                stage_classes::map(tile, &|rows, shares| model::classify(&model.shapes, rows, shares))
+            }
+            STEP_CONTEXT => {
+                let model = self.model()?;
+                stage_context::map(tile, &|rows, shares| model::classify(&model.context, rows, shares))
             }
             STEP_CHAINS => chains::map(tile),
             STEP_CORES => cores::map(tile),
@@ -176,7 +184,9 @@ impl Method for Street {
 
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
-            STEP_VOXELS | STEP_CLASSES | STEP_EDGES | STEP_GROWTH => Ok(Reduced::Global(Vec::new())),
+            STEP_VOXELS | STEP_CLASSES | STEP_CONTEXT | STEP_EDGES | STEP_GROWTH => {
+                Ok(Reduced::Global(Vec::new()))
+            }
             STEP_CHAINS => chains::reduce(drive).map(Reduced::Global),
             STEP_CORES => cores::reduce(drive).map(Reduced::Global),
             STEP_LEFTOVERS => {

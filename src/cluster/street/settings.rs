@@ -11,12 +11,13 @@ pub(super) const NAME: &str = "street";
 /// Numbers of the steps, in their order.
 pub(super) const STEP_VOXELS: usize = 0;
 pub(super) const STEP_CLASSES: usize = 1;
-pub(super) const STEP_CHAINS: usize = 2;
-pub(super) const STEP_CORES: usize = 3;
-pub(super) const STEP_EDGES: usize = 4;
-pub(super) const STEP_GROWTH: usize = 5;
-pub(super) const STEP_LEFTOVERS: usize = 6;
-pub(super) const STEP_OBJECTS: usize = 7;
+pub(super) const STEP_CONTEXT: usize = 2;
+pub(super) const STEP_CHAINS: usize = 3;
+pub(super) const STEP_CORES: usize = 4;
+pub(super) const STEP_EDGES: usize = 5;
+pub(super) const STEP_GROWTH: usize = 6;
+pub(super) const STEP_LEFTOVERS: usize = 7;
+pub(super) const STEP_OBJECTS: usize = 8;
 
 /// Edge of a voxel in metres. Not a setting: the model was trained with it. The thinnest objects (signs,
 /// stems, rails) are about 0.1 m, and the spacing of points is mostly below 0.1 m.

@@ -18,7 +18,7 @@ pub(super) fn unites(class: u8) -> bool {
 }
 
 /// The class with the largest share. Of equal shares the first class counts.
-pub(super) fn class(shares: &[u8; CLASSES]) -> u8 {
+pub(crate) fn class(shares: &[u8; CLASSES]) -> u8 {
     let mut best = 0;
     for class in 1..CLASSES {
         if shares[class] > shares[best] {

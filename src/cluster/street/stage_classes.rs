@@ -37,12 +37,6 @@ impl Around {
 
 /// Computes the payload of a tile.
 pub(super) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mapped> {
-    let (heights, smoothed) = of_tile(tile, classify)?;
-    Ok(Mapped::payload(classified::encode(&heights, &smoothed)?))
-}
-
-/// Heights above ground and smoothed probabilities of the voxels that a tile owns.
-pub(super) fn of_tile(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<(Vec<i32>, Vec<Shares>)> {
     let around = Around::load(tile)?;
     let voxels = &around.voxels;
     let mut wanted = voxels.owned.clone();
@@ -66,9 +60,9 @@ pub(super) fn of_tile(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<(
     result?;
     let smoothed = smooth(voxels, &shares);
     let own = |voxel: &usize| voxels.owned[*voxel];
-    let heights = (0..voxels.len()).filter(own).map(|voxel| around.heights[voxel]).collect();
-    let smoothed = (0..voxels.len()).filter(own).map(|voxel| smoothed[voxel]).collect();
-    Ok((heights, smoothed))
+    let heights: Vec<i32> = (0..voxels.len()).filter(own).map(|voxel| around.heights[voxel]).collect();
+    let smoothed: Vec<Shares> = (0..voxels.len()).filter(own).map(|voxel| smoothed[voxel]).collect();
+    Ok(Mapped::payload(classified::encode(&heights, &smoothed)?))
 }
 
 /// The smoothed probabilities.

@@ -1,11 +1,12 @@
-//! Labelled voxels of a drive, to learn from or to score a model with. It runs the first two steps of `street` on the
-//! points of a labelled drive, in its own steps `voxels` and `samples`.
+//! Labelled voxels of a drive, to learn from or to score a model with. It runs the first steps of `street` on the points
+//! of a labelled drive, in its own steps `voxels`, `classes` (where the model of shapes is known) and `samples`.
 //!
 //! The label of a voxel is the class of most of its points (ties: the smaller code). Points without a class (code 0,
 //! stray returns and what nobody labelled) and points outside `gt_core` give no label.
 //!
-//! *Which voxels.* Of each class, the voxels with the smallest hashes of their keys, up to a number. So a voxel is
-//! chosen whatever the tiles are. One of five squares of 20 m is held out: its voxels are not learned from, and a
+//! *Which voxels.* The voxels with the smallest hashes of their keys, up to a number: of each class for the model of
+//! shapes, of all classes together for that of the context. So the second one learns how frequent the classes are. A
+//! voxel is chosen whatever the tiles are. One of five squares of 20 m is held out: its voxels are not learned from, and a
 //! model is scored with them. Voxels of one square see each other, so a choice among single voxels would score the
 //! memory of the model.
 //!
@@ -17,12 +18,16 @@ use std::ops::RangeInclusive;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
-use super::features::{self, NAMES};
-use super::model;
+use super::classified::Classified;
+use super::features::{self, NAMES, context};
+use super::model::{self, StreetModel};
 use super::settings::{CLASSES, STEP_CLASSES, STEP_VOXELS};
+use super::shares;
+use super::stage_classes::Classify;
 use super::stage_classes::{self, Around};
+use super::stage_context;
 use super::stage_voxels::{self, Cut};
-use super::voxels;
+use super::voxels::{self, Voxels};
 use crate::boosting::Model;
 use crate::cluster::columns::Voxel;
 use crate::cluster::{BytesPer, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TilePoints, TileWindow};
@@ -34,6 +39,7 @@ use crate::model::{Field, Lattice, PointId, Reach, TileCloud, TileId};
 const BYTES_PER_POINT: u64 = 90;
 
 const STEPS: [Step; 2] = [step("voxels"), step("samples")];
+const STEPS_WITH_CLASSES: [Step; 3] = [step("voxels"), step("classes"), step("samples")];
 
 const fn step(name: &'static str) -> Step {
     Step { name, settings: &[], bytes: BytesPer::Point(BYTES_PER_POINT), repeat: Repeat::Once }
@@ -46,21 +52,32 @@ const SECTION_LABELS: usize = 2;
 const SQUARE: i32 = 133;
 /// One of so many squares is held out.
 const HELD_OUT: u64 = 5;
+/// So many times as many samples of the context, of all classes together, as samples of one class of shapes.
+const CONTEXT_SAMPLES: usize = 4;
 /// A class has so many times fewer samples that are held out than samples to learn from.
 const FEWER: usize = 4;
 
 /// What the voxels are for.
 #[derive(Debug, Clone)]
 pub(crate) enum Purpose {
-    /// Samples, so many of each class at most.
-    Samples {
+    /// Samples for the model of shapes, so many of each class at most.
+    Shapes {
         /// Decides which.
         seed: u64,
         /// The largest number to learn from, per class.
         most: usize,
     },
+    /// Samples for the model of the context.
+    Context {
+        /// Decides which.
+        seed: u64,
+        /// The largest number to learn from is four times this.
+        most: usize,
+        /// The model that classifies the voxels.
+        shapes: Box<Model>,
+    },
     /// The score of a model.
-    Score(Box<Model>),
+    Score(Box<StreetModel>),
 }
 
 /// Chooses voxels of a labelled drive and computes their features.
@@ -93,6 +110,14 @@ pub(crate) type Counts = [[u64; CLASSES]; CLASSES];
 /// Largest hash that is chosen, per class: among the samples to learn from, and among those that are held out.
 #[derive(Debug, Serialize, Deserialize)]
 struct Limits([[u64; CLASSES]; 2]);
+
+impl Limits {
+    /// Whether a voxel with this label is chosen.
+    fn choose(&self, key: Voxel, label: u8, seed: u64) -> bool {
+        let limits = &self.0[usize::from(held_out(key, seed))];
+        usize::from(label).checked_sub(1).is_some_and(|place| hash(key, seed) <= limits[place])
+    }
+}
 
 impl Training {
     /// The samples in the payloads of all tiles, in an order that does not depend on the tiles.
@@ -164,67 +189,86 @@ impl Training {
         Ok(stored.keys().zip(labels.iter().copied()).collect())
     }
 
-    /// The largest hashes that are chosen.
-    fn limits(drive: &dyn DriveWindow, seed: u64, most: usize) -> Result<Limits> {
+    /// The largest hashes that are chosen: `most` voxels of each class, or of all together.
+    fn limits(drive: &dyn DriveWindow, seed: u64, most: usize, together: bool) -> Result<Limits> {
         let limits = [most, most.div_ceil(FEWER)];
         let mut smallest: [[Smallest; CLASSES]; 2] =
             limits.map(|most| std::array::from_fn(|_| Smallest::new(most)));
         for tile in TileId::first(drive.tiles()) {
             for (key, label) in Self::labelled(drive, tile)? {
                 if let Some(place) = usize::from(label).checked_sub(1) {
+                    let place = if together { 0 } else { place };
                     smallest[usize::from(held_out(key, seed))][place].add(hash(key, seed));
                 }
             }
         }
-        Ok(Limits(smallest.map(|classes| classes.map(Smallest::largest))))
+        let largest = smallest.map(|classes| classes.map(Smallest::largest));
+        Ok(Limits(if together { largest.map(|classes| [classes[0]; CLASSES]) } else { largest }))
     }
 
-    fn samples_of(tile: &dyn TileWindow, seed: u64) -> Result<Vec<Sample>> {
-        let Limits(limits) = codec::decode(tile.global(STEP_VOXELS))?;
-        let around = Around::load(tile)?;
+    /// The label of each of these voxels (0 for those of other tiles), and which are chosen.
+    fn chosen(tile: &dyn TileWindow, voxels: &Voxels, seed: u64) -> Result<(Vec<u8>, Vec<bool>)> {
+        let limits: Limits = codec::decode(tile.global(STEP_VOXELS))?;
         let mut labels = Self::labelled(tile, tile.tile())?.into_iter();
-        let mut class = vec![0_u8; around.voxels.len()];
-        let mut wanted = vec![false; around.voxels.len()];
-        for voxel in (0..around.voxels.len()).filter(|&voxel| around.voxels.owned[voxel]) {
-            let Some((key, label)) = labels.next().filter(|(key, _)| *key == around.voxels.key[voxel]) else {
+        let mut class = vec![0_u8; voxels.len()];
+        let mut chosen = vec![false; voxels.len()];
+        for voxel in (0..voxels.len()).filter(|&voxel| voxels.owned[voxel]) {
+            let Some((key, label)) = labels.next().filter(|(key, _)| *key == voxels.key[voxel]) else {
                 return Err(Error::bug("labels and voxels of a tile differ"));
             };
             class[voxel] = label;
-            wanted[voxel] = usize::from(label)
-                .checked_sub(1)
-                .is_some_and(|place| hash(key, seed) <= limits[usize::from(held_out(key, seed))][place]);
+            chosen[voxel] = limits.choose(key, label, seed);
         }
+        Ok((class, chosen))
+    }
+
+    fn samples_of_shapes(tile: &dyn TileWindow, seed: u64) -> Result<Vec<Sample>> {
+        let around = Around::load(tile)?;
+        let (class, chosen) = Self::chosen(tile, &around.voxels, seed)?;
         let mut samples = Vec::new();
-        features::compute(&around.voxels, &around.heights, &wanted, &mut |numbers, rows| {
-            for (&voxel, row) in numbers.iter().zip(rows.chunks_exact(NAMES.len())) {
-                let key = around.voxels.key[voxel as usize];
-                samples.push(Sample {
-                    hash: hash(key, seed),
-                    key,
-                    class: class[voxel as usize] - 1,
-                    held_out: held_out(key, seed),
-                    features: row.to_vec(),
-                });
-            }
+        features::compute(&around.voxels, &around.heights, &chosen, &mut |numbers, rows| {
+            let rows = numbers.iter().zip(rows.chunks_exact(NAMES.len()));
+            samples.extend(rows.map(|(&voxel, row)| Sample::new(&around.voxels, voxel, &class, seed, row)));
         });
         Ok(samples)
     }
 
-    fn score(tile: &dyn TileWindow, model: &Model) -> Result<Counts> {
+    fn samples_of_context(tile: &dyn TileWindow, seed: u64) -> Result<Vec<Sample>> {
+        let Classified { voxels, height, shares } = stage_context::load(tile)?;
+        let (class, chosen) = Self::chosen(tile, &voxels, seed)?;
+        let mut samples = Vec::new();
+        context::compute(&voxels, &height, &shares, &chosen, &mut |numbers, rows| {
+            let rows = numbers.iter().zip(rows.chunks_exact(context::NAMES.len()));
+            samples.extend(rows.map(|(&voxel, row)| Sample::new(&voxels, voxel, &class, seed, row)));
+        });
+        Ok(samples)
+    }
+
+    fn score(tile: &dyn TileWindow, model: &StreetModel) -> Result<Counts> {
         let labels = Self::labelled(tile, tile.tile())?;
-        let (_, shares) = stage_classes::of_tile(tile, &|rows, shares| model::classify(model, rows, shares))?;
+        let around = stage_context::load(tile)?;
+        let classify: Classify<'_> = &|rows, shares| model::classify(&model.context, rows, shares);
+        let shares = stage_context::classified(&around, classify)?;
+        let own = (0..shares.len()).filter(|&voxel| around.voxels.owned[voxel]).map(|voxel| shares[voxel]);
         let mut counts = Counts::default();
-        for ((_, label), shares) in labels.into_iter().zip(shares) {
+        for ((_, label), shares) in labels.into_iter().zip(own) {
             let Some(place) = usize::from(label).checked_sub(1) else { continue };
-            let mut best = 0;
-            for class in 1..CLASSES {
-                if shares[class] > shares[best] {
-                    best = class;
-                }
-            }
-            counts[place][best] += 1;
+            counts[place][usize::from(shares::class(&shares))] += 1;
         }
         Ok(counts)
+    }
+}
+
+impl Sample {
+    fn new(voxels: &Voxels, voxel: u32, class: &[u8], seed: u64, row: &[f32]) -> Self {
+        let key = voxels.key[voxel as usize];
+        Self {
+            hash: hash(key, seed),
+            key,
+            class: class[voxel as usize] - 1,
+            held_out: held_out(key, seed),
+            features: row.to_vec(),
+        }
     }
 }
 
@@ -308,7 +352,10 @@ impl Method for Training {
     }
 
     fn steps(&self) -> &[Step] {
-        &STEPS
+        match self.purpose {
+            Purpose::Shapes { .. } => &STEPS,
+            Purpose::Context { .. } | Purpose::Score(_) => &STEPS_WITH_CLASSES,
+        }
     }
 
     fn fields(&self) -> &[Field] {
@@ -316,12 +363,18 @@ impl Method for Training {
     }
 
     fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
+        if step == STEP_VOXELS {
+            return vec![("share of the points", self.share.to_string())];
+        }
+        let which =
+            |seed: &u64, most: &usize| vec![("samples", most.to_string()), ("seed", seed.to_string())];
+        let of_model = |checksum: u64| ("model", format!("{checksum:016x}"));
         match &self.purpose {
-            _ if step == STEP_VOXELS => vec![("share of the points", self.share.to_string())],
-            Purpose::Samples { seed, most } => {
-                vec![("samples", most.to_string()), ("seed", seed.to_string())]
+            Purpose::Shapes { seed, most } => which(seed, most),
+            Purpose::Context { seed, most, shapes } => {
+                which(seed, most).into_iter().chain([of_model(shapes.checksum())]).collect()
             }
-            Purpose::Score(model) => vec![("model", format!("{:016x}", model.checksum()))],
+            Purpose::Score(model) => vec![of_model(model.checksum())],
         }
     }
 
@@ -330,22 +383,31 @@ impl Method for Training {
     }
 
     fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
+        let samples = |samples: Vec<Sample>| Ok(Mapped::payload(codec::encode(&samples)?));
+        let shapes =
+            |model: &Model| stage_classes::map(tile, &|rows, shares| model::classify(model, rows, shares));
         match (step, &self.purpose) {
             (STEP_VOXELS, _) => self.voxels(tile),
-            (_, Purpose::Samples { seed, .. }) => {
-                Ok(Mapped::payload(codec::encode(&Self::samples_of(tile, *seed)?)?))
-            }
+            (_, Purpose::Shapes { seed, .. }) => samples(Self::samples_of_shapes(tile, *seed)?),
+            (STEP_CLASSES, Purpose::Context { shapes: model, .. }) => shapes(model),
+            (_, Purpose::Context { seed, .. }) => samples(Self::samples_of_context(tile, *seed)?),
+            (STEP_CLASSES, Purpose::Score(model)) => shapes(&model.shapes),
             (_, Purpose::Score(model)) => Ok(Mapped::payload(codec::encode(&Self::score(tile, model)?)?)),
         }
     }
 
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
-        match (step, &self.purpose) {
-            (STEP_CLASSES.., _) => Err(Error::bug("samples are not joined to objects")),
-            (_, Purpose::Samples { seed, most }) => {
-                Ok(Reduced::Global(codec::encode(&Self::limits(drive, *seed, *most)?)?))
+        let limits = match (step, &self.purpose) {
+            (STEP_VOXELS, Purpose::Shapes { seed, most }) => Self::limits(drive, *seed, *most, false)?,
+            (STEP_VOXELS, Purpose::Context { seed, most, .. }) => {
+                Self::limits(drive, *seed, CONTEXT_SAMPLES * most, true)?
             }
-            (_, Purpose::Score(_)) => Ok(Reduced::Global(Vec::new())),
-        }
+            (STEP_VOXELS, Purpose::Score(_))
+            | (STEP_CLASSES, Purpose::Context { .. } | Purpose::Score(_)) => {
+                return Ok(Reduced::Global(Vec::new()));
+            }
+            _ => return Err(Error::bug("samples are not joined to objects")),
+        };
+        Ok(Reduced::Global(codec::encode(&limits)?))
     }
 }

@@ -14,6 +14,7 @@
 
 mod block;
 mod cells;
+pub(super) mod context;
 mod eigen;
 mod raster;
 mod shape;
