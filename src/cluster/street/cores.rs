@@ -153,7 +153,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let band = joining::bands(&around, &class, lattice);
     let mut links = Links::new(&around.voxels);
     joining::join_classes(&around, &class, &mut links);
-    joining::join_buildings(&around, &class, &mut links);
+    joining::join_buildings(&around, &class, lattice, &mut links);
     let rising = joining::join_bands(&around, &band, &mut links);
     let chosen = |voxel: usize| band[voxel] != NO_BAND || class[voxel] > TREE;
     let parts = links.finish(&around.voxels, chosen);

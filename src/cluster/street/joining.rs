@@ -24,6 +24,10 @@ const REACHES: [(u8, i32, i32); 5] =
 /// Columns of buildings are joined within so many voxels in the plane, whatever their height: 2.1 m. Facades behind
 /// trees have gaps. Houses of a row that stand apart are 2.5 m and more apart.
 const BUILDING_REACH: i32 = 14;
+/// Columns of buildings that end below this height in metres are joined within so many voxels only. Parts of cars and
+/// fences look like walls, and would lead from one facade over the car in front of it to the next.
+const LOW_WALL_M: f64 = 1.8;
+const LOW_WALL_REACH: i32 = 2;
 /// Canopy is looked for within so many voxels of a low tree voxel.
 const CANOPY_REACH: i32 = 5;
 
@@ -59,20 +63,30 @@ pub(super) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<
 }
 
 /// Joins the columns with building voxels that are near each other in the plane.
-pub(super) fn join_buildings(around: &Classified, class: &[u8], links: &mut Links<'_>) {
+pub(super) fn join_buildings(around: &Classified, class: &[u8], lattice: Lattice, links: &mut Links<'_>) {
     let columns = &around.voxels.columns;
+    let low_wall = lattice.units(LOW_WALL_M) as i32;
     let window = Window::new(BUILDING_REACH, 0);
     let mut finder = columns.finder();
-    let first = |column: usize| columns.voxels(column).find(|&voxel| class[voxel] == BUILDING);
-    let of_column: Vec<Option<usize>> = (0..columns.cells().len()).map(first).collect();
+    let buildings = |column: usize| columns.voxels(column).filter(|&voxel| class[voxel] == BUILDING);
+    // The lowest building voxel of each column, and whether the highest one is high.
+    let of_column: Vec<Option<(usize, bool)>> = (0..columns.cells().len())
+        .map(|column| {
+            let top = buildings(column).map(|voxel| around.height[voxel]).max()?;
+            Some((buildings(column).next()?, top >= low_wall))
+        })
+        .collect();
     for (column, &[i, j]) in columns.cells().iter().enumerate() {
-        let Some(voxel) = of_column[column].filter(|&voxel| around.voxels.owned[voxel]) else { continue };
-        for other in columns.voxels(column).filter(|&other| class[other] == BUILDING) {
+        let Some((voxel, high)) = of_column[column].filter(|&(voxel, _)| around.voxels.owned[voxel]) else {
+            continue;
+        };
+        for other in buildings(column) {
             links.join(voxel, other);
         }
         for [di, dj] in window.steps() {
             let other = finder.number([i + di, j + dj]).and_then(|other| of_column[other]);
-            if let Some(other) = other {
+            let near = di.abs().max(dj.abs()) <= LOW_WALL_REACH;
+            if let Some((other, _)) = other.filter(|(_, other_high)| near || (high && *other_high)) {
                 links.join(voxel, other);
             }
         }
