@@ -37,6 +37,7 @@ pub mod spatial;
 pub mod words;
 
 mod codec;
+mod host;
 mod whole_file;
 
 pub mod boosting;

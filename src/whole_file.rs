@@ -3,6 +3,9 @@
 
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::host;
 
 /// Bytes collected before a write.
 const BUFFER_BYTES: usize = 1 << 18;
@@ -19,9 +22,7 @@ pub(crate) struct WholeFile {
 impl WholeFile {
     /// Starts the file that will become `path`.
     pub(crate) fn create(path: &Path) -> io::Result<Self> {
-        let mut name = path.file_name().unwrap_or_default().to_os_string();
-        name.push(".part");
-        let temporary = path.with_file_name(name);
+        let temporary = temporary(path);
         let file = BufWriter::with_capacity(BUFFER_BYTES, fs_err::File::create(&temporary)?);
         Ok(Self { path: path.to_owned(), temporary, file })
     }
@@ -37,6 +38,33 @@ impl WholeFile {
         self.file.get_ref().sync_all()?;
         publish(&self.temporary, &self.path)
     }
+}
+
+/// Ending of temporary names.
+const ENDING: &str = ".part";
+
+/// A temporary name beside `path` that nobody else uses: with host, process and a number. Several processes may write
+/// the same file, and the last one to finish gives it its name.
+fn temporary(path: &Path) -> PathBuf {
+    static NUMBER: AtomicU64 = AtomicU64::new(0);
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".{}-{}-{number}{ENDING}", host::name(), std::process::id()));
+    path.with_file_name(name)
+}
+
+/// Removes the temporary files in a folder that processes left behind. Nobody may need one of them any more.
+pub(crate) fn remove_temporary(folder: &Path) -> io::Result<()> {
+    for entry in fs_err::read_dir(folder)? {
+        let path = entry?.path();
+        if path.to_str().is_some_and(|name| name.ends_with(ENDING)) {
+            match fs_err::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => {}
+            }
+        }
+    }
+    Ok(())
 }
 
 impl Write for WholeFile {
@@ -100,6 +128,24 @@ mod tests {
         write(&path, |to| to.write_all(b"two")).unwrap();
         write(&path, |to| to.write_all(b"half").and(Err(io::ErrorKind::StorageFull.into()))).unwrap_err();
         assert_eq!(fs_err::read_to_string(&path).unwrap(), "two");
+        assert_eq!(folder.path().read_dir().unwrap().count(), 1);
+    }
+
+    #[test]
+    fn two_writers_of_a_file_do_not_meet() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("unit");
+        let mut one = WholeFile::create(&path).unwrap();
+        let mut two = WholeFile::create(&path).unwrap();
+        one.write_all(b"same").unwrap();
+        two.write_all(b"sa").unwrap();
+        one.finish().unwrap();
+        two.write_all(b"me").unwrap();
+        two.finish().unwrap();
+        assert_eq!(fs_err::read_to_string(&path).unwrap(), "same");
+        std::mem::forget(WholeFile::create(&path).unwrap());
+        assert_eq!(folder.path().read_dir().unwrap().count(), 2, "one was left behind");
+        remove_temporary(folder.path()).unwrap();
         assert_eq!(folder.path().read_dir().unwrap().count(), 1);
     }
 }

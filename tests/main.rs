@@ -61,3 +61,5 @@ mod util;
 mod view;
 #[cfg(test)]
 mod words;
+#[cfg(test)]
+mod workers;

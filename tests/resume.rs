@@ -358,7 +358,12 @@ fn a_lost_half_written_copy_is_written_again() {
         refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write", "street.las"]);
         assert!(state.join("pass-07-export/unit-000000.bin").exists(), "the unit was done");
         match other {
-            None => std::fs::remove_file(state.join("export/00000.part")).expect("removed"),
+            None => {
+                assert!(
+                    shell(&format!("rm {}/export/00000-*.part", state.display())),
+                    "there is no half a copy"
+                );
+            }
             Some(other) => refused(
                 &inputs.list("street.las"),
                 &out,

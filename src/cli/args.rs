@@ -9,13 +9,16 @@ use crate::cli::commands::demo::DemoArgs;
 use crate::cli::commands::estimate_epsilon::EstimateArgs;
 use crate::cli::commands::eval::EvalArgs;
 use crate::cli::commands::info::InfoArgs;
+use crate::cli::commands::next::NextArgs;
 use crate::cli::commands::pages::{CompletionsArgs, ManArgs};
 use crate::cli::commands::plan::PlanArgs;
+use crate::cli::commands::reduce::ReduceArgs;
 use crate::cli::commands::run::RunArgs;
 use crate::cli::commands::status::StatusArgs;
 use crate::cli::commands::synth::SynthArgs;
 use crate::cli::commands::train::TrainArgs;
 use crate::cli::commands::view::ViewArgs;
+use crate::cli::commands::work::WorkArgs;
 
 /// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
 ///
@@ -36,7 +39,7 @@ kept)";
 pub(crate) enum Command {
     /// Show files, extent, density, GPS time, CRS and problems of a drive
     Info(InfoArgs),
-    /// Show the tiles of a run and estimate its memory and time; write nothing
+    /// Show the tiles of a run and estimate its memory and time, or open it for workers (--units)
     Plan(PlanArgs),
     /// Process a drive, or resume an interrupted run
     Run(RunArgs),
@@ -44,6 +47,12 @@ pub(crate) enum Command {
     Status(StatusArgs),
     /// Open the report of a run in a browser, and serve its files on 127.0.0.1
     View(ViewArgs),
+    /// Show which pass of a shared run is due, and which of its units
+    Next(NextArgs),
+    /// Compute units of a pass of a shared run, beside other workers
+    Work(WorkArgs),
+    /// Complete a pass of a shared run whose units are all there, and open the next one
+    Reduce(ReduceArgs),
     /// Score a segmentation against reference labels
     Eval(EvalArgs),
     /// Generate a labelled synthetic drive of any length
@@ -69,8 +78,9 @@ pub(crate) enum Command {
 }
 
 /// The commands in the groups of the help.
-const GROUPS: [(&str, &[&str]); 3] = [
+const GROUPS: [(&str, &[&str]); 4] = [
     ("Work with a drive", &["info", "plan", "run", "status", "view"]),
+    ("Share a run among machines (plan --units opens it)", &["next", "work", "reduce"]),
     ("Check and measure", &["eval", "bench", "estimate-epsilon", "cluster", "train", "synth", "demo"]),
     ("Settings and pages", &["methods", "config", "completions", "man", "help"]),
 ];

@@ -116,6 +116,16 @@ struct Machine {
     no_mmap: bool,
 }
 
+impl Machine {
+    fn assignments(&self) -> Vec<(&'static str, String)> {
+        let mut all = Vec::new();
+        all.extend(self.threads.map(|count| ("run.threads", count.to_string())));
+        all.extend(self.memory.map(|mib| ("run.memory_mib", mib.to_string())));
+        all.extend(self.no_mmap.then(|| ("input.mmap", "false".to_owned())));
+        all
+    }
+}
+
 /// The names of the clustering methods.
 fn clusterers() -> Vec<&'static str> {
     Registries::default().cluster.iter().map(|entry| entry.name).collect()
@@ -176,12 +186,15 @@ impl Choices {
 impl Settings {
     /// The configuration: defaults, preset, file, --set, flags.
     pub(crate) fn resolve(&self, extra: &[(&str, String)]) -> chainage::Result<Config> {
-        let mut all = Vec::new();
-        all.extend(self.machine.threads.map(|count| ("run.threads", count.to_string())));
-        all.extend(self.machine.memory.map(|mib| ("run.memory_mib", mib.to_string())));
-        all.extend(self.machine.no_mmap.then(|| ("input.mmap", "false".to_owned())));
+        let mut all = self.machine.assignments();
         all.extend(extra.iter().cloned());
         self.choices.resolve_over(self.choices.config.as_deref(), &all)
+    }
+
+    /// The same over another file than the defaults, unless a file is given.
+    pub(crate) fn resolve_over(&self, file: &Path) -> chainage::Result<Config> {
+        let file = self.choices.config.as_deref().unwrap_or(file);
+        self.choices.resolve_over(Some(file), &self.machine.assignments())
     }
 
     /// The settings as arguments of another call of the program, without the flags named in `but`.

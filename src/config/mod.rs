@@ -228,6 +228,23 @@ impl Config {
         Ok(list)
     }
 
+    /// The first setting with another value in `other`, with the value here and there. Settings that say how the machine
+    /// is used are not compared: no result depends on them.
+    #[must_use]
+    pub fn first_difference(&self, other: &Self) -> Option<(String, String, String)> {
+        let machine = |section: &str, key: &str| section == "run" || (section, key) == ("input", "mmap");
+        for (section, values) in &self.table {
+            for (key, value) in values.as_table().into_iter().flatten() {
+                let theirs = other.table.get(section).and_then(|values| values.get(key));
+                if theirs != Some(value) && !machine(section, key) {
+                    let theirs = theirs.map_or_else(|| "(nothing)".to_owned(), ToString::to_string);
+                    return Some((format!("{section}.{key}"), value.to_string(), theirs));
+                }
+            }
+        }
+        None
+    }
+
     /// All settings as TOML.
     #[must_use]
     pub fn to_toml(&self) -> String {

@@ -1,6 +1,7 @@
 //! Errors of a pass that is incomplete although the run directory and the input are valid.
 
 use std::borrow::Cow;
+use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
 
@@ -28,6 +29,72 @@ pub enum RunError {
         /// Number of tiles whose neighbours still change.
         tiles: usize,
     },
+    /// A pass that no run with these settings has.
+    #[error("{pass} is not a pass of this run")]
+    NoSuchPass {
+        /// The name that was given.
+        pass: String,
+        /// The passes of this run.
+        known: Vec<String>,
+    },
+    /// A unit with a number that the pass does not have.
+    #[error("pass {pass} has {units} units, and none has the number {unit}")]
+    NoSuchUnit {
+        /// Title of the pass.
+        pass: String,
+        /// The number that was given.
+        unit: usize,
+        /// Number of its units.
+        units: usize,
+    },
+    /// Workers may not compute units of this pass yet.
+    #[error("pass {pass} has not been opened for workers with these settings")]
+    NotOpened {
+        /// Title of the pass.
+        pass: String,
+    },
+    /// An earlier pass is not complete.
+    #[error("pass {pass}, before {asked}, is not complete")]
+    NotReduced {
+        /// Title of the earlier pass.
+        pass: String,
+        /// Title of the pass that was asked for.
+        asked: String,
+    },
+    /// Units of a pass are missing at its end.
+    #[error("{} of {units} units of pass {pass} are missing{}: {}", missing.len(), waited(*waited_s), ranges(missing))]
+    UnitsMissing {
+        /// Title of the pass.
+        pass: String,
+        /// The missing units.
+        missing: Vec<usize>,
+        /// Number of its units.
+        units: usize,
+        /// How long they were waited for, in seconds.
+        waited_s: u64,
+    },
+    /// A unit was stored, but its file cannot be used.
+    #[error("unit {unit} of pass {pass} cannot be used, {path}: {why}", path = path.display())]
+    UnitRefused {
+        /// Title of the pass.
+        pass: String,
+        /// Number of the unit.
+        unit: usize,
+        /// Its file.
+        path: PathBuf,
+        /// Why it cannot be used.
+        why: String,
+    },
+    /// The settings of a worker are not those of the run.
+    #[error("the run has {key} = {of_run}, this worker {key} = {here}")]
+    OtherSettings {
+        /// The first setting that differs.
+        key: String,
+        /// Its value in the run.
+        of_run: String,
+        /// Its value here.
+        here: String,
+    },
     /// Some tiles failed; the others were finished.
     #[error("{failed} of {total} units of pass {pass} failed, the first: {first}")]
     UnitsFailed {
@@ -42,12 +109,33 @@ pub enum RunError {
     },
 }
 
+/// How long something was waited for, in words; empty if not at all.
+fn waited(seconds: u64) -> String {
+    if seconds == 0 { String::new() } else { format!(" after {seconds} s") }
+}
+
+/// Numbers in ascending order as half-open ranges, in the form that `work --units` takes: `3..7,12`.
+pub(crate) fn ranges(numbers: &[usize]) -> String {
+    let run = |run: &[usize]| match run {
+        [one] => one.to_string(),
+        [first, .., last] => format!("{first}..{}", last + 1),
+        [] => String::new(),
+    };
+    numbers.chunk_by(|a, b| a + 1 == *b).map(run).collect::<Vec<_>>().join(",")
+}
+
 impl Failure for RunError {
     fn kind(&self) -> ErrorKind {
         match self {
             Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::UnitsFailed { .. } => ErrorKind::UnitsFailed,
             Self::NotSettled { .. } => ErrorKind::Bug,
+            Self::NoSuchPass { .. } | Self::NoSuchUnit { .. } => ErrorKind::Config,
+            Self::NotOpened { .. }
+            | Self::NotReduced { .. }
+            | Self::UnitsMissing { .. }
+            | Self::UnitRefused { .. }
+            | Self::OtherSettings { .. } => ErrorKind::State,
         }
     }
 
@@ -56,6 +144,36 @@ impl Failure for RunError {
             Self::Interrupted { .. } => "the same command resumes".into(),
             Self::NotSettled { .. } => "please report this with the command line and report.json".into(),
             Self::UnitsFailed { .. } => "the same command tries the failed units again".into(),
+            Self::NoSuchPass { known, .. } => format!("its passes are: {}", known.join(", ")).into(),
+            Self::NoSuchUnit { .. } | Self::NotOpened { .. } => {
+                "chainage next OUT says which pass and which units are due".into()
+            }
+            Self::NotReduced { pass, .. } => {
+                format!("chainage reduce OUT --after {pass} completes it").into()
+            }
+            Self::UnitsMissing { pass, missing, .. } => {
+                format!("chainage work OUT --pass {pass} --units {} computes them", ranges(missing)).into()
+            }
+            Self::UnitRefused { pass, unit, .. } => {
+                format!("chainage work OUT --pass {pass} --units {unit} computes it again").into()
+            }
+            Self::OtherSettings { .. } => {
+                "leave settings out: a worker takes those of the run; chainage plan --units changes them"
+                    .into()
+            }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn missing_units_are_named_in_ranges() {
+        assert_eq!(ranges(&[0, 1, 4, 6, 7, 8]), "0..2,4,6..9");
+        let error =
+            RunError::UnitsMissing { pass: "ground".to_owned(), missing: vec![3, 4], units: 9, waited_s: 60 };
+        assert_eq!(error.to_string(), "2 of 9 units of pass ground are missing after 60 s: 3..5");
     }
 }

@@ -9,7 +9,7 @@ use crate::cluster::{DriveWindow, Figures, Method};
 use crate::error::Result;
 use crate::model::TileId;
 use crate::output::LabelledFile;
-use crate::run::drive::{StoredFields, Surveyed, Tiled};
+use crate::run::drive::{Surveyed, Tiled};
 use crate::run::engine::{Driver, Event, Outline};
 use crate::run::finish::mark::{self, Finished};
 use crate::run::finish::page::{self, PageContent};
@@ -18,8 +18,8 @@ use crate::run::open::Opened;
 use crate::run::passes::export::{self, Copies, ExportPass};
 use crate::run::passes::fields::{self, FieldsPass};
 use crate::run::passes::ground::{self, GroundPass};
-use crate::run::passes::inventory;
-use crate::run::passes::relabel::{self, PointColumns, RelabelPass};
+use crate::run::passes::inventory::{self, Sources};
+use crate::run::passes::relabel::{self, RelabelPass};
 use crate::run::passes::scatter::{self, ScatterPass};
 use crate::run::passes::stitch::{self, StitchPass};
 use crate::run::passes::survey::SurveyPass;
@@ -159,7 +159,7 @@ fn through_step<D: Driver, R>(
              the points are grouped by tile first"
         );
         driver.tell(&Event::Warning { text: &text });
-        let pass = ScatterPass::of(drive, plan, run_dir, outline.clone());
+        let pass = ScatterPass::of(drive, plan, outline.clone());
         let Some(scattered) = driver.complete(&pass)? else { return Ok(None) };
         tiled = tiled.grouped(scattered);
     }
@@ -169,12 +169,11 @@ fn through_step<D: Driver, R>(
         driver.tell(&Event::Warning { text });
     }
 
-    let stored = StoredFields::of(drive, chain.method.fields(), &fields::writers())?;
     let mut over = MethodDrive { classified: &classified, method: &*chain.method, fields: None };
     if let Some(outline) = &list.fields {
-        let pass = FieldsPass::of(drive, &stored, run_dir, outline.clone());
-        let Some(sums) = driver.complete(&pass)? else { return Ok(None) };
-        over.fields = Some((&stored, sums));
+        let pass = FieldsPass::of(drive, chain.method.fields(), outline.clone())?;
+        let Some(stored) = driver.complete(&pass)? else { return Ok(None) };
+        over.fields = Some(stored);
     }
     if driver.computes() {
         method::remove_others(run_dir, &list.steps)?;
@@ -238,15 +237,14 @@ pub(crate) fn to_files<D: Driver>(
         }
         let pass = StitchPass::of(progress, list.stitch.clone());
         let Some(objects) = driver.complete(&pass)? else { return Ok(None) };
-        let columns = PointColumns::new();
-        let pass = RelabelPass::of(progress, &objects, &columns, run_dir, list.relabel.clone())?;
-        let Some(()) = driver.complete(&pass)? else { return Ok(None) };
-        if !driver.computes() {
+        let pass = RelabelPass::of(progress, &objects, list.relabel.clone())?;
+        let Some(columns) = driver.complete(&pass)? else { return Ok(None) };
+        if !driver.walks_to_files() {
             return Ok(None);
         }
-        let outline = list.inventory.clone();
-        let rows = inventory::complete(driver, progress, &objects, &columns, &terrain, outline)?;
-        let Some(rows) = rows else { return Ok(None) };
+        let sources = Sources { progress, objects: &objects, columns: &columns, terrain: &terrain };
+        let found = inventory::complete(driver, sources, list.inventory.clone())?;
+        let Some(found) = found else { return Ok(None) };
         let limit = names::page_limit_bytes(open.config);
         let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
         let pass = ExportPass::of(
@@ -259,6 +257,7 @@ pub(crate) fn to_files<D: Driver>(
             list.export.clone(),
         );
         let Some(exported) = driver.complete(&pass)? else { return Ok(None) };
+        let rows = inventory::rows(sources, list.inventory.clone(), &found)?;
         let table = tables::write_tables(
             run_dir,
             &open.drive,

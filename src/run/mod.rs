@@ -30,6 +30,7 @@ mod look;
 mod open;
 mod passes;
 mod plan;
+mod shared;
 mod summary;
 mod train;
 
@@ -40,13 +41,14 @@ use crate::error::{Error, Result};
 
 use chain::Chain;
 use engine::{Driver, Here};
-use finish::{mark, names, page, report};
+use finish::names;
+use finish::outputs::{self, Course};
 use open::Opened;
 
 pub use crate::cluster::street::StreetModel;
 pub use chain::Registries;
 pub use drive::AxisFacts;
-pub use engine::{CancelToken, Event, Observer, PassFigures, Silent};
+pub use engine::{CancelToken, Event, Observer, PassFigures, Silent, Units};
 pub use error::RunError;
 pub use estimate::{EstimateRequest, estimate_epsilon};
 pub use look::{
@@ -54,6 +56,7 @@ pub use look::{
     plan_of,
 };
 pub use look::{PassStatus, RunStatus, status};
+pub use shared::{DueUnits, Reduced, SharedRun, next, open_for_workers, reduce, work};
 pub use summary::{Counts, RunSummary};
 pub use train::{TrainRequest, Trained, built_in_model, read_model, score_model, train};
 
@@ -83,13 +86,15 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let catalog = open::catalog(&request.inputs, config)?;
     let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-    let (labelled, file_warnings) = names::plan_files(&catalog, config, chain.method.classifies(), &run_dir)?;
+    let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
+    names::claim(&run_dir, config, &labelled)?;
     let mut warnings = catalog.warnings().to_vec();
+    warnings.extend(open::file_system_warning(&request.inputs, config));
     warnings.extend(file_warnings);
     if request.fresh {
         warnings.extend(names::remove_superseded(&run_dir, config, &labelled)?);
     }
-    let copies: Vec<String> = labelled.iter().map(|file| file.name().to_owned()).collect();
+    let copies = outputs::names_of(&labelled);
     let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
     let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
 
@@ -100,28 +105,8 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     }
     let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
     let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
-    warnings.extend(outcome.warnings);
-    let summary = RunSummary {
-        points: planned.surveyed.survey.points(),
-        counts: outcome.counts,
-        objects: outcome.objects,
-        tiles: planned.plan.tiles.len(),
-        seconds: started.elapsed().as_secs_f64(),
-        nothing_to_do: outcome.unmarked.is_none(),
-        figures: outcome.figures,
-        passes: driver.figures,
-        warnings,
-        peak_resident_bytes: engine::peak_resident_bytes(),
-    };
-    if let Some((export, finished)) = outcome.unmarked {
-        let report = report::report(&open.drive, config, &planned.surveyed, &summary);
-        report::write_report(&run_dir, &report)?;
-        page::write_page(&run_dir, &open, &planned.surveyed, &planned.plan, outcome.page, report)?;
-        names::remove_left_out(&run_dir, config, &copies)?;
-        let export = run_dir.pass(&export.folder, export.depends);
-        mark::mark_finished(&run_dir, &export, &finished, &names::beside(config))?;
-    }
-    Ok(summary)
+    let course = Course { started, warnings, passes: driver.figures };
+    outputs::finish(&run_dir, &open, &planned, outcome, &copies, course)
 }
 
 /// The result of a driver that computes every pass.

@@ -1,13 +1,13 @@
-//! Opens a request: the drive, its methods, and a locked run directory.
+//! Opens a request: the drive, its methods, and a run directory that is locked, or shared with other processes.
 
 use std::path::{Path, PathBuf};
 
 use crate::config::Config;
 use crate::error::Result;
+use crate::host;
 use crate::input::{Catalog, InputOptions};
 use crate::run::chain::{Chain, Registries};
 use crate::run::drive::{Drive, identity};
-use crate::run::passes::survey;
 use crate::run::plan::Budget;
 use crate::store::RunDir;
 
@@ -26,7 +26,28 @@ const CONFIGURATION: &str = "run.toml";
 
 /// Opens the files of a drive according to the settings.
 pub(crate) fn catalog(inputs: &[PathBuf], config: &Config) -> Result<Catalog> {
-    Ok(Catalog::open(inputs, &InputOptions { mmap: config.input.mmap, unit: config.input.unit })?)
+    let mmap = config.input.mmap && shared_by(inputs).is_none();
+    Ok(Catalog::open(inputs, &InputOptions { mmap, unit: config.input.unit })?)
+}
+
+/// The first of these paths that is on a file system of the network, and its kind.
+fn shared_by(inputs: &[PathBuf]) -> Option<(&Path, &'static str)> {
+    inputs.iter().find_map(|input| {
+        // A pattern is no path, but its folder is one.
+        let mut path = Some(&**input);
+        while let Some(here) = path.filter(|here| !here.exists()) {
+            path = here.parent();
+        }
+        let path = path.filter(|path| !path.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        host::shared_file_system(path).map(|kind| (&**input, kind))
+    })
+}
+
+/// What the user should know of the file system of the input.
+pub(crate) fn file_system_warning(inputs: &[PathBuf], config: &Config) -> Option<String> {
+    let (path, kind) = shared_by(inputs).filter(|_| config.input.mmap)?;
+    let path = path.display();
+    Some(format!("{path} is on {kind}: files are read and not mapped into memory (as with --no-mmap)"))
 }
 
 impl<'a> Opened<'a> {
@@ -36,7 +57,7 @@ impl<'a> Opened<'a> {
         config: &'a Config,
         registries: &Registries<'_>,
     ) -> Result<Self> {
-        let drive = Drive::without_columns(catalog(inputs, config)?, config);
+        let drive = Drive::new(catalog(inputs, config)?, config);
         let chain = Chain::build(config, registries, drive.lattice())?;
         Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
     }
@@ -52,7 +73,21 @@ impl<'a> Opened<'a> {
     ) -> Result<Self> {
         identity::check_input(run_dir, &catalog)?;
         record(run_dir, inputs, config)?;
-        let drive = Drive::open(catalog, config, run_dir, &survey::folder())?;
+        let drive = Drive::new(catalog, config);
+        Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
+    }
+
+    /// Opens the drive of a run that another process drives. Checks that the run directory belongs to this input.
+    pub(crate) fn to_share(
+        inputs: &[PathBuf],
+        config: &'a Config,
+        registries: &Registries<'_>,
+        run_dir: &RunDir,
+    ) -> Result<Self> {
+        let catalog = catalog(inputs, config)?;
+        identity::check_recorded(run_dir, &catalog)?;
+        let drive = Drive::new(catalog, config);
+        let chain = Chain::build(config, registries, drive.lattice())?;
         Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
     }
 }
@@ -69,7 +104,7 @@ fn record(run_dir: &RunDir, inputs: &[PathBuf], config: &Config) -> Result<()> {
 
 /// The input paths of the last call, and the path of its settings.
 pub(crate) fn recorded(run_dir: &RunDir) -> Result<(Vec<PathBuf>, PathBuf)> {
-    Ok((run_dir.read_json(REQUEST)?.unwrap_or_default(), run_dir.path(CONFIGURATION)))
+    Ok((run_dir.await_json(REQUEST)?.unwrap_or_default(), run_dir.path(CONFIGURATION)))
 }
 
 /// Locks the run directory `out`. It must not contain input files.

@@ -1,4 +1,4 @@
-//! The run directory: lock, fingerprints, unit files, columns, atomic writes. This module knows bytes and
+//! The run directory: lock, fingerprints, unit files, atomic writes. This module knows bytes and
 //! names, but no points.
 //!
 //! ```
@@ -11,15 +11,17 @@
 //! assert_eq!(reasons[0].to_string(), "euclidean.d_t: 0.3 -> 0.4");
 //! ```
 
-mod column;
 mod error;
 mod fingerprint;
+mod lock;
+mod pass_dir;
 mod run_dir;
 mod unit_file;
+mod wait;
 
-pub(crate) use column::Column;
 pub use error::StoreError;
 pub use fingerprint::{Fingerprint, Inputs, StaleReason};
-pub(crate) use run_dir::UnitReader;
-pub use run_dir::{PassDir, RunDir, STATE_FOLDER, UnitState};
+pub(crate) use pass_dir::UnitReader;
+pub use pass_dir::{PassDir, UnitState};
+pub use run_dir::{RunDir, STATE_FOLDER};
 pub use unit_file::{FORMAT_VERSION, Refusal};

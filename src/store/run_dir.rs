@@ -1,21 +1,18 @@
-//! The run directory `OUT/.chainage`: lock, identity of the run, one folder per pass, per-point columns.
+//! The run directory `OUT/.chainage`: who may change it, identity of the run, one folder per pass, and small files.
 
-use std::fs::{File, TryLockError};
-use std::io::{Read, Seek, Write};
-use std::ops::Range;
-use std::os::unix::fs::FileExt;
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use bytemuck::Pod;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::codec;
-use crate::error::Result;
-use crate::model::in_u32;
-use crate::store::column::Column;
-use crate::store::unit_file::{self, FORMAT_VERSION, Refusal};
-use crate::store::{Fingerprint, Inputs, StaleReason, StoreError};
+use crate::host;
+use crate::store::lock::lock;
+use crate::store::unit_file::FORMAT_VERSION;
+use crate::store::wait::waited_for;
+use crate::store::{Inputs, PassDir, StoreError};
 use crate::whole_file;
 
 /// Name of the folder with the state inside the output directory.
@@ -24,21 +21,33 @@ pub const STATE_FOLDER: &str = ".chainage";
 /// Name of the record of the files that were written beside the state.
 const OUTPUTS: &str = "outputs.json";
 
-/// The program version that started the run.
-#[derive(Debug, Serialize, Deserialize)]
+/// Name of the record of the program version.
+const VERSION: &str = "version.json";
+
+/// The program version that drives the run.
+#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Identity {
     program: String,
     state_version: u32,
 }
 
-/// An output directory with its state. This process holds the lock as long as the value lives (not if it was
-/// opened to look only).
+/// An output directory with its state. A process that drives the run holds the lock as long as the value lives. A worker
+/// has no lock: it only adds units. A process that looks changes nothing.
 #[derive(Debug)]
 pub struct RunDir {
     out: PathBuf,
     state: PathBuf,
     _lock: Option<File>,
+    /// The log of events of this process, below the state.
+    events: String,
+    /// How long something that another process may be writing is looked for again.
+    wait: Duration,
 }
+
+/// The log of events of the process that drives the run.
+const EVENTS: &str = "events.jsonl";
+/// The folder with a log of events per worker.
+const EVENTS_OF_WORKERS: &str = "events";
 
 impl RunDir {
     /// Creates or reopens the state in `out` and locks it. `fresh` discards the state of an earlier run.
@@ -49,14 +58,37 @@ impl RunDir {
         let state = out.join(STATE_FOLDER);
         fs_err::create_dir_all(&state).map_err(StoreError::io("create", &state))?;
         let lock = lock(out, &state.join("lock"))?;
-        let run = Self { out: out.to_owned(), state, _lock: Some(lock) };
+        let events = EVENTS.to_owned();
+        let run = Self { out: out.to_owned(), state, _lock: Some(lock), events, wait: Duration::ZERO };
         if fresh {
             run.discard()?;
         }
-        match run.read_json::<Identity>("version.json")? {
-            None => run.write_json("version.json", &identity())?,
-            Some(old) => run.check_version(old)?,
+        match run.read_json::<Identity>(VERSION)? {
+            Some(old) if old == identity() => {}
+            // Another program with the same state goes on, and from now on its workers may.
+            Some(old) => run.check_version(old).and_then(|()| run.write_json(VERSION, &identity()))?,
+            None => run.write_json(VERSION, &identity())?,
         }
+        Ok(run)
+    }
+
+    /// Opens the state in `out` as a worker, which adds units and holds no lock. What is missing is looked for again
+    /// during `wait`.
+    ///
+    /// # Errors
+    /// When there is none, or another version of the program drives the run.
+    pub fn join(out: &Path, wait: Duration) -> Result<Self, StoreError> {
+        let state = out.join(STATE_FOLDER);
+        let events = format!("{EVENTS_OF_WORKERS}/{}-{}.jsonl", host::name(), std::process::id());
+        let run = Self { out: out.to_owned(), state, _lock: None, events, wait };
+        let old = waited_for(&run.state, wait, || run.read_json::<Identity>(VERSION))?;
+        match old {
+            None => return Err(StoreError::NoRun { path: out.to_owned() }),
+            Some(old) if old == identity() => {}
+            Some(old) => return Err(run.other_version(old)),
+        }
+        let folder = run.path(EVENTS_OF_WORKERS);
+        fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         Ok(run)
     }
 
@@ -65,25 +97,33 @@ impl RunDir {
     /// # Errors
     /// When there is none, or it is of another version.
     pub fn inspect(out: &Path) -> Result<Self, StoreError> {
-        let run = Self { out: out.to_owned(), state: out.join(STATE_FOLDER), _lock: None };
-        match run.read_json::<Identity>("version.json")? {
+        let (events, wait) = (EVENTS.to_owned(), Duration::ZERO);
+        let run = Self { out: out.to_owned(), state: out.join(STATE_FOLDER), _lock: None, events, wait };
+        match run.read_json::<Identity>(VERSION)? {
             None => Err(StoreError::NoRun { path: out.to_owned() }),
             Some(old) => run.check_version(old).map(|()| run),
         }
     }
 
     fn check_version(&self, old: Identity) -> Result<(), StoreError> {
-        if old.state_version == FORMAT_VERSION {
-            return Ok(());
-        }
+        if old.state_version == FORMAT_VERSION { Ok(()) } else { Err(self.other_version(old)) }
+    }
+
+    fn other_version(&self, old: Identity) -> StoreError {
         let new = identity();
-        Err(StoreError::Version {
+        StoreError::Version {
             path: self.out.clone(),
             old: old.program,
             old_version: old.state_version,
             new: new.program,
             new_version: new.state_version,
-        })
+        }
+    }
+
+    /// The same directory. What is missing is looked for again during `wait`.
+    #[must_use]
+    pub fn waiting(self, wait: Duration) -> Self {
+        Self { wait, ..self }
     }
 
     /// Removes the state except for the lock and the names of the outputs, which remain files of chainage.
@@ -137,6 +177,14 @@ impl RunDir {
         self.write_json(OUTPUTS, &names)
     }
 
+    /// Reads a small JSON file of the state that another process may be writing; `None` when it does not come.
+    ///
+    /// # Errors
+    /// As [`Self::read_json`].
+    pub fn await_json<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, StoreError> {
+        waited_for(&self.state, self.wait, || self.read_json(name))
+    }
+
     /// Reads a small JSON file of the state; `None` when there is none.
     ///
     /// # Errors
@@ -175,7 +223,7 @@ impl RunDir {
 
     /// Appends a line to the log of events. A failure of this does not stop a run.
     pub fn log_event(&self, line: &str) {
-        let path = self.path("events.jsonl");
+        let path = self.path(&self.events);
         let appended = File::options().create(true).append(true).open(path);
         if let Ok(mut file) = appended {
             // One write call per line, so that lines of several threads do not mix.
@@ -186,7 +234,7 @@ impl RunDir {
     /// The folder of a pass that depends on `inputs`.
     #[must_use]
     pub fn pass(&self, folder: &str, inputs: Inputs) -> PassDir {
-        PassDir { folder: self.state.join(folder), fingerprint: inputs.fingerprint(), inputs }
+        PassDir::new(self.state.join(folder), inputs, self.wait)
     }
 
     /// Removes every pass whose folder begins with `prefix`, except those that `keep` accepts.
@@ -203,298 +251,8 @@ impl RunDir {
         }
         Ok(())
     }
-
-    /// A column with one value per record of file number `file`, which has `records` records. The passes
-    /// whose folders begin with `writers` fill it. If the column was lost or cut, these passes are
-    /// removed.
-    ///
-    /// # Errors
-    /// When it cannot be opened or created.
-    pub(crate) fn column<T: Pod + Default>(
-        &self,
-        name: &str,
-        file: usize,
-        records: u64,
-        writers: &str,
-    ) -> Result<Column<T>, StoreError> {
-        let folder = self.state.join(name);
-        fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
-        let path = folder.join(format!("{file:05}"));
-        if !Column::<T>::is_whole(&path, records) {
-            self.remove_passes(writers, |_| false)?;
-        }
-        Column::open(&path, records).map_err(StoreError::io("open", &path))
-    }
 }
 
 fn identity() -> Identity {
     Identity { program: env!("CARGO_PKG_VERSION").to_owned(), state_version: FORMAT_VERSION }
-}
-
-/// Takes the lock. The system releases it when the process ends, for whatever reason.
-fn lock(out: &Path, path: &Path) -> Result<File, StoreError> {
-    let io = |action| StoreError::io(action, path);
-    let mut file =
-        File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(io("open"))?;
-    match file.try_lock() {
-        Ok(()) => {}
-        Err(TryLockError::WouldBlock) => {
-            let mut holder = String::new();
-            let known = file.read_to_string(&mut holder).is_ok() && !holder.trim().is_empty();
-            let holder = if known { holder.trim().to_owned() } else { "another process".to_owned() };
-            return Err(StoreError::Locked { path: out.to_owned(), holder });
-        }
-        Err(TryLockError::Error(source)) => return Err(io("lock")(source)),
-    }
-    let text = format!("process {}\n", std::process::id());
-    file.set_len(0)
-        .and_then(|()| file.rewind())
-        .and_then(|()| file.write_all(text.as_bytes()))
-        .map_err(io("write"))?;
-    Ok(file)
-}
-
-/// Whether a unit has a stored result.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum UnitState {
-    /// Nothing has been stored.
-    Missing,
-    /// The result is complete and fits.
-    Done,
-    /// A file exists that cannot be used.
-    Refused(Refusal),
-}
-
-/// Reads parts of the payload of one unit.
-#[derive(Debug)]
-pub(crate) struct UnitReader {
-    path: PathBuf,
-    file: File,
-    payload: Range<u64>,
-}
-
-impl UnitReader {
-    /// A part of the payload.
-    pub(crate) fn read(&self, part: Range<u64>) -> Result<Vec<u8>, StoreError> {
-        let outside = || StoreError::Damaged {
-            path: self.path.clone(),
-            what: format!("bytes {} to {} of its payload are not there", part.start, part.end),
-        };
-        let length = part.end.checked_sub(part.start).ok_or_else(outside)?;
-        if part.end > self.payload.end - self.payload.start {
-            return Err(outside());
-        }
-        let mut bytes = vec![0; usize::try_from(length).map_err(|_| outside())?];
-        let at = self.payload.start + part.start;
-        self.file.read_exact_at(&mut bytes, at).map_err(StoreError::io("read", &self.path))?;
-        Ok(bytes)
-    }
-
-    /// The range of a section of the payload, see [`codec::pack`].
-    pub(crate) fn section(&self, number: usize) -> Result<Range<u64>> {
-        codec::section_range(&mut |part| self.read(part).ok(), number)
-            .ok_or_else(|| codec::no_section(number))
-    }
-
-    /// A whole section of the payload.
-    pub(crate) fn read_section(&self, number: usize) -> Result<Vec<u8>> {
-        Ok(self.read(self.section(number)?)?)
-    }
-}
-
-/// The folder of one pass: a file per unit, and the values that the pass depends on.
-#[derive(Debug, Clone)]
-pub struct PassDir {
-    folder: PathBuf,
-    inputs: Inputs,
-    fingerprint: Fingerprint,
-}
-
-impl PassDir {
-    /// One number for all values that the pass depends on.
-    #[must_use]
-    pub fn fingerprint(&self) -> Fingerprint {
-        self.fingerprint
-    }
-
-    fn unit_path(&self, unit: usize) -> PathBuf {
-        self.folder.join(format!("unit-{unit:06}.bin"))
-    }
-
-    fn number(unit: usize) -> u32 {
-        in_u32(unit, "units of a pass")
-    }
-
-    /// Creates the folder and records the values that the pass depends on. Results that depend on other
-    /// values are removed all at once: units of this pass will overwrite the column values that belong to
-    /// them, and with other tiles a unit overwrites values of several old units.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn prepare(&self) -> Result<(), StoreError> {
-        let same = self.stored_inputs()?.as_ref() == Some(&self.inputs);
-        if !same {
-            self.clear()?;
-        }
-        fs_err::create_dir_all(&self.folder).map_err(StoreError::io("create", &self.folder))?;
-        if !same {
-            let path = self.folder.join("inputs.json");
-            let text = serde_json::to_string_pretty(&self.inputs)
-                .map_err(|error| StoreError::Damaged { path: path.clone(), what: error.to_string() })?;
-            whole_file::write(&path, |to| to.write_all(text.as_bytes()))
-                .map_err(StoreError::io("write", &path))?;
-        }
-        Ok(())
-    }
-
-    fn stored_inputs(&self) -> Result<Option<Inputs>, StoreError> {
-        let path = self.folder.join("inputs.json");
-        match fs_err::read(&path) {
-            // If this record is damaged, the run goes on, because each unit file has its own fingerprint.
-            Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(source) => Err(StoreError::Io { action: "read", path, source }),
-        }
-    }
-
-    /// Why stored results of this pass would not be used now; empty when they fit or nothing is stored.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn stale_reasons(&self) -> Result<Vec<StaleReason>, StoreError> {
-        Ok(self.stored_inputs()?.map_or_else(Vec::new, |stored| self.inputs.differences(&stored)))
-    }
-
-    /// The payload of a unit, if it exists and fits.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn load(&self, unit: usize) -> Result<Result<Vec<u8>, UnitState>, StoreError> {
-        let path = self.unit_path(unit);
-        let mut bytes = match fs_err::read(&path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Err(UnitState::Missing)),
-            Err(source) => return Err(StoreError::Io { action: "read", path, source }),
-        };
-        let range = match unit_file::decode(&bytes, Self::number(unit), self.fingerprint) {
-            Ok(payload) => payload.len(),
-            Err(refusal) => return Ok(Err(UnitState::Refused(refusal))),
-        };
-        // The payload ends before the footer; cut both ends in place instead of copying.
-        let end = bytes.len() - unit_file::FOOTER_LEN;
-        bytes.truncate(end);
-        bytes.drain(..end - range);
-        Ok(Ok(bytes))
-    }
-
-    /// Whether a unit has a stored result.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn state(&self, unit: usize) -> Result<UnitState, StoreError> {
-        Ok(match self.load(unit)? {
-            Ok(_) => UnitState::Done,
-            Err(state) => state,
-        })
-    }
-
-    /// The payload of a unit that the pass has just finished.
-    ///
-    /// # Errors
-    /// When it is missing or damaged.
-    pub fn payload(&self, unit: usize) -> Result<Vec<u8>, StoreError> {
-        self.load(unit)?.map_err(|state| StoreError::Damaged {
-            path: self.unit_path(unit),
-            what: format!("{state:?} after it was written"),
-        })
-    }
-
-    /// A reader of parts of the payload of a finished unit.
-    ///
-    /// # Errors
-    /// When it is missing or belongs to another pass.
-    pub(crate) fn reader(&self, unit: usize) -> Result<UnitReader, StoreError> {
-        let path = self.unit_path(unit);
-        let file = File::open(&path).map_err(StoreError::io("open", &path))?;
-        let length = file.metadata().map_err(StoreError::io("read", &path))?.len();
-        let mut header = [0; unit_file::HEADER_LEN];
-        file.read_exact_at(&mut header, 0).map_err(StoreError::io("read", &path))?;
-        match unit_file::payload_range(&header, length, Self::number(unit), self.fingerprint) {
-            Ok(payload) => Ok(UnitReader { path, file, payload }),
-            Err(refusal) => {
-                Err(StoreError::Damaged { path, what: format!("{refusal:?} after it was written") })
-            }
-        }
-    }
-
-    /// Numbers of the units that have a file, whether or not it fits, ascending.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn stored_units(&self) -> Result<Vec<usize>, StoreError> {
-        let entries = match fs_err::read_dir(&self.folder) {
-            Ok(entries) => entries,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-            Err(source) => return Err(StoreError::Io { action: "read", path: self.folder.clone(), source }),
-        };
-        let mut units = Vec::new();
-        for entry in entries {
-            let name = entry.map_err(StoreError::io("read", &self.folder))?.file_name();
-            let number = name.to_str().and_then(|name| name.strip_prefix("unit-")?.strip_suffix(".bin"));
-            units.extend(number.and_then(|number| number.parse::<usize>().ok()));
-        }
-        units.sort_unstable();
-        Ok(units)
-    }
-
-    /// Removes the pass with all its results.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn clear(&self) -> Result<(), StoreError> {
-        match fs_err::remove_dir_all(&self.folder) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(StoreError::Io { action: "remove", path: self.folder.clone(), source: error })
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Invalidates a unit's result before the values that belong to it are overwritten.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn invalidate(&self, unit: usize) -> Result<(), StoreError> {
-        let path = self.unit_path(unit);
-        match fs_err::remove_file(&path) {
-            Ok(()) => whole_file::sync_folder(&path).map_err(StoreError::io("sync", &self.folder)),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
-            Err(source) => Err(StoreError::Io { action: "remove", path, source }),
-        }
-    }
-
-    /// Stores the result of a unit. From then on the unit is done.
-    ///
-    /// # Errors
-    /// When it cannot be written.
-    pub fn commit(&self, unit: usize, payload: &[u8]) -> Result<(), StoreError> {
-        let path = self.unit_path(unit);
-        let bytes = unit_file::encode(Self::number(unit), self.fingerprint, payload);
-        whole_file::write(&path, |to| to.write_all(&bytes)).map_err(StoreError::io("write", &path))
-    }
-
-    /// Records for people why a unit failed.
-    ///
-    /// # Errors
-    /// When it cannot be written.
-    pub fn record_failure(&self, unit: usize, failure: &serde_json::Value) -> Result<(), StoreError> {
-        let path = self.folder.join(format!("unit-{unit:06}.err.json"));
-        let text = format!("{failure:#}\n");
-        whole_file::write(&path, |to| to.write_all(text.as_bytes())).map_err(StoreError::io("write", &path))
-    }
-
-    /// Removes the record of an earlier failure.
-    pub fn clear_failure(&self, unit: usize) {
-        let _ = fs_err::remove_file(self.folder.join(format!("unit-{unit:06}.err.json")));
-    }
 }

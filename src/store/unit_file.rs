@@ -13,14 +13,15 @@
 //! All numbers are little-endian. A reader refuses a file that is cut, damaged, or of another version or
 //! fingerprint, and gives the reason. It compares `length` with the size of the file before it uses it.
 
+use std::io::{self, Read, Write};
 use std::ops::Range;
 
-use xxhash_rust::xxh3::xxh3_64;
+use xxhash_rust::xxh3::Xxh3;
 
 use crate::store::Fingerprint;
 
 /// Version of the state on disk. A change of any payload raises it.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 
 const MAGIC: &[u8; 8] = b"CHAINAGE";
 const TRAILER: &[u8; 8] = b"COMMITED";
@@ -38,19 +39,41 @@ pub enum Refusal {
     Stale,
 }
 
-/// The bytes of a unit file.
-pub(crate) fn encode(unit: u32, fingerprint: Fingerprint, payload: &[u8]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(HEADER_LEN + payload.len() + FOOTER_LEN);
-    bytes.extend_from_slice(MAGIC);
-    bytes.extend_from_slice(&FORMAT_VERSION.to_le_bytes());
-    bytes.extend_from_slice(&unit.to_le_bytes());
-    bytes.extend_from_slice(&fingerprint.0.to_le_bytes());
-    bytes.extend_from_slice(&(payload.len() as u64).to_le_bytes());
-    bytes.extend_from_slice(payload);
-    let checksum = xxh3_64(&bytes);
-    bytes.extend_from_slice(&checksum.to_le_bytes());
-    bytes.extend_from_slice(TRAILER);
-    bytes
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Damaged(what) => write!(formatter, "it is damaged: {what}"),
+            Self::OtherVersion(version) => {
+                write!(formatter, "it has state version {version}, this is {FORMAT_VERSION}")
+            }
+            Self::Stale => formatter.write_str("it was computed from other input or with other settings"),
+        }
+    }
+}
+
+/// Bytes that are read at a time.
+const BUFFER_BYTES: usize = 1 << 18;
+
+/// Writes a unit file.
+pub(crate) fn write(
+    to: &mut dyn Write,
+    unit: u32,
+    fingerprint: Fingerprint,
+    payload: &[u8],
+) -> io::Result<()> {
+    let mut header = Vec::with_capacity(HEADER_LEN);
+    header.extend_from_slice(MAGIC);
+    header.extend_from_slice(&FORMAT_VERSION.to_le_bytes());
+    header.extend_from_slice(&unit.to_le_bytes());
+    header.extend_from_slice(&fingerprint.0.to_le_bytes());
+    header.extend_from_slice(&(payload.len() as u64).to_le_bytes());
+    let mut checksum = Xxh3::new();
+    checksum.update(&header);
+    checksum.update(payload);
+    to.write_all(&header)?;
+    to.write_all(payload)?;
+    to.write_all(&checksum.digest().to_le_bytes())?;
+    to.write_all(TRAILER)
 }
 
 /// The range of the payload in a unit file of `length` bytes, from its header alone. It is for readers of a
@@ -78,44 +101,64 @@ pub(crate) fn payload_range(
     Ok(HEADER_LEN as u64..HEADER_LEN as u64 + payload)
 }
 
-/// The payload of a unit file, in place: the bytes between header and footer.
-pub(crate) fn decode(bytes: &[u8], unit: u32, fingerprint: Fingerprint) -> Result<&[u8], Refusal> {
-    let damaged = Refusal::Damaged;
-    if bytes.len() < HEADER_LEN + FOOTER_LEN {
-        return Err(damaged("shorter than a header and a footer"));
+/// Checks a unit file of `length` bytes from its first to its last byte. The payload is appended to `payload`, if that
+/// is wanted.
+pub(crate) fn check(
+    mut file: impl Read,
+    length: u64,
+    unit: u32,
+    fingerprint: Fingerprint,
+    mut payload: Option<&mut Vec<u8>>,
+) -> io::Result<Result<(), Refusal>> {
+    let damaged = |what| Ok(Err(Refusal::Damaged(what)));
+    let Some(mut left) = length.checked_sub((HEADER_LEN + FOOTER_LEN) as u64) else {
+        return damaged("shorter than a header and a footer");
+    };
+    let mut header = [0; HEADER_LEN];
+    file.read_exact(&mut header)?;
+    if &header[..8] != MAGIC {
+        return damaged("not a file of chainage");
     }
-    let (content, footer) = bytes.split_at(bytes.len() - FOOTER_LEN);
-    if &content[..8] != MAGIC {
-        return Err(damaged("not a file of chainage"));
+    let mut checksum = Xxh3::new();
+    checksum.update(&header);
+    let mut buffer = vec![0; BUFFER_BYTES];
+    while left > 0 {
+        let part = usize::try_from(left).unwrap_or(usize::MAX).min(buffer.len());
+        file.read_exact(&mut buffer[..part])?;
+        checksum.update(&buffer[..part]);
+        if let Some(payload) = &mut payload {
+            payload.extend_from_slice(&buffer[..part]);
+        }
+        left -= part as u64;
     }
-    if &footer[8..] != TRAILER || footer[..8] != xxh3_64(content).to_le_bytes() {
-        return Err(damaged("checksum or trailer do not match"));
+    let mut footer = [0; FOOTER_LEN];
+    file.read_exact(&mut footer)?;
+    if &footer[8..] != TRAILER || footer[..8] != checksum.digest().to_le_bytes() {
+        return damaged("checksum or trailer do not match");
     }
-    let mut fields = [0_u8; HEADER_LEN];
-    fields.copy_from_slice(&content[..HEADER_LEN]);
-    let u32_at = |at: usize| u32::from_le_bytes([fields[at], fields[at + 1], fields[at + 2], fields[at + 3]]);
-    if u32_at(8) != FORMAT_VERSION {
-        return Err(Refusal::OtherVersion(u32_at(8)));
-    }
-    let payload = &content[HEADER_LEN..];
-    if fields[32..40] != (payload.len() as u64).to_le_bytes() || u32_at(12) != unit {
-        return Err(damaged("length or number of the unit do not match"));
-    }
-    if fields[16..32] != fingerprint.0.to_le_bytes() {
-        return Err(Refusal::Stale);
-    }
-    Ok(payload)
+    Ok(payload_range(&header, length, unit, fingerprint).map(|_| ()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn encode(unit: u32, fingerprint: Fingerprint, payload: &[u8]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        write(&mut bytes, unit, fingerprint, payload).unwrap();
+        bytes
+    }
+
+    fn decode(bytes: &[u8], unit: u32, fingerprint: Fingerprint) -> Result<Vec<u8>, Refusal> {
+        let mut payload = Vec::new();
+        check(bytes, bytes.len() as u64, unit, fingerprint, Some(&mut payload)).unwrap().map(|()| payload)
+    }
+
     #[test]
     fn every_prefix_and_every_flipped_byte_is_refused() {
         let fingerprint = Fingerprint(77);
         let whole = encode(3, fingerprint, b"payload of a tile");
-        assert_eq!(decode(&whole, 3, fingerprint), Ok(&b"payload of a tile"[..]));
+        assert_eq!(decode(&whole, 3, fingerprint), Ok(b"payload of a tile".to_vec()));
         for length in 0..whole.len() {
             assert!(decode(&whole[..length], 3, fingerprint).is_err(), "prefix of {length} bytes");
         }

@@ -1,16 +1,18 @@
 //! `chainage plan`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use chainage::config::ConfigError;
-use chainage::run::{PlanFacts, Registries, plan_of};
+use chainage::config::{Config, ConfigError};
+use chainage::run::{CancelToken, PlanFacts, Registries, RunRequest, open_for_workers, plan_of};
 
-use crate::cli::commands::info;
+use crate::cli::commands::{info, next};
 use crate::cli::drive_args::{Inputs, Settings};
 use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
 use crate::cli::print::{deliver, is_standard_output};
-use crate::cli::{exit, print};
+use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::{exit, interrupt, print};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct PlanArgs {
@@ -22,7 +24,26 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     #[command(flatten)]
+    shared: Shared,
+    #[command(flatten)]
     settings: Settings,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Share the run among machines")]
+struct Shared {
+    /// Open the run for workers, and show the pass that is due with its units
+    #[arg(long, requires = "out")]
+    units: bool,
+    /// Output directory, which all workers reach under the same name
+    #[arg(short, long, value_name = "DIRECTORY", requires = "units")]
+    out: Option<PathBuf>,
+    /// Leave the survey, which reads every record, to the workers
+    #[arg(long, requires = "units")]
+    leave_survey: bool,
+    /// Start again: discard the state of an earlier run in the output directory
+    #[arg(long, requires = "units")]
+    fresh: bool,
 }
 
 impl PlanArgs {
@@ -32,10 +53,32 @@ impl PlanArgs {
             return Err(chainage::Error::from(refused).into());
         }
         let config = self.settings.resolve(&[])?;
+        if let Some(out) = &self.shared.out {
+            return self.open(out, config);
+        }
         let plan = plan_of(&self.inputs.files()?, &config, &Registries::default())?;
         if !deliver(self.svg.as_deref(), |to| to.write_all(plan.svg.as_bytes()))? {
             self.json.show(&plan, || page(&plan))?;
         }
+        Ok(exit::DONE)
+    }
+}
+
+impl PlanArgs {
+    /// Opens the run for workers.
+    fn open(&self, out: &Path, config: Config) -> Outcome {
+        let cancel = Arc::new(CancelToken::default());
+        interrupt::listen(&cancel)?;
+        let request = RunRequest {
+            inputs: self.inputs.files()?,
+            out: out.to_owned(),
+            config,
+            fresh: self.shared.fresh,
+            registries: Registries::default(),
+        };
+        let progress = Progress::new(ProgressChoice::None);
+        let due = open_for_workers(&request, self.shared.leave_survey, &progress, &cancel)?;
+        self.json.show(&due, || next::page(&due))?;
         Ok(exit::DONE)
     }
 }

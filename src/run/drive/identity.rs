@@ -6,7 +6,6 @@ use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 
-use crate::codec;
 use crate::error::Result;
 use crate::input::{Catalog, InputFile};
 use crate::run::drive::{BlockRun, Drive};
@@ -49,9 +48,18 @@ pub(crate) fn check_apart(catalog: &Catalog, out: &Path) -> Result<()> {
 /// Refuses files whose names, sizes or record counts differ from those at the start of the run. At the start,
 /// it records them.
 pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
+    if run_dir.read_json::<Vec<FileIdentity>>(NAME)?.is_none() {
+        let now: Vec<FileIdentity> = catalog.files().iter().map(FileIdentity::of).collect();
+        run_dir.write_json(NAME, &now)?;
+    }
+    check_recorded(run_dir, catalog)
+}
+
+/// Refuses files whose names, sizes or record counts differ from those that the start of the run has recorded.
+pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     let now: Vec<FileIdentity> = catalog.files().iter().map(FileIdentity::of).collect();
-    let Some(stored) = run_dir.read_json::<Vec<FileIdentity>>(NAME)? else {
-        return Ok(run_dir.write_json(NAME, &now)?);
+    let Some(stored) = run_dir.await_json::<Vec<FileIdentity>>(NAME)? else {
+        return Err(StoreError::NoRun { path: run_dir.out().to_owned() }.into());
     };
     let other = |what: String| Err(StoreError::OtherInput { path: run_dir.out().to_owned(), what }.into());
     if stored.len() != now.len() {
@@ -72,13 +80,14 @@ pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
 }
 
 /// For files with another modification time, compares their content with that at the survey. Other content is
-/// refused. A file that was only copied or touched is accepted. `runs` are the units of the survey in `dir`. `survey`
-/// surveys one of them and stores nothing.
+/// refused. A file that was only copied or touched is accepted. `runs` are the units of the survey in `dir`, `stored_part` reads one
+/// of them, and `survey` surveys one and stores nothing.
 pub(crate) fn check_content(
     run_dir: &RunDir,
     drive: &Drive,
     dir: &PassDir,
     runs: &[BlockRun],
+    stored_part: &dyn Fn(usize) -> Result<SurveyPart>,
     survey: &dyn Fn(usize) -> Result<SurveyPart>,
 ) -> Result<()> {
     let now: Vec<FileIdentity> = drive.catalog.files().iter().map(FileIdentity::of).collect();
@@ -90,8 +99,7 @@ pub(crate) fn check_content(
         if stored.get(run.file) == now.get(run.file) || dir.state(unit)? != UnitState::Done {
             continue;
         }
-        let old: SurveyPart = codec::decode(&dir.payload(unit)?)?;
-        if old.content != survey(unit)?.content {
+        if stored_part(unit)?.content != survey(unit)?.content {
             let what = format!("the points of {} have changed", now[run.file].name);
             return Err(StoreError::OtherInput { path: run_dir.out().to_owned(), what }.into());
         }

@@ -2,7 +2,6 @@
 //! of tiles.
 
 mod axis;
-mod columns;
 mod fields;
 pub(crate) mod identity;
 mod opened;
@@ -16,7 +15,7 @@ mod verdicts;
 mod warnings;
 
 pub use axis::AxisFacts;
-pub(crate) use fields::StoredFields;
+pub(crate) use fields::{StoredFields, stored_fields};
 pub(crate) use opened::{BlockRun, Drive};
 pub(crate) use overview::Surveyed;
 pub(crate) use per_point::PerPoint;

@@ -2,18 +2,24 @@
 //! that read it in order.
 
 use std::ops::Range;
+use std::sync::OnceLock;
+
+use bytemuck::Pod;
 
 use crate::config::Config;
 use crate::error::Result;
 use crate::input::{Catalog, Fields, InputFile};
 use crate::model::{FileId, Lattice, LatticeTransform, PointId, RecordView};
-use crate::run::drive::columns::sync_columns;
+use crate::run::drive::per_point::PerPoint;
+use crate::run::engine::Payloads;
 use crate::spatial::CellGrid;
-use crate::store::{Column, RunDir, StoreError};
 use crate::survey::{Collector, SurveyError};
 
-/// Smallest and largest number of points of one unit of a pass over blocks.
-const UNIT_POINTS: (u64, u64) = (200_000, 8_000_000);
+/// Smallest and largest number of points of one unit of a pass over blocks. A unit is in memory as a whole before it is
+/// stored, with up to 16 bytes per point, so the largest does not grow with the drive.
+const UNIT_POINTS: (u64, u64) = (200_000, 1_000_000);
+/// Number of records whose values are read at once.
+const PAGE: u64 = 65_536;
 /// Approximate number of units into which passes over blocks divide a drive.
 const UNITS_PER_DRIVE: u64 = 256;
 
@@ -28,36 +34,26 @@ pub(crate) struct BlockRun {
     pub(crate) points: u64,
 }
 
-/// Record coordinates of compressed files, unpacked once: x, y, z as in the records, twelve bytes per record.
-type Positions = Column<[i32; 3]>;
-
 /// The drive.
 #[derive(Debug)]
 pub(crate) struct Drive {
     pub(crate) catalog: Catalog,
     pub(crate) grid: CellGrid,
-    /// Only for compressed files.
-    positions: Vec<Option<Positions>>,
+    /// Record coordinates of compressed files: x, y, z as in the records. Known after the survey has unpacked them.
+    positions: OnceLock<PerPoint<[i32; 3]>>,
 }
 
 impl Drive {
-    /// The drive of `catalog` without columns: enough to survey and to plan.
-    pub(crate) fn without_columns(catalog: Catalog, config: &Config) -> Self {
+    /// The drive of `catalog`.
+    pub(crate) fn new(catalog: Catalog, config: &Config) -> Self {
         let grid = CellGrid::new(catalog.lattice().units(config.tiling.cell));
-        let positions = catalog.files().iter().map(|_| None).collect();
-        Self { catalog, grid, positions }
+        Self { catalog, grid, positions: OnceLock::new() }
     }
 
-    /// The drive of `catalog` with its columns in `run_dir`; the pass with the folder `survey` fills them.
-    pub(crate) fn open(catalog: Catalog, config: &Config, run_dir: &RunDir, survey: &str) -> Result<Self> {
-        let mut drive = Self::without_columns(catalog, config);
-        drive.positions.clear();
-        for (number, file) in drive.catalog.files().iter().enumerate() {
-            let unpacked = file.is_compressed();
-            let column = || run_dir.column("positions", number, file.point_count(), survey);
-            drive.positions.push(unpacked.then(column).transpose()?);
-        }
-        Ok(drive)
+    /// From now on the positions of compressed files are read from here.
+    pub(crate) fn use_positions(&self, positions: PerPoint<[i32; 3]>) {
+        // The survey is complete once in a process, and a second time has the same positions.
+        let _ = self.positions.set(positions);
     }
 
     pub(crate) fn lattice(&self) -> Lattice {
@@ -113,12 +109,12 @@ impl Drive {
         records * (file.layout().record_len as u64 + more)
     }
 
-    /// Surveys a block directly from the file (decoded, if compressed), and unpacks its positions if
-    /// requested.
+    /// Surveys a block directly from the file (decoded, if compressed). Adds its positions to `unpacked`, if they are
+    /// wanted.
     pub(crate) fn survey_block(
         &self,
         (file, block): (usize, usize),
-        unpack: bool,
+        unpacked: Option<&mut Vec<[i32; 3]>>,
         buffer: &mut Vec<u8>,
         collector: &mut Collector,
     ) -> Result<()> {
@@ -128,11 +124,8 @@ impl Drive {
         {
             let bytes = input.records(block, Fields::Geometry, buffer)?;
             let view = RecordView { bytes, stride: layout.record_len, gps_time: layout.gps_time };
-            if let Some(positions) = self.positions[file].as_ref().filter(|_| unpack) {
-                let xyz: Vec<[i32; 3]> = view.xyz().collect();
-                positions
-                    .write_run(run.first_record, &xyz)
-                    .map_err(StoreError::io("write", positions.path()))?;
+            if let Some(unpacked) = unpacked {
+                unpacked.extend(view.xyz());
             }
             collector.block(&view, input.transform()).map_err(|absurd| SurveyError::Position {
                 path: input.path().to_owned(),
@@ -142,11 +135,6 @@ impl Drive {
         }
         input.release(block);
         Ok(())
-    }
-
-    /// Syncs all unpacked positions to the disk.
-    pub(crate) fn sync_positions(&self) -> Result<()> {
-        sync_columns(self.positions.iter().flatten())
     }
 
     /// The geometry of a block: from the mapped file, or from the unpacked positions of a compressed one.
@@ -159,9 +147,9 @@ impl Drive {
     ) -> Result<T> {
         let input = self.file(file);
         let run = &input.blocks()[block];
-        if let Some(positions) = &self.positions[file] {
+        if let Some(positions) = self.positions.get().filter(|_| input.is_compressed()) {
             let mut xyz = vec![[0_i32; 3]; run.count as usize];
-            positions.read(run.first_record, &mut xyz).map_err(StoreError::io("read", positions.path()))?;
+            positions.read(file, run.first_record, &mut xyz)?;
             let view = RecordView { bytes: bytemuck::cast_slice(&xyz), stride: 12, gps_time: None };
             return Ok(see(&view, input.transform()));
         }
@@ -174,6 +162,44 @@ impl Drive {
         }
         input.release(block);
         Ok(seen)
+    }
+
+    /// One value per point from section `number` of the units of a pass over `runs`.
+    pub(crate) fn per_point<T: Pod + Default>(
+        &self,
+        runs: &[BlockRun],
+        units: &Payloads,
+        number: usize,
+    ) -> PerPoint<T> {
+        let first = |run: &BlockRun| {
+            let block = self.file(run.file).blocks().get(run.blocks.start);
+            (run.file, block.map_or(0, |block| block.first_record))
+        };
+        PerPoint::new(runs.iter().map(first).collect(), units, number)
+    }
+
+    /// The values of points by their ids. The ids are mostly ascending.
+    pub(crate) fn values_of<T: Pod + Default>(
+        &self,
+        values: &PerPoint<T>,
+        ids: &[PointId],
+    ) -> Result<Vec<T>> {
+        let mut found = Vec::with_capacity(ids.len());
+        let mut page = Vec::new();
+        let mut page_ids = PointId::default()..PointId::default();
+        for &id in ids {
+            if !page_ids.contains(&id) {
+                let (file, record) = self.locate(id);
+                let first = record / PAGE * PAGE;
+                let count = PAGE.min(self.file(file).point_count() - first);
+                page.resize(usize::try_from(count).unwrap_or(0), T::default());
+                values.read(file, first, &mut page)?;
+                let first_id = self.catalog.first_id(file) + first;
+                page_ids = first_id..first_id + count;
+            }
+            found.push(page[usize::try_from(id - page_ids.start).unwrap_or(0)]);
+        }
+        Ok(found)
     }
 
     /// Whether every file is unchanged since it was opened.

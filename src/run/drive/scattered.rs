@@ -1,19 +1,15 @@
-//! The points of the drive grouped by tile. The pass `scatter` writes them.
-
-use std::fs::File;
-use std::os::unix::fs::FileExt;
-use std::path::PathBuf;
+//! The points of the drive grouped by tile, as the pass `scatter` stored them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::model::TileId;
-use crate::store::StoreError;
+use crate::run::engine::Sections;
 
-/// Bytes of a point in such a file.
+/// Bytes of a point.
 pub(crate) const STRIDE: usize = 16;
 
-/// The position of each tile's points in the file of a unit: (tile, first point), ascending, and the end.
+/// The position of each tile's points in a unit: (tile, first point), ascending, and the end.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Groups {
     pub(crate) first: Vec<(TileId, u64)>,
@@ -24,13 +20,13 @@ pub(crate) struct Groups {
 #[derive(Debug)]
 pub(crate) struct Scattered {
     pub(crate) units: Vec<ScatteredUnit>,
+    /// The points of each unit.
+    pub(crate) points: Sections,
 }
 
-/// The points of a run of blocks of one file, grouped by tile.
+/// Where the points of a run of blocks of one file are, grouped by tile.
 #[derive(Debug)]
 pub(crate) struct ScatteredUnit {
-    pub(crate) path: PathBuf,
-    pub(crate) file: File,
     /// Number of the input file.
     pub(crate) number: usize,
     /// Record number of the unit's first point in that file.
@@ -38,18 +34,17 @@ pub(crate) struct ScatteredUnit {
     pub(crate) groups: Groups,
 }
 
-impl ScatteredUnit {
-    /// The points of a tile in this unit in file order, [`STRIDE`] bytes each.
-    pub(crate) fn points(&self, tile: TileId) -> Result<Vec<u8>> {
-        let Ok(at) = self.groups.first.binary_search_by_key(&tile, |group| group.0) else {
+impl Scattered {
+    /// The points of a tile in a unit in file order, [`STRIDE`] bytes each.
+    pub(crate) fn points(&self, unit: usize, tile: TileId) -> Result<Vec<u8>> {
+        let groups = &self.units[unit].groups;
+        let Ok(at) = groups.first.binary_search_by_key(&tile, |group| group.0) else {
             return Ok(Vec::new());
         };
-        let first = self.groups.first[at].1;
-        let end = self.groups.first.get(at + 1).map_or(self.groups.end, |next| next.1);
+        let first = groups.first[at].1;
+        let end = groups.first.get(at + 1).map_or(groups.end, |next| next.1);
         let mut bytes = vec![0; usize::try_from(end - first).unwrap_or(0) * STRIDE];
-        self.file
-            .read_exact_at(&mut bytes, first * STRIDE as u64)
-            .map_err(StoreError::io("read", &self.path))?;
+        self.points.get(unit)?.read_into(first * STRIDE as u64, &mut bytes)?;
         Ok(bytes)
     }
 }

@@ -147,11 +147,11 @@ impl<'a> Tiled<'a> {
         let record = |bytes: &[u8]| u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
         // The points of a tile and its classes are both in the order of the ids.
         let mut seen = vec![0; region.tiles.len()];
-        for unit in &scattered.units {
+        for (place, unit) in scattered.units.iter().enumerate() {
             let first_id = self.drive.catalog.first_id(unit.number) + unit.first_record;
             let transform = self.drive.file(unit.number).transform();
             for (number, &tile) in region.tiles.iter().enumerate() {
-                let bytes = unit.points(tile)?;
+                let bytes = scattered.points(place, tile)?;
                 let count = (bytes.len() / STRIDE) as u64;
                 let classes = verdicts.get(number).map(|verdicts| {
                     verdicts.classes.get(range(seen[number], count)).ok_or_else(|| {

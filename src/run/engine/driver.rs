@@ -1,12 +1,12 @@
-//! The drivers of a pass: this process ([`Here`]), this process without a run directory ([`InMemory`]), or
-//! nobody ([`Nobody`], which only looks at stored results). All of them walk the same list of passes.
+//! The drivers of a pass: this process ([`Here`]), and this process without a run directory ([`InMemory`]). Further drivers
+//! look only (`looks.rs`) or share a run with other processes (`shares.rs`). All of them walk the same list of passes.
 
 use crate::error::Result;
 use crate::run::engine::folders::Outline;
 use crate::run::engine::pass::{Pass, Payloads};
 use crate::run::engine::workers::{self, Keeper, Limits, PassFigures};
 use crate::run::engine::{CancelToken, Event, Observer};
-use crate::store::{PassDir, RunDir, StaleReason, UnitState};
+use crate::store::{PassDir, RunDir};
 
 /// Walks the list of passes.
 pub(crate) trait Driver {
@@ -20,8 +20,13 @@ pub(crate) trait Driver {
     /// The run directory, if there is one.
     fn run_dir(&self) -> Option<&RunDir>;
 
-    /// Whether this driver may change the run directory.
+    /// Whether this driver may change the run directory beyond adding units.
     fn computes(&self) -> bool;
+
+    /// Whether this driver walks on to the passes that write files.
+    fn walks_to_files(&self) -> bool {
+        true
+    }
 
     /// Sets the memory for all units in flight together from now on, in bytes.
     fn limit_memory(&mut self, _bytes: u64) {}
@@ -39,6 +44,8 @@ pub(crate) struct Here<'a> {
     cancel: &'a CancelToken,
     /// Figures of the passes so far.
     pub(crate) figures: Vec<PassFigures>,
+    /// The last pass, complete but not yet marked, and its number of units.
+    unmarked: Option<(PassDir, usize)>,
 }
 
 impl<'a> Here<'a> {
@@ -49,7 +56,7 @@ impl<'a> Here<'a> {
         observer: &'a dyn Observer,
         cancel: &'a CancelToken,
     ) -> Self {
-        Self { run_dir, limits, fail_fast, observer, cancel, figures: Vec::new() }
+        Self { run_dir, limits, fail_fast, observer, cancel, figures: Vec::new(), unmarked: None }
     }
 }
 
@@ -65,15 +72,22 @@ impl Driver for Here<'_> {
         // First the files beside the units: if they were lost, the pass may remove its folder.
         pass.prepare(&dir)?;
         dir.prepare()?;
+        // Workers may go on with this pass as soon as the one before is marked.
+        if let Some((before, units)) = self.unmarked.take() {
+            before.mark_complete(units)?;
+        }
         let keeper = Keeper {
             run_dir: self.run_dir,
             dir: &dir,
             limits: self.limits,
             fail_fast: self.fail_fast,
+            drives: true,
             observer: self.observer,
             cancel: self.cancel,
         };
-        self.figures.push(keeper.execute(pass)?);
+        let all: Vec<usize> = (0..pass.units()).collect();
+        self.figures.push(keeper.execute(pass, &all)?);
+        self.unmarked = Some((dir.clone(), pass.units()));
         pass.reduce(&Payloads::Stored(dir)).map(Some)
     }
 
@@ -112,91 +126,5 @@ impl Driver for InMemory {
 
     fn computes(&self) -> bool {
         true
-    }
-}
-
-/// The state of a pass.
-#[derive(Debug, Clone)]
-pub(crate) struct PassState {
-    pub(crate) outline: Outline,
-    pub(crate) units: Option<usize>,
-    pub(crate) done: usize,
-    pub(crate) stale: usize,
-    pub(crate) why: Vec<StaleReason>,
-}
-
-/// Computes nothing and changes nothing. It counts the stored units.
-pub(crate) struct Nobody<'a> {
-    pub(crate) run_dir: &'a RunDir,
-    /// Passes in the order of the flow: first those that were visited, then those that are expected to
-    /// follow.
-    pub(crate) passes: Vec<PassState>,
-    /// Number of visited passes.
-    looked_at: usize,
-}
-
-impl<'a> Nobody<'a> {
-    pub(crate) fn new(run_dir: &'a RunDir) -> Self {
-        Self { run_dir, passes: Vec::new(), looked_at: 0 }
-    }
-
-    /// The passes. For those that were only expected, the stored units are counted now.
-    pub(crate) fn finish(mut self) -> Result<Vec<PassState>> {
-        for state in &mut self.passes[self.looked_at..] {
-            *state = look(self.run_dir, &state.outline, state.units)?.0;
-        }
-        Ok(self.passes)
-    }
-}
-
-/// The state of a pass, and its folder.
-fn look(run_dir: &RunDir, outline: &Outline, units: Option<usize>) -> Result<(PassState, PassDir)> {
-    let dir = run_dir.pass(&outline.folder, outline.depends.clone());
-    let mut done = 0;
-    let mut stale = 0;
-    for unit in dir.stored_units()? {
-        match dir.state(unit)? {
-            UnitState::Done if units.is_none_or(|units| unit < units) => done += 1,
-            UnitState::Done | UnitState::Missing => {}
-            UnitState::Refused(_) => stale += 1,
-        }
-    }
-    let why = dir.stale_reasons()?;
-    Ok((PassState { outline: outline.clone(), units, done, stale, why }, dir))
-}
-
-impl Driver for Nobody<'_> {
-    fn expect(&mut self, passes: &[(Outline, Option<usize>)]) {
-        self.passes.truncate(self.looked_at);
-        self.passes.extend(passes.iter().map(|(outline, units)| PassState {
-            outline: outline.clone(),
-            units: *units,
-            done: 0,
-            stale: 0,
-            why: Vec::new(),
-        }));
-    }
-
-    fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>> {
-        let (state, dir) = look(self.run_dir, pass.outline(), Some(pass.units()))?;
-        let complete = state.done == pass.units();
-        // Later rounds, and those with more neighbours, are known only once the round before is complete:
-        // they were not expected.
-        let expected = self.passes.get(self.looked_at);
-        if expected.is_some_and(|expected| expected.outline.folder == state.outline.folder) {
-            self.passes[self.looked_at] = state;
-        } else {
-            self.passes.insert(self.looked_at, state);
-        }
-        self.looked_at += 1;
-        if complete { pass.reduce(&Payloads::Stored(dir)).map(Some) } else { Ok(None) }
-    }
-
-    fn run_dir(&self) -> Option<&RunDir> {
-        Some(self.run_dir)
-    }
-
-    fn computes(&self) -> bool {
-        false
     }
 }

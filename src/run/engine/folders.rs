@@ -28,6 +28,19 @@ impl Outline {
         Self { name, folder: format!("{}{}-{name}", prefix(number), step + 1), depends }
     }
 
+    /// Name of the pass with the number of its round, as workers name it: `growth`, `growth-round-2`.
+    pub(crate) fn title(&self) -> String {
+        match self.folder.split_once(ROUND) {
+            Some((_, round)) => format!("{}{ROUND}{round}", self.name),
+            None => self.name.to_owned(),
+        }
+    }
+
+    /// Whether a title names this pass or one of its rounds.
+    pub(crate) fn is_named(&self, title: &str) -> bool {
+        title.strip_prefix(self.name).is_some_and(|rest| rest.is_empty() || rest.starts_with(ROUND))
+    }
+
     /// Whether a folder belongs to this pass or to one of its rounds.
     pub(crate) fn owns(&self, folder: &str) -> bool {
         folder.strip_prefix(&self.folder).is_some_and(|rest| rest.is_empty() || rest.starts_with(ROUND))

@@ -1,6 +1,7 @@
 //! The trait of passes. A pass declares its units, their memory and the values that they depend on; it
 //! computes a unit; and it reduces all units to a result for the drive.
 
+use crate::codec;
 use crate::error::{Error, Result};
 use crate::run::engine::folders::Outline;
 use crate::store::{PassDir, UnitReader};
@@ -59,6 +60,17 @@ impl Payloads {
         match self {
             Self::Stored(dir) => Ok(dir.payload(unit)?),
             Self::InMemory(payloads) => payloads.get(unit).cloned().ok_or_else(|| no_unit(unit)),
+        }
+    }
+
+    /// One section of the payload of a unit.
+    pub(crate) fn section(&self, unit: usize, number: usize) -> Result<Vec<u8>> {
+        match self {
+            Self::Stored(dir) => dir.reader(unit)?.read_section(number),
+            Self::InMemory(payloads) => {
+                let payload = payloads.get(unit).ok_or_else(|| no_unit(unit))?;
+                codec::section(payload, number).map(<[u8]>::to_vec)
+            }
         }
     }
 

@@ -2,9 +2,9 @@
 //! resumes.
 //!
 //! A pass is a pure function over its units (tiles, runs of blocks): the input is files and small values, the
-//! output is a payload and column values. Units go to workers in order, as soon as there is memory for them.
-//! A worker reads and computes its unit. The calling thread syncs the values of all units that have arrived
-//! and then commits these units. So finished work survives an interruption, and no worker waits
+//! output is a payload. Units go to workers in order, as soon as there is memory for them. A worker thread reads and
+//! computes its unit. The calling thread syncs what the units that have arrived wrote beside their payloads, and then commits
+//! these units. So finished work survives an interruption, and no worker waits
 //! for the disk. Reductions need an order, so they read the payloads in the order of the units.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -36,6 +36,8 @@ pub(crate) struct Keeper<'a> {
     pub(crate) dir: &'a PassDir,
     pub(crate) limits: Limits,
     pub(crate) fail_fast: bool,
+    /// Whether this process drives the run. A worker only adds units.
+    pub(crate) drives: bool,
     pub(crate) observer: &'a dyn Observer,
     pub(crate) cancel: &'a CancelToken,
 }
@@ -56,15 +58,15 @@ pub struct PassFigures {
 }
 
 impl Keeper<'_> {
-    /// Runs every unit of `pass` that has no stored result.
-    pub(crate) fn execute<P: Pass>(&self, pass: &P) -> Result<PassFigures> {
+    /// Runs those of `units` of `pass` that have no stored result.
+    pub(crate) fn execute<P: Pass>(&self, pass: &P, units: &[usize]) -> Result<PassFigures> {
         let started = Instant::now();
         let dir = self.dir;
         let name = pass.outline().name;
         let mut todo = Vec::new();
         let mut points = 0;
         let mut points_done = 0;
-        for unit in 0..pass.units() {
+        for &unit in units {
             points += pass.points(unit);
             match dir.state(unit)? {
                 UnitState::Done => points_done += pass.points(unit),
@@ -75,21 +77,23 @@ impl Keeper<'_> {
                 }
             }
         }
-        let done = pass.units() - todo.len();
-        let units = pass.units();
-        self.tell(&Event::PassStarted { pass: name, units, done, points, points_done });
+        let done = units.len() - todo.len();
+        if !todo.is_empty() && self.drives {
+            dir.withdraw_complete()?;
+        }
+        let total = units.len();
+        self.tell(&Event::PassStarted { pass: name, units: total, done, points, points_done });
         let failures = if todo.is_empty() { Vec::new() } else { self.work(pass, &todo) };
         let seconds = started.elapsed().as_secs_f64();
-        if let Some(error) = conclude(pass, dir, failures, self.cancel, todo.len())? {
+        if let Some(error) = conclude(pass, dir, failures, self.cancel, &todo)? {
             return Err(error);
         }
         self.tell(&Event::PassFinished { pass: name, seconds });
-        Ok(PassFigures { pass: name, units, resumed: done, points: points - points_done, seconds })
+        Ok(PassFigures { pass: name, units: total, resumed: done, points: points - points_done, seconds })
     }
 
     /// Hands units to workers until all are done, one fails fatally, or the run is cancelled.
     fn work<P: Pass>(&self, pass: &P, todo: &[usize]) -> Vec<(usize, Error)> {
-        let dir = self.dir;
         let name = pass.outline().name;
         let workers = self.limits.threads.min(todo.len()).max(1);
         let stop = AtomicBool::new(false);
@@ -106,7 +110,7 @@ impl Keeper<'_> {
                 scope.spawn(move || {
                     for (unit, bytes) in inbox {
                         let began = Instant::now();
-                        let payload = run_unit(pass, dir, unit);
+                        let payload = compute_unit(pass, unit);
                         flight.land(bytes);
                         let seconds = began.elapsed().as_secs_f64();
                         if report.send(Computed { unit, seconds, payload }).is_err() {
@@ -189,14 +193,6 @@ struct Computed {
     payload: Result<Vec<u8>>,
 }
 
-/// Computes one unit again.
-fn run_unit<P: Pass>(pass: &P, dir: &PassDir, unit: usize) -> Result<Vec<u8>> {
-    // The values beside the payload will be overwritten, so the old result of this unit must not confirm
-    // them.
-    dir.invalidate(unit)?;
-    compute_unit(pass, unit)
-}
-
 /// Computes one unit. A panic is caught here and counts as a bug in this unit.
 fn compute_unit<P: Pass>(pass: &P, unit: usize) -> Result<Vec<u8>> {
     catch_unwind(AssertUnwindSafe(|| pass.run(unit))).unwrap_or_else(|panic| {
@@ -215,7 +211,7 @@ fn conclude<P: Pass>(
     dir: &PassDir,
     mut failures: Vec<(usize, Error)>,
     cancel: &CancelToken,
-    todo: usize,
+    todo: &[usize],
 ) -> Result<Option<Error>> {
     failures.sort_by_key(|failure| failure.0);
     if let Some(fatal) = failures.iter().position(|failure| failure.1.stops_all()) {
@@ -244,15 +240,14 @@ fn conclude<P: Pass>(
             .into(),
         ));
     }
-    if cancel.is_cancelled() && todo > 0 {
-        let mut done = 0;
-        for unit in 0..pass.units() {
-            done += usize::from(dir.state(unit)? == UnitState::Done);
+    if cancel.is_cancelled() {
+        let mut left = 0;
+        for &unit in todo {
+            left += usize::from(dir.state(unit)? != UnitState::Done);
         }
-        if done < pass.units() {
-            let total = pass.units();
-            let pass = pass.outline().name.to_owned();
-            return Ok(Some(RunError::Interrupted { pass, done, total }.into()));
+        if left > 0 {
+            let (total, pass) = (pass.units(), pass.outline().name.to_owned());
+            return Ok(Some(RunError::Interrupted { pass, done: total - left, total }.into()));
         }
     }
     Ok(None)
@@ -260,7 +255,7 @@ fn conclude<P: Pass>(
 
 /// Logs that a stored unit is not used.
 fn log_refusal(run_dir: &RunDir, pass: &str, unit: usize, refusal: &Refusal) {
-    let text = format!("pass {pass}, unit {unit}: stored result not used ({refusal:?})");
+    let text = format!("pass {pass}, unit {unit}: stored result not used: {refusal}");
     run_dir.log_event(&json!({ "event": "refused", "text": text }).to_string());
 }
 

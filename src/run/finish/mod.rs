@@ -3,6 +3,7 @@
 mod frame;
 pub(crate) mod mark;
 pub(crate) mod names;
+pub(crate) mod outputs;
 pub(crate) mod page;
 pub(crate) mod report;
 pub(crate) mod tables;

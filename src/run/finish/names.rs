@@ -44,13 +44,11 @@ fn check_files(config: &Config) -> Result<(), ConfigError> {
     }
 }
 
-/// The labelled copies to be written. Their names do not collide, and no foreign file has the name of an
-/// output.
-pub(crate) fn plan_files(
+/// The labelled copies of a run, and warnings about them. Their names do not collide.
+pub(crate) fn copies(
     catalog: &Catalog,
     config: &Config,
     object_class: bool,
-    run_dir: &RunDir,
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
     check_files(config)?;
     let options = LabelOptions {
@@ -60,7 +58,6 @@ pub(crate) fn plan_files(
         keep_original: config.output.original_classification,
         object_class,
     };
-    let ours = run_dir.own_outputs()?;
     let mut files: Vec<LabelledFile> = Vec::new();
     let mut warnings = Vec::new();
     for file in catalog.files() {
@@ -69,15 +66,20 @@ pub(crate) fn plan_files(
         files.push(labelled);
     }
     check_names(&files)?;
-    let names = planned(config, &files);
+    Ok((files, warnings))
+}
+
+/// Claims the names of all outputs. No foreign file may have one of them.
+pub(crate) fn claim(run_dir: &RunDir, config: &Config, files: &[LabelledFile]) -> Result<()> {
+    let ours = run_dir.own_outputs()?;
+    let names = planned(config, files);
     for name in names.iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
         if path.exists() {
             return Err(StoreError::InTheWay { path }.into());
         }
     }
-    run_dir.claim_outputs(&names)?;
-    Ok((files, warnings))
+    Ok(run_dir.claim_outputs(&names)?)
 }
 
 /// Removes the outputs of an earlier run that this run will not write, and names them. Only files that chainage wrote

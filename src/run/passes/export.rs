@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::config::Config;
@@ -122,7 +122,8 @@ impl<'a> ExportPass<'a> {
                 pass.units.push(Unit { file, chunks: start..end, points });
                 start = end;
             }
-            let part = folder.join(format!("{file:05}.part"));
+            // With the fingerprint: a worker that is late, from before the settings changed, writes to another file.
+            let part = folder.join(format!("{file:05}-{}.part", pass.outline.depends.fingerprint()));
             pass.targets.push(Target { labelled, chunks, part, unsynced: AtomicBool::new(false) });
         }
         pass
@@ -304,12 +305,11 @@ fn length(records: &Range<u64>) -> u64 {
     records.end - records.start
 }
 
+/// Opens the temporary file of a copy, which `prepare` has created. Only for writing: then a network file system sends the
+/// bytes that were written, and never whole pages with the old bytes of other writers.
 fn open_part(target: &Target) -> Result<File, OutputError> {
     File::options()
-        .read(true)
         .write(true)
-        .create(true)
-        .truncate(false)
         .open(&target.part)
         .map_err(|source| OutputError::Write { path: target.part.clone(), source })
 }
@@ -399,6 +399,13 @@ impl Pass for ExportPass<'_> {
         }
         let folder = run_dir.path("export");
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
+        let ours = |path: &Path| self.targets.iter().any(|target| target.part == path);
+        for entry in fs_err::read_dir(&folder).map_err(StoreError::io("read", &folder))? {
+            let path = entry.map_err(StoreError::io("read", &folder))?.path();
+            if path.extension().is_some_and(|ending| ending == "part") && !ours(&path) {
+                fs_err::remove_file(&path).map_err(StoreError::io("remove", &path))?;
+            }
+        }
         let fingerprint = dir.fingerprint().to_string();
         for (file, target) in self.targets.iter().enumerate() {
             let record = format!("export/{file:05}.begun.json");
@@ -418,15 +425,15 @@ impl Pass for ExportPass<'_> {
             {
                 return Err(OutputError::Write { path: target.part.clone(), source }.into());
             }
-            run_dir.write_json(&record, &fingerprint)?;
-            let part = open_part(target)?;
+            let failed = |source| OutputError::Write { path: target.part.clone(), source };
+            let part = File::create(&target.part).map_err(failed)?;
             if !target.labelled.is_compressed() {
                 // The file gets its full length at once, so each unit is the only writer of its range of
                 // bytes.
                 let end = target.labelled.epilogue_offset() + target.labelled.epilogue_len();
-                part.set_len(end)
-                    .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
+                part.set_len(end).map_err(failed)?;
             }
+            run_dir.write_json(&record, &fingerprint)?;
         }
         Ok(())
     }

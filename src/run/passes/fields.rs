@@ -1,23 +1,25 @@
-//! Pass `fields`: writes further fields of every point (intensity, colours) to columns, and computes exact
-//! sums of every field in which distances are measured, over all points of the drive, ground and noise
-//! included.
+//! Pass `fields`: stores further fields of every point (intensity, colours), and computes exact sums of every field in
+//! which distances are measured, over all points of the drive, ground and noise included.
+//!
+//! ```text
+//! payload := sums values*        sections; values (u16) of each field that is not a coordinate
+//! ```
 
 use crate::codec;
 use crate::error::Result;
 use crate::input::Fields;
 use crate::model::{Field, FieldSums, RecordView, record_xyz};
-use crate::run::drive::{BlockRun, Drive, StoredFields, Surveyed};
-use crate::run::engine::{Outline, Pass, Payloads, prefix};
+use crate::run::drive::{BlockRun, Drive, StoredFields, Surveyed, stored_fields};
+use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::passes::ground::ALGORITHM_EPOCH;
-use crate::store::{Inputs, PassDir, RunDir};
+use crate::store::Inputs;
 
 const NUMBER: u32 = 1;
 const NAME: &str = "fields";
 
-/// Prefix of the folder of the pass.
-pub(crate) fn writers() -> String {
-    format!("{}{NAME}", prefix(NUMBER))
-}
+/// Sections of the payload of a unit: sums, and the values of the first field.
+const SUMS: usize = 0;
+const VALUES: usize = 1;
 
 /// The pass depends on the content of the input and on the names of the fields.
 pub(crate) fn outline(surveyed: &Surveyed, fields: &[Field]) -> Outline {
@@ -31,33 +33,40 @@ pub(crate) fn outline(surveyed: &Surveyed, fields: &[Field]) -> Outline {
 
 pub(crate) struct FieldsPass<'a> {
     drive: &'a Drive,
-    run_dir: &'a RunDir,
     runs: Vec<BlockRun>,
-    stored: &'a StoredFields,
+    /// The fields that a method asks for, coordinates included.
+    fields: &'a [Field],
+    /// Those that are not coordinates.
+    stored: Vec<Field>,
     outline: Outline,
 }
 
 impl<'a> FieldsPass<'a> {
-    pub(crate) fn of(
-        drive: &'a Drive,
-        stored: &'a StoredFields,
-        run_dir: &'a RunDir,
-        outline: Outline,
-    ) -> Self {
-        Self { drive, run_dir, runs: drive.block_runs(), stored, outline }
+    /// The pass for these fields.
+    ///
+    /// # Errors
+    /// When a file has no such field.
+    pub(crate) fn of(drive: &'a Drive, fields: &'a [Field], outline: Outline) -> Result<Self> {
+        Ok(Self { drive, runs: drive.block_runs(), fields, stored: stored_fields(drive, fields)?, outline })
     }
 }
 
+/// What a unit finds.
+struct Found {
+    sums: Vec<FieldSums>,
+    /// Values of the fields that are not coordinates.
+    values: Vec<Vec<u16>>,
+}
+
 impl FieldsPass<'_> {
-    fn block(&self, file: usize, block: usize, buffer: &mut Vec<u8>, sums: &mut [FieldSums]) -> Result<()> {
+    fn block(&self, file: usize, block: usize, buffer: &mut Vec<u8>, found: &mut Found) -> Result<()> {
         let input = self.drive.file(file);
         let layout = input.layout();
         let transform = input.transform();
-        let first_record = input.blocks()[block].first_record;
         {
             let bytes = input.records(block, Fields::All, buffer)?;
             let records = RecordView { bytes, stride: layout.record_len, gps_time: None }.bytes;
-            for (field, sums) in self.stored.fields.iter().zip(sums.iter_mut()) {
+            for (field, sums) in self.fields.iter().zip(&mut found.sums) {
                 let records = records.chunks_exact(layout.record_len);
                 match (field.axis(), layout.field(*field)) {
                     (Some(axis), _) => records.for_each(|r| sums.add(transform.apply(record_xyz(r))[axis])),
@@ -65,11 +74,9 @@ impl FieldsPass<'_> {
                     (None, None) => {}
                 }
             }
-            for (field, column) in &self.stored.columns {
+            for (field, values) in self.stored.iter().zip(&mut found.values) {
                 let Some(place) = layout.field(*field) else { continue };
-                let values: Vec<u16> =
-                    records.chunks_exact(layout.record_len).map(|record| place.value(record)).collect();
-                column.write_run(file, first_record, &values)?;
+                values.extend(records.chunks_exact(layout.record_len).map(|record| place.value(record)));
             }
         }
         input.release(block);
@@ -78,7 +85,7 @@ impl FieldsPass<'_> {
 }
 
 impl Pass for FieldsPass<'_> {
-    type Global = Vec<(Field, FieldSums)>;
+    type Global = (StoredFields, Vec<(Field, FieldSums)>);
 
     fn outline(&self) -> &Outline {
         &self.outline
@@ -93,35 +100,34 @@ impl Pass for FieldsPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        self.drive.largest_block_bytes(&self.runs[unit], 2)
-    }
-
-    fn prepare(&self, _dir: &PassDir) -> Result<()> {
-        self.stored.open(self.run_dir, self.drive)
+        // A block as read, and the values of the unit, twice while it is stored.
+        let run = &self.runs[unit];
+        self.drive.largest_block_bytes(run, 2) + run.points * 4 * self.stored.len() as u64
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
         let run = &self.runs[unit];
         self.drive.file(run.file).check_unchanged()?;
-        let mut sums = vec![FieldSums::default(); self.stored.fields.len()];
+        let sums = vec![FieldSums::default(); self.fields.len()];
+        let mut found = Found { sums, values: vec![Vec::new(); self.stored.len()] };
         let mut buffer = Vec::new();
         for block in run.blocks.clone() {
-            self.block(run.file, block, &mut buffer, &mut sums)?;
+            self.block(run.file, block, &mut buffer, &mut found)?;
         }
-        codec::encode(&sums)
+        let sums = codec::encode(&found.sums)?;
+        let values = found.values.iter().map(|values| bytemuck::cast_slice(values));
+        Ok(codec::pack(&std::iter::once(&sums[..]).chain(values).collect::<Vec<&[u8]>>()))
     }
 
-    fn sync(&self) -> Result<()> {
-        self.stored.columns.iter().try_for_each(|(_, column)| column.sync())
-    }
-
-    /// Sums of each field over the drive.
-    fn reduce(&self, payloads: &Payloads) -> Result<Vec<(Field, FieldSums)>> {
-        let mut sums = vec![FieldSums::default(); self.stored.fields.len()];
+    /// The stored fields, and sums of each field over the drive.
+    fn reduce(&self, payloads: &Payloads) -> Result<Self::Global> {
+        let mut sums = vec![FieldSums::default(); self.fields.len()];
         for unit in 0..self.units() {
-            let part: Vec<FieldSums> = codec::decode(&payloads.get(unit)?)?;
+            let part: Vec<FieldSums> = codec::decode(&payloads.section(unit, SUMS)?)?;
             sums.iter_mut().zip(&part).for_each(|(sums, part)| sums.merge(part));
         }
-        Ok(self.stored.fields.iter().copied().zip(sums).collect())
+        let column = |(field, number)| (field, self.drive.per_point(&self.runs, payloads, number));
+        let columns = self.stored.iter().copied().zip(VALUES..).map(column).collect();
+        Ok((StoredFields { columns }, self.fields.iter().copied().zip(sums).collect()))
     }
 }

@@ -1,8 +1,8 @@
 //! Pass `inventory`: the row of every object in the table of objects.
 //!
 //! A tile sketches the points that it owns, object by object, and finishes the rows of the objects that lie in it
-//! alone. The reduction merges the sketches of objects that several tiles share, in the order of the tiles, and finishes
-//! each when its last tile was read. So the memory does not grow with the number of points.
+//! alone. Whoever writes the tables merges the sketches of objects that several tiles share, in the order of the tiles,
+//! and finishes each when its last tile was read. So the memory does not grow with the number of points.
 
 use std::collections::BTreeMap;
 
@@ -92,15 +92,36 @@ struct Found {
     touching: Vec<(u32, u32)>,
 }
 
-/// Computes the rows.
+/// What the rows are made of.
+#[derive(Clone, Copy)]
+pub(crate) struct Sources<'a> {
+    pub(crate) progress: &'a Progress<'a>,
+    pub(crate) objects: &'a Objects,
+    pub(crate) columns: &'a PointColumns,
+    pub(crate) terrain: &'a Terrain,
+}
+
+/// Sketches the objects of every tile. The rows are made of the sketches later, by whoever writes them.
 pub(crate) fn complete<D: Driver>(
     driver: &mut D,
-    progress: &Progress<'_>,
-    objects: &Objects,
-    columns: &PointColumns,
-    terrain: &Terrain,
+    sources: Sources<'_>,
     outline: Outline,
-) -> Result<Option<Inventory>> {
+) -> Result<Option<Payloads>> {
+    with_pass(sources, outline, |pass| driver.complete(pass))
+}
+
+/// The rows of all objects.
+pub(crate) fn rows(sources: Sources<'_>, outline: Outline, found: &Payloads) -> Result<Inventory> {
+    with_pass(sources, outline, |pass| pass.rows(found))
+}
+
+/// Calls `then` with the pass over these sources.
+fn with_pass<T>(
+    sources: Sources<'_>,
+    outline: Outline,
+    then: impl FnOnce(&InventoryPass<'_>) -> Result<T>,
+) -> Result<T> {
+    let Sources { progress, objects, columns, terrain } = sources;
     let tiled = progress.over.classified.tiled;
     let (drive, surveyed) = (tiled.drive, tiled.surveyed);
     let crs = drive.catalog.crs();
@@ -120,8 +141,7 @@ pub(crate) fn complete<D: Driver>(
         file_names: &file_names,
     };
     let last_tile = last_tiles(objects);
-    let pass = InventoryPass { progress, objects, columns, site: &site, last_tile, outline };
-    driver.complete(&pass)
+    then(&InventoryPass { progress, objects, columns, site: &site, last_tile, outline })
 }
 
 /// The first and last tile with a label of object 1, 2, ...
@@ -166,62 +186,9 @@ impl InventoryPass<'_> {
             StoredRow { outline: object.ring(), base: object.base(), values: inventory::values(&object) };
         Ok(Kept { place: Place::of(&object), row: codec::encode(&row)? })
     }
-}
 
-/// [`Row`] with borrowed texts.
-#[derive(Serialize)]
-struct StoredRow<'a> {
-    outline: Vec<[f64; 2]>,
-    base: [f64; 3],
-    values: Vec<Value<'a>>,
-}
-
-impl Pass for InventoryPass<'_> {
-    type Global = Inventory;
-
-    fn outline(&self) -> &Outline {
-        &self.outline
-    }
-
-    fn units(&self) -> usize {
-        self.progress.plan().tiles.len()
-    }
-
-    fn points(&self, unit: usize) -> u64 {
-        self.progress.plan().tiles[unit].points
-    }
-
-    fn bytes(&self, unit: usize) -> u64 {
-        self.progress.over.classified.object_points(unit, self.reach()) * BYTES_PER_POINT + BYTES_OF_OBJECT
-    }
-
-    fn prefetch(&self, unit: usize) {
-        self.progress.over.classified.tiled.prefetch(unit, self.reach());
-    }
-
-    fn run(&self, unit: usize) -> Result<Vec<u8>> {
-        let region = self.progress.plan().region(unit, self.reach());
-        let gathered = self.progress.over.classified.gather(&region, Wanted::Objects, None)?;
-        let cloud = &gathered.cloud;
-        let ids = self.columns.objects.of_points(self.drive(), &cloud.id)?;
-        let whole = |id: u32| {
-            let index = id as usize - 1;
-            self.objects.objects.get(index).map(|part| (part, self.kind(index)))
-        };
-        let mut found =
-            Found { touching: inventory::touching(cloud, &ids).into_iter().collect(), ..Found::default() };
-        for (id, measures) in Measures::collect(cloud, &ids, |point| gathered.core[point], whole) {
-            let (first, last) = self.last_tile[id as usize - 1];
-            if first == last {
-                found.whole.push((id, self.finished(id, &measures)?));
-            } else {
-                found.parts.push((id, measures));
-            }
-        }
-        codec::encode(&found)
-    }
-
-    fn reduce(&self, payloads: &Payloads) -> Result<Inventory> {
+    /// The rows of all objects, from the sketches of all tiles.
+    fn rows(&self, payloads: &Payloads) -> Result<Inventory> {
         let mut kept: Vec<Option<Kept>> = vec![None; self.objects.objects.len()];
         let mut open: BTreeMap<u32, Measures> = BTreeMap::new();
         let mut touching = std::collections::BTreeSet::new();
@@ -254,6 +221,65 @@ impl Pass for InventoryPass<'_> {
             rows.push(row);
         }
         Ok(Inventory { rows, among: Among::new(&places, touching) })
+    }
+}
+
+/// [`Row`] with borrowed texts.
+#[derive(Serialize)]
+struct StoredRow<'a> {
+    outline: Vec<[f64; 2]>,
+    base: [f64; 3],
+    values: Vec<Value<'a>>,
+}
+
+impl Pass for InventoryPass<'_> {
+    type Global = Payloads;
+
+    fn outline(&self) -> &Outline {
+        &self.outline
+    }
+
+    fn units(&self) -> usize {
+        self.progress.plan().tiles.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.progress.plan().tiles[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        self.progress.over.classified.object_points(unit, self.reach()) * BYTES_PER_POINT + BYTES_OF_OBJECT
+    }
+
+    fn prefetch(&self, unit: usize) {
+        self.progress.over.classified.tiled.prefetch(unit, self.reach());
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let region = self.progress.plan().region(unit, self.reach());
+        let gathered = self.progress.over.classified.gather(&region, Wanted::Objects, None)?;
+        let cloud = &gathered.cloud;
+        let ids = self.drive().values_of(&self.columns.objects, &cloud.id)?;
+        let whole = |id: u32| {
+            let index = id as usize - 1;
+            self.objects.objects.get(index).map(|part| (part, self.kind(index)))
+        };
+        let mut found =
+            Found { touching: inventory::touching(cloud, &ids).into_iter().collect(), ..Found::default() };
+        for (id, measures) in Measures::collect(cloud, &ids, |point| gathered.core[point], whole) {
+            let (first, last) = self.last_tile[id as usize - 1];
+            if first == last {
+                found.whole.push((id, self.finished(id, &measures)?));
+            } else {
+                found.parts.push((id, measures));
+            }
+        }
+        codec::encode(&found)
+    }
+
+    /// The sketches. They are merged only by the process that writes the tables.
+    fn reduce(&self, payloads: &Payloads) -> Result<Payloads> {
+        Ok(payloads.clone())
     }
 }
 

@@ -1,19 +1,28 @@
-//! Pass `relabel`: writes the class and the object of every point, by record. Its units own whole ranges of
-//! records, so every value has one writer. A unit combines the results of all tiles that own these records.
+//! Pass `relabel`: stores the class and the object of every point, by record. A unit has the values of a run of records,
+//! and combines the results of all tiles that own these records.
+//!
+//! ```text
+//! payload := classes objects     sections; u8 and u32 per record
+//! ```
 
 use std::collections::BTreeMap;
 
+use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{FileId, PointClass, TileId, in_u32};
 use crate::run::drive::{BlockRun, Drive, OwnedBlock, PerPoint, is_object, lengths, scatter, sections};
-use crate::run::engine::{Outline, Pass, Payloads, prefix};
+use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::passes::sections as of_step;
 use crate::run::passes::stitch::Objects;
 use crate::run::passes::window::Progress;
-use crate::store::{Inputs, PassDir, RunDir, UnitReader};
+use crate::store::{Inputs, UnitReader};
 
 const NUMBER: u32 = 5;
 const NAME: &str = "relabel";
+
+/// Sections of the payload of a unit.
+const CLASSES: usize = 0;
+const OBJECTS: usize = 1;
 
 /// Relabelling depends on the objects.
 pub(crate) fn outline(stitch: &Outline) -> Outline {
@@ -29,19 +38,9 @@ pub(crate) struct PointColumns {
     pub(crate) objects: PerPoint<u32>,
 }
 
-impl PointColumns {
-    /// The columns that this pass writes.
-    pub(crate) fn new() -> Self {
-        let writers = format!("{}{NAME}", prefix(NUMBER));
-        Self { classes: PerPoint::new("classes", &*writers), objects: PerPoint::new("objects", &*writers) }
-    }
-}
-
 pub(crate) struct RelabelPass<'a> {
     progress: &'a Progress<'a>,
     objects: &'a Objects,
-    columns: &'a PointColumns,
-    run_dir: &'a RunDir,
     runs: Vec<BlockRun>,
     /// Finds the tiles that own records of a block.
     owners: BTreeMap<(FileId, u32), Vec<(TileId, OwnedBlock)>>,
@@ -49,13 +48,7 @@ pub(crate) struct RelabelPass<'a> {
 }
 
 impl<'a> RelabelPass<'a> {
-    pub(crate) fn of(
-        progress: &'a Progress<'a>,
-        objects: &'a Objects,
-        columns: &'a PointColumns,
-        run_dir: &'a RunDir,
-        outline: Outline,
-    ) -> Result<Self> {
+    pub(crate) fn of(progress: &'a Progress<'a>, objects: &'a Objects, outline: Outline) -> Result<Self> {
         let mut owners = BTreeMap::<_, Vec<_>>::new();
         for tile in TileId::first(progress.plan().tiles.len()) {
             let blocks: Vec<OwnedBlock> = progress.over.classified.section(tile, sections::BLOCKS)?;
@@ -64,7 +57,7 @@ impl<'a> RelabelPass<'a> {
             }
         }
         let runs = progress.over.classified.tiled.drive.block_runs();
-        Ok(Self { progress, objects, columns, run_dir, runs, owners, outline })
+        Ok(Self { progress, objects, runs, owners, outline })
     }
 
     fn drive(&self) -> &Drive {
@@ -136,7 +129,7 @@ fn offset(start: u64, (from, to): (u64, u64)) -> std::ops::Range<u64> {
 }
 
 impl Pass for RelabelPass<'_> {
-    type Global = ();
+    type Global = PointColumns;
 
     fn outline(&self) -> &Outline {
         &self.outline
@@ -151,14 +144,10 @@ impl Pass for RelabelPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Class, object, object as owned, label as read, run lengths.
+        // Class, object, object as owned, label as read, run lengths of a block; class and object of all, twice.
         self.drive().largest_block_bytes(&self.runs[unit], 0).max(1 << 16)
             + self.runs[unit].points.min(1 << 16) * 24
-    }
-
-    fn prepare(&self, _dir: &PassDir) -> Result<()> {
-        self.columns.classes.open(self.run_dir, self.drive())?;
-        self.columns.objects.open(self.run_dir, self.drive())
+            + self.runs[unit].points * 10
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
@@ -166,6 +155,8 @@ impl Pass for RelabelPass<'_> {
         let blocks = self.drive().file(run.file).blocks();
         let mut open = BTreeMap::<TileId, OpenTile>::new();
         let mut values = Values::default();
+        let mut classes = Vec::new();
+        let mut objects: Vec<u32> = Vec::new();
         for number in run.blocks.clone() {
             let block = &blocks[number];
             values.classes.clear();
@@ -185,18 +176,18 @@ impl Pass for RelabelPass<'_> {
                 let text = format!("the tiles own {known} of the {} records of block {number}", block.count);
                 return Err(Error::bug(text));
             }
-            self.columns.classes.write_run(run.file, block.first_record, &values.classes)?;
-            self.columns.objects.write_run(run.file, block.first_record, &values.objects)?;
+            classes.extend_from_slice(&values.classes);
+            objects.extend_from_slice(&values.objects);
         }
-        Ok(Vec::new())
+        Ok(codec::pack(&[&classes[..], bytemuck::cast_slice(&objects)]))
     }
 
-    fn sync(&self) -> Result<()> {
-        self.columns.classes.sync()?;
-        self.columns.objects.sync()
-    }
-
-    fn reduce(&self, _payloads: &Payloads) -> Result<()> {
-        Ok(())
+    /// The values of all points.
+    fn reduce(&self, payloads: &Payloads) -> Result<PointColumns> {
+        let drive = self.drive();
+        Ok(PointColumns {
+            classes: drive.per_point(&self.runs, payloads, CLASSES),
+            objects: drive.per_point(&self.runs, payloads, OBJECTS),
+        })
     }
 }

@@ -3,31 +3,31 @@
 //! than it needs.
 //!
 //! ```text
-//! file of a unit := point*            grouped by owning tile, in file order within a tile
+//! payload := groups points       sections
+//! points := point*               grouped by owning tile, in file order within a tile
 //! point := x y z (i32, as in the record) record (u32, from the first record of the unit)
 //! ```
-
-use std::fs::File;
-use std::os::unix::fs::FileExt;
-use std::path::PathBuf;
 
 use crate::codec;
 use crate::error::Result;
 use crate::model::{TileId, in_u32, record_xyz};
 use crate::run::drive::ScatteredUnit;
 use crate::run::drive::{BlockRun, Drive, Groups, STRIDE, Scattered, Surveyed};
-use crate::run::engine::{Outline, Pass, Payloads};
-use crate::store::{Inputs, PassDir, RunDir, StoreError};
+use crate::run::engine::{Outline, Pass, Payloads, Sections};
+use crate::store::Inputs;
 use crate::tiling::Plan;
 
 const NUMBER: u32 = 1;
 const NAME: &str = "scatter";
 
+/// Sections of the payload of a unit.
+const GROUPS: usize = 0;
+const POINTS: usize = 1;
+
 pub(crate) struct ScatterPass<'a> {
     drive: &'a Drive,
     plan: &'a Plan,
     runs: Vec<BlockRun>,
-    folder: PathBuf,
     outline: Outline,
 }
 
@@ -40,14 +40,8 @@ pub(crate) fn outline(surveyed: &Surveyed, plan: &Plan) -> Outline {
 }
 
 impl<'a> ScatterPass<'a> {
-    pub(crate) fn of(drive: &'a Drive, plan: &'a Plan, run_dir: &RunDir, outline: Outline) -> Self {
-        let runs = drive.block_runs();
-        let folder = run_dir.path("scattered");
-        Self { drive, plan, runs, folder, outline }
-    }
-
-    fn path(&self, unit: usize) -> PathBuf {
-        self.folder.join(format!("{unit:06}"))
+    pub(crate) fn of(drive: &'a Drive, plan: &'a Plan, outline: Outline) -> Self {
+        Self { drive, plan, runs: drive.block_runs(), outline }
     }
 
     /// Every point of a unit with its tile.
@@ -93,20 +87,8 @@ impl Pass for ScatterPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Points with their tile, and the bytes to be written.
-        self.runs[unit].points * (20 + STRIDE as u64)
-    }
-
-    /// Invalidates finished units whose points were lost or cut.
-    fn prepare(&self, dir: &PassDir) -> Result<()> {
-        fs_err::create_dir_all(&self.folder).map_err(StoreError::io("create", &self.folder))?;
-        for (unit, run) in self.runs.iter().enumerate() {
-            let whole = run.points * STRIDE as u64;
-            if std::fs::metadata(self.path(unit)).map_or(true, |facts| facts.len() != whole) {
-                dir.invalidate(unit)?;
-            }
-        }
-        Ok(())
+        // Points with their tile, and the bytes to be stored, twice.
+        self.runs[unit].points * (20 + 2 * STRIDE as u64)
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
@@ -121,26 +103,17 @@ impl Pass for ScatterPass<'_> {
             }
             bytes.extend_from_slice(point);
         }
-        let path = self.path(unit);
-        let write = || -> std::io::Result<()> {
-            let file = File::options().write(true).create(true).truncate(true).open(&path)?;
-            file.write_all_at(&bytes, 0)?;
-            file.sync_data()
-        };
-        write().map_err(StoreError::io("write", &path))?;
-        codec::encode(&groups)
+        Ok(codec::pack(&[codec::encode(&groups)?, bytes]))
     }
 
     /// The scattered points.
     fn reduce(&self, payloads: &Payloads) -> Result<Scattered> {
         let mut units = Vec::new();
         for (unit, run) in self.runs.iter().enumerate() {
-            let path = self.path(unit);
-            let file = File::open(&path).map_err(StoreError::io("open", &path))?;
             let first_record = self.drive.file(run.file).blocks()[run.blocks.start].first_record;
-            let groups = codec::decode(&payloads.get(unit)?)?;
-            units.push(ScatteredUnit { path, file, number: run.file, first_record, groups });
+            let groups = codec::decode(&payloads.section(unit, GROUPS)?)?;
+            units.push(ScatteredUnit { number: run.file, first_record, groups });
         }
-        Ok(Scattered { units })
+        Ok(Scattered { units, points: Sections::of(payloads.clone(), POINTS) })
     }
 }

@@ -1,9 +1,13 @@
 //! Pass `survey`: reads every record once. Its reduction gives the facts of the whole drive.
+//!
+//! ```text
+//! payload := part positions     sections; positions (x y z, i32, as in the record) of compressed files only
+//! ```
 
 use crate::codec;
 use crate::config::Config;
 use crate::error::Result;
-use crate::run::drive::{BlockRun, Drive, identity};
+use crate::run::drive::{BlockRun, Drive, PerPoint, identity};
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::store::{Inputs, PassDir, RunDir};
 use crate::survey::{Collector, Survey, SurveyPart};
@@ -11,17 +15,16 @@ use crate::survey::{Collector, Survey, SurveyPart};
 const NUMBER: u32 = 0;
 const NAME: &str = "survey";
 
+/// Sections of the payload of a unit.
+const PART: usize = 0;
+const POSITIONS: usize = 1;
+
 pub(crate) struct SurveyPass<'a> {
     drive: &'a Drive,
-    /// Columns for the positions of compressed files. `None` if nothing is stored.
+    /// `None` if nothing is stored.
     run_dir: Option<&'a RunDir>,
     runs: Vec<BlockRun>,
     outline: Outline,
-}
-
-/// Folder of the pass.
-pub(crate) fn folder() -> String {
-    Outline::new(NUMBER, NAME, Inputs::new()).folder
 }
 
 impl<'a> SurveyPass<'a> {
@@ -38,16 +41,25 @@ impl<'a> SurveyPass<'a> {
         Self { drive, run_dir, runs: drive.block_runs(), outline: Outline::new(NUMBER, NAME, depends) }
     }
 
-    /// Surveys a unit. With `unpack` it also writes the positions of a compressed file to their column.
-    fn survey(&self, unit: usize, unpack: bool) -> Result<SurveyPart> {
+    /// Surveys a unit. With `unpack` it also returns the positions of a compressed file.
+    fn survey(&self, unit: usize, unpack: bool) -> Result<(SurveyPart, Vec<[i32; 3]>)> {
         let run = &self.runs[unit];
-        self.drive.file(run.file).check_unchanged()?;
+        let file = self.drive.file(run.file);
+        file.check_unchanged()?;
         let mut collector = Collector::new(self.drive.grid);
         let mut buffer = Vec::new();
+        let mut positions = Vec::new();
         for block in run.blocks.clone() {
-            self.drive.survey_block((run.file, block), unpack, &mut buffer, &mut collector)?;
+            let unpacked = (unpack && file.is_compressed()).then_some(&mut positions);
+            self.drive.survey_block((run.file, block), unpacked, &mut buffer, &mut collector)?;
         }
-        Ok(collector.finish())
+        Ok((collector.finish(), positions))
+    }
+
+    /// The positions of compressed files, from the units of the complete pass. `None` if there are none.
+    fn positions(&self, payloads: &Payloads) -> Option<PerPoint<[i32; 3]>> {
+        let any = self.drive.catalog.files().iter().any(|file| file.is_compressed());
+        (any && self.run_dir.is_some()).then(|| self.drive.per_point(&self.runs, payloads, POSITIONS))
     }
 }
 
@@ -67,15 +79,19 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Positions as stored and on the lattice, and the counts.
-        self.drive.largest_block_bytes(&self.runs[unit], 24) + (16 << 20)
+        // Positions of a block on the lattice, the counts, and the positions of the unit, twice while it is stored.
+        let run = &self.runs[unit];
+        let unpacked = if self.drive.file(run.file).is_compressed() { run.points * 24 } else { 0 };
+        self.drive.largest_block_bytes(run, 12) + unpacked + (16 << 20)
     }
 
     /// For files that were touched since the survey, compares their content with that at the survey.
     fn prepare(&self, dir: &PassDir) -> Result<()> {
         let Some(run_dir) = self.run_dir else { return Ok(()) };
         // Without unpacking: positions of the input that the run was started with must stay.
-        identity::check_content(run_dir, self.drive, dir, &self.runs, &|unit| self.survey(unit, false))
+        let stored = |unit| codec::decode(&dir.reader(unit)?.read_section(PART)?);
+        let survey = |unit| self.survey(unit, false).map(|(part, _)| part);
+        identity::check_content(run_dir, self.drive, dir, &self.runs, &stored, &survey)
     }
 
     fn prefetch(&self, unit: usize) {
@@ -84,18 +100,18 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
-        codec::encode(&self.survey(unit, self.run_dir.is_some())?)
+        let (part, positions) = self.survey(unit, self.run_dir.is_some())?;
+        Ok(codec::pack(&[&codec::encode(&part)?[..], bytemuck::cast_slice(&positions)]))
     }
 
-    fn sync(&self) -> Result<()> {
-        self.drive.sync_positions()
-    }
-
-    /// The survey of the whole drive.
+    /// The survey of the whole drive. From then on the positions of compressed files are read from the units.
     fn reduce(&self, payloads: &Payloads) -> Result<Survey> {
         let mut survey = Survey::default();
         for (unit, run) in self.runs.iter().enumerate() {
-            survey.add(run.file, codec::decode(&payloads.get(unit)?)?);
+            survey.add(run.file, codec::decode(&payloads.section(unit, PART)?)?);
+        }
+        if let Some(positions) = self.positions(payloads) {
+            self.drive.use_positions(positions);
         }
         Ok(survey)
     }

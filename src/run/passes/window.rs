@@ -16,7 +16,7 @@ pub(crate) struct MethodDrive<'a> {
     pub(crate) classified: &'a Classified<'a>,
     pub(crate) method: &'a dyn Method,
     /// Further fields of points with their sums, if the method asks for any.
-    pub(crate) fields: Option<(&'a StoredFields, Vec<(Field, FieldSums)>)>,
+    pub(crate) fields: Option<(StoredFields, Vec<(Field, FieldSums)>)>,
 }
 
 /// The complete rounds of a step: where the latest result of each tile is.
@@ -114,7 +114,7 @@ impl Around<'_> {
 
     fn gather(&self, region: &Region, wanted: Wanted) -> Result<TilePoints> {
         let over = self.progress.over;
-        let fields = over.fields.as_ref().map(|(stored, _)| *stored);
+        let fields = over.fields.as_ref().map(|(stored, _)| stored);
         let gathered = over.classified.gather(region, wanted, fields)?;
         let ground = match wanted {
             Wanted::Objects => Vec::new(),

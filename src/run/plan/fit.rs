@@ -94,7 +94,8 @@ pub(crate) fn settle<D: Driver>(
 ) -> Result<Option<Plan>> {
     let street = Street::of(surveyed, drive);
     let stored: Option<TileSize> = match driver.run_dir() {
-        Some(run_dir) => run_dir.read_json(STORED)?,
+        Some(run_dir) if driver.computes() => run_dir.read_json(STORED)?,
+        Some(run_dir) => run_dir.await_json(STORED)?,
         None => None,
     };
     if !driver.computes() {

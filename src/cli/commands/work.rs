@@ -1,0 +1,96 @@
+//! `chainage work`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use chainage::run::{CancelToken, PassFigures, Units, work};
+
+use crate::cli::commands::next;
+use crate::cli::drive_args::Settings;
+use crate::cli::exit::Outcome;
+use crate::cli::print::{self, JsonOutput};
+use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::{exit, interrupt};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct WorkArgs {
+    /// Output directory of a run
+    out: PathBuf,
+    /// The pass, as `chainage next` names it
+    #[arg(long, value_name = "PASS")]
+    pass: String,
+    /// Its units, for example 3..7,12 (without 7) [default: all that are missing]
+    #[arg(long, value_name = "LIST", value_parser = units)]
+    units: Option<Numbers>,
+    /// Look for missing files of other workers again for so many seconds: other hosts see a new file late
+    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    wait: u64,
+    /// How progress is shown on standard error
+    #[arg(long, value_enum, default_value = "none", value_name = "KIND")]
+    progress: ProgressChoice,
+    #[command(flatten)]
+    json: JsonOutput,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// Numbers of units.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Numbers(Vec<usize>);
+
+impl WorkArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        let cancel = Arc::new(CancelToken::default());
+        interrupt::listen(&cancel)?;
+        let units = self.units.clone().map_or(Units::All, |numbers| Units::Some(numbers.0));
+        let progress = Progress::new(self.progress);
+        // The settings of the run, and how this machine is used.
+        let resolve = |of_run: &Path| self.settings.resolve_over(of_run);
+        let shared = next::shared(&self.out, self.wait);
+        let figures = work(&shared, (&self.pass, &units), resolve, &progress, &cancel)?;
+        self.json.show(&figures, || page(&figures))?;
+        Ok(exit::DONE)
+    }
+}
+
+fn page(figures: &PassFigures) -> String {
+    let PassFigures { pass, units, resumed, seconds, .. } = figures;
+    let computed = print::counted((units - resumed) as u64, "unit");
+    format!("  pass {pass}: {computed} computed, {resumed} were there, {seconds:.2} s\n")
+}
+
+/// Most units that a list may name: a slip like 0..1000000000000 must not fill the memory.
+const MOST: usize = 10_000_000;
+
+/// Numbers and half-open ranges.
+fn units(text: &str) -> Result<Numbers, String> {
+    let wrong = || format!("{text} is not a list of units like 3..7,12");
+    let number = |text: &str| text.parse::<usize>().map_err(|_| wrong());
+    let mut numbers = Vec::new();
+    for part in text.split(',') {
+        let (from, to) = match part.split_once("..") {
+            Some((from, to)) => (number(from)?, number(to)?),
+            None => (number(part)?, number(part)?.saturating_add(1)),
+        };
+        if from >= to || to - from > MOST - numbers.len() {
+            return Err(wrong());
+        }
+        numbers.extend(from..to);
+    }
+    Ok(Numbers(numbers))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_numbers_and_half_open_ranges() {
+        assert_eq!(units("3..7,12"), Ok(Numbers(vec![3, 4, 5, 6, 12])));
+        assert_eq!(units("0"), Ok(Numbers(vec![0])));
+        for text in ["", "3..3", "7..3", "a", "1,,2", "3..", "-1", "0..99999999999", "18446744073709551615.."]
+        {
+            assert!(units(text).unwrap_err().contains("like 3..7,12"), "{text}");
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! What the operating system says of this host: its name, its processes, and whether a file system is shared with
+//! other hosts.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// Longest part of a host's name that is used in names of files.
+const LONGEST_NAME: usize = 40;
+
+/// Name of this host, from characters that a file name may have.
+pub(crate) fn name() -> &'static str {
+    static NAME: OnceLock<String> = OnceLock::new();
+    NAME.get_or_init(|| {
+        let told = rustix::system::uname();
+        let told = told.nodename().to_string_lossy();
+        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+        let name: String = told.chars().map(plain).take(LONGEST_NAME).collect();
+        if name.is_empty() { "host".to_owned() } else { name }
+    })
+}
+
+/// Whether a process of this host is alive. Also one of another user.
+pub(crate) fn is_alive(process: u32) -> bool {
+    let Some(process) = i32::try_from(process).ok().and_then(rustix::process::Pid::from_raw) else {
+        return false;
+    };
+    // Without the right to signal it, the process exists.
+    !matches!(rustix::process::test_kill_process(process), Err(rustix::io::Errno::SRCH))
+}
+
+/// File systems over a network or in user space, by the number that `statfs` gives them on Linux (`statfs(2)` and
+/// `linux/magic.h`). On them a file may change its length under a mapping without a notice, and pages are fetched one
+/// by one.
+const SHARED: [(u32, &str); 9] = [
+    (0x6969, "NFS"),
+    (0x517B, "SMB"),
+    (0xFF53_4D42, "SMB"),
+    (0xFE53_4D42, "SMB"),
+    (0x0BD0_0BD0, "Lustre"),
+    (0x6573_5546, "FUSE"),
+    (0x00C3_6400, "Ceph"),
+    (0x4750_4653, "GPFS"),
+    (0x1983_0326, "BeeGFS"),
+];
+
+/// The kind of the file system with this number, if other hosts may share it.
+fn shared_kind(number: u32) -> Option<&'static str> {
+    SHARED.iter().find(|known| known.0 == number).map(|known| known.1)
+}
+
+/// The kind of the file system of `path`, if other hosts may share it. `None` also where the system does not say.
+#[cfg(target_os = "linux")]
+pub(crate) fn shared_file_system(path: &Path) -> Option<&'static str> {
+    let facts = rustix::fs::statfs(path).ok()?;
+    // Its type differs among architectures; the numbers have 32 bits.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "only the lower 32 bits are the number"
+    )]
+    shared_kind(facts.f_type as u32)
+}
+
+/// Elsewhere the system is not asked.
+#[cfg(not(target_os = "linux"))]
+pub(crate) fn shared_file_system(_path: &Path) -> Option<&'static str> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn this_process_is_alive_and_one_that_ended_is_not() {
+        assert!(is_alive(std::process::id()));
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        let ended = child.id();
+        child.wait().unwrap();
+        assert!(!is_alive(ended));
+        assert!(!is_alive(0) && !is_alive(u32::MAX));
+    }
+
+    #[test]
+    fn file_systems_of_a_network_are_known_by_their_numbers() {
+        assert_eq!(shared_kind(0x6969), Some("NFS"));
+        assert_eq!(shared_kind(0xEF53), None, "ext4");
+        assert_eq!(shared_kind(0x0102_1994), None, "tmpfs");
+        assert!(shared_file_system(Path::new("/proc")).is_none());
+        assert!(shared_file_system(Path::new("/no/such/folder")).is_none());
+        assert!(name().chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c)) && !name().is_empty());
+    }
+}

@@ -1,0 +1,222 @@
+//! A run that several processes share. One process opens it and completes each pass; any number of workers compute units.
+//! Each of these functions walks the one list of passes in `flow.rs` with a driver of its own.
+//!
+//! Workers hold no lock and only add units, so any engine may start them anywhere, twice, and kill them at any moment.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::run::chain::{Chain, Registries};
+use crate::run::engine::{
+    Barrier, CancelToken, Driver, Due, DuePass, Event, Here, Observer, PassFigures, Share, Units,
+};
+use crate::run::error::{RunError, ranges};
+use crate::run::finish::names;
+use crate::run::finish::outputs::{self, Course};
+use crate::run::flow::{self, Outcome, Planned};
+use crate::run::open::{self, Opened};
+use crate::run::summary::RunSummary;
+use crate::run::{RunRequest, computed};
+use crate::store::{RunDir, StoreError};
+
+/// A run in a directory that other processes may be working in.
+#[derive(Debug, Clone)]
+pub struct SharedRun<'a> {
+    /// Output directory.
+    pub out: PathBuf,
+    /// How long something that another process may be writing is looked for again.
+    pub wait: Duration,
+    /// The registries of methods.
+    pub registries: Registries<'a>,
+}
+
+/// The pass that is due, and its units.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct DueUnits {
+    /// Its name; of a repeated step, with the number of the round. `None` if nothing is due: every output is complete.
+    pub pass: Option<String>,
+    /// Units without a stored result. If there are none, the reduction of the pass is due.
+    pub units: Vec<usize>,
+    /// Number of all units of the pass.
+    pub of: usize,
+    /// The units in the form that `work --units` takes.
+    pub ranges: String,
+}
+
+impl DueUnits {
+    fn of(due: Option<DuePass>) -> Self {
+        let Some(DuePass { pass, missing, units }) = due else {
+            return Self { pass: None, units: Vec::new(), of: 0, ranges: String::new() };
+        };
+        Self { pass: Some(pass), ranges: ranges(&missing), units: missing, of: units }
+    }
+}
+
+/// What the reduction of a pass led to.
+#[derive(Debug)]
+pub struct Reduced {
+    /// The pass that workers may begin with.
+    pub next: DueUnits,
+    /// The result of the run, if this was its last pass.
+    pub finished: Option<RunSummary>,
+}
+
+/// Opens a run for workers: surveys the drive, divides it into tiles, and opens the first pass after that. With
+/// `leave_survey` the survey is the first pass of the workers. Returns what is due.
+///
+/// # Errors
+/// Those of [`run`](crate::run::run).
+pub fn open_for_workers(
+    request: &RunRequest<'_>,
+    leave_survey: bool,
+    observer: &dyn Observer,
+    cancel: &CancelToken,
+) -> Result<DueUnits> {
+    let config = &request.config;
+    let catalog = open::catalog(&request.inputs, config)?;
+    let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
+    let chain = Chain::build(config, &request.registries, catalog.lattice())?;
+    let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
+    names::claim(&run_dir, config, &labelled)?;
+    let mut warnings = catalog.warnings().to_vec();
+    warnings.extend(open::file_system_warning(&request.inputs, config));
+    warnings.extend(file_warnings);
+    if request.fresh {
+        warnings.extend(names::remove_superseded(&run_dir, config, &labelled)?);
+    }
+    let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
+    if !leave_survey {
+        let limits = open.budget.limits();
+        let mut driver = Here::new(&run_dir, limits, config.run.fail_fast, observer, cancel);
+        let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
+        warnings.extend(surveyed.warnings.iter().cloned());
+        computed(flow::plan(&open, &mut driver, surveyed)?)?;
+    }
+    warnings.iter().for_each(|text| observer.event(&Event::Warning { text }));
+    let after = (!leave_survey).then_some(SURVEY);
+    let mut driver = Barrier::new(&run_dir, after, Duration::ZERO, observer);
+    walk(&open, &mut driver, &run_dir)?;
+    // Earlier calls may have computed more than the first pass.
+    due_in(&open, &run_dir)
+}
+
+/// Title of the first pass.
+const SURVEY: &str = "survey";
+
+/// Computes units of a pass. Returns when all of them are stored, whoever has computed them. The settings are those of the
+/// run; `resolve` gets the path of its configuration and returns the settings of this process, which may differ in how the
+/// machine is used, and in nothing else.
+///
+/// # Errors
+/// A [`StoreError`] when another version drives the run, a [`RunError`] when the settings differ, when an earlier pass is
+/// not complete, or when units failed; those of [`run`](crate::run::run).
+pub fn work(
+    shared: &SharedRun<'_>,
+    (pass, units): (&str, &Units),
+    resolve: impl FnOnce(&Path) -> Result<Config>,
+    observer: &dyn Observer,
+    cancel: &CancelToken,
+) -> Result<PassFigures> {
+    let run_dir = RunDir::join(&shared.out, shared.wait)?;
+    let (inputs, configuration) = open::recorded(&run_dir)?;
+    let config = resolve(&configuration)?;
+    let of_run = Config::resolve(Some(&configuration), &[])?;
+    if let Some((key, of_run, here)) = of_run.first_difference(&config) {
+        return Err(RunError::OtherSettings { key, of_run, here }.into());
+    }
+    let open = Opened::to_share(&inputs, &config, &shared.registries, &run_dir)?;
+    let limits = (open.budget.limits(), config.run.fail_fast);
+    let mut driver = Share::new(&run_dir, (pass, units), limits, observer, cancel);
+    let walked = walk(&open, &mut driver, &run_dir)?;
+    if let Some(figures) = driver.figures {
+        return Ok(figures);
+    }
+    match walked {
+        // Every output is complete, so this unit has been computed as well.
+        Some((_, outcome)) if outcome.unmarked.is_none() => {
+            Ok(PassFigures { pass: EXPORT, units: 0, resumed: 0, points: 0, seconds: 0.0 })
+        }
+        _ => Err(RunError::NotReduced { pass: SURVEY.to_owned(), asked: pass.to_owned() }.into()),
+    }
+}
+
+/// Name of the last pass.
+const EXPORT: &str = "export";
+
+/// Completes a pass: checks every unit, reduces them, and opens the next pass. After the last pass it writes the tables
+/// and the report.
+///
+/// # Errors
+/// A [`RunError`] that names the units that are missing or cannot be used, or an earlier pass that is not complete;
+/// a [`StoreError`] when another process drives the run.
+pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> Result<Reduced> {
+    let started = Instant::now();
+    // Looked at first, so that no directory is created where there is no run.
+    RunDir::inspect(&shared.out)?;
+    let run_dir = RunDir::open(&shared.out, false)?.waiting(shared.wait);
+    let (inputs, configuration) = open::recorded(&run_dir)?;
+    let config = Config::resolve(Some(&configuration), &[])?;
+    let open = Opened::to_share(&inputs, &config, &shared.registries, &run_dir)?;
+    let mut driver = Barrier::new(&run_dir, Some(after), shared.wait, observer);
+    let walked = walk(&open, &mut driver, &run_dir)?;
+    let Some((planned, outcome)) = walked else {
+        let next = driver.opened.take();
+        return match next {
+            Some(next) => Ok(Reduced { next: DueUnits::of(Some(next)), finished: None }),
+            None => Err(Error::bug(format!("no pass follows {after}"))),
+        };
+    };
+    if !driver.reached() && outcome.unmarked.is_some() {
+        let known = driver.figures.iter().map(|figures| figures.pass.to_owned()).collect();
+        return Err(RunError::NoSuchPass { pass: after.to_owned(), known }.into());
+    }
+    let (copies, _) = names::copies(&open.drive.catalog, &config, open.chain.method.classifies())?;
+    let warnings = planned.surveyed.warnings.clone();
+    let course = Course { started, warnings, passes: driver.figures };
+    let copies = outputs::names_of(&copies);
+    let summary = outputs::finish(&run_dir, &open, &planned, outcome, &copies, course)?;
+    Ok(Reduced { next: DueUnits::of(None), finished: Some(summary) })
+}
+
+/// Which pass and which units are due. Changes nothing.
+///
+/// # Errors
+/// A [`StoreError`] when there is no run, or one of another version.
+pub fn next(shared: &SharedRun<'_>) -> Result<DueUnits> {
+    let run_dir = RunDir::inspect(&shared.out)?;
+    let (inputs, configuration) = open::recorded(&run_dir)?;
+    if inputs.is_empty() {
+        return Err(StoreError::NoRun { path: shared.out.clone() }.into());
+    }
+    let config = Config::resolve(Some(&configuration), &[])?;
+    let open = Opened::to_share(&inputs, &config, &shared.registries, &run_dir)?;
+    due_in(&open, &run_dir)
+}
+
+fn due_in(open: &Opened<'_>, run_dir: &RunDir) -> Result<DueUnits> {
+    let mut driver = Due::new(run_dir);
+    let walked = walk(open, &mut driver, run_dir)?;
+    match (driver.due, walked) {
+        (Some(due), _) => Ok(DueUnits::of(Some(due))),
+        (None, Some((_, outcome))) if outcome.unmarked.is_none() => Ok(DueUnits::of(None)),
+        // The survey is marked, and the plan was lost.
+        _ => Err(RunError::NotReduced { pass: SURVEY.to_owned(), asked: EXPORT.to_owned() }.into()),
+    }
+}
+
+/// Walks along the flow as far as the driver goes.
+fn walk<D: Driver>(
+    open: &Opened<'_>,
+    driver: &mut D,
+    run_dir: &RunDir,
+) -> Result<Option<(Planned, Outcome)>> {
+    let Some(surveyed) = flow::survey(open, driver, Some(run_dir))? else { return Ok(None) };
+    let Some(planned) = flow::plan(open, driver, surveyed)? else { return Ok(None) };
+    let (labelled, _) = names::copies(&open.drive.catalog, open.config, open.chain.method.classifies())?;
+    let outcome = flow::to_files(open, driver, run_dir, &planned, labelled)?;
+    Ok(outcome.map(|outcome| (planned, outcome)))
+}
