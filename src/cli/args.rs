@@ -14,6 +14,7 @@ use crate::cli::commands::pages::{CompletionsArgs, ManArgs};
 use crate::cli::commands::plan::PlanArgs;
 use crate::cli::commands::reduce::ReduceArgs;
 use crate::cli::commands::run::RunArgs;
+use crate::cli::commands::slurm::SlurmArgs;
 use crate::cli::commands::status::StatusArgs;
 use crate::cli::commands::synth::SynthArgs;
 use crate::cli::commands::train::TrainArgs;
@@ -53,6 +54,8 @@ pub(crate) enum Command {
     Work(WorkArgs),
     /// Complete a pass of a shared run whose units are all there, and open the next one
     Reduce(ReduceArgs),
+    /// Print a script that processes a drive on Slurm
+    Slurm(SlurmArgs),
     /// Score a segmentation against reference labels
     Eval(EvalArgs),
     /// Generate a labelled synthetic drive of any length
@@ -80,7 +83,7 @@ pub(crate) enum Command {
 /// The commands in the groups of the help.
 const GROUPS: [(&str, &[&str]); 4] = [
     ("Work with a drive", &["info", "plan", "run", "status", "view"]),
-    ("Share a run among machines (plan --units opens it)", &["next", "work", "reduce"]),
+    ("Share a run among machines (plan --units opens it)", &["next", "work", "reduce", "slurm"]),
     ("Check and measure", &["eval", "bench", "estimate-epsilon", "cluster", "train", "synth", "demo"]),
     ("Settings and pages", &["methods", "config", "completions", "man", "help"]),
 ];

@@ -35,6 +35,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Next(args) => args.run(),
         Command::Work(args) => args.run(),
         Command::Reduce(args) => args.run(),
+        Command::Slurm(args) => args.run(),
         Command::Synth(args) => args.run(),
         Command::Demo(args) => args.run(),
         Command::Bench(args) => args.run(),

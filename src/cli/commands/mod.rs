@@ -12,6 +12,7 @@ pub(crate) mod pages;
 pub(crate) mod plan;
 pub(crate) mod reduce;
 pub(crate) mod run;
+pub(crate) mod slurm;
 pub(crate) mod status;
 pub(crate) mod synth;
 pub(crate) mod train;

@@ -1,0 +1,81 @@
+//! `chainage slurm`.
+
+use std::path::{Path, PathBuf};
+
+use chainage::input::InputError;
+
+use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::exit::{CliError, Outcome};
+use crate::cli::{exit, print};
+
+/// The script, with places for what the arguments say.
+const SCRIPT: &str = include_str!("slurm.sh");
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct SlurmArgs {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// Output directory, which all nodes reach under the same name
+    #[arg(short, long, value_name = "DIRECTORY")]
+    out: PathBuf,
+    /// Largest number of tasks of a job array
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    array_size: u32,
+    /// Options of sbatch for every job, for example '--partition=long --time=2:00:00'
+    #[arg(long, value_name = "OPTIONS", default_value = "", allow_hyphen_values = true)]
+    sbatch: String,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+impl SlurmArgs {
+    pub(crate) fn run(&self) -> Outcome {
+        // Wrong settings are refused here, and not in a job.
+        self.settings.resolve(&[])?;
+        let mut plan: Vec<String> = Vec::new();
+        for file in self.inputs.files()? {
+            plan.push(quoted(&absolute(&file)?.to_string_lossy()));
+        }
+        plan.extend(self.settings.as_arguments(&[]).iter().map(|word| quoted(&word.to_string_lossy())));
+        let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("chainage"));
+        let script = SCRIPT
+            .replace("@PROGRAM@", &quoted(&program.to_string_lossy()))
+            .replace("@OUT@", &quoted(&absolute(&self.out)?.to_string_lossy()))
+            .replace("@ARRAY@", &self.array_size.to_string())
+            .replace("@SBATCH@", &self.sbatch.split_whitespace().map(quoted).collect::<Vec<_>>().join(" "))
+            .replace("@PLAN@", &plan.join(" "));
+        print::text(&script)?;
+        Ok(exit::DONE)
+    }
+}
+
+/// A path that holds in any working directory.
+fn absolute(path: &Path) -> Result<PathBuf, CliError> {
+    let failed = |source| chainage::Error::from(InputError::Read { path: path.to_owned(), source });
+    Ok(std::path::absolute(path).map_err(failed)?)
+}
+
+/// A word for the shell.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_reach_the_shell_as_they_are() {
+        for word in ["plain", "two words", "it's", "$HOME `id` \"x\"", "*.laz", ""] {
+            let output = std::process::Command::new("sh")
+                .args(["-c", &format!("printf '<%s>' {}", quoted(word))])
+                .output()
+                .unwrap();
+            assert_eq!(String::from_utf8(output.stdout).unwrap(), format!("<{word}>"));
+        }
+    }
+}
