@@ -1,0 +1,174 @@
+"""Drives of files: run, plan, status, and the table of objects."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from chainage import _native
+from chainage.errors import InputError, raised
+from chainage.settings import Value, assignments, mebibytes
+
+PathArgument = str | os.PathLike[str]
+
+
+def _files(files: PathArgument | Sequence[PathArgument]) -> list[PathArgument]:
+    return [files] if isinstance(files, str | os.PathLike) else list(files)
+
+
+def run(
+    files: PathArgument | Sequence[PathArgument],
+    out: PathArgument,
+    *,
+    method: str | None = None,
+    ground: str | None = None,
+    memory: int | str | None = None,
+    threads: int | None = None,
+    tile_length: float | None = None,
+    preset: str | None = None,
+    config: PathArgument | None = None,
+    fresh: bool = False,
+    progress: Callable[[dict[str, Any]], object] | None = None,
+    **settings: Value,
+) -> dict[str, Any]:
+    """Process a drive, or resume an interrupted run.
+
+    Parameters
+    ----------
+    files : path or sequence of paths
+        LAS or LAZ files, folders, or patterns such as ``"drive/*.laz"``.
+    out : path
+        Output directory. A run in it resumes.
+    method : str, optional
+        Clustering method, by default ``"street"``.
+    ground : str, optional
+        Ground filter, by default ``"opening"``.
+    memory : int or str, optional
+        Memory budget in MiB, or as text such as ``"4G"``. By default half of the free memory.
+    threads : int, optional
+        Worker threads, by default one per core.
+    tile_length : float, optional
+        Length of a tile in metres of chainage. By default as long as the memory allows.
+    preset : str, optional
+        Settings of a preset instead of the defaults.
+    config : path, optional
+        Configuration file.
+    fresh : bool, optional
+        Whether the state of an earlier run in `out` is discarded.
+    progress : callable, optional
+        Called with every event of the run, a dict with the key ``"event"``. If it raises an exception, the run stops.
+    **settings
+        Further settings: ``d_t=0.4`` in the section of `method`, or ``noise__enabled=False``.
+
+    Returns
+    -------
+    dict
+        Points, objects, points by class, tiles, seconds, and warnings.
+
+    Raises
+    ------
+    ChainageError
+        Of the kind of the failure, with the exit code of the program and a hint. Finished tiles are kept.
+    KeyboardInterrupt
+        After Ctrl-C. Tiles in flight are finished, and the same call resumes.
+
+    Examples
+    --------
+    >>> import chainage
+    >>> chainage.run("drive.laz", "out", method="euclidean", d_t=0.4)["objects"]  # doctest: +SKIP
+    318
+    """
+    named = {"run.memory_mib": None if memory is None else mebibytes(memory), "run.threads": threads}
+    named["tiling.tile_length"] = tile_length
+    told = None if progress is None else lambda event: progress(json.loads(event))
+    with raised():
+        return json.loads(
+            _native.run(
+                _files(files), out, preset, config, assignments(method, ground, named, settings), fresh, told
+            )
+        )
+
+
+def plan(
+    files: PathArgument | Sequence[PathArgument],
+    *,
+    method: str | None = None,
+    ground: str | None = None,
+    memory: int | str | None = None,
+    threads: int | None = None,
+    tile_length: float | None = None,
+    preset: str | None = None,
+    config: PathArgument | None = None,
+    **settings: Value,
+) -> dict[str, Any]:
+    """Show the tiles of a run, and estimate its memory and time. Writes nothing.
+
+    The parameters are those of `run`.
+
+    Returns
+    -------
+    dict
+        Tiles (chainage in metres, points, bytes), points of the drive, memory in bytes, and warnings.
+    """
+    named = {"run.memory_mib": None if memory is None else mebibytes(memory), "run.threads": threads}
+    named["tiling.tile_length"] = tile_length
+    with raised():
+        return json.loads(
+            _native.plan(_files(files), preset, config, assignments(method, ground, named, settings))
+        )
+
+
+def status(out: PathArgument) -> dict[str, Any]:
+    """Show which passes of a run are done, missing or stale, and why.
+
+    Parameters
+    ----------
+    out : path
+        Output directory of a run.
+
+    Returns
+    -------
+    dict
+        The passes in order with their units, and whether every output is complete.
+    """
+    with raised():
+        return json.loads(_native.status(out))
+
+
+def objects(out: PathArgument) -> Any:
+    """Read the table of objects of a finished run.
+
+    Parameters
+    ----------
+    out : path
+        Output directory of a run.
+
+    Returns
+    -------
+    geopandas.GeoDataFrame, pandas.DataFrame or list of dict
+        One row per object, in ascending order of ``id``: outlines as geometries in the units of the input where GeoPandas is
+        installed, values alone where pandas is, else a list of dicts.
+    """
+    path = Path(out) / "objects.geojson"
+    if not path.is_file():
+        raise InputError(
+            f"{path} does not exist", "chainage.run(files, out) writes it, unless output.files leaves geojson out"
+        )
+    features = json.loads(path.read_text(encoding="utf-8"))["features"]
+    rows = [feature["properties"] for feature in features]
+    try:
+        import pandas
+    except ImportError:
+        return rows
+    try:
+        import geopandas
+        import shapely.geometry
+    except ImportError:
+        return pandas.DataFrame(rows)
+    outlines = [
+        None if feature["geometry"] is None else shapely.geometry.shape(feature["geometry"]) for feature in features
+    ]
+    return geopandas.GeoDataFrame(rows, geometry=outlines)

@@ -1,0 +1,52 @@
+//! Points in arrays: they go through the steps of a run in a temporary folder, and their labels come back as arrays.
+
+use chainage::Error;
+use chainage::run::{self, Registries, RunRequest};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::drives::settings;
+use crate::failure::bug;
+use crate::points::{self, Labels, Steps};
+use crate::task::beside;
+
+/// Arrays of labels: objects, classes of points, and classes of objects if the method classifies.
+type Arrays<'py> =
+    (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u8>>, Option<Bound<'py, PyArray1<u8>>>);
+
+/// Labels points. `xyz` has three columns in metres, checked by the Python part.
+#[pyfunction]
+pub(crate) fn label<'py>(
+    py: Python<'py>,
+    xyz: PyReadonlyArray2<'py, f64>,
+    scale: [f64; 3],
+    offset: [f64; 3],
+    assignments: Vec<String>,
+) -> PyResult<Arrays<'py>> {
+    let rows: Vec<[f64; 3]> = xyz.as_array().rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
+    // In memory where the system offers that: the points need not last.
+    let memory = std::path::Path::new("/dev/shm");
+    let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
+    let folder = folder.map_err(bug)?;
+    let file = folder.path().join("points.las");
+    let steps = Steps { scale, offset };
+    let written = py.detach(|| points::write(&file, &rows, &steps)).map_err(bug)?;
+    if let Err(far) = written {
+        let (value, axis) = (rows[far.row][far.axis], ["x", "y", "z"][far.axis]);
+        let text = format!("xyz[{}]: {axis} = {value} is too far from {} for steps of {}", far.row, offset[far.axis], scale[far.axis]);
+        return Err(PyValueError::new_err(text));
+    }
+    drop(rows);
+    let out = folder.path().join("out");
+    let Labels { objects, classes, kinds } = beside(py, None, move |observer, cancel| {
+        let config = settings(None, None, &assignments)?;
+        let inputs = vec![file];
+        let request =
+            RunRequest { inputs, out: out.clone(), config, fresh: false, registries: Registries::default() };
+        run::run(&request, observer, cancel)?;
+        points::labels(out.join("points.las")).map_err(Error::from)
+    })?;
+    drop(folder);
+    Ok((objects.into_pyarray(py), classes.into_pyarray(py), kinds.map(|kinds| kinds.into_pyarray(py))))
+}
