@@ -102,6 +102,28 @@ browser() {
     return "$code"
 }
 
+# The wheel with the profile of the tests, whose compiled dependencies it takes, installed in a folder of its own. The program
+# to compare with is the release build.
+python_package() {
+    local missing
+    missing=$(python3 - <<'PYTHON'
+import importlib.util
+print(*(name for name in ("maturin", "numpy", "pytest", "laspy", "distributed") if importlib.util.find_spec(name) is None))
+PYTHON
+    )
+    if [ -n "$missing" ]; then
+        skip "the Python package ($missing is not installed)"
+        return
+    fi
+    cargo fmt --check --manifest-path python/Cargo.toml || return
+    rm -rf target/python
+    CHAINAGE_WHEEL_PROFILE=dev python3 -m pip install --quiet --disable-pip-version-check \
+        --no-build-isolation --no-deps --target target/python . || return
+    CHAINAGE_PROGRAM=$PWD/target/release/chainage PYTHONPATH=$PWD/target/python \
+        python3 -m pytest -q -m "not slow" -p no:cacheprovider || return
+    PYTHONPATH=$PWD/target/python python3 python/examples/sample.py
+}
+
 step "format" cargo fmt --check
 if [ "$lane" = --fast ]; then
     step "unit tests" tests --lib
@@ -118,6 +140,7 @@ if [ "$lane" = all ]; then
     step "release build" cargo build --locked --release --quiet
     step "digests of all outputs" scripts/digest.py --check
     step "exactness" scripts/exactness.sh
+    step "Python package" python_package
     step "report in a browser" browser
     step "kill and resume, LAS and LAZ" scripts/kill_and_resume.sh tests/data/tree_road_sweep.laz 20 4
     step "kill and resume, method with several steps" \

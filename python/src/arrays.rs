@@ -12,8 +12,7 @@ use crate::points::{self, Labels, Steps};
 use crate::task::beside;
 
 /// Arrays of labels: objects, classes of points, and classes of objects if the method classifies.
-type Arrays<'py> =
-    (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u8>>, Option<Bound<'py, PyArray1<u8>>>);
+type Arrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u8>>, Option<Bound<'py, PyArray1<u8>>>);
 
 /// Labels points. `xyz` has three columns in metres, checked by the Python part.
 #[pyfunction]
@@ -34,7 +33,10 @@ pub(crate) fn label<'py>(
     let written = py.detach(|| points::write(&file, &rows, &steps)).map_err(bug)?;
     if let Err(far) = written {
         let (value, axis) = (rows[far.row][far.axis], ["x", "y", "z"][far.axis]);
-        let text = format!("xyz[{}]: {axis} = {value} is too far from {} for steps of {}", far.row, offset[far.axis], scale[far.axis]);
+        let text = format!(
+            "xyz[{}]: {axis} = {value} is too far from {} for steps of {}",
+            far.row, offset[far.axis], scale[far.axis]
+        );
         return Err(PyValueError::new_err(text));
     }
     drop(rows);

@@ -29,7 +29,7 @@ def by_command_line(folder, *options):
     return laspy.read(folder / SAMPLE.name)
 
 
-@pytest.mark.parametrize("method", ["euclidean", "street"])
+@pytest.mark.parametrize("method", ["euclidean", pytest.param("street", marks=pytest.mark.slow)])
 def test_segment_gives_the_partition_of_the_command_line(points, tmp_path, method):
     expected = by_command_line(tmp_path / "out", "--method", method)
     for given in (points, np.asarray(points.xyz)):
@@ -71,7 +71,7 @@ def test_small_arrays_have_the_objects_that_one_sees():
         (lambda: chainage.cluster([[0, 0, 0], [1e9, 0, 0]]), ValueError, r"xyz\[1\]: x = 1000000000"),
         (lambda: chainage.cluster([[0, 0, 0]], d_t=-1), chainage.SettingError, "euclidean.d_t = -1"),
         (lambda: chainage.cluster([[0, 0, 0]], method="euclidian"), chainage.SettingError, "euclidian"),
-        (lambda: chainage.segment([[0, 0, 0]], widht=3), chainage.SettingError, "street.widht"),
+        (lambda: chainage.segment([[0, 0, 0]], no_such=3), chainage.SettingError, "street.no_such"),
         (lambda: chainage.evaluate([1, 2], [1]), ValueError, r"\[2, 1\] values"),
         (lambda: chainage.evaluate([0.5], [1]), ValueError, "pred has 1 dimensions of float64"),
         (lambda: chainage.evaluate([1], [1], min_points=0), chainage.SettingError, "min_points = 0"),

@@ -8,7 +8,7 @@ import threading
 import time
 
 import pytest
-from conftest import PROGRAM, SAMPLE
+from conftest import INSTALLED, PROGRAM, SAMPLE
 
 import chainage
 
@@ -16,7 +16,7 @@ SMALL = {"method": "euclidean", "ground": "voxel-column", "tile_length": 10}
 
 
 def test_the_program_is_on_the_path():
-    told = subprocess.run([PROGRAM, "--version"], check=True, capture_output=True, text=True).stdout
+    told = subprocess.run([INSTALLED, "--version"], check=True, capture_output=True, text=True).stdout
     assert told.split() == ["chainage", chainage.__version__]
 
 

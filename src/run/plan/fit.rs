@@ -1,5 +1,6 @@
 //! Cuts the street of a drive into tiles that fit the budget.
 
+use crate::codec;
 use crate::config::Config;
 use crate::error::Result;
 use crate::model::in_u32;
@@ -9,6 +10,7 @@ use crate::run::engine::{Driver, Event};
 use crate::run::plan::budget::{Budget, TileNeed};
 use crate::run::plan::needs;
 use crate::spatial::{Cell, CellGrid, PackedCells};
+use crate::store::Inputs;
 use crate::tiling::{Plan, PlanRequest, TileSize};
 
 /// Maximum number of plans that are tried until every thread can process any tile. There may be no such plan,
@@ -18,6 +20,17 @@ const ATTEMPTS: usize = 5;
 
 /// File with the size of the tiles.
 const STORED: &str = "plan.json";
+/// Folder with the vertex of the axis nearest to each cell.
+const STRIPS: &str = "strips";
+
+/// The vertices depend on the axis, and the cells on the content of the input.
+fn depends(surveyed: &Surveyed, drive: &Drive) -> Inputs {
+    Inputs::new()
+        .with("input content", format!("{:016x}", surveyed.content_digest()))
+        .with("cell", drive.grid.edge())
+        .with("lattice.units_per_m", drive.lattice().units_per_m())
+        .with("axis", format!("{:016x}", surveyed.axis.digest()))
+}
 
 /// The occupied cells in order of chainage. Only the plan needs them.
 #[derive(Debug)]
@@ -29,12 +42,32 @@ pub(crate) struct Street<'a> {
 }
 
 impl<'a> Street<'a> {
-    /// The street of `surveyed`.
-    pub(crate) fn of(surveyed: &'a Surveyed, drive: &Drive) -> Self {
+    /// The street of `surveyed`. To find the vertices takes most of the time in which a process starts to work on a long
+    /// drive, so they are stored.
+    fn of<D: Driver>(driver: &D, surveyed: &'a Surveyed, drive: &Drive) -> Result<Self> {
+        let dir = driver.run_dir().map(|run_dir| run_dir.pass(STRIPS, depends(surveyed, drive)));
+        let stored = match &dir {
+            Some(dir) => dir.load(0)?.ok().map(|bytes| codec::decode::<Vec<u32>>(&bytes)).transpose()?,
+            None => None,
+        };
+        if let Some(strips) = stored.filter(|strips| strips.len() == surveyed.cells.len()) {
+            let mut strips = strips.into_iter();
+            let strips = surveyed.cells.map(|_, _| strips.next().unwrap_or(1));
+            return Ok(Self { surveyed, grid: drive.grid, strips });
+        }
         let edge_m = drive.lattice().metres(drive.grid.edge());
         let centre = |cell: Cell| cell.map(|index| (f64::from(index) + 0.5) * edge_m);
-        let strip = |cell| in_u32(surveyed.axis.nearest(centre(cell)) + 1, "vertices of the axis");
-        Self { surveyed, grid: drive.grid, strips: surveyed.cells.map(|cell, _| strip(cell)) }
+        let mut found = Vec::with_capacity(surveyed.cells.len());
+        let strips = surveyed.cells.map(|cell, _| {
+            let strip = in_u32(surveyed.axis.nearest(centre(cell)) + 1, "vertices of the axis");
+            found.push(strip);
+            strip
+        });
+        if let Some(dir) = dir.filter(|_| driver.computes()) {
+            dir.prepare()?;
+            dir.commit(0, &codec::encode(&found)?)?;
+        }
+        Ok(Self { surveyed, grid: drive.grid, strips })
     }
 
     /// The plan with tiles of `size`.
@@ -92,7 +125,7 @@ pub(crate) fn settle<D: Driver>(
     config: &Config,
     budget: &Budget,
 ) -> Result<Option<Plan>> {
-    let street = Street::of(surveyed, drive);
+    let street = Street::of(driver, surveyed, drive)?;
     let stored: Option<TileSize> = match driver.run_dir() {
         Some(run_dir) if driver.computes() => run_dir.read_json(STORED)?,
         Some(run_dir) => run_dir.await_json(STORED)?,
