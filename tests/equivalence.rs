@@ -548,7 +548,8 @@ proptest! {
         let points = Arc::new(PackedCells::from(points));
         let strips = PackedCells::from(strips);
         let grid = CellGrid::new(700);
-        let request = PlanRequest { cells: &points, strips: &strips, chainage_m: &chainage_m, grid, size: &size };
+        let chainage_m = &chainage_m;
+        let request = PlanRequest { cells: &points, strips: &strips, chainage_m, grid, size: &size, section_m: None };
         let plan = Plan::new(&request);
         let cores: Vec<Vec<Cell>> = (0..plan.tiles.len()).map(|tile| plan.core(tile)).collect();
         let mut owned: Vec<Cell> = cores.concat();

@@ -46,6 +46,8 @@ mod resume;
 #[cfg(test)]
 mod rounds;
 #[cfg(test)]
+mod section;
+#[cfg(test)]
 mod spinning;
 #[cfg(test)]
 mod street_run;

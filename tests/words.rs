@@ -324,3 +324,31 @@ fn colours_are_for_terminals_only() {
     assert!(coloured.contains("\u{1b}[1;31merror:\u{1b}[0m"), "{coloured:?}");
     assert!(!shown("TERM=xterm NO_COLOR=1").expect("it was there").contains('\u{1b}'));
 }
+
+#[test]
+fn a_section_of_the_drive_is_planned_and_processed() {
+    let folder = samples();
+    let plan = told(folder.path(), &["plan", SAMPLE, "--from", "60", "--to", "90", "--tile-length", "50"]);
+    assert!(plan.contains("  section   chainage 60 to 90 m of "), "{plan}");
+    let page = told(folder.path(), &["run", SAMPLE, "-o", "out", "--from", "60", "--to", "90", "-q"]);
+    assert!(page.contains("  chainage 60 to 90 m of ") && page.contains("1 tile\n"), "{page}");
+    // To the end of the drive, and from its beginning.
+    assert!(told(folder.path(), &["plan", SAMPLE, "--from", "60"]).contains("  section   chainage 60 to "));
+    assert!(
+        told(folder.path(), &["plan", SAMPLE, "--to", "90"]).contains("  section   chainage 0 to 90 m of ")
+    );
+    let refused =
+        |arguments: &[&str], code| refused(folder.path(), &[&["plan", SAMPLE], arguments].concat(), code);
+    let beyond = refused(&["--from", "5000"], 3);
+    assert!(
+        beyond.contains("there are no points from 5000 m on: the chainage of this drive is 0 to "),
+        "{beyond}"
+    );
+    assert!(beyond.contains("hint: chainage info FILES"), "{beyond}");
+    let turned = refused(&["--from", "90", "--to", "60"], 3);
+    assert!(turned.contains("tiling.to = 60: must be above tiling.from, which is 90 m"), "{turned}");
+    let typed = refused(&["--from", "-3"], 2);
+    assert!(typed.contains("must be a chainage in metres, 0 or more, for example 250"), "{typed}");
+    let over = refused(&["--to", "40", "--method", "dbscan", "--set", "dbscan.epsilon=auto"], 3);
+    assert!(over.contains("hint: estimate it first with chainage estimate-epsilon FILES"), "{over}");
+}

@@ -48,6 +48,12 @@ pub struct TilingConfig {
     pub cell: f64,
     /// Length of a tile in metres of chainage; 0 derives it from the memory budget.
     pub tile_length: f64,
+    /// Chainage where the processed section begins, in metres.
+    pub from: f64,
+    /// Chainage where it ends, in metres; 0 is the end of the drive.
+    pub to: f64,
+    /// Distance beyond the section within which its objects are followed, in metres.
+    pub beyond: f64,
 }
 
 /// Section `[ground]` or `[cluster]`: the name of a registered method.
@@ -181,12 +187,27 @@ impl Config {
     }
 
     fn validate(&self) -> Result<(), ConfigError> {
-        let TilingConfig { cell, tile_length } = self.tiling;
+        let TilingConfig { cell, tile_length, from, to, beyond } = self.tiling;
         if !(0.5..=10.0).contains(&cell) {
             return Err(ConfigError::value("tiling.cell", cell, "0.5 to 10 (metres)"));
         }
         if !(tile_length == 0.0 || (1.0..=1e6).contains(&tile_length)) {
             return Err(ConfigError::value("tiling.tile_length", tile_length, "0, or 1 to 1000000 (metres)"));
+        }
+        if !(0.0..=1e7).contains(&from) {
+            return Err(ConfigError::value("tiling.from", from, "0 to 10000000 (metres)"));
+        }
+        if to != 0.0 && !(to > from && to <= 1e7) {
+            return Err(ConfigError::value(
+                "tiling.to",
+                to,
+                format!(
+                    "above tiling.from, which is {from} m, and at most 10000000; 0 is the end of the drive"
+                ),
+            ));
+        }
+        if !(0.0..=10_000.0).contains(&beyond) {
+            return Err(ConfigError::value("tiling.beyond", beyond, "0 to 10000 (metres)"));
         }
         if self.run.threads > 1_024 {
             return Err(ConfigError::value("run.threads", self.run.threads, "0 to 1024"));

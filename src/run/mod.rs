@@ -53,7 +53,7 @@ pub use look::{
     plan_of,
 };
 pub use look::{PassStatus, RunStatus, status};
-pub use summary::{Counts, RunSummary};
+pub use summary::{Counts, RunSummary, SectionFacts};
 pub use train::{TrainRequest, Trained, built_in_model, read_model, score_model, train};
 
 /// A request for a run.
@@ -101,10 +101,11 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
     warnings.extend(outcome.warnings);
     let summary = RunSummary {
-        points: planned.surveyed.survey.points(),
+        points: planned.plan.points_inside(),
+        section: SectionFacts::of(&planned.surveyed),
         counts: outcome.counts,
         objects: outcome.objects,
-        tiles: planned.plan.tiles.len(),
+        tiles: planned.plan.tiles.iter().filter(|tile| tile.inside).count(),
         seconds: started.elapsed().as_secs_f64(),
         nothing_to_do: outcome.unmarked.is_none(),
         figures: outcome.figures,
@@ -116,7 +117,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         let report = report::report(&open.drive, config, &planned.surveyed, &summary);
         report::write_report(&run_dir, &report)?;
         page::write_page(&run_dir, &open, &planned.surveyed, &planned.plan, outcome.page, report)?;
-        names::remove_left_out(&run_dir, config, &copies)?;
+        names::remove_left_out(&run_dir, config, &copies, &finished.files)?;
         let export = run_dir.pass(&export.folder, export.depends);
         mark::mark_finished(&run_dir, &export, &finished, &names::beside(config))?;
     }

@@ -6,7 +6,7 @@ use chainage::config::ConfigError;
 use chainage::run::{PlanFacts, Registries, plan_of};
 
 use crate::cli::commands::info;
-use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::drive_args::{Inputs, SectionArgs, Settings};
 use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
 use crate::cli::print::{deliver, is_standard_output};
@@ -22,6 +22,8 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     #[command(flatten)]
+    section: SectionArgs,
+    #[command(flatten)]
     settings: Settings,
 }
 
@@ -31,7 +33,7 @@ impl PlanArgs {
             let refused = ConfigError::value("--svg", "-", "a file when --json is given");
             return Err(chainage::Error::from(refused).into());
         }
-        let config = self.settings.resolve(&[])?;
+        let config = self.settings.resolve(&self.section.assignments().collect::<Vec<_>>())?;
         let plan = plan_of(&self.inputs.files()?, &config, &Registries::default())?;
         if !deliver(self.svg.as_deref(), |to| to.write_all(plan.svg.as_bytes()))? {
             self.json.show(&plan, || page(&plan))?;
@@ -66,6 +68,9 @@ pub(super) fn page(plan: &PlanFacts) -> String {
         plan.axis.length_m,
         info::axis_source(&plan.axis)
     ));
+    if let Some(section) = &plan.section {
+        text.push_str(&format!("  section   {}\n", print::section(section)));
+    }
     text.push_str(&format!(
         "  halo      {:.2} m for ground and noise, {:.2} m for clusters\n",
         plan.ground_reach_m, plan.cluster_reach_m

@@ -8,7 +8,7 @@ use chainage::output::objects;
 use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, plan_of, run};
 
 use crate::cli::commands::plan;
-use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::drive_args::{Inputs, SectionArgs, Settings};
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::JsonOutput;
 use crate::cli::progress::{Progress, ProgressChoice};
@@ -31,6 +31,8 @@ pub(crate) struct RunArgs {
     show: Show,
     #[command(flatten)]
     output: OutputSettings,
+    #[command(flatten)]
+    section: SectionArgs,
     #[command(flatten)]
     settings: Settings,
 }
@@ -116,7 +118,8 @@ impl OutputSettings {
 
 impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
-        let config = self.settings.resolve(&self.output.assignments())?;
+        let extra: Vec<_> = self.output.assignments().into_iter().chain(self.section.assignments()).collect();
+        let config = self.settings.resolve(&extra)?;
         let inputs = self.inputs.files()?;
         if self.dry_run {
             let plan = plan_of(&inputs, &config, &Registries::default())?;
@@ -161,6 +164,9 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
         print::counted(summary.objects as u64, "object"),
         print::counted(summary.tiles as u64, "tile")
     );
+    if let Some(section) = summary.section {
+        text.push_str(&format!("  {}\n", print::section(&section)));
+    }
     text.push_str(&format!(
         "  ground {:.1} %, noise {:.2} %, objects {:.1} %\n",
         share(counts.ground),

@@ -100,14 +100,18 @@ pub(crate) fn remove_superseded(
     Ok(removed)
 }
 
-/// Removes outputs of an earlier call that this one leaves out, because they would show other objects.
-pub(crate) fn remove_left_out(run_dir: &RunDir, config: &Config, files: &[String]) -> Result<()> {
+/// Removes outputs of an earlier call that this one leaves out, because they would show other objects. Of the labelled
+/// copies `files`, those in `written` stay.
+pub(crate) fn remove_left_out(
+    run_dir: &RunDir,
+    config: &Config,
+    files: &[String],
+    written: &[String],
+) -> Result<()> {
     let tables = objects::REGISTRY.iter().map(|entry| entry.file_name);
     let mut left_out: Vec<&str> = tables.chain([PAGE]).collect();
     left_out.retain(|name| !beside(config).contains(name));
-    if !config.output.writes("points") {
-        left_out.extend(files.iter().map(String::as_str));
-    }
+    left_out.extend(files.iter().filter(|name| !written.contains(name)).map(String::as_str));
     let ours = run_dir.own_outputs()?;
     for name in left_out.into_iter().filter(|name| ours.iter().any(|ours| ours == name)) {
         let path = run_dir.out().join(name);

@@ -13,6 +13,7 @@ use crate::run::engine::InMemory;
 use crate::run::flow::{self, Planned};
 use crate::run::open::Opened;
 use crate::run::plan::{self, over_budget, tile_bytes};
+use crate::run::summary::SectionFacts;
 
 /// Points per second and thread of a whole run on the machine of `benches/results`, for the time that `plan`
 /// estimates.
@@ -38,8 +39,11 @@ pub struct TileFacts {
 pub struct PlanFacts {
     /// Tiles in order of chainage.
     pub tiles: Vec<TileFacts>,
-    /// Points of the drive.
+    /// Points of the drive, or of its section.
     pub points: u64,
+    /// The section that would be processed. `None` if it is the whole drive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub section: Option<SectionFacts>,
     /// Threads.
     pub threads: usize,
     /// Memory budget in bytes.
@@ -92,7 +96,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
             }
         })
         .collect();
-    let points = surveyed.survey.points();
+    let points = plan.points_inside();
     let mut needs: Vec<u64> = tiles.iter().map(|tile| tile.bytes).collect();
     needs.sort_unstable_by(|a, b| b.cmp(a));
     let largest = needs.first().copied().unwrap_or(0);
@@ -120,6 +124,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let svg = plan::svg(&plan, &surveyed, lattice);
     Ok(PlanFacts {
         points,
+        section: SectionFacts::of(&surveyed),
         threads: budget.threads,
         memory: asked.memory,
         memory_needed: in_flight.min(budget.memory.max(largest)),

@@ -23,6 +23,7 @@ use crate::run::chain::with_section;
 use crate::run::drive::Drive;
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::finish::mark;
+use crate::run::passes::copies::{Copies, Shown};
 use crate::run::passes::relabel::PointColumns;
 use crate::store::{Inputs, PassDir, RunDir, StoreError};
 use crate::whole_file::publish;
@@ -48,18 +49,14 @@ struct Unit {
 /// An output file in progress.
 struct Target {
     labelled: LabelledFile,
+    /// Whether it is written: a section does not copy files without points in it.
+    is_copied: bool,
     /// Ranges of records, each of which is written as one piece.
     chunks: Vec<Range<u64>>,
     /// The temporary path of an uncompressed copy until it is complete.
     part: PathBuf,
     /// Whether anything was written to it since the last sync started.
     unsynced: AtomicBool,
-}
-
-/// The labelled copies, and whether they are written. If not, records are read for the samples only.
-pub(crate) struct Copies {
-    pub(crate) labelled: Vec<LabelledFile>,
-    pub(crate) writes: bool,
 }
 
 pub(crate) struct ExportPass<'a> {
@@ -70,6 +67,7 @@ pub(crate) struct ExportPass<'a> {
     sampling: Option<&'a Sampling>,
     /// Whether labelled copies are written.
     writes: bool,
+    shown: Shown<'a>,
     run_dir: &'a RunDir,
     targets: Vec<Target>,
     units: Vec<Unit>,
@@ -91,18 +89,19 @@ impl<'a> ExportPass<'a> {
         columns: &'a PointColumns,
         kinds: &'a [Kind],
         sampling: Option<&'a Sampling>,
-        copies: Copies,
+        copies: Copies<'a>,
         run_dir: &'a RunDir,
         outline: Outline,
     ) -> Self {
         let folder = run_dir.path("export");
-        let Copies { labelled, writes } = copies;
+        let Copies { labelled, processed, writes, shown } = copies;
         let mut pass = Self {
             drive,
             columns,
             kinds,
             sampling,
             writes,
+            shown,
             run_dir,
             targets: Vec::new(),
             units: Vec::new(),
@@ -111,7 +110,8 @@ impl<'a> ExportPass<'a> {
         let labelled = labelled.into_iter().filter(|_| writes || sampling.is_some());
         for (file, labelled) in labelled.enumerate() {
             let chunks = labelled.chunks().to_vec();
-            let mut start = 0;
+            let is_copied = processed[file];
+            let mut start = if is_copied { 0 } else { chunks.len() };
             while start < chunks.len() {
                 let mut end = start;
                 let mut points = 0;
@@ -123,9 +123,14 @@ impl<'a> ExportPass<'a> {
                 start = end;
             }
             let part = folder.join(format!("{file:05}.part"));
-            pass.targets.push(Target { labelled, chunks, part, unsynced: AtomicBool::new(false) });
+            pass.targets.push(Target { labelled, is_copied, chunks, part, unsynced: AtomicBool::new(false) });
         }
         pass
+    }
+
+    /// The files that are written, with their numbers.
+    fn copied(&self) -> impl Iterator<Item = (usize, &Target)> {
+        self.targets.iter().enumerate().filter(|(_, target)| target.is_copied)
     }
 
     /// Reads objects and classes of the records of a range, ready to be written.
@@ -195,6 +200,10 @@ impl<'a> ExportPass<'a> {
             numbers.zip(records.chunks_exact(input.layout().record_len)).zip(labels)
         {
             let place = input.transform().apply(record_xyz(record));
+            // What is shown of a section are its points and its whole objects.
+            if object == 0 && !self.shown.contains(place) {
+                continue;
+            }
             let intensity = u16::from_le_bytes([record[intensity], record[intensity + 1]]);
             sampler.add(number, place, PointClass::from_code(class).unwrap_or_default(), object, intensity);
         }
@@ -400,7 +409,7 @@ impl Pass for ExportPass<'_> {
         let folder = run_dir.path("export");
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
         let fingerprint = dir.fingerprint().to_string();
-        for (file, target) in self.targets.iter().enumerate() {
+        for (file, target) in self.copied() {
             let record = format!("export/{file:05}.begun.json");
             let begun = run_dir.read_json::<String>(&record)?.is_some_and(|stored| stored == fingerprint);
             if self.is_named(file, dir)? || (begun && target.part.exists()) {
@@ -440,7 +449,7 @@ impl Pass for ExportPass<'_> {
         }
         let dir = payloads.dir()?;
         let run_dir = self.run_dir;
-        for (file, target) in self.targets.iter().enumerate() {
+        for (file, target) in self.copied() {
             let path = run_dir.out().join(target.labelled.name());
             let failed = |source| OutputError::Write { path: path.clone(), source };
             if self.is_named(file, dir)? {
@@ -463,7 +472,7 @@ impl Pass for ExportPass<'_> {
             run_dir.write_json(&intent(file), &dir.fingerprint().to_string())?;
             publish(&target.part, &path).map_err(failed)?;
         }
-        let names = self.targets.iter().map(|target| target.labelled.name().to_owned()).collect();
+        let names = self.copied().map(|(_, target)| target.labelled.name().to_owned()).collect();
         Ok(Exported { names, points })
     }
 }

@@ -110,7 +110,12 @@ pub(crate) fn complete<D: Driver>(
         Station { chainage_m, offset_m }
     };
     let edge = Edge::of(surveyed, drive);
-    let at_end = |place| edge.is_near(place);
+    // What reaches the end of a section is not known to be whole, as what reaches the end of the data.
+    let is_cut_off = |[x, y]: [i64; 2]| {
+        let cell = drive.grid.cell(x, y);
+        surveyed.section.as_ref().is_some_and(|section| cell.is_none_or(|cell| !section.is_whole(cell)))
+    };
+    let at_end = |place| edge.is_near(place) || is_cut_off(place);
     let site = Site {
         lattice: drive.lattice(),
         units_m: [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
