@@ -128,7 +128,7 @@ fn status_says_what_is_stale_and_why() {
         with_fixed(&["run", "tree_road_sweep.laz", "--tile-length", "20", "-o", "out", "--progress", "none"]);
     assert_eq!(call(folder.path(), &run).status.code(), Some(0));
     insta::assert_snapshot!("status_done", stdout(&call(folder.path(), &["status", "out"])));
-    let why = ["status", "out", "--why", "--set", "euclidean.d_t=0.5"];
+    let why = ["status", "out", "--why", "--set", "euclidean.max_gap_m=0.5"];
     insta::assert_snapshot!("status_why", stdout(&call(folder.path(), &why)));
 }
 

@@ -53,10 +53,14 @@ fn a_mistyped_setting_is_followed_by_the_one_that_was_meant() {
     let folder = samples();
     let set = |text: &str| refused(folder.path(), &["plan", SAMPLE, "--set", text], 3);
     let mistyped = set("euclidian.d_t=0.4");
-    assert!(mistyped.starts_with("error: there is no setting euclidian.d_t: did you mean euclidean.d_t?\n"));
+    assert!(
+        mistyped.starts_with("error: there is no setting euclidian.d_t: did you mean euclidean.max_gap_m?\n")
+    );
     let bare = set("d_t=1");
     assert!(
-        bare.contains("d_t is a setting of euclidean and density-peaks: write euclidean.d_t=1"),
+        bare.contains(
+            "d_t is euclidean.max_gap_m and density-peaks.scale_above now: write euclidean.max_gap_m=1"
+        ),
         "{bare}"
     );
     let typed = set("noise.voxel=wide");
@@ -85,7 +89,7 @@ fn presets_are_built_in_listed_and_used() {
     assert!(list.contains("dense-trees") && list.contains("crowns"), "{list}");
     let effective = told(folder.path(), &["config", "--effective", "--preset", "dense-trees"]);
     assert!(
-        effective.contains("method = \"density-peaks\"") && effective.contains("delta_t = 5.0"),
+        effective.contains("method = \"density-peaks\"") && effective.contains("min_separation = 5.0"),
         "{effective}"
     );
     // A flag is stronger than a preset.
@@ -101,14 +105,41 @@ fn a_configuration_file_is_checked_without_a_drive() {
     let folder = samples();
     let write = |text: &str| std::fs::write(folder.path().join("my.toml"), text).expect("written");
     let check = ["config", "--check", "my.toml"];
-    write("[euclidean]\nd_t = 0.4\n[noise]\nenabled = true\n");
+    write("[euclidean]\nmax_gap_m = 0.4\n[noise]\nenabled = true\n");
     let page = told(folder.path(), &check);
-    assert_eq!(page, "my.toml: valid, 1 setting differs from the defaults\n  euclidean.d_t = 0.4\n");
+    assert_eq!(page, "my.toml: valid, 1 setting differs from the defaults\n  euclidean.max_gap_m = 0.4\n");
     // The settings of a method that is not chosen are checked as well.
-    write("[density-peaks]\nc_t = 7.0\n");
-    assert!(refused(folder.path(), &check, 3).contains("density-peaks.c_t = 7: must be"));
+    write("[density-peaks]\nmerge_below = 7.0\n");
+    assert!(refused(folder.path(), &check, 3).contains("density-peaks.merge_below = 7: must be"));
     write("[euclidean]\ndt = 0.4\n");
-    assert!(refused(folder.path(), &check, 3).contains("did you mean euclidean.d_t?"));
+    assert!(refused(folder.path(), &check, 3).contains("did you mean euclidean.max_gap_m?"));
+}
+
+#[test]
+fn settings_have_speaking_names_and_the_old_ones_are_read_with_a_warning() {
+    let folder = samples();
+    let all = told(folder.path(), &["config"]);
+    for (name, symbol) in
+        [("max_gap_m = 0.3", "d_t:"), ("min_density = 4.0", "rho_t:"), ("merge_below = 0.04", "c_t:")]
+    {
+        let line = all.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {all}"));
+        assert!(line.contains(symbol), "the symbol of the paper: {line}");
+    }
+    let warning = "euclidean.d_t is called euclidean.max_gap_m now: the old name is read until version 0.2";
+    let old = ["--set", "euclidean.d_t=0.4", "--method", "euclidean"];
+    let plan = told(folder.path(), &[&["plan", SAMPLE], &old[..]].concat());
+    assert!(plan.contains(&format!("  warning: {warning}\n")), "{plan}");
+    let run = call(folder.path(), &[&["run", SAMPLE, "-o", "out", "-q"], &old[..]].concat());
+    assert!(text(&run.stderr).contains(warning), "{}", text(&run.stderr));
+    // It is recorded by its new name, so nothing is to be done with that.
+    let status = told(folder.path(), &["status", "out", "--why", "--set", "euclidean.max_gap_m=0.4"]);
+    assert!(!status.contains("must be redone"), "{status}");
+    std::fs::write(folder.path().join("my.toml"), "[density-peaks]\nc_t = 0.1\n").expect("written");
+    let check = told(folder.path(), &["config", "--check", "my.toml"]);
+    assert!(
+        check.contains("density-peaks.merge_below = 0.1\n  warning: density-peaks.c_t is called"),
+        "{check}"
+    );
 }
 
 #[test]
@@ -137,7 +168,7 @@ fn quiet_is_silent_and_verbose_shows_settings_and_tiles() {
                 "--method",
                 "euclidean",
                 "--set",
-                "euclidean.d_t=0.4",
+                "euclidean.max_gap_m=0.4",
             ],
         );
         assert_eq!(code(&output), 0, "{}", text(&output.stderr));
@@ -145,7 +176,7 @@ fn quiet_is_silent_and_verbose_shows_settings_and_tiles() {
     };
     assert_eq!(run("quiet", "-q"), "");
     let verbose = run("verbose", "-v");
-    assert!(verbose.contains("setting euclidean.d_t = 0.4\n"), "{verbose}");
+    assert!(verbose.contains("setting euclidean.max_gap_m = 0.4\n"), "{verbose}");
     assert!(verbose.contains("ground: unit 1 of ") && verbose.contains("ground 2 of 7"), "{verbose}");
 }
 

@@ -86,7 +86,7 @@ pub(crate) struct Choices {
     /// Configuration file with the settings that differ from `chainage config`
     #[arg(short = 'c', long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Change a setting, for example --set euclidean.d_t=0.4; may be repeated
+    /// Change a setting, for example --set euclidean.max_gap_m=0.4; may be repeated
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) assignments: Vec<String>,
     #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), "street"))]

@@ -83,7 +83,8 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
     let (labelled, file_warnings) = names::plan_files(&catalog, config, chain.method.classifies(), &run_dir)?;
-    let mut warnings = catalog.warnings().to_vec();
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(catalog.warnings().iter().cloned());
     warnings.extend(file_warnings);
     if request.fresh {
         warnings.extend(names::remove_superseded(&run_dir, config, &labelled)?);

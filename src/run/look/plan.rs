@@ -108,7 +108,8 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         .filter(|file| file.is_compressed())
         .map(|file| file.point_count() * 12)
         .sum();
-    let mut warnings = drive.catalog.warnings().to_vec();
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(drive.catalog.warnings().iter().cloned());
     warnings.extend(surveyed.warnings.iter().cloned());
     if largest > budget.memory {
         warnings.push(over_budget(largest, budget.memory));
