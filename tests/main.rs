@@ -12,6 +12,8 @@ mod cluster_tables;
 mod conformance;
 mod contracts;
 #[cfg(test)]
+mod copc;
+#[cfg(test)]
 mod damage;
 #[cfg(test)]
 mod dbscan;

@@ -79,6 +79,8 @@ pub struct OutputConfig {
     pub original_classification: bool,
     /// What is written, by the names of [`Self::writes`]; everything if it is empty.
     pub files: Vec<String>,
+    /// Whether the cloud-optimised file of the whole drive is written.
+    pub copc: bool,
     /// Whether the page `report.html` is written.
     pub report: bool,
     /// Largest size of the page in megabytes.
@@ -86,12 +88,16 @@ pub struct OutputConfig {
 }
 
 impl OutputConfig {
-    /// Whether an output is written: `points` (labelled copies), `report` (the page), or a format of the table of
-    /// objects by its extension. `report.json` always is.
+    /// Whether an output is written: `points` (labelled copies), `copc` (the cloud-optimised file), `report` (the page), or
+    /// a format of the table of objects by its extension. `report.json` always is.
     #[must_use]
     pub fn writes(&self, name: &str) -> bool {
-        let chosen = self.files.is_empty() || self.files.iter().any(|chosen| chosen == name);
-        chosen && (name != "report" || self.report)
+        let named = self.files.iter().any(|chosen| chosen == name);
+        match name {
+            "copc" => named || self.copc,
+            "report" => (named || self.files.is_empty()) && self.report,
+            _ => named || self.files.is_empty(),
+        }
     }
 }
 

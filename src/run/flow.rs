@@ -9,6 +9,7 @@ use crate::cluster::{DriveWindow, Figures, Method};
 use crate::error::Result;
 use crate::model::TileId;
 use crate::output::LabelledFile;
+use crate::run::cloud::Cloud;
 use crate::run::drive::{StoredFields, Surveyed, Tiled};
 use crate::run::engine::{Driver, Event, Outline};
 use crate::run::error::RunError;
@@ -157,7 +158,11 @@ fn through_step<D: Driver, R>(
     let mut tiled = Tiled::whole_blocks(drive, surveyed, plan);
     let amplification = tiled.amplification(chain.ground_reach);
     let list = List::of(open, planned, amplification > LARGEST_AMPLIFICATION);
-    driver.expect(&list.all(&tiled));
+    let mut ahead = list.all(&tiled);
+    if driver.computes() && open.config.output.writes("copc") {
+        ahead.extend(Cloud::outlines(&list.export).map(|outline| (outline, None)));
+    }
+    driver.expect(&ahead);
 
     if let Some(outline) = &list.scatter {
         let text = format!(
@@ -256,6 +261,7 @@ pub(crate) fn to_files<D: Driver>(
         let limit = names::page_limit_bytes(open.config);
         let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
         let tiled = progress.over.classified.tiled;
+        let for_cloud = open.config.output.writes("copc").then(|| labelled.clone());
         let copies = Copies::of(labelled, tiled, open.config.output.writes("points"));
         let pass = ExportPass::of(
             &open.drive,
@@ -267,6 +273,12 @@ pub(crate) fn to_files<D: Driver>(
             list.export.clone(),
         );
         let Some(exported) = driver.complete(&pass)? else { return Ok(None) };
+        if let Some(labelled) = &for_cloud {
+            let kinds = &objects.kinds;
+            let cloud =
+                Cloud { open, tiled, columns: &columns, kinds, labelled, run_dir, export: &list.export };
+            let Some(()) = cloud.complete(driver)? else { return Ok(None) };
+        }
         let table = tables::write_tables(
             run_dir,
             &open.drive,

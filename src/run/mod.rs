@@ -20,6 +20,7 @@
 //! ```
 
 mod chain;
+mod cloud;
 mod drive;
 mod engine;
 mod error;

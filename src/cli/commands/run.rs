@@ -77,6 +77,9 @@ struct OutputSettings {
     keep_original: bool,
     #[arg(long, value_name = "LIST", value_delimiter = ',', help = outputs())]
     outputs: Vec<String>,
+    /// Write all points as one cloud-optimised file as well, drive.copc.laz, for viewers that stream
+    #[arg(long)]
+    copc: bool,
     /// Do not write report.html, the page with a 3D view, a plan, a table and statistics
     #[arg(long)]
     no_report: bool,
@@ -88,7 +91,10 @@ struct OutputSettings {
 /// The help of --outputs.
 fn outputs() -> String {
     let tables: Vec<&str> = objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name).collect();
-    format!("Write only these: points (labelled copies), {}, report [default: all]", tables.join(", "))
+    format!(
+        "Write only these: points (labelled copies), {}, copc, report [default: all but copc]",
+        tables.join(", ")
+    )
 }
 
 impl OutputSettings {
@@ -105,6 +111,9 @@ impl OutputSettings {
         }
         if !self.outputs.is_empty() {
             list.push(("output.files", format!("{:?}", self.outputs)));
+        }
+        if self.copc {
+            list.push(("output.copc", "true".to_owned()));
         }
         if self.no_report {
             list.push(("output.report", "false".to_owned()));
@@ -198,6 +207,7 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
     written.extend(tables.map(|entry| entry.file_name));
     written.push("report.json");
     written.extend(output.writes("report").then_some("report.html"));
+    written.extend(output.writes("copc").then_some("drive.copc.laz"));
     text.push_str(&format!("\n  {}: {}\n", out.display(), written.join(", ")));
     text
 }

@@ -69,7 +69,8 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
 };
 
 /// Distance beyond which points do not change an object, as a rule: 18 m of voxels and ground for a class, and growth that
-/// another core may win. Chosen: with it, all objects of sections of four synthetic drives are those of the whole drive.
+/// another core may win. Chosen: with it, all 404 objects of four sections of synthetic streets (suburb and mixed,
+/// 400 m each) are those of the whole drive.
 const DECIDING_REACH_M: f64 = 30.0;
 
 /// Bytes per point that a tile of a step needs at its peak.

@@ -23,7 +23,7 @@ use crate::run::chain::with_section;
 use crate::run::drive::Drive;
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::finish::mark;
-use crate::run::passes::copies::{Copies, Shown};
+use crate::run::passes::copies::{Copies, Labels, Shown};
 use crate::run::passes::relabel::PointColumns;
 use crate::store::{Inputs, PassDir, RunDir, StoreError};
 use crate::whole_file::publish;
@@ -133,26 +133,6 @@ impl<'a> ExportPass<'a> {
         self.targets.iter().enumerate().filter(|(_, target)| target.is_copied)
     }
 
-    /// Reads objects and classes of the records of a range, ready to be written.
-    fn labels(&self, file: usize, records: &Range<u64>, desk: &mut Desk<'_>) -> Result<()> {
-        let count = usize::try_from(length(records)).unwrap_or(0);
-        desk.labels.resize(count, 0);
-        desk.classes.resize(count, 0);
-        self.columns.objects.read(file, records.start, &mut desk.labels)?;
-        self.columns.classes.read(file, records.start, &mut desk.classes)?;
-        desk.kinds.clear();
-        if !self.kinds.is_empty() {
-            let kind = |label: &u32| {
-                (*label as usize)
-                    .checked_sub(1)
-                    .and_then(|object| self.kinds.get(object))
-                    .map_or(0, |kind| kind.class)
-            };
-            desk.kinds.extend(desk.labels.iter().map(kind));
-        }
-        Ok(())
-    }
-
     /// Puts the labelled records of a range into the buffers.
     fn label(&self, file: usize, records: &Range<u64>, desk: &mut Desk<'_>) -> Result<()> {
         let input = self.drive.file(file);
@@ -175,11 +155,12 @@ impl<'a> ExportPass<'a> {
             let all = if kept { &decoded[..] } else { input.records(block, Fields::All, &mut decoded)? };
             desk.block = Some(block);
             let bytes = &all[at(from)..at(to)];
-            self.labels(file, &(from..to), desk)?;
+            desk.labels.read(file, from, usize::try_from(to - from).unwrap_or(0))?;
             self.sample(file, from, bytes, desk);
             if self.writes {
                 let labelled = &self.targets[file].labelled;
-                labelled.label(bytes, &desk.labels, &desk.classes, &desk.kinds, &mut desk.out);
+                let Labels { objects, classes, kinds, .. } = &desk.labels;
+                labelled.label(bytes, objects, classes, kinds, &mut desk.out);
             }
             desk.decoded = decoded;
             if to == run.first_record + u64::from(run.count) {
@@ -195,7 +176,7 @@ impl<'a> ExportPass<'a> {
         let input = self.drive.file(file);
         let intensity = input.layout().intensity;
         let numbers = (self.drive.catalog.first_id(file) + first).number()..;
-        let labels = desk.labels.iter().zip(&desk.classes);
+        let labels = desk.labels.objects.iter().zip(&desk.labels.classes);
         for ((number, record), (&object, &class)) in
             numbers.zip(records.chunks_exact(input.layout().record_len)).zip(labels)
         {
@@ -255,12 +236,8 @@ impl<'a> ExportPass<'a> {
 
 /// Buffers of one worker, kept from chunk to chunk, because the system would have to zero new ones every
 /// time.
-#[derive(Default)]
 struct Desk<'a> {
-    labels: Vec<u32>,
-    classes: Vec<u8>,
-    /// Class of the object of each record. Empty if the method does not classify.
-    kinds: Vec<u8>,
+    labels: Labels<'a>,
     /// The block whose records are in `decoded`.
     block: Option<usize>,
     decoded: Vec<u8>,
@@ -357,7 +334,13 @@ impl Pass for ExportPass<'_> {
         let unit = &self.units[unit];
         let target = &self.targets[unit.file];
         self.drive.file(unit.file).check_unchanged()?;
-        let mut desk = Desk { sampler: self.sampling.map(Sampler::new), ..Desk::default() };
+        let mut desk = Desk {
+            labels: Labels::of(self.columns, self.kinds),
+            block: None,
+            decoded: Vec::new(),
+            out: Vec::new(),
+            sampler: self.sampling.map(Sampler::new),
+        };
         let mut chunks = Vec::new();
         let writes_records = self.writes && !target.labelled.is_compressed();
         let part = writes_records.then(|| open_part(target)).transpose()?;
