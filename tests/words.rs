@@ -146,6 +146,11 @@ fn settings_have_speaking_names_and_the_old_ones_are_read_with_a_warning() {
 fn a_dry_run_shows_the_plan_and_writes_nothing() {
     let folder = samples();
     let fixed = ["--threads", "2", "--memory", "256M", "--tile-length", "20"];
+    // The time is measured anew.
+    let told = |folder: &Path, arguments: &[&str]| {
+        let page = told(folder, arguments);
+        page.lines().filter(|line| !line.starts_with("  time ")).map(str::to_owned).collect::<Vec<_>>()
+    };
     let dry = told(folder.path(), &[&["run", SAMPLE, "-o", "out", "--dry-run"], &fixed[..]].concat());
     assert_eq!(dry, told(folder.path(), &[&["plan", SAMPLE], &fixed[..]].concat()));
     assert!(!folder.path().join("out").exists());
@@ -382,4 +387,17 @@ fn a_section_of_the_drive_is_planned_and_processed() {
     assert!(typed.contains("must be a chainage in metres, 0 or more, for example 250"), "{typed}");
     let over = refused(&["--to", "40", "--method", "dbscan", "--set", "dbscan.epsilon=auto"], 3);
     assert!(over.contains("hint: estimate it first with chainage estimate-epsilon FILES"), "{over}");
+}
+
+#[test]
+fn a_plan_says_how_long_a_run_takes_as_a_range() {
+    let folder = samples();
+    // What it counts is tested beside it; the speed of the survey differs from call to call.
+    let page = told(folder.path(), &["plan", SAMPLE, "--tile-length", "50", "--json=plan.json"]);
+    let line = page.lines().find_map(|line| line.strip_prefix("  time      ")).expect("a line");
+    assert!(line == "about 1 s" || (line.contains(" to ") && line.ends_with('s')), "{line}");
+    let json = std::fs::read(folder.path().join("plan.json")).expect("written");
+    let plan: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    let [least, most] = [0, 1].map(|at| plan["seconds"][at].as_f64().expect("a number"));
+    assert!(0.0 < least && 2.0 * least < most, "{least} {most}");
 }

@@ -232,6 +232,10 @@ impl GroundFilter for Opening {
 
     /// A column; from there to the far corner of a block `slope_radius` away; twice the disc; and to the far corner of
     /// the blocks that make the floor.
+    fn microseconds_per_point(&self) -> f64 {
+        1.5
+    }
+
     fn reach(&self, lattice: Lattice) -> Reach {
         let voxel_m = lattice.metres(lattice.units(self.config.voxel));
         let block_m = voxel_m * BLOCK as f64 * SQRT_2;

@@ -42,6 +42,15 @@ impl PlanArgs {
     }
 }
 
+/// The time to expect, in seconds or minutes.
+fn time((least, most): (f64, f64)) -> String {
+    match most {
+        ..1.5 => "about 1 s".to_owned(),
+        ..120.0 => format!("{:.0} to {:.0} s", least.floor().max(1.0), most.ceil()),
+        _ => format!("{:.0} to {:.0} min", (least / 60.0).floor().max(1.0), (most / 60.0).ceil()),
+    }
+}
+
 /// The plan, for a person.
 pub(super) fn page(plan: &PlanFacts) -> String {
     let rows: Vec<Vec<String>> = plan
@@ -86,7 +95,7 @@ pub(super) fn page(plan: &PlanFacts) -> String {
         print::bytes(plan.state_bytes),
         plan.read_amplification
     ));
-    text.push_str(&format!("  time      roughly {:.0} s\n", plan.seconds.max(1.0)));
+    text.push_str(&format!("  time      {}\n", time(plan.seconds)));
     text.push_str(&print::warnings(&plan.warnings));
     text
 }

@@ -111,6 +111,10 @@ impl Method for DensityPeaks {
 
     /// The reach of the points of the last stage. Voxels are read from further away, but they need less
     /// memory.
+    fn microseconds_per_point(&self) -> f64 {
+        2.9
+    }
+
     fn planning_reach(&self, _lattice: Lattice) -> Reach {
         Reach::Exact { metres: stage_borders::reach_m(&self.config) }
     }

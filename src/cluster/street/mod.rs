@@ -158,6 +158,10 @@ impl Method for Street {
         Reach::Exact { metres: lattice.metres(stage_voxels::points_reach(lattice)) }
     }
 
+    fn microseconds_per_point(&self) -> f64 {
+        13.0
+    }
+
     fn deciding_reach_m(&self, _lattice: Lattice) -> f64 {
         DECIDING_REACH_M
     }

@@ -1,23 +1,21 @@
 //! The tiles that a run would process.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::config::Config;
+use crate::config::{Config, OutputFormat};
 use crate::error::Result;
+use crate::input::InputFile;
 use crate::run::chain::Registries;
 use crate::run::computed;
 use crate::run::drive::{AxisFacts, Tiled};
 use crate::run::engine::InMemory;
 use crate::run::flow::{self, Planned};
 use crate::run::open::Opened;
-use crate::run::plan::{self, over_budget, tile_bytes};
+use crate::run::plan::{self, Work, over_budget, tile_bytes};
 use crate::run::summary::SectionFacts;
-
-/// Points per second and thread of a whole run on the machine of `benches/results`, for the time that `plan`
-/// estimates.
-const POINTS_PER_SECOND: f64 = 2e6;
 
 /// One tile of a plan.
 #[derive(Debug, Clone, Serialize)]
@@ -58,8 +56,8 @@ pub struct PlanFacts {
     pub read_amplification: f64,
     /// Bytes of state on disk.
     pub state_bytes: u64,
-    /// Estimated seconds.
-    pub seconds: f64,
+    /// Smallest and largest number of seconds to expect, from the speed of the survey.
+    pub seconds: (f64, f64),
     /// The axis.
     pub axis: AxisFacts,
     /// Problems and unusual facts.
@@ -77,7 +75,9 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let open = Opened::to_look(inputs, config, registries)?;
     let Opened { drive, chain, budget: asked, .. } = &open;
     let mut driver = InMemory { limits: asked.limits() };
+    let started = Instant::now();
     let surveyed = computed(flow::survey(&open, &mut driver, None)?)?;
+    let survey_s = started.elapsed().as_secs_f64();
     let budget = asked.beside(surveyed.held_bytes());
     let Planned { surveyed, plan } = computed(flow::plan(&open, &mut driver, surveyed)?)?;
     let view = Tiled::whole_blocks(drive, &surveyed, &plan);
@@ -121,6 +121,30 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
                 .to_owned(),
         );
     }
+    let compressed = |written: bool| {
+        let files = drive.catalog.files().iter();
+        let is_compressed = |file: &&InputFile| match (written, config.output.format) {
+            (false, _) | (true, OutputFormat::Same) => file.is_compressed(),
+            (true, format) => format == OutputFormat::Laz,
+        };
+        files.filter(is_compressed).map(InputFile::point_count).sum::<u64>()
+    };
+    let records = drive.catalog.point_count();
+    let share = points as f64 / records.max(1) as f64;
+    let copied =
+        |records: u64| if config.output.writes("points") { (records as f64 * share) as u64 } else { 0 };
+    let halo = |reach| (0..plan.tiles.len()).map(|tile| plan.region_points(tile, reach)).sum::<u64>();
+    let seconds = Work {
+        records,
+        compressed: compressed(false),
+        survey_s,
+        threads: budget.threads,
+        ground: (tiles.iter().map(|tile| tile.points_read).sum(), chain.filter.microseconds_per_point()),
+        method: (halo(chain.cluster_reach), chain.method.microseconds_per_point()),
+        copied: copied(records),
+        copied_compressed: copied(compressed(true)),
+    }
+    .seconds();
     let lattice = drive.lattice();
     let svg = plan::svg(&plan, &surveyed, lattice);
     Ok(PlanFacts {
@@ -134,7 +158,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         read_amplification: read as f64 / points.max(1) as f64,
         // Classes and labels of every point, and positions of compressed files.
         state_bytes: points * 5 + unpacked,
-        seconds: points as f64 / (POINTS_PER_SECOND * budget.threads as f64),
+        seconds: (*seconds.start(), *seconds.end()),
         axis: AxisFacts::of(&surveyed.axis),
         tiles,
         warnings,
