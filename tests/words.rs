@@ -401,3 +401,39 @@ fn a_plan_says_how_long_a_run_takes_as_a_range() {
     let [least, most] = [0, 1].map(|at| plan["seconds"][at].as_f64().expect("a number"));
     assert!(0.0 < least && 2.0 * least < most, "{least} {most}");
 }
+
+#[test]
+fn every_method_names_its_paper_by_author_year_and_doi() {
+    let folder = scratch();
+    let page = told(folder.path(), &["methods"]);
+    let references: Vec<&str> = chainage::cluster::REGISTRY
+        .iter()
+        .map(|entry| entry.reference)
+        .chain(chainage::ground::REGISTRY.iter().map(|entry| entry.reference))
+        .collect();
+    for reference in references {
+        assert!(page.contains(reference), "{reference}");
+        // What is not from a paper says so, and where it is described.
+        let ours = reference.starts_with("ours, see benches/results/");
+        assert!(ours || (reference.contains("doi:10.") && reference.contains(" et al. 20")), "{reference}");
+    }
+}
+
+#[test]
+fn a_drive_whose_ground_is_not_found_is_told_of_another_filter() {
+    let folder = scratch();
+    // Trunks beside each other from the ground up: no column is low, so the filter finds no ground.
+    let mut points = Vec::new();
+    for trunk in 0..400 {
+        let (x, y) = (trunk % 20 * 300, trunk / 20 * 300);
+        points.extend((0..60).map(|z| Point::at([x + 100, y + 100, z * 100])));
+    }
+    std::fs::write(folder.path().join("forest.las"), Shape::default().bytes(&points)).expect("written");
+    let run = |filter: &str| {
+        let list = ["run", "forest.las", "-o", filter, "-q", "--method", "euclidean", "--ground", filter];
+        text(&call(folder.path(), &list).stderr)
+    };
+    let warned = run("voxel-column");
+    assert!(warned.contains("warning: ") && warned.contains("--ground "), "{warned}");
+    assert!(!run("none").contains("--ground "), "nothing is looked for");
+}

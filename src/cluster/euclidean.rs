@@ -21,7 +21,7 @@ const NAME: &str = "euclidean";
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
     summary: "single-link clusters of points within a fixed distance",
-    reference: "Guan et al. 2016, section 3.2",
+    reference: "Guan et al. 2016, section 3.2, doi:10.5194/isprs-archives-XLI-B3-221-2016",
     build: |sections| {
         let method = Euclidean::new(&config::section(NAME, &sections(NAME))?)?;
         Ok(Box::new(OneStep::new(method, &["euclidean.*"])))

@@ -51,7 +51,7 @@ const MOST_VOXELS: usize = 128;
 pub(super) const ENTRY: GroundEntry = GroundEntry {
     name: NAME,
     summary: "small voxels from which little rises within their block",
-    reference: "Guan et al. 2016, section 3.1",
+    reference: "Guan et al. 2016, section 3.1, doi:10.5194/isprs-archives-XLI-B3-221-2016",
     build: |table| Ok(Box::new(UpwardGrowing::new(&config::section(NAME, table)?)?)),
 };
 

@@ -36,6 +36,7 @@ pub(crate) fn outline(relabel: &Outline, surveyed: &Surveyed) -> Outline {
     let depends = Inputs::new()
         .with("pass relabel", relabel.depends.fingerprint())
         .with("axis", format!("{:?}, {:.3} m, {:016x}", axis.source, axis.length_m(), axis.digest()))
+        .with("attributes epoch", inventory::EPOCH)
         .with("columns", names.join(" "));
     Outline::new(NUMBER, NAME, depends)
 }
