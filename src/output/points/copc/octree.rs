@@ -77,25 +77,13 @@ pub(crate) struct Spot(u128);
 
 impl Spot {
     fn of(at: [u32; 3]) -> Self {
-        let mut code = 0;
-        for digit in (0..DIGITS).rev() {
-            for axis in at {
-                code = code << 1 | u128::from(axis >> digit & 1);
-            }
-        }
-        Self(code)
+        let [x, y, z] = at.map(spread);
+        Self(x << 2 | y << 1 | z)
     }
 
     /// The position along the axes.
     fn at(self) -> [u32; 3] {
-        let mut at = [0; 3];
-        for digit in (0..DIGITS).rev() {
-            for (value, place) in at.iter_mut().zip([2, 1, 0]) {
-                let bit = self.0 >> (3 * digit + place) & 1;
-                *value = *value << 1 | u32::from(bit == 1);
-            }
-        }
-        at
+        [2, 1, 0].map(|place| gathered(self.0 >> place))
     }
 
     /// The node of a level.
@@ -113,6 +101,35 @@ impl Spot {
         let bits = (self.0 ^ other.0).leading_zeros() - (u128::BITS - 3 * DIGITS);
         (bits / 3 + 1).saturating_sub(GRID_DIGITS).min(DEEPEST + 1)
     }
+}
+
+/// Steps that move the digits of a number of 16 bits apart, to every third bit: by how much, and which bits stay.
+const APART: [(u32, u64); 4] =
+    [(16, 0xff00_00ff), (8, 0x00f0_0f00_f00f), (4, 0x0c30_c30c_30c3), (2, 0x2492_4924_9249)];
+/// Bits that 16 digits take then.
+const HALF: u32 = 48;
+
+/// The digits of a number at every third bit.
+fn spread(value: u32) -> u128 {
+    let half = |value: u32| {
+        let bits = u64::from(value & 0xffff);
+        u128::from(APART.iter().fold(bits, |bits, (by, stay)| (bits | bits << by) & stay))
+    };
+    half(value >> 16) << HALF | half(value)
+}
+
+/// The number whose digits are every third bit: the steps of [`spread`] backward.
+fn gathered(bits: u128) -> u32 {
+    let half = |bits: u128| {
+        #[expect(clippy::cast_possible_truncation, reason = "the lower bits are wanted")]
+        let mut bits = bits as u64 & APART[3].1;
+        for step in (0..APART.len()).rev() {
+            let stay = if step == 0 { 0xffff } else { APART[step - 1].1 };
+            bits = (bits | bits >> APART[step].0) & stay;
+        }
+        u32::try_from(bits).unwrap_or(0)
+    };
+    half(bits >> HALF) << 16 | half(bits)
 }
 
 /// The order in which points are shown: a hash of their number (SplitMix64, Steele et al. 2014,
@@ -205,6 +222,18 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
+
+    #[test]
+    fn digits_are_spread_and_gathered() {
+        for value in [0, 1, 0x8000_0001, 0x1234_5678, u32::MAX] {
+            let bits = spread(value);
+            assert!((0..32).all(|digit| bits >> (3 * digit) & 1 == u128::from(value >> digit & 1)));
+            assert_eq!(
+                (bits.count_ones(), gathered(bits), gathered(bits | bits << 1)),
+                (value.count_ones(), value, value)
+            );
+        }
+    }
 
     #[test]
     fn a_place_is_found_again_in_its_nodes() {
