@@ -14,8 +14,9 @@ use crate::run::drive::{AxisFacts, Tiled};
 use crate::run::engine::InMemory;
 use crate::run::flow::{self, Planned};
 use crate::run::open::Opened;
-use crate::run::plan::{self, Work, over_budget, tile_bytes};
+use crate::run::plan::{self, Budget, Work, over_budget, tile_bytes};
 use crate::run::summary::SectionFacts;
+use crate::tiling::Plan;
 
 /// One tile of a plan.
 #[derive(Debug, Clone, Serialize)]
@@ -121,30 +122,8 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
                 .to_owned(),
         );
     }
-    let compressed = |written: bool| {
-        let files = drive.catalog.files().iter();
-        let is_compressed = |file: &&InputFile| match (written, config.output.format) {
-            (false, _) | (true, OutputFormat::Same) => file.is_compressed(),
-            (true, format) => format == OutputFormat::Laz,
-        };
-        files.filter(is_compressed).map(InputFile::point_count).sum::<u64>()
-    };
-    let records = drive.catalog.point_count();
-    let share = points as f64 / records.max(1) as f64;
-    let copied =
-        |records: u64| if config.output.writes("points") { (records as f64 * share) as u64 } else { 0 };
-    let halo = |reach| (0..plan.tiles.len()).map(|tile| plan.region_points(tile, reach)).sum::<u64>();
-    let seconds = Work {
-        records,
-        compressed: compressed(false),
-        survey_s,
-        threads: budget.threads,
-        ground: (tiles.iter().map(|tile| tile.points_read).sum(), chain.filter.microseconds_per_point()),
-        method: (halo(chain.cluster_reach), chain.method.microseconds_per_point()),
-        copied: copied(records),
-        copied_compressed: copied(compressed(true)),
-    }
-    .seconds();
+    let ground_points = tiles.iter().map(|tile| tile.points_read).sum();
+    let seconds = work(&open, &plan, &budget, survey_s, ground_points).seconds();
     let lattice = drive.lattice();
     let svg = plan::svg(&plan, &surveyed, lattice);
     Ok(PlanFacts {
@@ -164,4 +143,34 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         warnings,
         svg,
     })
+}
+
+/// What a run with this plan computes, if its tiles read `ground_points` for the ground filter.
+fn work(open: &Opened<'_>, plan: &Plan, budget: &Budget, survey_s: f64, ground_points: u64) -> Work {
+    let Opened { drive, chain, config, .. } = open;
+    let points_of = |wanted: &dyn Fn(&InputFile) -> bool| {
+        drive.catalog.files().iter().filter(|file| wanted(file)).map(InputFile::point_count).sum::<u64>()
+    };
+    let becomes_laz = |file: &InputFile| match config.output.format {
+        OutputFormat::Same => file.is_compressed(),
+        format => format == OutputFormat::Laz,
+    };
+    let records = drive.catalog.point_count();
+    // Of a section, the share of the drive.
+    let copied = |records_of: u64| {
+        let points = u128::from(records_of) * u128::from(plan.points_inside()) / u128::from(records.max(1));
+        if config.output.writes("points") { u64::try_from(points).unwrap_or(u64::MAX) } else { 0 }
+    };
+    let tiles = 0..plan.tiles.len();
+    let method_points = tiles.map(|tile| plan.region_points(tile, chain.cluster_reach)).sum();
+    Work {
+        records,
+        compressed: points_of(&InputFile::is_compressed),
+        survey_s,
+        threads: budget.threads,
+        ground: (ground_points, chain.filter.microseconds_per_point()),
+        method: (method_points, chain.method.microseconds_per_point()),
+        copied: copied(records),
+        copied_compressed: copied(points_of(&becomes_laz)),
+    }
 }
