@@ -20,6 +20,7 @@
 //! ```
 
 mod chain;
+mod cloud;
 mod drive;
 mod engine;
 mod error;
@@ -54,7 +55,7 @@ pub use look::{
     plan_of,
 };
 pub use look::{PassStatus, RunStatus, status};
-pub use summary::{Counts, RunSummary};
+pub use summary::{Counts, RunSummary, SectionFacts};
 pub use train::{TrainRequest, Trained, built_in_model, read_model, score_model, train};
 
 /// A request for a run.
@@ -84,7 +85,8 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
     let (labelled, file_warnings) = names::plan_files(&catalog, config, chain.method.classifies(), &run_dir)?;
-    let mut warnings = catalog.warnings().to_vec();
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(catalog.warnings().iter().cloned());
     warnings.extend(file_warnings);
     if request.fresh {
         warnings.extend(names::remove_superseded(&run_dir, config, &labelled)?);
@@ -102,10 +104,11 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
     warnings.extend(outcome.warnings);
     let summary = RunSummary {
-        points: planned.surveyed.survey.points(),
+        points: planned.plan.points_inside(),
+        section: SectionFacts::of(&planned.surveyed),
         counts: outcome.counts,
         objects: outcome.objects,
-        tiles: planned.plan.tiles.len(),
+        tiles: planned.plan.tiles.iter().filter(|tile| tile.inside).count(),
         seconds: started.elapsed().as_secs_f64(),
         nothing_to_do: outcome.unmarked.is_none(),
         figures: outcome.figures,
@@ -117,7 +120,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
         let report = report::report(&open.drive, config, &planned.surveyed, &summary);
         report::write_report(&run_dir, &report)?;
         page::write_page(&run_dir, &open, &planned.surveyed, &planned.plan, outcome.page, report)?;
-        names::remove_left_out(&run_dir, config, &copies)?;
+        names::remove_left_out(&run_dir, config, &copies, &finished.files)?;
         let export = run_dir.pass(&export.folder, export.depends);
         mark::mark_finished(&run_dir, &export, &finished, &names::beside(config))?;
     }

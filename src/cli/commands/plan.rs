@@ -6,7 +6,7 @@ use chainage::config::ConfigError;
 use chainage::run::{PlanFacts, Registries, plan_of};
 
 use crate::cli::commands::info;
-use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::drive_args::{Inputs, SectionArgs, Settings};
 use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
 use crate::cli::print::{deliver, is_standard_output};
@@ -22,6 +22,8 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     #[command(flatten)]
+    section: SectionArgs,
+    #[command(flatten)]
     settings: Settings,
 }
 
@@ -31,12 +33,21 @@ impl PlanArgs {
             let refused = ConfigError::value("--svg", "-", "a file when --json is given");
             return Err(chainage::Error::from(refused).into());
         }
-        let config = self.settings.resolve(&[])?;
+        let config = self.settings.resolve(&self.section.assignments().collect::<Vec<_>>())?;
         let plan = plan_of(&self.inputs.files()?, &config, &Registries::default())?;
         if !deliver(self.svg.as_deref(), |to| to.write_all(plan.svg.as_bytes()))? {
             self.json.show(&plan, || page(&plan))?;
         }
         Ok(exit::DONE)
+    }
+}
+
+/// The time to expect, in seconds or minutes.
+fn time((least, most): (f64, f64)) -> String {
+    match most {
+        ..1.5 => "about 1 s".to_owned(),
+        ..120.0 => format!("{:.0} to {:.0} s", least.floor().max(1.0), most.ceil()),
+        _ => format!("{:.0} to {:.0} min", (least / 60.0).floor().max(1.0), (most / 60.0).ceil()),
     }
 }
 
@@ -66,6 +77,9 @@ pub(super) fn page(plan: &PlanFacts) -> String {
         plan.axis.length_m,
         info::axis_source(&plan.axis)
     ));
+    if let Some(section) = &plan.section {
+        text.push_str(&format!("  section   {}\n", print::section(section)));
+    }
     text.push_str(&format!(
         "  halo      {:.2} m for ground and noise, {:.2} m for clusters\n",
         plan.ground_reach_m, plan.cluster_reach_m
@@ -81,7 +95,7 @@ pub(super) fn page(plan: &PlanFacts) -> String {
         print::bytes(plan.state_bytes),
         plan.read_amplification
     ));
-    text.push_str(&format!("  time      roughly {:.0} s\n", plan.seconds.max(1.0)));
+    text.push_str(&format!("  time      {}\n", time(plan.seconds)));
     text.push_str(&print::warnings(&plan.warnings));
     text
 }

@@ -23,6 +23,9 @@ use crate::tiling::Plan;
 const NUMBER: u32 = 1;
 const NAME: &str = "scatter";
 
+/// The tile of points beside a section, which no tile reads.
+const NOBODY: TileId = TileId::new(u32::MAX);
+
 pub(crate) struct ScatterPass<'a> {
     drive: &'a Drive,
     plan: &'a Plan,
@@ -66,7 +69,7 @@ impl<'a> ScatterPass<'a> {
                     let mut point = [0; STRIDE];
                     point[..12].copy_from_slice(&bytes[..12]);
                     point[12..].copy_from_slice(&record.to_le_bytes());
-                    points.push((TileId::new(owner.saturating_sub(1)), point));
+                    points.push((owner.checked_sub(1).map_or(NOBODY, TileId::new), point));
                     record += 1;
                 }
             })?;

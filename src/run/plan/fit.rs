@@ -16,8 +16,13 @@ use crate::tiling::{Plan, PlanRequest, TileSize};
 /// wait for others.
 const ATTEMPTS: usize = 5;
 
-/// File with the size of the tiles.
-const STORED: &str = "plan.json";
+/// File with the size of the tiles. Sections have files of their own, because their tiles are others.
+fn stored_name(surveyed: &Surveyed) -> String {
+    match surveyed.section_m() {
+        Some((from, to)) => format!("plan-{from}-{to}.json"),
+        None => "plan.json".to_owned(),
+    }
+}
 
 /// The occupied cells in order of chainage. Only the plan needs them.
 #[derive(Debug)]
@@ -34,17 +39,18 @@ impl<'a> Street<'a> {
         let edge_m = drive.lattice().metres(drive.grid.edge());
         let centre = |cell: Cell| cell.map(|index| (f64::from(index) + 0.5) * edge_m);
         let strip = |cell| in_u32(surveyed.axis.nearest(centre(cell)) + 1, "vertices of the axis");
-        Self { surveyed, grid: drive.grid, strips: surveyed.cells.map(|cell, _| strip(cell)) }
+        Self { surveyed, grid: drive.grid, strips: surveyed.processed().map(|cell, _| strip(cell)) }
     }
 
     /// The plan with tiles of `size`.
     pub(crate) fn plan(&self, size: &TileSize) -> Plan {
         Plan::new(&PlanRequest {
-            cells: &self.surveyed.cells,
+            cells: self.surveyed.processed(),
             strips: &self.strips,
             chainage_m: self.surveyed.axis.chainage_m(),
             grid: self.grid,
             size,
+            section_m: self.surveyed.section_m(),
         })
     }
 
@@ -55,7 +61,7 @@ impl<'a> Street<'a> {
             let plan = self.plan(&size);
             return (size, plan);
         }
-        let points = self.surveyed.survey.points();
+        let points = self.surveyed.processed().iter().map(|(_, points)| u64::from(points)).sum();
         let mut size = TileSize::equal(budget.tiles(points, needs::bytes_per_point(chain)));
         let mut plan = self.plan(&size);
         let mut needs = needs::of_plan(chain, &plan);
@@ -93,8 +99,9 @@ pub(crate) fn settle<D: Driver>(
     budget: &Budget,
 ) -> Result<Option<Plan>> {
     let street = Street::of(surveyed, drive);
+    let name = stored_name(surveyed);
     let stored: Option<TileSize> = match driver.run_dir() {
-        Some(run_dir) => run_dir.read_json(STORED)?,
+        Some(run_dir) => run_dir.read_json(&name)?,
         None => None,
     };
     if !driver.computes() {
@@ -110,7 +117,7 @@ pub(crate) fn settle<D: Driver>(
     }
     let (size, plan) = street.fit(config, chain, budget);
     if let Some(run_dir) = driver.run_dir().filter(|_| stored.as_ref() != Some(&size)) {
-        run_dir.write_json(STORED, &size)?;
+        run_dir.write_json(&name, &size)?;
     }
     let largest = needs::largest(chain, &plan);
     if largest > budget.memory {
