@@ -124,6 +124,17 @@ PYTHON
     PYTHONPATH=$PWD/target/python python3 python/examples/sample.py
 }
 
+# Debian's QGIS knows its own Python only.
+styles() {
+    local folder code=0
+    folder=$(mktemp -d)
+    target/release/chainage run tests/data/tree_road_sweep.laz -o "$folder" --outputs gpkg --quiet >/dev/null &&
+        /usr/bin/python3 scripts/check_qgis.py "$folder/objects.gpkg" 2>/dev/null || code=$?
+    rm -rf "$folder"
+    [ "$code" -ne 77 ] || { skip "styles of objects.gpkg in QGIS (python3-qgis is not installed)" && return; }
+    return "$code"
+}
+
 step "format" cargo fmt --check
 if [ "$lane" = --fast ]; then
     step "unit tests" tests --lib
@@ -142,6 +153,7 @@ if [ "$lane" = all ]; then
     step "exactness" scripts/exactness.sh
     step "Python package" python_package
     step "report in a browser" browser
+    step "styles in QGIS" styles
     step "kill and resume, LAS and LAZ" scripts/kill_and_resume.sh tests/data/tree_road_sweep.laz 20 4
     step "kill and resume, method with several steps" \
         scripts/kill_and_resume.sh --method density-peaks tests/data/tree_road_sweep.laz 10 20

@@ -238,14 +238,18 @@ def check_table(browser, out):
     # By its own number first, so that the order is that of the file.
     csv = browser.js("app.table.csv()")
     file = (out / "objects.csv").read_text()
-    check("the CSV is objects.csv", csv == file)
+    lines, all_lines = csv.splitlines(), file.splitlines()
+    # A page with a limit may have the rows with most points only, in the order of the file.
+    left_out = "objects.csv has all" in browser.js("document.body.textContent")
+    kept = set(lines)
+    check("the CSV is objects.csv", lines == [line for line in all_lines if line in kept] if left_out else csv == file)
     column = browser.js("app.table.columns.findIndex((column) => column.name === 'points')")
     button = f"[...document.querySelectorAll('#table th button')].find((button) => button.title.startsWith('points:'))"
     texts = f"[...document.querySelectorAll('#table tbody tr')].map((row) => Number(row.cells[app.table.order.indexOf({column})].textContent))"
     for direction, reverse in [("ascending", False), ("descending", True)]:
         browser.js(f"{button}.click()")
         values = browser.js(texts)
-        check(f"sorted, {direction}", values == sorted(values, reverse=reverse) and len(set(values)) > 3, values[:5])
+        check(f"sorted, {direction}", values == sorted(values, reverse=reverse) and (left_out or len(set(values)) > 3), values[:5])
         check("and said so", browser.js(f"{button}.parentElement.getAttribute('aria-sort')") == direction)
     browser.js("document.querySelector('#table th button').click()")
     middle = browser.js("(app.axis.from + app.axis.to) / 2")

@@ -50,7 +50,7 @@ RUNS = [
     ("sweep-dbscan-core", SWEEP, ["--method", "dbscan", "--set", "dbscan.variant=core", "--tile-length", "15"]),
     ("sweep-dbscan-auto", SWEEP, [*AUTO, "--tile-length", "30"]),
     ("sweep-dbscan-fields", SWEEP, [*AUTO, "--set", 'dbscan.fields=["x","y","z","intensity"]']),
-    ("sweep-normalized-cut", SWEEP, ["--method", "normalized-cut", "--set", "euclidean.d_t=0.8", "--tile-length", "20"]),
+    ("sweep-normalized-cut", SWEEP, ["--method", "normalized-cut", "--set", "euclidean.max_gap_m=0.8", "--tile-length", "20"]),
     ("profiles-euclidean", PROFILES, []),
     ("profiles-euclidean-laz", PROFILES, ["--output-format", "laz", "--tile-length", "5"]),
     ("profiles-density-peaks", PROFILES, ["--method", "density-peaks"]),

@@ -20,11 +20,11 @@ PRESETS = ("avenue", "mixed")
 LENGTH = "60m"
 SWEEPS = {
     "VS": (0.2, 0.25, 0.3, 0.4, 0.5),
-    "d_neighbor": (6, 9, 13, 17, 22),
-    "c_t": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.14),
-    "d_t": (2, 5, 8, 12, 1000),
+    "search_radius": (6, 9, 13, 17, 22),
+    "merge_below": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.14),
+    "scale_above": (2, 5, 8, 12, 1000),
 }
-DEFAULTS = {"VS": 0.3, "d_neighbor": 13, "c_t": 0.08, "d_t": 5}
+DEFAULTS = {"VS": 0.3, "search_radius": 13, "merge_below": 0.08, "scale_above": 5}
 COLUMNS = ("oa", "f1", "f1_without_false_positives", "pq")
 
 
@@ -32,7 +32,7 @@ def settings_of(name, value):
     """The --set arguments of one value of one setting."""
     if name != "VS":
         return {f"density-peaks.{name}": value}
-    metres = {"rho_t": 1.2, "delta_t": 0.9, "d_t": 1.5, "d_neighbor": 3.9}
+    metres = {"min_density": 1.2, "min_separation": 0.9, "scale_above": 1.5, "search_radius": 3.9}
     lengths = {f"density-peaks.{key}": round(length / value, 6) for key, length in metres.items()}
     return {"density-peaks.voxel": value, "voxel-column.voxel": value, "noise.voxel": value, **lengths}
 

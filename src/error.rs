@@ -14,7 +14,7 @@ use std::borrow::Cow;
 /// use chainage::config::ConfigError;
 /// use chainage::{Error, ErrorKind};
 ///
-/// let error = Error::from(ConfigError::value("euclidean.d_t", 0.0, "0.001 to 10 metres"));
+/// let error = Error::from(ConfigError::value("euclidean.max_gap_m", 0.0, "0.001 to 10 metres"));
 /// assert_eq!(error.kind(), ErrorKind::Config);
 /// assert!(error.cause::<ConfigError>().is_some());
 /// ```

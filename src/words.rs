@@ -34,8 +34,8 @@ pub fn separated(number: u64) -> String {
 /// ```
 /// use chainage::words::similar;
 ///
-/// let known = ["euclidean.d_t", "euclidean.min_points", "dbscan.epsilon"];
-/// assert_eq!(similar("euclidian.d_t", known), Some("euclidean.d_t"));
+/// let known = ["euclidean.max_gap_m", "euclidean.min_points", "dbscan.epsilon"];
+/// assert_eq!(similar("euclidian.max_gap_m", known), Some("euclidean.max_gap_m"));
 /// assert_eq!(similar("colour", known), None);
 /// ```
 #[must_use]

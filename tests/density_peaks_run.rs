@@ -105,9 +105,9 @@ fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
     let fresh = folder.path().join("fresh");
     PEAKS.run_in(&out, &base);
     for (setting, kept) in [
-        ("density-peaks.c_t=0.02", 6),
-        ("density-peaks.d_th=0.4", 5),
-        ("density-peaks.d_neighbor=9", 4),
+        ("density-peaks.merge_below=0.02", 6),
+        ("density-peaks.pair_gap_m=0.4", 5),
+        ("density-peaks.search_radius=9", 4),
         ("density-peaks.voxel=0.4", 3),
     ] {
         let settings = [base[0], setting];

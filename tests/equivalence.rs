@@ -178,7 +178,7 @@ fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte(
         let points = case.points();
         let files = write_files(folder.path(), &points, &case.shapes, case.chunk);
         let mut more = vec![
-            format!("euclidean.d_t={}", case.d_t_mm as f64 / 1_000.0),
+            format!("euclidean.max_gap_m={}", case.d_t_mm as f64 / 1_000.0),
             format!("euclidean.max_points={}", case.max_points),
         ];
         if case.trajectory {
@@ -260,7 +260,7 @@ fn threads_and_tile_length_change_no_byte() {
 #[test]
 fn every_method_gives_the_same_bytes_in_any_tiles_files_and_formats() {
     // Small things have few points, and few and low voxels.
-    let peaks = &["density-peaks.rho_t=1.0", "density-peaks.delta_t=1.0"][..];
+    let peaks = &["density-peaks.min_density=1.0", "density-peaks.min_separation=1.0"][..];
     let core = &["dbscan.variant=core", "dbscan.min_points=4"][..];
     let variants = |name: &str| match name {
         "density-peaks" => vec![peaks],
@@ -549,7 +549,8 @@ proptest! {
         let points = Arc::new(PackedCells::from(points));
         let strips = PackedCells::from(strips);
         let grid = CellGrid::new(700);
-        let request = PlanRequest { cells: &points, strips: &strips, chainage_m: &chainage_m, grid, size: &size };
+        let chainage_m = &chainage_m;
+        let request = PlanRequest { cells: &points, strips: &strips, chainage_m, grid, size: &size, section_m: None };
         let plan = Plan::new(&request);
         let cores: Vec<Vec<Cell>> = (0..plan.tiles.len()).map(|tile| plan.core(tile)).collect();
         let mut owned: Vec<Cell> = cores.concat();

@@ -12,6 +12,8 @@ mod cluster_tables;
 mod conformance;
 mod contracts;
 #[cfg(test)]
+mod copc;
+#[cfg(test)]
 mod damage;
 #[cfg(test)]
 mod dbscan;
@@ -45,6 +47,8 @@ mod report;
 mod resume;
 #[cfg(test)]
 mod rounds;
+#[cfg(test)]
+mod section;
 #[cfg(test)]
 mod spinning;
 #[cfg(test)]

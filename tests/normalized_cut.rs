@@ -186,7 +186,7 @@ const CUT: MethodRun = MethodRun {
 };
 
 /// The scan is thin: 16 beams of one sweep.
-const THIN: &str = "euclidean.d_t=0.8";
+const THIN: &str = "euclidean.max_gap_m=0.8";
 
 #[test]
 fn tiles_and_threads_do_not_show() {

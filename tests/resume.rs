@@ -122,14 +122,14 @@ fn a_changed_distance_redoes_clusters_and_files_and_nothing_before() {
     let out = inputs.undisturbed("street.las", &[]);
     let first = outputs(&out);
     let before = events(&out).len();
-    run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.d_t=0.5"]));
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.max_gap_m=0.5"]));
     let after = &events(&out)[before..];
     let counts = ["survey", "ground", "cluster", "export"].map(|pass| finished(after, pass));
     assert_eq!(counts[..2], [0, 0], "survey and ground were computed again");
     assert!(counts[2] > 15 && counts[3] > 0, "{counts:?}");
     assert!(outputs(&out) != first, "another distance gives the same objects");
     let direct = inputs.path("direct");
-    run_to_the_end(&inputs.list("street.las"), &direct, &options(&["--set", "euclidean.d_t=0.5"]));
+    run_to_the_end(&inputs.list("street.las"), &direct, &options(&["--set", "euclidean.max_gap_m=0.5"]));
     assert_same_outputs(&direct, &out, "changed distance");
     // And back.
     run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
@@ -349,8 +349,8 @@ fn a_lost_half_written_copy_is_written_again() {
     let out = inputs.path("out");
     let state = out.join(".chainage");
     let copy = out.join("street.las");
-    run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.d_t=0.4"]));
-    for other in [None, Some("output.original_classification=true"), Some("euclidean.d_t=0.7")] {
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&["--set", "euclidean.max_gap_m=0.4"]));
+    for other in [None, Some("output.original_classification=true"), Some("euclidean.max_gap_m=0.7")] {
         std::fs::remove_file(&copy).expect("removed");
         std::fs::create_dir_all(&copy).expect("a folder in the way");
         refused(&inputs.list("street.las"), &out, &[], 5, &["cannot write", "street.las"]);

@@ -53,10 +53,14 @@ fn a_mistyped_setting_is_followed_by_the_one_that_was_meant() {
     let folder = samples();
     let set = |text: &str| refused(folder.path(), &["plan", SAMPLE, "--set", text], 3);
     let mistyped = set("euclidian.d_t=0.4");
-    assert!(mistyped.starts_with("error: there is no setting euclidian.d_t: did you mean euclidean.d_t?\n"));
+    assert!(
+        mistyped.starts_with("error: there is no setting euclidian.d_t: did you mean euclidean.max_gap_m?\n")
+    );
     let bare = set("d_t=1");
     assert!(
-        bare.contains("d_t is a setting of euclidean and density-peaks: write euclidean.d_t=1"),
+        bare.contains(
+            "d_t is euclidean.max_gap_m and density-peaks.scale_above now: write euclidean.max_gap_m=1"
+        ),
         "{bare}"
     );
     let typed = set("noise.voxel=wide");
@@ -85,7 +89,7 @@ fn presets_are_built_in_listed_and_used() {
     assert!(list.contains("dense-trees") && list.contains("crowns"), "{list}");
     let effective = told(folder.path(), &["config", "--effective", "--preset", "dense-trees"]);
     assert!(
-        effective.contains("method = \"density-peaks\"") && effective.contains("delta_t = 5.0"),
+        effective.contains("method = \"density-peaks\"") && effective.contains("min_separation = 5.0"),
         "{effective}"
     );
     // A flag is stronger than a preset.
@@ -101,20 +105,52 @@ fn a_configuration_file_is_checked_without_a_drive() {
     let folder = samples();
     let write = |text: &str| std::fs::write(folder.path().join("my.toml"), text).expect("written");
     let check = ["config", "--check", "my.toml"];
-    write("[euclidean]\nd_t = 0.4\n[noise]\nenabled = true\n");
+    write("[euclidean]\nmax_gap_m = 0.4\n[noise]\nenabled = true\n");
     let page = told(folder.path(), &check);
-    assert_eq!(page, "my.toml: valid, 1 setting differs from the defaults\n  euclidean.d_t = 0.4\n");
+    assert_eq!(page, "my.toml: valid, 1 setting differs from the defaults\n  euclidean.max_gap_m = 0.4\n");
     // The settings of a method that is not chosen are checked as well.
-    write("[density-peaks]\nc_t = 7.0\n");
-    assert!(refused(folder.path(), &check, 3).contains("density-peaks.c_t = 7: must be"));
+    write("[density-peaks]\nmerge_below = 7.0\n");
+    assert!(refused(folder.path(), &check, 3).contains("density-peaks.merge_below = 7: must be"));
     write("[euclidean]\ndt = 0.4\n");
-    assert!(refused(folder.path(), &check, 3).contains("did you mean euclidean.d_t?"));
+    assert!(refused(folder.path(), &check, 3).contains("did you mean euclidean.max_gap_m?"));
+}
+
+#[test]
+fn settings_have_speaking_names_and_the_old_ones_are_read_with_a_warning() {
+    let folder = samples();
+    let all = told(folder.path(), &["config"]);
+    for (name, symbol) in
+        [("max_gap_m = 0.3", "d_t:"), ("min_density = 4.0", "rho_t:"), ("merge_below = 0.04", "c_t:")]
+    {
+        let line = all.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {all}"));
+        assert!(line.contains(symbol), "the symbol of the paper: {line}");
+    }
+    let warning = "euclidean.d_t is called euclidean.max_gap_m now: the old name is read until version 0.2";
+    let old = ["--set", "euclidean.d_t=0.4", "--method", "euclidean"];
+    let plan = told(folder.path(), &[&["plan", SAMPLE], &old[..]].concat());
+    assert!(plan.contains(&format!("  warning: {warning}\n")), "{plan}");
+    let run = call(folder.path(), &[&["run", SAMPLE, "-o", "out", "-q"], &old[..]].concat());
+    assert!(text(&run.stderr).contains(warning), "{}", text(&run.stderr));
+    // It is recorded by its new name, so nothing is to be done with that.
+    let status = told(folder.path(), &["status", "out", "--why", "--set", "euclidean.max_gap_m=0.4"]);
+    assert!(!status.contains("must be redone"), "{status}");
+    std::fs::write(folder.path().join("my.toml"), "[density-peaks]\nc_t = 0.1\n").expect("written");
+    let check = told(folder.path(), &["config", "--check", "my.toml"]);
+    assert!(
+        check.contains("density-peaks.merge_below = 0.1\n  warning: density-peaks.c_t is called"),
+        "{check}"
+    );
 }
 
 #[test]
 fn a_dry_run_shows_the_plan_and_writes_nothing() {
     let folder = samples();
     let fixed = ["--threads", "2", "--memory", "256M", "--tile-length", "20"];
+    // The time is measured anew.
+    let told = |folder: &Path, arguments: &[&str]| {
+        let page = told(folder, arguments);
+        page.lines().filter(|line| !line.starts_with("  time ")).map(str::to_owned).collect::<Vec<_>>()
+    };
     let dry = told(folder.path(), &[&["run", SAMPLE, "-o", "out", "--dry-run"], &fixed[..]].concat());
     assert_eq!(dry, told(folder.path(), &[&["plan", SAMPLE], &fixed[..]].concat()));
     assert!(!folder.path().join("out").exists());
@@ -137,7 +173,7 @@ fn quiet_is_silent_and_verbose_shows_settings_and_tiles() {
                 "--method",
                 "euclidean",
                 "--set",
-                "euclidean.d_t=0.4",
+                "euclidean.max_gap_m=0.4",
             ],
         );
         assert_eq!(code(&output), 0, "{}", text(&output.stderr));
@@ -145,7 +181,7 @@ fn quiet_is_silent_and_verbose_shows_settings_and_tiles() {
     };
     assert_eq!(run("quiet", "-q"), "");
     let verbose = run("verbose", "-v");
-    assert!(verbose.contains("setting euclidean.d_t = 0.4\n"), "{verbose}");
+    assert!(verbose.contains("setting euclidean.max_gap_m = 0.4\n"), "{verbose}");
     assert!(verbose.contains("ground: unit 1 of ") && verbose.contains("ground 2 of 7"), "{verbose}");
 }
 
@@ -323,4 +359,81 @@ fn colours_are_for_terminals_only() {
     };
     assert!(coloured.contains("\u{1b}[1;31merror:\u{1b}[0m"), "{coloured:?}");
     assert!(!shown("TERM=xterm NO_COLOR=1").expect("it was there").contains('\u{1b}'));
+}
+
+#[test]
+fn a_section_of_the_drive_is_planned_and_processed() {
+    let folder = samples();
+    let plan = told(folder.path(), &["plan", SAMPLE, "--from", "60", "--to", "90", "--tile-length", "50"]);
+    assert!(plan.contains("  section   chainage 60 to 90 m of "), "{plan}");
+    let page = told(folder.path(), &["run", SAMPLE, "-o", "out", "--from", "60", "--to", "90", "-q"]);
+    assert!(page.contains("  chainage 60 to 90 m of ") && page.contains("1 tile\n"), "{page}");
+    // To the end of the drive, and from its beginning.
+    assert!(told(folder.path(), &["plan", SAMPLE, "--from", "60"]).contains("  section   chainage 60 to "));
+    assert!(
+        told(folder.path(), &["plan", SAMPLE, "--to", "90"]).contains("  section   chainage 0 to 90 m of ")
+    );
+    let refused =
+        |arguments: &[&str], code| refused(folder.path(), &[&["plan", SAMPLE], arguments].concat(), code);
+    let beyond = refused(&["--from", "5000"], 3);
+    assert!(
+        beyond.contains("there are no points from 5000 m on: the chainage of this drive is 0 to "),
+        "{beyond}"
+    );
+    assert!(beyond.contains("hint: chainage info FILES"), "{beyond}");
+    let turned = refused(&["--from", "90", "--to", "60"], 3);
+    assert!(turned.contains("tiling.to = 60: must be above tiling.from, which is 90 m"), "{turned}");
+    let typed = refused(&["--from", "-3"], 2);
+    assert!(typed.contains("must be a chainage in metres, 0 or more, for example 250"), "{typed}");
+    let over = refused(&["--to", "40", "--method", "dbscan", "--set", "dbscan.epsilon=auto"], 3);
+    assert!(over.contains("hint: estimate it first with chainage estimate-epsilon FILES"), "{over}");
+}
+
+#[test]
+fn a_plan_says_how_long_a_run_takes_as_a_range() {
+    let folder = samples();
+    // What it counts is tested beside it; the speed of the survey differs from call to call.
+    let page = told(folder.path(), &["plan", SAMPLE, "--tile-length", "50", "--json=plan.json"]);
+    let line = page.lines().find_map(|line| line.strip_prefix("  time      ")).expect("a line");
+    assert!(line == "about 1 s" || (line.contains(" to ") && line.ends_with('s')), "{line}");
+    let json = std::fs::read(folder.path().join("plan.json")).expect("written");
+    let plan: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    let [least, most] = [0, 1].map(|at| plan["seconds"][at].as_f64().expect("a number"));
+    assert!(0.0 < least && 2.0 * least < most, "{least} {most}");
+}
+
+#[test]
+fn every_method_names_its_paper_by_author_year_and_doi() {
+    let folder = scratch();
+    let page = told(folder.path(), &["methods"]);
+    let references: Vec<&str> = chainage::cluster::REGISTRY
+        .iter()
+        .map(|entry| entry.reference)
+        .chain(chainage::ground::REGISTRY.iter().map(|entry| entry.reference))
+        .collect();
+    for reference in references {
+        assert!(page.contains(reference), "{reference}");
+        // What is not from a paper says so, and where it is described.
+        let ours = reference.starts_with("ours, see benches/results/");
+        assert!(ours || (reference.contains("doi:10.") && reference.contains(" et al. 20")), "{reference}");
+    }
+}
+
+#[test]
+fn a_drive_whose_ground_is_not_found_is_told_of_another_filter() {
+    let folder = scratch();
+    // Trunks beside each other from the ground up: no column is low, so the filter finds no ground.
+    let mut points = Vec::new();
+    for trunk in 0..400 {
+        let (x, y) = (trunk % 20 * 300, trunk / 20 * 300);
+        points.extend((0..60).map(|z| Point::at([x + 100, y + 100, z * 100])));
+    }
+    std::fs::write(folder.path().join("forest.las"), Shape::default().bytes(&points)).expect("written");
+    let run = |filter: &str| {
+        let list = ["run", "forest.las", "-o", filter, "-q", "--method", "euclidean", "--ground", filter];
+        text(&call(folder.path(), &list).stderr)
+    };
+    let warned = run("voxel-column");
+    assert!(warned.contains("warning: ") && warned.contains("--ground "), "{warned}");
+    assert!(!run("none").contains("--ground "), "nothing is looked for");
 }

@@ -274,8 +274,14 @@ fn workers_that_do_not_belong_to_the_run_are_refused() {
     }
     let pass = due.pass();
     // Other settings, both named; how the machine is used may differ.
-    let other = with(pass, &["--set", "euclidean.d_t=0.7"]);
-    refused("work", &out, &other, 6, &["the run has euclidean.d_t = 0.3, this worker euclidean.d_t = 0.7"]);
+    let other = with(pass, &["--set", "euclidean.max_gap_m=0.7"]);
+    refused(
+        "work",
+        &out,
+        &other,
+        6,
+        &["the run has euclidean.max_gap_m = 0.3, this worker euclidean.max_gap_m = 0.7"],
+    );
     let machine = with(pass, &["--threads", "2", "--memory", "300M", "--no-mmap", "--units", "0"]);
     assert!(command("work", &out, &machine).output().expect("starts").status.success());
     // Units and passes that do not exist, and a pass whose time has not come.
@@ -307,6 +313,21 @@ fn workers_that_do_not_belong_to_the_run_are_refused() {
     refused("work", &out, &with(pass, &[]), 6, &["was started with other input", "bytes"]);
     std::fs::write(&inputs.list()[0], bytes).expect("written");
     assert!(command("work", &out, &with(pass, &[])).output().expect("starts").status.success());
+}
+
+/// The columns of the cloud-optimised file depend on the memory of the process that makes it.
+#[test]
+fn a_point_cloud_is_left_to_one_process() {
+    let inputs = Inputs::new("street.las");
+    let out = inputs.path("out");
+    let mut plan = program();
+    plan.args(["plan", "--units", "--set", "output.copc=true", "-o"]).arg(&out).args(inputs.list());
+    let (code, errors) = ended(&plan.output().expect("starts"));
+    assert!(
+        code == 3 && errors.contains("chainage run writes the point cloud afterwards"),
+        "{code} {errors}"
+    );
+    assert!(!out.exists());
 }
 
 /// The file of a unit of the first pass whose folder ends in a name.

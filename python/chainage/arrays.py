@@ -52,7 +52,7 @@ def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArr
     method : str, optional
         Clustering method: ``"euclidean"``, ``"density-peaks"``, ``"dbscan"``, ``"normalized-cut"`` or ``"street"``.
     **settings
-        Settings of the method, such as ``d_t=0.4`` (metres), or further ones, such as ``run__threads=2``.
+        Settings of the method, such as ``max_gap_m=0.4`` (metres), or further ones, such as ``run__threads=2``.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArr
     --------
     >>> import chainage, numpy as np
     >>> xyz = np.array([[0, 0, 0], [0.1, 0, 0], [9, 0, 0], [9.1, 0, 0]])
-    >>> chainage.cluster(xyz, d_t=0.5, min_points=2)
+    >>> chainage.cluster(xyz, max_gap_m=0.5, min_points=2)
     array([1, 1, 2, 2], dtype=uint32)
     """
     named = {**_OUTPUT, "noise.enabled": False}

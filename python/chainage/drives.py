@@ -61,7 +61,7 @@ def run(
     progress : callable, optional
         Called with every event of the run, a dict with the key ``"event"``. If it raises an exception, the run stops.
     **settings
-        Further settings: ``d_t=0.4`` in the section of `method`, or ``noise__enabled=False``.
+        Further settings: ``max_gap_m=0.4`` in the section of `method`, or ``noise__enabled=False``.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def run(
     Examples
     --------
     >>> import chainage
-    >>> chainage.run("drive.laz", "out", method="euclidean", d_t=0.4)["objects"]  # doctest: +SKIP
+    >>> chainage.run("drive.laz", "out", method="euclidean", max_gap_m=0.4)["objects"]  # doctest: +SKIP
     318
     """
     named = {"run.memory_mib": None if memory is None else mebibytes(memory), "run.threads": threads}

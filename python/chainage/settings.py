@@ -41,8 +41,8 @@ def assignments(
     named : mapping
         Settings by their full name. ``None`` leaves one out.
     further : mapping
-        Settings by full name (``"euclidean.d_t"`` or ``euclidean__d_t``), or by the name in the section of the method
-        (``d_t``).
+        Settings by full name (``"euclidean.max_gap_m"`` or ``euclidean__max_gap_m``), or by the name in the section of the method
+        (``max_gap_m``).
     """
     result = []
     for key, value in {"cluster.method": method, "ground.method": ground, **named}.items():

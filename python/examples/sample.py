@@ -42,7 +42,7 @@ points = laspy.read(file)
 ground = chainage.ground(points)
 print(f"{ground.mean():.0%} of the points are ground")
 above = points.xyz[~ground]
-near, far = (chainage.cluster(above, d_t=d_t) for d_t in (0.2, 0.6))
+near, far = (chainage.cluster(above, max_gap_m=gap) for gap in (0.2, 0.6))
 print(f"objects: {near.max()} with gaps up to 0.2 m, {far.max()} with gaps up to 0.6 m")
 
 # How well does one agree with the other?

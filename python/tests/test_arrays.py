@@ -59,7 +59,7 @@ def test_ground_is_that_of_the_command_line(points, tmp_path):
 
 def test_small_arrays_have_the_objects_that_one_sees():
     xyz = [[0, 0, 0], [0.1, 0, 0], [9, 0, 0], [9.1, 0, 0], [50, 0, 0]]
-    assert chainage.cluster(xyz, d_t=0.5, min_points=2).tolist() == [1, 1, 2, 2, 0]
+    assert chainage.cluster(xyz, max_gap_m=0.5, min_points=2).tolist() == [1, 1, 2, 2, 0]
     assert chainage.cluster(np.zeros((0, 3))).shape == (0,)
 
 
@@ -69,7 +69,7 @@ def test_small_arrays_have_the_objects_that_one_sees():
         (lambda: chainage.cluster([[0, 0]]), ValueError, r"shape \(1, 2\)"),
         (lambda: chainage.cluster([[0, 0, 0], [0, np.nan, 0]]), ValueError, r"xyz\[1\] = \[0.0, nan, 0.0\]"),
         (lambda: chainage.cluster([[0, 0, 0], [1e9, 0, 0]]), ValueError, r"xyz\[1\]: x = 1000000000"),
-        (lambda: chainage.cluster([[0, 0, 0]], d_t=-1), chainage.SettingError, "euclidean.d_t = -1"),
+        (lambda: chainage.cluster([[0, 0, 0]], max_gap_m=-1), chainage.SettingError, "euclidean.max_gap_m = -1"),
         (lambda: chainage.cluster([[0, 0, 0]], method="euclidian"), chainage.SettingError, "euclidian"),
         (lambda: chainage.segment([[0, 0, 0]], no_such=3), chainage.SettingError, "street.no_such"),
         (lambda: chainage.evaluate([1, 2], [1]), ValueError, r"\[2, 1\] values"),

@@ -22,8 +22,8 @@ def test_the_program_is_on_the_path():
 
 def test_run_writes_the_bytes_of_the_command_line(tmp_path):
     seen = []
-    summary = chainage.run(SAMPLE, tmp_path / "here", **SMALL, d_t=0.4, progress=seen.append)
-    options = ["--method", "euclidean", "--ground", "voxel-column", "--tile-length", "10", "--set", "euclidean.d_t=0.4"]
+    summary = chainage.run(SAMPLE, tmp_path / "here", **SMALL, max_gap_m=0.4, progress=seen.append)
+    options = ["--method", "euclidean", "--ground", "voxel-column", "--tile-length", "10", "--set", "euclidean.max_gap_m=0.4"]
     command = [PROGRAM, "run", SAMPLE, "-o", tmp_path / "there", "--progress", "none", *options]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     for name in (SAMPLE.name, "objects.csv", "objects.geojson"):
@@ -32,7 +32,7 @@ def test_run_writes_the_bytes_of_the_command_line(tmp_path):
     finished = [event for event in seen if event["event"] == "unit-finished" and event["pass"] == "ground"]
     assert len(finished) == summary["tiles"]
     assert chainage.status(tmp_path / "here")["finished"]
-    assert chainage.run(SAMPLE, tmp_path / "here", **SMALL, d_t=0.4)["nothing_to_do"]
+    assert chainage.run(SAMPLE, tmp_path / "here", **SMALL, max_gap_m=0.4)["nothing_to_do"]
 
 
 def test_objects_are_the_rows_of_the_table(tmp_path):
@@ -54,15 +54,15 @@ def test_failures_are_exceptions_of_their_kind(tmp_path):
     with pytest.raises(chainage.InputError, match="none.laz") as found:
         chainage.run(tmp_path / "none.laz", tmp_path / "out")
     assert isinstance(found.value, OSError) and found.value.exit_code == 4
-    with pytest.raises(chainage.SettingError, match="did you mean|euclidean.d_t") as found:
-        chainage.run(SAMPLE, tmp_path / "out", euclidian__d_t=0.4)
+    with pytest.raises(chainage.SettingError, match="did you mean|euclidean.max_gap_m") as found:
+        chainage.run(SAMPLE, tmp_path / "out", euclidian__max_gap_m=0.4)
     assert isinstance(found.value, ValueError) and found.value.hint
     with pytest.raises(chainage.StateError, match="contains no run"):
         chainage.status(tmp_path)
     with pytest.raises(ValueError, match="memory = 'lots'"):
         chainage.plan(SAMPLE, memory="lots")
-    with pytest.raises(ValueError, match="d_t = 0.4: needs its section"):
-        chainage.plan(SAMPLE, d_t=0.4)
+    with pytest.raises(ValueError, match="max_gap_m = 0.4: needs its section"):
+        chainage.plan(SAMPLE, max_gap_m=0.4)
     chainage.run(SAMPLE, tmp_path / "out", **SMALL)
     with pytest.raises(chainage.StateError, match="other input"):
         chainage.run(SAMPLE.with_name("mls_profiles.las"), tmp_path / "out", **SMALL)

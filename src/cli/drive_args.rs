@@ -86,7 +86,7 @@ pub(crate) struct Choices {
     /// Configuration file with the settings that differ from `chainage config`
     #[arg(short = 'c', long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Change a setting, for example --set euclidean.d_t=0.4; may be repeated
+    /// Change a setting, for example --set euclidean.max_gap_m=0.4; may be repeated
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) assignments: Vec<String>,
     #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), "street"))]
@@ -99,6 +99,26 @@ pub(crate) struct Choices {
     /// Trajectory: CSV with the columns gps_time,x,y,z [default: the axis is derived from the points]
     #[arg(long, value_name = "FILE")]
     trajectory: Option<PathBuf>,
+}
+
+/// A section of a drive, for `run` and `plan`.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+pub(crate) struct SectionArgs {
+    /// Process from this chainage on, in metres along the axis; objects there are those of the whole drive
+    #[arg(long, value_name = "CHAINAGE", value_parser = chainage, allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// Process up to this chainage [default: the end of the drive]
+    #[arg(long, value_name = "CHAINAGE", value_parser = chainage, allow_hyphen_values = true)]
+    to: Option<f64>,
+}
+
+impl SectionArgs {
+    /// The section as settings.
+    pub(crate) fn assignments(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let value = |key, metres: Option<f64>| metres.map(|metres| (key, metres.to_string()));
+        [value("tiling.from", self.from), value("tiling.to", self.to)].into_iter().flatten()
+    }
 }
 
 /// How the machine is used. The result does not depend on it.
@@ -153,6 +173,12 @@ fn threads(text: &str) -> Result<usize, String> {
 fn metres(text: &str) -> Result<f64, String> {
     let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
     length.ok_or_else(|| "must be a number above 0 m, for example 25".to_owned())
+}
+
+/// A chainage in metres.
+fn chainage(text: &str) -> Result<f64, String> {
+    let metres = text.parse().ok().filter(|metres: &f64| metres.is_finite() && *metres >= 0.0);
+    metres.ok_or_else(|| "must be a chainage in metres, 0 or more, for example 250".to_owned())
 }
 
 impl Choices {

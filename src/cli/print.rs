@@ -4,6 +4,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use chainage::output::save;
+use chainage::run::SectionFacts;
 pub(crate) use chainage::words::{counted, separated as count};
 use serde::Serialize;
 
@@ -12,6 +13,11 @@ use crate::cli::exit::CliError;
 fn to_standard_output(content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), CliError> {
     let mut out = BufWriter::new(io::stdout().lock());
     content(&mut out).and_then(|()| out.flush()).map_err(CliError::stdout)
+}
+
+/// A section of a drive, for a person.
+pub(crate) fn section(section: &SectionFacts) -> String {
+    format!("chainage {:.0} to {:.0} m of {:.0} m", section.from_m, section.to_m, section.length_m)
 }
 
 /// Prints text as it is.

@@ -21,7 +21,7 @@ const NAME: &str = "euclidean";
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
     summary: "single-link clusters of points within a fixed distance",
-    reference: "Guan et al. 2016, section 3.2",
+    reference: "Guan et al. 2016, section 3.2, doi:10.5194/isprs-archives-XLI-B3-221-2016",
     build: |sections| {
         let method = Euclidean::new(&config::section(NAME, &sections(NAME))?)?;
         Ok(Box::new(OneStep::new(method, &["euclidean.*"])))
@@ -35,6 +35,7 @@ pub struct EuclideanConfig {
     /// Points at most this far apart, in metres, belong to one object, 0.001 to 10. Default 0.3 (chosen: the
     /// 0.15 m of Guan et al. 2016, section 4, splits objects that are further from the scanner than the width
     /// of their avenue).
+    #[serde(rename = "max_gap_m")]
     pub d_t: f64,
     /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (chosen; the paper
     /// gives no number).
@@ -57,7 +58,7 @@ impl EuclideanConfig {
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         if !(0.001..=10.0).contains(&self.d_t) {
-            return Err(ConfigError::value("euclidean.d_t", self.d_t, "0.001 to 10 metres"));
+            return Err(ConfigError::value("euclidean.max_gap_m", self.d_t, "0.001 to 10 metres"));
         }
         if self.min_points == 0 {
             return Err(ConfigError::value("euclidean.min_points", self.min_points, "at least 1 point"));
@@ -165,8 +166,8 @@ mod tests {
     fn values_out_of_range_are_refused_with_their_key() {
         let default = EuclideanConfig::default;
         for (config, key) in [
-            (EuclideanConfig { d_t: 0.0, ..default() }, "euclidean.d_t = 0"),
-            (EuclideanConfig { d_t: f64::NAN, ..default() }, "euclidean.d_t = NaN"),
+            (EuclideanConfig { d_t: 0.0, ..default() }, "euclidean.max_gap_m = 0"),
+            (EuclideanConfig { d_t: f64::NAN, ..default() }, "euclidean.max_gap_m = NaN"),
             (EuclideanConfig { min_points: 0, ..default() }, "euclidean.min_points = 0"),
             (EuclideanConfig { max_points: 49, ..default() }, "euclidean.max_points = 49"),
         ] {

@@ -231,6 +231,18 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// known of the drive.
     fn planning_reach(&self, lattice: Lattice) -> Reach;
 
+    /// Processor time of all steps per point that a tile reads, in microseconds on the machine of `benches/results`, for
+    /// estimates of the time of a run.
+    fn microseconds_per_point(&self) -> f64 {
+        0.9
+    }
+
+    /// Distance in metres beyond which points do not change an object, as a rule. Where a section of a drive is processed,
+    /// everything within it is read around the objects.
+    fn deciding_reach_m(&self, lattice: Lattice) -> f64 {
+        2.0 * self.planning_reach(lattice).metres()
+    }
+
     /// Whether [`Self::planning_reach`] is only an estimate, because the reach depends on the drive.
     fn reach_is_provisional(&self) -> bool {
         false

@@ -37,7 +37,7 @@ pub enum ConfigError {
         known: Vec<String>,
     },
     /// A key without its section.
-    #[error("{key} is a setting of {}: write {}.{key}={value}", sections.join(" and "), sections[0])]
+    #[error("{key} is a setting of {}: write {}.{key}={value}", listed(sections), sections[0])]
     NoSection {
         /// The key.
         key: String,
@@ -45,6 +45,16 @@ pub enum ConfigError {
         value: String,
         /// The sections that have this key; at least one.
         sections: Vec<String>,
+    },
+    /// An old name without its section.
+    #[error("{key} is {} now: write {}={value}", listed(settings), settings[0])]
+    OldName {
+        /// The old name.
+        key: String,
+        /// The value.
+        value: String,
+        /// The settings that were called so, dotted, by their new names; at least one.
+        settings: Vec<String>,
     },
     /// A preset that does not exist.
     #[error("there is no preset {name}{}", suggestion(words::similar(name, known.iter().map(String::as_str)), known))]
@@ -85,6 +95,14 @@ pub enum ConfigError {
     },
 }
 
+/// Names in a sentence: a, b and c.
+fn listed(names: &[String]) -> String {
+    match names {
+        [before @ .., last] if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        _ => names.concat(),
+    }
+}
+
 /// The end of a message about a name that does not exist: the name that was probably meant, else all names.
 fn suggestion(similar: Option<&str>, known: &[String]) -> String {
     match similar {
@@ -108,7 +126,10 @@ impl Failure for ConfigError {
 
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
-            Self::UnknownKey { .. } | Self::NoSection { .. } | Self::Assignment { .. } => {
+            Self::UnknownKey { .. }
+            | Self::NoSection { .. }
+            | Self::OldName { .. }
+            | Self::Assignment { .. } => {
                 Some("chainage config prints every setting with its unit and default".into())
             }
             Self::UnknownMethod { .. } => Some("chainage methods describes them".into()),

@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use crate::config::ConfigError;
+use crate::config::{ConfigError, renamed};
 use crate::words;
 
 /// Parses a TOML text that came from `origin` (a file or an option).
@@ -20,10 +20,13 @@ pub(super) fn assignment(text: &str, base: &Table) -> Result<Table, ConfigError>
         let has = |values: &Value| values.as_table().is_some_and(|values| values.contains_key(path));
         let sections: Vec<String> =
             base.iter().filter(|(_, values)| has(values)).map(|(section, _)| section.clone()).collect();
-        if sections.is_empty() {
-            return Err(unreadable());
-        }
-        return Err(ConfigError::NoSection { key: path.to_owned(), value: value.to_owned(), sections });
+        let settings: Vec<String> = renamed::once_called(path).collect();
+        let (key, value) = (path.to_owned(), value.to_owned());
+        return Err(match (sections.is_empty(), settings.is_empty()) {
+            (false, _) => ConfigError::NoSection { key, value, sections },
+            (true, false) => ConfigError::OldName { key, value, settings },
+            (true, true) => unreadable(),
+        });
     };
     let parsed = format!("value = {value}").parse::<Table>().ok().and_then(|mut table| table.remove("value"));
     let mut inner = Table::new();
@@ -33,10 +36,13 @@ pub(super) fn assignment(text: &str, base: &Table) -> Result<Table, ConfigError>
     Ok(outer)
 }
 
-/// Overrides values of `base` with those of `upper`.
-pub(super) fn overlay(base: &mut Table, upper: Table) -> Result<(), ConfigError> {
-    let all = keys(base);
-    let similar = |key: &str| words::similar(key, all.iter().map(String::as_str)).map(str::to_owned);
+/// Overrides values of `base` with those of `upper`. Old names are read with a warning.
+pub(super) fn overlay(base: &mut Table, upper: Table, warnings: &mut Vec<String>) -> Result<(), ConfigError> {
+    let all: Vec<String> = keys(base).into_iter().chain(renamed::old_names()).collect();
+    let similar = |key: &str| {
+        let meant = words::similar(key, all.iter().map(String::as_str));
+        meant.map(|meant| renamed::today(meant.to_owned()))
+    };
     let sections: Vec<String> = base.keys().cloned().collect();
     for (name, value) in upper {
         let Some(Value::Table(section)) = base.get_mut(&name) else {
@@ -47,13 +53,18 @@ pub(super) fn overlay(base: &mut Table, upper: Table) -> Result<(), ConfigError>
         let Value::Table(values) = value else {
             return Err(ConfigError::value(name, value, "a section with keys"));
         };
-        for (key, value) in values {
+        for (mut key, value) in values {
+            if let Some(new) = renamed::new_name(&name, &key) {
+                warnings.push(renamed::warning(&name, &key, new));
+                new.clone_into(&mut key);
+            }
             let known: Vec<String> = section.keys().cloned().collect();
             let dotted = format!("{name}.{key}");
             let Some(old) = section.get_mut(&key) else {
                 // Only the key is compared: a section that is right makes any two keys similar.
-                let meant = words::similar(&key, known.iter().map(String::as_str));
-                let similar = meant.map(|meant| format!("{name}.{meant}"));
+                let old = all.iter().filter_map(|known| known.strip_prefix(&name)?.strip_prefix('.'));
+                let meant = words::similar(&key, old);
+                let similar = meant.map(|meant| renamed::today(format!("{name}.{meant}")));
                 return Err(ConfigError::UnknownKey { similar, key: dotted, known });
             };
             *old = same_type(&dotted, old, value)?;

@@ -3,9 +3,9 @@
 //! ```
 //! use chainage::config::Config;
 //!
-//! let config = Config::resolve(None, &["euclidean.d_t=0.4".to_owned()])?;
+//! let config = Config::resolve(None, &["euclidean.max_gap_m=0.4".to_owned()])?;
 //! assert_eq!(config.cluster.method, "street");
-//! assert_eq!(config.method_table("euclidean")["d_t"].as_float(), Some(0.4));
+//! assert_eq!(config.method_table("euclidean")["max_gap_m"].as_float(), Some(0.4));
 //!
 //! let error = Config::resolve(None, &["tiling.cell=0.1".to_owned()]).unwrap_err();
 //! assert_eq!(error.to_string(), "tiling.cell = 0.1: must be 0.5 to 10 (metres)");
@@ -16,6 +16,7 @@ mod choices;
 mod error;
 mod merge;
 mod presets;
+mod renamed;
 
 use std::path::{Path, PathBuf};
 
@@ -48,6 +49,12 @@ pub struct TilingConfig {
     pub cell: f64,
     /// Length of a tile in metres of chainage; 0 derives it from the memory budget.
     pub tile_length: f64,
+    /// Chainage where the processed section begins, in metres.
+    pub from: f64,
+    /// Chainage where it ends, in metres; 0 is the end of the drive.
+    pub to: f64,
+    /// Distance beyond the section within which its objects are followed, in metres.
+    pub beyond: f64,
 }
 
 /// Section `[ground]` or `[cluster]`: the name of a registered method.
@@ -72,6 +79,8 @@ pub struct OutputConfig {
     pub original_classification: bool,
     /// What is written, by the names of [`Self::writes`]; everything if it is empty.
     pub files: Vec<String>,
+    /// Whether the cloud-optimised file of the whole drive is written.
+    pub copc: bool,
     /// Whether the page `report.html` is written.
     pub report: bool,
     /// Largest size of the page in megabytes.
@@ -79,12 +88,16 @@ pub struct OutputConfig {
 }
 
 impl OutputConfig {
-    /// Whether an output is written: `points` (labelled copies), `report` (the page), or a format of the table of
-    /// objects by its extension. `report.json` always is.
+    /// Whether an output is written: `points` (labelled copies), `copc` (the cloud-optimised file), `report` (the page), or
+    /// a format of the table of objects by its extension. `report.json` always is.
     #[must_use]
     pub fn writes(&self, name: &str) -> bool {
-        let chosen = self.files.is_empty() || self.files.iter().any(|chosen| chosen == name);
-        chosen && (name != "report" || self.report)
+        let named = self.files.iter().any(|chosen| chosen == name);
+        match name {
+            "copc" => named || self.copc,
+            "report" => (named || self.files.is_empty()) && self.report,
+            _ => named || self.files.is_empty(),
+        }
     }
 }
 
@@ -128,6 +141,8 @@ pub struct Config {
     /// Section `[run]`.
     pub run: RunConfig,
     table: toml::Table,
+    /// What the user should know of the settings.
+    warnings: Vec<String>,
 }
 
 impl Config {
@@ -150,22 +165,23 @@ impl Config {
         assignments: &[String],
     ) -> Result<Self, ConfigError> {
         let mut table = merge::parse(DEFAULT_TOML, "config/default.toml")?;
+        let mut warnings = Vec::new();
         if let Some(preset) = preset.map(Preset::find).transpose()? {
-            merge::overlay(&mut table, merge::parse(preset.text, preset.name)?)?;
+            merge::overlay(&mut table, merge::parse(preset.text, preset.name)?, &mut warnings)?;
         }
         if let Some(path) = file {
             let text = fs_err::read_to_string(path)
                 .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-            merge::overlay(&mut table, merge::parse(&text, &path.display().to_string())?)?;
+            merge::overlay(&mut table, merge::parse(&text, &path.display().to_string())?, &mut warnings)?;
         }
         for text in assignments {
             let assigned = merge::assignment(text, &table)?;
-            merge::overlay(&mut table, assigned)?;
+            merge::overlay(&mut table, assigned, &mut warnings)?;
         }
-        Self::from_table(table)
+        Self::from_table(table, warnings)
     }
 
-    fn from_table(table: toml::Table) -> Result<Self, ConfigError> {
+    fn from_table(table: toml::Table, warnings: Vec<String>) -> Result<Self, ConfigError> {
         let config = Self {
             input: typed(&table, "input")?,
             axis: typed(&table, "axis")?,
@@ -175,18 +191,34 @@ impl Config {
             output: typed(&table, "output")?,
             run: typed(&table, "run")?,
             table,
+            warnings,
         };
         config.validate()?;
         Ok(config)
     }
 
     fn validate(&self) -> Result<(), ConfigError> {
-        let TilingConfig { cell, tile_length } = self.tiling;
+        let TilingConfig { cell, tile_length, from, to, beyond } = self.tiling;
         if !(0.5..=10.0).contains(&cell) {
             return Err(ConfigError::value("tiling.cell", cell, "0.5 to 10 (metres)"));
         }
         if !(tile_length == 0.0 || (1.0..=1e6).contains(&tile_length)) {
             return Err(ConfigError::value("tiling.tile_length", tile_length, "0, or 1 to 1000000 (metres)"));
+        }
+        if !(0.0..=1e7).contains(&from) {
+            return Err(ConfigError::value("tiling.from", from, "0 to 10000000 (metres)"));
+        }
+        if to != 0.0 && !(to > from && to <= 1e7) {
+            return Err(ConfigError::value(
+                "tiling.to",
+                to,
+                format!(
+                    "above tiling.from, which is {from} m, and at most 10000000; 0 is the end of the drive"
+                ),
+            ));
+        }
+        if !(0.0..=10_000.0).contains(&beyond) {
+            return Err(ConfigError::value("tiling.beyond", beyond, "0 to 10000 (metres)"));
         }
         if self.run.threads > 1_024 {
             return Err(ConfigError::value("run.threads", self.run.threads, "0 to 1024"));
@@ -209,6 +241,12 @@ impl Config {
     #[must_use]
     pub fn method_table(&self, name: &str) -> toml::Table {
         self.table.get(name).and_then(toml::Value::as_table).cloned().unwrap_or_default()
+    }
+
+    /// What the user should know of the settings: old names that are still read.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// The settings that differ from the defaults, as `section.key = value`, in the order of the defaults.
@@ -315,15 +353,38 @@ mod tests {
 
     #[test]
     fn assignments_override_and_are_checked() {
-        let config = set(&["euclidean.d_t=1", "cluster.method=euclidean", "tiling.tile_length=25"]).unwrap();
-        assert_eq!(config.method_table("euclidean")["d_t"].as_float(), Some(1.0));
+        let config =
+            set(&["euclidean.max_gap_m=1", "cluster.method=euclidean", "tiling.tile_length=25"]).unwrap();
+        assert_eq!(config.method_table("euclidean")["max_gap_m"].as_float(), Some(1.0));
+        assert!(config.warnings().is_empty());
+        let old = set(&["euclidean.d_t=1"]).unwrap();
+        assert_eq!(old.method_table("euclidean"), config.method_table("euclidean"));
+        assert_eq!(
+            old.warnings(),
+            ["euclidean.d_t is called euclidean.max_gap_m now: the old name is read until version 0.2"]
+        );
         assert!((config.tiling.tile_length - 25.0).abs() < 1e-12);
         for (text, expected) in [
-            ("euclidean.dt=1", "there is no setting euclidean.dt: did you mean euclidean.d_t?"),
-            ("euclidean.wide=1", "there is no setting euclidean.wide, there is: d_t, min_points, max_points"),
-            ("euclidian.d_t=1", "there is no setting euclidian.d_t: did you mean euclidean.d_t?"),
+            (
+                "euclidean.max_gap=1",
+                "there is no setting euclidean.max_gap: did you mean euclidean.max_gap_m?",
+            ),
+            (
+                "euclidean.wide=1",
+                "there is no setting euclidean.wide, there is: max_gap_m, min_points, max_points",
+            ),
+            ("euclidean.dt=1", "there is no setting euclidean.dt: did you mean euclidean.max_gap_m?"),
+            ("euclidian.d_t=1", "there is no setting euclidian.d_t: did you mean euclidean.max_gap_m?"),
             ("nothing.like_it=1", "there is no setting nothing.like_it, there is: input, axis, tiling"),
-            ("d_t=1", "d_t is a setting of euclidean and density-peaks: write euclidean.d_t=1"),
+            (
+                "d_t=1",
+                "d_t is euclidean.max_gap_m and density-peaks.scale_above now: write euclidean.max_gap_m=1",
+            ),
+            (
+                "voxel=1",
+                "voxel is a setting of noise, voxel-column, upward-growing, opening, normalized-cut and \
+                 density-peaks: write noise.voxel=1",
+            ),
             ("threads=2", "threads is a setting of run: write run.threads=2"),
             ("tiling.cell=0.1", "tiling.cell = 0.1: must be 0.5 to 10 (metres)"),
             ("tiling.cell", "cannot read the assignment tiling.cell, expected section.key=value"),

@@ -51,7 +51,7 @@ const MOST_VOXELS: usize = 128;
 pub(super) const ENTRY: GroundEntry = GroundEntry {
     name: NAME,
     summary: "small voxels from which little rises within their block",
-    reference: "Guan et al. 2016, section 3.1",
+    reference: "Guan et al. 2016, section 3.1, doi:10.5194/isprs-archives-XLI-B3-221-2016",
     build: |table| Ok(Box::new(UpwardGrowing::new(&config::section(NAME, table)?)?)),
 };
 
@@ -250,6 +250,10 @@ impl GroundFilter for UpwardGrowing {
     }
 
     /// The diagonal of a block.
+    fn microseconds_per_point(&self) -> f64 {
+        1.8
+    }
+
     fn reach(&self, lattice: Lattice) -> Reach {
         let block = self.block_voxels(lattice) * lattice.units(self.config.voxel);
         Reach::Exact { metres: lattice.metres(block) * SQRT_2 }

@@ -35,7 +35,7 @@ const NAME: &str = "voxel-column";
 pub(super) const ENTRY: GroundEntry = GroundEntry {
     name: NAME,
     summary: "short columns of voxels that are low among their neighbours",
-    reference: "Li et al. 2017, section 3.1.2 and eq. 2",
+    reference: "Li et al. 2017, section 3.1.2 and eq. 2, doi:10.3390/rs9040331",
     build: |table| Ok(Box::new(VoxelColumn::new(&config::section(NAME, table)?)?)),
 };
 

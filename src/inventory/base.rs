@@ -19,7 +19,8 @@ impl Attribute for Base {
             &[
                 coordinate(
                     "base_x",
-                    "x of the place where it stands: the axis of a tree or pole at the ground, else the middle of the lowest 0.3 m",
+                    "x of the place where it stands: the axis of a tree or pole at the ground, the middle of a tree that is lower than \
+                     0.75 of its width, else the middle of the lowest 0.3 m",
                 ),
                 coordinate("base_y", "y of that place"),
                 coordinate(
@@ -52,6 +53,30 @@ mod tests {
         let high = [[50, 50, 200], [3_050, 50, 200], [3_050, 6_050, 3_100]];
         let found = as_decimals(&values_of(&Base, &high, NO_KIND, &step, METRES));
         assert!(near(&found[..2], &[2.05, 2.05]), "{found:?}");
+    }
+
+    #[test]
+    fn a_plant_with_leaves_down_to_the_ground_stands_in_their_middle() {
+        // Leaves that arch to the ground 1.5 m away, and are dense at the side that is seen.
+        let mut leaves = Vec::new();
+        for step in 0..600_i64 {
+            let (angle, along) = ((step % 40) as f64 * 0.157, step / 40);
+            let reach = 100 + 100 * along;
+            let side = |value: f64| (value * reach as f64).round();
+            #[expect(clippy::cast_possible_truncation, reason = "millimetres of a plant")]
+            let [x, y] = [side(angle.cos()) as i64, side(angle.sin()) as i64];
+            leaves.push([5_000 + x, 3_000 + y, 1_100 - along * along * 5]);
+        }
+        leaves.extend((0..90).map(|z| [6_500 + z % 3 * 10, 3_000 + z % 5 * 10, z * 10]));
+        let base = |height: i64| {
+            let points: Vec<[i64; 3]> = leaves.iter().map(|[x, y, z]| [*x, *y, z * height]).collect();
+            let kind = Kind { class: 2, confidence: 255 };
+            let found = as_decimals(&values_of(&Base, &points, kind, &[([5, 3], 0)], METRES));
+            (found[0].unwrap() - 5.0).hypot(found[1].unwrap() - 3.0)
+        };
+        assert!(base(1) < 0.02, "{}", base(1));
+        // Three times as high, a column that stands by itself is a stem.
+        assert!(base(3) > 1.4, "{}", base(3));
     }
 
     #[test]

@@ -14,7 +14,8 @@ impl Attribute for Cut {
             name: "cut",
             column_type: ColumnType::Flag,
             unit: ColumnUnit::None,
-            definition: "whether it comes within a cell of the raster of the convex hull of the occupied cells, where the data ends",
+            definition: "whether it comes within a cell of the raster of the convex hull of the occupied cells, where the data ends; \
+                         in a section (`--from`, `--to`) also whether it reaches further beyond it than objects are followed",
         }]
     }
 

@@ -112,6 +112,12 @@ pub enum OutputError {
         /// Name of the copy.
         name: String,
     },
+    /// The points of the drive cannot be one cloud-optimised file.
+    #[error("there can be no cloud-optimised file of this drive: {reason}")]
+    Copc {
+        /// Why.
+        reason: String,
+    },
     /// Bytes that are not a whole number of point records.
     #[error("{bytes} bytes of points are not a whole number of records of {record_bytes} bytes")]
     PartialRecord {
@@ -143,6 +149,7 @@ impl Failure for OutputError {
             Self::RecordLength { .. } | Self::Descriptors { .. } => {
                 Some("write uncompressed copies, or drop extra dimensions of the input first".into())
             }
+            Self::Copc { .. } => Some("leave it out: without --copc, and without copc in --outputs".into()),
             Self::Write { .. }
             | Self::Compress { .. }
             | Self::PartialRecord { .. }

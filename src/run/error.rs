@@ -95,6 +95,24 @@ pub enum RunError {
         /// Its value here.
         here: String,
     },
+    /// The drive has no points in the section that the settings choose.
+    #[error(
+        "there are no points {}: the chainage of this drive is 0 to {length_m:.0} m", range(*from_m, *to_m)
+    )]
+    NoSection {
+        /// Chainage where the section begins, in metres.
+        from_m: f64,
+        /// Chainage where it ends, in metres; infinite for the end of the drive.
+        to_m: f64,
+        /// Length of the axis in metres.
+        length_m: f64,
+    },
+    /// A value of the whole drive is to be estimated, but only a section of it is processed.
+    #[error("{method} estimates a value over the whole drive, and --from or --to choose a section of it")]
+    EstimatedOverSection {
+        /// Name of the method.
+        method: String,
+    },
     /// Some tiles failed; the others were finished.
     #[error("{failed} of {total} units of pass {pass} failed, the first: {first}")]
     UnitsFailed {
@@ -124,6 +142,11 @@ pub(crate) fn ranges(numbers: &[usize]) -> String {
     numbers.chunk_by(|a, b| a + 1 == *b).map(run).collect::<Vec<_>>().join(",")
 }
 
+/// A range of chainage.
+fn range(from_m: f64, to_m: f64) -> String {
+    if to_m.is_finite() { format!("from {from_m} to {to_m} m") } else { format!("from {from_m} m on") }
+}
+
 impl Failure for RunError {
     fn kind(&self) -> ErrorKind {
         match self {
@@ -136,6 +159,7 @@ impl Failure for RunError {
             | Self::UnitsMissing { .. }
             | Self::UnitRefused { .. }
             | Self::OtherSettings { .. } => ErrorKind::State,
+            Self::NoSection { .. } | Self::EstimatedOverSection { .. } => ErrorKind::Config,
         }
     }
 
@@ -143,6 +167,10 @@ impl Failure for RunError {
         Some(match self {
             Self::Interrupted { .. } => "the same command resumes".into(),
             Self::NotSettled { .. } => "please report this with the command line and report.json".into(),
+            Self::NoSection { .. } => "chainage info FILES prints the length of the axis".into(),
+            Self::EstimatedOverSection { .. } => {
+                "estimate it first with chainage estimate-epsilon FILES, and give the value".into()
+            }
             Self::UnitsFailed { .. } => "the same command tries the failed units again".into(),
             Self::NoSuchPass { known, .. } => format!("its passes are: {}", known.join(", ")).into(),
             Self::NoSuchUnit { .. } | Self::NotOpened { .. } => {

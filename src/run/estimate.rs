@@ -41,7 +41,8 @@ pub fn estimate_epsilon(
         return Err(ConfigError::value("cluster.method", &config.cluster.method, expected).into());
     };
     let run_dir = open::lock(&catalog, &request.out, false)?;
-    let warnings = catalog.warnings().to_vec();
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(catalog.warnings().iter().cloned());
     let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
     let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
     let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;

@@ -9,13 +9,16 @@ use crate::cluster::{DriveWindow, Figures, Method};
 use crate::error::Result;
 use crate::model::TileId;
 use crate::output::LabelledFile;
+use crate::run::cloud::Cloud;
 use crate::run::drive::{Surveyed, Tiled};
 use crate::run::engine::{Driver, Event, Outline};
+use crate::run::error::RunError;
 use crate::run::finish::mark::{self, Finished};
 use crate::run::finish::page::{self, PageContent};
 use crate::run::finish::{names, tables};
 use crate::run::open::Opened;
-use crate::run::passes::export::{self, Copies, ExportPass};
+use crate::run::passes::copies::Copies;
+use crate::run::passes::export::{self, ExportPass};
 use crate::run::passes::fields::{self, FieldsPass};
 use crate::run::passes::ground::{self, GroundPass};
 use crate::run::passes::inventory::{self, Sources};
@@ -67,7 +70,10 @@ pub(crate) fn survey<D: Driver>(
     let Some(survey) = driver.complete(&SurveyPass::of(&open.drive, open.config, run_dir))? else {
         return Ok(None);
     };
-    Surveyed::new(&open.drive, survey, open.config).map(Some)
+    if open.config.tiling.section().is_some() && open.chain.method.reach_is_provisional() {
+        return Err(RunError::EstimatedOverSection { method: open.chain.method.name().to_owned() }.into());
+    }
+    Surveyed::new(&open.drive, survey, open.config, open.chain.deciding_reach(open.drive.lattice())).map(Some)
 }
 
 /// Divides the drive into tiles that fit the budget, after the memory for data of the whole drive is
@@ -122,15 +128,16 @@ impl List {
     }
 
     /// All of them with their numbers of units, as far as these are known.
-    fn all(&self, open: &Opened<'_>, planned: &Planned) -> Vec<(Outline, Option<usize>)> {
-        let tiles = Some(planned.plan.tiles.len());
-        let runs = Some(open.drive.block_runs().len());
+    fn all(&self, tiled: &Tiled<'_>) -> Vec<(Outline, Option<usize>)> {
+        let tiles = Some(tiled.count());
+        let runs = Some(tiled.drive.block_runs().len());
+        let relabelled = Some(relabel::runs(tiled).len());
         let mut all = Vec::new();
         all.extend(self.scatter.iter().map(|outline| (outline, runs)));
         all.push((&self.ground, tiles));
         all.extend(self.fields.iter().map(|outline| (outline, runs)));
         all.extend(self.steps.iter().map(|outline| (outline, tiles)));
-        all.extend([(&self.stitch, Some(1)), (&self.relabel, runs), (&self.inventory, tiles)]);
+        all.extend([(&self.stitch, Some(1)), (&self.relabel, relabelled), (&self.inventory, tiles)]);
         all.push((&self.export, None));
         all.into_iter().map(|(outline, units)| (outline.clone(), units)).collect()
     }
@@ -151,7 +158,11 @@ fn through_step<D: Driver, R>(
     let mut tiled = Tiled::whole_blocks(drive, surveyed, plan);
     let amplification = tiled.amplification(chain.ground_reach);
     let list = List::of(open, planned, amplification > LARGEST_AMPLIFICATION);
-    driver.expect(&list.all(open, planned));
+    let mut ahead = list.all(&tiled);
+    if driver.computes() && open.config.output.writes("copc") {
+        ahead.extend(Cloud::outlines(&list.export).map(|outline| (outline, None)));
+    }
+    driver.expect(&ahead);
 
     if let Some(outline) = &list.scatter {
         let text = format!(
@@ -247,16 +258,25 @@ pub(crate) fn to_files<D: Driver>(
         let Some(found) = found else { return Ok(None) };
         let limit = names::page_limit_bytes(open.config);
         let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
+        let tiled = progress.over.classified.tiled;
+        let for_cloud = open.config.output.writes("copc").then(|| labelled.clone());
+        let copies = Copies::of(labelled, tiled, open.config.output.writes("points"));
         let pass = ExportPass::of(
             &open.drive,
             &columns,
             &objects.kinds,
             sampling.as_ref(),
-            Copies { labelled, writes: open.config.output.writes("points") },
+            copies,
             run_dir,
             list.export.clone(),
         );
         let Some(exported) = driver.complete(&pass)? else { return Ok(None) };
+        if let Some(labelled) = &for_cloud {
+            let kinds = &objects.kinds;
+            let cloud =
+                Cloud { open, tiled, columns: &columns, kinds, labelled, run_dir, export: &list.export };
+            let Some(()) = cloud.complete(driver)? else { return Ok(None) };
+        }
         let rows = inventory::rows(sources, list.inventory.clone(), &found)?;
         let table = tables::write_tables(
             run_dir,

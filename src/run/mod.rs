@@ -20,6 +20,7 @@
 //! ```
 
 mod chain;
+mod cloud;
 mod drive;
 mod engine;
 mod error;
@@ -57,7 +58,7 @@ pub use look::{
 };
 pub use look::{PassStatus, RunStatus, status};
 pub use shared::{DueUnits, Reduced, SharedRun, next, open_for_workers, reduce, work};
-pub use summary::{Counts, RunSummary};
+pub use summary::{Counts, RunSummary, SectionFacts};
 pub use train::{TrainRequest, Trained, built_in_model, read_model, score_model, train};
 
 /// A request for a run.
@@ -88,7 +89,8 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
     let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
     names::claim(&run_dir, config, &labelled)?;
-    let mut warnings = catalog.warnings().to_vec();
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(catalog.warnings().iter().cloned());
     warnings.extend(open::file_system_warning(&request.inputs, config));
     warnings.extend(file_warnings);
     if request.fresh {

@@ -77,12 +77,14 @@ pub fn open_for_workers(
     cancel: &CancelToken,
 ) -> Result<DueUnits> {
     let config = &request.config;
+    open::check_shareable(config)?;
     let catalog = open::catalog(&request.inputs, config)?;
     let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
     let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
     names::claim(&run_dir, config, &labelled)?;
-    let mut warnings = catalog.warnings().to_vec();
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(catalog.warnings().iter().cloned());
     warnings.extend(open::file_system_warning(&request.inputs, config));
     warnings.extend(file_warnings);
     if request.fresh {

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::cluster::Figures;
 use crate::cluster::dbscan::epsilon::DriveEpsilon;
+use crate::run::drive::Surveyed;
 use crate::run::engine::PassFigures;
 
 /// Points of a drive by class.
@@ -19,11 +20,32 @@ pub struct Counts {
     pub high_noise: u64,
 }
 
+/// The section of a drive that was processed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SectionFacts {
+    /// Chainage where it begins in metres.
+    pub from_m: f64,
+    /// Chainage where it ends in metres.
+    pub to_m: f64,
+    /// Length of the axis of the drive in metres.
+    pub length_m: f64,
+}
+
+impl SectionFacts {
+    pub(crate) fn of(surveyed: &Surveyed) -> Option<Self> {
+        let length_m = surveyed.axis.length_m();
+        surveyed.section_m().map(|(from_m, to_m)| Self { from_m, to_m: to_m.min(length_m), length_m })
+    }
+}
+
 /// The result of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct RunSummary {
-    /// Points of the drive.
+    /// Points of the drive, or of its processed section.
     pub points: u64,
+    /// The processed section. `None` if it is the whole drive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub section: Option<SectionFacts>,
     /// Points by class.
     pub counts: Counts,
     /// Objects.

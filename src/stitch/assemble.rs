@@ -12,6 +12,8 @@ pub struct Stitcher {
     /// Number of labels before each tile's first label.
     first_node: Vec<u32>,
     parts: Vec<ObjectPart>,
+    /// Ranges of labels of tiles beside the section.
+    beside: Vec<std::ops::Range<u32>>,
     sets: Option<DisjointSets>,
 }
 
@@ -32,6 +34,14 @@ impl Stitcher {
         let count = in_u32(self.parts.len(), "labels of all tiles");
         self.first_node.push(count);
         self.parts.extend(objects.into_iter().map(|object| object.part));
+    }
+
+    /// Adds the objects of the next tile, which is beside the section that is processed. An object needs a part in some
+    /// other tile.
+    pub fn tile_beside(&mut self, objects: Vec<LocalObject>) {
+        let first = in_u32(self.parts.len(), "labels of all tiles");
+        self.tile(objects);
+        self.beside.push(first..in_u32(self.parts.len(), "labels of all tiles"));
     }
 
     fn node(&self, tile: TileId, label: u32) -> Option<u32> {
@@ -58,6 +68,12 @@ impl Stitcher {
         let mut sets = self.sets.take().unwrap_or_else(|| DisjointSets::new(nodes));
         let mut united = 0;
         let roots: Vec<u32> = (0..nodes).map(|node| sets.find(node)).collect();
+        let mut is_inside = vec![false; roots.len()];
+        let mut beside = self.beside.iter().cloned().flatten().peekable();
+        for (node, &root) in (0..nodes).zip(&roots) {
+            let is_beside = beside.next_if_eq(&node).is_some();
+            is_inside[root as usize] |= !is_beside && self.parts[node as usize].points > 0;
+        }
         let mut whole: Vec<Option<ObjectPart>> = self.parts.into_iter().map(Some).collect();
         for (node, &root) in roots.iter().enumerate().filter(|(node, root)| *node != **root as usize) {
             united += 1;
@@ -71,7 +87,7 @@ impl Stitcher {
             .filter_map(|(root, object)| {
                 object
                     .as_ref()
-                    .filter(|object| size.contains(&object.points))
+                    .filter(|object| is_inside[root] && size.contains(&object.points))
                     .map(|object| (object.first_id, root))
             })
             .collect();

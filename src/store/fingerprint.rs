@@ -104,11 +104,11 @@ mod tests {
 
     #[test]
     fn differences_name_old_and_new() {
-        let old = Inputs::new().with("euclidean.d_t", 0.3).with("gone", 1);
-        let new = Inputs::new().with("euclidean.d_t", 0.4);
+        let old = Inputs::new().with("euclidean.max_gap_m", 0.3).with("gone", 1);
+        let new = Inputs::new().with("euclidean.max_gap_m", 0.4);
         assert_ne!(old.fingerprint(), new.fingerprint());
         let reasons: Vec<String> = new.differences(&old).iter().map(ToString::to_string).collect();
-        assert_eq!(reasons, ["euclidean.d_t: 0.3 -> 0.4", "gone: 1 -> (nothing)"]);
+        assert_eq!(reasons, ["euclidean.max_gap_m: 0.3 -> 0.4", "gone: 1 -> (nothing)"]);
     }
 
     #[test]

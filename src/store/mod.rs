@@ -4,11 +4,11 @@
 //! ```
 //! use chainage::store::Inputs;
 //!
-//! let old = Inputs::new().with("euclidean.d_t", 0.3);
-//! let new = Inputs::new().with("euclidean.d_t", 0.4);
+//! let old = Inputs::new().with("euclidean.max_gap_m", 0.3);
+//! let new = Inputs::new().with("euclidean.max_gap_m", 0.4);
 //! assert_ne!(old.fingerprint(), new.fingerprint());
 //! let reasons = new.differences(&old);
-//! assert_eq!(reasons[0].to_string(), "euclidean.d_t: 0.3 -> 0.4");
+//! assert_eq!(reasons[0].to_string(), "euclidean.max_gap_m: 0.3 -> 0.4");
 //! ```
 
 mod error;

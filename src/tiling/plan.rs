@@ -68,6 +68,8 @@ pub struct PlanRequest<'a> {
     pub grid: CellGrid,
     /// The rule for the length of tiles.
     pub size: &'a TileSize,
+    /// Chainage in metres where the section begins and ends that the plan is for. No tile is in part inside of it.
+    pub section_m: Option<(f64, f64)>,
 }
 
 /// One tile.
@@ -79,6 +81,9 @@ pub struct Tile {
     pub from_m: f64,
     /// Chainage of its last cell in metres.
     pub to_m: f64,
+    /// Whether it is inside the section. The other tiles are beside it: they only complete its objects.
+    #[serde(skip)]
+    pub inside: bool,
     /// Where it begins. If the strip is not cut, the cell is the smallest possible one.
     #[serde(skip)]
     pub first: Place,
@@ -131,6 +136,7 @@ impl Bunch {
 struct Cutter<'a> {
     size: &'a TileSize,
     grid: CellGrid,
+    section_m: Option<(f64, f64)>,
     /// Load of a tile, if all tiles have the same.
     share: u64,
     /// Load before the next bunch, and the number of tiles that it fills.
@@ -142,12 +148,13 @@ struct Cutter<'a> {
 }
 
 impl<'a> Cutter<'a> {
-    fn new(size: &'a TileSize, grid: CellGrid, load: u64) -> Self {
+    fn new(request: &PlanRequest<'a>, load: u64) -> Self {
+        let &PlanRequest { size, grid, section_m, .. } = request;
         let share = match size {
             TileSize::Equal { tiles, .. } => load.div_ceil((*tiles).max(1)).max(1),
             TileSize::Metres(_) => u64::MAX,
         };
-        Self { size, grid, share, before: 0, filled: 0, tiles: Vec::new(), core: Bunch::EMPTY }
+        Self { size, grid, section_m, share, before: 0, filled: 0, tiles: Vec::new(), core: Bunch::EMPTY }
     }
 
     /// Whether a tile may have to begin within the next bunch.
@@ -159,8 +166,10 @@ impl<'a> Cutter<'a> {
     /// Takes the next bunch, which begins with the cell `first`.
     fn take(&mut self, first: Place, chainage_m: f64, bunch: &Bunch) {
         let grown = self.core.and(bunch);
+        let inside = self.section_m.is_none_or(|(from, to)| (from..=to).contains(&chainage_m));
         let full = self.tiles.last().is_none_or(|tile| {
-            grown.extent(self.grid) >= CORE_EXTENT_UNITS
+            tile.inside != inside
+                || grown.extent(self.grid) >= CORE_EXTENT_UNITS
                 || match self.size {
                     TileSize::Equal { .. } => self.before / self.share > self.filled,
                     TileSize::Metres(length) => {
@@ -170,7 +179,7 @@ impl<'a> Cutter<'a> {
         });
         if full {
             self.filled = self.before / self.share;
-            self.tiles.push(Tile { points: 0, from_m: chainage_m, to_m: chainage_m, first });
+            self.tiles.push(Tile { points: 0, from_m: chainage_m, to_m: chainage_m, inside, first });
         }
         self.core = if full { *bunch } else { grown };
         if let Some(tile) = self.tiles.last_mut() {
@@ -199,7 +208,7 @@ impl Plan {
             *bunch = bunch.and(&of_cell);
         }
         let load = strips.iter().fold(0, |load: u64, strip| load.saturating_add(strip.load));
-        let mut cutter = Cutter::new(request.size, request.grid, load);
+        let mut cutter = Cutter::new(request, load);
         let mut before = 0;
         let mut cut: BTreeMap<u32, Vec<(Cell, Bunch)>> = BTreeMap::new();
         for (number, strip) in (1..).zip(&strips) {
@@ -248,6 +257,19 @@ impl Plan {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of tiles")]
         let tiles = parts.iter().sum::<f64>().round() as u64;
         TileSize::Equal { tiles, weights: self.tiles.iter().zip(parts).map(weight).collect() }
+    }
+
+    /// Points of the tiles inside the section.
+    #[must_use]
+    pub fn points_inside(&self) -> u64 {
+        self.tiles.iter().filter(|tile| tile.inside).map(|tile| tile.points).sum()
+    }
+
+    /// Whether the tile that owns a cell is inside the section.
+    #[must_use]
+    pub fn is_inside(&self, cell: Cell) -> bool {
+        let owner = self.owners.get(cell) as usize;
+        owner.checked_sub(1).and_then(|tile| self.tiles.get(tile)).is_some_and(|tile| tile.inside)
     }
 
     /// The raster.
@@ -378,6 +400,10 @@ mod tests {
 
     /// A plan of cells whose chainage is their first index.
     fn plan(cells: &[(Cell, u32)], size: &TileSize) -> Plan {
+        section(cells, size, None)
+    }
+
+    fn section(cells: &[(Cell, u32)], size: &TileSize, section_m: Option<(f64, f64)>) -> Plan {
         let mut map = CellMap::<u32>::default();
         cells.iter().for_each(|(cell, points)| *map.entry(*cell) = *points);
         let counts = Arc::new(PackedCells::from(map));
@@ -386,7 +412,8 @@ mod tests {
         let number: BTreeMap<i32, u32> = columns.into_iter().zip(1..).collect();
         let strips = counts.map(|cell, _| number[&cell[0]]);
         let grid = CellGrid::new(1_000);
-        Plan::new(&PlanRequest { cells: &counts, strips: &strips, chainage_m: &chainage_m, grid, size })
+        let chainage_m = &chainage_m;
+        Plan::new(&PlanRequest { cells: &counts, strips: &strips, chainage_m, grid, size, section_m })
     }
 
     fn street(length: i32) -> Vec<(Cell, u32)> {
@@ -439,6 +466,19 @@ mod tests {
         let plan = plan(&street(100), &TileSize::Metres(20.0));
         let spans: Vec<(f64, f64)> = plan.tiles.iter().map(|tile| (tile.from_m, tile.to_m)).collect();
         assert_eq!(spans, [(0.0, 19.0), (20.0, 39.0), (40.0, 59.0), (60.0, 79.0), (80.0, 99.0)]);
+    }
+
+    #[test]
+    fn a_tile_is_inside_or_beside_the_section() {
+        for size in [TileSize::Metres(20.0), TileSize::equal(3), TileSize::equal(1)] {
+            let plan = section(&street(100), &size, Some((25.0, 70.0)));
+            for (number, tile) in plan.tiles.iter().enumerate() {
+                let inside = |cell: &Cell| (25..=70).contains(&cell[0]);
+                assert!(plan.core(number).iter().all(|cell| inside(cell) == tile.inside), "{tile:?}");
+            }
+            assert_eq!(plan.points_inside(), 46 * 50);
+            assert!(plan.is_inside([25, 0]) && !plan.is_inside([24, 0]) && !plan.is_inside([200, 0]));
+        }
     }
 
     #[test]

@@ -8,6 +8,7 @@ use chainage::words::counted;
 
 use crate::cli::drive_args::Choices;
 use crate::cli::exit::Outcome;
+use crate::cli::progress::warning;
 use crate::cli::{exit, print};
 
 /// Prints every setting with its unit and default.
@@ -45,6 +46,7 @@ impl ConfigArgs {
                 }
             );
             differences.iter().for_each(|line| text.push_str(&format!("  {line}\n")));
+            text.push_str(&print::warnings(config.warnings()));
             text
         } else {
             config::DEFAULT_TOML.to_owned()
@@ -56,6 +58,7 @@ impl ConfigArgs {
     fn effective(&self) -> chainage::Result<String> {
         let config: Config = self.choices.resolve()?;
         check_settings(&config, &Registries::default())?;
+        config.warnings().iter().for_each(|text| print::note(&warning(text)));
         Ok(config.to_toml())
     }
 }

@@ -7,7 +7,7 @@ use chainage::config::{Config, ConfigError};
 use chainage::run::{CancelToken, PlanFacts, Registries, RunRequest, open_for_workers, plan_of};
 
 use crate::cli::commands::{info, next};
-use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::drive_args::{Inputs, SectionArgs, Settings};
 use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
 use crate::cli::print::{deliver, is_standard_output};
@@ -23,6 +23,8 @@ pub(crate) struct PlanArgs {
     /// Write a drawing of tiles, axis and chainage marks as SVG (-: to standard output)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    #[command(flatten)]
+    section: SectionArgs,
     #[command(flatten)]
     shared: Shared,
     #[command(flatten)]
@@ -52,7 +54,7 @@ impl PlanArgs {
             let refused = ConfigError::value("--svg", "-", "a file when --json is given");
             return Err(chainage::Error::from(refused).into());
         }
-        let config = self.settings.resolve(&[])?;
+        let config = self.settings.resolve(&self.section.assignments().collect::<Vec<_>>())?;
         if let Some(out) = &self.shared.out {
             return self.open(out, config);
         }
@@ -83,6 +85,15 @@ impl PlanArgs {
     }
 }
 
+/// The time to expect, in seconds or minutes.
+fn time((least, most): (f64, f64)) -> String {
+    match most {
+        ..1.5 => "about 1 s".to_owned(),
+        ..120.0 => format!("{:.0} to {:.0} s", least.floor().max(1.0), most.ceil()),
+        _ => format!("{:.0} to {:.0} min", (least / 60.0).floor().max(1.0), (most / 60.0).ceil()),
+    }
+}
+
 /// The plan, for a person.
 pub(super) fn page(plan: &PlanFacts) -> String {
     let rows: Vec<Vec<String>> = plan
@@ -109,6 +120,9 @@ pub(super) fn page(plan: &PlanFacts) -> String {
         plan.axis.length_m,
         info::axis_source(&plan.axis)
     ));
+    if let Some(section) = &plan.section {
+        text.push_str(&format!("  section   {}\n", print::section(section)));
+    }
     text.push_str(&format!(
         "  halo      {:.2} m for ground and noise, {:.2} m for clusters\n",
         plan.ground_reach_m, plan.cluster_reach_m
@@ -124,7 +138,7 @@ pub(super) fn page(plan: &PlanFacts) -> String {
         print::bytes(plan.state_bytes),
         plan.read_amplification
     ));
-    text.push_str(&format!("  time      roughly {:.0} s\n", plan.seconds.max(1.0)));
+    text.push_str(&format!("  time      {}\n", time(plan.seconds)));
     text.push_str(&print::warnings(&plan.warnings));
     text
 }

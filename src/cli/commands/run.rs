@@ -8,7 +8,7 @@ use chainage::output::objects;
 use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, plan_of, run};
 
 use crate::cli::commands::plan;
-use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::drive_args::{Inputs, SectionArgs, Settings};
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::JsonOutput;
 use crate::cli::progress::{Progress, ProgressChoice};
@@ -31,6 +31,8 @@ pub(crate) struct RunArgs {
     show: Show,
     #[command(flatten)]
     output: OutputSettings,
+    #[command(flatten)]
+    section: SectionArgs,
     #[command(flatten)]
     settings: Settings,
 }
@@ -75,6 +77,9 @@ struct OutputSettings {
     keep_original: bool,
     #[arg(long, value_name = "LIST", value_delimiter = ',', help = outputs())]
     outputs: Vec<String>,
+    /// Write all points as one cloud-optimised file as well, drive.copc.laz, for viewers that stream
+    #[arg(long)]
+    copc: bool,
     /// Do not write report.html, the page with a 3D view, a plan, a table and statistics
     #[arg(long)]
     no_report: bool,
@@ -86,7 +91,10 @@ struct OutputSettings {
 /// The help of --outputs.
 fn outputs() -> String {
     let tables: Vec<&str> = objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name).collect();
-    format!("Write only these: points (labelled copies), {}, report [default: all]", tables.join(", "))
+    format!(
+        "Write only these: points (labelled copies), {}, copc, report [default: all but copc]",
+        tables.join(", ")
+    )
 }
 
 impl OutputSettings {
@@ -104,6 +112,9 @@ impl OutputSettings {
         if !self.outputs.is_empty() {
             list.push(("output.files", format!("{:?}", self.outputs)));
         }
+        if self.copc {
+            list.push(("output.copc", "true".to_owned()));
+        }
         if self.no_report {
             list.push(("output.report", "false".to_owned()));
         }
@@ -116,7 +127,8 @@ impl OutputSettings {
 
 impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
-        let config = self.settings.resolve(&self.output.assignments())?;
+        let extra: Vec<_> = self.output.assignments().into_iter().chain(self.section.assignments()).collect();
+        let config = self.settings.resolve(&extra)?;
         let inputs = self.inputs.files()?;
         if self.dry_run {
             let plan = plan_of(&inputs, &config, &Registries::default())?;
@@ -161,6 +173,9 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
         print::counted(summary.objects as u64, "object"),
         print::counted(summary.tiles as u64, "tile")
     );
+    if let Some(section) = summary.section {
+        text.push_str(&format!("  {}\n", print::section(&section)));
+    }
     text.push_str(&format!(
         "  ground {:.1} %, noise {:.2} %, objects {:.1} %\n",
         share(counts.ground),
@@ -192,6 +207,7 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
     written.extend(tables.map(|entry| entry.file_name));
     written.push("report.json");
     written.extend(output.writes("report").then_some("report.html"));
+    written.extend(output.writes("copc").then_some("drive.copc.laz"));
     text.push_str(&format!("\n  {}: {}\n", out.display(), written.join(", ")));
     text
 }

@@ -72,10 +72,15 @@ const STAGES: [Step; 3] = [
     stage("voxels", &["density-peaks.voxel"]),
     stage(
         "peaks",
-        &["density-peaks.rho_t", "density-peaks.delta_t", "density-peaks.d_t", "density-peaks.d_neighbor"],
+        &[
+            "density-peaks.min_density",
+            "density-peaks.min_separation",
+            "density-peaks.scale_above",
+            "density-peaks.search_radius",
+        ],
     ),
     // Without `c_t`: its decision uses sums that do not depend on it.
-    stage("borders", &["density-peaks.d_th", "density-peaks.reassign"]),
+    stage("borders", &["density-peaks.pair_gap_m", "density-peaks.reassign"]),
 ];
 
 /// The method, see the module.
@@ -106,6 +111,10 @@ impl Method for DensityPeaks {
 
     /// The reach of the points of the last stage. Voxels are read from further away, but they need less
     /// memory.
+    fn microseconds_per_point(&self) -> f64 {
+        2.9
+    }
+
     fn planning_reach(&self, _lattice: Lattice) -> Reach {
         Reach::Exact { metres: stage_borders::reach_m(&self.config) }
     }

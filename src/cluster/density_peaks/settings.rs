@@ -19,19 +19,25 @@ pub struct DensityPeaksConfig {
     /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (section 4.1).
     pub voxel: f64,
     /// A centre has a density above this, in voxels, 0 to 1000. Default 4 (Table 2: 1.2 m).
+    #[serde(rename = "min_density")]
     pub rho_t: f64,
     /// A centre is further than this from the nearest denser voxel, in voxels, 0 to 100. Default 3 (Table 2: 0.9 m).
+    #[serde(rename = "min_separation")]
     pub delta_t: f64,
     /// Above this height over ground, in voxels, densities are divided by the height, 0 to 1000. Default 5
     /// (Table 2: 1.5 m).
+    #[serde(rename = "scale_above")]
     pub d_t: f64,
     /// Search distance for denser voxels (exclusive), in voxels, 1 to 50. Default 13 (Table 2: 3.9 m).
+    #[serde(rename = "search_radius")]
     pub d_neighbor: f64,
     /// Points of two clusters closer than this, in metres, are a pair, 0.01 to 5. Default 0.5 (equation 11).
+    #[serde(rename = "pair_gap_m")]
     pub d_th: f64,
     /// Clusters are merged when the mean curvature over their pairs is below this, 0 (never) to 1. Default 0.04: the
     /// valley in the histogram of pairs, and better on four drives (`benches/results/density-peaks-study.md`). The paper
     /// found its value "by analyzing thousands of sample data" and does not print it.
+    #[serde(rename = "merge_below")]
     pub c_t: f64,
     /// Halo voxels join the nearest segment within this, in metres, 0.01 to 10. Default 1.5 (chosen; the paper filters
     /// out what is "far away from all segments").
@@ -56,12 +62,12 @@ impl DensityPeaksConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         let ranges = [
             ("density-peaks.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
-            ("density-peaks.rho_t", self.rho_t, 0.0..=1_000.0, "0 to 1000 voxels"),
-            ("density-peaks.delta_t", self.delta_t, 0.0..=100.0, "0 to 100 voxels"),
-            ("density-peaks.d_t", self.d_t, 0.0..=1_000.0, "0 to 1000 voxels"),
-            ("density-peaks.d_neighbor", self.d_neighbor, 1.0..=50.0, "1 to 50 voxels"),
-            ("density-peaks.d_th", self.d_th, 0.01..=5.0, "0.01 to 5 metres"),
-            ("density-peaks.c_t", self.c_t, 0.0..=1.0, "0 to 1"),
+            ("density-peaks.min_density", self.rho_t, 0.0..=1_000.0, "0 to 1000 voxels"),
+            ("density-peaks.min_separation", self.delta_t, 0.0..=100.0, "0 to 100 voxels"),
+            ("density-peaks.scale_above", self.d_t, 0.0..=1_000.0, "0 to 1000 voxels"),
+            ("density-peaks.search_radius", self.d_neighbor, 1.0..=50.0, "1 to 50 voxels"),
+            ("density-peaks.pair_gap_m", self.d_th, 0.01..=5.0, "0.01 to 5 metres"),
+            ("density-peaks.merge_below", self.c_t, 0.0..=1.0, "0 to 1"),
             ("density-peaks.reassign", self.reassign, 0.01..=10.0, "0.01 to 10 metres"),
         ];
         for (key, value, range, expected) in ranges {
@@ -82,12 +88,12 @@ mod tests {
         let default = DensityPeaksConfig::default;
         for (config, key) in [
             (DensityPeaksConfig { voxel: f64::NAN, ..default() }, "density-peaks.voxel = NaN"),
-            (DensityPeaksConfig { rho_t: -1.0, ..default() }, "density-peaks.rho_t = -1"),
-            (DensityPeaksConfig { delta_t: 101.0, ..default() }, "density-peaks.delta_t = 101"),
-            (DensityPeaksConfig { d_t: -0.5, ..default() }, "density-peaks.d_t = -0.5"),
-            (DensityPeaksConfig { d_neighbor: 0.5, ..default() }, "density-peaks.d_neighbor = 0.5"),
-            (DensityPeaksConfig { d_th: 0.0, ..default() }, "density-peaks.d_th = 0"),
-            (DensityPeaksConfig { c_t: 1.5, ..default() }, "density-peaks.c_t = 1.5"),
+            (DensityPeaksConfig { rho_t: -1.0, ..default() }, "density-peaks.min_density = -1"),
+            (DensityPeaksConfig { delta_t: 101.0, ..default() }, "density-peaks.min_separation = 101"),
+            (DensityPeaksConfig { d_t: -0.5, ..default() }, "density-peaks.scale_above = -0.5"),
+            (DensityPeaksConfig { d_neighbor: 0.5, ..default() }, "density-peaks.search_radius = 0.5"),
+            (DensityPeaksConfig { d_th: 0.0, ..default() }, "density-peaks.pair_gap_m = 0"),
+            (DensityPeaksConfig { c_t: 1.5, ..default() }, "density-peaks.merge_below = 1.5"),
             (DensityPeaksConfig { reassign: f64::INFINITY, ..default() }, "density-peaks.reassign = inf"),
         ] {
             let error = config.validate().unwrap_err().to_string();

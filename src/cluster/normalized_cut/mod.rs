@@ -126,6 +126,10 @@ impl Method for NormalizedCut {
         true
     }
 
+    fn microseconds_per_point(&self) -> f64 {
+        10.0
+    }
+
     fn planning_reach(&self, lattice: Lattice) -> Reach {
         self.euclidean.reach(lattice)
     }

@@ -19,12 +19,15 @@ pub struct NormalizedCutConfig {
     pub voxel: f64,
     /// Horizontal distance in metres at which a weight falls to 1/e, sigma_H of equation 1, 0.05 to 20. Default 0.8
     /// (chosen; the paper has no value).
+    #[serde(rename = "horizontal_scale_m")]
     pub sigma_h: f64,
     /// Vertical distance in metres at which a weight falls to 1/e, sigma_V of equation 1, 0.05 to 20. Default 2
     /// (chosen; the paper has no value).
+    #[serde(rename = "vertical_scale_m")]
     pub sigma_v: f64,
     /// Voxels are linked up to this horizontal distance in metres, d_H of equation 1, 0.1 to 20. Default 1.2
     /// (chosen; the paper has no value).
+    #[serde(rename = "link_radius_m")]
     pub d_h: f64,
     /// A part is cut in two if Ncut (equation 3) of its best cut is at most this, 0 (never) to 2. Default 0.08
     /// (chosen; the paper has no value).
@@ -53,9 +56,9 @@ impl NormalizedCutConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         let ranges = [
             ("normalized-cut.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
-            ("normalized-cut.sigma_h", self.sigma_h, 0.05..=20.0, "0.05 to 20 metres"),
-            ("normalized-cut.sigma_v", self.sigma_v, 0.05..=20.0, "0.05 to 20 metres"),
-            ("normalized-cut.d_h", self.d_h, 0.1..=20.0, "0.1 to 20 metres"),
+            ("normalized-cut.horizontal_scale_m", self.sigma_h, 0.05..=20.0, "0.05 to 20 metres"),
+            ("normalized-cut.vertical_scale_m", self.sigma_v, 0.05..=20.0, "0.05 to 20 metres"),
+            ("normalized-cut.link_radius_m", self.d_h, 0.1..=20.0, "0.1 to 20 metres"),
             ("normalized-cut.stop", self.stop, 0.0..=2.0, "0 to 2"),
             ("normalized-cut.tall", self.tall, 0.0..=100.0, "0 to 100 metres"),
             ("normalized-cut.wide", self.wide, 0.0..=1_000.0, "0 to 1000 metres"),
@@ -82,9 +85,12 @@ mod tests {
         let default = NormalizedCutConfig::default;
         for (config, key) in [
             (NormalizedCutConfig { voxel: f64::NAN, ..default() }, "normalized-cut.voxel = NaN"),
-            (NormalizedCutConfig { sigma_h: 0.0, ..default() }, "normalized-cut.sigma_h = 0"),
-            (NormalizedCutConfig { sigma_v: f64::INFINITY, ..default() }, "normalized-cut.sigma_v = inf"),
-            (NormalizedCutConfig { d_h: -1.0, ..default() }, "normalized-cut.d_h = -1"),
+            (NormalizedCutConfig { sigma_h: 0.0, ..default() }, "normalized-cut.horizontal_scale_m = 0"),
+            (
+                NormalizedCutConfig { sigma_v: f64::INFINITY, ..default() },
+                "normalized-cut.vertical_scale_m = inf",
+            ),
+            (NormalizedCutConfig { d_h: -1.0, ..default() }, "normalized-cut.link_radius_m = -1"),
             (NormalizedCutConfig { stop: 2.5, ..default() }, "normalized-cut.stop = 2.5"),
             (NormalizedCutConfig { tall: -0.1, ..default() }, "normalized-cut.tall = -0.1"),
             (NormalizedCutConfig { wide: 1_001.0, ..default() }, "normalized-cut.wide = 1001"),

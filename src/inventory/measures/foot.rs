@@ -13,6 +13,10 @@ const LOWEST_PART_M: f64 = 0.3;
 /// If the lowest part of an object without stem is this much below the ground model, in metres, the model is wrong there:
 /// the ground was not seen, for example behind a hedge (chosen: steps and kerbs within a cell are lower).
 const BELOW_GROUND_M: f64 = 0.2;
+/// A tree that is lower than this share of its width hides its stem in leaves down to the ground, as a cycad or a bush does:
+/// it stands in the middle of them. Its densest leaves are at the side that was seen, and are no stem. Chosen between 0.56,
+/// the largest of cycads, and 1.07, the smallest of all other trees of `synth avenue`.
+const LOW_TREE: f64 = 0.75;
 /// Rounds in which the foot of an axis is found on the ground. A stem that leans by 10 degrees on a slope of 30
 /// degrees gains a digit in each.
 const ROUNDS: usize = 4;
@@ -40,7 +44,9 @@ impl Foot {
         lattice: Lattice,
     ) -> Self {
         let stem = Stem::new(&measures.stem, lattice, kind.class);
+        let is_low = kind.class == TREE && is_low(whole);
         if matches!(kind.class, TREE | POLE)
+            && !is_low
             && let Some(axis) = stem.axis()
         {
             let corner = frames.stem.corner.map(|value| lattice.metres(value));
@@ -56,7 +62,9 @@ impl Foot {
             return Self { place, ground_m, stem: Some((stem, axis)) };
         }
         match lowest_part(measures, frames, terrain, lattice) {
-            Some((place, over_m)) => {
+            Some((lowest, over_m)) => {
+                let middle = |k: usize| lattice.metres(whole.lo[k] + whole.hi[k]) / 2.0;
+                let place = if is_low { [middle(0), middle(1)] } else { lowest };
                 let below_m = if over_m < -BELOW_GROUND_M { over_m } else { 0.0 };
                 Self { place, ground_m: terrain.surface_m(place).map(|m| m + below_m), stem: None }
             }
@@ -64,6 +72,12 @@ impl Foot {
             None => Self { place: [0.0; 2], ground_m: None, stem: None },
         }
     }
+}
+
+/// Whether a tree is so low that no stem is seen.
+fn is_low(whole: &ObjectPart) -> bool {
+    let [x, y, z] = [0, 1, 2].map(|k| (whole.hi[k] - whole.lo[k]) as f64);
+    z < LOW_TREE * f64::midpoint(x, y)
 }
 
 /// Middle of the lowest part in metres, all of whose cells weigh the same, and the height of its lowest point over the

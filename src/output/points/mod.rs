@@ -1,5 +1,6 @@
 //! Files of points: labelled copies of the input, edited byte by byte, and new files.
 
+pub(crate) mod copc;
 pub(crate) mod descriptor;
 mod edit;
 mod labelled;

@@ -11,7 +11,7 @@ const MAX_RECORD: usize = u16::MAX as usize;
 /// Name of the dimension that keeps the class of the input.
 const ORIGINAL_CLASS: &str = "original_classification";
 /// Name of the dimension with the class of the object.
-const OBJECT_CLASS: &str = "object_class";
+pub(super) const OBJECT_CLASS: &str = "object_class";
 /// LAS classes of our classes (LAS 1.4 R15, tables 9 and 17).
 const GROUND: u8 = 2;
 const HIGH_VEGETATION: u8 = 5;

@@ -171,11 +171,12 @@ impl Drive {
         units: &Payloads,
         number: usize,
     ) -> PerPoint<T> {
-        let first = |run: &BlockRun| {
+        let records = |run: &BlockRun| {
             let block = self.file(run.file).blocks().get(run.blocks.start);
-            (run.file, block.map_or(0, |block| block.first_record))
+            let first = block.map_or(0, |block| block.first_record);
+            (run.file, first..first + run.points)
         };
-        PerPoint::new(runs.iter().map(first).collect(), units, number)
+        PerPoint::new(runs.iter().map(records).collect(), units, number)
     }
 
     /// The values of points by their ids. The ids are mostly ascending.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::run::drive::Drive;
+use crate::run::drive::Section;
 use crate::run::drive::axis::find_axis;
 use crate::run::drive::warnings::{warn_of_files_apart, warn_of_header_boxes, warn_of_strays};
 use crate::spatial::{BlockZone, PackedCells};
@@ -24,12 +25,14 @@ pub(crate) struct Surveyed {
     pub(crate) axis: Axis,
     /// Number of points of each occupied cell.
     pub(crate) cells: Arc<PackedCells>,
+    /// The section that is processed; `None` if it is the whole drive.
+    pub(crate) section: Option<Section>,
     pub(crate) warnings: Vec<String>,
 }
 
 impl Surveyed {
-    /// Derives axis and cells from the survey.
-    pub(crate) fn new(drive: &Drive, mut survey: Survey, config: &Config) -> Result<Self> {
+    /// Derives axis and cells from the survey. Points within `deciding` lattice units decide on an object.
+    pub(crate) fn new(drive: &Drive, mut survey: Survey, config: &Config, deciding: i64) -> Result<Self> {
         let mut warnings = Vec::new();
         check_extent(drive, &survey)?;
         let cells = Arc::new(PackedCells::from(std::mem::take(&mut survey.occupancy)));
@@ -41,7 +44,19 @@ impl Surveyed {
         warn_of_strays(&survey, &cells, drive.lattice().metres(drive.grid.edge()), &mut warnings);
         warn_of_header_boxes(drive, &survey, &mut warnings);
         warn_of_files_apart(drive, &mut warnings);
-        Ok(Self { survey, axis, cells, warnings })
+        let (grid, lattice) = (drive.grid, drive.lattice());
+        let section = Section::chosen(&config.tiling, &axis, &cells, grid, lattice, deciding)?;
+        Ok(Self { survey, axis, cells, section, warnings })
+    }
+
+    /// Points of the cells that are processed.
+    pub(crate) fn processed(&self) -> &Arc<PackedCells> {
+        self.section.as_ref().map_or(&self.cells, |section| &section.cells)
+    }
+
+    /// Where the processed section begins and ends, as metres of chainage; `None` for the whole drive.
+    pub(crate) fn section_m(&self) -> Option<(f64, f64)> {
+        self.section.as_ref().map(|section| (section.from_m, section.to_m))
     }
 
     /// Bytes that are in use during the whole run and grow with the length of the drive: its cells with the

@@ -1,13 +1,15 @@
 //! The points of tiles: which blocks to read, and how points are gathered from them, before and after their
 //! classes are known.
 
+use std::sync::OnceLock;
+
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{RecordView, TileId};
 use crate::run::drive::verdicts::{TileVerdicts, range};
 use crate::run::drive::{Drive, STRIDE, Scattered, StoredFields, Surveyed};
 use crate::run::engine::Payloads;
-use crate::spatial::BlockZone;
+use crate::spatial::{Area, BlockZone};
 use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region, Wanted};
 
 /// The code of records that none of the tiles in question owns. No point has it.
@@ -21,12 +23,14 @@ pub(crate) struct Tiled<'a> {
     /// The points grouped by tile, if the order of the records is unfavourable. Otherwise tiles read whole
     /// blocks.
     scattered: Option<Scattered>,
+    /// All cells of tiles.
+    area: OnceLock<Area>,
 }
 
 impl<'a> Tiled<'a> {
     /// The tiles of a plan. They read whole blocks.
     pub(crate) fn whole_blocks(drive: &'a Drive, surveyed: &'a Surveyed, plan: &'a Plan) -> Self {
-        Self { drive, surveyed, plan, scattered: None }
+        Self { drive, surveyed, plan, scattered: None, area: OnceLock::new() }
     }
 
     /// The same tiles. They read points that are grouped by tile.
@@ -53,6 +57,12 @@ impl<'a> Tiled<'a> {
                 .filter(move |(_, zone)| zone.may_meet(&region.area))
                 .map(move |(block, _)| (file, block))
         })
+    }
+
+    /// Whether any of these blocks may contain points of a tile.
+    pub(crate) fn may_meet_tiles(&self, file: usize, mut blocks: std::ops::Range<usize>) -> bool {
+        let area = self.area.get_or_init(|| Area::of(self.plan.cells().iter().map(|(cell, _)| cell)));
+        blocks.any(|block| self.zones()[file][block].may_meet(area))
     }
 
     /// Number of records that are read for `region`.

@@ -11,6 +11,8 @@ use crate::store::{RunDir, StoreError};
 pub(super) const REPORT: &str = "report.json";
 /// Name of the page.
 pub(super) const PAGE: &str = "report.html";
+/// Name of the cloud-optimised file.
+pub(crate) const CLOUD: &str = "drive.copc.laz";
 
 /// Outputs of a finished run beside the labelled copies.
 pub(crate) fn beside(config: &Config) -> Vec<&'static str> {
@@ -18,6 +20,7 @@ pub(crate) fn beside(config: &Config) -> Vec<&'static str> {
     let mut names: Vec<&str> = tables.map(|entry| entry.file_name).collect();
     names.push(REPORT);
     names.extend(config.output.writes("report").then_some(PAGE));
+    names.extend(config.output.writes("copc").then_some(CLOUD));
     names
 }
 
@@ -37,7 +40,7 @@ fn planned(config: &Config, files: &[LabelledFile]) -> Vec<String> {
 fn check_files(config: &Config) -> Result<(), ConfigError> {
     let mut known = vec!["points"];
     known.extend(objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name));
-    known.push("report");
+    known.extend(["copc", "report"]);
     match config.output.files.iter().find(|name| !known.contains(&name.as_str())) {
         Some(name) => Err(ConfigError::value("output.files", name, known.join(", "))),
         None => Ok(()),
@@ -102,14 +105,18 @@ pub(crate) fn remove_superseded(
     Ok(removed)
 }
 
-/// Removes outputs of an earlier call that this one leaves out, because they would show other objects.
-pub(crate) fn remove_left_out(run_dir: &RunDir, config: &Config, files: &[String]) -> Result<()> {
+/// Removes outputs of an earlier call that this one leaves out, because they would show other objects. Of the labelled
+/// copies `files`, those in `written` stay.
+pub(crate) fn remove_left_out(
+    run_dir: &RunDir,
+    config: &Config,
+    files: &[String],
+    written: &[String],
+) -> Result<()> {
     let tables = objects::REGISTRY.iter().map(|entry| entry.file_name);
-    let mut left_out: Vec<&str> = tables.chain([PAGE]).collect();
+    let mut left_out: Vec<&str> = tables.chain([PAGE, CLOUD]).collect();
     left_out.retain(|name| !beside(config).contains(name));
-    if !config.output.writes("points") {
-        left_out.extend(files.iter().map(String::as_str));
-    }
+    left_out.extend(files.iter().filter(|name| !written.contains(name)).map(String::as_str));
     let ours = run_dir.own_outputs()?;
     for name in left_out.into_iter().filter(|name| ours.iter().any(|ours| ours == name)) {
         let path = run_dir.out().join(name);

@@ -8,7 +8,7 @@ use crate::run::engine::{PassFigures, peak_resident_bytes};
 use crate::run::finish::{mark, names, page, report};
 use crate::run::flow::{Outcome, Planned};
 use crate::run::open::Opened;
-use crate::run::summary::RunSummary;
+use crate::run::summary::{RunSummary, SectionFacts};
 use crate::store::RunDir;
 
 /// What the process knows of its own part in the run.
@@ -35,10 +35,11 @@ pub(crate) fn finish(
     let Course { started, mut warnings, passes } = course;
     warnings.extend(outcome.warnings);
     let summary = RunSummary {
-        points: planned.surveyed.survey.points(),
+        points: planned.plan.points_inside(),
+        section: SectionFacts::of(&planned.surveyed),
         counts: outcome.counts,
         objects: outcome.objects,
-        tiles: planned.plan.tiles.len(),
+        tiles: planned.plan.tiles.iter().filter(|tile| tile.inside).count(),
         seconds: started.elapsed().as_secs_f64(),
         nothing_to_do: outcome.unmarked.is_none(),
         figures: outcome.figures,
@@ -50,7 +51,7 @@ pub(crate) fn finish(
         let report = report::report(&open.drive, open.config, &planned.surveyed, &summary);
         report::write_report(run_dir, &report)?;
         page::write_page(run_dir, open, &planned.surveyed, &planned.plan, outcome.page, report)?;
-        names::remove_left_out(run_dir, open.config, copies)?;
+        names::remove_left_out(run_dir, open.config, copies, &finished.files)?;
         let export = run_dir.pass(&export.folder, export.depends);
         mark::mark_finished(run_dir, &export, &finished, &names::beside(open.config))?;
     }

@@ -12,12 +12,11 @@ use crate::output::report::{
 use crate::run::drive::Surveyed;
 use crate::run::finish::frame::{frame, origin};
 use crate::run::finish::names::{PAGE, page_limit_bytes};
-use crate::run::finish::tables::write_whole;
+use crate::run::finish::tables::{processed_stretches, write_whole};
 use crate::run::open::Opened;
 use crate::run::passes::stitch::Objects;
 use crate::run::summary::Counts;
 use crate::store::RunDir;
-use crate::survey::Axis;
 use crate::tiling::Plan;
 
 /// Largest number of vertices of the axis on the page. A vertex takes about 25 bytes.
@@ -44,7 +43,7 @@ pub(crate) fn sampling(
         objects: &objects.objects,
         ground_points: counts.ground,
         object_points: counts.object,
-        area_units2: surveyed.cells.len() as f64 * cell_units2,
+        area_units2: surveyed.processed().len() as f64 * cell_units2,
         origin: origin(drive, surveyed),
         lattice: drive.lattice(),
     };
@@ -66,7 +65,7 @@ pub(crate) fn write_page(
         return Ok(());
     };
     let mut run = report;
-    run["tiles"] = json!(plan.tiles);
+    run["tiles"] = json!(plan.tiles.iter().filter(|tile| tile.inside).collect::<Vec<_>>());
     let files = open.drive.catalog.files();
     let names: Vec<&str> = files.iter().map(|file| file.name()).collect();
     let (title, files) = match names.as_slice() {
@@ -77,10 +76,10 @@ pub(crate) fn write_page(
     let page = Page {
         title,
         files,
-        axis: stretches(&surveyed.axis, frame(&open.drive, surveyed)),
+        axis: stretches(surveyed, frame(&open.drive, surveyed)),
         table: &content.table,
         points: content.points,
-        all_points: surveyed.survey.points(),
+        all_points: plan.points_inside(),
         run: &run,
         limit_bytes,
     };
@@ -88,18 +87,17 @@ pub(crate) fn write_page(
     Ok(())
 }
 
-/// The axis with every so many vertices, and the last one of each stretch.
-fn stretches(axis: &Axis, frame: PageFrame) -> Vec<PageStretch> {
-    let every = axis.vertices().len().div_ceil(MOST_VERTICES).max(1);
-    let mut chainage = axis.chainage_m().iter();
+/// The axis of what is processed, with every so many vertices, and the last one of each stretch.
+fn stretches(surveyed: &Surveyed, frame: PageFrame) -> Vec<PageStretch> {
+    let shown = processed_stretches(surveyed);
+    let every = shown.iter().map(Vec::len).sum::<usize>().div_ceil(MOST_VERTICES).max(1);
     let rounded = |metres: f64| (metres * 100.0).round() / 100.0 + 0.0;
     let mut stretches = Vec::new();
-    for vertices in axis.stretches() {
+    for vertices in &shown {
         let mut stretch = PageStretch::default();
-        for (at, vertex) in vertices.iter().enumerate() {
-            let s = chainage.next().copied().unwrap_or_default();
+        for (at, (vertex, s)) in vertices.iter().enumerate() {
             if at % every == 0 || at + 1 == vertices.len() {
-                stretch.s.push(rounded(s));
+                stretch.s.push(rounded(*s));
                 stretch.x.push(rounded(vertex[0] - frame.origin_m[0]));
                 stretch.y.push(rounded(vertex[1] - frame.origin_m[1]));
             }

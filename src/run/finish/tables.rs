@@ -57,14 +57,10 @@ pub(crate) fn write_tables(
 fn shape<'a>(drive: &'a Drive, surveyed: &Surveyed, plan: &Plan) -> DriveShape<'a> {
     let crs = drive.catalog.crs();
     let unit_m = crs.horizontal_unit_m;
-    let mut chainage = surveyed.axis.chainage_m().iter();
-    let axis = surveyed
-        .axis
-        .stretches()
-        .map(|stretch| {
-            let placed = stretch.iter().zip(&mut chainage);
-            placed.map(|(place, &chainage_m)| [place[0] / unit_m, place[1] / unit_m, chainage_m]).collect()
-        })
+    let in_units = |(place, chainage_m): ([f64; 2], f64)| [place[0] / unit_m, place[1] / unit_m, chainage_m];
+    let axis = processed_stretches(surveyed)
+        .into_iter()
+        .map(|stretch| stretch.into_iter().map(in_units).collect())
         .collect();
     let edge = drive.grid.edge();
     let corner = |corner: [i64; 2]| corner.map(|index| drive.lattice().metres(index * edge) / unit_m);
@@ -72,6 +68,7 @@ fn shape<'a>(drive: &'a Drive, surveyed: &Surveyed, plan: &Plan) -> DriveShape<'
         .tiles
         .iter()
         .enumerate()
+        .filter(|(_, tile)| tile.inside)
         .map(|(number, tile)| TileShape {
             number: in_u32(number, "tiles"),
             chainage_m: [tile.from_m, tile.to_m],
@@ -80,6 +77,17 @@ fn shape<'a>(drive: &'a Drive, surveyed: &Surveyed, plan: &Plan) -> DriveShape<'
         })
         .collect();
     DriveShape { epsg: crs.epsg, wkt: crs.wkt.as_deref(), axis, tiles }
+}
+
+/// The stretches of the axis that are processed: vertices in metres, with their chainage.
+pub(super) fn processed_stretches(surveyed: &Surveyed) -> Vec<Vec<([f64; 2], f64)>> {
+    let mut chainage = surveyed.axis.chainage_m().iter();
+    let (from, to) = surveyed.section_m().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    let stretches = surveyed.axis.stretches().map(|stretch| {
+        let placed = stretch.iter().copied().zip(chainage.by_ref().copied());
+        placed.filter(|(_, chainage_m)| (from..=to).contains(chainage_m)).collect::<Vec<_>>()
+    });
+    stretches.filter(|stretch| !stretch.is_empty()).collect()
 }
 
 /// Writes every chart as `NAME.svg`, and removes the charts of an earlier call with another method.

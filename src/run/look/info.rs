@@ -97,7 +97,8 @@ pub fn look_at(inputs: &[PathBuf], config: &Config) -> Result<DriveFacts> {
     counts.sort_unstable();
     let density = |count: u32| f64::from(count) / cell_m2;
     let area_m2 = counts.len() as f64 * cell_m2;
-    let mut warnings = drive.catalog.warnings().to_vec();
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(drive.catalog.warnings().iter().cloned());
     warnings.extend(surveyed.warnings.iter().cloned());
     Ok(DriveFacts {
         points: surveyed.survey.points(),

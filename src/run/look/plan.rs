@@ -1,22 +1,22 @@
 //! The tiles that a run would process.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::config::Config;
+use crate::config::{Config, OutputFormat};
 use crate::error::Result;
+use crate::input::InputFile;
 use crate::run::chain::Registries;
 use crate::run::computed;
 use crate::run::drive::{AxisFacts, Tiled};
 use crate::run::engine::InMemory;
 use crate::run::flow::{self, Planned};
 use crate::run::open::Opened;
-use crate::run::plan::{self, over_budget, tile_bytes};
-
-/// Points per second and thread of a whole run on the machine of `benches/results`, for the time that `plan`
-/// estimates.
-const POINTS_PER_SECOND: f64 = 2e6;
+use crate::run::plan::{self, Budget, Work, over_budget, tile_bytes};
+use crate::run::summary::SectionFacts;
+use crate::tiling::Plan;
 
 /// One tile of a plan.
 #[derive(Debug, Clone, Serialize)]
@@ -38,8 +38,11 @@ pub struct TileFacts {
 pub struct PlanFacts {
     /// Tiles in order of chainage.
     pub tiles: Vec<TileFacts>,
-    /// Points of the drive.
+    /// Points of the drive, or of its section.
     pub points: u64,
+    /// The section that would be processed. `None` if it is the whole drive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub section: Option<SectionFacts>,
     /// Threads.
     pub threads: usize,
     /// Memory budget in bytes.
@@ -54,8 +57,8 @@ pub struct PlanFacts {
     pub read_amplification: f64,
     /// Bytes of state on disk.
     pub state_bytes: u64,
-    /// Estimated seconds.
-    pub seconds: f64,
+    /// Smallest and largest number of seconds to expect, from the speed of the survey.
+    pub seconds: (f64, f64),
     /// The axis.
     pub axis: AxisFacts,
     /// Problems and unusual facts.
@@ -73,7 +76,9 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     let open = Opened::to_look(inputs, config, registries)?;
     let Opened { drive, chain, budget: asked, .. } = &open;
     let mut driver = InMemory { limits: asked.limits() };
+    let started = Instant::now();
     let surveyed = computed(flow::survey(&open, &mut driver, None)?)?;
+    let survey_s = started.elapsed().as_secs_f64();
     let budget = asked.beside(surveyed.held_bytes());
     let Planned { surveyed, plan } = computed(flow::plan(&open, &mut driver, surveyed)?)?;
     let view = Tiled::whole_blocks(drive, &surveyed, &plan);
@@ -92,7 +97,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
             }
         })
         .collect();
-    let points = surveyed.survey.points();
+    let points = plan.points_inside();
     let mut needs: Vec<u64> = tiles.iter().map(|tile| tile.bytes).collect();
     needs.sort_unstable_by(|a, b| b.cmp(a));
     let largest = needs.first().copied().unwrap_or(0);
@@ -104,7 +109,8 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         .filter(|file| file.is_compressed())
         .map(|file| file.point_count() * 12)
         .sum();
-    let mut warnings = drive.catalog.warnings().to_vec();
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(drive.catalog.warnings().iter().cloned());
     warnings.extend(surveyed.warnings.iter().cloned());
     if largest > budget.memory {
         warnings.push(over_budget(largest, budget.memory));
@@ -116,10 +122,13 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
                 .to_owned(),
         );
     }
+    let ground_points = tiles.iter().map(|tile| tile.points_read).sum();
+    let seconds = work(&open, &plan, &budget, survey_s, ground_points).seconds();
     let lattice = drive.lattice();
     let svg = plan::svg(&plan, &surveyed, lattice);
     Ok(PlanFacts {
         points,
+        section: SectionFacts::of(&surveyed),
         threads: budget.threads,
         memory: asked.memory,
         memory_needed: in_flight.min(budget.memory.max(largest)),
@@ -128,10 +137,40 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         read_amplification: read as f64 / points.max(1) as f64,
         // Classes and labels of every point, and positions of compressed files.
         state_bytes: points * 5 + unpacked,
-        seconds: points as f64 / (POINTS_PER_SECOND * budget.threads as f64),
+        seconds: (*seconds.start(), *seconds.end()),
         axis: AxisFacts::of(&surveyed.axis),
         tiles,
         warnings,
         svg,
     })
+}
+
+/// What a run with this plan computes, if its tiles read `ground_points` for the ground filter.
+fn work(open: &Opened<'_>, plan: &Plan, budget: &Budget, survey_s: f64, ground_points: u64) -> Work {
+    let Opened { drive, chain, config, .. } = open;
+    let points_of = |wanted: &dyn Fn(&InputFile) -> bool| {
+        drive.catalog.files().iter().filter(|file| wanted(file)).map(InputFile::point_count).sum::<u64>()
+    };
+    let becomes_laz = |file: &InputFile| match config.output.format {
+        OutputFormat::Same => file.is_compressed(),
+        format => format == OutputFormat::Laz,
+    };
+    let records = drive.catalog.point_count();
+    // Of a section, the share of the drive.
+    let copied = |records_of: u64| {
+        let points = u128::from(records_of) * u128::from(plan.points_inside()) / u128::from(records.max(1));
+        if config.output.writes("points") { u64::try_from(points).unwrap_or(u64::MAX) } else { 0 }
+    };
+    let tiles = 0..plan.tiles.len();
+    let method_points = tiles.map(|tile| plan.region_points(tile, chain.cluster_reach)).sum();
+    Work {
+        records,
+        compressed: points_of(&InputFile::is_compressed),
+        survey_s,
+        threads: budget.threads,
+        ground: (ground_points, chain.filter.microseconds_per_point()),
+        method: (method_points, chain.method.microseconds_per_point()),
+        copied: copied(records),
+        copied_compressed: copied(points_of(&becomes_laz)),
+    }
 }

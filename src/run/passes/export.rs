@@ -23,6 +23,7 @@ use crate::run::chain::with_section;
 use crate::run::drive::Drive;
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::finish::mark;
+use crate::run::passes::copies::{Copies, Labels, Shown};
 use crate::run::passes::relabel::PointColumns;
 use crate::store::{Inputs, PassDir, RunDir, StoreError};
 use crate::whole_file::publish;
@@ -48,18 +49,14 @@ struct Unit {
 /// An output file in progress.
 struct Target {
     labelled: LabelledFile,
+    /// Whether it is written: a section does not copy files without points in it.
+    is_copied: bool,
     /// Ranges of records, each of which is written as one piece.
     chunks: Vec<Range<u64>>,
     /// The temporary path of an uncompressed copy until it is complete.
     part: PathBuf,
     /// Whether anything was written to it since the last sync started.
     unsynced: AtomicBool,
-}
-
-/// The labelled copies, and whether they are written. If not, records are read for the samples only.
-pub(crate) struct Copies {
-    pub(crate) labelled: Vec<LabelledFile>,
-    pub(crate) writes: bool,
 }
 
 pub(crate) struct ExportPass<'a> {
@@ -70,6 +67,7 @@ pub(crate) struct ExportPass<'a> {
     sampling: Option<&'a Sampling>,
     /// Whether labelled copies are written.
     writes: bool,
+    shown: Shown<'a>,
     run_dir: &'a RunDir,
     targets: Vec<Target>,
     units: Vec<Unit>,
@@ -91,18 +89,19 @@ impl<'a> ExportPass<'a> {
         columns: &'a PointColumns,
         kinds: &'a [Kind],
         sampling: Option<&'a Sampling>,
-        copies: Copies,
+        copies: Copies<'a>,
         run_dir: &'a RunDir,
         outline: Outline,
     ) -> Self {
         let folder = run_dir.path("export");
-        let Copies { labelled, writes } = copies;
+        let Copies { labelled, processed, writes, shown } = copies;
         let mut pass = Self {
             drive,
             columns,
             kinds,
             sampling,
             writes,
+            shown,
             run_dir,
             targets: Vec::new(),
             units: Vec::new(),
@@ -111,7 +110,8 @@ impl<'a> ExportPass<'a> {
         let labelled = labelled.into_iter().filter(|_| writes || sampling.is_some());
         for (file, labelled) in labelled.enumerate() {
             let chunks = labelled.chunks().to_vec();
-            let mut start = 0;
+            let is_copied = processed[file];
+            let mut start = if is_copied { 0 } else { chunks.len() };
             while start < chunks.len() {
                 let mut end = start;
                 let mut points = 0;
@@ -124,29 +124,14 @@ impl<'a> ExportPass<'a> {
             }
             // With the fingerprint: a worker that is late, from before the settings changed, writes to another file.
             let part = folder.join(format!("{file:05}-{}.part", pass.outline.depends.fingerprint()));
-            pass.targets.push(Target { labelled, chunks, part, unsynced: AtomicBool::new(false) });
+            pass.targets.push(Target { labelled, is_copied, chunks, part, unsynced: AtomicBool::new(false) });
         }
         pass
     }
 
-    /// Reads objects and classes of the records of a range, ready to be written.
-    fn labels(&self, file: usize, records: &Range<u64>, desk: &mut Desk<'_>) -> Result<()> {
-        let count = usize::try_from(length(records)).unwrap_or(0);
-        desk.labels.resize(count, 0);
-        desk.classes.resize(count, 0);
-        self.columns.objects.read(file, records.start, &mut desk.labels)?;
-        self.columns.classes.read(file, records.start, &mut desk.classes)?;
-        desk.kinds.clear();
-        if !self.kinds.is_empty() {
-            let kind = |label: &u32| {
-                (*label as usize)
-                    .checked_sub(1)
-                    .and_then(|object| self.kinds.get(object))
-                    .map_or(0, |kind| kind.class)
-            };
-            desk.kinds.extend(desk.labels.iter().map(kind));
-        }
-        Ok(())
+    /// The files that are written, with their numbers.
+    fn copied(&self) -> impl Iterator<Item = (usize, &Target)> {
+        self.targets.iter().enumerate().filter(|(_, target)| target.is_copied)
     }
 
     /// Puts the labelled records of a range into the buffers.
@@ -171,11 +156,12 @@ impl<'a> ExportPass<'a> {
             let all = if kept { &decoded[..] } else { input.records(block, Fields::All, &mut decoded)? };
             desk.block = Some(block);
             let bytes = &all[at(from)..at(to)];
-            self.labels(file, &(from..to), desk)?;
+            desk.labels.read(file, from, usize::try_from(to - from).unwrap_or(0))?;
             self.sample(file, from, bytes, desk);
             if self.writes {
                 let labelled = &self.targets[file].labelled;
-                labelled.label(bytes, &desk.labels, &desk.classes, &desk.kinds, &mut desk.out);
+                let Labels { objects, classes, kinds, .. } = &desk.labels;
+                labelled.label(bytes, objects, classes, kinds, &mut desk.out);
             }
             desk.decoded = decoded;
             if to == run.first_record + u64::from(run.count) {
@@ -191,11 +177,15 @@ impl<'a> ExportPass<'a> {
         let input = self.drive.file(file);
         let intensity = input.layout().intensity;
         let numbers = (self.drive.catalog.first_id(file) + first).number()..;
-        let labels = desk.labels.iter().zip(&desk.classes);
+        let labels = desk.labels.objects.iter().zip(&desk.labels.classes);
         for ((number, record), (&object, &class)) in
             numbers.zip(records.chunks_exact(input.layout().record_len)).zip(labels)
         {
             let place = input.transform().apply(record_xyz(record));
+            // What is shown of a section are its points and its whole objects.
+            if object == 0 && !self.shown.contains(place) {
+                continue;
+            }
             let intensity = u16::from_le_bytes([record[intensity], record[intensity + 1]]);
             sampler.add(number, place, PointClass::from_code(class).unwrap_or_default(), object, intensity);
         }
@@ -247,12 +237,8 @@ impl<'a> ExportPass<'a> {
 
 /// Buffers of one worker, kept from chunk to chunk, because the system would have to zero new ones every
 /// time.
-#[derive(Default)]
 struct Desk<'a> {
-    labels: Vec<u32>,
-    classes: Vec<u8>,
-    /// Class of the object of each record. Empty if the method does not classify.
-    kinds: Vec<u8>,
+    labels: Labels<'a>,
     /// The block whose records are in `decoded`.
     block: Option<usize>,
     decoded: Vec<u8>,
@@ -348,7 +334,13 @@ impl Pass for ExportPass<'_> {
         let unit = &self.units[unit];
         let target = &self.targets[unit.file];
         self.drive.file(unit.file).check_unchanged()?;
-        let mut desk = Desk { sampler: self.sampling.map(Sampler::new), ..Desk::default() };
+        let mut desk = Desk {
+            labels: Labels::of(self.columns, self.kinds),
+            block: None,
+            decoded: Vec::new(),
+            out: Vec::new(),
+            sampler: self.sampling.map(Sampler::new),
+        };
         let mut chunks = Vec::new();
         let writes_records = self.writes && !target.labelled.is_compressed();
         let part = writes_records.then(|| open_part(target)).transpose()?;
@@ -407,7 +399,7 @@ impl Pass for ExportPass<'_> {
             }
         }
         let fingerprint = dir.fingerprint().to_string();
-        for (file, target) in self.targets.iter().enumerate() {
+        for (file, target) in self.copied() {
             let record = format!("export/{file:05}.begun.json");
             let begun = run_dir.read_json::<String>(&record)?.is_some_and(|stored| stored == fingerprint);
             if self.is_named(file, dir)? || (begun && target.part.exists()) {
@@ -447,7 +439,7 @@ impl Pass for ExportPass<'_> {
         }
         let dir = payloads.dir()?;
         let run_dir = self.run_dir;
-        for (file, target) in self.targets.iter().enumerate() {
+        for (file, target) in self.copied() {
             let path = run_dir.out().join(target.labelled.name());
             let failed = |source| OutputError::Write { path: path.clone(), source };
             if self.is_named(file, dir)? {
@@ -470,7 +462,7 @@ impl Pass for ExportPass<'_> {
             run_dir.write_json(&intent(file), &dir.fingerprint().to_string())?;
             publish(&target.part, &path).map_err(failed)?;
         }
-        let names = self.targets.iter().map(|target| target.labelled.name().to_owned()).collect();
+        let names = self.copied().map(|(_, target)| target.labelled.name().to_owned()).collect();
         Ok(Exported { names, points })
     }
 }

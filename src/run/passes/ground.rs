@@ -11,6 +11,7 @@ use crate::ground::{LowPoints, NoGround};
 use crate::inventory::{Terrain, TerrainSums};
 use crate::model::{PointClass, TileId};
 use crate::run::chain::{Chain, with_section};
+use crate::run::drive::section;
 use crate::run::drive::{Classified, Surveyed, TileVerdicts, Tiled, sections};
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::summary::Counts;
@@ -40,6 +41,8 @@ pub(crate) fn outline(surveyed: &Surveyed, plan: &Plan, config: &Config, chain: 
         .with("tiles", format!("{} tiles, geometry {:016x}", plan.tiles.len(), plan.digest()))
         .with("reach of ground and noise", format!("{} lattice units", chain.ground_reach))
         .with("ground.method", &config.ground.method);
+    let depends =
+        section::depends(config).into_iter().fold(depends, |all, (key, value)| all.with(key, value));
     let depends = with_section(with_section(depends, config, "noise"), config, &config.ground.method);
     Outline::new(NUMBER, NAME, depends)
 }
@@ -183,7 +186,11 @@ pub(crate) fn summed_up(classified: &Classified<'_>) -> Result<(Counts, Terrain)
     let mut counts = Counts::default();
     let mut terrain = TerrainSums::new(tiled.drive.grid, tiled.drive.lattice(), tiled.surveyed.lowest());
     for tile in TileId::first(tiled.count()) {
-        add(classified.section(tile, sections::SUMMARY)?, &mut counts, &mut terrain);
+        let mut summary: GroundPayload = classified.section(tile, sections::SUMMARY)?;
+        if !tiled.plan.tiles[tile.index()].inside {
+            summary.counts = [0; 4];
+        }
+        add(summary, &mut counts, &mut terrain);
     }
     Ok((counts, terrain.into_terrain()))
 }

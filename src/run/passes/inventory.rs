@@ -36,6 +36,7 @@ pub(crate) fn outline(relabel: &Outline, surveyed: &Surveyed) -> Outline {
     let depends = Inputs::new()
         .with("pass relabel", relabel.depends.fingerprint())
         .with("axis", format!("{:?}, {:.3} m, {:016x}", axis.source, axis.length_m(), axis.digest()))
+        .with("attributes epoch", inventory::EPOCH)
         .with("columns", names.join(" "));
     Outline::new(NUMBER, NAME, depends)
 }
@@ -131,7 +132,12 @@ fn with_pass<T>(
         Station { chainage_m, offset_m }
     };
     let edge = Edge::of(surveyed, drive);
-    let at_end = |place| edge.is_near(place);
+    // What reaches the end of a section is not known to be whole, as what reaches the end of the data.
+    let is_cut_off = |[x, y]: [i64; 2]| {
+        let cell = drive.grid.cell(x, y);
+        surveyed.section.as_ref().is_some_and(|section| cell.is_none_or(|cell| !section.is_whole(cell)))
+    };
+    let at_end = |place| edge.is_near(place) || is_cut_off(place);
     let site = Site {
         lattice: drive.lattice(),
         units_m: [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],

@@ -1,6 +1,9 @@
 //! One file per pass: its units, their memory, the values that it depends on, the computation of a unit, and
 //! its reduction. `flow` walks the list of passes.
 
+pub(crate) mod copc_nodes;
+pub(crate) mod copc_points;
+pub(crate) mod copies;
 pub(crate) mod export;
 pub(crate) mod fields;
 pub(crate) mod ground;

@@ -23,6 +23,8 @@ const NAME: &str = "scatter";
 /// Sections of the payload of a unit.
 const GROUPS: usize = 0;
 const POINTS: usize = 1;
+/// The tile of points beside a section, which no tile reads.
+const NOBODY: TileId = TileId::new(u32::MAX);
 
 pub(crate) struct ScatterPass<'a> {
     drive: &'a Drive,
@@ -60,7 +62,7 @@ impl<'a> ScatterPass<'a> {
                     let mut point = [0; STRIDE];
                     point[..12].copy_from_slice(&bytes[..12]);
                     point[12..].copy_from_slice(&record.to_le_bytes());
-                    points.push((TileId::new(owner.saturating_sub(1)), point));
+                    points.push((owner.checked_sub(1).map_or(NOBODY, TileId::new), point));
                     record += 1;
                 }
             })?;

@@ -80,11 +80,18 @@ impl<'a> StitchPass<'a> {
         codec::decode(&self.progress.current.reader(tile)?.read_section(sections::OBJECTS)?)
     }
 
+    fn add(&self, stitcher: &mut Stitcher, tile: TileId, objects: Vec<LocalObject>) {
+        match self.progress.plan().tiles[tile.index()].inside {
+            true => stitcher.tile(objects),
+            false => stitcher.tile_beside(objects),
+        }
+    }
+
     /// Labels of two tiles for the same point are one object.
     fn by_shared_points(&self) -> Result<Stitched> {
         let mut stitcher = Stitcher::default();
         for tile in self.tiles() {
-            stitcher.tile(self.local(tile)?.objects);
+            self.add(&mut stitcher, tile, self.local(tile)?.objects);
         }
         for tile in self.tiles() {
             let mut of_owner = BTreeMap::<TileId, Vec<SeamPoint>>::new();
@@ -133,7 +140,7 @@ impl<'a> StitchPass<'a> {
             for (object, _) in objects.iter_mut().zip(groups).filter(|(_, group)| **group == 0) {
                 *object = LocalObject { open: true, part: ObjectPart::empty() };
             }
-            stitcher.tile(objects);
+            self.add(&mut stitcher, tile, objects);
         }
         let mut first = BTreeMap::<u32, (TileId, u32)>::new();
         for (tile, groups) in self.tiles().zip(groups) {

@@ -18,8 +18,6 @@ use crate::tiling::{Plan, PlanRequest, TileSize};
 /// wait for others.
 const ATTEMPTS: usize = 5;
 
-/// File with the size of the tiles.
-const STORED: &str = "plan.json";
 /// Folder with the vertex of the axis nearest to each cell.
 const STRIPS: &str = "strips";
 
@@ -30,6 +28,15 @@ fn depends(surveyed: &Surveyed, drive: &Drive) -> Inputs {
         .with("cell", drive.grid.edge())
         .with("lattice.units_per_m", drive.lattice().units_per_m())
         .with("axis", format!("{:016x}", surveyed.axis.digest()))
+        .with("section", format!("{:?}", surveyed.section_m()))
+}
+
+/// File with the size of the tiles. Sections have files of their own, because their tiles are others.
+fn stored_name(surveyed: &Surveyed) -> String {
+    match surveyed.section_m() {
+        Some((from, to)) => format!("plan-{from}-{to}.json"),
+        None => "plan.json".to_owned(),
+    }
 }
 
 /// The occupied cells in order of chainage. Only the plan needs them.
@@ -50,15 +57,15 @@ impl<'a> Street<'a> {
             Some(dir) => dir.load(0)?.ok().map(|bytes| codec::decode::<Vec<u32>>(&bytes)).transpose()?,
             None => None,
         };
-        if let Some(strips) = stored.filter(|strips| strips.len() == surveyed.cells.len()) {
+        if let Some(strips) = stored.filter(|strips| strips.len() == surveyed.processed().len()) {
             let mut strips = strips.into_iter();
-            let strips = surveyed.cells.map(|_, _| strips.next().unwrap_or(1));
+            let strips = surveyed.processed().map(|_, _| strips.next().unwrap_or(1));
             return Ok(Self { surveyed, grid: drive.grid, strips });
         }
         let edge_m = drive.lattice().metres(drive.grid.edge());
         let centre = |cell: Cell| cell.map(|index| (f64::from(index) + 0.5) * edge_m);
-        let mut found = Vec::with_capacity(surveyed.cells.len());
-        let strips = surveyed.cells.map(|cell, _| {
+        let mut found = Vec::with_capacity(surveyed.processed().len());
+        let strips = surveyed.processed().map(|cell, _| {
             let strip = in_u32(surveyed.axis.nearest(centre(cell)) + 1, "vertices of the axis");
             found.push(strip);
             strip
@@ -73,11 +80,12 @@ impl<'a> Street<'a> {
     /// The plan with tiles of `size`.
     pub(crate) fn plan(&self, size: &TileSize) -> Plan {
         Plan::new(&PlanRequest {
-            cells: &self.surveyed.cells,
+            cells: self.surveyed.processed(),
             strips: &self.strips,
             chainage_m: self.surveyed.axis.chainage_m(),
             grid: self.grid,
             size,
+            section_m: self.surveyed.section_m(),
         })
     }
 
@@ -88,7 +96,7 @@ impl<'a> Street<'a> {
             let plan = self.plan(&size);
             return (size, plan);
         }
-        let points = self.surveyed.survey.points();
+        let points = self.surveyed.processed().iter().map(|(_, points)| u64::from(points)).sum();
         let mut size = TileSize::equal(budget.tiles(points, needs::bytes_per_point(chain)));
         let mut plan = self.plan(&size);
         let mut needs = needs::of_plan(chain, &plan);
@@ -126,9 +134,10 @@ pub(crate) fn settle<D: Driver>(
     budget: &Budget,
 ) -> Result<Option<Plan>> {
     let street = Street::of(driver, surveyed, drive)?;
+    let name = stored_name(surveyed);
     let stored: Option<TileSize> = match driver.run_dir() {
-        Some(run_dir) if driver.computes() => run_dir.read_json(STORED)?,
-        Some(run_dir) => run_dir.await_json(STORED)?,
+        Some(run_dir) if driver.computes() => run_dir.read_json(&name)?,
+        Some(run_dir) => run_dir.await_json(&name)?,
         None => None,
     };
     if !driver.computes() {
@@ -144,7 +153,7 @@ pub(crate) fn settle<D: Driver>(
     }
     let (size, plan) = street.fit(config, chain, budget);
     if let Some(run_dir) = driver.run_dir().filter(|_| stored.as_ref() != Some(&size)) {
-        run_dir.write_json(STORED, &size)?;
+        run_dir.write_json(&name, &size)?;
     }
     let largest = needs::largest(chain, &plan);
     if largest > budget.memory {

@@ -4,8 +4,10 @@ mod budget;
 mod drawing;
 mod fit;
 mod needs;
+mod time;
 
 pub(crate) use budget::Budget;
 pub(crate) use drawing::svg;
 pub(crate) use fit::{over_budget, settle};
 pub(crate) use needs::tile_bytes;
+pub(crate) use time::Work;

@@ -1,0 +1,310 @@
+//! The octree of a cloud-optimised point cloud: which point belongs to which node, whatever the order in which points are
+//! seen and however they are divided.
+//!
+//! A node has a grid of 128 cells a side. Of all points of the drive in a cell, the one with the smallest rank (a hash of
+//! its number) is shown by the node, unless a coarser node shows it already: the level of a point is the first one where
+//! no point in its cell has a smaller rank. That needs no order. Below a column (a square of the plane) with few points,
+//! the tree ends, and its node takes what is left. Columns count points of the whole drive, so the tree is a function of
+//! the points alone, and the columns in which it is built can be chosen by memory.
+
+use crate::model::PointId;
+
+/// Binary digits of a place along an axis.
+const DIGITS: u32 = 32;
+/// Binary logarithm of the cells of a node along an axis: 128, as is usual for such files.
+const GRID_DIGITS: u32 = 7;
+/// Deepest level: the place of a point has no digits for the grid of a deeper one.
+const DEEPEST: u32 = DIGITS - GRID_DIGITS;
+/// A column with at most this many points is not divided further. Chosen: chunks of a usual size (LASzip has 50,000).
+pub(crate) const LEAF_POINTS: usize = 50_000;
+
+/// Level and position of a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+pub(crate) struct NodeKey {
+    /// 0 is the root.
+    pub(crate) level: u32,
+    /// Position along the axes, 0 to 2^level - 1.
+    pub(crate) at: [u32; 3],
+}
+
+impl NodeKey {
+    /// The node that contains this one.
+    pub(crate) fn parent(self) -> Option<Self> {
+        let level = self.level.checked_sub(1)?;
+        Some(Self { level, at: self.at.map(|at| at >> 1) })
+    }
+}
+
+/// A cube around all points, in lattice units.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Cube {
+    /// Its corner with the smallest coordinates.
+    pub(crate) origin: [i64; 3],
+    /// Its edge.
+    pub(crate) side: i64,
+}
+
+impl Cube {
+    /// The cube around an extent whose columns are whole cells of a raster with this edge.
+    pub(crate) fn around([low, high]: [[i64; 3]; 2], edge: i64) -> Self {
+        let origin = low.map(|value| value.div_euclid(edge) * edge);
+        let longest = (0..3).map(|axis| high[axis] - origin[axis]).max().unwrap_or(0);
+        let mut side = edge;
+        while side <= longest {
+            side *= 2;
+        }
+        Self { origin, side }
+    }
+
+    /// The place of a point in the cube.
+    pub(crate) fn place(&self, point: [i64; 3]) -> Spot {
+        let digits = |axis: usize| {
+            let along = i128::from(point[axis] - self.origin[axis]) << DIGITS;
+            u32::try_from(along / i128::from(self.side)).unwrap_or(u32::MAX)
+        };
+        Spot::of([digits(0), digits(1), digits(2)])
+    }
+
+    /// Largest level at which columns are whole cells of the raster.
+    pub(crate) fn raster_level(&self, edge: i64) -> u32 {
+        (self.side / edge).ilog2().min(DEEPEST)
+    }
+}
+
+/// A place in the cube: the digits of its coordinates, interleaved, so that a cell of any level is a common beginning.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(crate) struct Spot(u128);
+
+impl Spot {
+    fn of(at: [u32; 3]) -> Self {
+        let [x, y, z] = at.map(spread);
+        Self(x << 2 | y << 1 | z)
+    }
+
+    /// The position along the axes.
+    fn at(self) -> [u32; 3] {
+        [2, 1, 0].map(|place| gathered(self.0 >> place))
+    }
+
+    /// The node of a level.
+    pub(crate) fn node(self, level: u32) -> NodeKey {
+        NodeKey { level, at: self.at().map(|at| at.checked_shr(DIGITS - level).unwrap_or(0)) }
+    }
+
+    /// The cell of the grid of a node of a level.
+    pub(crate) fn cell(self, level: u32) -> u128 {
+        self.0 >> (3 * (DEEPEST - level))
+    }
+
+    /// The first level on whose grid the two are in different cells; above [`DEEPEST`] if there is none.
+    fn level_apart(self, other: Self) -> u32 {
+        let bits = (self.0 ^ other.0).leading_zeros() - (u128::BITS - 3 * DIGITS);
+        (bits / 3 + 1).saturating_sub(GRID_DIGITS).min(DEEPEST + 1)
+    }
+}
+
+/// Steps that move the digits of a number of 16 bits apart, to every third bit: by how much, and which bits stay.
+const APART: [(u32, u64); 4] =
+    [(16, 0xff00_00ff), (8, 0x00f0_0f00_f00f), (4, 0x0c30_c30c_30c3), (2, 0x2492_4924_9249)];
+/// Bits that 16 digits take then.
+const HALF: u32 = 48;
+
+/// The digits of a number at every third bit.
+fn spread(value: u32) -> u128 {
+    let half = |value: u32| {
+        let bits = u64::from(value & 0xffff);
+        u128::from(APART.iter().fold(bits, |bits, (by, stay)| (bits | bits << by) & stay))
+    };
+    half(value >> 16) << HALF | half(value)
+}
+
+/// The number whose digits are every third bit: the steps of [`spread`] backward.
+fn gathered(bits: u128) -> u32 {
+    let half = |bits: u128| {
+        #[expect(clippy::cast_possible_truncation, reason = "the lower bits are wanted")]
+        let mut bits = bits as u64 & APART[3].1;
+        for step in (0..APART.len()).rev() {
+            let stay = if step == 0 { 0xffff } else { APART[step - 1].1 };
+            bits = (bits | bits >> APART[step].0) & stay;
+        }
+        u32::try_from(bits).unwrap_or(0)
+    };
+    half(bits >> HALF) << 16 | half(bits)
+}
+
+/// The order in which points are shown: a hash of their number (SplitMix64, Steele et al. 2014,
+/// doi:10.1145/2714064.2660195), so that shown points are spread evenly.
+pub(crate) fn rank(id: PointId) -> u64 {
+    let mut value = id.number().wrapping_add(0x9e37_79b9_7f4a_7c15);
+    value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    value ^ (value >> 31)
+}
+
+/// Levels at which a cell of the grid is larger than a column of this level: one column alone cannot decide there.
+pub(crate) fn undecided_levels(column_level: u32) -> u32 {
+    column_level.saturating_sub(GRID_DIGITS)
+}
+
+/// The level of each point of a column of level `column`. `wins` says whether a point has the smallest rank of all points
+/// in its cell of a level that [`undecided_levels`] counts.
+pub(crate) fn levels(column: u32, points: &[(Spot, u64)], wins: impl Fn(usize, u32) -> bool) -> Vec<u32> {
+    let leaves = leaf_levels(column, points);
+    let undecided = undecided_levels(column);
+    let mut order: Vec<u32> = (0_u32..).take(points.len()).collect();
+    order.sort_unstable_by_key(|&point| points[point as usize]);
+    let mut level = vec![undecided; points.len()];
+    // The nearest point before it with a smaller rank, and the nearest after it: if a cell contains any point with a
+    // smaller rank, then one of these.
+    for backward in [false, true] {
+        let mut open: Vec<u32> = Vec::new();
+        for step in 0..order.len() {
+            let point = order[if backward { order.len() - 1 - step } else { step }] as usize;
+            while open.pop_if(|other| points[*other as usize].1 > points[point].1).is_some() {}
+            if let Some(&other) = open.last() {
+                level[point] = level[point].max(points[point].0.level_apart(points[other as usize].0));
+            }
+            open.push(u32::try_from(point).unwrap_or(u32::MAX));
+        }
+    }
+    for (point, level) in level.iter_mut().enumerate() {
+        let shown = (0..undecided).find(|&coarse| wins(point, coarse));
+        *level = shown.unwrap_or(*level).min(leaves[point]);
+    }
+    level
+}
+
+/// The level at which the tree ends, for each point.
+fn leaf_levels(column: u32, points: &[(Spot, u64)]) -> Vec<u32> {
+    let mut leaves = vec![column; points.len()];
+    let mut flat: Vec<(u64, u32)> = points.iter().map(|(spot, _)| spot.flat()).zip(0..).collect();
+    flat.sort_unstable();
+    let mut open: Vec<(u32, &[(u64, u32)])> = vec![(column, &flat)];
+    while let Some((level, mut rest)) = open.pop() {
+        if rest.len() <= LEAF_POINTS || level >= DEEPEST {
+            rest.iter().for_each(|(_, point)| leaves[*point as usize] = level);
+            continue;
+        }
+        let column_of = |flat: u64| flat >> (2 * (DIGITS - level - 1));
+        while let Some(first) = rest.first() {
+            let end = rest.partition_point(|other| column_of(other.0) <= column_of(first.0));
+            let (part, after) = rest.split_at(end);
+            open.push((level + 1, part));
+            rest = after;
+        }
+    }
+    leaves
+}
+
+impl Spot {
+    /// The digits of x and y, interleaved.
+    fn flat(self) -> u64 {
+        let [x, y, _] = self.at();
+        let spread = |value: u32| {
+            let mut bits = u64::from(value);
+            for (shift, mask) in [
+                (16, 0x0000_ffff_0000_ffff),
+                (8, 0x00ff_00ff_00ff_00ff),
+                (4, 0x0f0f_0f0f_0f0f_0f0f),
+                (2, 0x3333_3333_3333_3333),
+                (1, 0x5555_5555_5555_5555_u64),
+            ] {
+                bits = (bits | bits << shift) & mask;
+            }
+            bits
+        };
+        spread(x) << 1 | spread(y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    #[test]
+    fn digits_are_spread_and_gathered() {
+        for value in [0, 1, 0x8000_0001, 0x1234_5678, u32::MAX] {
+            let bits = spread(value);
+            assert!((0..32).all(|digit| bits >> (3 * digit) & 1 == u128::from(value >> digit & 1)));
+            assert_eq!(
+                (bits.count_ones(), gathered(bits), gathered(bits | bits << 1)),
+                (value.count_ones(), value, value)
+            );
+        }
+    }
+
+    #[test]
+    fn a_place_is_found_again_in_its_nodes() {
+        let cube = Cube::around([[-3_500, 12_300, 40], [9_000, 20_000, 5_000]], 1_000);
+        assert_eq!(cube, Cube { origin: [-4_000, 12_000, 0], side: 16_000 });
+        assert_eq!(cube.raster_level(1_000), 4);
+        let spot = cube.place([8_999, 12_000, 4_100]);
+        assert_eq!(spot.node(0), NodeKey { level: 0, at: [0; 3] });
+        assert_eq!(spot.node(4), NodeKey { level: 4, at: [12, 0, 4] });
+        assert_eq!(spot.node(4).parent(), Some(spot.node(3)));
+        assert_eq!(spot.node(0).parent(), None);
+        // One cell of the grid of the root is 125 mm.
+        let near = cube.place([8_990, 12_000, 4_100]);
+        assert_eq!((spot.cell(0) == near.cell(0), spot.cell(5) == near.cell(5)), (true, false));
+        assert_eq!(
+            spot.level_apart(near),
+            (0..).find(|&level| spot.cell(level) != near.cell(level)).unwrap()
+        );
+        assert_eq!(spot.level_apart(spot), DEEPEST + 1);
+    }
+
+    /// Compares with the definition, for columns of any size.
+    #[test]
+    fn levels_do_not_depend_on_the_columns_in_which_they_are_found() {
+        let cube = Cube::around([[0; 3], [255_999, 255_999, 9_000]], 1_000);
+        // Dense at one end, so that there are leaves of many levels.
+        let place = |n: i64| {
+            let spread = n * n * 7_919 % 256_000;
+            [spread * spread / 256_000, n * 104_729 % 256_000 * (n % 3) / 2, n * 31 % 9_000]
+        };
+        let points: Vec<(Spot, u64)> =
+            (0..160_000).map(|n| (cube.place(place(n)), rank(PointId::new(n.unsigned_abs())))).collect();
+        let mut best: Vec<BTreeMap<u128, u64>> = vec![BTreeMap::new(); 12];
+        for (spot, rank) in &points {
+            for (level, cells) in best.iter_mut().enumerate() {
+                let cell = cells.entry(spot.cell(u32::try_from(level).unwrap())).or_insert(*rank);
+                *cell = (*cell).min(*rank);
+            }
+        }
+        let whole = levels(0, &points, |_, _| false);
+        let leaves = leaf_levels(0, &points);
+        assert!(leaves.iter().max() >= Some(&2) && leaves.iter().min() < leaves.iter().max());
+        for (point, (spot, rank)) in points.iter().enumerate() {
+            let first = (0..12).find(|&level| best[level as usize][&spot.cell(level)] == *rank).unwrap_or(12);
+            assert_eq!(whole[point], first.min(leaves[point]), "{point}");
+        }
+        for column in [1, 2] {
+            let mut parts = BTreeMap::<NodeKey, Vec<usize>>::new();
+            for (point, (spot, _)) in points.iter().enumerate() {
+                let NodeKey { level, at: [x, y, _] } = spot.node(column);
+                parts.entry(NodeKey { level, at: [x, y, 0] }).or_default().push(point);
+            }
+            // Columns that are no leaves of a coarser level, as they are chosen.
+            for members in parts.values().filter(|members| leaves[members[0]] >= column) {
+                let part: Vec<_> = members.iter().map(|&point| points[point]).collect();
+                let found = levels(column, &part, |_, _| false);
+                assert!(members.iter().zip(&found).all(|(&point, level)| whole[point] == *level));
+            }
+        }
+    }
+
+    #[test]
+    fn large_cells_are_decided_by_all_columns() {
+        let cube = Cube::around([[0; 3], [1_023_000, 1_023_000, 0]], 1_000);
+        let points: Vec<(Spot, u64)> =
+            (0..40).map(|n| (cube.place([n * 20, n * 7, 0]), rank(PointId::new(n.unsigned_abs())))).collect();
+        assert_eq!((undecided_levels(7), undecided_levels(9)), (0, 2));
+        let smallest = (0..40).min_by_key(|&point| points[point].1).unwrap();
+        // The column is a leaf, but one of its points may be shown by coarser nodes.
+        assert!(levels(9, &points, |_, _| false).iter().all(|level| (2..=9).contains(level)));
+        let found = levels(9, &points, |point, level| point == smallest && level >= 1);
+        assert!(found[smallest] == 1 && found.iter().filter(|level| **level < 2).count() == 1, "{found:?}");
+    }
+}

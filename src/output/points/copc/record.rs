@@ -1,0 +1,185 @@
+//! A point of the cloud-optimised file: its record in one of the point formats 6, 7 and 8, from a record of any format, with
+//! the object and its class behind.
+
+use crate::input::{InputFile, RecordLayout};
+use crate::model::{AxisTransform, Lattice, LatticeTransform};
+use crate::output::error::OutputError;
+use crate::output::points::descriptor::ExtraType;
+use crate::output::points::record::OBJECT_CLASS;
+
+/// Scan angles of formats 0 to 5 are in degrees, of 6 to 10 in steps of 0.006 degrees (LAS 1.4 R15, table 16).
+const STEPS_PER_DEGREE: f64 = 1.0 / 0.006;
+/// Bytes of format 6, which 7 and 8 continue with colours.
+const BASE: usize = 30;
+
+/// What the records of the file look like.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct CopcFormat<'a> {
+    /// Point format: 6, 7 with colours, 8 with near infrared as well.
+    pub(crate) point_format: u8,
+    /// World units per integer step, per axis.
+    pub(crate) scale: [f64; 3],
+    /// World coordinates of the integers 0.
+    pub(crate) offset: [f64; 3],
+    /// Metres per world unit, per axis.
+    units_m: [f64; 3],
+    /// Whether GPS times are adjusted standard times.
+    pub(crate) standard_time: bool,
+    /// Dimensions behind the fields of the format: the object, and its class if the method gives one.
+    pub(crate) extra: Vec<(&'a str, ExtraType, &'static str)>,
+}
+
+/// Colours of a point format: red, green and blue, and near infrared, if it has them.
+fn colours(point_format: u8) -> (Option<usize>, Option<usize>) {
+    match point_format {
+        2 => (Some(20), None),
+        3 | 5 => (Some(28), None),
+        7 => (Some(30), None),
+        8 | 10 => (Some(30), Some(36)),
+        _ => (None, None),
+    }
+}
+
+impl<'a> CopcFormat<'a> {
+    /// The format that keeps coordinates and colours of all files: the finest scale of each axis, and the offset of the
+    /// first file.
+    ///
+    /// # Errors
+    /// [`OutputError::Copc`] without files, or if heights have another unit than the plane: then there is no cube.
+    pub(crate) fn of(files: &[InputFile], dimension: &'a str, classifies: bool) -> Result<Self, OutputError> {
+        let refused = |reason: &str| OutputError::Copc { reason: reason.to_owned() };
+        let first = files.first().ok_or_else(|| refused("there are no files"))?;
+        let units_m = first.units_m();
+        if (units_m[0] - units_m[2]).abs() > 1e-9 {
+            return Err(refused("heights have another unit than x and y"));
+        }
+        let offset = first.header().scaling.offset;
+        let standard_time = first.header().global_encoding & 1 == 1;
+        let scale = [0, 1, 2].map(|axis| {
+            files.iter().map(|file| file.header().scaling.scale[axis]).fold(f64::INFINITY, f64::min)
+        });
+        let formats = || files.iter().map(|file| colours(file.layout().point_format));
+        let point_format =
+            match (formats().any(|found| found.0.is_some()), formats().any(|found| found.1.is_some())) {
+                (_, true) => 8,
+                (true, false) => 7,
+                (false, false) => 6,
+            };
+        let mut extra = vec![(dimension, ExtraType::U32, "object, 0: none")];
+        extra.extend(classifies.then_some((OBJECT_CLASS, ExtraType::U8, "class of the object, 0: none")));
+        Ok(Self { point_format, scale, offset, units_m, standard_time, extra })
+    }
+
+    /// Bytes of the dimensions behind the fields of the format.
+    pub(crate) fn extra_bytes(&self) -> u16 {
+        self.extra.iter().map(|(_, kind, _)| kind.bytes()).sum()
+    }
+
+    /// Bytes of a record.
+    pub(crate) fn record_len(&self) -> usize {
+        let colours = match self.point_format {
+            6 => 0,
+            7 => 6,
+            _ => 8,
+        };
+        BASE + colours + usize::from(self.extra_bytes())
+    }
+
+    /// The places of its records on the lattice.
+    pub(crate) fn to_lattice(&self, lattice: Lattice) -> LatticeTransform {
+        let axis = |axis: usize| {
+            AxisTransform::new(self.scale[axis], self.offset[axis], self.units_m[axis], lattice)
+        };
+        LatticeTransform { axes: [axis(0), axis(1), axis(2)] }
+    }
+
+    /// How records of a file become those of this format.
+    pub(crate) fn conversion(&self, file: &InputFile) -> Conversion<'_> {
+        let from = file.header().scaling;
+        let axes = [0, 1, 2].map(|axis| {
+            let factor = from.scale[axis] / self.scale[axis];
+            let shift = (from.offset[axis] - self.offset[axis]) / self.scale[axis];
+            // Decimal scales and offsets are multiples of each other but for the last digits.
+            let whole = |value: f64| if (value - value.round()).abs() < 1e-6 { value.round() } else { value };
+            (whole(factor), whole(shift))
+        });
+        Conversion { format: self, layout: file.layout().clone(), axes }
+    }
+}
+
+/// Makes the records of one file.
+#[derive(Debug)]
+pub(crate) struct Conversion<'a> {
+    format: &'a CopcFormat<'a>,
+    layout: RecordLayout,
+    /// Factor and shift of each axis.
+    axes: [(f64, f64); 3],
+}
+
+impl Conversion<'_> {
+    /// Appends the record of a point to `out`. `class` is its LAS class.
+    ///
+    /// # Errors
+    /// [`OutputError::Copc`] if its coordinates do not fit the scale and offset of the file.
+    pub(crate) fn append(
+        &self,
+        record: &[u8],
+        class: u8,
+        object: u32,
+        object_class: u8,
+        out: &mut Vec<u8>,
+    ) -> Result<(), OutputError> {
+        let start = out.len();
+        for (axis, (factor, shift)) in self.axes.iter().enumerate() {
+            let value = i32::from_le_bytes(four(record, axis * 4));
+            let value = (f64::from(value) * factor + shift).round();
+            if value < f64::from(i32::MIN) || value > f64::from(i32::MAX) {
+                let reason = "its files lie too far apart for the finest of their scales".to_owned();
+                return Err(OutputError::Copc { reason });
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "checked above")]
+            out.extend((value as i32).to_le_bytes());
+        }
+        if self.layout.point_format >= 6 {
+            out.extend(&record[12..BASE]);
+        } else {
+            self.modern(record, out);
+        }
+        out[start + 16] = class;
+        let (colour, infrared) = colours(self.layout.point_format);
+        if self.format.point_format >= 7 {
+            out.extend(colour.map_or([0; 6], |at| std::array::from_fn(|byte| record[at + byte])));
+        }
+        if self.format.point_format == 8 {
+            out.extend(infrared.map_or([0; 2], |at| [record[at], record[at + 1]]));
+        }
+        out.extend(object.to_le_bytes());
+        if self.format.extra.len() > 1 {
+            out.push(object_class);
+        }
+        Ok(())
+    }
+
+    /// Bytes 12 to 29 of format 6, from a record of the formats 0 to 5 (LAS 1.4 R15, tables 7 and 16).
+    fn modern(&self, record: &[u8], out: &mut Vec<u8>) {
+        let returns = record[14];
+        out.extend(&record[12..14]);
+        out.push((returns & 7) | (returns >> 3 & 7) << 4);
+        // Synthetic, key point and withheld move down; direction of the scan and edge of the line stay.
+        out.push(record[15] >> 5 | (returns & 0xc0));
+        let degrees = f64::from(i8::from_le_bytes([record[16]]));
+        #[expect(clippy::cast_possible_truncation, reason = "at most 128 / 0.006")]
+        let angle = (degrees * STEPS_PER_DEGREE).round() as i16;
+        out.extend([0, record[17]]);
+        out.extend(angle.to_le_bytes());
+        out.extend(&record[18..20]);
+        match self.layout.gps_time {
+            Some(at) => out.extend(&record[at..at + 8]),
+            None => out.extend([0; 8]),
+        }
+    }
+}
+
+fn four(record: &[u8], at: usize) -> [u8; 4] {
+    [record[at], record[at + 1], record[at + 2], record[at + 3]]
+}

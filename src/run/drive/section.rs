@@ -1,0 +1,155 @@
+//! The section of a drive between two chainages: which cells are processed for it, and where objects are whole.
+//!
+//! Three areas enclose each other. *Inside* are the cells whose chainage is in the section: an object of the section has
+//! points there. Within `tiling.beyond` of them, objects are followed, and are those of the whole drive. Around that,
+//! points are read only because they decide on ground and objects; what reaches them is marked as cut. The areas are
+//! dilations in the plane, as halos are: on a loop, a place can be near and have quite another chainage.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use crate::config::{Config, TilingConfig};
+use crate::error::Result;
+use crate::model::Lattice;
+use crate::run::error::RunError;
+use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
+use crate::survey::Axis;
+
+/// Edge of the squares in which areas are dilated, in cells. Chosen: 8 m are little beside the distances, and there are
+/// few squares.
+const SQUARE_CELLS: i32 = 8;
+
+/// A section of a drive.
+#[derive(Debug)]
+pub(crate) struct Section {
+    /// Chainage where it begins and ends, in metres.
+    pub(crate) from_m: f64,
+    pub(crate) to_m: f64,
+    /// Points of the cells that are processed.
+    pub(crate) cells: Arc<PackedCells>,
+    /// The squares in which objects are whole.
+    whole: BTreeSet<Cell>,
+}
+
+impl Section {
+    /// The section that the settings choose; `None` for the whole drive. Points within `deciding` lattice units decide
+    /// on an object.
+    pub(crate) fn chosen(
+        config: &TilingConfig,
+        axis: &Axis,
+        all: &PackedCells,
+        grid: CellGrid,
+        lattice: Lattice,
+        deciding: i64,
+    ) -> Result<Option<Self>> {
+        let Some((from_m, to_m)) = config.section() else { return Ok(None) };
+        let edge_m = lattice.metres(grid.edge());
+        let chainage_m = axis.chainage_m();
+        let is_inside = |cell: Cell| {
+            let centre = cell.map(|index| (f64::from(index) + 0.5) * edge_m);
+            (from_m..=to_m).contains(&chainage_m[axis.nearest(centre)])
+        };
+        let inside: BTreeSet<Cell> =
+            all.iter().filter(|(cell, _)| is_inside(*cell)).map(|(cell, _)| square(cell)).collect();
+        if inside.is_empty() {
+            return Err(RunError::NoSection { from_m, to_m, length_m: axis.length_m() }.into());
+        }
+        let square_units = grid.edge() * i64::from(SQUARE_CELLS);
+        #[expect(clippy::cast_possible_truncation, reason = "some hundred metres in squares")]
+        let steps = |units: i64| units.div_euclid(square_units) as i32 + 1;
+        let beyond = steps(lattice.units_up(config.beyond));
+        let whole = dilated(&inside, beyond);
+        let processed = dilated(&inside, beyond + steps(deciding));
+        let mut cells = CellMap::default();
+        for (cell, points) in all.iter().filter(|(cell, _)| processed.contains(&square(*cell))) {
+            *cells.entry(cell) = points;
+        }
+        Ok(Some(Self { from_m, to_m, cells: Arc::new(PackedCells::from(cells)), whole }))
+    }
+
+    /// Whether an object that reaches no further than this cell is the same in the whole drive.
+    pub(crate) fn is_whole(&self, cell: Cell) -> bool {
+        self.whole.contains(&square(cell))
+    }
+}
+
+impl TilingConfig {
+    /// Begin and end of the section; `None` for the whole drive.
+    pub(crate) fn section(&self) -> Option<(f64, f64)> {
+        let to = if self.to > 0.0 { self.to } else { f64::INFINITY };
+        (self.from > 0.0 || self.to > 0.0).then_some((self.from, to))
+    }
+}
+
+/// The chainage of a section as values that a pass depends on; empty for the whole drive.
+pub(crate) fn depends(config: &Config) -> Vec<(&'static str, String)> {
+    let TilingConfig { from, to, beyond, .. } = config.tiling;
+    let values = [("tiling.from", from), ("tiling.to", to), ("tiling.beyond", beyond)];
+    match config.tiling.section() {
+        Some(_) => values.into_iter().map(|(key, metres)| (key, metres.to_string())).collect(),
+        None => Vec::new(),
+    }
+}
+
+fn square(cell: Cell) -> Cell {
+    cell.map(|index| index.div_euclid(SQUARE_CELLS))
+}
+
+/// The squares at most `steps` away from some squares, along both axes. Between one of them and any other square lie
+/// at least the remaining steps.
+fn dilated(squares: &BTreeSet<Cell>, steps: i32) -> BTreeSet<Cell> {
+    let along = |squares: &BTreeSet<Cell>, axis: usize| -> BTreeSet<Cell> {
+        let moved = |cell: &Cell, by: i32| {
+            let mut cell = *cell;
+            cell[axis] = cell[axis].saturating_add(by);
+            cell
+        };
+        squares.iter().flat_map(|cell| (-steps..=steps).map(move |by| moved(cell, by))).collect()
+    };
+    along(&along(squares, 0), 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::survey::AxisSource;
+
+    #[test]
+    fn what_decides_lies_around_what_is_whole() {
+        let lattice = Lattice::MILLIMETRE;
+        let grid = CellGrid::new(1_000);
+        // A street of 500 m to the east, and a way that comes back beside it, 30 m to the north.
+        let mut cells = CellMap::default();
+        for i in 0..500 {
+            *cells.entry([i, 0]) = 1;
+            *cells.entry([i, 30]) = 1;
+        }
+        let all = PackedCells::from(cells);
+        let there = (0..=500).map(|x| [f64::from(x), 0.5]);
+        let back = (0..=500).rev().map(|x| [f64::from(x), 30.5]);
+        let axis =
+            Axis::from_positions(AxisSource::Trajectory, &there.chain(back).collect::<Vec<_>>()).unwrap();
+        let chosen = |from: f64, to: f64| {
+            let config = TilingConfig { cell: 1.0, tile_length: 0.0, from, to, beyond: 40.0 };
+            Section::chosen(&config, &axis, &all, grid, lattice, 20_000)
+        };
+        assert!(chosen(0.0, 0.0).unwrap().is_none());
+        let section = chosen(100.0, 200.0).unwrap().unwrap();
+        for i in 0..500 {
+            let away = (100 - i).max(i - 200).max(0);
+            // The other way is near in the plane, though far in chainage.
+            for cell in [[i, 0], [i, 30]] {
+                let is_read = section.cells.get(cell) > 0;
+                assert!(!section.is_whole(cell) || is_read);
+                assert!(away > 40 || section.is_whole(cell), "{cell:?}");
+                assert!(away > 60 || is_read, "{cell:?}");
+                assert!(away <= 60 + 3 * 8 || !is_read, "{cell:?}");
+            }
+            // From what is whole to what is not read it is further than what decides.
+            let next = (i..500).take_while(|&far| section.cells.get([far, 0]) > 0).count();
+            assert!(!section.is_whole([i, 0]) || i + i32::try_from(next).unwrap() == 500 || next > 20, "{i}");
+        }
+        let error = chosen(2_000.0, 2_100.0).unwrap_err().to_string();
+        assert!(error.starts_with("there are no points from 2000 to 2100 m: "), "{error}");
+    }
+}

@@ -1,0 +1,337 @@
+//! Pass `copc points`: makes the records of the cloud-optimised file, and writes them grouped by the column of its octree that
+//! owns them, so that the columns can be completed one at a time.
+//!
+//! ```text
+//! file of a unit := point*            grouped by column, in file order within a column
+//! point := record number from the first of the unit (u32), record of the cloud-optimised file
+//! ```
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::codec;
+use crate::error::Result;
+use crate::input::Fields;
+use crate::model::{Kind, PointId, in_u32, record_xyz};
+use crate::output::LabelledFile;
+use crate::output::points::copc::{CopcFormat, Cube, LEAF_POINTS, Totals, rank, undecided_levels};
+use crate::run::drive::{BlockRun, Drive};
+use crate::run::engine::{Outline, Pass, Payloads};
+use crate::run::passes::copies::{Labels, Shown};
+use crate::run::passes::relabel::PointColumns;
+use crate::spatial::{Cell, CellMap, PackedCells};
+use crate::store::{Inputs, PassDir, RunDir, StoreError};
+
+const NUMBER: u32 = 8;
+const NAME: &str = "copc points";
+
+/// Bytes of the number before a record.
+pub(super) const NUMBER_BYTES: usize = 4;
+/// The group of points that are not shown.
+const NOWHERE: u32 = u32::MAX;
+
+/// The points depend on the values of all points and on the settings of the output, as the labelled copies do.
+pub(crate) fn outline(export: &Outline) -> Outline {
+    Outline::new(NUMBER, NAME, Inputs::new().with("pass export", export.depends.fingerprint()))
+}
+
+/// The columns of the octree that are completed one at a time.
+#[derive(Debug)]
+pub(crate) struct Columns {
+    pub(crate) cube: Cube,
+    /// Level and number of points of each.
+    pub(crate) list: Vec<(u32, u64)>,
+    /// The column of each cell of the raster, counted from 1.
+    of_cells: PackedCells,
+}
+
+impl Columns {
+    /// Divides a cube until columns have at most `most` points, or are single cells. No column is below a leaf of the
+    /// octree, whatever `most` is.
+    pub(crate) fn of(cube: Cube, cells: &PackedCells, edge: i64, most: u64) -> Self {
+        let most = most.max(LEAF_POINTS as u64);
+        let deepest = cube.raster_level(edge);
+        let from = [0, 1].map(|axis| cube.origin[axis].div_euclid(edge));
+        let digits =
+            |cell: Cell| [0, 1].map(|axis| (i64::from(cell[axis]) - from[axis]).max(0).cast_unsigned());
+        let code = |cell: Cell| {
+            let [x, y] = digits(cell);
+            (0..deepest).rev().fold(0_u64, |code, digit| code << 2 | (x >> digit & 1) << 1 | (y >> digit & 1))
+        };
+        let mut order: Vec<(u64, u64, Cell)> =
+            cells.iter().map(|(cell, points)| (code(cell), u64::from(points), cell)).collect();
+        order.sort_unstable();
+        let mut list = Vec::new();
+        let mut of_cells = CellMap::default();
+        let mut open = vec![(0_u32, &order[..])];
+        while let Some((level, rest)) = open.pop() {
+            let points: u64 = rest.iter().map(|(_, points, _)| points).sum();
+            if points <= most || level >= deepest {
+                list.push((level, points));
+                let number = in_u32(list.len(), "columns of the octree");
+                rest.iter().for_each(|(_, _, cell)| *of_cells.entry(*cell) = number);
+                continue;
+            }
+            let of_level = |code: u64| code >> (2 * (deepest - level - 1));
+            open.extend(
+                rest.chunk_by(|a, b| of_level(a.0) == of_level(b.0)).rev().map(|part| (level + 1, part)),
+            );
+        }
+        Self { cube, list, of_cells: PackedCells::from(of_cells) }
+    }
+
+    /// Levels at which some column cannot decide alone.
+    fn undecided(&self) -> u32 {
+        self.list.iter().map(|(level, _)| undecided_levels(*level)).max().unwrap_or(0)
+    }
+}
+
+/// The point with the smallest rank in each cell of the levels that columns cannot decide: its rank and its number.
+pub(super) type Winners = BTreeMap<(u32, u128), (u64, u64)>;
+
+fn improve(winners: &mut Winners, cell: (u32, u128), found: (u64, u64)) {
+    winners.entry(cell).and_modify(|best| *best = (*best).min(found)).or_insert(found);
+}
+
+/// What a unit found.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Found {
+    /// Column and first point of each group, and the end.
+    groups: Vec<(u32, u64)>,
+    end: u64,
+    totals: Totals,
+    winners: Vec<((u32, u128), (u64, u64))>,
+}
+
+/// The points of the drive grouped by column.
+pub(crate) struct GroupedPoints {
+    units: Vec<GroupedUnit>,
+    pub(super) totals: Totals,
+    pub(super) winners: Winners,
+}
+
+struct GroupedUnit {
+    path: PathBuf,
+    file: File,
+    first_id: PointId,
+    groups: Vec<(u32, u64)>,
+    end: u64,
+}
+
+impl GroupedPoints {
+    /// The points of a column: their numbers, and their records one after the other.
+    pub(super) fn of_column(&self, column: usize, record_len: usize) -> Result<(Vec<PointId>, Vec<u8>)> {
+        let (mut ids, mut records) = (Vec::new(), Vec::new());
+        let stride = NUMBER_BYTES + record_len;
+        let mut bytes = Vec::new();
+        for unit in &self.units {
+            let Ok(at) = unit.groups.binary_search_by_key(&(column as u64), |group| group.0.into()) else {
+                continue;
+            };
+            let first = unit.groups[at].1;
+            let end = unit.groups.get(at + 1).map_or(unit.end, |next| next.1);
+            bytes.resize(usize::try_from(end - first).unwrap_or(0) * stride, 0);
+            unit.file
+                .read_exact_at(&mut bytes, first * stride as u64)
+                .map_err(StoreError::io("read", &unit.path))?;
+            for point in bytes.chunks_exact(stride) {
+                let number = u32::from_le_bytes([point[0], point[1], point[2], point[3]]);
+                ids.push(unit.first_id + u64::from(number));
+                records.extend_from_slice(&point[NUMBER_BYTES..]);
+            }
+        }
+        Ok((ids, records))
+    }
+}
+
+pub(crate) struct CopcPointsPass<'a> {
+    pub(crate) drive: &'a Drive,
+    pub(crate) point_columns: &'a PointColumns,
+    pub(crate) kinds: &'a [Kind],
+    pub(crate) labelled: &'a [LabelledFile],
+    pub(crate) shown: Shown<'a>,
+    pub(crate) columns: &'a Columns,
+    pub(crate) format: &'a CopcFormat<'a>,
+    /// Runs of blocks with points that are shown.
+    pub(crate) runs: Vec<BlockRun>,
+    pub(crate) folder: PathBuf,
+    pub(crate) outline: Outline,
+}
+
+/// The folder of the grouped points in the state.
+pub(crate) fn folder(run_dir: &RunDir) -> PathBuf {
+    run_dir.path("copc")
+}
+
+impl CopcPointsPass<'_> {
+    fn path(&self, unit: usize) -> PathBuf {
+        self.folder.join(format!("{unit:05}"))
+    }
+
+    fn stride(&self) -> usize {
+        NUMBER_BYTES + self.format.record_len()
+    }
+
+    /// The points of a run in file order: their column, and their bytes one after the other.
+    fn points_of(&self, run: &BlockRun) -> Result<(Vec<u32>, Vec<u8>, Found)> {
+        let input = self.drive.file(run.file);
+        let (layout, transform) = (input.layout(), input.transform());
+        let conversion = self.format.conversion(input);
+        let to_lattice = self.format.to_lattice(self.drive.lattice());
+        let labelled = &self.labelled[run.file];
+        let first = input.blocks()[run.blocks.start].first_record;
+        let first_id = self.drive.first_id(run.file, run.blocks.start);
+        let undecided = self.columns.undecided();
+        let mut owners = self.columns.of_cells.cursor();
+        let (mut columns, mut bytes) = (Vec::new(), Vec::new());
+        let (mut totals, mut winners) = (Totals::default(), Winners::new());
+        let (mut buffer, mut new) = (Vec::new(), Vec::new());
+        let mut labels = Labels::of(self.point_columns, self.kinds);
+        for block in run.blocks.clone() {
+            let block_run = &input.blocks()[block];
+            let records = input.records(block, Fields::All, &mut buffer)?;
+            labels.read(run.file, block_run.first_record, block_run.count as usize)?;
+            new.clear();
+            labelled.label(records, &labels.objects, &labels.classes, &labels.kinds, &mut new);
+            let numbers = in_u32(block_run.first_record - first, "records of a unit")..;
+            for (at, (number, record)) in numbers.zip(new.chunks_exact(labelled.record_len())).enumerate() {
+                let place = transform.apply(record_xyz(record));
+                let column = self.drive.grid.cell(place[0], place[1]).map_or(0, |cell| owners.get(cell));
+                let shown = column > 0 && self.shown.contains(place);
+                columns.push(if shown { column - 1 } else { NOWHERE });
+                bytes.extend(number.to_le_bytes());
+                let start = bytes.len();
+                let class = record[layout.classification] & layout.classification_mask;
+                let kind = labels.kinds.get(at).copied().unwrap_or(0);
+                conversion.append(record, class, labels.objects[at], kind, &mut bytes)?;
+                if !shown {
+                    continue;
+                }
+                totals.add(&bytes[start..]);
+                if undecided > 0 {
+                    let id = first_id + u64::from(number);
+                    let place = to_lattice.apply(record_xyz(&bytes[start..]));
+                    let (spot, rank) = (self.columns.cube.place(place), rank(id));
+                    for level in 0..undecided {
+                        improve(&mut winners, (level, spot.cell(level)), (rank, id.number()));
+                    }
+                }
+            }
+            input.release(block);
+        }
+        let winners = winners.into_iter().collect();
+        Ok((columns, bytes, Found { totals, winners, ..Found::default() }))
+    }
+}
+
+impl Pass for CopcPointsPass<'_> {
+    type Global = GroupedPoints;
+
+    fn outline(&self) -> &Outline {
+        &self.outline
+    }
+
+    fn units(&self) -> usize {
+        self.runs.len()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.runs[unit].points
+    }
+
+    fn bytes(&self, unit: usize) -> u64 {
+        // Points in file order and grouped, with column and order, and a block as read and as labelled.
+        self.runs[unit].points * (2 * self.stride() as u64 + 12)
+            + self.drive.largest_block_bytes(&self.runs[unit], 64)
+    }
+
+    /// Invalidates finished units whose points were lost or cut.
+    fn prepare(&self, dir: &PassDir) -> Result<()> {
+        fs_err::create_dir_all(&self.folder).map_err(StoreError::io("create", &self.folder))?;
+        for (unit, run) in self.runs.iter().enumerate() {
+            let whole = run.points * self.stride() as u64;
+            if std::fs::metadata(self.path(unit)).map_or(true, |facts| facts.len() != whole) {
+                dir.invalidate(unit)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn run(&self, unit: usize) -> Result<Vec<u8>> {
+        let run = &self.runs[unit];
+        self.drive.file(run.file).check_unchanged()?;
+        let (columns, points, mut found) = self.points_of(run)?;
+        let mut order: Vec<u32> = (0_u32..).take(columns.len()).collect();
+        // The sort is stable: within a column, the points stay in file order.
+        order.sort_by_key(|&point| columns[point as usize]);
+        let stride = self.stride();
+        let mut bytes = Vec::with_capacity(points.len());
+        for (at, &point) in (0_u64..).zip(&order) {
+            let column = columns[point as usize];
+            if found.groups.last().is_none_or(|last| last.0 != column) {
+                found.groups.push((column, at));
+            }
+            bytes.extend_from_slice(&points[point as usize * stride..][..stride]);
+        }
+        found.end = order.len() as u64;
+        let path = self.path(unit);
+        let write = || -> std::io::Result<()> {
+            let file = File::options().write(true).create(true).truncate(true).open(&path)?;
+            file.write_all_at(&bytes, 0)?;
+            file.sync_data()
+        };
+        write().map_err(StoreError::io("write", &path))?;
+        codec::encode(&found)
+    }
+
+    fn reduce(&self, payloads: &Payloads) -> Result<GroupedPoints> {
+        let mut grouped =
+            GroupedPoints { units: Vec::new(), totals: Totals::default(), winners: Winners::new() };
+        for (unit, run) in self.runs.iter().enumerate() {
+            let path = self.path(unit);
+            let file = File::open(&path).map_err(StoreError::io("open", &path))?;
+            let Found { groups, end, totals, winners } = codec::decode(&payloads.get(unit)?)?;
+            grouped.totals.merge(&totals);
+            for (cell, best) in winners {
+                improve(&mut grouped.winners, cell, best);
+            }
+            let first_id = self.drive.first_id(run.file, run.blocks.start);
+            grouped.units.push(GroupedUnit { path, file, first_id, groups, end });
+        }
+        Ok(grouped)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_own_every_cell_once_and_are_as_small_as_asked() {
+        let mut cells = CellMap::default();
+        for i in 0..300 {
+            for j in 0..3 {
+                *cells.entry([i - 50, j + 7]) = 400 + 200 * u32::from(i > 200);
+            }
+        }
+        let cells = PackedCells::from(cells);
+        let cube = Cube::around([[-50_000, 7_000, 0], [249_999, 9_999, 3_000]], 1_000);
+        let all: u64 = cells.iter().map(|(_, points)| u64::from(points)).sum();
+        for most in [1, 60_000, 100_000, u64::MAX] {
+            let columns = Columns::of(cube, &cells, 1_000, most);
+            assert_eq!(columns.list.iter().map(|column| column.1).sum::<u64>(), all);
+            let mut points = vec![0; columns.list.len()];
+            for (cell, count) in cells.iter() {
+                points[columns.of_cells.get(cell) as usize - 1] += u64::from(count);
+            }
+            assert!(columns.list.iter().zip(&points).all(|((_, listed), points)| listed == points));
+            let most = most.max(LEAF_POINTS as u64);
+            assert!(columns.list.iter().all(|(level, points)| *points <= most || *level == 9), "{columns:?}");
+            assert_eq!(columns.list.len() == 1, most >= all);
+        }
+    }
+}
