@@ -16,7 +16,7 @@ const TELLING_POINTS: u64 = 200_000;
 /// Other processors and disks are within these factors of that machine. A survey that is slower than that waited for
 /// something.
 const FACTORS: RangeInclusive<f64> = 0.1..=20.0;
-/// How far a run is from its estimate, as a rule (six runs of four methods took 0.8 to 1.4 times as long).
+/// How far a run may be from its estimate. Chosen: no study of many machines is behind it.
 const LOW: f64 = 0.6;
 const HIGH: f64 = 1.7;
 
