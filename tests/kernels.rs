@@ -185,7 +185,12 @@ proptest! {
     }
 
     #[test]
-    fn opening_is_what_brute_force_says(points in points(), lowest_points in 1..4_u32, radius in 0..1_500_i64) {
+    fn opening_is_what_brute_force_says(
+        points in points(),
+        lowest_points in 1..4_u32,
+        radius in 0..1_500_i64,
+        room in 0..9_i64,
+    ) {
         let of = oracle::Opening {
             voxel: 300,
             lowest_points: lowest_points as usize,
@@ -195,6 +200,7 @@ proptest! {
             close: 60,
             height: 300,
             clear: 700,
+            room,
         };
         let config = OpeningConfig {
             lowest_points,
@@ -205,6 +211,7 @@ proptest! {
             height: 0.3,
             clear: 0.7,
             slope: 1.0,
+            room: room as f64 * 0.3,
             ..OpeningConfig::default()
         };
         let classes = filtered(&Opening::new(&config).unwrap(), &numbered(&points));
@@ -216,7 +223,8 @@ proptest! {
     #[test]
     fn filters_need_only_their_context(points in wide_points(), core in 0..9_000_i64) {
         let core = [core, core + 3_000, 0, 3_000];
-        let small = OpeningConfig { voxel: 0.1, radius: 0.3, slope_radius: 1.0, ..OpeningConfig::default() };
+        let small =
+            OpeningConfig { voxel: 0.1, radius: 0.3, slope_radius: 1.0, room: 0.8, ..OpeningConfig::default() };
         let filters: [Box<dyn GroundFilter>; 2] =
             [Box::new(upward_growing(150, 6)), Box::new(Opening::new(&small).unwrap())];
         for filter in filters {
