@@ -156,21 +156,25 @@ proptest! {
     fn ground_is_what_brute_force_says(points in points()) {
         let classes = ground_classes(&numbered(&points));
         let hidden: Vec<bool> = classes.iter().map(|class| class.is_noise()).collect();
-        let expected = oracle::voxel_column(&points, &hidden, [300, 1_000, 500, 1_500]);
+        let expected = oracle::voxel_column(&points, &hidden, [300, 1_000, 500, 1_500], 1);
         let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
         prop_assert_eq!(ground, expected);
     }
 
     #[test]
-    fn ground_with_a_voxel_of_its_own_is_what_brute_force_says(points in points(), voxel in 50..700_i64) {
-        let config = VoxelColumnConfig { voxel: voxel as f64 / 1_000.0, ..GROUND };
+    fn ground_with_a_voxel_of_its_own_is_what_brute_force_says(
+        points in points(),
+        voxel in 50..700_i64,
+        lowest_points in 1..4_u32,
+    ) {
+        let config = VoxelColumnConfig { voxel: voxel as f64 / 1_000.0, lowest_points, ..GROUND };
         let cloud = numbered(&points);
         let mut view = TileView::new(&cloud);
         let mut classes = vec![PointClass::Object; points.len()];
         IsolatedNoise::new(&NOISE).unwrap().mark(&mut view, &mut classes).unwrap();
         let hidden: Vec<bool> = classes.iter().map(|class| class.is_noise()).collect();
         VoxelColumn::new(&config).unwrap().classify(&mut view, &mut classes).unwrap();
-        let expected = oracle::voxel_column(&points, &hidden, [voxel, 1_000, 500, 1_500]);
+        let expected = oracle::voxel_column(&points, &hidden, [voxel, 1_000, 500, 1_500], lowest_points as usize);
         let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
         prop_assert_eq!(ground, expected);
     }

@@ -25,17 +25,22 @@ pub(crate) fn noise(points: &[[i64; 3]], voxel: i64, min_points: usize, high: i6
     (0..points.len()).map(verdict).collect()
 }
 
-/// Whether each point is ground by `voxel-column`. Points with `hidden` set are ignored.
+/// Whether each point is ground by `voxel-column`, with its lengths and `lowest_points`. Points with `hidden` set are
+/// ignored.
 pub(crate) fn voxel_column(
     points: &[[i64; 3]],
     hidden: &[bool],
     [voxel, run_height, step, radius]: [i64; 4],
+    lowest_points: usize,
 ) -> Vec<bool> {
     let voxels: Vec<[i64; 3]> = points.iter().map(|p| p.map(|value| value.div_euclid(voxel))).collect();
     let occupied = |wanted: [i64; 3]| (0..points.len()).any(|p| !hidden[p] && voxels[p] == wanted);
     let lowest_of = |[i, j, _]: [i64; 3]| {
         let in_column = |p: &usize| !hidden[*p] && voxels[*p][0] == i && voxels[*p][1] == j;
-        (0..points.len()).filter(in_column).map(|p| voxels[p][2]).min()
+        let column: Vec<i64> = (0..points.len()).filter(in_column).map(|p| voxels[p][2]).collect();
+        let count = |k: i64| column.iter().filter(|&&other| other == k).count();
+        let sure = column.iter().copied().filter(|&k| count(k) >= lowest_points).min();
+        sure.or_else(|| column.iter().copied().min())
     };
     let is_ground = |point: usize| {
         let [i, j, k] = voxels[point];
@@ -46,9 +51,11 @@ pub(crate) fn voxel_column(
         }
         let lowest_near = (0..points.len())
             .filter(|&other| !hidden[other] && beside(voxels[point], voxels[other], voxel) <= radius * radius)
-            .map(|other| voxels[other][2])
+            .filter_map(|other| lowest_of(voxels[other]))
             .min();
-        k < low + length && length * voxel < run_height && (low - lowest_near.unwrap_or(low)) * voxel < step
+        (low..low + length).contains(&k)
+            && length * voxel < run_height
+            && (low - lowest_near.unwrap_or(low)) * voxel < step
     };
     (0..points.len()).map(is_ground).collect()
 }
