@@ -40,12 +40,15 @@ DRIVES = {
     "loop": ["1100m", "30kHz"],
 }
 SEED = "1"
+# No filter was chosen on these.
+OTHER_SEED = "2"
+OTHERS = ("suburb", "downtown", "avenue", "highway")
 # Drives on other land, and one with returns below its road.
 CHANGES = [("avenue", "grade 15 %"), ("suburb", "hillside 30 %"), ("suburb", "embankment"), ("highway", "cutting"),
            ("downtown", "strays")]
 SPINNING = ["--scanner", "spinning-64", "--sweeps", "20"]
 PROGRAM_METHODS = {
-    "voxel-column": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=1"],
+    "voxel-column, 1": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=1"],
     "voxel-column, 2": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=2"],
     "voxel-column, 3": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=3"],
     "voxel-column, 5": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=5"],
@@ -264,15 +267,18 @@ def scenes(executable, folder, data):
         for file in sorted((data / part).glob("*.laz")):
             found[f"{file.stem}" + (" (by hand)" if part == "real-labelled" else "")] = file
 
-    def drive(name, preset, *options):
+    def drive(name, preset, *options, seed=SEED):
         target = folder / name.replace(" ", "-")
         if not target.exists():
-            command = [executable, "synth", preset, "-o", target, "--las", "--seed", SEED, *options]
+            command = [executable, "synth", preset, "-o", target, "--las", "--seed", seed, *options]
             subprocess.run(command, check=True, capture_output=True)
         found[name] = target
 
     for preset, (length, rate) in DRIVES.items():
         drive(f"synth {preset}", preset, "--length", length, "--pulse-rate", rate)
+    for preset in OTHERS:
+        length, rate = DRIVES[preset]
+        drive(f"synth {preset}, seed {OTHER_SEED}", preset, "--length", length, "--pulse-rate", rate, seed=OTHER_SEED)
     drive("synth downtown, spinning", "downtown", *SPINNING)
     for preset, change in CHANGES:
         name = f"synth {preset}, {change}"
