@@ -146,7 +146,7 @@ mod tests {
         let places = || (0..rows.len()).flat_map(|row| (0..rows[row].len()).map(move |place| (row, place)));
         let points: Vec<[i64; 3]> = places()
             .filter(|&(row, place)| at(row, place) != b' ')
-            .map(|(row, place)| [row as i64 * 10, place as i64 * 10, 0])
+            .map(|(row, place)| [10 * i64::try_from(row).unwrap(), 10 * i64::try_from(place).unwrap(), 0])
             .collect();
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
         let index = VoxelIndex::build("test", &cloud, 10).unwrap();
