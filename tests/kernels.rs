@@ -144,6 +144,34 @@ fn wide_points() -> impl Strategy<Value = Points> {
     prop::collection::vec(point, 1..250)
 }
 
+/// A corridor between walls that is as long as a room may not be is ground. That must be seen from its end.
+#[test]
+fn the_far_end_of_a_corridor_is_within_the_reach_of_opening() {
+    let config =
+        OpeningConfig { voxel: 0.1, radius: 0.0, slope_radius: 0.0, room: 8.0, ..OpeningConfig::default() };
+    let filter = Opening::new(&config).unwrap();
+    let reach = (filter.reach(LATTICE).metres() * 1_000.0) as i64;
+    let corridor = |length: i64| {
+        let mut points = Points::new();
+        for (i, j) in (0..length + 2).flat_map(|i| (-1..=1).map(move |j| (i, j))) {
+            let is_wall = j != 0 || i == 0 || i == length + 1;
+            points.extend((0..if is_wall { 20 } else { 1 }).map(|z| [i * 100 + 50, j * 100 + 50, z * 100]));
+        }
+        points
+    };
+    let end = |points: &Points| {
+        let mut classes = vec![PointClass::Object; points.len()];
+        filter.classify(&mut TileView::new(&numbered(points)), &mut classes).unwrap();
+        classes[points.iter().position(|&point| point == [150, 50, 0]).unwrap()]
+    };
+    assert_eq!(end(&corridor(80)), PointClass::Object, "a room");
+    assert_eq!(end(&corridor(81)), PointClass::Ground);
+    let seen =
+        |points: Points| points.into_iter().filter(|point| point[0] <= 199 + reach).collect::<Points>();
+    assert!(seen(corridor(300)).len() < corridor(300).len());
+    assert_eq!(end(&seen(corridor(300))), PointClass::Ground);
+}
+
 proptest! {
     #[test]
     fn noise_is_what_brute_force_says(points in points()) {
