@@ -150,7 +150,7 @@ fn the_far_end_of_a_corridor_is_within_the_reach_of_opening() {
     let config =
         OpeningConfig { voxel: 0.1, radius: 0.0, slope_radius: 0.0, room: 8.0, ..OpeningConfig::default() };
     let filter = Opening::new(&config).unwrap();
-    let reach = (filter.reach(LATTICE).metres() * 1_000.0) as i64;
+    let reach = LATTICE.units(filter.reach(LATTICE).metres());
     let corridor = |length: i64| {
         let mut points = Points::new();
         for (i, j) in (0..length + 2).flat_map(|i| (-1..=1).map(move |j| (i, j))) {
