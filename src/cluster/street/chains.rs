@@ -18,9 +18,12 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::axis::Axis;
 use super::classified::Classified;
+use super::piece::{LEVEL_M, Piece};
 use super::settings::{EDGE_M, STEP_CHAINS};
 use super::shares::{self, FENCE, POLE, SMALL, TREE};
+use super::verdict::decide;
 use super::window::Window;
 use crate::cluster::columns::Voxel;
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
@@ -50,57 +53,10 @@ const ABOVE_M: f64 = 2.9;
 /// Radius and heights of the ring around the axis in which the voxels of a crown are counted, in metres.
 const CROWN_M: f64 = 1.5;
 const CROWN_HEIGHTS_M: (f64, f64) = (2.0, 6.0);
-/// Number of voxels from which they are a crown, and height in metres that a trunk reaches without a gap of more than
-/// two levels. Signs end below. Of 31 trees of a suburb that were not found, 27 had a trunk that was taken for a
-/// pole: thin trees behind other trees, of which few voxels are seen on the axis above 2.9 m. Nearly all of these have
-/// 140 voxels and more. Of signs beside crowns, 80 % have fewer. Both were counted with the reference labels.
-const CROWN_VOXELS: u32 = 140;
-const TRUNK_TOP_M: f64 = 3.0;
-/// The same for a chain with a crown on most sides, and the number of the eight sides that the crown must cover: a sign
-/// or a lamp stands beside a crown, a trunk below it. The limits are the best of 5,832 combinations on 700 chains of
-/// eight drives: 8 trunks are taken for poles (31 without this rule) and 25 poles for trunks (17), most of these
-/// signs in crowns.
-const AROUND_VOXELS: u32 = 60;
-const AROUND_TOP_M: f64 = 2.7;
-const AROUND_SIDES: usize = 5;
-/// Lowest height at which a crown covers a side, in metres. A covered side has this number of tree voxels, and this
-/// share of those on all sides.
+/// Lowest height at which a crown covers a side, in metres.
 const SIDES_M: f64 = 2.1;
-const SIDE_VOXELS: u32 = 3;
-const SIDE_SHARE: f64 = 0.03;
-/// Height of a level in metres. Occupied levels are counted.
-const LEVEL_M: f64 = 0.3;
 /// Levels that are told apart. Everything higher is in the last one.
 const LEVELS: i64 = 64;
-
-/// An upright, narrow piece in one slice.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Piece {
-    pub(super) slice: u8,
-    /// Its first voxel in the order (i, j, k).
-    pub(super) first: Voxel,
-    /// Its centre in the plane, in lattice units.
-    pub(super) centre: [i64; 2],
-    /// Radius around the centre that contains its voxels, in lattice units.
-    pub(super) radius: i64,
-    /// Lowest and highest height above ground, in lattice units.
-    pub(super) height: (i32, i32),
-    voxels: u32,
-    /// Sums of the shares of its voxels.
-    pole: u32,
-    tree: u32,
-    /// Levels above the slices with pole voxels near the axis, and with any tree or pole voxel.
-    pole_above: u64,
-    any_above: u64,
-    /// Levels with any tree or pole voxel near the axis.
-    any_levels: u64,
-    /// Tree voxels in the ring around the axis.
-    crown: u32,
-    /// Tree voxels on each of the eight sides of the axis, above the height of trunks.
-    sides: [u32; 8],
-    /// Pieces that are linked to it: slice and first voxel.
-    links: Vec<(u8, Voxel)>,
-}
 
 /// What the drive decides about a piece.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -244,11 +200,13 @@ fn piece(
         return None;
     }
     let mut sum = [0_i64; 2];
+    let mut axis = Axis::new(around.voxels.centre[part.voxels[0]]);
     let mut pole = 0;
     let mut tree = 0;
     for &voxel in &part.voxels {
         sum[0] += around.voxels.centre[voxel][0];
         sum[1] += around.voxels.centre[voxel][1];
+        axis.add(around.voxels.centre[voxel]);
         pole += u32::from(around.shares[voxel][usize::from(POLE)]);
         tree += u32::from(around.shares[voxel][usize::from(TREE)]);
     }
@@ -265,6 +223,7 @@ fn piece(
         voxels: count,
         pole,
         tree,
+        axis,
         pole_above: 0,
         any_above: 0,
         any_levels: 0,
@@ -312,19 +271,6 @@ fn look_up(around: &Classified, class: &[u8], units: &Units, piece: &mut Piece) 
             }
         }
     });
-}
-
-/// Height in levels up to which levels are occupied, from the lowest one upwards without a gap of more than two.
-fn top(levels: u64) -> u32 {
-    let mut top = levels.trailing_zeros();
-    while top < u64::BITS {
-        let above = levels.checked_shr(top + 1).unwrap_or(0);
-        if above.trailing_zeros() > 2 {
-            break;
-        }
-        top += above.trailing_zeros() + 1;
-    }
-    top + 1
 }
 
 /// On which of the eight sides of a place a voxel lies.
@@ -404,85 +350,17 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     sliced::encode(&count, &slices)
 }
 
-/// How many sides a crown covers.
-fn covered(sides: &[u32; 8]) -> usize {
-    let share = SIDE_SHARE * f64::from(sides.iter().sum::<u32>());
-    sides.iter().filter(|&&voxels| voxels >= SIDE_VOXELS && f64::from(voxels) >= share).count()
-}
-
-/// Whether a chain is a pole. `None` if the pieces are no upright chain.
-fn decide(chain: &[&Piece], lattice: Lattice) -> Option<bool> {
-    let slices = chain.iter().fold(0_u8, |slices, piece| slices | 1 << piece.slice);
-    let lowest = chain.iter().min_by_key(|piece| (piece.height.0, piece.slice, piece.first))?;
-    let highest = chain.iter().max_by_key(|piece| (piece.height.1, piece.slice, piece.first))?;
-    if slices.count_ones() < 2 || slices.trailing_zeros() > 2 || lattice.metres(lowest.height.0.into()) > 2.2
-    {
-        return None;
-    }
-    let rise = lattice.metres((highest.height.1 - lowest.height.0).into());
-    let [x, y] = highest.centre;
-    let drift = lattice.metres(squared(lowest.centre, [x, y, 0]).isqrt());
-    if drift > 0.6 * (rise - 0.6).max(0.3) {
-        return None;
-    }
-    let sum = |of: fn(&Piece) -> u32| chain.iter().map(|piece| f64::from(of(piece))).sum::<f64>();
-    let levels =
-        |of: fn(&Piece) -> u64| chain.iter().fold(0, |levels, piece| levels | of(piece)).count_ones();
-    let pole = sum(|piece| piece.pole) / (255.0 * sum(|piece| piece.voxels));
-    let either = sum(|piece| piece.pole + piece.tree) / (255.0 * sum(|piece| piece.voxels));
-    let any_above = levels(|piece| piece.any_above);
-    let all_levels = chain.iter().fold(0, |levels, piece| levels | piece.any_levels);
-    let pole_above = levels(|piece| piece.pole_above);
-    let of_above = f64::from(pole_above) / f64::from(any_above.max(1));
-    let crown = chain.iter().map(|piece| piece.crown).max().unwrap_or(0);
-    let top_m = f64::from(top(all_levels)) * LEVEL_M;
-    let rises_into_crown = crown >= CROWN_VOXELS && top_m >= TRUNK_TOP_M;
-    let sides = |side: usize| chain.iter().map(|piece| piece.sides[side]).max().unwrap_or(0);
-    let crown_around = crown >= AROUND_VOXELS
-        && top_m >= AROUND_TOP_M
-        && covered(&std::array::from_fn(sides)) >= AROUND_SIDES;
-    if either < 0.5 {
-        // It looks like a hedge or like something small. It is a trunk only if a crown is on it.
-        return rises_into_crown.then_some(false);
-    }
-    let tree = either - pole;
-    Some(if crown_around {
-        // A lamp in a crown goes on as a lamp.
-        (pole_above >= 6 && of_above >= 0.7 && pole > 0.6 && tree < 0.2) || (of_above >= 0.2 && pole > 0.85)
-    } else if pole_above >= 6 && of_above >= 0.6 {
-        // A pole goes on above the slices.
-        pole > 0.4
-    } else if any_above <= 8 {
-        // Little goes on above: a sign, a bollard, or a thin tree with its crown around.
-        pole > 0.5 && !rises_into_crown
-    } else {
-        pole > 0.85 || (pole > 0.6 && of_above >= 0.4)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_crown_on_one_side_covers_no_other() {
+    fn the_eight_sides_are_different() {
         let at = |dx, dy| side([0, 0], [dx, dy, 7]);
         let all: std::collections::BTreeSet<usize> =
             [(2, 1), (1, 2), (-1, 2), (-2, 1), (-2, -1), (-1, -2), (1, -2), (2, -1)]
                 .map(|(dx, dy)| at(dx, dy))
                 .into();
         assert_eq!(all.len(), 8);
-        assert_eq!(covered(&[100, 2, 0, 0, 0, 0, 0, 0]), 1);
-        assert_eq!(covered(&[100, 4, 3, 0, 0, 0, 0, 90]), 2);
-        assert_eq!(covered(&[10; 8]), 8);
-    }
-
-    #[test]
-    fn the_top_is_below_the_first_gap_of_three_levels() {
-        assert_eq!(top(0b1), 1);
-        assert_eq!(top(0b1100), 4);
-        assert_eq!(top(0b1001), 4);
-        assert_eq!(top(0b1_0001), 1);
-        assert_eq!(top(u64::MAX), 64);
     }
 }

@@ -13,12 +13,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::chains::{self, Piece, Verdict};
+use super::chains::{self, Verdict};
 use super::classified::Classified;
 use super::crowns::{self, Crown};
 use super::joining;
 use super::part::{NO_BAND, Part};
 use super::parts::Links;
+use super::piece::Piece;
+use super::rows::{self, Row};
 use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
 use super::shares::{self, BUILDING, FENCE, GROUND, POLE, SMALL, TREE, VEHICLE, WIRE};
@@ -71,7 +73,7 @@ pub(super) struct Core {
     /// Number from 1 in an order that does not depend on tiles.
     pub(super) label: u32,
     pub(super) class: u8,
-    /// Where it stands, in lattice units.
+    /// Where it stands, in lattice units. Of a vehicle in a row: the middle of the row.
     pub(super) place: [i64; 2],
 }
 
@@ -80,6 +82,8 @@ pub(super) struct Core {
 pub(super) struct OfTile {
     /// Label of each component, or 0.
     labels: Vec<u32>,
+    /// Rows of vehicles that have a voxel in the tile: the component, where it is cut, and the labels of the vehicles.
+    rows: Vec<(u32, Row, Vec<u32>)>,
     /// Label of each chain that has a trunk voxel in the tile.
     chains: Vec<(u32, u32)>,
     /// Label of each crown that is a tree of its own and has a voxel in the tile.
@@ -110,6 +114,8 @@ impl Cored {
         for (near, places) in around.voxels.by_tile() {
             let payload: Payload = codec::decode(&tile.payload(STEP_CORES, near)?)?;
             let of_tile: OfTile = sliced::slice(tile.global(STEP_CORES), near)?;
+            let rows: BTreeMap<u32, (Row, Vec<u32>)> =
+                of_tile.rows.into_iter().map(|(part, row, labels)| (part, (row, labels))).collect();
             for &(voxel, at) in &places {
                 let (voxel, at) = (voxel as usize, at as usize);
                 class[at] = payload.class[voxel] & !DECIDED;
@@ -117,7 +123,11 @@ impl Cored {
                     around.shares[at] = shares::decided(&around.shares[at], class[at]);
                 }
                 if let Some(part) = payload.part[voxel].checked_sub(1) {
-                    label[at] = of_tile.labels[part as usize];
+                    let [x, y, _] = around.voxels.centre[at];
+                    label[at] = match rows.get(&part) {
+                        Some((row, labels)) => labels[row.vehicle([x, y])],
+                        None => of_tile.labels[part as usize],
+                    };
                 }
             }
             let chains: BTreeMap<u32, u32> = of_tile.chains.into_iter().collect();
@@ -157,7 +167,8 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let rising = joining::join_bands(&around, &band, &mut links);
     let chosen = |voxel: usize| band[voxel] != NO_BAND || class[voxel] > TREE;
     let parts = links.finish(&around.voxels, chosen);
-    let figures = joining::figures(&around, &class, &band, &|voxel| trunk[voxel].0, &parts);
+    let mut figures = joining::figures(&around, &class, &band, &|voxel| trunk[voxel].0, &parts);
+    keep_rows(&mut figures, &parts.border, lattice);
     let mut rising: Vec<(u32, u32)> =
         rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
     rising.sort_unstable();
@@ -179,6 +190,17 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         }
     }
     Ok(Mapped::payload(codec::encode(&payload)?))
+}
+
+/// Drops the footprints of components that end in the tile and are no rows.
+fn keep_rows(figures: &mut [Option<Part>], border: &Border, lattice: Lattice) {
+    let shared: BTreeSet<u32> = border.shared.iter().map(|(_, component)| *component).collect();
+    for (component, part) in (0_u32..).zip(figures) {
+        let Some(part) = part.as_mut().filter(|_| !shared.contains(&component)) else { continue };
+        if !part.spans.as_ref().is_some_and(|spans| rows::may_be_row(spans, lattice)) {
+            part.footprint = None;
+        }
+    }
 }
 
 /// Gives the voxels of chains the class of their chain. Returns for each voxel whether a chain decided its
@@ -263,6 +285,8 @@ impl Found {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Source {
     Component(u32),
+    /// A vehicle of a row: the component, and the number of the vehicle in the row.
+    Vehicle(u32, usize),
     Stem(usize),
     Crown(Cell),
 }
@@ -292,12 +316,14 @@ impl Labels {
     }
 
     /// The slice of a tile, with the cores that it names.
-    fn of_tile(&self, labels: Vec<u32>, chains: Vec<(u32, u32)>, crowns: Vec<(Cell, u32)>) -> OfTile {
+    fn with_cores(&self, of_tile: OfTile) -> OfTile {
+        let OfTile { labels, rows, chains, crowns, .. } = &of_tile;
         let of_trees = chains.iter().map(|chain| chain.1).chain(crowns.iter().map(|crown| crown.1));
+        let of_rows = rows.iter().flat_map(|row| row.2.iter().copied());
         let named: BTreeSet<u32> =
-            labels.iter().copied().chain(of_trees).filter(|&label| label != 0).collect();
+            labels.iter().copied().chain(of_rows).chain(of_trees).filter(|&label| label != 0).collect();
         let cores = named.into_iter().map(|label| self.cores[label as usize - 1]).collect();
-        OfTile { labels, chains, crowns, cores }
+        OfTile { cores, ..of_tile }
     }
 }
 
@@ -323,8 +349,16 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let united = uniting::unite(&mut whole, lattice);
 
     let kept = whole.iter().filter(|(_, part)| part.band == NO_BAND && keeps(part, lattice));
-    let cores =
-        kept.map(|(&component, part)| (part.first, part.class, Source::Component(component), part.centre()));
+    let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);
+    let rows: BTreeMap<u32, Row> =
+        kept.clone().filter_map(|(&component, part)| Some((component, row(part)?))).collect();
+    let cores = kept.flat_map(|(&component, part)| {
+        let sources = match rows.get(&component) {
+            Some(row) => (0..row.count()).map(|vehicle| Source::Vehicle(component, vehicle)).collect(),
+            None => vec![Source::Component(component)],
+        };
+        sources.into_iter().map(|source| (part.first, part.class, source, part.centre()))
+    });
     let of_stems = stems.seeds.iter().enumerate();
     let of_stems = of_stems.map(|(number, stem)| (stem.first, TREE, Source::Stem(number), stem.place));
     let of_crowns = crowns.iter().map(|crown| (crown.first, TREE, Source::Crown(crown.cell), crown.place));
@@ -343,7 +377,19 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
                 trunks.filter_map(|chain| Some((*chain, stem(stems.chains.get(chain)?)?))).collect();
             let cells = found.in_crowns[tile].iter();
             let crowns = cells.filter_map(|cell| Some((*cell, labels.get(Source::Crown(*cell))?)));
-            labels.of_tile(of_parts.collect(), chains.into_iter().collect(), crowns.collect())
+            let vehicle = |component, vehicle| labels.get(Source::Vehicle(component, vehicle)).unwrap_or(0);
+            let of_rows = (0..).zip(&component[tile]).filter_map(|(part, component)| {
+                let row = rows.get(component)?;
+                let labels = (0..row.count()).map(|number| vehicle(*component, number)).collect();
+                Some((part, row.clone(), labels))
+            });
+            labels.with_cores(OfTile {
+                labels: of_parts.collect(),
+                rows: of_rows.collect(),
+                chains: chains.into_iter().collect(),
+                crowns: crowns.collect(),
+                cores: Vec::new(),
+            })
         })
         .collect();
     sliced::encode(&(labels.cores.len() as u32), &slices)

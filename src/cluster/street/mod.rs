@@ -18,6 +18,7 @@
 //! follows the separation of trees of Tao et al., "Segmenting tree crowns from terrestrial and mobile LiDAR
 //! data by exploring ecological theories", ISPRS Journal 110, 66-76 (2015), doi:10.1016/j.isprsjprs.2015.10.007.
 
+mod axis;
 mod chains;
 mod classified;
 mod cores;
@@ -25,12 +26,15 @@ mod crowns;
 mod edges;
 mod features;
 mod growth;
+mod islands;
 mod joining;
 mod leftovers;
 mod model;
 mod objects;
 mod part;
 mod parts;
+mod piece;
+mod rows;
 mod seeds;
 mod settings;
 mod shares;
@@ -41,6 +45,7 @@ mod stage_voxels;
 mod terrain;
 mod training;
 mod uniting;
+mod verdict;
 mod voxels;
 mod window;
 

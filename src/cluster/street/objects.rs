@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::islands;
 use super::leftovers::Whole;
 use super::settings::{NAME, STEP_OBJECTS, edge};
 use crate::cluster::columns::{Voxel, global_indices};
@@ -38,7 +39,8 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     // Another tile may own the column of a point.
     let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
     columns.dedup();
-    let whole = Whole::load(tile, 0, &columns)?;
+    let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), &columns)?;
+    islands::settle(&mut whole, tile.lattice());
     let voxels = &whole.grown.cored.around.voxels;
     let mut place = vec![u32::MAX; index.len()];
     for (key, number) in indices {

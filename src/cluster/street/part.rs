@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::shares::unites;
+use super::rows::Footprint;
+use super::shares::{VEHICLE, unites};
 use super::spans::Spans;
 use crate::cluster::columns::Voxel;
 
@@ -39,6 +40,8 @@ pub(super) struct Part {
     pub(super) canopy: i32,
     /// How far it reaches in the plane, for classes whose pieces are united.
     pub(super) spans: Option<Box<Spans>>,
+    /// Where it stands, for vehicles that may be a row.
+    pub(super) footprint: Option<Box<Footprint>>,
 }
 
 impl Part {
@@ -59,6 +62,8 @@ impl Part {
             at_facade: 0,
             canopy: i32::MIN,
             spans: unites(class).then(|| Box::new(Spans::of_place(place))),
+            footprint: (class == VEHICLE)
+                .then(|| Box::new(Footprint::of_voxel([first[0], first[1]], height))),
         }
     }
 
@@ -78,6 +83,9 @@ impl Part {
         self.canopy = self.canopy.max(other.canopy);
         if let (Some(spans), Some(other)) = (&mut self.spans, &other.spans) {
             spans.merge(other);
+        }
+        if let (Some(footprint), Some(other)) = (&mut self.footprint, &other.footprint) {
+            footprint.merge(other);
         }
     }
 

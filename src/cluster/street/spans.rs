@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 const DIRECTIONS: usize = 32;
 /// Length of the vectors of [`direction`], a power of two.
 const SCALE: f64 = 1024.0;
+/// The same as an integer.
+pub(super) const SCALE_UNITS: i64 = 1024;
 
 /// The smallest and the largest coordinate in each direction, in lattice units times [`SCALE`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -30,13 +32,30 @@ fn direction(number: usize) -> [i64; 2] {
     [(cos * SCALE).round() as i64, (sin * SCALE).round() as i64]
 }
 
+/// Coordinate of a place in a direction, in lattice units times [`SCALE`].
+pub(super) fn position([x, y]: [i64; 2], number: usize) -> i64 {
+    let [u, v] = direction(number);
+    x * u + y * v
+}
+
+impl Extent {
+    /// Number of the direction of the longer side.
+    pub(super) fn along(&self) -> usize {
+        (self.across + DIRECTIONS / 2) % DIRECTIONS
+    }
+}
+
 impl Spans {
-    pub(super) fn of_place([x, y]: [i64; 2]) -> Self {
+    pub(super) fn of_place(place: [i64; 2]) -> Self {
         Self(std::array::from_fn(|number| {
-            let [u, v] = direction(number);
-            let along = x * u + y * v;
+            let along = position(place, number);
             (along, along)
         }))
+    }
+
+    /// The smallest coordinate in a direction, as [`position`] gives it.
+    pub(super) fn from(&self, number: usize) -> i64 {
+        self.0[number].0
     }
 
     pub(super) fn merge(&mut self, other: &Self) {
@@ -53,9 +72,8 @@ impl Spans {
     }
 
     /// The box whose shorter side is shortest. Of equal ones the first direction counts.
-    #[expect(clippy::cast_possible_truncation, reason = "SCALE is an integer")]
     pub(super) fn narrowest(&self) -> Extent {
-        let side = |number: usize| (self.0[number].1 - self.0[number].0) / SCALE as i64;
+        let side = |number: usize| (self.0[number].1 - self.0[number].0) / SCALE_UNITS;
         let around = (0..DIRECTIONS).map(|across| Extent {
             width: side(across),
             length: side((across + DIRECTIONS / 2) % DIRECTIONS),
@@ -66,11 +84,10 @@ impl Spans {
 
     /// The gap between two sets along the longer side of a box around both, in lattice units; negative where they
     /// overlap.
-    #[expect(clippy::cast_possible_truncation, reason = "SCALE is an integer")]
     pub(super) fn gap(&self, other: &Self, around: Extent) -> i64 {
-        let along = (around.across + DIRECTIONS / 2) % DIRECTIONS;
+        let along = around.along();
         let (one, other) = (self.0[along], other.0[along]);
-        (one.0.max(other.0) - one.1.min(other.1)) / SCALE as i64
+        (one.0.max(other.0) - one.1.min(other.1)) / SCALE_UNITS
     }
 }
 

@@ -1,0 +1,180 @@
+//! Rows of vehicles that touch: where one ends and the next begins.
+//!
+//! The profile of a row is the height of its top along it. Between two vehicles it falls below both roofs. A row that is
+//! longer than a car is cut where its profile is lowest, if this is a valley, and both parts again. A bus has no
+//! valley. A bonnet or a loading area is no valley either: it is nearer to the end than the shortest car is long.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::settings::EDGE_M;
+use super::spans::{self, Spans};
+use crate::model::Lattice;
+use crate::spatial::Cell;
+
+/// Length of a component of vehicles from which it may be a row, in metres: a large car.
+const ROW_M: f64 = 6.2;
+/// Length of the shortest car, in metres.
+const SHORTEST_M: f64 = 3.0;
+/// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both sides.
+const VALLEY: f64 = 0.75;
+
+/// The top of each column of voxels of a component, in lattice units above ground, and its number of voxels.
+#[derive(Debug, Default, Clone, Serialize, Deserialize)]
+pub(super) struct Footprint(BTreeMap<Cell, (i32, u32)>);
+
+impl Footprint {
+    pub(super) fn of_voxel(column: Cell, height: i32) -> Self {
+        Self(BTreeMap::from([(column, (height, 1))]))
+    }
+
+    pub(super) fn merge(&mut self, other: &Self) {
+        for (&column, &(top, count)) in &other.0 {
+            let entry = self.0.entry(column).or_insert((i32::MIN, 0));
+            *entry = (entry.0.max(top), entry.1 + count);
+        }
+    }
+}
+
+/// Whether a component of vehicles may be a row.
+pub(super) fn may_be_row(spans: &Spans, lattice: Lattice) -> bool {
+    spans.narrowest().length > lattice.units(ROW_M)
+}
+
+/// Where a row is cut.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Row {
+    /// Number of the direction along the row.
+    along: usize,
+    /// Positions along it at which the next vehicle begins, ascending.
+    cuts: Vec<i64>,
+}
+
+impl Row {
+    /// The row in a component; `None` if it is one vehicle.
+    pub(super) fn of(spans: &Spans, footprint: &Footprint, lattice: Lattice) -> Option<Self> {
+        if !may_be_row(spans, lattice) {
+            return None;
+        }
+        let along = spans.narrowest().along();
+        let edge = lattice.units(EDGE_M);
+        let step = spans::SCALE_UNITS * edge;
+        let start = spans.from(along);
+        let mut profile = Profile(Vec::new());
+        for (&[i, j], &(top, count)) in &footprint.0 {
+            let place = [i, j].map(|index| i64::from(index) * edge + edge / 2);
+            let at = usize::try_from((spans::position(place, along) - start).div_euclid(step)).unwrap_or(0);
+            if profile.0.len() <= at {
+                profile.0.resize(at + 1, (0, 0));
+            }
+            let bin = &mut profile.0[at];
+            *bin = (bin.0.max(top), bin.1 + count);
+        }
+        let bins = |metres: f64| usize::try_from(lattice.units(metres) / edge).unwrap_or(usize::MAX);
+        let mut cuts = Vec::new();
+        profile.cut(0, profile.0.len(), (bins(ROW_M), bins(SHORTEST_M)), &mut cuts);
+        cuts.sort_unstable();
+        #[expect(clippy::cast_possible_wrap, reason = "bins of a row of vehicles")]
+        let cuts: Vec<i64> = cuts.into_iter().map(|bin| start + bin as i64 * step).collect();
+        (!cuts.is_empty()).then_some(Self { along, cuts })
+    }
+
+    /// Number of vehicles in the row.
+    pub(super) fn count(&self) -> usize {
+        self.cuts.len() + 1
+    }
+
+    /// Number of the vehicle at a place.
+    pub(super) fn vehicle(&self, place: [i64; 2]) -> usize {
+        let position = spans::position(place, self.along);
+        self.cuts.partition_point(|&cut| cut <= position)
+    }
+}
+
+/// Height of the top and number of voxels in steps of a voxel along a row.
+struct Profile(Vec<(i32, u32)>);
+
+impl Profile {
+    /// Adds the bins from `from` to `to` at which vehicles are cut: the lowest valley, and the valleys on both sides of it.
+    /// Of two equally low bins the one with fewer voxels counts, then the first one.
+    fn cut(&self, from: usize, to: usize, (row, shortest): (usize, usize), cuts: &mut Vec<usize>) {
+        if to - from <= row {
+            return;
+        }
+        let roof = |range: std::ops::Range<usize>| self.0[range].iter().map(|bin| bin.0).max().unwrap_or(0);
+        let valley = |&bin: &usize| {
+            let roofs = roof(bin - shortest..bin).min(roof(bin + 1..(bin + 1 + shortest).min(to)));
+            f64::from(self.0[bin].0) <= VALLEY * f64::from(roofs)
+        };
+        let lowest = (from + shortest..to - shortest).filter(valley).min_by_key(|&bin| (self.0[bin], bin));
+        if let Some(bin) = lowest {
+            cuts.push(bin);
+            self.cut(from, bin, (row, shortest), cuts);
+            self.cut(bin, to, (row, shortest), cuts);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[expect(clippy::cast_possible_truncation, reason = "a length in voxels")]
+    fn voxels(metres: f64) -> i32 {
+        (metres / EDGE_M) as i32
+    }
+
+    /// A row of boxes with bonnets, each with its length and the height of its roof in metres, 0.2 m apart, along x.
+    fn row(vehicles: &[(f64, f64)]) -> (Spans, Footprint) {
+        let lattice = Lattice::MILLIMETRE;
+        let edge = lattice.units(EDGE_M);
+        let mut whole: Option<(Spans, Footprint)> = None;
+        let mut start = 0.0;
+        for &(length, roof) in vehicles {
+            let steps = voxels(length);
+            for (step, j) in (0..steps).flat_map(|step| (0..12).map(move |j| (step, j))) {
+                let i = voxels(start) + step;
+                let end = f64::from(step.min(steps - 1 - step)) * EDGE_M;
+                let top = i32::try_from(lattice.units(if end < 0.8 { 0.6 * roof } else { roof })).unwrap();
+                let place = [i, j].map(|index| i64::from(index) * edge + edge / 2);
+                let one = (Spans::of_place(place), Footprint::of_voxel([i, j], top));
+                match &mut whole {
+                    Some((spans, footprint)) => {
+                        spans.merge(&one.0);
+                        footprint.merge(&one.1);
+                    }
+                    None => whole = Some(one),
+                }
+            }
+            start += length + 0.2;
+        }
+        whole.unwrap()
+    }
+
+    fn found(vehicles: &[(f64, f64)]) -> Option<Row> {
+        let (spans, footprint) = row(vehicles);
+        Row::of(&spans, &footprint, Lattice::MILLIMETRE)
+    }
+
+    #[test]
+    fn a_row_is_cut_between_its_vehicles() {
+        let row = found(&[(4.5, 1.5), (5.1, 2.0), (3.9, 1.4)]).unwrap();
+        assert_eq!(row.count(), 3);
+        let at = |metres: f64| row.vehicle([Lattice::MILLIMETRE.units(metres), 800]);
+        assert_eq!([0.1, 4.4, 4.9, 9.6, 10.1, 13.0].map(at), [0, 0, 1, 1, 2, 2]);
+    }
+
+    #[test]
+    fn one_vehicle_is_not_cut_however_long_it_is() {
+        assert_eq!(found(&[(5.0, 1.5)]), None);
+        assert_eq!(found(&[(7.0, 2.6)]), None);
+        assert_eq!(found(&[(18.0, 3.2)]), None);
+    }
+
+    #[test]
+    fn a_bus_behind_a_car_stays_whole() {
+        let row = found(&[(4.5, 1.5), (12.0, 3.0)]).unwrap();
+        assert_eq!(row.count(), 2);
+    }
+}
