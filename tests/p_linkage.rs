@@ -1,5 +1,10 @@
 //! `p-linkage` for surfaces: against brute force in any tiles, on known planes, on odd input, and in the engine on the
 //! shipped scan, where it is also stopped in every step.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "places and counts of small scenes"
+)]
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -285,7 +285,6 @@ pub(crate) fn to_files<D: Driver>(
             &objects,
             &rows,
             open.config,
-            method.finds_surfaces(),
         )?;
         let page = table.map(|table| PageContent { table, points: exported.points });
         tables::write_charts(run_dir, &objects.charts)?;

@@ -1,5 +1,9 @@
 //! `p-linkage` for surfaces by brute force over the whole cloud: all pairs of points for neighbours, eigenvalues of
 //! another library, trees by walking to their roots, pairs of slices by all pairs of points.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "the order of points is that of single precision, as in the library"
+)]
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -29,7 +29,6 @@ pub(crate) fn write_tables(
     whole: &Objects,
     rows: &Inventory,
     config: &Config,
-    surfaces: bool,
 ) -> Result<Option<PageTable>> {
     let row = |index: usize| {
         let row = rows.row(index).map_err(io::Error::other)?;
@@ -39,7 +38,7 @@ pub(crate) fn write_tables(
     let shape = shape(drive, surveyed, plan);
     let table = ObjectTable { columns: &columns, drive: &shape, len: rows.len(), row: &row };
     write_formats(run_dir, objects::REGISTRY, &table, config)?;
-    if surfaces {
+    if whole.surfaces {
         let row = |index: usize| {
             let SurfaceRow { outline, centre, values } = rows.surface(index).map_err(io::Error::other)?;
             let heights = outline.iter().map(|place| place[2]).collect();

@@ -54,6 +54,8 @@ pub(crate) struct Objects {
     pub(crate) kinds: Vec<Kind>,
     /// Plane of object 1, 2, ..., where it has one. Empty if the method finds no surfaces.
     pub(crate) planes: Vec<Option<Plane>>,
+    /// Whether the method finds surfaces.
+    pub(crate) surfaces: bool,
     /// Figures of the steps of the method, if it has any.
     pub(crate) figures: Figures,
     pub(crate) charts: Vec<Chart>,
@@ -200,7 +202,8 @@ impl Pass for StitchPass<'_> {
         let Kept { objects, ids, kinds, planes, figures, charts } = codec::decode(&payloads.get(0)?)?;
         let figures = serde_json::from_str(&figures)
             .map_err(|error| Error::bug(format!("stored figures cannot be read: {error}")))?;
-        Ok(Objects { objects, ids, kinds, planes, figures, charts })
+        let surfaces = self.progress.over.method.finds_surfaces();
+        Ok(Objects { objects, ids, kinds, planes, surfaces, figures, charts })
     }
 }
 

@@ -192,6 +192,9 @@ impl Drive {
     }
 }
 
+/// Points of a whole tree, flatness of its root, and its parts.
+type Whole = (u64, Option<f64>, Vec<(TileId, u32)>);
+
 /// The numbers of slices.
 pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let mut flatness = payload::FlatnessSums::default();
@@ -210,7 +213,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let (mean, deviation) = flatness.mean_and_deviation();
     let mut head = Drive { points: flatness.points, mean, deviation, slices: 0 };
     let groups = join(names, open.len());
-    let mut whole: BTreeMap<u32, (u64, Option<f64>, Vec<(TileId, u32)>)> = BTreeMap::new();
+    let mut whole: BTreeMap<u32, Whole> = BTreeMap::new();
     for (group, (tile, number, points, root)) in groups.iter().zip(open) {
         let tree = whole.entry(*group).or_default();
         tree.0 += points;
