@@ -8,9 +8,10 @@
 down. Nearer points are drawn larger, and edges of depth are dark.
 
 --by takes cluster_id (or any integer dimension: one colour per value, 0 is grey), gt_class (classes of `chainage
-synth`), class (LAS classes), intensity, or height. --box xmin ymin xmax ymax cuts a window. --ground false leaves ground out. --tiles M
-draws every tile of M metres along x with its own ids, as a tile-by-tile tool would number them (the dimension is then
-`cluster_id` combined with the tile). Needs numpy, laspy[lazrs] and pillow.
+synth`), class (LAS classes), ground (found brown, missed blue, wrong red, by `gt_class`), intensity, or height. --box xmin
+ymin xmax ymax cuts a window. --ground false leaves ground out. --tiles M draws every tile of M metres along x with its own
+ids, as a tile-by-tile tool would number them (the dimension is then `cluster_id` combined with the tile). Needs numpy,
+laspy[lazrs] and pillow.
 """
 
 import argparse
@@ -87,6 +88,9 @@ def load(args):
             for code, colour in CLASS_COLOURS.items():
                 table[code] = colour
             colours = table[classes]
+        elif args.by == "ground":
+            found, true = classes == 2, np.asarray(las["gt_class"]) == 1
+            colours = np.array([(186, 190, 196), (40, 80, 255), (255, 0, 0), (166, 140, 104)], np.uint8)[2 * found + true]
         elif args.by == "gt_class":
             colours = np.array(SYNTH_COLOURS, np.uint8)[np.asarray(las["gt_class"])]
         elif args.by == "intensity":

@@ -4,12 +4,17 @@
     scripts/study_ground.py PROGRAM RESULTS FOLDER [DATA]
 
 DATA is the folder with sim, real-labelled and real (default ../shared/data); what is not there is left out. FOLDER takes
-synthetic drives and one file of figures for each scene and method; what is there is not done again. RESULTS takes
-ground.md: its tables are made anew, the text before the line "<!-- tables -->" stays. Needs numpy, scipy and laspy[lazrs];
-CSF where cloth-simulation-filter is installed.
+synthetic drives and one file of figures for each scene and method; what is there is not done again. So delete the files
+of a filter after it has changed. RESULTS takes ground.md: its tables are made anew, the text before the line
+"<!-- tables -->" stays. Needs numpy, scipy and laspy[lazrs]; CSF and pysmrf where cloth-simulation-filter and pysmrf are
+installed.
 
-Beside the filters of PROGRAM: CSF (Zhang et al. 2016, the authors' package) and SMRF (Pingel et al. 2013, as written in
-this file with the defaults of PDAL's filters.smrf).
+Beside the filters of PROGRAM: CSF (Zhang et al. 2016, the authors' package) and SMRF (Pingel et al. 2013) with the defaults
+of PDAL's filters.smrf; they get the points that the program does not call noise. SMRF is there twice: as written in this file, and of the package pysmrf. PDAL itself is in no registry of Debian
+and has no wheel.
+
+Beside the presets of `chainage synth` as they are, drives on steep land are made from them: a height that depends on the
+place alone is added to every point, so that what stood upright still does. And a drive gets single returns below its road.
 """
 
 import json
@@ -24,17 +29,72 @@ import laspy
 import numpy as np
 from scipy import ndimage
 
-PRESETS = ("suburb", "downtown", "avenue", "highway")
-LENGTH = "300m"
-RATE = "60000"
+# Length and pulse rate of each drive. Mixed changes its street every 350 m, loop returns after 300 m of at least 1100 m.
+DRIVES = {
+    "suburb": ["300m", "60kHz"],
+    "downtown": ["300m", "60kHz"],
+    "avenue": ["300m", "60kHz"],
+    "highway": ["300m", "60kHz"],
+    "parkway": ["300m", "60kHz"],
+    "mixed": ["1400m", "30kHz"],
+    "loop": ["1100m", "30kHz"],
+}
+SEED = "1"
+# No filter was chosen on these.
+OTHER_SEED = "2"
+OTHERS = ("suburb", "downtown", "avenue", "highway")
+# Drives on other land, and one with returns below its road.
+CHANGES = [("avenue", "grade 15 %"), ("suburb", "hillside 30 %"), ("suburb", "embankment"), ("highway", "cutting"),
+           ("downtown", "strays")]
+SPINNING = ["--scanner", "spinning-64", "--sweeps", "20"]
 PROGRAM_METHODS = {
-    "voxel-column": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=1"],
+    "voxel-column, 1": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=1"],
     "voxel-column, 2": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=2"],
     "voxel-column, 3": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=3"],
     "voxel-column, 5": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=5"],
     "upward-growing": ["--ground", "upward-growing"],
     "opening": ["--ground", "opening"],
 }
+
+
+def lay(name, xy, way):
+    """Height that a change of the land adds, from places and the trajectory (x and y of both)."""
+    from scipy.spatial import cKDTree
+
+    along = way[-1] - way[0]
+    along = along / np.hypot(*along)
+    centred = xy - way.mean(0)
+    if name == "grade 15 %":
+        return 0.15 * centred @ along
+    if name == "hillside 30 %":
+        return 0.30 * centred @ np.array([-along[1], along[0]])
+    # From 12 m beside the way of the scanner the land falls or rises by 1 : 1.5, over 5 m of height.
+    distance = cKDTree(way).query(xy)[0]
+    side = np.clip((distance - 12.0) / 1.5, 0.0, 5.0)
+    return {"embankment": -side, "cutting": side}[name]
+
+
+def changed(source, target, change):
+    """A copy of a synthetic drive on other land, or with strays below its road."""
+    target.mkdir()
+    way = np.loadtxt(source / "trajectory.csv", delimiter=",", skiprows=1, usecols=(1, 2))[::20]
+    for file in source.glob("*.las"):
+        las = laspy.read(file)
+        xy = np.stack([las.x, las.y], 1)
+        if change == "strays":
+            # One of 400 points of the ground gets a return 0.4 to 0.6 m below it, which is noise.
+            random = np.random.default_rng(1)
+            ground = np.flatnonzero(np.asarray(las["gt_class"]) == 1)
+            chosen = random.choice(ground, len(ground) // 400, replace=False)
+            points = las.points.array
+            strays = points[chosen].copy()
+            strays["Z"] -= (random.uniform(0.4, 0.6, len(chosen)) / las.header.scales[2]).astype(strays["Z"].dtype)
+            strays["gt_class"] = 0
+            las.points = laspy.ScaleAwarePointRecord(np.concatenate([points, strays]), las.point_format,
+                                                     las.header.scales, las.header.offsets)
+        else:
+            las.z = np.asarray(las.z) + lay(change, xy, way)
+        las.write(target / file.name)
 
 
 def read(path):
@@ -53,17 +113,18 @@ def read(path):
 
 
 def program(executable, source, folder, arguments):
-    """Ground after `chainage run`, and points per second of its pass (decoding and noise included)."""
+    """Classes after `chainage run`, and points per second of its ground pass (decoding and noise included)."""
     out = folder / "out"
     shutil.rmtree(out, ignore_errors=True)
-    command = [executable, "run", source, "-o", out, "--progress", "none", "--threads", "1", *arguments]
+    command = [executable, "run", source, "-o", out, "--progress", "none", "--threads", "1", "--method", "euclidean",
+               "--outputs", "points", *arguments]
     subprocess.run(command, check=True, capture_output=True)
     report = json.loads((out / "report.json").read_text())
     seconds = next(entry["seconds"] for entry in report["result"]["passes"] if entry["pass"] == "ground")
     names = [file.name for file in sorted(source.glob("*.la[sz]"))] if source.is_dir() else [source.name]
-    ground = np.concatenate([np.asarray(laspy.read(out / name).classification) == 2 for name in names])
+    classes = np.concatenate([np.asarray(laspy.read(out / name).classification) for name in names])
     shutil.rmtree(out)
-    return ground, len(ground) / seconds
+    return classes, len(classes) / seconds
 
 
 def csf(xyz):
@@ -94,15 +155,19 @@ def smrf(xyz, cell=1.0, slope=0.15, window=18.0, threshold=0.5, scalar=1.25):
     """Pingel et al. 2013; empty cells by their nearest neighbour."""
     start = time.perf_counter()
     at = np.floor((xyz[:, :2] - xyz[:, :2].min(0)) / cell).astype(int)
-    shape = at.max(0) + 1
+    shape = tuple(at.max(0) + 1)
     lows = np.full(shape, np.inf)
     np.minimum.at(lows, (at[:, 0], at[:, 1]), xyz[:, 2])
     lows[np.isinf(lows)] = np.nan
     surface = filled(lows)
 
+    cross = ndimage.generate_binary_structure(2, 1)
+
     def opened(grid, radius):
-        steps = np.arange(-radius, radius + 1)
-        return ndimage.grey_opening(grid, footprint=(steps[:, None] ** 2 + steps[None, :] ** 2) <= radius ** 2)
+        """By a diamond, step by step, as PDAL does."""
+        for step in [ndimage.grey_erosion] * radius + [ndimage.grey_dilation] * radius:
+            grid = step(grid, footprint=cross)
+        return grid
 
     # Low outliers: the surface turned over, opened once with a steep slope.
     is_low = -surface - opened(-surface, 1) > 5.0 * cell
@@ -119,29 +184,75 @@ def smrf(xyz, cell=1.0, slope=0.15, window=18.0, threshold=0.5, scalar=1.25):
     return np.abs(xyz[:, 2] - height) <= allowed, len(xyz) / (time.perf_counter() - start)
 
 
+def pysmrf(xyz):
+    """The package pysmrf, with the settings of `smrf` above."""
+    import pysmrf as package  # not everybody has it
+
+    start = time.perf_counter()
+    x, y, z = (np.ascontiguousarray(column) for column in (xyz - xyz.min(0)).T)
+    found = package.classify(x, y, z, cellsize=1.0, windows=18, slope_threshold=0.15, elevation_threshold=0.5,
+                             elevation_scaler=1.25)
+    return np.asarray(found.is_ground, bool), len(xyz) / (time.perf_counter() - start)
+
+
+YARDSTICKS = {"SMRF": smrf, "pysmrf": pysmrf, "CSF": csf}
+# Codes of low and high noise.
+NOISE = (7, 18)
+ROW = 100_000_000
+
+
+def cells(xyz):
+    """Number of the cell of 1 m of each point; neighbours differ by 1 and by ROW."""
+    return np.floor(xyz[:, :2]).astype(np.int64) @ np.array([ROW, 1])
+
+
 def raster(xyz, chosen):
-    """Median height of the chosen points by cell of 1 m."""
-    cell = np.floor(xyz[chosen][:, :2]).astype(np.int64)
-    key = cell[:, 0] * 10_000_000 + cell[:, 1]
-    z = xyz[chosen][:, 2]
+    """Cells of the chosen points, with their median height, and how much of it 90 % of the points span."""
+    key, z = cells(xyz[chosen]), xyz[chosen][:, 2]
     order = np.lexsort((z, key))
     keys, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    return keys, z[order][first + count // 2]
+    at = [z[order][first + (count * share).astype(int)] for share in (0.5, 0.05, 0.95)]
+    return keys, at[0], at[2] - at[1]
+
+
+def relief(keys, z, span):
+    """Cells of the true ground that are steep, hold a kerb or another step, or lie at an edge of 1 m and more."""
+    rises = []
+    for step in (ROW, -ROW, 1, -1):
+        at = np.searchsorted(keys, keys + step).clip(max=len(keys) - 1)
+        rises.append(np.where(keys[at] == keys + step, np.abs(z[at] - z), np.nan))
+    # Along each axis the side that rises less: a kerb is on the other one.
+    slope = [np.nan_to_num(np.fmin(rises[0], rises[1])), np.nan_to_num(np.fmin(rises[2], rises[3]))]
+    is_edge = (np.nan_to_num(rises).max(0) >= 1.0) | (span >= 1.0)
+    return {
+        "steep": (np.hypot(*slope) > 0.2) & ~is_edge,
+        "kerb": (span - slope[0] - slope[1] > 0.06) & (np.hypot(*slope) < 0.2) & ~is_edge,
+        "edge": is_edge,
+    }
 
 
 def figures(xyz, truth, scored, ground, speed):
-    """One line of a table."""
-    keys, inverse = np.unique(np.floor(xyz[:, :2]).astype(np.int64) @ np.array([10_000_000, 1]), return_inverse=True)
+    """One line of each table."""
+    key = cells(xyz)
+    keys, inverse = np.unique(key, return_inverse=True)
     low = np.full(len(keys), np.inf)
     np.minimum.at(low, inverse, xyz[:, 2])
     near = xyz[:, 2] < low[inverse] + 0.3
     result = {"ground": float(ground.mean()), "low": float(ground[near].mean()), "speed": speed}
-    if truth.any():
-        right = float((ground & truth & scored).sum())
-        result["precision"] = right / max(1.0, float((ground & scored).sum()))
-        result["recall"] = right / float((truth & scored).sum())
-        true_keys, true_z = raster(xyz, truth & scored)
-        keys, z = raster(xyz, ground)
+    if not truth.any():
+        return result
+
+    def scores(chosen):
+        right = float((ground & truth & chosen).sum())
+        return [right / max(1.0, float((ground & chosen).sum())), right / max(1.0, float((truth & chosen).sum()))]
+
+    result["precision"], result["recall"] = scores(scored)
+    true_keys, true_z, span = raster(xyz, truth & scored)
+    for name, some in relief(true_keys, true_z, span).items():
+        if some.sum() >= 50:
+            result[name] = [*scores(scored & np.isin(key, true_keys[some])), int(some.sum())]
+    if ground.any():
+        keys, z, _ = raster(xyz, ground)
         _, one, other = np.intersect1d(true_keys, keys, return_indices=True)
         error = np.abs(true_z[one] - z[other])
         result["cells"] = len(one) / len(true_keys)
@@ -150,16 +261,31 @@ def figures(xyz, truth, scored, ground, speed):
 
 
 def scenes(executable, folder, data):
+    """Name and file or folder of every scene; synthetic drives are made where they are missing."""
     found = {}
     for part in ("sim", "real-labelled"):
         for file in sorted((data / part).glob("*.laz")):
             found[f"{file.stem}" + (" (by hand)" if part == "real-labelled" else "")] = file
-    for preset in PRESETS:
-        drive = folder / f"synth-{preset}"
-        if not drive.exists():
-            subprocess.run([executable, "synth", preset, "-o", drive, "--length", LENGTH, "--pulse-rate", f"{RATE}Hz", "--las"],
-                           check=True, capture_output=True)
-        found[f"synth {preset}"] = drive
+
+    def drive(name, preset, *options, seed=SEED):
+        target = folder / name.replace(" ", "-")
+        if not target.exists():
+            command = [executable, "synth", preset, "-o", target, "--las", "--seed", seed, *options]
+            subprocess.run(command, check=True, capture_output=True)
+        found[name] = target
+
+    for preset, (length, rate) in DRIVES.items():
+        drive(f"synth {preset}", preset, "--length", length, "--pulse-rate", rate)
+    for preset in OTHERS:
+        length, rate = DRIVES[preset]
+        drive(f"synth {preset}, seed {OTHER_SEED}", preset, "--length", length, "--pulse-rate", rate, seed=OTHER_SEED)
+    drive("synth downtown, spinning", "downtown", *SPINNING)
+    for preset, change in CHANGES:
+        name = f"synth {preset}, {change}"
+        target = folder / name.replace(" ", "-")
+        if not target.exists():
+            changed(found[f"synth {preset}"], target, change)
+        found[name] = target
     for file in sorted((data / "real").glob("*.la[sz]")):
         if not (data / "real-labelled" / file.name).exists():
             found[f"{file.stem} (real)"] = file
@@ -170,23 +296,42 @@ def show(value, digits=4):
     return "-" if value is None else f"{value:.{digits}f}"
 
 
+def table(title, results, methods, value):
+    """A line for each scene of which a value is known; values are texts or nothing."""
+    lines = [f"## {title}", "", "| scene | " + " | ".join(methods) + " |", "|---" * (len(methods) + 1) + "|"]
+    for scene, by_method in results.items():
+        values = [value(by_method[method]) if method in by_method else None for method in methods]
+        if any(values):
+            lines.append(f"| {scene} | " + " | ".join(text or "-" for text in values) + " |")
+    return [*lines, ""]
+
+
 def tables(results, methods):
+    """All tables."""
     lines = []
-    for title, key, digits in (("Precision", "precision", 4), ("Recall", "recall", 4),
-                               ("Mean error of the ground raster (m)", "mean_error", 3),
-                               ("Share of raster cells that are wrong by more than 0.2 m", "large", 4),
-                               ("Share of true ground cells that have ground", "cells", 4),
-                               ("Share of the points that is ground", "ground", 4),
-                               ("Ground among points in the lowest 0.3 m of cells of 1 m", "low", 4),
-                               ("Million points per second, one thread", "speed", 2)):
-        lines += [f"## {title}", "", "| scene | " + " | ".join(methods) + " |", "|---" * (len(methods) + 1) + "|"]
-        for scene, by_method in results.items():
-            values = [by_method.get(method, {}).get(key) for method in methods]
-            if any(value is not None for value in values):
-                scale = 1e-6 if key == "speed" else 1
-                cells = [show(None if value is None else value * scale, digits) for value in values]
-                lines.append(f"| {scene} | " + " | ".join(cells) + " |")
-        lines.append("")
+
+    def pair(name):
+        return lambda one: f"{one[name][0]:.4f} / {one[name][1]:.4f}" if name in one else None
+
+    for by_method in results.values():
+        for one in by_method.values():
+            if "precision" in one:
+                one["all"] = [one["precision"], one["recall"]]
+    for title, name in (("Precision / recall", "all"),
+                        ("Precision / recall in cells of 1 m that hold a kerb or another step", "kerb"),
+                        ("Precision / recall in cells that are steeper than 20 %", "steep"),
+                        ("Precision / recall at edges of 1 m and more: bridges, walls that hold the land", "edge")):
+        lines += table(title, results, methods, pair(name))
+    for title, key, digits, scale in (
+        ("Mean error of the ground raster (m)", "mean_error", 3, 1),
+        ("Share of raster cells that are wrong by more than 0.2 m", "large", 4, 1),
+        ("Share of true ground cells that have ground", "cells", 4, 1),
+        ("Share of the points that is ground", "ground", 4, 1),
+        ("Ground among points in the lowest 0.3 m of cells of 1 m", "low", 4, 1),
+        ("Million points per second, one thread", "speed", 2, 1e-6),
+    ):
+        lines += table(title, results, methods,
+                       lambda one, key=key, digits=digits, scale=scale: show(one[key] * scale, digits) if key in one else None)
     return lines
 
 
@@ -194,31 +339,38 @@ def main():
     executable, target, folder = sys.argv[1], pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3])
     data = pathlib.Path(sys.argv[4] if len(sys.argv) > 4 else "../shared/data")
     folder.mkdir(parents=True, exist_ok=True)
-    results, methods = {}, [*PROGRAM_METHODS, "SMRF", "CSF"]
+    results, methods, missing = {}, [*PROGRAM_METHODS, *YARDSTICKS], set()
     for name, source in scenes(executable, folder, data).items():
-        cloud = None
+        cloud, clean = None, None
         for method in methods:
             kept = folder / f"{name}-{method}.json"
-            if not kept.exists():
+            if not kept.exists() and method not in missing:
                 cloud = cloud or read(source)
                 try:
                     if method in PROGRAM_METHODS:
-                        ground, speed = program(executable, source, folder, PROGRAM_METHODS[method])
+                        classes, speed = program(executable, source, folder, PROGRAM_METHODS[method])
+                        ground = classes == 2
                     else:
-                        ground, speed = {"SMRF": smrf, "CSF": csf}[method](cloud[0])
-                except ImportError as missing:
-                    print(f"{method} is left out: {missing}", file=sys.stderr)
+                        if clean is None:
+                            clean = ~np.isin(program(executable, source, folder, ["--ground", "none"])[0], NOISE)
+                        ground = np.zeros(len(clean), bool)
+                        ground[clean], speed = YARDSTICKS[method](cloud[0][clean])
+                except ImportError as absent:
+                    print(f"{method} is left out: {absent}", file=sys.stderr)
+                    missing.add(method)
                     continue
                 kept.write_text(json.dumps(figures(*cloud, ground, speed)))
-            results.setdefault(name, {})[method] = json.loads(kept.read_text())
-            print(name, method, results[name][method], flush=True)
+                print(name, method, kept.read_text(), flush=True)
+            if kept.exists():
+                results.setdefault(name, {})[method] = json.loads(kept.read_text())
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True).stdout.strip()
     model = [line for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
     machine = model[0].split(":")[1].strip() if model else platform.machine()
     page = target / "ground.md"
     text = page.read_text().split("<!-- tables -->")[0] if page.exists() else "# Ground filters\n\n"
-    head = ["<!-- tables -->", "", f"`scripts/study_ground.py` at commit {commit}, {machine}; synthetic drives of {LENGTH} "
-            f"at {int(RATE) // 1000} kHz.", ""]
+    lengths = ", ".join(f"{preset} {length} at {rate}" for preset, (length, rate) in DRIVES.items())
+    head = ["<!-- tables -->", "", f"`scripts/study_ground.py` at commit {commit}, {machine}. Synthetic drives, seed {SEED}: "
+            f"{lengths}.", ""]
     page.write_text(text + "\n".join(head + tables(results, methods)).rstrip() + "\n")
 
 

@@ -5,7 +5,7 @@
 #     scripts/train_model.sh [SCENES...]
 #
 # SCENES are labelled drives that the card scores the model with (default: the labelled scenes beside the repository,
-# where they are there). Needs a release build (or CHAINAGE), 4 GB of disk and about 10 minutes on two free cores.
+# where they are there). Needs a release build (or CHAINAGE), 4 GB of disk and half an hour on two cores.
 # The same program gives the same bytes.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::util::drive::{Labelled, drive, scratch, settings};
 use crate::util::las::{Point, Shape};
+use crate::util::method_run::MethodRun;
 use crate::util::program::program;
 use crate::util::shipped;
 
@@ -71,7 +72,10 @@ fn the_file_has_the_points_of_the_copies_and_the_same_bytes_however_it_is_made()
         run(&inputs, &out, list);
         let bytes = std::fs::read(out.join(NAME)).expect("the file");
         assert_eq!(*first.get_or_insert_with(|| bytes.clone()), bytes, "{name}");
-        assert!(!out.join(".chainage/copc").exists(), "its points are not kept twice");
+        let state = std::fs::read_dir(out.join(".chainage")).expect("the state");
+        let folders = state.map(|entry| entry.expect("an entry").file_name());
+        let left: Vec<_> = folders.filter(|name| name.to_string_lossy().contains("copc")).collect();
+        assert!(left.is_empty(), "its points are not kept twice: {left:?}");
     }
     let out = folder.path().join("one");
     let (cloud, copy) = (Labelled::of(&[out.join(NAME)]), Labelled::read(&inputs, &out));
@@ -83,6 +87,23 @@ fn the_file_has_the_points_of_the_copies_and_the_same_bytes_however_it_is_made()
     let of_level =
         |level: i32| nodes.iter().filter(|(key, _)| key[0] == level).map(|(_, count)| count).sum::<i32>();
     assert!(nodes.len() > 4 && of_level(0) > 1_000 && of_level(0) < of_level(1), "{nodes:?}");
+}
+
+#[test]
+fn a_run_that_goes_on_with_other_memory_makes_the_same_file() {
+    let folder = scratch();
+    let euclidean = MethodRun { method: "euclidean", results: &[NAME] };
+    let settings = |memory| ["output.files=[\"points\",\"copc\"]", "tiling.tile_length=9", memory];
+    let whole = folder.path().join("whole");
+    euclidean.run_in(&whole, &settings("run.memory_mib=2048"));
+    let expected = euclidean.results(&whole);
+    for (pass, after) in [("copc points", 1), ("copc nodes", 1)] {
+        let out = folder.path().join(pass);
+        let stopped = euclidean.interrupted_in(pass, after, &out, &settings("run.memory_mib=16"));
+        assert!(stopped.is_err(), "stopped in {pass}");
+        euclidean.run_in(&out, &settings("run.memory_mib=2048"));
+        euclidean.assert_same(&out, &expected, pass);
+    }
 }
 
 #[test]

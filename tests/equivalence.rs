@@ -63,7 +63,7 @@ fn expected(
     let at: Vec<[i64; 3]> = points.iter().map(|point| point.mm).collect();
     let noise = oracle::noise(&at, 300, 4, 900);
     let hidden: Vec<bool> = noise.iter().map(|&code| code != 0).collect();
-    let ground = oracle::voxel_column(&at, &hidden, [300, 1_000, 500, 1_500]);
+    let ground = oracle::voxel_column(&at, &hidden, [300, 1_000, 500, 1_500], 2);
     let object: Vec<usize> = (0..at.len()).filter(|&point| !hidden[point] && !ground[point]).collect();
     let cloud: Vec<[i64; 3]> = object.iter().map(|&point| at[point]).collect();
     let names = oracle::single_link(&cloud, d_t_mm);

@@ -144,6 +144,34 @@ fn wide_points() -> impl Strategy<Value = Points> {
     prop::collection::vec(point, 1..250)
 }
 
+/// A corridor between walls that is as long as a room may not be is ground. That must be seen from its end.
+#[test]
+fn the_far_end_of_a_corridor_is_within_the_reach_of_opening() {
+    let config =
+        OpeningConfig { voxel: 0.1, radius: 0.0, slope_radius: 0.0, room: 8.0, ..OpeningConfig::default() };
+    let filter = Opening::new(&config).unwrap();
+    let reach = LATTICE.units(filter.reach(LATTICE).metres());
+    let corridor = |length: i64| {
+        let mut points = Points::new();
+        for (i, j) in (0..length + 2).flat_map(|i| (-1..=1).map(move |j| (i, j))) {
+            let is_wall = j != 0 || i == 0 || i == length + 1;
+            points.extend((0..if is_wall { 20 } else { 1 }).map(|z| [i * 100 + 50, j * 100 + 50, z * 100]));
+        }
+        points
+    };
+    let end = |points: &Points| {
+        let mut classes = vec![PointClass::Object; points.len()];
+        filter.classify(&mut TileView::new(&numbered(points)), &mut classes).unwrap();
+        classes[points.iter().position(|&point| point == [150, 50, 0]).unwrap()]
+    };
+    assert_eq!(end(&corridor(80)), PointClass::Object, "a room");
+    assert_eq!(end(&corridor(81)), PointClass::Ground);
+    let seen =
+        |points: Points| points.into_iter().filter(|point| point[0] <= 199 + reach).collect::<Points>();
+    assert!(seen(corridor(300)).len() < corridor(300).len());
+    assert_eq!(end(&seen(corridor(300))), PointClass::Ground);
+}
+
 proptest! {
     #[test]
     fn noise_is_what_brute_force_says(points in points()) {
@@ -156,21 +184,25 @@ proptest! {
     fn ground_is_what_brute_force_says(points in points()) {
         let classes = ground_classes(&numbered(&points));
         let hidden: Vec<bool> = classes.iter().map(|class| class.is_noise()).collect();
-        let expected = oracle::voxel_column(&points, &hidden, [300, 1_000, 500, 1_500]);
+        let expected = oracle::voxel_column(&points, &hidden, [300, 1_000, 500, 1_500], 1);
         let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
         prop_assert_eq!(ground, expected);
     }
 
     #[test]
-    fn ground_with_a_voxel_of_its_own_is_what_brute_force_says(points in points(), voxel in 50..700_i64) {
-        let config = VoxelColumnConfig { voxel: voxel as f64 / 1_000.0, ..GROUND };
+    fn ground_with_a_voxel_of_its_own_is_what_brute_force_says(
+        points in points(),
+        voxel in 50..700_i64,
+        lowest_points in 1..4_u32,
+    ) {
+        let config = VoxelColumnConfig { voxel: voxel as f64 / 1_000.0, lowest_points, ..GROUND };
         let cloud = numbered(&points);
         let mut view = TileView::new(&cloud);
         let mut classes = vec![PointClass::Object; points.len()];
         IsolatedNoise::new(&NOISE).unwrap().mark(&mut view, &mut classes).unwrap();
         let hidden: Vec<bool> = classes.iter().map(|class| class.is_noise()).collect();
         VoxelColumn::new(&config).unwrap().classify(&mut view, &mut classes).unwrap();
-        let expected = oracle::voxel_column(&points, &hidden, [voxel, 1_000, 500, 1_500]);
+        let expected = oracle::voxel_column(&points, &hidden, [voxel, 1_000, 500, 1_500], lowest_points as usize);
         let ground: Vec<bool> = classes.iter().map(|&class| class == PointClass::Ground).collect();
         prop_assert_eq!(ground, expected);
     }
@@ -185,7 +217,12 @@ proptest! {
     }
 
     #[test]
-    fn opening_is_what_brute_force_says(points in points(), lowest_points in 1..4_u32, radius in 0..1_500_i64) {
+    fn opening_is_what_brute_force_says(
+        points in points(),
+        lowest_points in 1..4_u32,
+        radius in 0..1_500_i64,
+        room in 0..9_i64,
+    ) {
         let of = oracle::Opening {
             voxel: 300,
             lowest_points: lowest_points as usize,
@@ -195,6 +232,7 @@ proptest! {
             close: 60,
             height: 300,
             clear: 700,
+            room,
         };
         let config = OpeningConfig {
             lowest_points,
@@ -205,6 +243,7 @@ proptest! {
             height: 0.3,
             clear: 0.7,
             slope: 1.0,
+            room: room as f64 * 0.3,
             ..OpeningConfig::default()
         };
         let classes = filtered(&Opening::new(&config).unwrap(), &numbered(&points));
@@ -216,7 +255,8 @@ proptest! {
     #[test]
     fn filters_need_only_their_context(points in wide_points(), core in 0..9_000_i64) {
         let core = [core, core + 3_000, 0, 3_000];
-        let small = OpeningConfig { voxel: 0.1, radius: 0.3, slope_radius: 1.0, ..OpeningConfig::default() };
+        let small =
+            OpeningConfig { voxel: 0.1, radius: 0.3, slope_radius: 1.0, room: 0.8, ..OpeningConfig::default() };
         let filters: [Box<dyn GroundFilter>; 2] =
             [Box::new(upward_growing(150, 6)), Box::new(Opening::new(&small).unwrap())];
         for filter in filters {

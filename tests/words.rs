@@ -437,3 +437,19 @@ fn a_drive_whose_ground_is_not_found_is_told_of_another_filter() {
     assert!(warned.contains("warning: ") && warned.contains("--ground "), "{warned}");
     assert!(!run("none").contains("--ground "), "nothing is looked for");
 }
+
+#[test]
+fn a_drive_most_of_which_is_too_steep_for_a_filter_is_told_of_another_one() {
+    let folder = scratch();
+    // 6 m level, then 12 m that rise by one half.
+    let place = |i: i64, j: i64| Point::at([i * 100, j * 100, (i - 60).max(0) * 50]);
+    let points: Vec<Point> = (0..180).flat_map(|i| (0..60).map(move |j| place(i, j))).collect();
+    std::fs::write(folder.path().join("hill.las"), Shape::default().bytes(&points)).expect("written");
+    let run = |filter: &str| {
+        let list = ["run", "hill.las", "-o", filter, "-q", "--method", "euclidean", "--ground", filter];
+        text(&call(folder.path(), &list).stderr)
+    };
+    let warned = run("voxel-column");
+    assert!(warned.contains("little ground") && warned.contains("--ground opening"), "{warned}");
+    assert_eq!(run("opening"), "");
+}

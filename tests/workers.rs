@@ -161,7 +161,8 @@ fn every_method_gives_the_bytes_of_one_process_for_any_split_of_its_units() {
     let all = methods.iter().map(|name| vec!["--method", *name]).chain([auto.to_vec()]);
     for (number, method) in all.enumerate() {
         let mut random = ChaCha8Rng::seed_from_u64(number as u64);
-        let options = [&["--tile-length", "12", "--memory", "256M"], &*method].concat();
+        let options =
+            [&["--tile-length", "12", "--memory", "256M", "--set", "output.copc=true"], &*method].concat();
         let alone = inputs.alone(&options);
         let out = inputs.path("shared");
         let due = inputs.open(&out, &[&options[..], &["--leave-survey"]].concat());
@@ -177,7 +178,7 @@ fn every_method_gives_the_bytes_of_one_process_for_any_split_of_its_units() {
         });
         assert!(passes.len() >= 7, "{passes:?}");
         // A worker that comes late finds that there is nothing to do.
-        assert!(worker(&out, "export", &[0]).wait().expect("ended").success());
+        assert!(worker(&out, "copc nodes", &[0]).wait().expect("ended").success());
         assert!(due_after("next", &out, &[]).pass.is_none());
         assert_same_outputs(&alone, &out, &format!("{method:?} by {processes} processes"));
         for folder in [alone, out] {
@@ -190,7 +191,7 @@ fn every_method_gives_the_bytes_of_one_process_for_any_split_of_its_units() {
 fn killed_workers_and_reductions_change_no_byte() {
     for (name, seed) in [("street.las", 1), ("street.laz", 2)] {
         let inputs = Inputs::new(name);
-        let options = ["--tile-length", "8", "--memory", "256M"];
+        let options = ["--tile-length", "8", "--memory", "256M", "--set", "output.copc=true"];
         let alone = inputs.alone(&options);
         let out = inputs.path("shared");
         let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -313,21 +314,6 @@ fn workers_that_do_not_belong_to_the_run_are_refused() {
     refused("work", &out, &with(pass, &[]), 6, &["was started with other input", "bytes"]);
     std::fs::write(&inputs.list()[0], bytes).expect("written");
     assert!(command("work", &out, &with(pass, &[])).output().expect("starts").status.success());
-}
-
-/// The columns of the cloud-optimised file depend on the memory of the process that makes it.
-#[test]
-fn a_point_cloud_is_left_to_one_process() {
-    let inputs = Inputs::new("street.las");
-    let out = inputs.path("out");
-    let mut plan = program();
-    plan.args(["plan", "--units", "--set", "output.copc=true", "-o"]).arg(&out).args(inputs.list());
-    let (code, errors) = ended(&plan.output().expect("starts"));
-    assert!(
-        code == 3 && errors.contains("chainage run writes the point cloud afterwards"),
-        "{code} {errors}"
-    );
-    assert!(!out.exists());
 }
 
 /// The file of a unit of the first pass whose folder ends in a name.

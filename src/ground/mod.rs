@@ -10,6 +10,7 @@ mod noise;
 mod none;
 mod opening;
 mod scarce;
+mod standing;
 mod upward_growing;
 mod visible;
 mod voxel_column;

@@ -15,19 +15,21 @@
 //!    removes cars, hedges and trunks. It follows slopes, and never lies above a low.
 //! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`. The surface stays below this ceiling.
 //!    Crowns and roofs without ground below them lie above it.
-//! 5. A point is ground if it lies between `depth` below the surface and `close` above it. The upper limit is `height`
-//!    where the column is empty between `height` and `clear` above the surface. So kerbs and rough ground are ground,
-//!    and the foot of a wall is not.
+//! 5. A column is clear if it is empty between `height` and `clear` above the surface. There, points between `depth`
+//!    below the surface and `height` above it are ground. So kerbs and rough ground are ground.
+//! 6. Where something stands, only points less than `close` above the surface are ground, and only if ground was seen
+//!    there or beside it. Clear columns enclosed by walls are the floor of a room, and not ground. See `standing.rs`.
 //!
 //! All numbers are whole lattice units, so no result depends on an order. `benches/results/ground.md` compares it with
 //! the other filters.
 //!
-//! Cost: O(points + columns * radius / voxel). Memory: 28 bytes per column beside the voxels. The bench is
+//! Cost: O(points + columns * radius / voxel). Memory: 60 bytes per column beside the voxels. The bench is
 //! `benches/kernels.rs`.
 //!
-//! Known failures. These become ground: the lowest `close` of walls, trunks and hedges; the floor of a room behind a
-//! window; the lower rim of a crown at the height of the ground beside it. These do not: terraces narrower than the
-//! disc; ground that rises faster than `slope`; on slopes, a strip of one `radius` along the upper rim of the scan.
+//! Known failures. These become ground: the lowest `close` of walls, trunks and hedges beside ground; the floor of a room
+//! at the height of the pavement behind a shop window without a sill; the lower rim of a crown at the height of the
+//! ground beside it. These do not: terraces narrower than the disc; ground that rises faster than `slope`; on slopes, a
+//! strip of one `radius` along the upper rim of the scan; small yards between walls.
 
 use std::f64::consts::SQRT_2;
 
@@ -37,6 +39,7 @@ use super::blocks::Blocks;
 use super::filter::{GroundEntry, GroundFilter};
 use super::lowest::{NONE, lowest_within};
 use super::noise::voxel_edge;
+use super::standing::{FOOT_REACH, Kind, Limits, has_ground};
 use crate::config::{self, ConfigError};
 use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};
@@ -50,6 +53,15 @@ const BLOCK: i64 = 5;
 /// Number of blocks to each side whose lows determine the floor (chosen: 7.5 m by default, which is larger than a patch
 /// of multipath).
 const FLOOR_REACH: i64 = 2;
+
+/// What stands and has points in a voxel that begins this far above the surface is a wall, in metres (chosen: above cars
+/// and hedges).
+const WALL_M: f64 = 1.2;
+
+/// A foot has more points at the surface than this, and than this share of the points between `height` and `clear` above
+/// it, where ground was seen (chosen: a wall alone has the lowest two and, in 6 of 40 cm, a sixth).
+const FOOT_POINTS: f64 = 2.0;
+const FOOT_SHARE: f64 = 0.3;
 
 pub(super) const ENTRY: GroundEntry = GroundEntry {
     name: NAME,
@@ -73,8 +85,7 @@ pub struct OpeningConfig {
     pub depth: f64,
     /// Radius of the disc in metres, 0 to 20. Default 1.2: half of what is wider than a car.
     pub radius: f64,
-    /// Largest slope of the ground, 0 to 10 metres per metre. Default 0.6: with the rise inside a block, this allows
-    /// embankments of 1 : 1.5.
+    /// Largest slope of the ground, 0 to 10 metres per metre. Default 0.8, so that embankments of 1 : 1.5 are ground.
     pub slope: f64,
     /// Distance over which the slope is limited, in metres, 0 to 50. Default 6.
     pub slope_radius: f64,
@@ -84,6 +95,9 @@ pub struct OpeningConfig {
     pub height: f64,
     /// Nothing stands where the column is empty from `height` up to this above the surface, 0 to 100. Default 0.7.
     pub clear: f64,
+    /// Flat patches that are shorter than this along both axes and enclosed by walls are rooms, in metres, 0 to 20; 0:
+    /// there are no rooms. Default 7.5.
+    pub room: f64,
 }
 
 impl Default for OpeningConfig {
@@ -94,11 +108,12 @@ impl Default for OpeningConfig {
             low_quantile: 0.1,
             depth: 0.3,
             radius: 1.2,
-            slope: 0.6,
+            slope: 0.8,
             slope_radius: 6.0,
             close: 0.06,
             height: 0.3,
             clear: 0.7,
+            room: 7.5,
         }
     }
 }
@@ -122,6 +137,7 @@ impl OpeningConfig {
             ("opening.close", self.close, 0.0..=10.0, "0 to 10 metres"),
             ("opening.height", self.height, 0.0..=10.0, "0 to 10 metres"),
             ("opening.clear", self.clear, 0.0..=100.0, "0 to 100 metres"),
+            ("opening.room", self.room, 0.0..=20.0, "0 to 20 metres"),
         ];
         for (key, value, range, expected) in ranges {
             if !range.contains(&value) {
@@ -151,6 +167,11 @@ impl Opening {
     /// `slope_radius` in blocks.
     fn slope_blocks(&self, lattice: Lattice) -> i64 {
         lattice.units(self.config.slope_radius) / (BLOCK * lattice.units(self.config.voxel))
+    }
+
+    /// `room` in columns.
+    fn room_columns(&self, lattice: Lattice) -> i64 {
+        lattice.units(self.config.room) / lattice.units(self.config.voxel)
     }
 
     /// The surface of each column as a local z; [`NONE`] where it has no low.
@@ -195,6 +216,8 @@ struct Tile<'a> {
     lattice: Lattice,
     index: &'a VoxelIndex,
     z: &'a [i32],
+    /// z of the drive that is the local z 0.
+    bottom: i64,
 }
 
 impl Tile<'_> {
@@ -224,6 +247,60 @@ impl Tile<'_> {
         }
         found.iter().max().copied().unwrap_or(NONE)
     }
+
+    /// Where a voxel begins, as a local z.
+    fn begin(&self, voxel: usize) -> i64 {
+        let grid = self.index.grid();
+        (grid.base[2] + i64::from(self.index.heights()[voxel])) * i64::from(grid.edge) - self.bottom
+    }
+
+    /// Where the highest voxel of a column begins, as a local z.
+    fn top(&self, column: usize) -> i64 {
+        self.index.column_voxels(column).next_back().map_or(0, |voxel| self.begin(voxel))
+    }
+
+    /// The points of a column in voxels that begin less than `top` above its surface, as (point, height above it).
+    fn near(&self, column: usize, surface: u32, top: i64, near: &mut Vec<(usize, i64)>) {
+        let surface = i64::from(surface);
+        let voxels = self.index.column_voxels(column).take_while(|&voxel| self.begin(voxel) < surface + top);
+        near.clear();
+        near.extend(voxels.flat_map(|voxel| self.points(voxel)).map(|(at, z)| (at, i64::from(z) - surface)));
+    }
+}
+
+/// Lengths of the settings in lattice units.
+struct Heights {
+    depth: i64,
+    close: i64,
+    height: i64,
+    clear: i64,
+    wall: i64,
+}
+
+impl Heights {
+    fn new(config: &OpeningConfig, lattice: Lattice) -> Self {
+        let [depth, close, height, clear, wall] =
+            [config.depth, config.close, config.height, config.clear, WALL_M]
+                .map(|metres| lattice.units(metres));
+        Self { depth, close, height, clear, wall }
+    }
+
+    /// The kind of a column, from the heights of its points above the surface and of its highest voxel.
+    fn kind(&self, near: &[(usize, i64)], top: i64) -> Kind {
+        let within = |low, high| near.iter().filter(|&&(_, above)| low <= above && above < high).count();
+        match within(self.height, self.clear) {
+            0 => Kind::Clear,
+            standing => Kind::Standing {
+                wall: top >= self.wall,
+                ground: within(-self.depth, self.close) as f64 > FOOT_POINTS + FOOT_SHARE * standing as f64,
+            },
+        }
+    }
+}
+
+/// Lengths and numbers that are not negative.
+fn units_of(value: i64) -> u32 {
+    u32::try_from(value).unwrap_or(u32::MAX)
 }
 
 impl GroundFilter for Opening {
@@ -242,33 +319,41 @@ impl GroundFilter for Opening {
         let block_m = voxel_m * BLOCK as f64 * SQRT_2;
         let slope_m = block_m * self.slope_blocks(lattice) as f64 / SQRT_2 + block_m;
         let floor_m = block_m * (FLOOR_REACH + 1) as f64;
-        Reach::Exact { metres: voxel_m * SQRT_2 + slope_m + 2.0 * self.config.radius + floor_m }
+        let columns = self.room_columns(lattice) + 1 + FOOT_REACH;
+        let standing_m = voxel_m * columns as f64 * SQRT_2;
+        Reach::Exact { metres: voxel_m * SQRT_2 + slope_m + 2.0 * self.config.radius + floor_m + standing_m }
     }
 
     fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
         let cloud = view.cloud();
         let lattice = cloud.lattice;
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let tile = Tile { lattice, index, z: &cloud.z };
+        let tile = Tile { lattice, index, z: &cloud.z, bottom: cloud.origin[2] };
         let surface = self.surface(&tile);
-        let units = |metres| lattice.units(metres);
-        let (depth, close) = (units(self.config.depth), units(self.config.close));
-        let (height, clear) = (units(self.config.height), units(self.config.clear));
-        let (base, edge) = (index.grid().base[2], i64::from(index.grid().edge));
+        let heights = Heights::new(&self.config, lattice);
         let mut near = Vec::new();
-        for (column, &surface) in surface.iter().enumerate().filter(|(_, surface)| **surface != NONE) {
-            // Heights above the surface of the points that matter; voxels that begin above them are left out.
-            let surface = i64::from(surface);
-            let begin = |voxel: usize| (base + i64::from(index.heights()[voxel])) * edge - cloud.origin[2];
-            let voxels =
-                index.column_voxels(column).take_while(|&voxel| begin(voxel) < surface + clear.max(close));
-            near.clear();
-            near.extend(
-                voxels.flat_map(|voxel| tile.points(voxel)).map(|(at, z)| (at, i64::from(z) - surface)),
-            );
-            let stands = near.iter().any(|&(_, above)| height <= above && above < clear);
-            let top = if stands { close } else { close.max(height) };
-            for &(point, _) in near.iter().filter(|&&(_, above)| -depth <= above && above < top) {
+        let kinds: Vec<Kind> = surface
+            .iter()
+            .enumerate()
+            .map(|(column, &surface)| {
+                if surface == NONE {
+                    return Kind::Unseen;
+                }
+                tile.near(column, surface, heights.clear.max(heights.close), &mut near);
+                heights.kind(&near, tile.top(column) - i64::from(surface))
+            })
+            .collect();
+        let limits = Limits {
+            step: units_of(heights.height),
+            close: units_of(heights.close),
+            room: units_of(self.room_columns(lattice)),
+        };
+        let ground = has_ground(index, &surface, &kinds, limits);
+        for (column, &surface) in surface.iter().enumerate().filter(|&(column, _)| ground[column]) {
+            let top =
+                if kinds[column] == Kind::Clear { heights.close.max(heights.height) } else { heights.close };
+            tile.near(column, surface, top, &mut near);
+            for &(point, _) in near.iter().filter(|&&(_, above)| -heights.depth <= above && above < top) {
                 classes[point] = PointClass::Ground;
             }
         }

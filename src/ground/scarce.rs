@@ -9,9 +9,10 @@ use crate::spatial::{CellGrid, CellMap};
 /// Points at most this far above the lowest of their cell lie low, in metres.
 const LOW_M: f64 = 0.3;
 
-/// Ground is scarce where less than this share of the points that lie low is ground (chosen: in forests 7 % are,
-/// after a filter that finds it).
-const SCARCE: f64 = 0.02;
+/// Ground is scarce where less than this share of the points that lie low is ground. Chosen by the study in
+/// benches/results/ground.md: filters that suit a scene have 0.64 and more, even in a forest and in a single sweep.
+/// Filters that do not have 0.43 and less, on a steep street and where the ground is missing.
+const SCARCE: f64 = 0.5;
 
 /// Points that lie low in their cell, and how many of them are ground. Counts of tiles add up: a cell is of one tile.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -99,13 +100,13 @@ mod tests {
     }
 
     #[test]
-    fn ground_below_two_percent_is_scarce() {
+    fn ground_below_half_of_the_lowest_points_is_scarce() {
         let share = |ground, method| LowPoints { low: 1_000, ground }.warning(method);
-        assert_eq!(share(20, "opening"), None);
-        let said = share(19, "opening").unwrap();
+        assert_eq!(share(500, "opening"), None);
+        let said = share(499, "opening").unwrap();
         assert_eq!(
             said,
-            "opening found little ground: 1.9 % of the lowest points are ground; try --ground upward-growing"
+            "opening found little ground: 49.9 % of the lowest points are ground; try --ground upward-growing"
         );
         assert!(share(0, "voxel-column").unwrap().ends_with("--ground opening"));
         assert_eq!(LowPoints::default().warning("opening"), None, "a drive without points");

@@ -1,4 +1,4 @@
-//! The cloud-optimised file of a drive: its columns by memory, and its two passes, `copc points` and `copc nodes`.
+//! The cloud-optimised file of a drive: its columns, and its two passes, `copc points` and `copc nodes`.
 
 use crate::error::Result;
 use crate::model::Kind;
@@ -13,7 +13,7 @@ use crate::run::passes::copc_points::{self, Columns, CopcPointsPass};
 use crate::run::passes::copies::Shown;
 use crate::run::passes::relabel::{self, PointColumns};
 use crate::spatial::{CellMap, PackedCells};
-use crate::store::{RunDir, StoreError};
+use crate::store::RunDir;
 
 /// Everything that the file is made of.
 pub(crate) struct Cloud<'a> {
@@ -23,14 +23,14 @@ pub(crate) struct Cloud<'a> {
     pub(crate) kinds: &'a [Kind],
     pub(crate) labelled: &'a [LabelledFile],
     pub(crate) run_dir: &'a RunDir,
-    pub(crate) export: &'a Outline,
+    pub(crate) outlines: &'a [Outline; 2],
 }
 
 impl Cloud<'_> {
-    /// Its passes, as far as they are known before the points are counted, to announce them.
+    /// Its passes.
     pub(crate) fn outlines(export: &Outline) -> [Outline; 2] {
         let points = copc_points::outline(export);
-        let nodes = copc_nodes::outline(&points, &[]);
+        let nodes = copc_nodes::outline(&points);
         [points, nodes]
     }
 
@@ -40,9 +40,8 @@ impl Cloud<'_> {
         let drive = tiled.drive;
         let classifies = open.chain.method.classifies();
         let format = CopcFormat::of(drive.catalog.files(), &open.config.output.dimension, classifies)?;
-        let columns = self.columns_within(copc_nodes::bytes_per_point(&format));
-        let outline = copc_points::outline(self.export);
-        let nodes = copc_nodes::outline(&outline, &columns.list);
+        let columns = self.columns();
+        let [outline, nodes] = self.outlines.clone();
         let points = CopcPointsPass {
             drive,
             point_columns: self.columns,
@@ -52,7 +51,6 @@ impl Cloud<'_> {
             columns: &columns,
             format: &format,
             runs: relabel::runs(tiled),
-            folder: copc_points::folder(run_dir),
             outline,
         };
         let Some(grouped) = driver.complete(&points)? else { return Ok(None) };
@@ -65,23 +63,17 @@ impl Cloud<'_> {
             path: &path,
             outline: nodes,
         };
-        let Some(()) = driver.complete(&pass)? else { return Ok(None) };
-        // The file is complete. Its points and chunks are as large as itself, and are not needed any more.
-        for outline in [&points.outline, &pass.outline] {
-            run_dir.pass(&outline.folder, outline.depends.clone()).clear()?;
-        }
-        let folder = copc_points::folder(run_dir);
-        fs_err::remove_dir_all(&folder).map_err(StoreError::io("remove", &folder))?;
-        Ok(Some(()))
+        driver.complete(&pass)
     }
 
-    /// The columns that fit the memory: half of the budget for each thread.
-    fn columns_within(&self, bytes_per_point: u64) -> Columns {
-        let Self { open, tiled, .. } = self;
+    /// The columns. They follow from the tiles and from nothing else, so that every process that shares a run finds the
+    /// same ones. A point of a column takes about as many bytes as a point of a tile does in a clustering method; half of
+    /// the points of the largest tile leave room for methods that need less.
+    fn columns(&self) -> Columns {
+        let Self { tiled, .. } = self;
         let (low, high) = tiled.surveyed.extent();
         let edge = tiled.drive.grid.edge();
-        let budget = open.budget.beside(tiled.surveyed.held_bytes());
-        let most = budget.memory / 2 / budget.threads.max(1) as u64 / bytes_per_point;
+        let most = tiled.plan.tiles.iter().map(|tile| tile.points).max().unwrap_or(0) / 2;
         let mut cells = CellMap::default();
         for (cell, points) in tiled.plan.cells().iter().filter(|(cell, _)| tiled.plan.is_inside(*cell)) {
             *cells.entry(cell) = points;

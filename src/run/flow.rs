@@ -100,6 +100,8 @@ pub(crate) struct List {
     relabel: Outline,
     inventory: Outline,
     export: Outline,
+    /// `None` if the cloud-optimised file is not written.
+    cloud: Option<[Outline; 2]>,
 }
 
 impl List {
@@ -115,6 +117,7 @@ impl List {
         let inventory = inventory::outline(&relabel, surveyed);
         let export = export::outline(&relabel, &inventory, config);
         let fields = method.fields();
+        let cloud = config.output.writes("copc").then(|| Cloud::outlines(&export));
         Self {
             scatter: scatters.then(|| scatter::outline(surveyed, plan)),
             ground,
@@ -124,6 +127,7 @@ impl List {
             relabel,
             inventory,
             export,
+            cloud,
         }
     }
 
@@ -139,6 +143,7 @@ impl List {
         all.extend(self.steps.iter().map(|outline| (outline, tiles)));
         all.extend([(&self.stitch, Some(1)), (&self.relabel, relabelled), (&self.inventory, tiles)]);
         all.push((&self.export, None));
+        all.extend(self.cloud.iter().flatten().map(|outline| (outline, None)));
         all.into_iter().map(|(outline, units)| (outline.clone(), units)).collect()
     }
 }
@@ -158,11 +163,7 @@ fn through_step<D: Driver, R>(
     let mut tiled = Tiled::whole_blocks(drive, surveyed, plan);
     let amplification = tiled.amplification(chain.ground_reach);
     let list = List::of(open, planned, amplification > LARGEST_AMPLIFICATION);
-    let mut ahead = list.all(&tiled);
-    if driver.computes() && open.config.output.writes("copc") {
-        ahead.extend(Cloud::outlines(&list.export).map(|outline| (outline, None)));
-    }
-    driver.expect(&ahead);
+    driver.expect(&list.all(&tiled));
 
     if let Some(outline) = &list.scatter {
         let text = format!(
@@ -258,7 +259,7 @@ pub(crate) fn to_files<D: Driver>(
         let limit = names::page_limit_bytes(open.config);
         let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
         let tiled = progress.over.classified.tiled;
-        let for_cloud = open.config.output.writes("copc").then(|| labelled.clone());
+        let for_cloud = list.cloud.as_ref().map(|outlines| (outlines, labelled.clone()));
         let copies = Copies::of(labelled, tiled, open.config.output.writes("points"));
         let pass = ExportPass::of(
             &open.drive,
@@ -270,10 +271,9 @@ pub(crate) fn to_files<D: Driver>(
             list.export.clone(),
         );
         let Some(exported) = driver.complete(&pass)? else { return Ok(None) };
-        if let Some(labelled) = &for_cloud {
+        if let Some((outlines, labelled)) = &for_cloud {
             let kinds = &objects.kinds;
-            let cloud =
-                Cloud { open, tiled, columns: &columns, kinds, labelled, run_dir, export: &list.export };
+            let cloud = Cloud { open, tiled, columns: &columns, kinds, labelled, run_dir, outlines };
             let Some(()) = cloud.complete(driver)? else { return Ok(None) };
         }
         let rows = inventory::rows(sources, list.inventory.clone(), &found)?;

@@ -31,20 +31,16 @@ mod look;
 mod open;
 mod passes;
 mod plan;
+mod request;
 mod shared;
 mod summary;
 mod train;
 
-use std::path::PathBuf;
-
-use crate::config::Config;
 use crate::error::{Error, Result};
 
-use chain::Chain;
 use engine::{Driver, Here};
-use finish::names;
 use finish::outputs::{self, Course};
-use open::Opened;
+use request::Begun;
 
 pub use crate::cluster::street::StreetModel;
 pub use chain::Registries;
@@ -57,24 +53,10 @@ pub use look::{
     plan_of,
 };
 pub use look::{PassStatus, RunStatus, status};
+pub use request::RunRequest;
 pub use shared::{DueUnits, Reduced, SharedRun, next, open_for_workers, reduce, work};
 pub use summary::{Counts, RunSummary, SectionFacts};
 pub use train::{TrainRequest, Trained, built_in_model, read_model, score_model, train};
-
-/// A request for a run.
-#[derive(Debug, Clone)]
-pub struct RunRequest<'a> {
-    /// LAS/LAZ files, folders and patterns.
-    pub inputs: Vec<PathBuf>,
-    /// Output directory.
-    pub out: PathBuf,
-    /// Settings.
-    pub config: Config,
-    /// Whether to discard the state of an earlier run in `out`.
-    pub fresh: bool,
-    /// The registries of methods.
-    pub registries: Registries<'a>,
-}
 
 /// Processes a drive. The labelled copies, object table and report are in `request.out`. Resumes from stored
 /// results.
@@ -83,23 +65,9 @@ pub struct RunRequest<'a> {
 /// Any [`Error`]. Finished units are kept, and the next call uses them, unless the state itself is refused.
 pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<RunSummary> {
     let started = std::time::Instant::now();
-    let config = &request.config;
-    let catalog = open::catalog(&request.inputs, config)?;
-    let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
-    let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-    let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
-    let surfaces = chain.method.finds_surfaces();
-    names::claim(&run_dir, config, surfaces, &labelled)?;
-    let mut warnings = config.warnings().to_vec();
-    warnings.extend(catalog.warnings().iter().cloned());
-    warnings.extend(open::file_system_warning(&request.inputs, config));
-    warnings.extend(file_warnings);
-    if request.fresh {
-        warnings.extend(names::remove_superseded(&run_dir, config, surfaces, &labelled)?);
-    }
+    let Begun { run_dir, open, labelled, mut warnings } = Begun::from(request)?;
     let copies = outputs::names_of(&labelled);
-    let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
-    let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
+    let mut driver = Here::new(&run_dir, open.budget.limits(), open.config.run.fail_fast, observer, cancel);
 
     let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
     warnings.extend(surveyed.warnings.iter().cloned());

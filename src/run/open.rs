@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::error::Result;
 use crate::host;
 use crate::input::{Catalog, InputOptions};
@@ -84,22 +84,12 @@ impl<'a> Opened<'a> {
         registries: &Registries<'_>,
         run_dir: &RunDir,
     ) -> Result<Self> {
-        check_shareable(config)?;
         let catalog = catalog(inputs, config)?;
         identity::check_recorded(run_dir, &catalog)?;
         let drive = Drive::new(catalog, config);
         let chain = Chain::build(config, registries, drive.lattice())?;
         Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
     }
-}
-
-/// Refuses settings of a run that one process must compute alone.
-pub(crate) fn check_shareable(config: &Config) -> Result<()> {
-    if config.output.writes("copc") {
-        let expected = "false in a run that workers share: chainage run writes the point cloud afterwards";
-        return Err(ConfigError::value("output.copc", true, expected).into());
-    }
-    Ok(())
 }
 
 /// Records the input paths and the settings of a run, for `status`.

@@ -10,7 +10,8 @@ use serde::Serialize;
 
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::run::chain::{Chain, Registries};
+use crate::run::chain::Registries;
+use crate::run::computed;
 use crate::run::engine::{
     Barrier, CancelToken, Driver, Due, DuePass, Event, Here, Observer, PassFigures, Share, Units,
 };
@@ -19,8 +20,8 @@ use crate::run::finish::names;
 use crate::run::finish::outputs::{self, Course};
 use crate::run::flow::{self, Outcome, Planned};
 use crate::run::open::{self, Opened};
+use crate::run::request::{Begun, RunRequest};
 use crate::run::summary::RunSummary;
-use crate::run::{RunRequest, computed};
 use crate::store::{RunDir, StoreError};
 
 /// A run in a directory that other processes may be working in.
@@ -76,25 +77,10 @@ pub fn open_for_workers(
     observer: &dyn Observer,
     cancel: &CancelToken,
 ) -> Result<DueUnits> {
-    let config = &request.config;
-    open::check_shareable(config)?;
-    let catalog = open::catalog(&request.inputs, config)?;
-    let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
-    let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-    let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
-    let surfaces = chain.method.finds_surfaces();
-    names::claim(&run_dir, config, surfaces, &labelled)?;
-    let mut warnings = config.warnings().to_vec();
-    warnings.extend(catalog.warnings().iter().cloned());
-    warnings.extend(open::file_system_warning(&request.inputs, config));
-    warnings.extend(file_warnings);
-    if request.fresh {
-        warnings.extend(names::remove_superseded(&run_dir, config, surfaces, &labelled)?);
-    }
-    let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
+    let Begun { run_dir, open, labelled: _, mut warnings } = Begun::from(request)?;
     if !leave_survey {
         let limits = open.budget.limits();
-        let mut driver = Here::new(&run_dir, limits, config.run.fail_fast, observer, cancel);
+        let mut driver = Here::new(&run_dir, limits, open.config.run.fail_fast, observer, cancel);
         let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
         warnings.extend(surveyed.warnings.iter().cloned());
         computed(flow::plan(&open, &mut driver, surveyed)?)?;
@@ -141,7 +127,8 @@ pub fn work(
     match walked {
         // Every output is complete, so this unit has been computed as well.
         Some((_, outcome)) if outcome.unmarked.is_none() => {
-            Ok(PassFigures { pass: EXPORT, units: 0, resumed: 0, points: 0, seconds: 0.0 })
+            let pass = driver.named().unwrap_or(EXPORT);
+            Ok(PassFigures { pass, units: 0, resumed: 0, points: 0, seconds: 0.0 })
         }
         _ => Err(RunError::NotReduced { pass: SURVEY.to_owned(), asked: pass.to_owned() }.into()),
     }

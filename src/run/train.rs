@@ -36,9 +36,9 @@ pub struct TrainRequest<'a> {
     pub config: Config,
     /// The registries of methods.
     pub registries: Registries<'a>,
-    /// Settings of the learning. Their seed also chooses the samples.
+    /// Settings of the learning. Their seed also chooses the samples. The context learns in half of the rounds.
     pub settings: boosting::Settings,
-    /// Largest number of samples per class and drive.
+    /// Largest number of samples per class and drive. The context learns from four times as many of all classes together.
     pub samples: usize,
     /// Shares of the points in further copies of each drive, above 0 and below 1.
     pub thin: Vec<f64>,

@@ -29,6 +29,8 @@
 
 mod gather;
 mod plan;
+mod region;
 
 pub use gather::{Gathered, Gatherer, HeightOutOfRange, Wanted};
-pub use plan::{Place, Plan, PlanRequest, Region, Tile, TileSize};
+pub use plan::{Place, Plan, PlanRequest, Tile, TileSize};
+pub use region::Region;

@@ -25,17 +25,22 @@ pub(crate) fn noise(points: &[[i64; 3]], voxel: i64, min_points: usize, high: i6
     (0..points.len()).map(verdict).collect()
 }
 
-/// Whether each point is ground by `voxel-column`. Points with `hidden` set are ignored.
+/// Whether each point is ground by `voxel-column`, with its lengths and `lowest_points`. Points with `hidden` set are
+/// ignored.
 pub(crate) fn voxel_column(
     points: &[[i64; 3]],
     hidden: &[bool],
     [voxel, run_height, step, radius]: [i64; 4],
+    lowest_points: usize,
 ) -> Vec<bool> {
     let voxels: Vec<[i64; 3]> = points.iter().map(|p| p.map(|value| value.div_euclid(voxel))).collect();
     let occupied = |wanted: [i64; 3]| (0..points.len()).any(|p| !hidden[p] && voxels[p] == wanted);
     let lowest_of = |[i, j, _]: [i64; 3]| {
         let in_column = |p: &usize| !hidden[*p] && voxels[*p][0] == i && voxels[*p][1] == j;
-        (0..points.len()).filter(in_column).map(|p| voxels[p][2]).min()
+        let column: Vec<i64> = (0..points.len()).filter(in_column).map(|p| voxels[p][2]).collect();
+        let count = |k: i64| column.iter().filter(|&&other| other == k).count();
+        let sure = column.iter().copied().filter(|&k| count(k) >= lowest_points).min();
+        sure.or_else(|| column.iter().copied().min())
     };
     let is_ground = |point: usize| {
         let [i, j, k] = voxels[point];
@@ -46,9 +51,11 @@ pub(crate) fn voxel_column(
         }
         let lowest_near = (0..points.len())
             .filter(|&other| !hidden[other] && beside(voxels[point], voxels[other], voxel) <= radius * radius)
-            .map(|other| voxels[other][2])
+            .filter_map(|other| lowest_of(voxels[other]))
             .min();
-        k < low + length && length * voxel < run_height && (low - lowest_near.unwrap_or(low)) * voxel < step
+        (low..low + length).contains(&k)
+            && length * voxel < run_height
+            && (low - lowest_near.unwrap_or(low)) * voxel < step
     };
     (0..points.len()).map(is_ground).collect()
 }
@@ -100,6 +107,8 @@ pub(crate) struct Opening {
     pub(crate) close: i64,
     pub(crate) height: i64,
     pub(crate) clear: i64,
+    /// In columns.
+    pub(crate) room: i64,
 }
 
 /// Whether each point is ground after `opening` with the quantile 0.1 and a slope of 1, column by column.
@@ -153,10 +162,13 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
             .min();
         Some(opened[at]?.min(ceiling?))
     };
+    let surfaces: Vec<Option<i64>> = all.clone().map(surface).collect();
+    let keeps_ground = standing(&columns, &heights, &surfaces, of);
     let ground_in = |at: usize| {
-        let surface = surface(at)?;
-        let stands = heights[at].iter().any(|z| (of.height..of.clear).contains(&(z - surface)));
-        Some(surface - of.depth..surface + if stands { of.close } else { of.height.max(of.close) })
+        let stands = keeps_ground[at]?;
+        Some(
+            surfaces[at]? - of.depth..surfaces[at]? + if stands { of.close } else { of.height.max(of.close) },
+        )
     };
     let ground: Vec<_> = (0..columns.len()).map(ground_in).collect();
     let is_ground = |p: usize| {
@@ -164,6 +176,64 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
         Some(ground[at].clone()?.contains(&points[p][2]))
     };
     (0..points.len()).map(|p| is_ground(p).unwrap_or(false)).collect()
+}
+
+/// Whether something stands in each column; nothing where the column has no ground.
+fn standing(
+    columns: &[[i64; 2]],
+    heights: &[Vec<i64>],
+    surfaces: &[Option<i64>],
+    of: &Opening,
+) -> Vec<Option<bool>> {
+    let apart = |a: usize, b: usize| {
+        (0..2).map(|axis| (columns[a][axis] - columns[b][axis]).abs()).max().unwrap_or(0)
+    };
+    let count = |at: usize, low: i64, high: i64| {
+        let above = heights[at].iter().filter_map(|z| Some(z - surfaces[at]?));
+        above.filter(|above| (low..high).contains(above)).count()
+    };
+    let stands = |at: usize| count(at, of.height, of.clear) > 0;
+    let is_clear = |at: usize| surfaces[at].is_some() && !stands(at);
+    let is_wall = |at: usize| {
+        let top = heights[at].iter().max().map(|z| z.div_euclid(of.voxel) * of.voxel);
+        stands(at) && surfaces[at].zip(top).is_some_and(|(surface, top)| top - surface >= 1_200)
+    };
+    let differ = |a: usize, b: usize| surfaces[a].zip(surfaces[b]).map(|(a, b)| (a - b).abs());
+    let patch = components(columns.len(), |a, b| {
+        let is_level = differ(a, b).is_some_and(|step| step < of.height);
+        apart(a, b) == 1 && is_clear(a) && is_clear(b) && is_level
+    });
+    let is_room = |at: usize| {
+        let members: Vec<usize> = (0..columns.len()).filter(|&other| patch[other] == patch[at]).collect();
+        let extent = |axis: usize| {
+            let along = || members.iter().map(|&member| columns[member][axis]);
+            along().max().unwrap_or(0) - along().min().unwrap_or(0)
+        };
+        let mut border = Vec::new();
+        for &member in &members {
+            border.extend(
+                (0..columns.len()).filter(|&other| apart(member, other) == 1 && patch[other] != patch[at]),
+            );
+        }
+        let walls = border.iter().filter(|&&other| is_wall(other)).count();
+        extent(0).max(extent(1)) < of.room && 4 * walls > border.len()
+    };
+    let mut is_open = Vec::new();
+    for at in 0..columns.len() {
+        is_open.push(is_clear(at) && !is_room(at));
+    }
+    (0..columns.len())
+        .map(|at| {
+            let seen =
+                count(at, -of.depth, of.close) as f64 > 2.0 + 0.3 * count(at, of.height, of.clear) as f64;
+            let beside = |other: usize| {
+                let is_level = differ(at, other).is_some_and(|step| step <= of.close);
+                apart(at, other) <= 3 && is_level && is_open[other]
+            };
+            let foot = || stands(at) && (seen || (0..columns.len()).any(beside));
+            if is_open[at] { Some(false) } else { foot().then_some(true) }
+        })
+        .collect()
 }
 
 /// Single-link clusters: for each point, the smallest index of a point connected with it.

@@ -61,13 +61,13 @@ struct LearningArgs {
     /// Number that chooses the samples and the features of each split
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Samples per class and drive, at most
+    /// Samples per class and drive, at most; for the classes by context, four times as many of all classes together
     #[arg(long, value_name = "N", default_value_t = 5_000, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
     samples: usize,
     /// Learn also from copies of each drive that have these shares of its points, for sparser scanners
     #[arg(long, value_name = "SHARES", value_delimiter = ',', value_parser = share)]
     thin: Vec<f64>,
-    /// Rounds; each adds a tree per class
+    /// Rounds; each adds a tree per class. The classes by context take half as many
     #[arg(long, value_name = "N", default_value_t = Learning::default().rounds)]
     rounds: usize,
     /// Leaves of a tree, at most

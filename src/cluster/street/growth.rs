@@ -42,6 +42,9 @@ const OTHER_CLASS: f64 = 8.0;
 const DOWN: f64 = 3.0;
 /// Cost of a voxel's edge of distance from the stem in the plane, for trees.
 const AWAY: f64 = 0.5;
+/// Cost of a square metre of the square of this distance. Between two crowns that touch, it moves the boundary towards the
+/// middle between their stems, however much denser one of them was seen.
+const AWAY_SQUARE: f64 = 1.0;
 /// Cost of an edge of the length of a voxel.
 const UNIT: f64 = 256.0;
 /// Largest number of rounds. A path that crosses more seams would be longer than any object.
@@ -84,6 +87,7 @@ fn share_for(shares: &Shares, class: u8) -> u8 {
 /// Costs of edges in lattice units of one drive.
 struct Costs {
     edge: f64,
+    metre: f64,
 }
 
 impl Costs {
@@ -101,7 +105,11 @@ impl Costs {
                 let [u, v] = core.place;
                 (((x - u) * (x - u) + (y - v) * (y - v)) as f64).sqrt()
             };
-            cost += AWAY * (from_stem(to) - from_stem(from)).max(0.0) / self.edge;
+            let (start, end) = (from_stem(from), from_stem(to));
+            if end > start {
+                let square_m2 = (end * end - start * start) / (self.metre * self.metre);
+                cost += AWAY * (end - start) / self.edge + AWAY_SQUARE * square_m2;
+            }
         }
         let other = 1.0 - f64::from(share) / 255.0;
         (UNIT * cost * (1.0 + OTHER_CLASS * other) + 0.5).max(1.0) as u32
@@ -183,7 +191,7 @@ fn grow(
     lattice: Lattice,
 ) -> Vec<Reached> {
     let voxels = &cored.around.voxels;
-    let costs = Costs { edge: lattice.units(EDGE_M) as f64 };
+    let costs = Costs { edge: lattice.units(EDGE_M) as f64, metre: lattice.units(1.0) as f64 };
     let mut reached = vec![Reached { label: 0, cost: u32::MAX }; known.len()];
     let mut queue = BinaryHeap::new();
     for (voxel, value) in known.into_iter().enumerate() {

@@ -16,6 +16,29 @@ use crate::error::Result;
 /// Gives the probabilities of some voxels from their features. The lengths agree.
 pub(super) type Classify<'a> = &'a dyn Fn(&[f32], &mut [Shares]) -> Result<()>;
 
+/// The probabilities of voxels whose features `compute` passes on, as numbers of voxels and a row for each. Those of
+/// others are 0.
+pub(super) fn classified_by(
+    classify: Classify<'_>,
+    voxels: usize,
+    compute: impl FnOnce(&mut dyn FnMut(&[u32], &[f32])),
+) -> Result<Vec<Shares>> {
+    let mut shares = vec![Shares::default(); voxels];
+    let mut found = Vec::new();
+    let mut result = Ok(());
+    compute(&mut |numbers, rows| {
+        found.clear();
+        found.resize(numbers.len(), Shares::default());
+        if result.is_ok() {
+            result = classify(rows, &mut found);
+        }
+        for (&number, &found) in numbers.iter().zip(&found) {
+            shares[number as usize] = found;
+        }
+    });
+    result.map(|()| shares)
+}
+
 /// Voxels around a tile with their heights, so many that the features of its own voxels and of those that touch
 /// them are those of the whole drive.
 #[derive(Debug)]
@@ -44,20 +67,9 @@ pub(super) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mappe
         wanted[a] |= voxels.owned[b];
         wanted[b] |= voxels.owned[a];
     });
-    let mut shares = vec![Shares::default(); voxels.len()];
-    let mut found = Vec::new();
-    let mut result = Ok(());
-    features::compute(voxels, &around.heights, &wanted, &mut |numbers, rows| {
-        found.clear();
-        found.resize(numbers.len(), Shares::default());
-        if result.is_ok() {
-            result = classify(rows, &mut found);
-        }
-        for (&number, &found) in numbers.iter().zip(&found) {
-            shares[number as usize] = found;
-        }
-    });
-    result?;
+    let shares = classified_by(classify, voxels.len(), |rows| {
+        features::compute(voxels, &around.heights, &wanted, rows);
+    })?;
     let smoothed = smooth(voxels, &shares);
     let own = |voxel: &usize| voxels.owned[*voxel];
     let heights: Vec<i32> = (0..voxels.len()).filter(own).map(|voxel| around.heights[voxel]).collect();

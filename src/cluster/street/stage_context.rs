@@ -4,7 +4,7 @@
 use super::classified::{self, Classified, Shares};
 use super::features::context::{self, REACH_EDGES};
 use super::settings::edge;
-use super::stage_classes::Classify;
+use super::stage_classes::{Classify, classified_by};
 use crate::cluster::{Mapped, TileWindow};
 use crate::error::Result;
 
@@ -26,18 +26,7 @@ pub(super) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mappe
 /// The probabilities of the voxels that the tile owns. Those of others are 0.
 pub(super) fn classified(around: &Classified, classify: Classify<'_>) -> Result<Vec<Shares>> {
     let Classified { voxels, height, shares } = around;
-    let mut corrected = vec![Shares::default(); voxels.len()];
-    let mut found = Vec::new();
-    let mut result = Ok(());
-    context::compute(voxels, height, shares, &voxels.owned, &mut |numbers, rows| {
-        found.clear();
-        found.resize(numbers.len(), Shares::default());
-        if result.is_ok() {
-            result = classify(rows, &mut found);
-        }
-        for (&number, &found) in numbers.iter().zip(&found) {
-            corrected[number as usize] = found;
-        }
-    });
-    result.map(|()| corrected)
+    classified_by(classify, voxels.len(), |rows| {
+        context::compute(voxels, height, shares, &voxels.owned, rows);
+    })
 }

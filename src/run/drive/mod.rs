@@ -3,6 +3,7 @@
 
 mod axis;
 mod fields;
+mod groups;
 pub(crate) mod identity;
 mod opened;
 mod overview;
@@ -17,11 +18,12 @@ mod warnings;
 
 pub use axis::AxisFacts;
 pub(crate) use fields::{StoredFields, stored_fields};
+pub(crate) use groups::Groups;
 pub(crate) use opened::{BlockRun, Drive};
 pub(crate) use overview::Surveyed;
 pub(crate) use per_point::PerPoint;
 pub(crate) use quantiles::Rows;
-pub(crate) use scattered::{Groups, STRIDE, Scattered, ScatteredUnit};
+pub(crate) use scattered::{STRIDE, Scattered, ScatteredUnit};
 pub(crate) use section::Section;
 pub(crate) use tiles::{Classified, Tiled};
 pub(crate) use verdicts::{OwnedBlock, TileVerdicts, is_object, lengths, scatter};

@@ -55,6 +55,13 @@ impl Sections {
 }
 
 impl Section {
+    /// Bytes of the section.
+    pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>> {
+        let mut bytes = vec![0; usize::try_from(range.end - range.start).unwrap_or(0)];
+        self.read_into(range.start, &mut bytes)?;
+        Ok(bytes)
+    }
+
     /// Fills a buffer with the bytes of the section from an offset on.
     pub(crate) fn read_into(&self, at: u64, bytes: &mut [u8]) -> Result<()> {
         if at + bytes.len() as u64 > self.range.end - self.range.start {

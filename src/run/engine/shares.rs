@@ -34,9 +34,10 @@ pub(crate) struct Share<'a> {
     cancel: &'a CancelToken,
     /// What was computed.
     pub(crate) figures: Option<PassFigures>,
-    /// The passes after the survey, once they are known, and whether `pass` is none of them.
-    known: Vec<&'static str>,
-    unknown: bool,
+    /// The passes after the survey, once they are known.
+    known: Option<Vec<&'static str>>,
+    /// The one of them that `pass` is.
+    named: Option<&'static str>,
 }
 
 impl<'a> Share<'a> {
@@ -47,8 +48,13 @@ impl<'a> Share<'a> {
         observer: &'a dyn Observer,
         cancel: &'a CancelToken,
     ) -> Self {
-        let (known, unknown) = (Vec::new(), false);
-        Self { run_dir, pass, units, limits, fail_fast, observer, cancel, figures: None, known, unknown }
+        let (known, named) = (None, None);
+        Self { run_dir, pass, units, limits, fail_fast, observer, cancel, figures: None, known, named }
+    }
+
+    /// The name of the pass, if it is one after the survey.
+    pub(crate) fn named(&self) -> Option<&'static str> {
+        self.named
     }
 
     fn share<P: Pass>(&self, pass: &P, dir: &PassDir) -> Result<PassFigures> {
@@ -83,9 +89,9 @@ impl<'a> Share<'a> {
 
 impl Driver for Share<'_> {
     fn expect(&mut self, passes: &[(Outline, Option<usize>)]) {
-        let names: Vec<&'static str> = passes.iter().map(|(outline, _)| outline.name).collect();
-        self.unknown = !passes.iter().any(|(outline, _)| outline.is_named(self.pass));
-        self.known = names;
+        self.named =
+            passes.iter().find(|(outline, _)| outline.is_named(self.pass)).map(|(outline, _)| outline.name);
+        self.known = Some(passes.iter().map(|(outline, _)| outline.name).collect());
     }
 
     fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>> {
@@ -94,8 +100,8 @@ impl Driver for Share<'_> {
         }
         let outline = pass.outline();
         let dir = self.run_dir.pass(&outline.folder, outline.depends.clone());
-        if self.unknown && self.figures.is_none() {
-            let known = self.known.iter().map(ToString::to_string).collect();
+        if let (Some(known), None) = (&self.known, self.named) {
+            let known = known.iter().map(ToString::to_string).collect();
             return Err(RunError::NoSuchPass { pass: self.pass.to_owned(), known }.into());
         }
         if outline.title() == self.pass {

@@ -49,11 +49,13 @@ pub(crate) fn withdraw(run_dir: &RunDir, export: &PassDir) -> Result<()> {
     Ok(())
 }
 
-/// Marks the run as finished after its last output was written, and removes the files that only an unfinished
-/// export needs.
+/// Marks the run as finished after its last output was written, and removes what only
+/// unfinished outputs need: the files of the export, its units, and those of the cloud-optimised file, whether this run
+/// has it or an earlier one did not end.
 pub(crate) fn mark_finished(
     run_dir: &RunDir,
     export: &PassDir,
+    cloud: &[PassDir],
     finished: &Finished,
     beside: &[&str],
 ) -> Result<()> {
@@ -67,6 +69,7 @@ pub(crate) fn mark_finished(
     let files = finished.files.clone();
     run_dir.write_json(FINISHED, &Mark { fingerprint, objects, files, bytes })?;
     export.clear()?;
+    cloud.iter().try_for_each(PassDir::clear)?;
     let folder = run_dir.path("export");
     match fs_err::remove_dir_all(&folder) {
         // Without labelled copies there is none.

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::output::LabelledFile;
+use crate::run::cloud::Cloud;
 use crate::run::engine::{PassFigures, peak_resident_bytes};
 use crate::run::finish::{mark, names, page, report};
 use crate::run::flow::{Outcome, Planned};
@@ -54,8 +55,9 @@ pub(crate) fn finish(
         page::write_page(run_dir, open, &planned.surveyed, &planned.plan, outcome.page, report)?;
         let surfaces = open.chain.method.finds_surfaces();
         names::remove_left_out(run_dir, open.config, surfaces, copies, &finished.files)?;
+        let cloud = Cloud::outlines(&export).map(|pass| run_dir.pass(&pass.folder, pass.depends));
         let export = run_dir.pass(&export.folder, export.depends);
-        mark::mark_finished(run_dir, &export, &finished, &names::beside(open.config, surfaces))?;
+        mark::mark_finished(run_dir, &export, &cloud, &finished, &names::beside(open.config, surfaces))?;
     }
     Ok(summary)
 }

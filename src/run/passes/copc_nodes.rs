@@ -29,22 +29,14 @@ use crate::whole_file;
 const NUMBER: u32 = 9;
 const NAME: &str = "copc nodes";
 
-/// Bytes per point of a column beside two copies of its record: number (8), place and rank (24), order (4), leaves (16),
+/// Bytes per point of a column beside three copies of its record: number (8), place and rank (24), order (4), leaves (16),
 /// levels and nodes (36).
 const BYTES_PER_POINT: u64 = 88;
 
 /// The nodes depend on the points alone.
-pub(crate) fn outline(points: &Outline, columns: &[(u32, u64)]) -> Outline {
-    let list: Vec<String> = columns.iter().map(|(level, points)| format!("{level}:{points}")).collect();
-    let depends = Inputs::new()
-        .with("pass copc points", points.depends.fingerprint())
-        .with("columns", format!("{:016x}", xxhash_rust::xxh3::xxh3_64(list.join(" ").as_bytes())));
+pub(crate) fn outline(points: &Outline) -> Outline {
+    let depends = Inputs::new().with("pass copc points", points.depends.fingerprint());
     Outline::new(NUMBER, NAME, depends)
-}
-
-/// Bytes of a point of a column in flight.
-pub(crate) fn bytes_per_point(format: &CopcFormat<'_>) -> u64 {
-    BYTES_PER_POINT + 3 * format.record_len() as u64
 }
 
 /// A part of a payload.
@@ -175,7 +167,7 @@ impl Pass for CopcNodesPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        self.points(unit) * bytes_per_point(self.format)
+        self.points(unit) * (BYTES_PER_POINT + 3 * self.format.record_len() as u64)
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {

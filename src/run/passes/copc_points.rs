@@ -2,14 +2,12 @@
 //! owns them, so that the columns can be completed one at a time.
 //!
 //! ```text
-//! file of a unit := point*            grouped by column, in file order within a column
+//! payload := found points            sections
+//! points := point*                   grouped by column, in file order within a column
 //! point := record number from the first of the unit (u32), record of the cloud-optimised file
 //! ```
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::os::unix::fs::FileExt;
-use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
@@ -19,22 +17,26 @@ use crate::input::Fields;
 use crate::model::{Kind, PointId, in_u32, record_xyz};
 use crate::output::LabelledFile;
 use crate::output::points::copc::{CopcFormat, Cube, LEAF_POINTS, Totals, rank, undecided_levels};
-use crate::run::drive::{BlockRun, Drive};
-use crate::run::engine::{Outline, Pass, Payloads};
+use crate::run::drive::{BlockRun, Drive, Groups};
+use crate::run::engine::{Outline, Pass, Payloads, Sections};
 use crate::run::passes::copies::{Labels, Shown};
 use crate::run::passes::relabel::PointColumns;
 use crate::spatial::{Cell, CellMap, PackedCells};
-use crate::store::{Inputs, PassDir, RunDir, StoreError};
+use crate::store::Inputs;
 
 const NUMBER: u32 = 8;
 const NAME: &str = "copc points";
 
+/// Sections of the payload of a unit.
+const FOUND: usize = 0;
+const POINTS: usize = 1;
 /// Bytes of the number before a record.
-pub(super) const NUMBER_BYTES: usize = 4;
+const NUMBER_BYTES: usize = 4;
 /// The group of points that are not shown.
 const NOWHERE: u32 = u32::MAX;
 
-/// The points depend on the values of all points and on the settings of the output, as the labelled copies do.
+/// The points depend on the values of all points and on the settings of the output, as the labelled copies do. Their
+/// columns follow from the tiles, on which these values depend.
 pub(crate) fn outline(export: &Outline) -> Outline {
     Outline::new(NUMBER, NAME, Inputs::new().with("pass export", export.depends.fingerprint()))
 }
@@ -100,9 +102,8 @@ fn improve(winners: &mut Winners, cell: (u32, u128), found: (u64, u64)) {
 /// What a unit found.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Found {
-    /// Column and first point of each group, and the end.
-    groups: Vec<(u32, u64)>,
-    end: u64,
+    /// Where the points of each column are.
+    groups: Groups<u32>,
     totals: Totals,
     winners: Vec<((u32, u128), (u64, u64))>,
 }
@@ -110,35 +111,28 @@ struct Found {
 /// The points of the drive grouped by column.
 pub(crate) struct GroupedPoints {
     units: Vec<GroupedUnit>,
+    points: Sections,
     pub(super) totals: Totals,
     pub(super) winners: Winners,
 }
 
 struct GroupedUnit {
-    path: PathBuf,
-    file: File,
     first_id: PointId,
-    groups: Vec<(u32, u64)>,
-    end: u64,
+    groups: Groups<u32>,
 }
 
 impl GroupedPoints {
     /// The points of a column: their numbers, and their records one after the other.
     pub(super) fn of_column(&self, column: usize, record_len: usize) -> Result<(Vec<PointId>, Vec<u8>)> {
         let (mut ids, mut records) = (Vec::new(), Vec::new());
+        let column = in_u32(column, "columns of the octree");
         let stride = NUMBER_BYTES + record_len;
-        let mut bytes = Vec::new();
-        for unit in &self.units {
-            let Ok(at) = unit.groups.binary_search_by_key(&(column as u64), |group| group.0.into()) else {
+        for (number, unit) in self.units.iter().enumerate() {
+            let range = unit.groups.bytes(column, stride);
+            if range.is_empty() {
                 continue;
-            };
-            let first = unit.groups[at].1;
-            let end = unit.groups.get(at + 1).map_or(unit.end, |next| next.1);
-            bytes.resize(usize::try_from(end - first).unwrap_or(0) * stride, 0);
-            unit.file
-                .read_exact_at(&mut bytes, first * stride as u64)
-                .map_err(StoreError::io("read", &unit.path))?;
-            for point in bytes.chunks_exact(stride) {
+            }
+            for point in self.points.get(number)?.read(range)?.chunks_exact(stride) {
                 let number = u32::from_le_bytes([point[0], point[1], point[2], point[3]]);
                 ids.push(unit.first_id + u64::from(number));
                 records.extend_from_slice(&point[NUMBER_BYTES..]);
@@ -158,20 +152,10 @@ pub(crate) struct CopcPointsPass<'a> {
     pub(crate) format: &'a CopcFormat<'a>,
     /// Runs of blocks with points that are shown.
     pub(crate) runs: Vec<BlockRun>,
-    pub(crate) folder: PathBuf,
     pub(crate) outline: Outline,
 }
 
-/// The folder of the grouped points in the state.
-pub(crate) fn folder(run_dir: &RunDir) -> PathBuf {
-    run_dir.path("copc")
-}
-
 impl CopcPointsPass<'_> {
-    fn path(&self, unit: usize) -> PathBuf {
-        self.folder.join(format!("{unit:05}"))
-    }
-
     fn stride(&self) -> usize {
         NUMBER_BYTES + self.format.record_len()
     }
@@ -249,18 +233,6 @@ impl Pass for CopcPointsPass<'_> {
             + self.drive.largest_block_bytes(&self.runs[unit], 64)
     }
 
-    /// Invalidates finished units whose points were lost or cut.
-    fn prepare(&self, dir: &PassDir) -> Result<()> {
-        fs_err::create_dir_all(&self.folder).map_err(StoreError::io("create", &self.folder))?;
-        for (unit, run) in self.runs.iter().enumerate() {
-            let whole = run.points * self.stride() as u64;
-            if std::fs::metadata(self.path(unit)).map_or(true, |facts| facts.len() != whole) {
-                dir.invalidate(unit)?;
-            }
-        }
-        Ok(())
-    }
-
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
         let run = &self.runs[unit];
         self.drive.file(run.file).check_unchanged()?;
@@ -268,41 +240,29 @@ impl Pass for CopcPointsPass<'_> {
         let mut order: Vec<u32> = (0_u32..).take(columns.len()).collect();
         // The sort is stable: within a column, the points stay in file order.
         order.sort_by_key(|&point| columns[point as usize]);
+        found.groups = Groups::of(order.iter().map(|&point| columns[point as usize]));
         let stride = self.stride();
         let mut bytes = Vec::with_capacity(points.len());
-        for (at, &point) in (0_u64..).zip(&order) {
-            let column = columns[point as usize];
-            if found.groups.last().is_none_or(|last| last.0 != column) {
-                found.groups.push((column, at));
-            }
+        for &point in &order {
             bytes.extend_from_slice(&points[point as usize * stride..][..stride]);
         }
-        found.end = order.len() as u64;
-        let path = self.path(unit);
-        let write = || -> std::io::Result<()> {
-            let file = File::options().write(true).create(true).truncate(true).open(&path)?;
-            file.write_all_at(&bytes, 0)?;
-            file.sync_data()
-        };
-        write().map_err(StoreError::io("write", &path))?;
-        codec::encode(&found)
+        drop(points);
+        Ok(codec::pack(&[codec::encode(&found)?, bytes]))
     }
 
     fn reduce(&self, payloads: &Payloads) -> Result<GroupedPoints> {
-        let mut grouped =
-            GroupedPoints { units: Vec::new(), totals: Totals::default(), winners: Winners::new() };
+        let mut units = Vec::new();
+        let (mut totals, mut winners) = (Totals::default(), Winners::new());
         for (unit, run) in self.runs.iter().enumerate() {
-            let path = self.path(unit);
-            let file = File::open(&path).map_err(StoreError::io("open", &path))?;
-            let Found { groups, end, totals, winners } = codec::decode(&payloads.get(unit)?)?;
-            grouped.totals.merge(&totals);
-            for (cell, best) in winners {
-                improve(&mut grouped.winners, cell, best);
+            let found: Found = codec::decode(&payloads.section(unit, FOUND)?)?;
+            totals.merge(&found.totals);
+            for (cell, best) in found.winners {
+                improve(&mut winners, cell, best);
             }
             let first_id = self.drive.first_id(run.file, run.blocks.start);
-            grouped.units.push(GroupedUnit { path, file, first_id, groups, end });
+            units.push(GroupedUnit { first_id, groups: found.groups });
         }
-        Ok(grouped)
+        Ok(GroupedPoints { units, points: Sections::of(payloads.clone(), POINTS), totals, winners })
     }
 }
 

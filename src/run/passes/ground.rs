@@ -23,15 +23,16 @@ const NUMBER: u32 = 2;
 const NAME: &str = "ground";
 
 /// Raised when a method gives different results for the same input and settings.
-pub(crate) const ALGORITHM_EPOCH: u32 = 1;
+pub(crate) const ALGORITHM_EPOCH: u32 = 2;
 
 /// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting).
 /// `scripts/tile_memory.py` measured 37 to 44 on streets, and 44 to 51 in forests, where few points share a
 /// voxel.
 pub(crate) const BYTES_PER_POINT: u64 = 52;
 
-/// One point of 16 is asked whether it lies low and is ground. That is enough for a warning.
-const LOW_SHARE: u64 = 16;
+/// In one cell of this number all points are asked whether they lie low and are ground. That is enough for a warning. One
+/// point of as many would not do: its neighbours say what lies low.
+const LOW_SHARE: i64 = 8;
 
 /// The ground pass depends on the content of the input, the tiles, and its own settings.
 pub(crate) fn outline(surveyed: &Surveyed, plan: &Plan, config: &Config, chain: &Chain) -> Outline {
@@ -156,7 +157,10 @@ impl<'a> Pass for GroundPass<'a> {
             }
         }
         payload.heights = heights.finish();
-        let asked = |point: usize| gathered.core[point] && cloud.id[point].number().is_multiple_of(LOW_SHARE);
+        let asked = |point: usize| {
+            let [x, y, _] = cloud.lattice_point(point);
+            gathered.core[point] && (grid.index(x) + 3 * grid.index(y)).rem_euclid(LOW_SHARE) == 0
+        };
         payload.low = LowPoints::count(cloud, &classes, &grid, asked);
         let verdicts = TileVerdicts::collect(self.tiled.drive, &ids, codes)?;
         let [blocks, runs, codes] = verdicts.into_sections()?;

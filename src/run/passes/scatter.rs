@@ -97,14 +97,9 @@ impl Pass for ScatterPass<'_> {
         let run = &self.runs[unit];
         self.drive.file(run.file).check_unchanged()?;
         let points = self.grouped(run)?;
-        let mut groups = Groups { first: Vec::new(), end: points.len() as u64 };
-        let mut bytes = Vec::with_capacity(points.len() * STRIDE);
-        for (at, (tile, point)) in points.iter().enumerate() {
-            if groups.first.last().is_none_or(|last| last.0 != *tile) {
-                groups.first.push((*tile, at as u64));
-            }
-            bytes.extend_from_slice(point);
-        }
+        let groups = Groups::of(points.iter().map(|(tile, _)| *tile));
+        let bytes: Vec<[u8; STRIDE]> = points.into_iter().map(|(_, point)| point).collect();
+        let bytes = bytes.into_flattened();
         Ok(codec::pack(&[codec::encode(&groups)?, bytes]))
     }
 

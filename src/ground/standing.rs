@@ -1,0 +1,218 @@
+//! Columns in which something stands: their foot is ground only beside clear ground, and what walls enclose is a room.
+//!
+//! Both rules need the surface of the ground in every column, and know nothing of how it was found. A column is *clear*
+//! where nothing stands on its surface.
+//!
+//! * *Foot.* The lowest points of a facade, a trunk or a hedge lie on the surface even where the ground below was not
+//!   seen. They are ground if so many points lie there that the thing alone does not explain them, or if a clear column
+//!   nearby has the same height.
+//! * *Room.* The floor behind a window is as flat as a road. Clear columns that touch and differ by less than a step are a
+//!   patch. A patch is a room if it is small and walls are a large part of its border. Columns without points do not count:
+//!   a room is seen through a window, and its border in parts. So single columns between wall and nothing are rooms, too.
+//!
+//! Both decisions are exact over tiles. A patch that is as long as `room` reaches that far from each of its columns, so
+//! nothing beyond matters.
+#![expect(clippy::cast_possible_truncation, reason = "numbers of columns fit u32, see VoxelIndex")]
+
+use super::lowest::NONE;
+use crate::spatial::{DisjointSets, VoxelIndex};
+
+/// Columns to each side in which clear ground is sought (chosen: 0.9 m by default).
+pub(super) const FOOT_REACH: i64 = 3;
+
+/// A patch is a room if more than this share of its border are walls (chosen by the study in benches/results/ground.md).
+const WALLS: f64 = 0.25;
+
+/// What a column holds above its surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// It has no surface.
+    Unseen,
+    /// Nothing stands there.
+    Clear,
+    /// Something stands there; as high as a wall, and on ground that was seen.
+    Standing { wall: bool, ground: bool },
+}
+
+/// What the rules compare, in lattice units and columns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits {
+    /// Neighbouring columns of a patch differ by less than this.
+    pub(super) step: u32,
+    /// A foot differs from the clear ground beside it by at most this.
+    pub(super) close: u32,
+    /// A patch this many columns long along an axis is no room.
+    pub(super) room: u32,
+}
+
+/// A set of clear columns that touch.
+#[derive(Debug, Clone, Copy)]
+struct Patch {
+    low: [u32; 2],
+    high: [u32; 2],
+    border: u32,
+    walls: u32,
+}
+
+impl Patch {
+    const EMPTY: Self = Self { low: [u32::MAX; 2], high: [0; 2], border: 0, walls: 0 };
+
+    fn add(&mut self, column: [u32; 2]) {
+        for axis in [0, 1] {
+            self.low[axis] = self.low[axis].min(column[axis]);
+            self.high[axis] = self.high[axis].max(column[axis]);
+        }
+    }
+
+    fn is_room(&self, room: u32) -> bool {
+        let is_short = [0, 1].iter().all(|&axis| self.high[axis] - self.low[axis] < room);
+        is_short && f64::from(self.walls) > WALLS * f64::from(self.border)
+    }
+}
+
+/// Whether the points at the surface of each column are ground.
+pub(super) fn has_ground(index: &VoxelIndex, surface: &[u32], kinds: &[Kind], limits: Limits) -> Vec<bool> {
+    let mut ground = clear_ground(index, surface, kinds, limits);
+    let clear = ground.clone();
+    for di in 0..=FOOT_REACH {
+        let first = if di == 0 { 1 } else { -FOOT_REACH };
+        for dj in first..=FOOT_REACH {
+            index.column_pairs([di, dj], |one, other| {
+                let same_height = surface[one].abs_diff(surface[other]) <= limits.close;
+                for (foot, beside) in [(one, other), (other, one)] {
+                    if same_height && clear[beside] && kinds[foot] != Kind::Clear {
+                        ground[foot] |= kinds[foot] != Kind::Unseen;
+                    }
+                }
+            });
+        }
+    }
+    for (ground, kind) in ground.iter_mut().zip(kinds) {
+        *ground |= matches!(kind, Kind::Standing { ground: true, .. });
+    }
+    ground
+}
+
+/// Whether each column is clear and not of a room.
+fn clear_ground(index: &VoxelIndex, surface: &[u32], kinds: &[Kind], limits: Limits) -> Vec<bool> {
+    const BESIDE: [[i64; 2]; 4] = [[0, 1], [1, -1], [1, 0], [1, 1]];
+    let is_clear = |column: usize| kinds[column] == Kind::Clear;
+    let mut sets = DisjointSets::new(kinds.len() as u32);
+    for offset in BESIDE {
+        index.column_pairs(offset, |one, other| {
+            if is_clear(one) && is_clear(other) && surface[one].abs_diff(surface[other]) < limits.step {
+                sets.union(one as u32, other as u32);
+            }
+        });
+    }
+    let patch_of: Vec<u32> = (0..kinds.len()).map(|column| sets.find(column as u32)).collect();
+    let mut patches = vec![Patch::EMPTY; kinds.len()];
+    for (&patch, &column) in patch_of.iter().zip(index.columns()) {
+        patches[patch as usize].add(column);
+    }
+    for offset in BESIDE {
+        index.column_pairs(offset, |one, other| {
+            for (inside, beside) in [(one, other), (other, one)] {
+                if patch_of[one] != patch_of[other] && is_clear(inside) {
+                    let patch = &mut patches[patch_of[inside] as usize];
+                    patch.border += 1;
+                    patch.walls += u32::from(matches!(kinds[beside], Kind::Standing { wall: true, .. }));
+                }
+            }
+        });
+    }
+    let is_ground =
+        |column: usize| is_clear(column) && !patches[patch_of[column] as usize].is_room(limits.room);
+    debug_assert!(
+        (0..kinds.len()).all(|column| (surface[column] == NONE) == (kinds[column] == Kind::Unseen))
+    );
+    (0..kinds.len()).map(is_ground).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Lattice, TileCloud};
+    use Kind::{Clear, Unseen};
+
+    const WALL: Kind = Kind::Standing { wall: true, ground: false };
+    const HEDGE: Kind = Kind::Standing { wall: false, ground: false };
+    const LIMITS: Limits = Limits { step: 300, close: 60, room: 5 };
+
+    /// Columns of edge 10 in rows of text: `.` clear, `#` wall, `h` hedge, `?` unseen, ` ` nothing. Text: `.` and `h` with
+    /// ground, `o` without. `height` gives the surface at (row, place).
+    fn ground(rows: &[&str], limits: Limits, height: impl Fn(u32, u32) -> u32) -> Vec<String> {
+        let at = |row: usize, place: usize| rows[row].as_bytes()[place];
+        let places = || (0..rows.len()).flat_map(|row| (0..rows[row].len()).map(move |place| (row, place)));
+        let points: Vec<[i64; 3]> = places()
+            .filter(|&(row, place)| at(row, place) != b' ')
+            .map(|(row, place)| [10 * i64::try_from(row).unwrap(), 10 * i64::try_from(place).unwrap(), 0])
+            .collect();
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+        let index = VoxelIndex::build("test", &cloud, 10).unwrap();
+        let kind = |letter| match letter {
+            b'.' => Clear,
+            b'#' => WALL,
+            b'h' => HEDGE,
+            _ => Unseen,
+        };
+        let columns = || index.columns().iter().map(|&[i, j]| (i, j));
+        let kinds: Vec<Kind> = columns().map(|(i, j)| kind(at(i as usize, j as usize))).collect();
+        let surface: Vec<u32> = columns()
+            .zip(&kinds)
+            .map(|((i, j), &kind)| if kind == Unseen { NONE } else { height(i, j) })
+            .collect();
+        let found = has_ground(&index, &surface, &kinds, limits);
+        let mut text = vec![String::new(); rows.len()];
+        for (row, place) in places() {
+            let column = columns().position(|(i, j)| (i as usize, j as usize) == (row, place));
+            text[row].push(column.map_or(' ', |column| if found[column] { '.' } else { 'o' }));
+        }
+        text
+    }
+
+    #[test]
+    fn patches_that_walls_enclose_are_rooms_unless_they_are_long() {
+        let room = ["######", "#....#", "#....#", "######"];
+        assert_eq!(ground(&room, LIMITS, |_, _| 0), ["oooooo"; 4]);
+        // As long as the limit: a yard. Its walls stand on ground.
+        let yard = ["########", "#......#", "#......#", "########"];
+        assert_eq!(ground(&yard, LIMITS, |_, _| 0), ["........"; 4]);
+        // Hedges are no walls. One wall is not a quarter of what lies around.
+        let garden = ["hhhhhh", "h....h", "h....h", "hhhhhh"];
+        assert_eq!(ground(&garden, LIMITS, |_, _| 0), ["......"; 4]);
+        assert_eq!(ground(&["h..h", "h..h", "hh#h"], LIMITS, |_, _| 0), ["...."; 3]);
+        assert_eq!(ground(&room, Limits { room: 0, ..LIMITS }, |_, _| 0), ["......"; 4]);
+    }
+
+    #[test]
+    fn a_step_separates_a_room_from_the_street() {
+        // The wall between them was seen in part: the floor joins the street unless it is a step higher.
+        let front = ["######", "#....#", "#....#", "#.##.#", "......", "......"];
+        let floor = |height: u32| move |row: u32, _: u32| if row < 4 { height } else { 0 };
+        assert_eq!(ground(&front, LIMITS, floor(299)), ["......"; 6]);
+        let above = ground(&front, LIMITS, floor(300));
+        assert_eq!(above[..4], ["oooooo"; 4]);
+        assert_eq!(above[4..], ["......"; 2]);
+    }
+
+    #[test]
+    fn a_foot_is_ground_where_clear_ground_beside_it_is_as_high() {
+        let row = |height: u32| {
+            ground(&["....hhhhh"], LIMITS, move |_, place| if place < 4 { 100 } else { height })
+        };
+        assert_eq!(row(160), [".......oo"], "three columns away");
+        assert_eq!(row(40), [".......oo"]);
+        assert_eq!(row(161), ["....ooooo"]);
+        assert_eq!(row(39), ["....ooooo"]);
+        assert_eq!(ground(&[".?h"], LIMITS, |_, _| 0), [".o."], "a column without a surface has no ground");
+    }
+
+    #[test]
+    fn a_foot_on_ground_that_was_seen_is_ground_anywhere() {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &[[0; 3], [500, 0, 0]]);
+        let index = VoxelIndex::build("test", &cloud, 10).unwrap();
+        let kinds = [HEDGE, Kind::Standing { wall: true, ground: true }];
+        assert_eq!(has_ground(&index, &[0, 0], &kinds, LIMITS), [false, true]);
+    }
+}

@@ -1,0 +1,57 @@
+//! A request for a run, and how a run begins: its run directory is locked, and its drive is opened.
+
+use std::path::PathBuf;
+
+use crate::config::Config;
+use crate::error::Result;
+use crate::output::LabelledFile;
+use crate::run::chain::{Chain, Registries};
+use crate::run::finish::names;
+use crate::run::open::{self, Opened};
+use crate::store::RunDir;
+
+/// A request for a run.
+#[derive(Debug, Clone)]
+pub struct RunRequest<'a> {
+    /// LAS/LAZ files, folders and patterns.
+    pub inputs: Vec<PathBuf>,
+    /// Output directory.
+    pub out: PathBuf,
+    /// Settings.
+    pub config: Config,
+    /// Whether to discard the state of an earlier run in `out`.
+    pub fresh: bool,
+    /// The registries of methods.
+    pub registries: Registries<'a>,
+}
+
+/// A run that has begun. Nothing is computed yet.
+pub(crate) struct Begun<'a> {
+    pub(crate) run_dir: RunDir,
+    pub(crate) open: Opened<'a>,
+    /// The labelled copies.
+    pub(crate) labelled: Vec<LabelledFile>,
+    pub(crate) warnings: Vec<String>,
+}
+
+impl<'a> Begun<'a> {
+    /// Locks the run directory of a request, and opens its drive.
+    pub(crate) fn from(request: &'a RunRequest<'_>) -> Result<Self> {
+        let config = &request.config;
+        let catalog = open::catalog(&request.inputs, config)?;
+        let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
+        let chain = Chain::build(config, &request.registries, catalog.lattice())?;
+        let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
+        let surfaces = chain.method.finds_surfaces();
+        names::claim(&run_dir, config, surfaces, &labelled)?;
+        let mut warnings = config.warnings().to_vec();
+        warnings.extend(catalog.warnings().iter().cloned());
+        warnings.extend(open::file_system_warning(&request.inputs, config));
+        warnings.extend(file_warnings);
+        if request.fresh {
+            warnings.extend(names::remove_superseded(&run_dir, config, surfaces, &labelled)?);
+        }
+        let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
+        Ok(Self { run_dir, open, labelled, warnings })
+    }
+}
