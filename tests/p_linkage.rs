@@ -70,6 +70,7 @@ fn scene(rng: &mut ChaCha8Rng) -> (Points, Vec<bool>) {
 fn method(settings: &Settings) -> Surfaces {
     let config = SurfacesConfig {
         angle_deg: settings.angle_deg,
+        border_score: settings.border_score,
         neighbours: u32::try_from(settings.neighbours).unwrap(),
         reach_m: settings.reach_mm as f64 / 1_000.0,
         ..SurfacesConfig::default()
@@ -79,9 +80,9 @@ fn method(settings: &Settings) -> Surfaces {
 
 fn settings(rng: &mut ChaCha8Rng) -> Settings {
     match rng.random_range(0..3) {
-        0 => Settings { neighbours: 30, reach_mm: 1_000, angle_deg: 10.0 },
-        1 => Settings { neighbours: 15, reach_mm: 250, angle_deg: 20.0 },
-        _ => Settings { neighbours: 41, reach_mm: 400, angle_deg: 5.0 },
+        0 => Settings { neighbours: 30, reach_mm: 1_000, angle_deg: 10.0, border_score: 2.5 },
+        1 => Settings { neighbours: 15, reach_mm: 250, angle_deg: 20.0, border_score: 0.0 },
+        _ => Settings { neighbours: 41, reach_mm: 400, angle_deg: 5.0, border_score: 1.5 },
     }
 }
 
@@ -183,6 +184,34 @@ fn every_plane_of_a_room_is_found_once_with_its_angle_and_offset() {
         assert_eq!(matching.len(), 1, "plane {number}");
         let deviation = matching[0].flatness_units2.sqrt();
         assert!((7.0..12.0).contains(&deviation), "plane {number}: {deviation} mm");
+    }
+}
+
+#[test]
+fn a_road_and_a_pavement_are_two_surfaces_unless_only_normals_decide() {
+    let mut rng = ChaCha8Rng::seed_from_u64(21);
+    let side = [3_000.0, 0.0, 0.0];
+    let mut points = rectangle(&mut rng, ([0.0, -1_500.0, 0.0], side, [0.0, 1_500.0, 0.0]), 4_500, 10.0);
+    points.extend(rectangle(&mut rng, ([0.0; 3], side, [0.0, 0.0, 120.0]), 360, 10.0));
+    points.extend(rectangle(&mut rng, ([0.0, 0.0, 120.0], side, [0.0, 1_200.0, 0.0]), 3_600, 10.0));
+    let (road, pavement) = (0..4_500, 4_860..8_460);
+    let ground = vec![false; points.len()];
+    let largest = |found: &Outcome, plane: std::ops::Range<usize>| {
+        let mut sizes: BTreeMap<usize, usize> = BTreeMap::new();
+        found.objects[plane.clone()]
+            .iter()
+            .flatten()
+            .for_each(|object| *sizes.entry(*object).or_default() += 1);
+        let (object, size) = sizes.into_iter().max_by_key(|(_, size)| *size).unwrap();
+        assert!(size * 10 > plane.len() * 9, "{size} of {}", plane.len());
+        object
+    };
+    for (border_score, two) in [(SurfacesConfig::default().border_score, true), (0.0, false)] {
+        let config = SurfacesConfig { border_score, ..SurfacesConfig::default() };
+        let method = Surfaces::new(&config).unwrap();
+        let found = MemoryDrive::new(&points, &ground, 3, |cell| cell[0].unsigned_abs() % 3).run(&method);
+        let apart = largest(&found, road.clone()) != largest(&found, pavement.clone());
+        assert_eq!(apart, two, "border_score {border_score}");
     }
 }
 

@@ -15,6 +15,7 @@ pub(crate) struct Settings {
     pub(crate) neighbours: usize,
     pub(crate) reach_mm: i64,
     pub(crate) angle_deg: f64,
+    pub(crate) border_score: f64,
 }
 
 type Vector = Vector3<f64>;
@@ -101,8 +102,21 @@ impl Random {
     }
 }
 
-/// Normal and consistent points of the robust plane of a slice.
-fn slice(points: &[[i64; 3]], members: &[usize]) -> Option<(Vector, BTreeSet<usize>)> {
+/// The robust plane of a slice: normal, a point on it, and its consistent points with their deviation.
+struct Robust {
+    normal: Vector,
+    mean: Vector,
+    consistent: BTreeSet<usize>,
+    deviation: f64,
+}
+
+impl Robust {
+    fn distance(&self, point: [i64; 3]) -> f64 {
+        self.normal.dot(&(vector(point) - self.mean)).abs()
+    }
+}
+
+fn slice(points: &[[i64; 3]], members: &[usize]) -> Option<Robust> {
     let start = vector(points[members[0]]);
     let places: Vec<Vector> = members.iter().map(|member| vector(points[*member]) - start).collect();
     let half = (members.len() / 2).max(3);
@@ -130,8 +144,77 @@ fn slice(points: &[[i64; 3]], members: &[usize]) -> Option<(Vector, BTreeSet<usi
     }
     let (normal, _, mean) = best?;
     let distances: Vec<f64> = places.iter().map(|place| normal.dot(&(place - mean)).abs()).collect();
-    let kept = members.iter().zip(consistent(&distances)).filter(|(_, holds)| *holds);
-    Some((normal, kept.map(|(member, _)| *member).collect()))
+    let kept: Vec<usize> = (0..members.len())
+        .zip(consistent(&distances))
+        .filter(|(_, holds)| *holds)
+        .map(|(at, _)| at)
+        .collect();
+    let squared = kept.iter().map(|at| distances[*at].powi(2)).sum::<f64>();
+    Some(Robust {
+        normal,
+        mean: mean + start,
+        deviation: (squared / kept.len() as f64).sqrt(),
+        consistent: kept.into_iter().map(|at| members[at]).collect(),
+    })
+}
+
+/// The points that take part, their ids among all points, and their normals.
+struct Cloud<'a> {
+    own: &'a [[i64; 3]],
+    kept: &'a [usize],
+    facts: &'a [Option<Facts>],
+}
+
+/// A tree of merged slices for each surface, and the number of merged pairs.
+struct Merged {
+    parent: Vec<usize>,
+    pairs: usize,
+}
+
+impl Cloud<'_> {
+    /// The slice of each point (`usize::MAX` for none), and the slices that are merged.
+    fn merge(&self, slices: &[(Vec<usize>, Robust)], settings: &Settings) -> (Vec<usize>, Merged) {
+        let Self { own, kept, facts } = *self;
+        let mut of_point = vec![usize::MAX; own.len()];
+        for (number, (members, ..)) in slices.iter().enumerate() {
+            members.iter().for_each(|member| of_point[*member] = number);
+        }
+        let mut parent: Vec<usize> = (0..slices.len()).collect();
+        fn root(parent: &[usize], mut at: usize) -> usize {
+            while parent[at] != at {
+                at = parent[at];
+            }
+            at
+        }
+        let least = settings.angle_deg.to_radians().cos();
+        // The distances of the points of borders from the planes of the other slices.
+        let mut borders: BTreeMap<(usize, usize), Vec<f64>> = BTreeMap::new();
+        for (a, facts_a) in facts.iter().enumerate() {
+            for &b in facts_a.iter().flat_map(|facts| &facts.consistent) {
+                let mutual = facts[b].as_ref().is_some_and(|there| there.consistent.contains(&a));
+                let (p, q) = (of_point[a], of_point[b]);
+                if !mutual || p == q || p == usize::MAX || q == usize::MAX {
+                    continue;
+                }
+                let [one, other] = [p, q].map(|slice| &slices[slice].1);
+                let holds = one.consistent.contains(&kept[a]) && other.consistent.contains(&kept[b]);
+                if holds && one.normal.dot(&other.normal).abs() > least {
+                    borders.entry((p.min(q), p.max(q))).or_default().push(one.distance(own[b]));
+                }
+            }
+        }
+        borders.retain(|(p, q), distances| {
+            let mean = distances.iter().sum::<f64>() / distances.len() as f64;
+            let deviation = slices[*p].1.deviation.max(slices[*q].1.deviation).max(1.0);
+            settings.border_score <= 0.0 || mean < settings.border_score * deviation
+        });
+        for (p, q) in borders.keys() {
+            let (one, other) = (root(&parent, *p), root(&parent, *q));
+            parent[one.max(other)] = one.min(other);
+        }
+        let pairs = borders.len();
+        (of_point, Merged { parent, pairs })
+    }
 }
 
 /// For each point the smallest point of its surface, whatever its size; and the numbers of slices and of merged pairs.
@@ -174,50 +257,31 @@ pub(crate) fn surfaces(
     let is_centre = |root: usize| {
         facts[root].as_ref().is_some_and(|facts| facts.flatness < mean + deviation || deviation <= 0.0)
     };
-    let mut slices: Vec<(Vec<usize>, Vector, BTreeSet<usize>)> = Vec::new();
+    let mut slices: Vec<(Vec<usize>, Robust)> = Vec::new();
     for (root, members) in clusters {
         if members.len() < 10 || !is_centre(root) {
             continue;
         }
         // Random numbers follow from ids, which are those among all points.
         let ids: Vec<usize> = members.iter().map(|member| kept[*member]).collect();
-        if let Some((normal, consistent)) = slice(points, &ids) {
-            slices.push((members, normal, consistent));
+        if let Some(robust) = slice(points, &ids) {
+            slices.push((members, robust));
         }
     }
-    let mut of_point = vec![usize::MAX; own.len()];
-    for (number, (members, ..)) in slices.iter().enumerate() {
-        members.iter().for_each(|member| of_point[*member] = number);
-    }
-    let mut parent: Vec<usize> = (0..slices.len()).collect();
-    fn root(parent: &[usize], mut at: usize) -> usize {
-        while parent[at] != at {
-            at = parent[at];
+    let cloud = Cloud { own: &own, kept: &kept, facts: &facts };
+    let (of_point, merged) = cloud.merge(&slices, settings);
+    let root = |at: usize| {
+        let mut at = at;
+        while merged.parent[at] != at {
+            at = merged.parent[at];
         }
         at
-    }
-    let least = settings.angle_deg.to_radians().cos();
-    let mut merged = BTreeSet::new();
-    for (a, facts_a) in facts.iter().enumerate() {
-        for &b in facts_a.iter().flat_map(|facts| &facts.consistent) {
-            let mutual = facts[b].as_ref().is_some_and(|there| there.consistent.contains(&a));
-            let (p, q) = (of_point[a], of_point[b]);
-            if !mutual || p == q || p == usize::MAX || q == usize::MAX {
-                continue;
-            }
-            let holds = slices[p].2.contains(&kept[a]) && slices[q].2.contains(&kept[b]);
-            if holds && slices[p].1.dot(&slices[q].1).abs() > least {
-                merged.insert((p.min(q), p.max(q)));
-                let (one, other) = (root(&parent, p), root(&parent, q));
-                parent[one.max(other)] = one.min(other);
-            }
-        }
-    }
+    };
     let mut first: BTreeMap<usize, usize> = BTreeMap::new();
     let mut found = vec![None; points.len()];
     for (point, &number) in of_point.iter().enumerate().filter(|(_, number)| **number != usize::MAX) {
-        let surface = root(&parent, number);
+        let surface = root(number);
         found[kept[point]] = Some(*first.entry(surface).or_insert(kept[point]));
     }
-    (found, [slices.len(), merged.len()])
+    (found, [slices.len(), merged.pairs])
 }

@@ -28,6 +28,7 @@
 //! neighbourhood makes slices with arbitrary normals. Edges between planes are rounded off by small slices of their own.
 
 mod around;
+mod border;
 mod normals;
 mod payload;
 mod planes;
@@ -65,7 +66,7 @@ const STEPS: [Step; 3] = [
     },
     Step {
         name: "slices",
-        settings: &["p-linkage.angle_deg"],
+        settings: &["p-linkage.angle_deg", "p-linkage.border_score"],
         bytes: BytesPer::ObjectPoint(SLICES_BYTES_PER_POINT),
         repeat: Repeat::Once,
     },
@@ -143,7 +144,7 @@ impl Method for Surfaces {
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
             STEP_LINKS => stage_links::reduce(drive).map(Reduced::Global),
-            STEP_SLICES => stage_slices::reduce(drive).map(Reduced::Global),
+            STEP_SLICES => stage_slices::reduce(drive, &self.config).map(Reduced::Global),
             STEP_SURFACES => stage_surfaces::reduce(drive).map(Reduced::Groups),
             other => Err(Error::bug(format!("{NAME} has no step {other}"))),
         }

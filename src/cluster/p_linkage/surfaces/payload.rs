@@ -3,11 +3,13 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::border::Border;
 use super::planes::Moments;
-use super::settings::STEP_LINKS;
+use super::settings::{NAME, STEP_LINKS};
+use super::slice::SlicePlane;
 use crate::cluster::DriveWindow;
 use crate::codec;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::model::{PointId, TileId};
 
 const SECTION_LABELS: usize = 0;
@@ -73,10 +75,10 @@ pub(super) struct OfTile {
     pub(super) open: Vec<OpenTree>,
 }
 
-/// The plane of a closed slice, and the moments of its consistent points from the lowest corner of the drive.
+/// A closed slice: its plane, and the moments of its consistent points from the lowest corner of the drive.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-pub(super) struct SlicePlane {
-    pub(super) normal: [f64; 3],
+pub(super) struct Closed {
+    pub(super) plane: SlicePlane,
     pub(super) moments: Moments,
 }
 
@@ -103,13 +105,15 @@ pub(super) struct Across {
 /// Mutual pairs of points of different trees (equation 10).
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Pairs {
-    /// Closed trees with a pair of consistent points, the smaller number first, ascending.
-    pub(super) trees: Vec<(u32, u32)>,
+    /// Closed trees with pairs of consistent points, the smaller number first, ascending, and their border.
+    pub(super) trees: Vec<((u32, u32), Border)>,
     /// Pairs of own points, by position, of which one is of an open tree at least.
     pub(super) points: Vec<(u32, u32)>,
     pub(super) across: Vec<Across>,
     /// Ids and positions of own points that other tiles store in `across`, ascending.
     pub(super) ends: Vec<(PointId, u32)>,
+    /// Positions and lattice coordinates of the own points in the three lists above, ascending.
+    pub(super) places: Vec<(u32, [i64; 3])>,
 }
 
 /// What a tile stores.
@@ -119,7 +123,7 @@ pub(super) struct Stored {
     pub(super) labels: Vec<u32>,
     pub(super) of_tile: OfTile,
     /// Of the closed trees.
-    pub(super) planes: Vec<SlicePlane>,
+    pub(super) planes: Vec<Closed>,
     /// Whether each point is consistent with the plane of its closed tree.
     pub(super) consistent: Vec<bool>,
     /// The points of each open tree.
@@ -160,6 +164,14 @@ impl Stored {
     }
 }
 
+impl Pairs {
+    /// Lattice coordinates of an own point of a pair, by its position.
+    pub(super) fn place(&self, own: u32) -> Result<[i64; 3]> {
+        let at = self.places.binary_search_by_key(&own, |place| place.0);
+        at.map(|at| self.places[at].1).map_err(|_| Error::bug(format!("{NAME}: point {own} has no place")))
+    }
+}
+
 fn decode_labels(payload: &[u8]) -> Result<Vec<u32>> {
     let (labels, _) = codec::section(payload, SECTION_LABELS)?.as_chunks::<4>();
     Ok(labels.iter().map(|label| u32::from_le_bytes(*label)).collect())
@@ -176,7 +188,7 @@ pub(super) fn load_trees(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> R
 }
 
 /// The planes of the closed trees of a tile.
-pub(super) fn load_planes(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<SlicePlane>> {
+pub(super) fn load_planes(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<Closed>> {
     codec::decode(codec::section(&drive.payload(STEP_LINKS, tile)?, SECTION_PLANES)?)
 }
 

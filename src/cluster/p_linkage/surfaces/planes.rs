@@ -98,8 +98,14 @@ impl Fit {
     #[inline]
     pub(super) fn distance(&self, [x, y, z]: [f64; 3]) -> f64 {
         let [a, b, c] = self.normal;
-        let through = a * self.mean[0] + b * self.mean[1] + c * self.mean[2];
-        ((a * x + b * y + c * z) - through).abs()
+        ((a * x + b * y + c * z) - self.through()).abs()
+    }
+
+    /// Position along the normal, from the place of the moments.
+    #[inline]
+    pub(super) fn through(&self) -> f64 {
+        let [a, b, c] = self.normal;
+        a * self.mean[0] + b * self.mean[1] + c * self.mean[2]
     }
 }
 

@@ -25,6 +25,10 @@ pub struct SurfacesConfig {
     /// Adjacent slices are merged if the angle between their normals is below this, in degrees: theta of equation 11, 0
     /// (never) to 90. Default 10 (section 4.2). The larger it is, the more a surface may bend.
     pub angle_deg: f64,
+    /// Adjacent slices are merged if the points of their border are, in the mean, nearer to the plane of the other slice
+    /// than this many deviations of the points of the rougher slice. 0 (the paper's rule: only normals decide) to 100.
+    /// Default 2.5 (chosen: the score of equation 7 up to which a point is consistent with a plane).
+    pub border_score: f64,
     /// Number of neighbours of a point, itself included: K of section 3, 8 to 255. Default 50 (chosen, see
     /// `benches/results/surfaces.md`; the paper has no number).
     pub neighbours: u32,
@@ -38,7 +42,7 @@ pub struct SurfacesConfig {
 
 impl Default for SurfacesConfig {
     fn default() -> Self {
-        Self { angle_deg: 10.0, neighbours: 50, reach_m: 1.0, min_points: SLICE_POINTS }
+        Self { angle_deg: 10.0, border_score: 2.5, neighbours: 50, reach_m: 1.0, min_points: SLICE_POINTS }
     }
 }
 
@@ -50,6 +54,13 @@ impl SurfacesConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         if !(0.0..=90.0).contains(&self.angle_deg) {
             return Err(ConfigError::value("p-linkage.angle_deg", self.angle_deg, "0 to 90 degrees"));
+        }
+        if !(0.0..=100.0).contains(&self.border_score) {
+            return Err(ConfigError::value(
+                "p-linkage.border_score",
+                self.border_score,
+                "0 to 100 deviations",
+            ));
         }
         if !(8..=255).contains(&self.neighbours) {
             return Err(ConfigError::value("p-linkage.neighbours", self.neighbours, "8 to 255 points"));
@@ -95,6 +106,7 @@ mod tests {
         for (config, key) in [
             (SurfacesConfig { angle_deg: f64::NAN, ..default() }, "p-linkage.angle_deg = NaN"),
             (SurfacesConfig { angle_deg: 91.0, ..default() }, "p-linkage.angle_deg = 91"),
+            (SurfacesConfig { border_score: -1.0, ..default() }, "p-linkage.border_score = -1"),
             (SurfacesConfig { neighbours: 7, ..default() }, "p-linkage.neighbours = 7"),
             (SurfacesConfig { reach_m: 0.0, ..default() }, "p-linkage.reach_m = 0"),
             (SurfacesConfig { min_points: 9, ..default() }, "p-linkage.min_points = 9"),

@@ -8,6 +8,8 @@
 //! random numbers follow from the smallest id of the slice, and points come in ascending order of ids. So the plane
 //! depends on the slice and on nothing else.
 
+use serde::{Deserialize, Serialize};
+
 use super::planes::{Consistent, Fit, Moments};
 use crate::model::PointId;
 
@@ -16,11 +18,32 @@ const TRIALS: u32 = 69;
 /// Coordinates below this, of at most as many points, are summed in 64 bits.
 const SMALL: i64 = 1 << 20;
 
+/// The robust plane of a slice.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct SlicePlane {
+    pub(super) normal: [f64; 3],
+    /// The lattice point from which the plane is counted: that of the point with the smallest id.
+    pub(super) origin: [i64; 3],
+    /// Position of the plane along its normal, from the origin, in lattice units.
+    pub(super) through: f64,
+    /// Root of the mean squared distance of its consistent points, in lattice units.
+    pub(super) deviation: f64,
+}
+
+impl SlicePlane {
+    /// Distance of a lattice point in lattice units.
+    #[inline]
+    pub(super) fn distance(&self, at: [i64; 3]) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|axis| (at[axis] - self.origin[axis]) as f64);
+        let [a, b, c] = self.normal;
+        ((a * x + b * y + c * z) - self.through).abs()
+    }
+}
+
 /// A slice with a plane.
 #[derive(Debug)]
 pub(super) struct Slice {
-    /// Normal of its robust plane.
-    pub(super) normal: [f64; 3],
+    pub(super) plane: SlicePlane,
     /// Whether each point is consistent with this plane.
     pub(super) consistent: Vec<bool>,
 }
@@ -93,8 +116,15 @@ pub(super) fn slice(points: &[[i64; 3]], first: PointId) -> Option<Slice> {
     let distances: Vec<f64> =
         (0..points.len()).map(|at| fit.distance([axes[0][at], axes[1][at], axes[2][at]])).collect();
     let limits = Consistent::of(&distances, &mut keys);
-    let consistent = distances.iter().map(|distance| limits.holds(*distance)).collect();
-    Some(Slice { normal: fit.normal, consistent })
+    let consistent: Vec<bool> = distances.iter().map(|distance| limits.holds(*distance)).collect();
+    let (mut kept, mut squared) = (0_u32, 0.0);
+    for (distance, _) in distances.iter().zip(&consistent).filter(|(_, holds)| **holds) {
+        kept += 1;
+        squared += distance * distance;
+    }
+    let deviation = (squared / f64::from(kept.max(1))).sqrt();
+    let plane = SlicePlane { normal: fit.normal, origin: start, through: fit.through(), deviation };
+    Some(Slice { plane, consistent })
 }
 
 /// The normal of the plane through three points, of any length. `None` if they are on one line.
@@ -158,14 +188,16 @@ mod tests {
         let mut points: Vec<[i64; 3]> = (0..70).map(|_| [noise(500), noise(500), noise(4)]).collect();
         points.extend((0..30).map(|_| [noise(500), noise(500), 300 + noise(200)]));
         let found = slice(&points, PointId::new(3)).unwrap();
-        assert!(likeness(found.normal, [0.0, 0.0, 1.0]) > 0.9999, "{found:?}");
+        assert!(likeness(found.plane.normal, [0.0, 0.0, 1.0]) > 0.9999, "{found:?}");
         assert!(found.consistent[70..].iter().all(|consistent| !consistent));
+        assert!((3.0..5.0).contains(&found.plane.deviation), "{found:?}");
+        assert!(points[..70].iter().all(|point| found.plane.distance(*point) < 16.0));
         assert!(found.consistent[..70].iter().filter(|consistent| **consistent).count() > 60);
         // Far away and spread over kilometres, sums need more bits.
         let far: Vec<[i64; 3]> =
             points.iter().map(|p| [p[0] * 90_000 + (1 << 50), p[1] * 90_000, p[2]]).collect();
         let found = slice(&far, PointId::new(3)).unwrap();
-        assert!(likeness(found.normal, [0.0, 0.0, 1.0]) > 0.9999, "{found:?}");
+        assert!(likeness(found.plane.normal, [0.0, 0.0, 1.0]) > 0.9999, "{found:?}");
     }
 
     #[test]

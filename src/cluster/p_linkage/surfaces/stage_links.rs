@@ -7,12 +7,13 @@
 
 use std::collections::BTreeMap;
 
-use rustc_hash::FxHashSet;
+use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::around::{Around, moments};
+use super::border::Border;
 use super::normals::{NONE, Normals};
-use super::payload::{self, Across, OfTile, OpenPoint, OpenTree, Pairs, SlicePlane, Stored};
+use super::payload::{self, Across, Closed, OfTile, OpenPoint, OpenTree, Pairs, Stored};
 use super::settings::{NAME, SLICE_POINTS, STEP_LINKS, SurfacesConfig};
 use super::slice::slice;
 use super::trees::{Tree, trees};
@@ -72,7 +73,7 @@ fn add_closed(
     }
     let consistent = places.iter().zip(&found.consistent).filter(|(_, holds)| **holds);
     let moments = moments(consistent.map(|(place, _)| *place), corner);
-    stored.planes.push(SlicePlane { normal: found.normal, moments });
+    stored.planes.push(Closed { plane: found.plane, moments });
 }
 
 /// Adds the part of a tree that several tiles share.
@@ -104,18 +105,19 @@ fn pairs(
     let is_closed = |label: u32| label <= closed;
     let consistent = |own: u32| stored.consistent[own as usize];
     let mut pairs = Pairs::default();
-    let mut seen: FxHashSet<(u32, u32)> = FxHashSet::default();
+    let mut borders: FxHashMap<(u32, u32), Border> = FxHashMap::default();
+    // The borders of one point: it has neighbours in a few trees.
+    let mut of_point: Vec<(u32, Border)> = Vec::new();
     for point in (0..around.len()).filter(|&point| own[point] != NONE) {
         let label = stored.labels[own[point] as usize];
         if label == 0 {
             continue;
         }
+        let place = around.lattice_point(point);
         let mut is_end = false;
         for &other in normals.consistent(point) {
             let at = other as usize;
-            let foreign = own[at] == NONE;
-            let there = if foreign { 0 } else { stored.labels[own[at] as usize] };
-            if foreign {
+            if own[at] == NONE {
                 if normals.is_mutual(point, at) {
                     is_end = true;
                     if point < at {
@@ -125,6 +127,7 @@ fn pairs(
                 }
                 continue;
             }
+            let there = stored.labels[own[at] as usize];
             // An own pair is seen from both sides, and taken from the smaller id.
             if at < point || there == 0 || there == label {
                 continue;
@@ -133,20 +136,42 @@ fn pairs(
                 if normals.is_mutual(point, at) {
                     pairs.points.push((own[point], own[at]));
                 }
-            } else if consistent(own[point]) && consistent(own[at]) {
-                let pair = (label.min(there), label.max(there));
-                if !seen.contains(&pair) && normals.is_mutual(point, at) {
-                    seen.insert(pair);
-                    pairs.trees.push(pair);
-                }
+            } else if consistent(own[point]) && consistent(own[at]) && normals.is_mutual(point, at) {
+                let known = of_point.iter().position(|border| border.0 == there).unwrap_or_else(|| {
+                    of_point.push((there, Border::default()));
+                    of_point.len() - 1
+                });
+                let [here, beyond] = [label, there].map(|label| &stored.planes[label as usize - 1].plane);
+                of_point[known].1.add((here, place), (beyond, around.lattice_point(at)));
             }
         }
         if is_end {
             pairs.ends.push((around.id[point], own[point]));
         }
+        for (there, border) in of_point.drain(..) {
+            borders.entry((label.min(there), label.max(there))).or_default().merge(&border);
+        }
     }
-    pairs.trees.sort_unstable();
+    pairs.trees = borders.into_iter().collect();
+    pairs.trees.sort_unstable_by_key(|border| border.0);
+    pairs.places = places(around, own, &pairs);
     Ok(pairs)
+}
+
+/// Positions and lattice coordinates of own points in pairs, ascending.
+fn places(around: &Around, own: &[u32], pairs: &Pairs) -> Vec<(u32, [i64; 3])> {
+    let mut wanted: Vec<u32> = pairs.points.iter().flat_map(|pair| [pair.0, pair.1]).collect();
+    wanted.extend(pairs.across.iter().map(|across| across.own));
+    wanted.extend(pairs.ends.iter().map(|end| end.1));
+    wanted.sort_unstable();
+    wanted.dedup();
+    let mut points = (0..around.len()).filter(|&point| own[point] != NONE);
+    // Positions ascend with points.
+    let place = |own_point: u32| {
+        let point = points.find(|&point| own[point] == own_point)?;
+        Some((own_point, around.lattice_point(point)))
+    };
+    wanted.into_iter().filter_map(place).collect()
 }
 
 fn owner(tile: &dyn TileWindow, around: &Around, point: usize) -> Result<TileId> {

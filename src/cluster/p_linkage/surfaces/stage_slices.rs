@@ -1,5 +1,5 @@
-//! Step `slices`: the planes of slices that several tiles share, and the adjacent slices whose normals agree. It reads
-//! no points. Its reduction merges these slices to surfaces (equation 11).
+//! Step `slices`: the planes of slices that several tiles share, and the adjacent slices whose normals agree, with their
+//! border. It reads no points. Its reduction merges the slices whose borders agree too to surfaces (equation 11).
 //!
 //! Every tile that needs the plane of a shared slice gathers all points of the slice and fits the plane. The same points
 //! give the same plane, so it does not matter that several tiles do this.
@@ -9,10 +9,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::around::moments;
+use super::border::Border;
 use super::payload::{self, OpenPoint, Stored};
 use super::planes::{Moments, likeness};
 use super::settings::{STEP_SLICES, SurfacesConfig};
-use super::slice::{Slice, slice};
+use super::slice::{Slice, SlicePlane, slice};
 use super::stage_links::{self, OpenSlice, Slices, slice_of_tree};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
@@ -24,9 +25,18 @@ use crate::spatial::DisjointSets;
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Found {
     /// Adjacent slices whose normals deviate by less than the angle, the smaller number first, ascending.
-    merged: Vec<(u32, u32)>,
+    adjacent: Vec<((u32, u32), Adjacent)>,
     /// Moments of the consistent points of shared slices of which the tile has the first part.
     moments: Vec<(u32, Moments)>,
+}
+
+/// Two adjacent slices.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct Adjacent {
+    /// The pairs of points that the tile stores. Other tiles may store others.
+    border: Border,
+    /// The larger deviation of both, in lattice units.
+    deviation: f64,
 }
 
 /// A tile and its slices.
@@ -39,16 +49,16 @@ struct Known {
 
 /// A slice that several tiles share.
 struct Shared {
-    normal: [f64; 3],
+    plane: SlicePlane,
     /// Consistent points, ascending.
     consistent: BTreeSet<PointId>,
     moments: Moments,
 }
 
-/// The end of a pair of points.
+/// The end of a pair of points, or of trees.
 struct End {
     slice: u32,
-    normal: [f64; 3],
+    plane: SlicePlane,
 }
 
 /// The tiles and shared slices that have been looked at.
@@ -93,11 +103,11 @@ impl Seen<'_> {
         points.sort_unstable_by_key(|point| point.id);
         let places: Vec<[i64; 3]> = points.iter().map(|point| point.at).collect();
         let first = points.first().map(|point| point.id).unwrap_or_default();
-        let shared = slice(&places, first).map(|Slice { normal, consistent }| {
+        let shared = slice(&places, first).map(|Slice { plane, consistent }| {
             let kept: Vec<&OpenPoint> =
                 points.iter().zip(consistent).filter(|(_, holds)| *holds).map(|(point, _)| point).collect();
             Shared {
-                normal,
+                plane,
                 moments: moments(kept.iter().map(|point| point.at), self.tile.extent().0),
                 consistent: kept.iter().map(|point| point.id).collect(),
             }
@@ -122,8 +132,8 @@ impl Seen<'_> {
         if slice == 0 {
             return Ok(None);
         }
-        if let Some(plane) = stored.planes.get(tree) {
-            return Ok(stored.consistent[own].then_some(End { slice, normal: plane.normal }));
+        if let Some(closed) = stored.planes.get(tree) {
+            return Ok(stored.consistent[own].then_some(End { slice, plane: closed.plane }));
         }
         let open = slices.open[tree - stored.planes.len()].clone();
         let id = id(stored).ok_or_else(|| Error::bug(format!("tile {tile} has no open point {own}")))?;
@@ -131,7 +141,7 @@ impl Seen<'_> {
         let shared = self.shared.get(&open.number).and_then(Option::as_ref);
         Ok(shared
             .filter(|shared| shared.consistent.contains(&id))
-            .map(|shared| End { slice, normal: shared.normal }))
+            .map(|shared| End { slice, plane: shared.plane }))
     }
 }
 
@@ -150,31 +160,36 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
         Seen { tile, head, tiles: BTreeMap::new(), parts: BTreeMap::new(), shared: BTreeMap::new() };
     seen.look_at(here)?;
     let cosine = config.cosine();
-    let mut merged: BTreeSet<(u32, u32)> = BTreeSet::new();
-    let mut pair = |a: &End, b: &End| {
-        if a.slice != b.slice && likeness(a.normal, b.normal) > cosine {
-            merged.insert((a.slice.min(b.slice), a.slice.max(b.slice)));
+    let mut adjacent: BTreeMap<(u32, u32), Adjacent> = BTreeMap::new();
+    let mut add = |a: &End, b: &End, border: Border| {
+        if a.slice != b.slice && likeness(a.plane.normal, b.plane.normal) > cosine {
+            let deviation = a.plane.deviation.max(b.plane.deviation);
+            let pair = (a.slice.min(b.slice), a.slice.max(b.slice));
+            let none = Adjacent { border: Border::default(), deviation };
+            adjacent.entry(pair).or_insert(none).border.merge(&border);
         }
     };
+    let pair = |(a, at_a): (&End, [i64; 3]), (b, at_b): (&End, [i64; 3])| {
+        let mut border = Border::default();
+        border.add((&a.plane, at_a), (&b.plane, at_b));
+        border
+    };
     let known = seen.known(here)?;
-    for &(a, b) in &known.stored.pairs.trees {
+    for &((a, b), border) in &known.stored.pairs.trees {
         let end = |label: u32| {
             let tree = label as usize - 1;
-            End { slice: known.of_tree[tree], normal: known.stored.planes[tree].normal }
+            End { slice: known.of_tree[tree], plane: known.stored.planes[tree].plane }
         };
         let (a, b) = (end(a), end(b));
         if a.slice != 0 && b.slice != 0 {
-            pair(&a, &b);
+            add(&a, &b, border);
         }
     }
     for (a, b) in known.stored.pairs.points.clone() {
-        let ends = [
-            seen.end(here, a, |stored| open_id(stored, a))?,
-            seen.end(here, b, |stored| open_id(stored, b))?,
-        ];
-        if let [Some(a), Some(b)] = &ends {
-            pair(a, b);
-        }
+        let Some(one) = seen.end(here, a, |stored| open_id(stored, a))? else { continue };
+        let Some(other) = seen.end(here, b, |stored| open_id(stored, b))? else { continue };
+        let places = &seen.known(here)?.stored.pairs;
+        add(&one, &other, pair((&one, places.place(a)?), (&other, places.place(b)?)));
     }
     for across in seen.known(here)?.stored.pairs.across.clone() {
         let Some(a) = seen.end(here, across.own, |stored| open_id(stored, across.own))? else { continue };
@@ -184,10 +199,12 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
         let Ok(at) = ends.binary_search_by_key(&across.other, |end| end.0) else { continue };
         let own = ends[at].1;
         if let Some(b) = seen.end(across.owner, own, |_| Some(across.other))? {
-            pair(&a, &b);
+            let at_a = seen.known(here)?.stored.pairs.place(across.own)?;
+            let at_b = seen.known(across.owner)?.stored.pairs.place(own)?;
+            add(&a, &b, pair((&a, at_a), (&b, at_b)));
         }
     }
-    let mut found = Found { merged: merged.into_iter().collect(), moments: Vec::new() };
+    let mut found = Found { adjacent: adjacent.into_iter().collect(), moments: Vec::new() };
     let open = seen.known(here)?.slices.open.clone();
     for slice in open.iter().filter(|slice| slice.number != 0) {
         if slice.parts.first().is_some_and(|part| part.0 == here)
@@ -214,19 +231,22 @@ pub(super) struct Surfaces {
 }
 
 /// Merges slices to surfaces: the plane of each surface, and the surface (0: none) of each tree of each tile.
-pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
+pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result<Vec<u8>> {
     let head = stage_links::head(drive)?;
-    let mut sets = DisjointSets::new(head.slices);
-    let mut pairs: BTreeSet<(u32, u32)> = BTreeSet::new();
+    let mut adjacent: BTreeMap<(u32, u32), Adjacent> = BTreeMap::new();
     let mut shared: Vec<(u32, Moments)> = Vec::new();
     for tile in TileId::first(drive.tiles()) {
         let found: Found = codec::decode(&drive.payload(STEP_SLICES, tile)?)?;
-        for (a, b) in found.merged {
-            sets.union(a - 1, b - 1);
-            pairs.insert((a, b));
+        for (pair, part) in found.adjacent {
+            let none = Adjacent { border: Border::default(), ..part };
+            adjacent.entry(pair).or_insert(none).border.merge(&part.border);
         }
         shared.extend(found.moments);
     }
+    let score = config.border_score;
+    adjacent.retain(|_, pair| score <= 0.0 || pair.border.agrees(score, pair.deviation));
+    let mut sets = DisjointSets::new(head.slices);
+    adjacent.keys().for_each(|(a, b)| sets.union(a - 1, b - 1));
     // The surface of each slice, from 1.
     let mut surfaces = vec![0; head.slices as usize];
     let mut count = 0;
@@ -242,7 +262,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     }
     let mut sums = vec![Moments::default(); count as usize];
     let mut found =
-        Surfaces { pairs: pairs.len() as u64, slices: shared.len() as u64, ..Surfaces::default() };
+        Surfaces { pairs: adjacent.len() as u64, slices: shared.len() as u64, ..Surfaces::default() };
     for (slice, moments) in shared {
         sums[surfaces[slice as usize - 1] as usize - 1].merge(&moments);
     }
