@@ -7,13 +7,15 @@
 //! Of the points in one place only the K with the smallest numbers can be among the K nearest of any point. The tree
 //! leaves the others out, so that very many points in one place cost no more than a few.
 
+use crate::spatial::ranks::threshold;
+
 /// Number of points of a leaf that is not one place. Chosen: with fewer there are more look-ups, with more there are
 /// more useless distances.
 const LEAF_POINTS: usize = 16;
 /// Slack of bounds from the triangle inequality, far above the rounding error of a few operations.
 const SLACK: f64 = 1.0 + 1e-9;
-/// Largest reach in units: the square of a distance must fit 32 bits.
-const LARGEST_REACH: i64 = 65_535;
+/// Largest reach in units: the square of a distance must fit 31 bits.
+pub(crate) const LARGEST_REACH: i64 = 46_340;
 
 /// A neighbour: the squared distance in the upper 32 bits, the number of the point in the lower. So neighbours are
 /// ordered by their distances, and equally near ones by their numbers.
@@ -30,6 +32,44 @@ pub(crate) fn number_of(near: Near) -> u32 {
 #[inline]
 fn squared_of(near: Near) -> u64 {
     near >> 32
+}
+
+/// Moves the `count` nearest to the front. `scratch` is overwritten.
+pub(crate) fn nearest_first(near: &mut [Near], count: usize, scratch: &mut Scratch) {
+    if count == 0 || count >= near.len() {
+        return;
+    }
+    scratch.squared.clear();
+    // Rounding keeps the order, so a threshold that leaves `count` of the rounded squares leaves the same points.
+    scratch.squared.extend(near.iter().map(|near| rounded(*near)));
+    let Some(limit) = threshold(&scratch.squared, count) else {
+        near.select_nth_unstable(count - 1);
+        return;
+    };
+    scratch.others.resize(near.len(), 0);
+    let (mut front, mut back) = (0, 0);
+    for at in 0..near.len() {
+        // Both are always written, and one is counted: a branch could not be predicted.
+        let (value, is_near) = (near[at], scratch.squared[at] <= limit);
+        near[front] = value;
+        scratch.others[back] = value;
+        front += usize::from(is_near);
+        back += usize::from(!is_near);
+    }
+    near[front..].copy_from_slice(&scratch.others[..back]);
+}
+
+/// Room for [`nearest_first`].
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    squared: Vec<f32>,
+    others: Vec<Near>,
+}
+
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "31 bits")]
+fn rounded(near: Near) -> f32 {
+    squared_of(near) as i32 as f32
 }
 
 /// A box of the tree and its points.
@@ -85,6 +125,7 @@ struct Smallest {
     len: usize,
     /// A larger squared distance cannot be among the smallest any more. At most 32 bits.
     limit: u64,
+    scratch: Scratch,
 }
 
 impl Smallest {
@@ -96,9 +137,10 @@ impl Smallest {
     /// Keeps the K smallest, if there are that many.
     fn cut(&mut self) {
         if self.len >= self.k {
-            let (_, largest, _) = self.slots[..self.len].select_nth_unstable(self.k - 1);
-            self.limit = self.limit.min(squared_of(*largest));
+            nearest_first(&mut self.slots[..self.len], self.k, &mut self.scratch);
             self.len = self.k;
+            let largest = self.slots[..self.k].iter().map(|near| squared_of(*near)).max();
+            self.limit = self.limit.min(largest.unwrap_or(u64::MAX));
         }
     }
 }
@@ -182,7 +224,8 @@ impl KNearest {
         mut visit: impl FnMut(u32, &mut [Near]),
     ) {
         let farthest = reach.clamp(0, LARGEST_REACH).unsigned_abs().pow(2);
-        let mut smallest = Smallest { k: self.k, slots: Vec::new(), len: 0, limit: 0 };
+        let mut smallest =
+            Smallest { k: self.k, slots: Vec::new(), len: 0, limit: 0, scratch: Scratch::default() };
         smallest.slots.resize(3 * self.k + LEAF_POINTS.max(self.k), 0);
         let mut near: Vec<(u64, u32)> = Vec::new();
         let mut repeated: Vec<(u32, u32)> = self
@@ -351,7 +394,7 @@ mod tests {
             (30, 9, 40, 100),
             (700, 1, 40, 10),
             (700, 5, 7, 3),
-            (900, 2_000, 40, 65_535),
+            (900, 2_000, 40, LARGEST_REACH),
             (900, 2_000, 40, 250),
             (400, 60, 200, 30),
         ] {

@@ -34,6 +34,7 @@ mod payload;
 mod planes;
 mod settings;
 mod slice;
+mod smallest;
 mod stage_links;
 mod stage_slices;
 mod stage_surfaces;

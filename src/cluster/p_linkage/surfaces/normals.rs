@@ -9,8 +9,8 @@
 use std::ops::Range;
 
 use super::around::{Around, Zone};
-use super::planes::{Consistent, Moments, likeness};
-use crate::spatial::{KNearest, number_of};
+use super::planes::{Consistent, Moments, Scratch, likeness};
+use crate::spatial::{self, KNearest, nearest_first, number_of};
 
 /// Fewest neighbours, the point itself included: half of them span a plane.
 const FEWEST: usize = 6;
@@ -31,6 +31,8 @@ pub(super) struct Normals {
     /// Where the consistent set of each point is in `members`. Only of points whose link must be known.
     sets: Vec<Range<usize>>,
     members: Vec<u32>,
+    /// Points with a consistent set, so that what follows each other is near each other, and mostly in the cache.
+    order: Vec<u32>,
 }
 
 impl Normals {
@@ -40,19 +42,21 @@ impl Normals {
             facts: vec![Facts { flatness: f64::INFINITY, normal: [0.0; 3] }; around.len()],
             sets: vec![0..0; around.len()],
             members: Vec::new(),
+            order: Vec::new(),
         };
         let index = KNearest::new(&around.places, neighbours);
         let mut by: Vec<[i32; 3]> = Vec::new();
-        let mut distances: Vec<f64> = Vec::new();
-        let mut scratch: Vec<u64> = Vec::new();
+        let mut distances: Vec<f32> = Vec::new();
+        let mut scratch = Scratch::default();
+        let mut of_near = spatial::Scratch::default();
         let wanted = |point: u32| around.zone[point as usize] <= Zone::Flat;
-        index.each(reach, wanted, |point, near| {
+        index.each(reach, wanted, |number, near| {
             if near.len() < FEWEST {
                 return;
             }
-            let point = point as usize;
+            let point = number as usize;
             let half = near.len() / 2;
-            near.select_nth_unstable(half - 1);
+            nearest_first(near, half, &mut of_near);
             let [x, y, z] = around.places[point];
             by.clear();
             by.extend(near.iter().map(|near| {
@@ -65,14 +69,26 @@ impl Normals {
                 return;
             }
             distances.clear();
-            distances.extend(by.iter().map(|by| fit.distance(by.map(f64::from))));
+            distances.extend(by.iter().map(|by| fit.rounded_distance(by.map(f64::from))));
             let consistent = Consistent::of(&distances, &mut scratch);
             let start = found.members.len();
-            let kept = near.iter().zip(&distances).filter(|(_, distance)| consistent.holds(**distance));
-            found.members.extend(kept.map(|(near, _)| number_of(*near)));
-            found.sets[point] = start..found.members.len();
+            // All are written, and those that are not consistent are overwritten: a branch could not be predicted.
+            found.members.resize(start + near.len(), NONE);
+            let mut end = start;
+            for (near, distance) in near.iter().zip(&distances) {
+                found.members[end] = number_of(*near);
+                end += usize::from(consistent.holds(*distance));
+            }
+            found.members.truncate(end);
+            found.sets[point] = start..end;
+            found.order.push(number);
         });
         found
+    }
+
+    /// Points with a consistent set, those near each other after each other.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
     }
 
     /// Whether a point has a normal.
@@ -94,25 +110,25 @@ impl Normals {
     /// least. Ties go to the nearer one, then to the smaller id. [`NONE`] if there is none.
     pub(super) fn link(&self, around: &Around, point: usize) -> u32 {
         let own = &self.facts[point];
-        let mut best: Option<(f64, u64, u32)> = None;
+        // Likeness, squared distance and number of the best.
+        let mut best = (-1.0, u64::MAX, NONE);
         for &other in self.consistent(point) {
             let at = other as usize;
             let there = &self.facts[at];
-            // Of two equally flat points, the one with the smaller id is the flatter.
-            if there.flatness.total_cmp(&own.flatness).then(at.cmp(&point)).is_ge() {
-                continue;
-            }
-            let alike = likeness(own.normal, there.normal);
-            if best.is_some_and(|best| alike < best.0) {
+            // Of two equally flat points, the one with the smaller id is the flatter. Both conditions are computed, because
+            // a branch could not be predicted.
+            let flatter = (there.flatness < own.flatness)
+                | ((there.flatness.to_bits() == own.flatness.to_bits()) & (at < point));
+            let alike = if flatter { likeness(own.normal, there.normal) } else { -2.0 };
+            if alike < best.0 {
                 continue;
             }
             let squared = squared_distance(around.places[point], around.places[at]);
-            let better = |best: (f64, u64, u32)| alike > best.0 || (squared, other) < (best.1, best.2);
-            if best.is_none_or(better) {
-                best = Some((alike, squared, other));
+            if alike > best.0 || (squared, other) < (best.1, best.2) {
+                best = (alike, squared, other);
             }
         }
-        best.map_or(NONE, |best| best.2)
+        best.2
     }
 
     /// Whether each of two points is in the consistent set of the other (equation 10). `b` is in that of `a`.

@@ -3,15 +3,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::cluster::eigen::eigen_within;
+use super::smallest::{Smallest, smallest};
+use crate::spatial::median;
 
 /// Factor of the median absolute deviation (equation 6): for normal deviations it is their standard deviation.
 const MAD_FACTOR: f64 = 1.4826;
 /// Points with a robust score below this are consistent (equation 7).
 const LARGEST_SCORE: f64 = 2.5;
-/// Off-diagonal entries relative to the trace below which a matrix is diagonal. Normals are compared by the cosine of
-/// their angle, which has half of the digits of the angle.
-const DIAGONAL: f64 = 1e-12;
 /// Points are on one line if the middle eigenvalue is at most this times the largest.
 const LINE: f64 = 1e-9;
 
@@ -72,24 +70,35 @@ impl Moments {
         if self.points < 3 {
             return None;
         }
-        let points = i128::from(self.points);
         let squared = self.points as f64 * self.points as f64;
-        let covariance = |product: usize, a: usize, b: usize| {
-            (points * self.products[product] - self.sums[a] * self.sums[b]) as f64 / squared
-        };
-        let [(large, _), (middle, _), (small, normal)] = eigen_within(
-            DIAGONAL,
-            [
-                covariance(0, 0, 0),
-                covariance(1, 0, 1),
-                covariance(2, 0, 2),
-                covariance(3, 1, 1),
-                covariance(4, 1, 2),
-                covariance(5, 2, 2),
-            ],
-        );
+        let covariances = self.scaled().map(|value| value / squared);
+        let Smallest { values: [small, middle, large], vector: normal } = smallest(covariances);
         let mean = self.sums.map(|sum| sum as f64 / self.points as f64);
         (middle > LINE * large).then_some(Fit { normal, flatness: small.max(0.0), mean })
+    }
+}
+
+impl Moments {
+    /// The covariances times the square of the number of points: whole numbers, rounded once.
+    fn scaled(&self) -> [f64; 6] {
+        const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+        // No sum or product of sums is larger than this (Cauchy-Schwarz), so 64 bits mostly suffice.
+        let largest = (self.products[0] + self.products[3] + self.products[5])
+            .checked_mul(i128::from(self.points))
+            .and_then(|largest| i64::try_from(largest).ok());
+        #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "checked above")]
+        if largest.is_some() {
+            let points = self.points as i64;
+            let sums = self.sums.map(|sum| sum as i64);
+            let products = self.products.map(|product| product as i64);
+            return [0, 1, 2, 3, 4, 5]
+                .map(|k| (points * products[k] - sums[AXES[k].0] * sums[AXES[k].1]) as f64);
+        }
+        let points = i128::from(self.points);
+        [0, 1, 2, 3, 4, 5].map(|k| {
+            let (a, b) = AXES[k];
+            (points * self.products[k] - self.sums[a] * self.sums[b]) as f64
+        })
     }
 }
 
@@ -101,6 +110,16 @@ impl Fit {
         ((a * x + b * y + c * z) - self.through()).abs()
     }
 
+    /// The distance in single precision.
+    #[inline]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "distances are compared, for which its digits suffice"
+    )]
+    pub(super) fn rounded_distance(&self, at: [f64; 3]) -> f32 {
+        self.distance(at) as f32
+    }
+
     /// Position along the normal, from the place of the moments.
     #[inline]
     pub(super) fn through(&self) -> f64 {
@@ -109,43 +128,38 @@ impl Fit {
     }
 }
 
-/// The distances of consistent points: robust scores below 2.5 (equation 7).
+/// The distances of consistent points: robust scores below 2.5 (equation 7). Distances are in single precision: they
+/// are compared, and for that its digits suffice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Consistent {
-    median: f64,
-    /// Deviations from the median must be below this. `None` if the median deviation is 0: then all are consistent.
-    below: Option<f64>,
+    median: f32,
+    /// Deviations from the median must be below this; infinite if the median deviation is 0: then all are consistent.
+    below: f32,
+}
+
+/// Room for [`Consistent::of`].
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    deviations: Vec<f32>,
+    sorted: Vec<f32>,
 }
 
 impl Consistent {
     /// From the distances of all points. `scratch` is overwritten.
-    pub(super) fn of(distances: &[f64], scratch: &mut Vec<u64>) -> Self {
-        let mid = |values: &mut Vec<u64>| {
-            if values.is_empty() {
-                return 0.0;
-            }
-            // The bits of numbers that are not negative are ordered like the numbers.
-            let high = values.len() / 2;
-            let (lower, upper, _) = values.select_nth_unstable(high);
-            let upper = f64::from_bits(*upper);
-            match lower.iter().max() {
-                Some(low) if distances.len().is_multiple_of(2) => f64::midpoint(f64::from_bits(*low), upper),
-                _ => upper,
-            }
-        };
-        scratch.clear();
-        scratch.extend(distances.iter().map(|distance| distance.to_bits()));
-        let median = mid(scratch);
-        scratch.clear();
-        scratch.extend(distances.iter().map(|distance| (distance - median).abs().to_bits()));
-        let mad = MAD_FACTOR * mid(scratch);
-        Self { median, below: (mad > 0.0).then_some(LARGEST_SCORE * mad) }
+    #[expect(clippy::cast_possible_truncation, reason = "a factor in single precision")]
+    pub(super) fn of(distances: &[f32], scratch: &mut Scratch) -> Self {
+        let middle = median(distances, &mut scratch.sorted);
+        scratch.deviations.clear();
+        scratch.deviations.extend(distances.iter().map(|distance| (distance - middle).abs()));
+        let deviation = median(&scratch.deviations, &mut scratch.sorted);
+        let below = (LARGEST_SCORE * MAD_FACTOR) as f32 * deviation;
+        Self { median: middle, below: if deviation > 0.0 { below } else { f32::INFINITY } }
     }
 
     /// Whether a point at this distance is consistent.
     #[inline]
-    pub(super) fn holds(&self, distance: f64) -> bool {
-        self.below.is_none_or(|below| (distance - self.median).abs() < below)
+    pub(super) fn holds(&self, distance: f32) -> bool {
+        (distance - self.median).abs() < self.below
     }
 }
 
@@ -199,15 +213,16 @@ mod tests {
     fn scores_are_those_of_the_paper() {
         // Median 3, deviations 2 1 0 1 97: their median is 1, and 2.5 * 1.4826 = 3.7065.
         let distances = [1.0, 2.0, 3.0, 4.0, 100.0];
-        let found = Consistent::of(&distances, &mut Vec::new());
-        assert_eq!(found.median.to_bits(), 3.0_f64.to_bits());
+        let mut scratch = Scratch::default();
+        let found = Consistent::of(&distances, &mut scratch);
+        assert_eq!(found.median.to_bits(), 3.0_f32.to_bits());
         assert!(found.holds(6.7) && !found.holds(6.8) && found.holds(1.0) && !found.holds(100.0));
         // Of four values the median is between the middle ones.
-        let found = Consistent::of(&[1.0, 2.0, 4.0, 9.0], &mut Vec::new());
-        assert_eq!(found.median.to_bits(), 3.0_f64.to_bits());
+        let found = Consistent::of(&[1.0, 2.0, 4.0, 9.0], &mut scratch);
+        assert_eq!(found.median.to_bits(), 3.0_f32.to_bits());
         // More than half of the distances are equal: all are consistent.
-        let found = Consistent::of(&[0.0, 0.0, 0.0, 50.0], &mut Vec::new());
+        let found = Consistent::of(&[0.0, 0.0, 0.0, 50.0], &mut scratch);
         assert!(found.holds(50.0));
-        assert!(Consistent::of(&[], &mut Vec::new()).holds(1.0));
+        assert!(Consistent::of(&[], &mut scratch).holds(1.0));
     }
 }

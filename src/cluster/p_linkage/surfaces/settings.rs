@@ -6,6 +6,7 @@ use serde::Deserialize;
 
 use crate::config::ConfigError;
 use crate::model::Lattice;
+use crate::spatial::LARGEST_REACH;
 
 /// Name of the method and of its section.
 pub(super) const NAME: &str = "p-linkage";
@@ -74,9 +75,9 @@ impl SurfacesConfig {
         Ok(())
     }
 
-    /// Largest distance of a neighbour in lattice units.
+    /// Largest distance of a neighbour in lattice units. On a lattice finer than 0.1 mm it may be less than `reach_m`.
     pub(super) fn reach(&self, lattice: Lattice) -> i64 {
-        lattice.units(self.reach_m)
+        lattice.units(self.reach_m).min(LARGEST_REACH)
     }
 
     /// Sizes of surfaces.

@@ -10,8 +10,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::planes::{Consistent, Fit, Moments};
+use super::planes::{Consistent, Fit, Moments, Scratch};
 use crate::model::PointId;
+use crate::spatial::threshold;
 
 /// Number of trials, I_t of equation 9, rounded up.
 const TRIALS: u32 = 69;
@@ -88,7 +89,7 @@ pub(super) fn slice(points: &[[i64; 3]], first: PointId) -> Option<Slice> {
     let axes = [0, 1, 2].map(|axis| by.iter().map(|by| by[axis] as f64).collect::<Vec<f64>>());
     let half = (points.len() / 2).max(3);
     let mut random = Random(first.number());
-    let mut keys: Vec<u64> = Vec::with_capacity(points.len());
+    let mut nearest = Nearest::default();
     let mut best: Option<Fit> = None;
     for _ in 0..TRIALS {
         let chosen = random.three(points.len());
@@ -96,9 +97,7 @@ pub(super) fn slice(points: &[[i64; 3]], first: PointId) -> Option<Slice> {
             continue;
         };
         let through = [0, 1, 2].map(|axis| axes[axis][chosen[0]]);
-        order_by_distance(&axes, normal, through, &mut keys);
-        keys.select_nth_unstable(half - 1);
-        let nearest = keys[..half].iter().map(|key| by[position(*key)]);
+        let nearest = nearest.of(&axes, normal, through, half).iter().map(|at| by[*at as usize]);
         let moments = if small {
             #[expect(clippy::cast_possible_truncation, reason = "below 2^20")]
             Moments::of_near(nearest.map(|by| by.map(|value| value as i32)))
@@ -113,14 +112,14 @@ pub(super) fn slice(points: &[[i64; 3]], first: PointId) -> Option<Slice> {
         }
     }
     let fit = best?;
-    let distances: Vec<f64> =
-        (0..points.len()).map(|at| fit.distance([axes[0][at], axes[1][at], axes[2][at]])).collect();
-    let limits = Consistent::of(&distances, &mut keys);
+    let distances: Vec<f32> =
+        (0..points.len()).map(|at| fit.rounded_distance([axes[0][at], axes[1][at], axes[2][at]])).collect();
+    let limits = Consistent::of(&distances, &mut Scratch::default());
     let consistent: Vec<bool> = distances.iter().map(|distance| limits.holds(*distance)).collect();
     let (mut kept, mut squared) = (0_u32, 0.0);
     for (distance, _) in distances.iter().zip(&consistent).filter(|(_, holds)| **holds) {
         kept += 1;
-        squared += distance * distance;
+        squared += f64::from(*distance) * f64::from(*distance);
     }
     let deviation = (squared / f64::from(kept.max(1))).sqrt();
     let plane = SlicePlane { normal: fit.normal, origin: start, through: fit.through(), deviation };
@@ -135,26 +134,47 @@ fn normal_of([a, b, c]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
     (length > 0.0).then(|| normal.map(|value| value / length))
 }
 
-/// A key per point, ordered by the distance from a plane, then by the position: the distance in single precision in the
-/// upper half, the position in the lower.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "an order does not need more digits; positions fit 32 bits"
-)]
-fn order_by_distance(axes: &[Vec<f64>; 3], normal: [f64; 3], through: [f64; 3], keys: &mut Vec<u64>) {
-    let [a, b, c] = normal;
-    let offset = a * through[0] + b * through[1] + c * through[2];
-    let [xs, ys, zs] = axes;
-    keys.clear();
-    let distances = xs.iter().zip(ys).zip(zs).map(|((x, y), z)| ((a * x + b * y + c * z) - offset).abs());
-    keys.extend(
-        distances.zip(0_u64..).map(|(distance, at)| u64::from((distance as f32).to_bits()) << 32 | at),
-    );
+/// The points that are nearest to a plane.
+#[derive(Debug, Default)]
+struct Nearest {
+    distances: Vec<f32>,
+    keys: Vec<u64>,
+    found: Vec<u32>,
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the lower half of a key")]
-fn position(key: u64) -> usize {
-    key as u32 as usize
+impl Nearest {
+    /// The positions of the `count` points that are nearest to the plane with this normal through a place, by their
+    /// distances in single precision, then by their positions.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "an order does not need more digits; positions fit 32 bits"
+    )]
+    fn of(&mut self, axes: &[Vec<f64>; 3], normal: [f64; 3], through: [f64; 3], count: usize) -> &[u32] {
+        let [a, b, c] = normal;
+        let offset = a * through[0] + b * through[1] + c * through[2];
+        let [xs, ys, zs] = axes;
+        let distances = xs.iter().zip(ys).zip(zs).map(|((x, y), z)| ((a * x + b * y + c * z) - offset).abs());
+        self.distances.clear();
+        self.distances.extend(distances.map(|distance| distance as f32));
+        if let Some(limit) = threshold(&self.distances, count) {
+            self.found.resize(self.distances.len(), 0);
+            let mut end = 0;
+            for (at, distance) in (0_u32..).zip(&self.distances) {
+                self.found[end] = at;
+                end += usize::from(*distance <= limit);
+            }
+            return &self.found[..end];
+        }
+        // A distance above the position: bits of numbers that are not negative are ordered like the numbers.
+        let keys =
+            (0_u64..).zip(&self.distances).map(|(at, distance)| u64::from(distance.to_bits()) << 32 | at);
+        self.keys.clear();
+        self.keys.extend(keys);
+        self.keys.select_nth_unstable(count - 1);
+        self.found.clear();
+        self.found.extend(self.keys[..count].iter().map(|key| *key as u32));
+        &self.found
+    }
 }
 
 #[cfg(test)]

@@ -104,20 +104,28 @@ fn pairs(
     let closed = in_u32(stored.of_tile.closed.len(), "trees of a tile");
     let is_closed = |label: u32| label <= closed;
     let consistent = |own: u32| stored.consistent[own as usize];
+    // The tree of each point: 0 without one, none where another tile owns the point.
+    let labels: Vec<u32> =
+        own.iter().map(|&own| if own == NONE { NONE } else { stored.labels[own as usize] }).collect();
+    let label_of = |point: usize| labels[point];
     let mut pairs = Pairs::default();
     let mut borders: FxHashMap<(u32, u32), Border> = FxHashMap::default();
     // The borders of one point: it has neighbours in a few trees.
     let mut of_point: Vec<(u32, Border)> = Vec::new();
-    for point in (0..around.len()).filter(|&point| own[point] != NONE) {
-        let label = stored.labels[own[point] as usize];
-        if label == 0 {
+    for point in normals.order().iter().map(|&point| point as usize) {
+        let label = label_of(point);
+        if label == 0 || label == NONE {
             continue;
         }
         let place = around.lattice_point(point);
         let mut is_end = false;
         for &other in normals.consistent(point) {
             let at = other as usize;
-            if own[at] == NONE {
+            let there = label_of(at);
+            if there == label {
+                continue;
+            }
+            if there == NONE {
                 if normals.is_mutual(point, at) {
                     is_end = true;
                     if point < at {
@@ -127,9 +135,8 @@ fn pairs(
                 }
                 continue;
             }
-            let there = stored.labels[own[at] as usize];
             // An own pair is seen from both sides, and taken from the smaller id.
-            if at < point || there == 0 || there == label {
+            if at < point || there == 0 {
                 continue;
             }
             if !(is_closed(label) && is_closed(there)) {
@@ -152,6 +159,7 @@ fn pairs(
             borders.entry((label.min(there), label.max(there))).or_default().merge(&border);
         }
     }
+    pairs.ends.sort_unstable();
     pairs.trees = borders.into_iter().collect();
     pairs.trees.sort_unstable_by_key(|border| border.0);
     pairs.places = places(around, own, &pairs);

@@ -4,7 +4,7 @@
 //! the owner of that one sees the link as well, because it knows the links of all points within reach. Both name the
 //! foreign point. So equal names are one tree.
 
-use super::around::{Around, Zone};
+use super::around::Around;
 use super::normals::{NONE, Normals};
 use crate::model::PointId;
 
@@ -21,10 +21,10 @@ pub(super) struct Tree {
 
 /// The trees of the points that a tile owns, by their smallest points.
 pub(super) fn trees(around: &Around, normals: &Normals) -> Vec<Tree> {
-    let linked = |point: usize| around.zone[point] <= Zone::Linked;
-    let links: Vec<u32> = (0..around.len())
-        .map(|point| if linked(point) && normals.has(point) { normals.link(around, point) } else { NONE })
-        .collect();
+    let mut links = vec![NONE; around.len()];
+    for &point in normals.order() {
+        links[point as usize] = normals.link(around, point as usize);
+    }
     let ends = ends(around, normals, &links);
     let mut number = vec![NONE; around.len()];
     let mut trees: Vec<Tree> = Vec::new();
