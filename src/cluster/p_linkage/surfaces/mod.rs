@@ -6,8 +6,9 @@
 //! 2016. Ours: neighbours are within `reach_m`; of equally flat points the one with the smaller id is the flatter, so
 //! that a perfectly flat floor is one surface; a point that is linked to nothing is the root of its tree, and a centre
 //! if it is flatter than mean + standard deviation; where the median deviation is 0, all points are consistent; random
-//! numbers follow from ids (`slice`). Merging is transitive, and compares the planes of slices before any merging. All
-//! points of a slice have its label; its plane and that of its surface fit the consistent points.
+//! numbers follow from ids (`slice`). Merging is transitive, and compares the planes of slices before any merging. Slices
+//! are merged only if their border is near to both planes too, because parallel planes at different heights became one
+//! surface over a kerb (`border`); `border_score = 0` gives the rule as printed. All points of a slice have its label; its plane and that of its surface fit the consistent points.
 //!
 //! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point takes part.
 //!
