@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes scenes of known planes, and scores the surfaces that `chainage run --method p-linkage` finds in them.
 
-    scripts/surfaces.py make room FILE.laz [--noise 0.01] [--density 2000] [--seed 1]
+    scripts/surfaces.py make room|facade|stairs FILE.laz [--noise 0.01] [--density 2000] [--seed 1]
     scripts/surfaces.py score FILE.laz OUT
     scripts/surfaces.py draw OUT/FILE.laz PICTURE.png [--view ELEVATION AZIMUTH]
 
@@ -78,7 +78,18 @@ def facade():
     return planes
 
 
-SCENES = {"room": room, "facade": facade}
+def stairs():
+    """Level treads of 1 m by 8 m with risers of 0.12, 0.16, 0.2, 0.3, 0.4 and 0.6 m between them: how narrow may a plane be."""
+    planes, z = [], 0.0
+    for step, height in enumerate([0.12, 0.16, 0.2, 0.3, 0.4, 0.6]):
+        planes.append([((0, step, z), (8, 0, 0), (0, 1, 0))])
+        planes.append([((0, step + 1, z), (8, 0, 0), (0, 0, height))])
+        z += height
+    planes.append([((0, 6, z), (8, 0, 0), (0, 1, 0))])
+    return planes
+
+
+SCENES = {"room": room, "facade": facade, "stairs": stairs}
 
 
 def normal_of(parts):

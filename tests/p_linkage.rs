@@ -71,6 +71,7 @@ fn method(settings: &Settings) -> Surfaces {
     let config = SurfacesConfig {
         angle_deg: settings.angle_deg,
         border_score: settings.border_score,
+        refit_planes: settings.refit_planes,
         neighbours: u32::try_from(settings.neighbours).unwrap(),
         reach_m: settings.reach_mm as f64 / 1_000.0,
         ..SurfacesConfig::default()
@@ -80,9 +81,23 @@ fn method(settings: &Settings) -> Surfaces {
 
 fn settings(rng: &mut ChaCha8Rng) -> Settings {
     match rng.random_range(0..3) {
-        0 => Settings { neighbours: 30, reach_mm: 1_000, angle_deg: 10.0, border_score: 2.5 },
-        1 => Settings { neighbours: 15, reach_mm: 250, angle_deg: 20.0, border_score: 0.0 },
-        _ => Settings { neighbours: 41, reach_mm: 400, angle_deg: 5.0, border_score: 1.5 },
+        0 => Settings {
+            neighbours: 30,
+            reach_mm: 1_000,
+            angle_deg: 10.0,
+            border_score: 2.5,
+            refit_planes: true,
+        },
+        1 => Settings {
+            neighbours: 15,
+            reach_mm: 250,
+            angle_deg: 20.0,
+            border_score: 0.0,
+            refit_planes: false,
+        },
+        _ => {
+            Settings { neighbours: 41, reach_mm: 400, angle_deg: 5.0, border_score: 1.5, refit_planes: true }
+        }
     }
 }
 

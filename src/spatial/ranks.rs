@@ -8,7 +8,13 @@ const GUESSES: usize = 12;
 /// A value above which all but the `count` smallest of these values are. `None` if it is not found, for example because
 /// the values around it are equal. Values are finite and not negative; `count` is 1 to their number.
 pub(crate) fn threshold(values: &[f32], count: usize) -> Option<f32> {
-    let sum: f32 = values.iter().sum();
+    // Eight sums side by side, because additions of floats keep their order.
+    let (rows, rest) = values.as_chunks::<8>();
+    let mut sums = [0.0_f32; 8];
+    for row in rows {
+        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+    }
+    let sum = sums.iter().chain(rest).sum::<f32>();
     // `low` is below, `high` is above: the numbers of values that are not above them.
     let (mut low, mut high) = ((0.0_f32, 0_usize), (f32::INFINITY, values.len() + 1));
     // Even values from 0 have this share below: twice the mean is the largest.

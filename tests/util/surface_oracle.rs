@@ -16,6 +16,7 @@ pub(crate) struct Settings {
     pub(crate) reach_mm: i64,
     pub(crate) angle_deg: f64,
     pub(crate) border_score: f64,
+    pub(crate) refit_planes: bool,
 }
 
 type Vector = Vector3<f64>;
@@ -116,7 +117,7 @@ impl Robust {
     }
 }
 
-fn slice(points: &[[i64; 3]], members: &[usize]) -> Option<Robust> {
+fn slice(points: &[[i64; 3]], members: &[usize], refit: bool) -> Option<Robust> {
     let start = vector(points[members[0]]);
     let places: Vec<Vector> = members.iter().map(|member| vector(points[*member]) - start).collect();
     let half = (members.len() / 2).max(3);
@@ -142,14 +143,18 @@ fn slice(points: &[[i64; 3]], members: &[usize]) -> Option<Robust> {
             best = Some(found);
         }
     }
-    let (normal, _, mean) = best?;
+    let (mut normal, _, mut mean) = best?;
     let distances: Vec<f64> = places.iter().map(|place| normal.dot(&(place - mean)).abs()).collect();
     let kept: Vec<usize> = (0..members.len())
         .zip(consistent(&distances))
         .filter(|(_, holds)| *holds)
         .map(|(at, _)| at)
         .collect();
-    let squared = kept.iter().map(|at| distances[*at].powi(2)).sum::<f64>();
+    let near: Vec<Vector> = kept.iter().map(|at| places[*at]).collect();
+    if let Some(better) = plane(&near).filter(|_| refit) {
+        (normal, mean) = (better.0, better.2);
+    }
+    let squared = near.iter().map(|place| normal.dot(&(place - mean)).powi(2)).sum::<f64>();
     Some(Robust {
         normal,
         mean: mean + start,
@@ -264,7 +269,7 @@ pub(crate) fn surfaces(
         }
         // Random numbers follow from ids, which are those among all points.
         let ids: Vec<usize> = members.iter().map(|member| kept[*member]).collect();
-        if let Some(robust) = slice(points, &ids) {
+        if let Some(robust) = slice(points, &ids, settings.refit_planes) {
             slices.push((members, robust));
         }
     }

@@ -8,7 +8,8 @@
 //! if it is flatter than mean + standard deviation; where the median deviation is 0, all points are consistent; random
 //! numbers follow from ids (`slice`). Merging is transitive, and compares the planes of slices before any merging. Slices
 //! are merged only if their border is near to both planes too, because parallel planes at different heights became one
-//! surface over a kerb (`border`); `border_score = 0` gives the rule as printed. All points of a slice have its label; its plane and that of its surface fit the consistent points.
+//! surface over a kerb (`border`), and planes of slices are fitted once more (`slice`). `border_score = 0` and
+//! `refit_planes = false` give the rules as printed. All points of a slice have its label; its plane and that of its surface fit the consistent points.
 //!
 //! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point takes part.
 //!
@@ -62,7 +63,7 @@ pub(in crate::cluster) const ENTRY: ClusterEntry = ClusterEntry {
 const STEPS: [Step; 3] = [
     Step {
         name: "links",
-        settings: &["p-linkage.neighbours", "p-linkage.reach_m"],
+        settings: &["p-linkage.neighbours", "p-linkage.reach_m", "p-linkage.refit_planes"],
         bytes: BytesPer::ObjectPoint(LINKS_BYTES_PER_POINT),
         repeat: Repeat::Once,
     },

@@ -30,6 +30,9 @@ pub struct SurfacesConfig {
     /// than this many deviations of the points of the rougher slice. 0 (the paper's rule: only normals decide) to 100.
     /// Default 2.5 (chosen: the score of equation 7 up to which a point is consistent with a plane).
     pub border_score: f64,
+    /// Whether the plane of a slice is fitted once more, to all points that are consistent with it. Default true (chosen:
+    /// narrow planes fall apart without it; the paper has no such step).
+    pub refit_planes: bool,
     /// Number of neighbours of a point, itself included: K of section 3, 8 to 255. Default 50 (chosen, see
     /// `benches/results/surfaces.md`; the paper has no number).
     pub neighbours: u32,
@@ -43,7 +46,14 @@ pub struct SurfacesConfig {
 
 impl Default for SurfacesConfig {
     fn default() -> Self {
-        Self { angle_deg: 10.0, border_score: 2.5, neighbours: 50, reach_m: 1.0, min_points: SLICE_POINTS }
+        Self {
+            angle_deg: 10.0,
+            border_score: 2.5,
+            refit_planes: true,
+            neighbours: 50,
+            reach_m: 1.0,
+            min_points: SLICE_POINTS,
+        }
     }
 }
 

@@ -41,7 +41,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
         trees(&around, &normals).into_iter().partition(|tree| !tree.names.is_empty());
     let corner = tile.extent().0;
     for tree in closed {
-        add_closed(&mut stored, &around, &normals, &own, &tree, corner);
+        add_closed(&mut stored, &around, &normals, &own, &tree, (corner, config.refit_planes));
     }
     let first_open = in_u32(stored.of_tile.closed.len(), "trees of a tile") + 1;
     for (label, tree) in (first_open..).zip(open) {
@@ -58,12 +58,12 @@ fn add_closed(
     normals: &Normals,
     own: &[u32],
     tree: &Tree,
-    corner: [i64; 3],
+    (corner, refit): ([i64; 3], bool),
 ) {
     let Some(root) = tree.root.filter(|_| tree.points.len() as u64 >= SLICE_POINTS) else { return };
     let places: Vec<[i64; 3]> =
         tree.points.iter().map(|&point| around.lattice_point(point as usize)).collect();
-    let Some(found) = slice(&places, around.id[tree.points[0] as usize]) else { return };
+    let Some(found) = slice(&places, around.id[tree.points[0] as usize], refit) else { return };
     stored.of_tile.closed.push(normals.flatness(root as usize));
     let label = in_u32(stored.of_tile.closed.len(), "trees of a tile");
     for (&point, &consistent) in tree.points.iter().zip(&found.consistent) {

@@ -64,6 +64,7 @@ struct End {
 /// The tiles and shared slices that have been looked at.
 struct Seen<'a> {
     tile: &'a dyn TileWindow,
+    refit_planes: bool,
     head: stage_links::Drive,
     tiles: BTreeMap<TileId, Known>,
     /// Parts of open trees, by tile.
@@ -103,7 +104,7 @@ impl Seen<'_> {
         points.sort_unstable_by_key(|point| point.id);
         let places: Vec<[i64; 3]> = points.iter().map(|point| point.at).collect();
         let first = points.first().map(|point| point.id).unwrap_or_default();
-        let shared = slice(&places, first).map(|Slice { plane, consistent }| {
+        let shared = slice(&places, first, self.refit_planes).map(|Slice { plane, consistent }| {
             let kept: Vec<&OpenPoint> =
                 points.iter().zip(consistent).filter(|(_, holds)| *holds).map(|(point, _)| point).collect();
             Shared {
@@ -156,8 +157,14 @@ fn open_id(stored: &Stored, own: u32) -> Option<PointId> {
 pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapped> {
     let here = tile.tile();
     let head = stage_links::head(tile)?;
-    let mut seen =
-        Seen { tile, head, tiles: BTreeMap::new(), parts: BTreeMap::new(), shared: BTreeMap::new() };
+    let mut seen = Seen {
+        tile,
+        refit_planes: config.refit_planes,
+        head,
+        tiles: BTreeMap::new(),
+        parts: BTreeMap::new(),
+        shared: BTreeMap::new(),
+    };
     seen.look_at(here)?;
     let cosine = config.cosine();
     let mut adjacent: BTreeMap<(u32, u32), Adjacent> = BTreeMap::new();
