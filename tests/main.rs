@@ -40,6 +40,8 @@ mod labelled;
 #[cfg(test)]
 mod normalized_cut;
 #[cfg(test)]
+mod p_linkage;
+#[cfg(test)]
 mod refusals;
 #[cfg(test)]
 mod report;

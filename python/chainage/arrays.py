@@ -50,7 +50,8 @@ def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArr
     xyz : array_like, shape (n, 3), or laspy.LasData
         Coordinates in metres. Arrays are rounded to 1 mm.
     method : str, optional
-        Clustering method: ``"euclidean"``, ``"density-peaks"``, ``"dbscan"``, ``"normalized-cut"`` or ``"street"``.
+        Clustering method: ``"euclidean"``, ``"density-peaks"``, ``"dbscan"``, ``"normalized-cut"``, ``"p-linkage"``
+        (surfaces) or ``"street"``.
     **settings
         Settings of the method, such as ``max_gap_m=0.4`` (metres), or further ones, such as ``run__threads=2``.
 

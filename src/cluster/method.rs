@@ -11,7 +11,7 @@ use std::ops::RangeInclusive;
 
 use crate::config::ConfigError;
 use crate::error::Result;
-use crate::model::{Chart, Field, FieldSums, Kind, Lattice, Reach, TileCloud, TileId};
+use crate::model::{Chart, Field, FieldSums, Kind, Lattice, Plane, Reach, TileCloud, TileId};
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
 /// How often a step runs.
@@ -103,6 +103,8 @@ pub struct Grouped {
     pub groups: Vec<Vec<u32>>,
     /// Class and confidence of each group, from methods that classify. Empty otherwise.
     pub kinds: BTreeMap<u32, Kind>,
+    /// Plane of each group, from methods that find surfaces. Empty otherwise.
+    pub planes: BTreeMap<u32, Plane>,
     /// Figures of the steps for the report, by name.
     pub figures: Figures,
     /// Charts for the choice of thresholds.
@@ -201,6 +203,11 @@ pub trait Method: std::fmt::Debug + Send + Sync {
 
     /// Whether the method gives objects a class ([`Grouped::kinds`]).
     fn classifies(&self) -> bool {
+        false
+    }
+
+    /// Whether objects are surfaces with a plane ([`Grouped::planes`]).
+    fn finds_surfaces(&self) -> bool {
         false
     }
 

@@ -22,6 +22,7 @@
 mod columns;
 pub mod dbscan;
 mod density_peaks;
+mod eigen;
 mod euclidean;
 mod further;
 mod linking;
@@ -44,5 +45,11 @@ pub use normalized_cut::{NormalizedCut, NormalizedCutConfig};
 pub use street::{Street, StreetConfig};
 
 /// Every clustering method, in the order in which help lists them.
-pub static REGISTRY: &[ClusterEntry] =
-    &[euclidean::ENTRY, density_peaks::ENTRY, dbscan::ENTRY, normalized_cut::ENTRY, street::ENTRY];
+pub static REGISTRY: &[ClusterEntry] = &[
+    euclidean::ENTRY,
+    density_peaks::ENTRY,
+    dbscan::ENTRY,
+    normalized_cut::ENTRY,
+    p_linkage::surfaces::ENTRY,
+    street::ENTRY,
+];

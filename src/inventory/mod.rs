@@ -26,6 +26,7 @@ mod size;
 mod station;
 mod stem_diameter;
 mod surface;
+mod surfaces;
 mod terrain;
 mod touches;
 mod touching;
@@ -35,8 +36,9 @@ use crate::model::{Column, Value};
 
 pub use among::{Among, Place};
 pub use attribute::Attribute;
-pub use measures::{Measures, around_cells};
+pub use measures::{Face, Measures, around_cells};
 pub use object::{Object, Site, Station};
+pub use surfaces::{SURFACE_COLUMNS, SurfaceRow};
 pub use terrain::{Terrain, TerrainSums};
 pub use touching::{reach as touching_reach, touching};
 

@@ -27,6 +27,7 @@ mod hull;
 mod ids;
 mod kind;
 mod object;
+mod plane;
 mod reach;
 mod records;
 
@@ -43,5 +44,6 @@ pub(crate) use ids::in_u32;
 pub use ids::{FileId, PointId, TileId};
 pub use kind::Kind;
 pub use object::ObjectPart;
+pub use plane::Plane;
 pub use reach::Reach;
 pub use records::{RecordView, record_xyz};

@@ -235,9 +235,8 @@ pub(crate) fn to_files<D: Driver>(
         let mut figures = method.figures(progress)?;
         let warnings = progress.over.classified.warnings.clone();
         let (counts, terrain) = ground::summed_up(progress.over.classified)?;
-        if let Some(finished) =
-            mark::already_finished(run_dir, list.export.depends.fingerprint(), &names::beside(open.config))?
-        {
+        let beside = names::beside(open.config, method.finds_surfaces());
+        if let Some(finished) = mark::already_finished(run_dir, list.export.depends.fingerprint(), &beside)? {
             return Ok(Some(Outcome {
                 counts,
                 objects: finished.objects,

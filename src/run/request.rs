@@ -42,13 +42,14 @@ impl<'a> Begun<'a> {
         let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
         let chain = Chain::build(config, &request.registries, catalog.lattice())?;
         let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
-        names::claim(&run_dir, config, &labelled)?;
+        let surfaces = chain.method.finds_surfaces();
+        names::claim(&run_dir, config, surfaces, &labelled)?;
         let mut warnings = config.warnings().to_vec();
         warnings.extend(catalog.warnings().iter().cloned());
         warnings.extend(open::file_system_warning(&request.inputs, config));
         warnings.extend(file_warnings);
         if request.fresh {
-            warnings.extend(names::remove_superseded(&run_dir, config, &labelled)?);
+            warnings.extend(names::remove_superseded(&run_dir, config, surfaces, &labelled)?);
         }
         let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
         Ok(Self { run_dir, open, labelled, warnings })

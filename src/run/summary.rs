@@ -54,6 +54,9 @@ pub struct RunSummary {
     pub tiles: usize,
     /// Wall time of this call in seconds.
     pub seconds: f64,
+    /// Whether the objects are surfaces, so that tables of surfaces are written. Only these runs say so.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub surfaces: bool,
     /// Whether every output existed already.
     pub nothing_to_do: bool,
     /// Figures of the steps of the clustering method by name, if it has any: `stages` of `density-peaks`, and

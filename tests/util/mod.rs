@@ -11,6 +11,7 @@ pub(crate) mod oracle;
 pub(crate) mod peaks_oracle;
 pub(crate) mod program;
 pub(crate) mod street;
+pub(crate) mod surface_oracle;
 
 use std::path::{Path, PathBuf};
 

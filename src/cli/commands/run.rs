@@ -203,7 +203,8 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
     }
     let mut written = Vec::new();
     written.extend(output.writes("points").then_some("labelled files"));
-    let tables = objects::REGISTRY.iter().filter(|entry| output.writes(entry.name()));
+    let of_surfaces = objects::SURFACES.iter().filter(|_| summary.surfaces);
+    let tables = objects::REGISTRY.iter().chain(of_surfaces).filter(|entry| output.writes(entry.name()));
     written.extend(tables.map(|entry| entry.file_name));
     written.push("report.json");
     written.extend(output.writes("report").then_some("report.html"));

@@ -3,6 +3,7 @@
 
 mod circle;
 mod crown;
+mod face;
 mod foot;
 mod grid;
 mod outline;
@@ -13,6 +14,7 @@ mod stem;
 
 pub(super) use circle::Circle;
 pub(super) use crown::crown;
+pub use face::Face;
 pub(super) use foot::Foot;
 pub use outline::around_cells;
 pub(super) use outline::{Polygon, outline};

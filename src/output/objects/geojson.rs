@@ -46,7 +46,7 @@ fn collection(table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn feature(columns: &[Column], row: ObjectRow<'_>) -> Feature {
-    let geometry = geometry(&row.outline).map(Geometry::new);
+    let geometry = geometry(&row.outline, &row.heights).map(Geometry::new);
     let properties: JsonObject = columns
         .iter()
         .zip(row.values)
@@ -69,23 +69,24 @@ fn property(column: &Column, value: Value<'_>) -> JsonValue {
     }
 }
 
-/// The outline as a polygon, a line or a point, by its number of vertices; none when it has none.
-fn geometry(outline: &[[f64; 2]]) -> Option<GeometryValue> {
-    let open = match outline {
-        [first, .., last] if first.map(f64::to_bits) == last.map(f64::to_bits) => {
-            &outline[..outline.len() - 1]
-        }
-        _ => outline,
+/// The outline as a polygon, a line or a point, by its number of vertices; none when it has none. Positions have a z if
+/// there are heights.
+fn geometry(outline: &[[f64; 2]], heights: &[f64]) -> Option<GeometryValue> {
+    let written = |value: f64| rounded(value, OUTLINE_PLACES).unwrap_or(0.0);
+    let position = |at: usize| {
+        let z = heights.get(at).copied();
+        outline[at].into_iter().chain(z).map(written).collect::<Vec<f64>>()
     };
-    let position =
-        |place: &[f64; 2]| Position::from(place.map(|value| rounded(value, OUTLINE_PLACES).unwrap_or(0.0)));
-    let mut positions: Vec<Position> = open.iter().map(position).collect();
-    Some(match open {
-        [] => return None,
-        [place] => GeometryValue::Point { coordinates: position(place) },
-        [_, _] => GeometryValue::LineString { coordinates: positions },
-        [first, ..] => {
-            positions.push(position(first));
+    let bits = |at: usize| (outline[at].map(f64::to_bits), heights.get(at).map(|z| z.to_bits()));
+    let closed = outline.len() > 1 && bits(0) == bits(outline.len() - 1);
+    let mut positions: Vec<Position> =
+        (0..outline.len() - usize::from(closed)).map(|at| Position::from(position(at))).collect();
+    Some(match positions.len() {
+        0 => return None,
+        1 => GeometryValue::Point { coordinates: positions.remove(0) },
+        2 => GeometryValue::LineString { coordinates: positions },
+        _ => {
+            positions.push(positions[0].clone());
             GeometryValue::Polygon { coordinates: vec![positions] }
         }
     })
@@ -138,13 +139,19 @@ mod tests {
     #[test]
     fn outlines_become_polygons_lines_and_points() {
         let [a, b, c] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
-        let text = |outline: &[[f64; 2]]| geometry(outline).map(|value| Geometry::new(value).to_string());
+        let text =
+            |outline: &[[f64; 2]]| geometry(outline, &[]).map(|value| Geometry::new(value).to_string());
         assert_eq!(text(&[]), None);
         assert_eq!(text(&[a]).unwrap(), r#"{"type":"Point","coordinates":[0.0,0.0]}"#);
         assert_eq!(text(&[a, b]).unwrap(), r#"{"type":"LineString","coordinates":[[0.0,0.0],[1.0,0.0]]}"#);
         let ring = r#"{"type":"Polygon","coordinates":[[[0.0,0.0],[1.0,0.0],[0.0,1.0],[0.0,0.0]]]}"#;
         assert_eq!(text(&[a, b, c]).unwrap(), ring);
         assert_eq!(text(&[a, b, c, a]).unwrap(), ring, "a closed ring stays closed once");
+        // Two vertices of an upright surface are at the same place of the plane, and not in space.
+        let upright = geometry(&[a, b, b, a], &[0.0, 0.0, 2.0, 2.0]).unwrap();
+        let ring = "[[0.0,0.0,0.0],[1.0,0.0,0.0],[1.0,0.0,2.0],[0.0,0.0,2.0],[0.0,0.0,0.0]]";
+        let expected = format!(r#"{{"type":"Polygon","coordinates":[{ring}]}}"#);
+        assert_eq!(Geometry::new(upright).to_string(), expected);
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod geojson;
 #[cfg(feature = "gpkg")]
 mod geopackage;
 mod number;
+mod ply;
 mod table;
 
 pub(crate) use number::{places, rounded};
@@ -35,6 +36,14 @@ pub const REGISTRY: &[ObjectFormatEntry] = &[
     ObjectFormatEntry { file_name: "objects.geojson", format: &geojson::GeoJson },
     #[cfg(feature = "gpkg")]
     ObjectFormatEntry { file_name: "objects.gpkg", format: &geopackage::GeoPackage },
+];
+
+/// Every format of the table of surfaces, in the order in which the files are written. Rows are those of
+/// [`ObjectTable`] with an outline in space.
+pub const SURFACES: &[ObjectFormatEntry] = &[
+    ObjectFormatEntry { file_name: "surfaces.csv", format: &csv::Csv },
+    ObjectFormatEntry { file_name: "surfaces.geojson", format: &geojson::GeoJson },
+    ObjectFormatEntry { file_name: "surfaces.ply", format: &ply::Ply },
 ];
 
 #[cfg(test)]

@@ -13,6 +13,9 @@ pub struct ObjectRow<'a> {
     /// Vertices of the outline in the units of the input, counter-clockwise; one or two when it has no area. A ring
     /// may be closed or not.
     pub outline: Vec<[f64; 2]>,
+    /// z of each vertex of the outline, in the units of the input, if the outline is in space; empty if it is in the
+    /// plane.
+    pub heights: Vec<f64>,
     /// Where the object stands, in the units of the input.
     pub base: [f64; 3],
     /// One value per column, of the type of the column.
@@ -111,6 +114,7 @@ pub(crate) mod tests {
     pub(crate) fn car() -> ObjectRow<'static> {
         ObjectRow {
             base: [530_001.0, 3_380_001.5, 7.25],
+            heights: Vec::new(),
             outline: vec![[530_000.000_4, 3_380_000.0], [530_004.0, 3_380_000.0], [530_004.0, 3_380_002.0]],
             values: vec![
                 Value::Count(7),
@@ -126,6 +130,7 @@ pub(crate) mod tests {
         ObjectRow {
             base: [1.0, 2.0, 3.0],
             outline: vec![[1.0, 2.0]],
+            heights: Vec::new(),
             values: vec![
                 Value::Count(8),
                 Value::Missing,

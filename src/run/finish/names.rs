@@ -14,9 +14,11 @@ pub(super) const PAGE: &str = "report.html";
 /// Name of the cloud-optimised file.
 pub(crate) const CLOUD: &str = "drive.copc.laz";
 
-/// Outputs of a finished run beside the labelled copies.
-pub(crate) fn beside(config: &Config) -> Vec<&'static str> {
-    let tables = objects::REGISTRY.iter().filter(|entry| config.output.writes(entry.name()));
+/// Outputs of a finished run beside the labelled copies; `surfaces`: whether the method finds surfaces.
+pub(crate) fn beside(config: &Config, surfaces: bool) -> Vec<&'static str> {
+    let of_surfaces = objects::SURFACES.iter().filter(|_| surfaces);
+    let tables =
+        objects::REGISTRY.iter().chain(of_surfaces).filter(|entry| config.output.writes(entry.name()));
     let mut names: Vec<&str> = tables.map(|entry| entry.file_name).collect();
     names.push(REPORT);
     names.extend(config.output.writes("report").then_some(PAGE));
@@ -31,15 +33,17 @@ pub(crate) fn page_limit_bytes(config: &Config) -> Option<u64> {
 }
 
 /// All outputs of a run.
-fn planned(config: &Config, files: &[LabelledFile]) -> Vec<String> {
+fn planned(config: &Config, surfaces: bool, files: &[LabelledFile]) -> Vec<String> {
     let points = files.iter().filter(|_| config.output.writes("points")).map(LabelledFile::name);
-    points.chain(beside(config)).map(str::to_owned).collect()
+    points.chain(beside(config, surfaces)).map(str::to_owned).collect()
 }
 
 /// Whether the settings name only outputs that exist.
 fn check_files(config: &Config) -> Result<(), ConfigError> {
     let mut known = vec!["points"];
     known.extend(objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name));
+    let of_surfaces: Vec<&str> = objects::SURFACES.iter().map(objects::ObjectFormatEntry::name).collect();
+    known.extend(of_surfaces.into_iter().filter(|name| !known.contains(name)).collect::<Vec<_>>());
     known.extend(["copc", "report"]);
     match config.output.files.iter().find(|name| !known.contains(&name.as_str())) {
         Some(name) => Err(ConfigError::value("output.files", name, known.join(", "))),
@@ -73,9 +77,9 @@ pub(crate) fn copies(
 }
 
 /// Claims the names of all outputs. No foreign file may have one of them.
-pub(crate) fn claim(run_dir: &RunDir, config: &Config, files: &[LabelledFile]) -> Result<()> {
+pub(crate) fn claim(run_dir: &RunDir, config: &Config, surfaces: bool, files: &[LabelledFile]) -> Result<()> {
     let ours = run_dir.own_outputs()?;
-    let names = planned(config, files);
+    let names = planned(config, surfaces, files);
     for name in names.iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
         if path.exists() {
@@ -90,9 +94,10 @@ pub(crate) fn claim(run_dir: &RunDir, config: &Config, files: &[LabelledFile]) -
 pub(crate) fn remove_superseded(
     run_dir: &RunDir,
     config: &Config,
+    surfaces: bool,
     files: &[LabelledFile],
 ) -> Result<Vec<String>> {
-    let names = planned(config, files);
+    let names = planned(config, surfaces, files);
     let mut removed = Vec::new();
     for name in run_dir.own_outputs()?.into_iter().filter(|name| !names.contains(name)) {
         let path = run_dir.out().join(&name);
@@ -110,12 +115,13 @@ pub(crate) fn remove_superseded(
 pub(crate) fn remove_left_out(
     run_dir: &RunDir,
     config: &Config,
+    surfaces: bool,
     files: &[String],
     written: &[String],
 ) -> Result<()> {
-    let tables = objects::REGISTRY.iter().map(|entry| entry.file_name);
+    let tables = objects::REGISTRY.iter().chain(objects::SURFACES).map(|entry| entry.file_name);
     let mut left_out: Vec<&str> = tables.chain([PAGE, CLOUD]).collect();
-    left_out.retain(|name| !beside(config).contains(name));
+    left_out.retain(|name| !beside(config, surfaces).contains(name));
     left_out.extend(files.iter().filter(|name| !written.contains(name)).map(String::as_str));
     let ours = run_dir.own_outputs()?;
     for name in left_out.into_iter().filter(|name| ours.iter().any(|ours| ours == name)) {
@@ -133,11 +139,15 @@ mod tests {
 
     #[test]
     fn every_format_is_among_the_outputs() {
-        let beside = |settings: &[String]| beside(&Config::resolve(None, settings).unwrap());
+        let with =
+            |settings: &[String], surfaces| beside(&Config::resolve(None, settings).unwrap(), surfaces);
+        let beside = |settings: &[String]| with(settings, false);
         let tables =
             &["objects.csv", "objects.geojson", "objects.gpkg"][..2 + usize::from(cfg!(feature = "gpkg"))];
         assert_eq!(beside(&[]), [tables, &["report.json", "report.html"]].concat());
         assert_eq!(beside(&["output.report=false".to_owned()]), [tables, &["report.json"]].concat());
-        assert_eq!(beside(&["output.files=[\"csv\"]".to_owned()]), ["objects.csv", "report.json"]);
+        let csv = ["output.files=[\"csv\"]".to_owned()];
+        assert_eq!(beside(&csv), ["objects.csv", "report.json"]);
+        assert_eq!(with(&csv, true), ["objects.csv", "surfaces.csv", "report.json"]);
     }
 }

@@ -42,6 +42,7 @@ pub(crate) fn finish(
         objects: outcome.objects,
         tiles: planned.plan.tiles.iter().filter(|tile| tile.inside).count(),
         seconds: started.elapsed().as_secs_f64(),
+        surfaces: open.chain.method.finds_surfaces(),
         nothing_to_do: outcome.unmarked.is_none(),
         figures: outcome.figures,
         passes,
@@ -52,10 +53,11 @@ pub(crate) fn finish(
         let report = report::report(&open.drive, open.config, &planned.surveyed, &summary);
         report::write_report(run_dir, &report)?;
         page::write_page(run_dir, open, &planned.surveyed, &planned.plan, outcome.page, report)?;
-        names::remove_left_out(run_dir, open.config, copies, &finished.files)?;
+        let surfaces = open.chain.method.finds_surfaces();
+        names::remove_left_out(run_dir, open.config, surfaces, copies, &finished.files)?;
         let cloud = Cloud::outlines(&export).map(|pass| run_dir.pass(&pass.folder, pass.depends));
         let export = run_dir.pass(&export.folder, export.depends);
-        mark::mark_finished(run_dir, &export, &cloud, &finished, &names::beside(open.config))?;
+        mark::mark_finished(run_dir, &export, &cloud, &finished, &names::beside(open.config, surfaces))?;
     }
     Ok(summary)
 }

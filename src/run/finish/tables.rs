@@ -5,9 +5,9 @@ use std::path::Path;
 
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::inventory;
+use crate::inventory::{self, SurfaceRow};
 use crate::model::{Chart, in_u32};
-use crate::output::objects::{self, DriveShape, ObjectRow, ObjectTable, TileShape};
+use crate::output::objects::{self, DriveShape, ObjectFormatEntry, ObjectRow, ObjectTable, TileShape};
 use crate::output::report::PageTable;
 use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
@@ -19,7 +19,8 @@ use crate::store::{RunDir, StoreError};
 use crate::tiling::Plan;
 use crate::whole_file::publish;
 
-/// Writes the table of objects in the formats of the settings. Returns it for the page, if that is written.
+/// Writes the table of objects in the formats of the settings, and that of surfaces if the method finds some. Returns
+/// the first for the page, if that is written.
 pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
@@ -31,26 +32,48 @@ pub(crate) fn write_tables(
 ) -> Result<Option<PageTable>> {
     let row = |index: usize| {
         let row = rows.row(index).map_err(io::Error::other)?;
-        Ok(ObjectRow { outline: row.outline, base: row.base, values: row.values })
+        Ok(ObjectRow { outline: row.outline, heights: Vec::new(), base: row.base, values: row.values })
     };
     let columns = inventory::columns();
     let shape = shape(drive, surveyed, plan);
     let table = ObjectTable { columns: &columns, drive: &shape, len: rows.len(), row: &row };
-    for entry in objects::REGISTRY.iter().filter(|entry| config.output.writes(entry.name())) {
-        let name = entry.file_name;
-        let path = run_dir.out().join(name);
-        let part = run_dir.path(&format!("{name}.part"));
-        let failed = |source| OutputError::Write { path: path.clone(), source };
-        entry.format.write(&table, &part).map_err(failed)?;
-        let whole = std::fs::File::options().write(true).open(&part).map_err(failed)?;
-        whole.sync_all().map_err(failed)?;
-        publish(&part, &path).map_err(failed)?;
+    write_formats(run_dir, objects::REGISTRY, &table, config)?;
+    if whole.surfaces {
+        let row = |index: usize| {
+            let SurfaceRow { outline, centre, values } = rows.surface(index).map_err(io::Error::other)?;
+            let heights = outline.iter().map(|place| place[2]).collect();
+            let outline = outline.into_iter().map(|[x, y, _]| [x, y]).collect();
+            Ok(ObjectRow { outline, heights, base: centre, values })
+        };
+        let columns = inventory::SURFACE_COLUMNS;
+        let table = ObjectTable { columns, drive: &shape, len: rows.surfaces(), row: &row };
+        write_formats(run_dir, objects::SURFACES, &table, config)?;
     }
     let points = |index: usize| whole.objects[index].points;
     let frame = frame(drive, surveyed);
     let for_page =
         page_limit_bytes(config).map(|limit| PageTable::of(&table, &points, frame, limit)).transpose();
     for_page.map_err(|error| Error::bug(error.to_string()))
+}
+
+/// Writes a table in the formats of the settings.
+fn write_formats(
+    run_dir: &RunDir,
+    formats: &[ObjectFormatEntry],
+    table: &ObjectTable<'_>,
+    config: &Config,
+) -> Result<()> {
+    for entry in formats.iter().filter(|entry| config.output.writes(entry.name())) {
+        let name = entry.file_name;
+        let path = run_dir.out().join(name);
+        let part = run_dir.path(&format!("{name}.part"));
+        let failed = |source| OutputError::Write { path: path.clone(), source };
+        entry.format.write(table, &part).map_err(failed)?;
+        let whole = std::fs::File::options().write(true).open(&part).map_err(failed)?;
+        whole.sync_all().map_err(failed)?;
+        publish(&part, &path).map_err(failed)?;
+    }
+    Ok(())
 }
 
 /// The axis and the tiles in the units of the input.

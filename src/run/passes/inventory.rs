@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::inventory::{self, Among, Measures, Object, Place, Site, Station, Terrain};
-use crate::model::{Kind, TileId, Value, convex_hull, in_u32};
+use crate::inventory::{self, Among, Face, Measures, Object, Place, Site, Station, SurfaceRow, Terrain};
+use crate::model::{Kind, ObjectPart, Plane, TileId, Value, convex_hull, in_u32};
 use crate::run::drive::{Drive, Surveyed};
 use crate::run::engine::{Driver, Outline, Pass, Payloads};
 use crate::run::passes::relabel::PointColumns;
@@ -57,12 +57,34 @@ pub(crate) struct Row {
 struct Kept {
     place: Place,
     row: Vec<u8>,
+    /// The row in the table of surfaces; empty if the object is none.
+    surface: Vec<u8>,
+}
+
+/// The sketches of an object, or of a part of it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Part {
+    measures: Measures,
+    /// Only of surfaces.
+    face: Option<Face>,
+}
+
+impl Part {
+    fn merge(&mut self, other: Self) {
+        self.measures.merge(other.measures);
+        match (&mut self.face, other.face) {
+            (Some(face), Some(other)) => face.merge(other),
+            (own, other) => *own = own.take().or(other),
+        }
+    }
 }
 
 /// The rows of all objects, and what they are to each other.
 #[derive(Debug)]
 pub(crate) struct Inventory {
     rows: Vec<Vec<u8>>,
+    /// Rows in the table of surfaces, in ascending order of ids.
+    surfaces: Vec<Vec<u8>>,
     among: Among,
 }
 
@@ -80,6 +102,19 @@ impl Inventory {
         inventory::complete(in_u32(index + 1, "objects"), &self.among, &mut row.values);
         Ok(row)
     }
+
+    /// Number of surfaces.
+    pub(crate) fn surfaces(&self) -> usize {
+        self.surfaces.len()
+    }
+
+    /// A row of the table of surfaces.
+    pub(crate) fn surface(&self, index: usize) -> Result<SurfaceRow> {
+        let bytes = self.surfaces.get(index);
+        let bytes = bytes.ok_or_else(|| Error::bug(format!("there is no surface {index}")))?;
+        let (outline, centre, values) = codec::decode(bytes)?;
+        Ok(SurfaceRow { outline, centre, values })
+    }
 }
 
 /// What a tile found.
@@ -88,7 +123,7 @@ struct Found {
     /// Objects that lie in this tile alone.
     whole: Vec<(u32, Kept)>,
     /// Parts of other objects.
-    parts: Vec<(u32, Measures)>,
+    parts: Vec<(u32, Part)>,
     /// Pairs of objects that touch each other.
     touching: Vec<(u32, u32)>,
 }
@@ -184,19 +219,33 @@ impl InventoryPass<'_> {
         self.objects.kinds.get(index).copied().unwrap_or_default()
     }
 
-    /// The row of an object, of which all points were sketched.
-    fn finished(&self, id: u32, measures: &Measures) -> Result<Kept> {
+    /// Extent and plane of an object that is a surface.
+    fn plane(&self, id: u32) -> Option<(&ObjectPart, &Plane)> {
         let index = id as usize - 1;
+        Some((self.objects.objects.get(index)?, self.objects.planes.get(index)?.as_ref()?))
+    }
+
+    /// The row of an object, of which all points were sketched.
+    fn finished(&self, id: u32, Part { measures, face }: &Part) -> Result<Kept> {
+        let index = id as usize - 1;
+        let surface = match (face, self.plane(id)) {
+            (Some(face), Some((part, plane))) => {
+                let SurfaceRow { outline, centre, values } =
+                    SurfaceRow::new(id, part, plane, face, self.site);
+                codec::encode(&(outline, centre, values))?
+            }
+            _ => Vec::new(),
+        };
         let object = Object::new(id, &self.objects.objects[index], measures, self.kind(index), self.site);
         let row =
             StoredRow { outline: object.ring(), base: object.base(), values: inventory::values(&object) };
-        Ok(Kept { place: Place::of(&object), row: codec::encode(&row)? })
+        Ok(Kept { place: Place::of(&object), row: codec::encode(&row)?, surface })
     }
 
     /// The rows of all objects, from the sketches of all tiles.
     fn rows(&self, payloads: &Payloads) -> Result<Inventory> {
         let mut kept: Vec<Option<Kept>> = vec![None; self.objects.objects.len()];
-        let mut open: BTreeMap<u32, Measures> = BTreeMap::new();
+        let mut open: BTreeMap<u32, Part> = BTreeMap::new();
         let mut touching = std::collections::BTreeSet::new();
         for tile in TileId::first(self.units()) {
             let found: Found = codec::decode(&payloads.get(tile.index())?)?;
@@ -213,20 +262,22 @@ impl InventoryPass<'_> {
             let complete: Vec<u32> =
                 open.keys().copied().filter(|id| self.last_tile[*id as usize - 1].1 == tile).collect();
             for id in complete {
-                if let Some(measures) = open.remove(&id) {
-                    kept[id as usize - 1] = Some(self.finished(id, &measures)?);
+                if let Some(part) = open.remove(&id) {
+                    kept[id as usize - 1] = Some(self.finished(id, &part)?);
                 }
             }
         }
         let mut places = Vec::with_capacity(kept.len());
         let mut rows = Vec::with_capacity(kept.len());
+        let mut surfaces = Vec::new();
         for (index, one) in kept.into_iter().enumerate() {
-            let Kept { place, row } =
+            let Kept { place, row, surface } =
                 one.ok_or_else(|| Error::bug(format!("no tile has points of object {}", index + 1)))?;
             places.push(place);
             rows.push(row);
+            surfaces.extend((!surface.is_empty()).then_some(surface));
         }
-        Ok(Inventory { rows, among: Among::new(&places, touching) })
+        Ok(Inventory { rows, surfaces, among: Among::new(&places, touching) })
     }
 }
 
@@ -272,12 +323,18 @@ impl Pass for InventoryPass<'_> {
         };
         let mut found =
             Found { touching: inventory::touching(cloud, &ids).into_iter().collect(), ..Found::default() };
-        for (id, measures) in Measures::collect(cloud, &ids, |point| gathered.core[point], whole) {
+        let core = |point: usize| gathered.core[point];
+        let mut faces = match self.objects.planes.is_empty() {
+            true => BTreeMap::new(),
+            false => Face::collect(cloud, &ids, core, |id| self.plane(id)).into_iter().collect(),
+        };
+        for (id, measures) in Measures::collect(cloud, &ids, core, whole) {
+            let part = Part { measures, face: faces.remove(&id) };
             let (first, last) = self.last_tile[id as usize - 1];
             if first == last {
-                found.whole.push((id, self.finished(id, &measures)?));
+                found.whole.push((id, self.finished(id, &part)?));
             } else {
-                found.parts.push((id, measures));
+                found.parts.push((id, part));
             }
         }
         codec::encode(&found)

@@ -9,7 +9,7 @@ use crate::cluster::{Figures, Grouped, Method, Reduced};
 use crate::codec;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::model::{Chart, Kind, ObjectPart, PointId, TileId};
+use crate::model::{Chart, Kind, ObjectPart, Plane, PointId, TileId};
 use crate::run::drive::{TileVerdicts, is_object};
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::passes::sections;
@@ -52,6 +52,10 @@ pub(crate) struct Objects {
     pub(crate) ids: Vec<Vec<u32>>,
     /// Class and confidence of object 1, 2, ... Empty if the method does not classify.
     pub(crate) kinds: Vec<Kind>,
+    /// Plane of object 1, 2, ..., where it has one. Empty if the method finds no surfaces.
+    pub(crate) planes: Vec<Option<Plane>>,
+    /// Whether the method finds surfaces.
+    pub(crate) surfaces: bool,
     /// Figures of the steps of the method, if it has any.
     pub(crate) figures: Figures,
     pub(crate) charts: Vec<Chart>,
@@ -63,6 +67,7 @@ struct Kept {
     objects: Vec<ObjectPart>,
     ids: Vec<Vec<u32>>,
     kinds: Vec<Kind>,
+    planes: Vec<Option<Plane>>,
     figures: String,
     charts: Vec<Chart>,
 }
@@ -183,35 +188,39 @@ impl Pass for StitchPass<'_> {
             other => return Err(Error::bug(format!("{} ended with {other:?}", method.name()))),
         };
         let Stitched { objects, ids, .. } = stitched;
-        let Grouped { groups, kinds, figures, charts } = grouped;
-        let kinds = kinds_of_objects(&ids, &groups, &kinds, objects.len());
+        let Grouped { groups, kinds, planes, figures, charts } = grouped;
+        let kinds = of_objects(&ids, &groups, &kinds, objects.len());
+        let planes: BTreeMap<u32, Option<Plane>> =
+            planes.into_iter().map(|(group, plane)| (group, Some(plane))).collect();
+        let planes = of_objects(&ids, &groups, &planes, objects.len());
         let figures = serde_json::Value::Object(figures).to_string();
-        codec::encode(&Kept { objects, ids, kinds, figures, charts })
+        codec::encode(&Kept { objects, ids, kinds, planes, figures, charts })
     }
 
     /// Whole objects.
     fn reduce(&self, payloads: &Payloads) -> Result<Objects> {
-        let Kept { objects, ids, kinds, figures, charts } = codec::decode(&payloads.get(0)?)?;
+        let Kept { objects, ids, kinds, planes, figures, charts } = codec::decode(&payloads.get(0)?)?;
         let figures = serde_json::from_str(&figures)
             .map_err(|error| Error::bug(format!("stored figures cannot be read: {error}")))?;
-        Ok(Objects { objects, ids, kinds, figures, charts })
+        let surfaces = self.progress.over.method.finds_surfaces();
+        Ok(Objects { objects, ids, kinds, planes, surfaces, figures, charts })
     }
 }
 
-/// Class and confidence of object 1, 2, ..., from those of groups.
-fn kinds_of_objects(
+/// The value of object 1, 2, ..., from those of groups. Empty if no group has one.
+fn of_objects<T: Copy + Default>(
     ids: &[Vec<u32>],
     groups: &[Vec<u32>],
-    kinds: &BTreeMap<u32, Kind>,
+    of_groups: &BTreeMap<u32, T>,
     objects: usize,
-) -> Vec<Kind> {
-    if kinds.is_empty() {
+) -> Vec<T> {
+    if of_groups.is_empty() {
         return Vec::new();
     }
-    let mut of_objects = vec![Kind::default(); objects];
+    let mut of_objects = vec![T::default(); objects];
     for (&id, group) in ids.iter().flatten().zip(groups.iter().flatten()) {
-        if let (Some(object), Some(kind)) = ((id as usize).checked_sub(1), kinds.get(group)) {
-            of_objects[object] = *kind;
+        if let (Some(object), Some(value)) = ((id as usize).checked_sub(1), of_groups.get(group)) {
+            of_objects[object] = *value;
         }
     }
     of_objects

@@ -15,7 +15,6 @@
 mod block;
 mod cells;
 pub(super) mod context;
-mod eigen;
 mod raster;
 mod shape;
 

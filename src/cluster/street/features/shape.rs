@@ -8,8 +8,8 @@
     reason = "isqrt of radii below 10, and features are single precision"
 )]
 
-use super::eigen::eigen;
 use crate::cluster::columns::{Columns, disc};
+use crate::cluster::eigen::eigen;
 
 /// Number of features of a shape.
 pub(super) const COUNT: usize = 7;

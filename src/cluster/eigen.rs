@@ -11,15 +11,20 @@ const SWEEPS: usize = 12;
 const DIAGONAL: f64 = 1e-6;
 
 /// A symmetric matrix: xx, xy, xz, yy, yz, zz.
-pub(super) type Symmetric = [f64; 6];
+pub(crate) type Symmetric = [f64; 6];
 
 /// Eigenvalues in descending order with their unit vectors. Equal eigenvalues keep the order of the axes from
 /// which the rotations began.
-pub(super) fn eigen([xx, xy, xz, yy, yz, zz]: Symmetric) -> [(f64, [f64; 3]); 3] {
+pub(crate) fn eigen(matrix: Symmetric) -> [(f64, [f64; 3]); 3] {
+    eigen_within(DIAGONAL, matrix)
+}
+
+/// The same, with the sum of the absolute off-diagonal entries relative to the trace below which the matrix is diagonal.
+pub(crate) fn eigen_within(diagonal: f64, [xx, xy, xz, yy, yz, zz]: Symmetric) -> [(f64, [f64; 3]); 3] {
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     // Row n is the vector of eigenvalue n.
     let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let least = DIAGONAL * (xx + yy + zz);
+    let least = diagonal * (xx + yy + zz);
     for _ in 0..SWEEPS {
         if a[0][1].abs() + a[0][2].abs() + a[1][2].abs() <= least {
             break;

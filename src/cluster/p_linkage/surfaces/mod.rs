@@ -1,0 +1,155 @@
+//! The clustering method `p-linkage`: surfaces. Each point is linked to the neighbour that is flatter and has the most
+//! similar normal; trees of links are slices with a robust plane; adjacent slices with similar normals are merged.
+//!
+//! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation", ISPRS Annals III-3, 201-208
+//! (2016), doi:10.5194/isprs-annals-III-3-201-2016, section 3, equations 4 to 11. "The paper" in this folder is Lu et al.
+//! 2016. Ours: neighbours are within `reach_m`; of equally flat points the one with the smaller id is the flatter, so
+//! that a perfectly flat floor is one surface; a point that is linked to nothing is the root of its tree, and a centre
+//! if it is flatter than mean + standard deviation; where the median deviation is 0, all points are consistent; random
+//! numbers follow from ids (`slice`). Merging is transitive, and compares the planes of slices before any merging. Slices
+//! are merged only if their border is near to both planes too, because parallel planes at different heights became one
+//! surface over a kerb (`border`), and planes of slices are fitted once more (`slice`). `border_score = 0` and
+//! `refit_planes = false` give the rules as printed. All points of a slice have its label; its plane and that of its surface fit the consistent points.
+//!
+//! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point takes part.
+//!
+//! Steps. `links`: normals, links, trees, and the planes of trees that lie in one tile. Its reduction has the mean and
+//! the deviation of flatness, and joins the trees of several tiles. `slices`: the planes of these, and which adjacent
+//! slices are similar. Its reduction merges them. `surfaces`: the labels of points. Points are read by the first and the
+//! last step.
+//!
+//! Why it is exact over tiles: a tile reads points up to three times `reach_m` around it, so it knows all neighbours of
+//! the neighbours of the points to which its own may be linked. Coordinates relative to a point are integers, so normals
+//! and flatness are the same to the last bit wherever they are computed. What crosses a seam is named by ids of points,
+//! and joined in the reductions. Sums over the drive and over surfaces are integers.
+//!
+//! Cost: O(K) per point and 69 trials per slice. Memory: about 4 K bytes per point of a tile for consistent sets.
+//!
+//! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the neighbours
+//! lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of the size of a
+//! neighbourhood makes slices with arbitrary normals. Edges between planes are rounded off by small slices of their own.
+
+mod around;
+mod border;
+mod normals;
+mod payload;
+mod planes;
+mod settings;
+mod slice;
+mod smallest;
+mod stage_links;
+mod stage_slices;
+mod stage_surfaces;
+mod trees;
+
+use std::ops::RangeInclusive;
+
+pub use self::settings::SurfacesConfig;
+use self::settings::{NAME, STEP_LINKS, STEP_SLICES, STEP_SURFACES};
+use crate::cluster::method::{
+    BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow,
+};
+use crate::config::{self, ConfigError};
+use crate::error::{Error, Result};
+use crate::model::{Lattice, Reach};
+
+pub(in crate::cluster) const ENTRY: ClusterEntry = ClusterEntry {
+    name: NAME,
+    summary: "surfaces: points linked by flatness and normals, slices with robust planes, merged where they agree",
+    reference: "Lu et al. 2016, section 3, doi:10.5194/isprs-annals-III-3-201-2016",
+    build: |sections| Ok(Box::new(Surfaces::new(&config::section(NAME, &sections(NAME))?)?)),
+};
+
+const STEPS: [Step; 3] = [
+    Step {
+        name: "links",
+        settings: &["p-linkage.neighbours", "p-linkage.reach_m", "p-linkage.refit_planes"],
+        bytes: BytesPer::ObjectPoint(LINKS_BYTES_PER_POINT),
+        repeat: Repeat::Once,
+    },
+    Step {
+        name: "slices",
+        settings: &["p-linkage.angle_deg", "p-linkage.border_score"],
+        bytes: BytesPer::ObjectPoint(SLICES_BYTES_PER_POINT),
+        repeat: Repeat::Once,
+    },
+    Step {
+        name: "surfaces",
+        settings: &[],
+        bytes: BytesPer::ObjectPoint(SURFACES_BYTES_PER_POINT),
+        repeat: Repeat::Once,
+    },
+];
+
+/// Bytes per point of objects that a tile needs for neighbours: consistent sets of 50 points (200), normals and flatness
+/// (32), places, ids and zones (21), the index (24), and lists of sets, links and trees (60). Estimated from sizes.
+const LINKS_BYTES_PER_POINT: u64 = 340;
+/// Bytes per point of objects that a tile needs for what it and its neighbours have stored. Estimated from sizes.
+const SLICES_BYTES_PER_POINT: u64 = 40;
+/// Bytes per point of objects that a tile needs for labels. Estimated from sizes.
+const SURFACES_BYTES_PER_POINT: u64 = 40;
+
+/// The method, see the module.
+#[derive(Debug, Clone)]
+pub struct Surfaces {
+    config: SurfacesConfig,
+}
+
+impl Surfaces {
+    /// The method with these settings.
+    ///
+    /// # Errors
+    /// Those of [`SurfacesConfig::validate`].
+    pub fn new(config: &SurfacesConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone() })
+    }
+}
+
+impl Method for Surfaces {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn object_size(&self) -> RangeInclusive<u64> {
+        self.config.sizes()
+    }
+
+    fn steps(&self) -> &[Step] {
+        &STEPS
+    }
+
+    fn finds_surfaces(&self) -> bool {
+        true
+    }
+
+    fn microseconds_per_point(&self) -> f64 {
+        4.0
+    }
+
+    fn planning_reach(&self, lattice: Lattice) -> Reach {
+        Reach::Exact { metres: lattice.metres(around::REACHES * self.config.reach(lattice)) }
+    }
+
+    /// Only the first step reads points around a tile.
+    fn reach(&self, step: usize, drive: &dyn DriveWindow) -> Result<i64> {
+        Ok(if step == STEP_LINKS { around::REACHES * self.config.reach(drive.lattice()) } else { 0 })
+    }
+
+    fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
+        match step {
+            STEP_LINKS => stage_links::map(tile, &self.config),
+            STEP_SLICES => stage_slices::map(tile, &self.config),
+            _ => stage_surfaces::map(tile),
+        }
+    }
+
+    fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
+        match step {
+            STEP_LINKS => stage_links::reduce(drive).map(Reduced::Global),
+            STEP_SLICES => stage_slices::reduce(drive, &self.config).map(Reduced::Global),
+            STEP_SURFACES => stage_surfaces::reduce(drive).map(Reduced::Groups),
+            other => Err(Error::bug(format!("{NAME} has no step {other}"))),
+        }
+    }
+}

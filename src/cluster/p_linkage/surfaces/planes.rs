@@ -1,0 +1,228 @@
+//! Planes through points by principal components (equations 4 and 5), and the points that are consistent with a
+//! plane (equations 6 and 7). Sums of coordinates are exact integers, so their order does not matter.
+
+use serde::{Deserialize, Serialize};
+
+use super::smallest::{Smallest, smallest};
+use crate::spatial::median;
+
+/// Factor of the median absolute deviation (equation 6): for normal deviations it is their standard deviation.
+const MAD_FACTOR: f64 = 1.4826;
+/// Points with a robust score below this are consistent (equation 7).
+const LARGEST_SCORE: f64 = 2.5;
+/// Points are on one line if the middle eigenvalue is at most this times the largest.
+const LINE: f64 = 1e-9;
+
+/// Sums over points, counted from any one place: number, coordinates, and products xx, xy, xz, yy, yz, zz.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub(super) struct Moments {
+    pub(super) points: u64,
+    pub(super) sums: [i128; 3],
+    pub(super) products: [i128; 6],
+}
+
+/// A plane that fits points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fit {
+    /// Unit normal, v0.
+    pub(super) normal: [f64; 3],
+    /// Smallest eigenvalue, lambda0: the mean squared distance from the plane in square lattice units. Never negative.
+    pub(super) flatness: f64,
+    /// Mean of the points, counted from the place of the moments.
+    pub(super) mean: [f64; 3],
+}
+
+impl Moments {
+    /// The moments of points that are not many and not far away: coordinates are below 2^20, and the points at most 2^20.
+    #[inline]
+    pub(super) fn of_near(points: impl Iterator<Item = [i32; 3]>) -> Self {
+        let mut count = 0;
+        let mut sums = [0_i64; 3];
+        let mut products = [0_i64; 6];
+        for point in points {
+            let [x, y, z] = point.map(i64::from);
+            count += 1;
+            sums = [sums[0] + x, sums[1] + y, sums[2] + z];
+            let of_point = [x * x, x * y, x * z, y * y, y * z, z * z];
+            products.iter_mut().zip(of_point).for_each(|(sum, product)| *sum += product);
+        }
+        Self { points: count, sums: sums.map(i128::from), products: products.map(i128::from) }
+    }
+
+    /// Adds a point.
+    pub(super) fn add(&mut self, point: [i64; 3]) {
+        let [x, y, z] = point.map(i128::from);
+        self.points += 1;
+        self.sums = [self.sums[0] + x, self.sums[1] + y, self.sums[2] + z];
+        let of_point = [x * x, x * y, x * z, y * y, y * z, z * z];
+        self.products.iter_mut().zip(of_point).for_each(|(sum, product)| *sum += product);
+    }
+
+    /// Adds other points, counted from the same place.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.points += other.points;
+        self.sums.iter_mut().zip(other.sums).for_each(|(sum, other)| *sum += other);
+        self.products.iter_mut().zip(other.products).for_each(|(sum, other)| *sum += other);
+    }
+
+    /// The plane that fits the points best. `None` if they are fewer than 3, in one place or on one line.
+    pub(super) fn fit(&self) -> Option<Fit> {
+        if self.points < 3 {
+            return None;
+        }
+        let squared = self.points as f64 * self.points as f64;
+        let covariances = self.scaled().map(|value| value / squared);
+        let Smallest { values: [small, middle, large], vector: normal } = smallest(covariances);
+        let mean = self.sums.map(|sum| sum as f64 / self.points as f64);
+        (middle > LINE * large).then_some(Fit { normal, flatness: small.max(0.0), mean })
+    }
+}
+
+impl Moments {
+    /// The covariances times the square of the number of points: whole numbers, rounded once.
+    fn scaled(&self) -> [f64; 6] {
+        const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+        // No sum or product of sums is larger than this (Cauchy-Schwarz), so 64 bits mostly suffice.
+        let largest = (self.products[0] + self.products[3] + self.products[5])
+            .checked_mul(i128::from(self.points))
+            .and_then(|largest| i64::try_from(largest).ok());
+        #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "checked above")]
+        if largest.is_some() {
+            let points = self.points as i64;
+            let sums = self.sums.map(|sum| sum as i64);
+            let products = self.products.map(|product| product as i64);
+            return [0, 1, 2, 3, 4, 5]
+                .map(|k| (points * products[k] - sums[AXES[k].0] * sums[AXES[k].1]) as f64);
+        }
+        let points = i128::from(self.points);
+        [0, 1, 2, 3, 4, 5].map(|k| {
+            let (a, b) = AXES[k];
+            (points * self.products[k] - self.sums[a] * self.sums[b]) as f64
+        })
+    }
+}
+
+impl Fit {
+    /// Distance of a point from the plane, both counted from the place of the moments.
+    #[inline]
+    pub(super) fn distance(&self, [x, y, z]: [f64; 3]) -> f64 {
+        let [a, b, c] = self.normal;
+        ((a * x + b * y + c * z) - self.through()).abs()
+    }
+
+    /// The distance in single precision.
+    #[inline]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "distances are compared, for which its digits suffice"
+    )]
+    pub(super) fn rounded_distance(&self, at: [f64; 3]) -> f32 {
+        self.distance(at) as f32
+    }
+
+    /// Position along the normal, from the place of the moments.
+    #[inline]
+    pub(super) fn through(&self) -> f64 {
+        let [a, b, c] = self.normal;
+        a * self.mean[0] + b * self.mean[1] + c * self.mean[2]
+    }
+}
+
+/// The distances of consistent points: robust scores below 2.5 (equation 7). Distances are in single precision: they
+/// are compared, and for that its digits suffice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Consistent {
+    median: f32,
+    /// Deviations from the median must be below this; infinite if the median deviation is 0: then all are consistent.
+    below: f32,
+}
+
+/// Room for [`Consistent::of`].
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    deviations: Vec<f32>,
+    sorted: Vec<f32>,
+}
+
+impl Consistent {
+    /// From the distances of all points. `scratch` is overwritten.
+    #[expect(clippy::cast_possible_truncation, reason = "a factor in single precision")]
+    pub(super) fn of(distances: &[f32], scratch: &mut Scratch) -> Self {
+        let middle = median(distances, &mut scratch.sorted);
+        scratch.deviations.clear();
+        scratch.deviations.extend(distances.iter().map(|distance| (distance - middle).abs()));
+        let deviation = median(&scratch.deviations, &mut scratch.sorted);
+        let below = (LARGEST_SCORE * MAD_FACTOR) as f32 * deviation;
+        Self { median: middle, below: if deviation > 0.0 { below } else { f32::INFINITY } }
+    }
+
+    /// Whether a point at this distance is consistent.
+    #[inline]
+    pub(super) fn holds(&self, distance: f32) -> bool {
+        (distance - self.median).abs() < self.below
+    }
+}
+
+/// Amount of the product of two unit normals: the cosine of the angle between their planes.
+#[inline]
+pub(super) fn likeness(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moments(points: &[[i64; 3]]) -> Moments {
+        let mut moments = Moments::default();
+        points.iter().for_each(|point| moments.add(*point));
+        moments
+    }
+
+    #[test]
+    fn planes_have_the_normal_and_the_variance_of_their_points() {
+        // x + y = const, with a deviation of 2 along (1, 1, 0) / sqrt 2 to both sides, times sqrt 2.
+        let points: Vec<[i64; 3]> = (0..400)
+            .map(|k| (k % 20 * 10, k / 20 * 10, if (k % 20 + k / 20) % 2 == 0 { 2 } else { -2 }))
+            .map(|(along, up, off)| [along + off, off - along, up])
+            .collect();
+        let fit = moments(&points).fit().unwrap();
+        let expected = 0.5_f64.sqrt();
+        assert!((likeness(fit.normal, [expected, expected, 0.0]) - 1.0).abs() < 1e-9, "{fit:?}");
+        assert!((fit.flatness - 8.0).abs() < 1e-6, "{fit:?}");
+        let near: Vec<[i32; 3]> =
+            points.iter().take(200).map(|p| p.map(|v| i32::try_from(v).unwrap())).collect();
+        assert_eq!(Moments::of_near(near.into_iter()), moments(&points[..200]));
+        let mut merged = moments(&points[..150]);
+        merged.merge(&moments(&points[150..]));
+        assert_eq!(merged, moments(&points));
+    }
+
+    #[test]
+    fn a_line_and_a_place_have_no_plane() {
+        assert_eq!(moments(&[[5, 5, 5]; 40]).fit(), None);
+        let line: Vec<[i64; 3]> = (0..40).map(|k| [3 * k, -7 * k, k]).collect();
+        assert_eq!(moments(&line).fit(), None);
+        assert_eq!(moments(&line[..2]).fit(), None);
+        let mut bent = line;
+        bent.push([0, 0, 9]);
+        assert!(moments(&bent).fit().is_some());
+    }
+
+    #[test]
+    fn scores_are_those_of_the_paper() {
+        // Median 3, deviations 2 1 0 1 97: their median is 1, and 2.5 * 1.4826 = 3.7065.
+        let distances = [1.0, 2.0, 3.0, 4.0, 100.0];
+        let mut scratch = Scratch::default();
+        let found = Consistent::of(&distances, &mut scratch);
+        assert_eq!(found.median.to_bits(), 3.0_f32.to_bits());
+        assert!(found.holds(6.7) && !found.holds(6.8) && found.holds(1.0) && !found.holds(100.0));
+        // Of four values the median is between the middle ones.
+        let found = Consistent::of(&[1.0, 2.0, 4.0, 9.0], &mut scratch);
+        assert_eq!(found.median.to_bits(), 3.0_f32.to_bits());
+        // More than half of the distances are equal: all are consistent.
+        let found = Consistent::of(&[0.0, 0.0, 0.0, 50.0], &mut scratch);
+        assert!(found.holds(50.0));
+        assert!(Consistent::of(&[], &mut scratch).holds(1.0));
+    }
+}
