@@ -282,6 +282,14 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// When the window fails.
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced>;
 
+    /// What the user should know about this drive, once all steps except the last are complete.
+    ///
+    /// # Errors
+    /// When a global cannot be read.
+    fn warnings(&self, _drive: &dyn DriveWindow) -> Result<Vec<String>> {
+        Ok(Vec::new())
+    }
+
     /// Figures to report once all steps except the last are complete, by name.
     ///
     /// # Errors

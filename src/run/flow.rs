@@ -233,7 +233,11 @@ pub(crate) fn to_files<D: Driver>(
     through_step(open, driver, run_dir, planned, last, |driver, list, progress| {
         let method = progress.over.method;
         let mut figures = method.figures(progress)?;
-        let warnings = progress.over.classified.warnings.clone();
+        let mut warnings = progress.over.classified.warnings.clone();
+        for text in method.warnings(progress)? {
+            driver.tell(&Event::Warning { text: &text });
+            warnings.push(text);
+        }
         let (counts, terrain) = ground::summed_up(progress.over.classified)?;
         let beside = names::beside(open.config, method.finds_surfaces());
         if let Some(finished) = mark::already_finished(run_dir, list.export.depends.fingerprint(), &beside)? {

@@ -39,6 +39,7 @@ mod seeds;
 mod settings;
 mod shares;
 mod spans;
+mod sparse;
 mod stage_classes;
 mod stage_context;
 mod stage_voxels;
@@ -200,11 +201,14 @@ impl Method for Street {
         }
     }
 
+    fn warnings(&self, drive: &dyn DriveWindow) -> Result<Vec<String>> {
+        Ok(sparse::warning(drive.global(STEP_VOXELS))?.into_iter().collect())
+    }
+
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
-            STEP_VOXELS | STEP_CLASSES | STEP_CONTEXT | STEP_EDGES | STEP_GROWTH => {
-                Ok(Reduced::Global(Vec::new()))
-            }
+            STEP_VOXELS => sparse::reduce(drive).map(Reduced::Global),
+            STEP_CLASSES | STEP_CONTEXT | STEP_EDGES | STEP_GROWTH => Ok(Reduced::Global(Vec::new())),
             STEP_CHAINS => chains::reduce(drive).map(Reduced::Global),
             STEP_CORES => cores::reduce(drive).map(Reduced::Global),
             STEP_LEFTOVERS => {

@@ -33,7 +33,7 @@ const SAME_M: f64 = 0.5;
 /// A stem that begins below this height stands on the ground, in metres.
 const GROUNDED_M: f64 = 0.5;
 /// Smallest distance between two stems that stand on the ground, in parts of the height of the canopy.
-const SPACING: f64 = 0.2;
+const SPACING: f64 = 0.3;
 /// The same for a stem that does not stand on the ground.
 const SPACING_HANGING: f64 = 0.5;
 /// Smallest distance of a stem that stands on the ground to a trunk, in parts of the height of the canopy.

@@ -7,6 +7,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "counts of a tile fit u32, edges are 0.15 m and 0.5 m")]
 
 use super::settings::{NAME, edge};
+use super::sparse::Stacked;
 use super::terrain::{CELL_M, StoredGround, layers};
 use super::voxels::{StoredVoxels, Storing};
 use crate::cluster::columns::global_indices;
@@ -32,7 +33,9 @@ pub(super) struct Cut {
 impl Cut {
     /// The payload of the step.
     pub(super) fn payload(&self) -> Result<Vec<u8>> {
-        Ok(codec::pack(&[codec::encode(&self.stored)?, codec::encode(&self.ground)?]))
+        let stacked = Stacked::count(&self.stored);
+        let sections = [codec::encode(&self.stored)?, codec::encode(&self.ground)?, codec::encode(&stacked)?];
+        Ok(codec::pack(&sections))
     }
 }
 
