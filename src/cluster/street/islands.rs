@@ -22,13 +22,12 @@ const GAP: i32 = 2;
 const LENGTH_M: f64 = 5.5;
 const WIDTH_M: f64 = 3.0;
 const HEIGHT_M: f64 = 3.0;
-/// Distance around a tile within which voxels decide whether a voxel of the tile is in an island, in metres: the
-/// diagonal of the box, and a gap. A group that reaches further is no island.
+/// Distance around a voxel within which others decide whether it is in an island, in metres: the diagonal of the box, and
+/// a gap. A group that reaches further is no island.
 pub(super) const REACH_M: f64 = 7.0;
 
 /// Gives the voxels of each island the label that most of its points have. Of two such labels the smaller counts.
-/// Voxels without a label stay without. This is right for the voxels of the tile, if `whole` has those within
-/// [`REACH_M`].
+/// Voxels without a label stay without. This is right for the voxels around which `whole` has those within [`REACH_M`].
 pub(super) fn settle(whole: &mut Whole, lattice: Lattice) {
     let around = &whole.grown.cored.around;
     let group = groups(&around.voxels, |voxel| around.shares[voxel][usize::from(GROUND)] <= 127);
@@ -64,14 +63,13 @@ fn groups(voxels: &Voxels, open: impl Fn(usize) -> bool) -> Vec<Option<u32>> {
     (0..count).map(|voxel| open(voxel).then(|| sets.find(voxel as u32))).collect()
 }
 
-/// The voxels of each group that is an island and has a voxel of the tile.
+/// The voxels of each group that is an island.
 fn islands(voxels: &Voxels, group: &[Option<u32>], lattice: Lattice) -> Vec<Vec<usize>> {
     let count = voxels.len();
     // What is longer on an axis of the lattice than the diagonal of the box is no island, at little cost.
     let most = (LENGTH_M.hypot(WIDTH_M) / EDGE_M) as i32 + 1;
     let levels = (HEIGHT_M / EDGE_M) as i32;
     let mut corners = vec![([i32::MAX; 3], [i32::MIN; 3]); count];
-    let mut owned = vec![false; count];
     for (voxel, group) in group.iter().enumerate() {
         let Some(group) = group.map(|group| group as usize) else { continue };
         let (low, high) = &mut corners[group];
@@ -79,12 +77,11 @@ fn islands(voxels: &Voxels, group: &[Option<u32>], lattice: Lattice) -> Vec<Vec<
             low[axis] = low[axis].min(voxels.key[voxel][axis]);
             high[axis] = high[axis].max(voxels.key[voxel][axis]);
         }
-        owned[group] |= voxels.owned[voxel];
     }
     let compact = |group: usize| {
         let (low, high) = corners[group];
         let size = |axis: usize| high[axis] - low[axis] + 1;
-        owned[group] && size(0) <= most && size(1) <= most && size(2) <= levels
+        size(0) <= most && size(1) <= most && size(2) <= levels
     };
     let mut members = BTreeMap::<u32, Vec<usize>>::new();
     for (voxel, group) in group.iter().enumerate() {

@@ -127,13 +127,13 @@ impl Voxels {
         Self::load_with(tile, reach, &[])
     }
 
-    /// Loads these voxels, and those of the columns `also`. A tile may have points in a column that another
+    /// Loads these voxels, and those around the columns `also`. A tile may have points in a column that another
     /// tile owns, far from any column of its own.
     pub(super) fn load_with(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
         let units = i64::from(edge(tile.lattice()));
         let own = read(tile, tile.tile())?;
-        let mut near = Near::around(&own, reach.div_euclid(units) + 1);
-        near.add(also);
+        let columns = own.columns().map(|column| column.0).chain(also.iter().copied());
+        let near = Near::around(columns, reach.div_euclid(units) + 1);
         let mut found: Vec<([i32; 2], u32, Range<usize>)> = Vec::new();
         let mut tiles: Vec<(TileId, StoredVoxels)> = vec![(tile.tile(), own)];
         // The owner of a column owns a cell that meets it: at most two edges away on both sides.
@@ -240,26 +240,19 @@ struct Near {
 }
 
 impl Near {
-    /// The columns within `steps` columns of those of `own`.
-    fn around(own: &StoredVoxels, steps: i64) -> Self {
+    /// The columns within `steps` columns of these.
+    fn around(columns: impl Iterator<Item = Cell>, steps: i64) -> Self {
         let grid = CellGrid::new(i64::from(SQUARE));
         let disc = grid.disc(steps);
         let mut squares = CellMap::default();
         let mut done = CellMap::<u8>::default();
-        for (column, _) in own.columns() {
+        for column in columns {
             let square = column.map(|index| index.div_euclid(SQUARE));
             if std::mem::replace(done.entry(square), 1) == 0 {
                 disc.iter().for_each(|by| *squares.entry([square[0] + by[0], square[1] + by[1]]) = 1);
             }
         }
         Self { grid, squares }
-    }
-
-    /// Adds columns.
-    fn add(&mut self, columns: &[Cell]) {
-        for column in columns {
-            *self.squares.entry(column.map(|index| index.div_euclid(SQUARE))) = 1;
-        }
     }
 
     fn holds(&self, column: [i32; 2]) -> bool {
@@ -311,14 +304,10 @@ mod tests {
         assert_eq!(stored.len(), 0);
     }
 
+    /// The second column is one in which the tile has points and which another tile owns.
     #[test]
     fn every_column_within_reach_is_near() {
-        let mut storing = Storing::default();
-        for key in [[-3, 5, 0], [40, 7, 0]] {
-            storing.push(key, 1, [0; 3]);
-        }
-        let own = storing.finish();
-        let near = Near::around(&own, 10);
+        let near = Near::around([[-3, 5], [40, 7]].into_iter(), 10);
         let gap = |a: i32, b: i32| (i64::from(a.abs_diff(b)) - 1).max(0);
         for i in -40..80 {
             for j in -30..40 {
