@@ -88,8 +88,10 @@ def test_an_exception_in_progress_stops_the_run_and_it_resumes(tmp_path):
 
 
 def test_ctrl_c_stops_the_run(tmp_path):
+    # A shell ignores the signal in what it starts in the background, and Python then installs no handler.
     text = (
-        "import chainage, sys\n"
+        "import chainage, signal, sys\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "def told(event):\n"
         "    if event['event'] == 'unit-finished': print('unit', flush=True)\n"
         "try:\n"
