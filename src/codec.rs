@@ -46,8 +46,14 @@ pub(crate) fn pack<S: AsRef<[u8]>>(sections: &[S]) -> Vec<u8> {
 
 /// Section `number` of packed bytes.
 pub(crate) fn section(bytes: &[u8], number: usize) -> Result<&[u8]> {
+    Ok(&bytes[section_in(bytes, number)?])
+}
+
+/// Where section `number` of packed bytes lies.
+pub(crate) fn section_in(bytes: &[u8], number: usize) -> Result<Range<usize>> {
     let range = section_range(&mut |range| bytes.get(to_usize(&range)?).map(<[u8]>::to_vec), number);
-    range.and_then(|range| bytes.get(to_usize(&range)?)).ok_or_else(|| no_section(number))
+    let range = range.and_then(|range| to_usize(&range)).filter(|range| bytes.get(range.clone()).is_some());
+    range.ok_or_else(|| no_section(number))
 }
 
 /// The range of section `number`. `read` returns bytes of the packed string. `None` if the section does not exist.

@@ -141,7 +141,8 @@ pub trait DriveWindow {
     fn longest_tile_m(&self) -> f64;
     /// Sums of the fields that the method asks for ([`Method::fields`]) over all points of the drive.
     fn field_sums(&self) -> &[(Field, FieldSums)];
-    /// The payload of a tile from an earlier step. In a reduction, the payload of this step as well.
+    /// The payload of a tile from an earlier step. In a reduction, and from the second round on, also the latest
+    /// payload of this step. In a round, a tile should read only its own: that of another depends on the tiles that ran.
     ///
     /// # Errors
     /// When it cannot be read.

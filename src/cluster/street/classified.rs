@@ -54,6 +54,11 @@ pub(super) fn encode(heights: &[i32], shares: &[Shares]) -> Result<Vec<u8>> {
     let mut last = 0;
     let steps: Vec<i32> =
         heights.iter().map(|&height| height.wrapping_sub(std::mem::replace(&mut last, height))).collect();
+    Ok(codec::pack(&[codec::encode(&steps)?, encode_shares(shares)]))
+}
+
+/// Probabilities of voxels without those that are 0.
+pub(super) fn encode_shares(shares: &[Shares]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(3 * shares.len());
     for shares in shares {
         let mask = (0..CLASSES).fold(0, |mask, class| mask | (u8::from(shares[class] > 0) << class));
@@ -66,7 +71,7 @@ pub(super) fn encode(heights: &[i32], shares: &[Shares]) -> Result<Vec<u8>> {
             }
         }
     }
-    Ok(codec::pack(&[codec::encode(&steps)?, bytes]))
+    bytes
 }
 
 /// Heights and probabilities in a payload of `tile`.
@@ -76,7 +81,7 @@ fn read(payload: &[u8], tile: TileId) -> Result<Vec<(i32, Shares)>> {
     let mut height = 0_i32;
     let value = |step: i32| {
         height = height.wrapping_add(step);
-        shares(&mut bytes).map(|shares| (height, shares))
+        next_shares(&mut bytes).map(|shares| (height, shares))
     };
     let values: Option<Vec<(i32, Shares)>> = steps.into_iter().map(value).collect();
     match values {
@@ -85,8 +90,8 @@ fn read(payload: &[u8], tile: TileId) -> Result<Vec<(i32, Shares)>> {
     }
 }
 
-/// The next probabilities.
-fn shares(bytes: &mut impl Iterator<Item = u8>) -> Option<Shares> {
+/// The next probabilities of [`encode_shares`]. `None` if the bytes end.
+pub(super) fn next_shares(bytes: &mut impl Iterator<Item = u8>) -> Option<Shares> {
     let mask = bytes.next()?;
     let mut shares = [0; CLASSES];
     let mut left = u8::MAX;

@@ -150,6 +150,18 @@ impl Cored {
         }
         Ok(Self { around, class, label, cores })
     }
+
+    /// The cores of these labels, ascending.
+    pub(super) fn cores_of(&self, labels: Vec<u32>) -> Vec<Core> {
+        named(labels, |label| self.cores.get(&label).copied())
+    }
+}
+
+/// The cores of these labels, ascending. `core` finds the core of a label.
+pub(super) fn named(mut labels: Vec<u32>, core: impl Fn(u32) -> Option<Core>) -> Vec<Core> {
+    labels.sort_unstable();
+    labels.dedup();
+    labels.into_iter().filter_map(core).collect()
 }
 
 /// The components that a tile sees.

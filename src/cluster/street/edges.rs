@@ -4,16 +4,15 @@
 //! edge of one end is an edge of both.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32; lengths are a few voxels")]
 
-use serde::{Deserialize, Serialize};
-
-use super::settings::{EDGE_M, STEP_EDGES};
+use super::cores::Cored;
+use super::graph;
+use super::settings::EDGE_M;
 use super::voxels::Voxels;
 use super::window::Window;
 use crate::cluster::columns::Finder;
 use crate::cluster::{Mapped, TileWindow};
-use crate::codec;
-use crate::error::{Error, Result};
-use crate::model::{Lattice, TileId};
+use crate::error::Result;
+use crate::model::Lattice;
 
 /// Largest number of voxels that a voxel has edges to by itself. Edges lead both ways, so it may have more.
 const NEIGHBOURS: usize = 14;
@@ -27,48 +26,28 @@ pub(super) fn reach(lattice: Lattice) -> i64 {
     lattice.units_up(MOST_M)
 }
 
-/// The payload of a tile: the edges of its voxels.
-#[derive(Debug, Default, Serialize, Deserialize)]
-struct Payload {
-    /// Number of the edges of each voxel to voxels of the tile with a greater number.
-    inside: Vec<u32>,
-    /// Differences of the numbers of these, ascending for each voxel.
-    steps: Vec<u32>,
-    /// Edges to voxels of other tiles: number in the tile, tile and number there.
-    across: Vec<(u32, TileId, u32)>,
-}
-
-/// Finds the edges of a tile.
+/// Finds the edges of a tile, and stores them with all that growth needs to know of their ends.
 pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let lattice = tile.lattice();
     // Which voxels are the neighbours of a neighbour depends on voxels up to twice as far away.
-    let voxels = Voxels::load(tile, 2 * reach(lattice) + lattice.units_up(EDGE_M))?;
-    let mut search = Search::new(&voxels, lattice);
-    let mut pairs: Vec<(u32, u32)> = Vec::new();
-    let mut across: Vec<(u32, TileId, u32)> = Vec::new();
+    let cored = Cored::load(tile, 2 * reach(lattice) + lattice.units_up(EDGE_M), &[])?;
+    let voxels = &cored.around.voxels;
+    let mut search = Search::new(voxels, lattice);
+    let mut edges: Vec<(u32, u32)> = Vec::new();
     for voxel in 0..voxels.len() {
-        let (tile, number) = voxels.origin[voxel];
         for &(_, other) in search.neighbours(voxel) {
-            let (other_tile, other_number) = voxels.origin[other as usize];
+            // A tile keeps the edges with an end that it owns. The first end is one of these.
             match (voxels.owned[voxel], voxels.owned[other as usize]) {
-                (true, true) => pairs.push((number.min(other_number), number.max(other_number))),
-                (true, false) => across.push((number, other_tile, other_number)),
-                (false, true) => across.push((other_number, tile, number)),
+                (true, true) => edges.push(((voxel as u32).min(other), (voxel as u32).max(other))),
+                (true, false) => edges.push((voxel as u32, other)),
+                (false, true) => edges.push((other, voxel as u32)),
                 (false, false) => {}
             }
         }
     }
-    pairs.sort_unstable();
-    pairs.dedup();
-    across.sort_unstable();
-    across.dedup();
-    let own = voxels.owned.iter().filter(|owned| **owned).count();
-    let mut payload = Payload { inside: vec![0; own], steps: Vec::with_capacity(pairs.len()), across };
-    for (from, to) in pairs {
-        payload.inside[from as usize] += 1;
-        payload.steps.push(to - from);
-    }
-    Ok(Mapped::payload(codec::encode(&payload)?))
+    edges.sort_unstable();
+    edges.dedup();
+    Ok(Mapped::payload(graph::encode(&cored, edges)?))
 }
 
 /// The neighbours of a voxel: those that touch it or, where these are few, the nearest ones further away.
@@ -114,61 +93,5 @@ impl<'a> Search<'a> {
             found.truncate(NEIGHBOURS);
         }
         found
-    }
-}
-
-/// The edges that lead to voxels of a tile, by the voxels that they lead from.
-pub(super) struct Edges {
-    first: Vec<u32>,
-    to: Vec<u32>,
-}
-
-impl Edges {
-    /// Loads them. `voxels` are those within [`reach`] of the tile.
-    pub(super) fn load(tile: &dyn TileWindow, voxels: &Voxels) -> Result<Self> {
-        let payload: Payload = codec::decode(&tile.payload(STEP_EDGES, tile.tile())?)?;
-        let by_tile = voxels.by_tile();
-        let lost = || Error::bug("a voxel with an edge was not loaded");
-        let own: Vec<u32> =
-            by_tile.get(&tile.tile()).into_iter().flatten().map(|&(_, number)| number).collect();
-        let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(2 * payload.steps.len() + payload.across.len());
-        let mut steps = payload.steps.iter();
-        for (from, &count) in payload.inside.iter().enumerate() {
-            for step in steps.by_ref().take(count as usize) {
-                let one = *own.get(from).ok_or_else(lost)?;
-                let other = *own.get(from + *step as usize).ok_or_else(lost)?;
-                pairs.push((one, other));
-                pairs.push((other, one));
-            }
-        }
-        for (number, other, there) in payload.across {
-            let places = by_tile.get(&other).ok_or_else(lost)?;
-            let at = places.binary_search_by_key(&there, |place| place.0).map_err(|_| lost())?;
-            pairs.push((places[at].1, *own.get(number as usize).ok_or_else(lost)?));
-        }
-        Ok(Self::of(&pairs, voxels.len()))
-    }
-
-    fn of(pairs: &[(u32, u32)], voxels: usize) -> Self {
-        let mut first = vec![0_u32; voxels + 1];
-        for &(from, _) in pairs {
-            first[from as usize + 1] += 1;
-        }
-        for voxel in 0..voxels {
-            first[voxel + 1] += first[voxel];
-        }
-        let mut next = first.clone();
-        let mut to = vec![0_u32; pairs.len()];
-        for &(from, other) in pairs {
-            let at = &mut next[from as usize];
-            to[*at as usize] = other;
-            *at += 1;
-        }
-        Self { first, to }
-    }
-
-    /// Voxels of the tile that a voxel has edges to.
-    pub(super) fn of_voxel(&self, voxel: usize) -> &[u32] {
-        &self.to[self.first[voxel] as usize..self.first[voxel + 1] as usize]
     }
 }
