@@ -29,6 +29,8 @@ pub(crate) struct Budget {
     pub(crate) threads: usize,
     /// Bytes for the points in flight.
     pub(crate) memory: u64,
+    /// Whether the memory was not asked for: it is half of what was free.
+    pub(crate) automatic: bool,
 }
 
 impl Budget {
@@ -36,8 +38,9 @@ impl Budget {
     pub(crate) fn resolve(config: &RunConfig) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let threads = if config.threads == 0 { cores } else { config.threads };
-        let memory = if config.memory_mib == 0 { free_bytes() / 2 } else { config.memory_mib << 20 };
-        Self { threads, memory }
+        let automatic = config.memory_mib == 0;
+        let memory = if automatic { free_bytes() / 2 } else { config.memory_mib << 20 };
+        Self { threads, memory, automatic }
     }
 
     /// The budget as limits for units in flight.
@@ -98,6 +101,12 @@ impl Budget {
     /// Whether every thread can process any of the tiles at the same time.
     pub(crate) fn fits(&self, needs: &[TileNeed]) -> bool {
         TileNeed::largest(needs) <= self.each()
+    }
+
+    /// Whether a plan whose largest tile needs so many bytes stays as it is. Results of other processes and of earlier calls
+    /// belong to it, so a plan that was made where more memory was free stays as long as the tile fits what is free here.
+    pub(crate) fn keeps(&self, largest: u64) -> bool {
+        largest <= self.memory.saturating_mul(if self.automatic { 2 } else { 1 })
     }
 
     /// Bytes for one tile in flight. It is at most half of the budget, because a tile with many points of
@@ -161,7 +170,7 @@ mod tests {
 
     #[test]
     fn tiles_fit_the_budget_and_share_small_drives() {
-        let budget = Budget { threads: 2, memory: 400 << 20 };
+        let budget = Budget { threads: 2, memory: 400 << 20, automatic: false };
         // 2,097,152 points fit: 477 tiles, and one more for two threads.
         assert_eq!(budget.tiles(1_000_000_000, 100), 478);
         assert_eq!(budget.tiles(4_000_000, 100), 4);
@@ -172,8 +181,16 @@ mod tests {
     }
 
     #[test]
+    fn a_plan_stays_while_its_tiles_fit_what_was_asked_for_or_what_is_free() {
+        let asked = Budget { threads: 2, memory: 400 << 20, automatic: false };
+        assert!(asked.keeps(400 << 20) && !asked.keeps(401 << 20));
+        let automatic = Budget { automatic: true, ..asked };
+        assert!(automatic.keeps(800 << 20) && !automatic.keeps(801 << 20));
+    }
+
+    #[test]
     fn tiles_are_smaller_where_there_is_more_around_them() {
-        let budget = Budget { threads: 2, memory: 400 << 20 };
+        let budget = Budget { threads: 2, memory: 400 << 20, automatic: false };
         let need = |core: u64, all: u64| TileNeed { core: core << 20, all: all << 20 };
         let balanced = |needs: &[TileNeed]| budget.balanced(100_000_000, needs);
         assert_eq!(balanced(&[need(100, 190), need(150, 194)]), None);

@@ -147,7 +147,7 @@ pub(crate) fn settle<D: Driver>(
     }
     if let (Some(size @ TileSize::Equal { .. }), true) = (&stored, config.tiling.tile_length <= 0.0) {
         let plan = street.plan(size);
-        if needs::largest(chain, &plan) <= budget.memory {
+        if budget.keeps(needs::largest(chain, &plan)) {
             return Ok(Some(plan));
         }
     }
