@@ -12,7 +12,7 @@
 //! let request = RunRequest {
 //!     inputs: vec!["tests/data/tree_road_sweep.laz".into()],
 //!     out: out.path().to_owned(),
-//!     config: Config::resolve(None, &["street.min_points=30".to_owned()])?,
+//!     config: Config::resolve(None, &["street.min_points=10".to_owned()])?,
 //!     fresh: false,
 //!     registries: Registries::default(),
 //! };

@@ -29,17 +29,27 @@ pub enum Preset {
     Loop,
     /// Rows of small trees of many shapes close together, hedges, rails, high buildings behind lawns.
     Parkway,
+    /// A narrow street between houses, with cars that park close to their walls.
+    Lane,
 }
 
 impl Preset {
     /// All of them, in the order in which help lists them.
-    pub const ALL: [Self; 7] =
-        [Self::Suburb, Self::Downtown, Self::Avenue, Self::Highway, Self::Mixed, Self::Loop, Self::Parkway];
+    pub const ALL: [Self; 8] = [
+        Self::Suburb,
+        Self::Downtown,
+        Self::Avenue,
+        Self::Highway,
+        Self::Mixed,
+        Self::Loop,
+        Self::Parkway,
+        Self::Lane,
+    ];
 
     /// Name on the command line and in file names.
     #[must_use]
     pub fn name(self) -> &'static str {
-        ["suburb", "downtown", "avenue", "highway", "mixed", "loop", "parkway"][self as usize]
+        ["suburb", "downtown", "avenue", "highway", "mixed", "loop", "parkway", "lane"][self as usize]
     }
 }
 

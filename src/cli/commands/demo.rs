@@ -34,7 +34,7 @@ impl DemoArgs {
         let out = self.out.join("output");
         // One sweep has about a hundredth of the points of a drive: objects may be smaller.
         let config =
-            Config::resolve(None, &["street.min_points=30".to_owned()]).map_err(chainage::Error::from)?;
+            Config::resolve(None, &["street.min_points=10".to_owned()]).map_err(chainage::Error::from)?;
         let output = config.output.clone();
         let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
         let open = |out: &Path| {

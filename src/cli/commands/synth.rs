@@ -8,6 +8,7 @@
 
 use std::io::IsTerminal;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
 use chainage::synth::{Preset, Scanner, Sensor, Settings, Summary, generate};
@@ -109,10 +110,7 @@ struct PresetArg(Preset);
 
 impl ValueEnum for PresetArg {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [PresetArg; 7] = {
-            let [a, b, c, d, e, f, g] = Preset::ALL;
-            [PresetArg(a), PresetArg(b), PresetArg(c), PresetArg(d), PresetArg(e), PresetArg(f), PresetArg(g)]
-        };
+        static ALL: LazyLock<Vec<PresetArg>> = LazyLock::new(|| Preset::ALL.map(PresetArg).to_vec());
         &ALL
     }
 
@@ -125,6 +123,7 @@ impl ValueEnum for PresetArg {
             Preset::Mixed => "350 m of each of the four above in turn",
             Preset::Loop => "a suburb whose first 300 m are driven again in the other direction",
             Preset::Parkway => "rows of small trees of many shapes close together, hedges, rails, buildings",
+            Preset::Lane => "a narrow street between houses, cars that park close to their walls",
         };
         Some(clap::builder::PossibleValue::new(self.0.name()).help(help))
     }

@@ -4,11 +4,12 @@
 //!
 //! Steps. `voxels`: points to voxels of 0.15 m and a ground raster. `classes`: features of each voxel from the
 //! voxels within 5.4 m (the corner of the largest window) and the ground 12 m around them, probabilities of
-//! classes, smoothed. `context`: probabilities of classes from those of the voxels around. `chains`: upright chains near the ground, each a trunk or a pole as a whole. `cores`: the
-//! parts of the drive that are certainly one object each, and the stems of trees. `edges`: which voxels are
-//! neighbours. `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
-//! `leftovers`: what no core reaches joins an object nearby or is an object of its own. `objects`: the labels
-//! of points, and class and confidence of objects.
+//! classes, smoothed. `context`: probabilities of classes from those of the voxels around. `chains`: upright
+//! chains near the ground, each a trunk or a pole as a whole. `cores`: the parts of the drive that are certainly
+//! one object each, and the stems of trees. `edges`: which voxels are neighbours, and all else that growth needs
+//! to know of them. `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
+//! `leftovers`: what no core reaches joins an object nearby or is an object of its own. `objects`: islands and
+//! fixtures, the labels of points, and class and confidence of objects.
 //!
 //! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
 //! eigenvalues and costs follow a fixed sequence of IEEE operations. Ties are broken by the keys of voxels,
@@ -25,6 +26,7 @@ mod cores;
 mod crowns;
 mod edges;
 mod features;
+mod fixtures;
 mod graph;
 mod growth;
 mod islands;
@@ -98,7 +100,7 @@ const STEPS: [Step; 9] = [
     step("chains", &[], Repeat::Once),
     step("cores", &[], Repeat::Once),
     step("edges", &[], Repeat::Once),
-    step("growth", &[], Repeat::UntilSettled { most: growth::MOST_ROUNDS }),
+    step("growth", &["street.min_points"], Repeat::UntilSettled { most: growth::MOST_ROUNDS }),
     step("leftovers", &["street.min_points"], Repeat::Once),
     step("objects", &[], Repeat::Once),
 ];
@@ -135,7 +137,7 @@ impl Method for Street {
     }
 
     fn object_size(&self) -> RangeInclusive<u64> {
-        1..=u64::MAX
+        self.config.min_points..=u64::MAX
     }
 
     fn steps(&self) -> &[Step] {
@@ -210,12 +212,13 @@ impl Method for Street {
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
             STEP_VOXELS => sparse::reduce(drive).map(Reduced::Global),
-            STEP_CLASSES | STEP_CONTEXT | STEP_EDGES | STEP_GROWTH => Ok(Reduced::Global(Vec::new())),
+            STEP_CLASSES | STEP_CONTEXT | STEP_EDGES => Ok(Reduced::Global(Vec::new())),
+            STEP_GROWTH => growth::reduce(drive, self.config.min_uncertain()).map(Reduced::Global),
             STEP_CHAINS => chains::reduce(drive).map(Reduced::Global),
             STEP_CORES => cores::reduce(drive).map(Reduced::Global),
             STEP_LEFTOVERS => {
                 let cores = cores::count(drive.global(STEP_CORES))?;
-                leftovers::reduce(drive, cores, self.config.min_points).map(Reduced::Global)
+                leftovers::reduce(drive, cores, self.config.min_uncertain()).map(Reduced::Global)
             }
             STEP_OBJECTS => objects::reduce(drive).map(Reduced::Groups),
             other => Err(no_step(other)),

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::fixtures;
 use super::islands;
 use super::leftovers::Whole;
 use super::settings::{NAME, STEP_OBJECTS, edge};
@@ -12,7 +13,7 @@ use crate::cluster::columns::{Voxel, global_indices};
 use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{Kind, TileId};
+use crate::model::{Kind, Lattice, TileId};
 use crate::spatial::{Cell, VoxelIndex};
 
 /// A label of a tile.
@@ -40,7 +41,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
     columns.dedup();
     let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), &columns)?;
-    islands::settle(&mut whole, tile.lattice());
+    settle(&mut whole, tile.lattice());
     let voxels = &whole.grown.cored.around.voxels;
     let mut place = vec![u32::MAX; index.len()];
     for (key, number) in indices {
@@ -76,6 +77,19 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let count = of_tile.len() as u32;
     let labelled = Labelled { points, labels, count, with_halo: false };
     Ok(Mapped { payload: codec::encode(&of_tile)?, labelled: Some(labelled), ..Mapped::default() })
+}
+
+/// Corrects labels by what is around an object. Both rules see the labels of growth and leftovers, because these are right
+/// for all voxels that were read. Free space around a group counts more than a wall beside an object.
+fn settle(whole: &mut Whole, lattice: Lattice) {
+    let fixtures = fixtures::find(whole);
+    let before = whole.grown.label.clone();
+    islands::settle(whole, lattice);
+    for (label, before) in whole.grown.label.iter_mut().zip(before) {
+        if let Some(building) = fixtures.get(&before).filter(|_| *label == before) {
+            *label = *building;
+        }
+    }
 }
 
 /// The objects of the drive.

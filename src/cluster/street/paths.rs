@@ -35,7 +35,7 @@ const DOWN: f64 = 3.0;
 const AWAY: f64 = 0.5;
 /// Cost of a square metre of the square of this distance. Between two crowns that touch, it moves the boundary towards the
 /// middle between their stems, however much denser one of them was seen.
-const AWAY_SQUARE: f64 = 1.0;
+const AWAY_SQUARE: f64 = 10.0;
 /// Cost of an edge of the length of a voxel.
 const UNIT: f64 = 256.0;
 

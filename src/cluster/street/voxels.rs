@@ -49,6 +49,11 @@ impl StoredVoxels {
         self.k.len()
     }
 
+    /// Points of each voxel.
+    pub(super) fn points(&self) -> &[u32] {
+        &self.points
+    }
+
     /// Keys of the voxels, ascending.
     pub(super) fn keys(&self) -> impl Iterator<Item = Voxel> + '_ {
         let mut k = 0;
