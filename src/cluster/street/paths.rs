@@ -301,7 +301,7 @@ mod tests {
 
     /// The least costs by repeated passes over all edges, from nothing (Bellman and Ford, by value and not by
     /// improvement).
-    fn by_repetition(paths: &Paths) -> Vec<Reached> {
+    fn by_repetition(paths: &Paths<'_>) -> Vec<Reached> {
         let graph = paths.graph;
         let mut reached = paths.reached.clone();
         loop {
