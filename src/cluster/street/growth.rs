@@ -62,8 +62,8 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let earlier = if tile.round() == 0 { None } else { Some(earlier(tile, &mut cores)?) };
     let paths = Paths::new(&graph, &cores, &outside, tile.lattice());
     let reached = match earlier {
-        Some(earlier) => paths.from_earlier(&earlier),
-        None => paths.from_nothing(),
+        Some(earlier) => paths.changed_from(&earlier),
+        None => paths.found(),
     };
 
     let core = |label: u32| cores.get(&label).copied();

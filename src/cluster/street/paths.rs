@@ -116,10 +116,10 @@ impl<'a> Paths<'a> {
     ) -> Self {
         let costs = Costs { edge: lattice.units(EDGE_M) as f64, metre: lattice.units(1.0) as f64 };
         let mut reached = vec![NOWHERE; graph.len()];
-        for vertex in 0..graph.len() {
+        for (vertex, reached) in reached.iter_mut().enumerate() {
             let label = graph.label(vertex);
             if label != 0 && open(&graph.shares(vertex)) {
-                reached[vertex] = Reached { label, cost: 0 };
+                *reached = Reached { label, cost: 0 };
             }
         }
         for (vertex, value) in (graph.own()..).zip(outside) {
@@ -132,7 +132,7 @@ impl<'a> Paths<'a> {
     }
 
     /// The values of the voxels of the tile.
-    pub(super) fn from_nothing(mut self) -> Vec<Reached> {
+    pub(super) fn found(mut self) -> Vec<Reached> {
         for vertex in 0..self.graph.len() {
             self.enqueue(vertex);
         }
@@ -140,7 +140,7 @@ impl<'a> Paths<'a> {
     }
 
     /// The same, starting from the values that were found when the vertices of other tiles had other values.
-    pub(super) fn from_earlier(mut self, earlier: &[Reached]) -> Vec<Reached> {
+    pub(super) fn changed_from(mut self, earlier: &[Reached]) -> Vec<Reached> {
         for (vertex, &value) in earlier.iter().enumerate() {
             self.reached[vertex] = value;
             self.passed[vertex] = value.label != 0;
@@ -283,8 +283,9 @@ mod tests {
 
     /// Vertices in a box, of which the last tenth are another tile's; edges between those that are near.
     fn graph(random: &mut Random) -> Graph {
-        let centre: Vec<[i64; 3]> =
-            (0..300).map(|_| [2_000, 1_000, 1_000].map(|most| random.below(most) as i64)).collect();
+        let centre: Vec<[i64; 3]> = (0..300)
+            .map(|_| [2_000, 1_000, 1_000].map(|most| random.below(most).cast_signed() as i64))
+            .collect();
         let own = 270_u32;
         let near =
             |a: [i64; 3], b: [i64; 3]| (0..3).map(|k| (a[k] - b[k]).pow(2)).sum::<i64>() < 240_i64.pow(2);
@@ -333,7 +334,7 @@ mod tests {
             let mut outside = vec![None; graph.outside().len()];
             let paths =
                 |outside: &[Option<Reached>]| Paths::new(&graph, &cores, outside, Lattice::MILLIMETRE);
-            let mut earlier = paths(&outside).from_nothing();
+            let mut earlier = paths(&outside).found();
             for _ in 0..20 {
                 for _ in 0..1 + random.below(4) {
                     let value =
@@ -342,8 +343,8 @@ mod tests {
                     outside[at] = (random.below(4) > 0).then_some(value);
                 }
                 let expected = by_repetition(&paths(&outside));
-                assert_eq!(paths(&outside).from_nothing(), expected);
-                let found = paths(&outside).from_earlier(&earlier);
+                assert_eq!(paths(&outside).found(), expected);
+                let found = paths(&outside).changed_from(&earlier);
                 assert_eq!(found, expected);
                 changed += found.iter().zip(&earlier).filter(|(now, before)| now != before).count();
                 earlier = found;
@@ -364,9 +365,9 @@ mod tests {
         );
         let cores: FxHashMap<u32, Core> = [core(3)].into_iter().collect();
         let paths = |outside: Option<Reached>| Paths::new(&graph, &cores, &[outside], Lattice::MILLIMETRE);
-        let found = paths(Some(Reached { label: 3, cost: 5 })).from_nothing();
+        let found = paths(Some(Reached { label: 3, cost: 5 })).found();
         assert_eq!(found.iter().map(|value| value.label).collect::<Vec<_>>(), [3, 3]);
         assert!(5 < found[1].cost && found[1].cost < found[0].cost);
-        assert_eq!(paths(None).from_earlier(&found), [NOWHERE; 2]);
+        assert_eq!(paths(None).changed_from(&found), [NOWHERE; 2]);
     }
 }
