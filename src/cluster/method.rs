@@ -22,7 +22,8 @@ pub enum Repeat {
     /// In rounds. In a round a tile sees the borders ([`Mapped::border`]) of other tiles after the previous
     /// round, and computes its payload again. Only tiles that see a changed border run again. If no border
     /// changes, the step is reduced. The reduction may ask for another round of all tiles
-    /// ([`Reduced::Again`]).
+    /// ([`Reduced::Again`]). A tile may start from its own latest payload, but its result must be the one that it finds
+    /// from the borders alone.
     UntilSettled {
         /// Maximum number of rounds. After these the run ends with an error.
         most: u32,

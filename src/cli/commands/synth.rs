@@ -135,10 +135,7 @@ struct SensorArg(Sensor);
 
 impl ValueEnum for SensorArg {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [SensorArg; 5] = {
-            let [a, b, c, d, e] = Sensor::ALL;
-            [SensorArg(a), SensorArg(b), SensorArg(c), SensorArg(d), SensorArg(e)]
-        };
+        static ALL: LazyLock<Vec<SensorArg>> = LazyLock::new(|| Sensor::ALL.map(SensorArg).to_vec());
         &ALL
     }
 

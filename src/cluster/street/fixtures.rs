@@ -1,9 +1,9 @@
 //! Fixtures: small objects on a wall. They are a part of the building.
 //!
 //! Balconies, gutters, signs on brackets and what grows on a wall look like poles, fences or crowns, voxel by voxel. But an
-//! object that stands on its own does not lie along a wall with nearly all of its voxels. On eight labelled drives, seven of
-//! seven poles and seven of seven trees of which this is said were pieces of something else. Small things are left out:
-//! bins and passers-by do stand at walls.
+//! object that stands on its own does not lie along a wall with nearly all of its voxels. On nine labelled drives, seven of
+//! seven poles and seven of seven trees that do were pieces of something else. Small things are left out: bins and
+//! passers-by do stand at walls.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ pub(super) fn find(whole: &Whole) -> BTreeMap<u32, u32> {
     let window = Window::new(ON_WALL, ON_WALL);
     let mut finder = voxels.columns.finder();
     let mut fixtures = BTreeMap::new();
-    for (object, of_object) in small(whole) {
+    for (object, of_object) in small(whole, |label| share(label).is_some()) {
         let Some(share) = share(object) else { continue };
         // Number of its voxels on each building.
         let mut on = BTreeMap::<u32, usize>::new();
@@ -56,10 +56,10 @@ pub(super) fn find(whole: &Whole) -> BTreeMap<u32, u32> {
     fixtures
 }
 
-/// The voxels of each object that is no longer than [`SIDE_M`].
-fn small(whole: &Whole) -> BTreeMap<u32, Vec<usize>> {
+/// The voxels of each of these objects that is no longer than [`SIDE_M`].
+fn small(whole: &Whole, wanted: impl Fn(u32) -> bool) -> BTreeMap<u32, Vec<usize>> {
     let key = &whole.grown.cored.around.voxels.key;
-    let labels = || whole.grown.label.iter().enumerate().filter(|(_, label)| **label != 0);
+    let labels = || whole.grown.label.iter().enumerate().filter(|(_, label)| wanted(**label));
     let mut corners = FxHashMap::<u32, [[i32; 2]; 2]>::default();
     for (voxel, label) in labels() {
         let [i, j, _] = key[voxel];

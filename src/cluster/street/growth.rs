@@ -108,7 +108,7 @@ fn earlier(tile: &dyn TileWindow, cores: &mut FxHashMap<u32, Core>) -> Result<Ve
 }
 
 /// The trees of the drive with fewer than `smallest` points: their labels, ascending. They are pieces of crowns that were
-/// taken for stems: of 80 trees with less than 60 points on labelled drives, 8 were trees.
+/// taken for stems: of 80 trees with fewer than 60 points on labelled drives, 8 were trees.
 pub(super) fn reduce(drive: &dyn DriveWindow, smallest: u64) -> Result<Vec<u8>> {
     let mut trees: BTreeMap<u32, u64> = BTreeMap::new();
     for tile in TileId::first(drive.tiles()) {

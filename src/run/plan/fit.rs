@@ -145,16 +145,20 @@ pub(crate) fn settle<D: Driver>(
         let asked = |size| if length_m > 0.0 { TileSize::Metres(length_m) } else { size };
         return Ok(stored.map(|size| street.plan(&asked(size))));
     }
-    if let (Some(size @ TileSize::Equal { .. }), true) = (&stored, config.tiling.tile_length <= 0.0) {
-        let plan = street.plan(size);
-        if budget.keeps(needs::largest(chain, &plan)) {
-            return Ok(Some(plan));
+    let kept = match &stored {
+        Some(size @ TileSize::Equal { .. }) if config.tiling.tile_length <= 0.0 => Some(street.plan(size)),
+        _ => None,
+    };
+    let plan = match kept.filter(|plan| budget.keeps(needs::largest(chain, plan))) {
+        Some(plan) => plan,
+        None => {
+            let (size, plan) = street.fit(config, chain, budget);
+            if let Some(run_dir) = driver.run_dir().filter(|_| stored.as_ref() != Some(&size)) {
+                run_dir.write_json(&name, &size)?;
+            }
+            plan
         }
-    }
-    let (size, plan) = street.fit(config, chain, budget);
-    if let Some(run_dir) = driver.run_dir().filter(|_| stored.as_ref() != Some(&size)) {
-        run_dir.write_json(&name, &size)?;
-    }
+    };
     let largest = needs::largest(chain, &plan);
     if largest > budget.memory {
         driver.tell(&Event::Warning { text: &over_budget(largest, budget.memory) });
