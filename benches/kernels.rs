@@ -1,12 +1,13 @@
-//! Time per point of the kernels, one thread: voxels, isolated noise, ground, clusters, object parts; and of the curve
-//! that epsilon is estimated from (K = 40, tree included), on all cores (`RAYON_NUM_THREADS=1` for one).
+//! Time per point of the kernels, one thread: voxels, isolated noise, ground, clusters, object parts; and of
+//! the curve that epsilon is estimated from (K = 40, tree included), on all cores (`RAYON_NUM_THREADS=1` for
+//! one).
 //!
 //! `CHAINAGE_BENCH_FILE=scan.laz cargo bench --bench kernels` takes the points of that file; without it, a
-//! synthetic street of 1.2 million points in the order of a profile scanner. Throughput is per point *given to
-//! the kernel*: all points for voxels, noise and ground, the points left over for clusters and object parts.
-//! Before timing it prints what the kernels found, and, when the file has the extra-bytes dimension `gt_class`
-//! (1: ground), precision and recall of the ground; points that are noise after the first step count as not
-//! ground, like every other point that is not ground.
+//! synthetic street of 1.2 million points in the order of a profile scanner. Throughput is per point *given
+//! to the kernel*: all points for voxels, noise and ground, the points left over for clusters and object
+//! parts. Before timing it prints what the kernels found, and, when the file has the extra-bytes dimension
+//! `gt_class` (1: ground), precision and recall of the ground; points that are noise after the first step
+//! count as not ground, like every other point that is not ground.
 #![expect(clippy::print_stdout, reason = "a bench prints what it found beside its times")]
 
 use std::hint::black_box;

@@ -1,16 +1,18 @@
-//! Ways to find the nearest denser voxel of the same component within 13 voxels, one thread, over all voxels of a scene:
-//! the step of `density-peaks` that is a ball query per voxel if one does not think.
+//! Ways to find the nearest denser voxel of the same component within 13 voxels, one thread, over all voxels
+//! of a scene: the step of `density-peaks` that is a ball query per voxel if one does not think.
 //!
-//! `CHAINAGE_BENCH_FILE=scan.laz cargo bench --bench nearest_denser`; without it a synthetic street. Throughput is in
-//! voxels. All ways must find the same distances, which is checked first; the way taken lives in
-//! `cluster::density_peaks`, the others only here. Heights above ground are taken from the lowest voxel of the column:
-//! densities are a little different from those of a run, searches are not.
+//! `CHAINAGE_BENCH_FILE=scan.laz cargo bench --bench nearest_denser`; without it a synthetic street.
+//! Throughput is in voxels. All ways must find the same distances, which is checked first; the way taken
+//! lives in `cluster::density_peaks`, the others only here. Heights above ground are taken from the lowest
+//! voxel of the column: densities are a little different from those of a run, searches are not.
 //!
-//! - `column order`: columns by their distance in the plane; in a column from the nearest voxel outwards to the
-//!   first denser one; ends when the next column is further than what was found.
+//! - `column order`: columns by their distance in the plane; in a column from the nearest voxel outwards to
+//!   the first denser one; ends when the next column is further than what was found.
 //! - `column maxima` (taken): the same, and columns whose densest voxel is not denser are passed over unseen.
-//! - `stencil`: all 9,000 steps within the ball by their length, a look-up in a hash map for each, to the first denser one.
-//! - `growing ball`: a kd-tree over the voxels, balls of 1.5, 3, 6 and 13 voxels until one holds a denser voxel.
+//! - `stencil`: all 9,000 steps within the ball by their length, a look-up in a hash map for each, to the
+//!   first denser one.
+//! - `growing ball`: a kd-tree over the voxels, balls of 1.5, 3, 6 and 13 voxels until one holds a denser
+//!   voxel.
 //! - `ball`: one ball of 13 voxels.
 #![expect(clippy::print_stdout, reason = "a bench prints what it found beside its times")]
 #![expect(

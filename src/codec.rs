@@ -56,7 +56,8 @@ pub(crate) fn section_in(bytes: &[u8], number: usize) -> Result<Range<usize>> {
     range.ok_or_else(|| no_section(number))
 }
 
-/// The range of section `number`. `read` returns bytes of the packed string. `None` if the section does not exist.
+/// The range of section `number`. `read` returns bytes of the packed string. `None` if the section does not
+/// exist.
 pub(crate) fn section_range(
     read: &mut dyn FnMut(Range<u64>) -> Option<Vec<u8>>,
     number: usize,

@@ -1,5 +1,5 @@
-//! What the operating system says of this host: its name, its processes, and whether a file system is shared with
-//! other hosts.
+//! What the operating system says of this host: its name, its processes, and whether a file system is shared
+//! with other hosts.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -28,9 +28,9 @@ pub(crate) fn is_alive(process: u32) -> bool {
     !matches!(rustix::process::test_kill_process(process), Err(rustix::io::Errno::SRCH))
 }
 
-/// File systems over a network or in user space, by the number that `statfs` gives them on Linux (`statfs(2)` and
-/// `linux/magic.h`). On them a file may change its length under a mapping without a notice, and pages are fetched one
-/// by one.
+/// File systems over a network or in user space, by the number that `statfs` gives them on Linux (`statfs(2)`
+/// and `linux/magic.h`). On them a file may change its length under a mapping without a notice, and pages are
+/// fetched one by one.
 const SHARED: [(u32, &str); 9] = [
     (0x6969, "NFS"),
     (0x517B, "SMB"),
@@ -48,7 +48,8 @@ fn shared_kind(number: u32) -> Option<&'static str> {
     SHARED.iter().find(|known| known.0 == number).map(|known| known.1)
 }
 
-/// The kind of the file system of `path`, if other hosts may share it. `None` also where the system does not say.
+/// The kind of the file system of `path`, if other hosts may share it. `None` also where the system does not
+/// say.
 #[cfg(target_os = "linux")]
 pub(crate) fn shared_file_system(path: &Path) -> Option<&'static str> {
     let facts = rustix::fs::statfs(path).ok()?;

@@ -1,4 +1,5 @@
-//! The wording that several messages share: counts with their nouns, and the known name that a mistyped one resembles.
+//! The wording that several messages share: counts with their nouns, and the known name that a mistyped one
+//! resembles.
 
 /// A count with separators and its noun, in the plural unless the count is one.
 ///
@@ -29,7 +30,8 @@ pub fn separated(number: u64) -> String {
 
 /// The known name that is most similar to a mistyped one, if any is similar.
 ///
-/// Similar means: at most a third of the letters must be inserted, removed, replaced or swapped with their neighbour.
+/// Similar means: at most a third of the letters must be inserted, removed, replaced or swapped with their
+/// neighbour.
 ///
 /// ```
 /// use chainage::words::similar;
@@ -45,8 +47,8 @@ pub fn similar<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Opt
     near.min_by_key(|(edits, _)| *edits).map(|(_, name)| name)
 }
 
-/// The number of edits from one text to the other: optimal string alignment (Damerau 1964, "A technique for computer
-/// detection and correction of spelling errors", doi:10.1145/363958.363994).
+/// The number of edits from one text to the other: optimal string alignment (Damerau 1964, "A technique for
+/// computer detection and correction of spelling errors", doi:10.1145/363958.363994).
 fn edits(one: &str, other: &str) -> usize {
     let one: Vec<char> = one.chars().collect();
     let other: Vec<char> = other.chars().collect();

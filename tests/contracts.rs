@@ -148,7 +148,8 @@ fn no_points_one_point_and_equal_points_are_accepted() {
         }
         for method in methods() {
             if estimates(&*method) {
-                // Too few points, or all in one place: nothing follows from that, and a test of its own says so.
+                // Too few points, or all in one place: nothing follows from that, and a test of its own says
+                // so.
                 continue;
             }
             let partition = partition(&*method, &points, 2);
@@ -157,8 +158,8 @@ fn no_points_one_point_and_equal_points_are_accepted() {
     }
 }
 
-/// `opening` sees thin ground that was taken for noise; nothing else may become of noise, and of noise high above
-/// the ground nothing at all.
+/// `opening` sees thin ground that was taken for noise; nothing else may become of noise, and of noise high
+/// above the ground nothing at all.
 #[test]
 fn noise_stays_noise() {
     for filter in filters() {

@@ -1,5 +1,5 @@
-//! The cloud-optimised file of a drive: the same points with the same objects as the labelled copies, the same bytes for any
-//! tiles, threads and memory, and a tree that other programs read.
+//! The cloud-optimised file of a drive: the same points with the same objects as the labelled copies, the
+//! same bytes for any tiles, threads and memory, and a tree that other programs read.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,5 @@
-//! `objects.gpkg` as GDAL reads it, against `objects.csv` and the labelled points: values, geometries, coordinate system,
-//! and that every point is within 0.1 m of the outline of its object.
+//! `objects.gpkg` as GDAL reads it, against `objects.csv` and the labelled points: values, geometries,
+//! coordinate system, and that every point is within 0.1 m of the outline of its object.
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,5 +1,5 @@
-//! The columns of the table of objects: what README.md says of them is generated from the registry, their names keep the
-//! rules, and an object keeps its `uid`.
+//! The columns of the table of objects: what README.md says of them is generated from the registry, their
+//! names keep the rules, and an object keeps its `uid`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;

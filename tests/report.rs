@@ -1,4 +1,5 @@
-//! The page `report.html`: what it shows of a drive, that tiles and threads do not change it, and when it is written.
+//! The page `report.html`: what it shows of a drive, that tiles and threads do not change it, and when it is
+//! written.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

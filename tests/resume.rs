@@ -315,8 +315,8 @@ fn damaged_unit_files_are_noticed_and_computed_again() {
     }
 }
 
-/// The vertices of the axis nearest to cells are stored to save time. Without them, or with damaged ones, they are found
-/// again, and no unit is computed again.
+/// The vertices of the axis nearest to cells are stored to save time. Without them, or with damaged ones,
+/// they are found again, and no unit is computed again.
 #[test]
 fn lost_vertices_of_cells_are_found_again() {
     let inputs = Inputs::new();

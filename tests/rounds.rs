@@ -1,5 +1,6 @@
-//! Steps that are repeated until they have settled, by a small method that needs as many rounds as there are tiles: the
-//! smallest id along a chain of voxels through all tiles. And `status`, which names exactly the passes that `run` executes.
+//! Steps that are repeated until they have settled, by a small method that needs as many rounds as there are
+//! tiles: the smallest id along a chain of voxels through all tiles. And `status`, which names exactly the
+//! passes that `run` executes.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -191,7 +192,8 @@ fn registries(cluster: &[ClusterEntry]) -> Registries<'_> {
     Registries { ground: ground::REGISTRY, cluster }
 }
 
-/// Wires beside each other: neighbours are on a line at first, which has no tangent point, and on a plane from some 30 on.
+/// Wires beside each other: neighbours are on a line at first, which has no tangent point, and on a plane
+/// from some 30 on.
 fn many_wires(folder: &Path) -> PathBuf {
     let wire = |wire: i64| (0..300).map(move |step| Point::at([step * 100, wire * 1_500, 3_000]));
     let points: Vec<Point> = (0..10).flat_map(wire).collect();
@@ -275,7 +277,8 @@ fn a_step_settles_to_the_same_bytes_in_any_tiles() {
         assert_eq!(result.expect("a run").tiles, tiles, "tiles of {length} m");
         assert_same_outputs(&whole, &out, &format!("tiles of {length} m, {threads} threads"));
         let rounds: Vec<usize> = passes.iter().filter(|pass| pass.0 == "spread").map(|pass| pass.1).collect();
-        // As many as there are tiles, and one that finds nothing new; all tiles in the first two, then those ahead.
+        // As many as there are tiles, and one that finds nothing new; all tiles in the first two, then those
+        // ahead.
         assert!((tiles..=tiles + 1).contains(&rounds.len()), "{rounds:?} rounds of {tiles} tiles");
         assert_eq!(rounds[0], tiles);
         // The smallest id is one tile further in every round; those behind it see nothing new.
@@ -327,8 +330,8 @@ fn a_step_that_does_not_settle_is_an_error_with_both_numbers() {
     assert_eq!(error.to_string(), "pass spread has not settled after 3 rounds: 7 tiles would run again");
 }
 
-/// What `status` lists is what `run` executes, in the same order and with the same units: for every method, with and
-/// without scattering, for every K of an estimate and for every round.
+/// What `status` lists is what `run` executes, in the same order and with the same units: for every method,
+/// with and without scattering, for every K of an estimate and for every round.
 #[test]
 fn status_names_the_passes_that_run_executes() {
     let folder = scratch();

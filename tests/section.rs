@@ -1,5 +1,5 @@
-//! A section of a drive, chosen by `--from` and `--to`: its objects are those of the whole drive, also where they straddle
-//! an end, whatever the tiles. Files without points in it are not copied.
+//! A section of a drive, chosen by `--from` and `--to`: its objects are those of the whole drive, also where
+//! they straddle an end, whatever the tiles. Files without points in it are not copied.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use crate::util::drive::{Labelled, assert_same_outputs, drive, scratch, settings};
 use crate::util::las::{Point, Shape};
 
-/// Ground of 0.25 m spacing and 16 m width from `from` to `to` metres along x, a post every 3 m, and a wall of 22 m every
-/// 25 m. The place of a thing decides its size, so that none is like another.
+/// Ground of 0.25 m spacing and 16 m width from `from` to `to` metres along x, a post every 3 m, and a wall
+/// of 22 m every 25 m. The place of a thing decides its size, so that none is like another.
 fn street(from: i64, to: i64) -> Vec<Point> {
     let mut points = Vec::new();
     for x in (from * 1_000..to * 1_000).step_by(250) {

@@ -1,5 +1,5 @@
-//! What a user types and reads: did-you-mean, presets, dry runs, silence, pages, and warnings that ask. One test for each
-//! expectation.
+//! What a user types and reads: did-you-mean, presets, dry runs, silence, pages, and warnings that ask. One
+//! test for each expectation.
 
 use std::path::Path;
 use std::process::Output;

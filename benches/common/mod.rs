@@ -12,8 +12,8 @@ const STREET_POINTS_PER_PROFILE: i64 = 200;
 
 pub(crate) type AnyError = Box<dyn std::error::Error>;
 
-/// The points of `CHAINAGE_BENCH_FILE`, else of the street; and whether each is ground in truth, nothing when the file
-/// does not say.
+/// The points of `CHAINAGE_BENCH_FILE`, else of the street; and whether each is ground in truth, nothing when
+/// the file does not say.
 pub(crate) fn scene() -> Result<(TileCloud, Vec<bool>), AnyError> {
     match std::env::var("CHAINAGE_BENCH_FILE") {
         Ok(path) => read(&path),

@@ -1,4 +1,5 @@
-//! The one exception of the native part: (kind, text, hint). The Python part raises the exception of that kind.
+//! The one exception of the native part: (kind, text, hint). The Python part raises the exception of that
+//! kind.
 
 use chainage::{Error, ErrorKind};
 use pyo3::create_exception;

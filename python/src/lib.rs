@@ -1,5 +1,5 @@
-//! The native part of the Python package: drives of files, and points in arrays. The Python part checks arguments, has the
-//! documentation, and makes exceptions of failures.
+//! The native part of the Python package: drives of files, and points in arrays. The Python part checks
+//! arguments, has the documentation, and makes exceptions of failures.
 
 mod arrays;
 mod drives;

@@ -1,5 +1,5 @@
-//! Points as a LAS file, and the labels of its copy. So points in arrays go through the same steps as a drive, and give the
-//! same partition.
+//! Points as a LAS file, and the labels of its copy. So points in arrays go through the same steps as a
+//! drive, and give the same partition.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

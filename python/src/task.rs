@@ -1,5 +1,5 @@
-//! Long work beside the interpreter: the lock of the interpreter is released, Ctrl-C stops the work, and events are passed
-//! to a function.
+//! Long work beside the interpreter: the lock of the interpreter is released, Ctrl-C stops the work, and
+//! events are passed to a function.
 
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex};
@@ -26,8 +26,9 @@ impl Observer for Told {
     }
 }
 
-/// Does the work on a thread of its own, and waits for its end. If the interpreter was interrupted, or the function for
-/// events raised an exception, the work is stopped, and the exception is returned after the tiles in flight are finished.
+/// Does the work on a thread of its own, and waits for its end. If the interpreter was interrupted, or the
+/// function for events raised an exception, the work is stopped, and the exception is returned after the
+/// tiles in flight are finished.
 pub(crate) fn beside<T: Send + 'static>(
     py: Python<'_>,
     tell: Option<&Py<PyAny>>,

@@ -25,7 +25,8 @@ impl Binned {
         Self { thresholds, columns }
     }
 
-    /// Drops thresholds that `used` (per feature and threshold) does not name, and returns the new number of each.
+    /// Drops thresholds that `used` (per feature and threshold) does not name, and returns the new number of
+    /// each.
     pub(super) fn keep(thresholds: &mut [Vec<f32>], used: &[Vec<bool>]) -> Vec<Vec<u8>> {
         let mut numbers = Vec::with_capacity(used.len());
         for (cuts, used) in thresholds.iter_mut().zip(used) {

@@ -1,10 +1,10 @@
 //! Evaluation of trees for blocks of 64 rows.
 //!
-//! The rows of a block are the bits of a word. For each threshold, a word says which rows are above it. A leaf is the
-//! word of its rows, and a split divides this word in two. The numbers of the leaves are then read from five words,
-//! one per binary digit. So the time depends on the splits of a tree and not on its depth, and no branch depends on a
-//! value. The idea of trees as bit masks is that of Lucchese et al. 2015 (`QuickScorer`, doi:10.1145/2766462.2767733);
-//! ours turns it round and has a bit per row, not per leaf.
+//! The rows of a block are the bits of a word. For each threshold, a word says which rows are above it. A
+//! leaf is the word of its rows, and a split divides this word in two. The numbers of the leaves are then
+//! read from five words, one per binary digit. So the time depends on the splits of a tree and not on its
+//! depth, and no branch depends on a value. The idea of trees as bit masks is that of Lucchese et al. 2015
+//! (`QuickScorer`, doi:10.1145/2766462.2767733); ours turns it round and has a bit per row, not per leaf.
 
 use super::tree::{MOST_LEAVES, Tree};
 
@@ -146,8 +146,9 @@ impl Forest {
     }
 }
 
-/// For each value, the number of thresholds below it. There are 2^n - 1 thresholds. The search has no branches that
-/// depend on a value, and does not wait for the step of one value before it begins that of the next.
+/// For each value, the number of thresholds below it. There are 2^n - 1 thresholds. The search has no
+/// branches that depend on a value, and does not wait for the step of one value before it begins that of the
+/// next.
 #[inline]
 fn search(thresholds: &[f32], values: &[f32; GROUP]) -> [usize; GROUP] {
     let mut found = [0; GROUP];

@@ -1,5 +1,5 @@
-//! The exponential function, the logarithm and shares of classes as fixed sequences of IEEE operations. The functions
-//! of the platforms differ in the last bit.
+//! The exponential function, the logarithm and shares of classes as fixed sequences of IEEE operations. The
+//! functions of the platforms differ in the last bit.
 
 /// Units of a score per 1: scores are whole numbers.
 pub(super) const UNITS: f64 = 65_536.0;
@@ -60,8 +60,8 @@ pub(super) fn softmax(scores: &[i32], probabilities: &mut [f64]) {
     probabilities.iter_mut().for_each(|probability| *probability /= sum);
 }
 
-/// Whole shares from scores. They add up to [`WHOLE`]: each is rounded down, and what is left goes to the largest
-/// fractions, the first class among equal ones.
+/// Whole shares from scores. They add up to [`WHOLE`]: each is rounded down, and what is left goes to the
+/// largest fractions, the first class among equal ones.
 #[inline]
 pub(super) fn shares<const K: usize>(scores: &[i32; K]) -> [u8; K] {
     let mut fractions = [0.0; K];

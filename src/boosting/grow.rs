@@ -10,8 +10,8 @@ use super::tree::{Split, Tree};
 /// Units of gradients and curvatures per 1.
 pub(super) const GRADIENT_UNITS: f64 = 65_536.0;
 
-/// Bits of a number of samples. A curvature is at most a quarter and weighs 1 in the mean, so that its sum over so many
-/// samples has 38 bits more.
+/// Bits of a number of samples. A curvature is at most a quarter and weighs 1 in the mean, so that its sum
+/// over so many samples has 38 bits more.
 const SAMPLE_BITS: u32 = 24;
 
 /// Largest number of samples.
@@ -23,8 +23,9 @@ const LEAST_CURVATURE: f64 = 1e-3;
 /// Largest value of a leaf: a factor of nine million between the odds of two classes.
 const LARGEST_VALUE: f64 = 16.0;
 
-/// Gradient and curvature of the loss, summed over the samples of a bin or a leaf, and their number. These are two
-/// words, because most of the time goes into adding them: the number is in the lowest bits of the curvature.
+/// Gradient and curvature of the loss, summed over the samples of a bin or a leaf, and their number. These
+/// are two words, because most of the time goes into adding them: the number is in the lowest bits of the
+/// curvature.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sum {
     gradient: i64,

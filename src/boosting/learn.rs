@@ -13,8 +13,8 @@ use super::settings::Settings;
 use super::tree::Tree;
 use crate::error::Result;
 
-/// Weight of a class that has a share of the samples this small or smaller, at most: rarer classes are not weighted up
-/// further.
+/// Weight of a class that has a share of the samples this small or smaller, at most: rarer classes are not
+/// weighted up further.
 const LARGEST_WEIGHT: f64 = 64.0;
 
 /// Least share of a class in the first scores.
@@ -22,11 +22,12 @@ const LEAST_SHARE: f64 = 1e-6;
 
 /// Learns a model. `tell` hears how many rounds are complete.
 ///
-/// A sample weighs one over the square root of the number of samples of its class, so that rare classes count more
-/// than by their number, and less than as much as frequent ones.
+/// A sample weighs one over the square root of the number of samples of its class, so that rare classes count
+/// more than by their number, and less than as much as frequent ones.
 ///
 /// # Errors
-/// [`BoostingError::Setting`] for a setting out of range, [`BoostingError::Samples`] when there is nothing to learn.
+/// [`BoostingError::Setting`] for a setting out of range, [`BoostingError::Samples`] when there is nothing to
+/// learn.
 pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize)) -> Result<Model> {
     settings.validate()?;
     let counts = samples.counts();

@@ -140,11 +140,12 @@ impl Model {
 
     /// Shares of the `K` classes for each row. The shares of a row add up to 255.
     ///
-    /// A row depends on no other row. Rows are evaluated in blocks of 64: a comparison with a threshold is one bit
-    /// per row, so that a split of a tree is two operations on words for all of them.
+    /// A row depends on no other row. Rows are evaluated in blocks of 64: a comparison with a threshold is
+    /// one bit per row, so that a split of a tree is two operations on words for all of them.
     ///
     /// # Errors
-    /// [`BoostingError::Unfit`] when the model has another number of classes, or the values are no whole rows.
+    /// [`BoostingError::Unfit`] when the model has another number of classes, or the values are no whole
+    /// rows.
     pub fn shares<const K: usize>(&self, rows: &[f32]) -> Result<Vec<[u8; K]>, BoostingError> {
         let width = self.features().len();
         if K != self.classes().len() || !rows.len().is_multiple_of(width) {

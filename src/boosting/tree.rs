@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 /// Largest number of leaves of a tree: the number of a leaf has five bits.
 pub(super) const MOST_LEAVES: usize = 32;
 
-/// A split of a leaf. Rows whose value is above the threshold go to a new leaf, the others stay. The new leaf of the
-/// split number n has number n + 1.
+/// A split of a leaf. Rows whose value is above the threshold go to a new leaf, the others stay. The new leaf
+/// of the split number n has number n + 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Split {
     /// The leaf.

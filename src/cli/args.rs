@@ -23,8 +23,8 @@ use crate::cli::commands::work::WorkArgs;
 
 /// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
 ///
-/// A drive may have any length, because memory stays within a budget. An interrupted run resumes. The result does not
-/// depend on tiles or threads.
+/// A drive may have any length, because memory stays within a budget. An interrupted run resumes. The result
+/// does not depend on tiles or threads.
 #[derive(Debug, Parser)]
 #[command(name = "chainage", version, max_term_width = 100, after_help = EXIT_CODES)]
 pub(crate) struct Program {

@@ -21,8 +21,8 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
-    /// The files, folders and patterns. With --recursive, a folder is followed by the folders below it that contain LAS or
-    /// LAZ files.
+    /// The files, folders and patterns. With --recursive, a folder is followed by the folders below it that
+    /// contain LAS or LAZ files.
     pub(crate) fn files(&self) -> Result<Vec<PathBuf>, CliError> {
         if !self.recursive {
             return Ok(self.files.clone());
@@ -44,8 +44,8 @@ impl Inputs {
     }
 }
 
-/// Adds `folder` and the folders below it, in the order of their names, if they contain a LAS or LAZ file. Symbolic
-/// links are not followed, because they may lead in a circle.
+/// Adds `folder` and the folders below it, in the order of their names, if they contain a LAS or LAZ file.
+/// Symbolic links are not followed, because they may lead in a circle.
 fn folders_below(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     let mut below = Vec::new();
     let mut has_files = false;

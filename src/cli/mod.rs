@@ -58,8 +58,8 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
-/// The arguments, with `--json -` replaced by `--json=-`. Without this, clap would read the `-` as an argument of
-/// its own, because `--json` may be given without a value.
+/// The arguments, with `--json -` replaced by `--json=-`. Without this, clap would read the `-` as an
+/// argument of its own, because `--json` may be given without a value.
 fn arguments() -> Vec<OsString> {
     let mut arguments: Vec<OsString> = Vec::new();
     for argument in std::env::args_os() {

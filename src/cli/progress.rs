@@ -64,8 +64,8 @@ struct Whole {
     cost: f64,
 }
 
-/// Time of a pass relative to the survey, on the streets of `benches/results`. Rough: it only divides the time that is
-/// left among the passes ahead.
+/// Time of a pass relative to the survey, on the streets of `benches/results`. Rough: it only divides the
+/// time that is left among the passes ahead.
 fn cost(pass: &str) -> f64 {
     match pass {
         "survey" | "scatter" | "relabel" => 1.0,
@@ -96,8 +96,8 @@ impl Whole {
         format!(" {} of {}", self.number, (1 + self.ahead.len()).max(self.number))
     }
 
-    /// Seconds that are left in all, when the current pass has run for `elapsed` seconds and needs `left` more. `None`
-    /// before the passes are known.
+    /// Seconds that are left in all, when the current pass has run for `elapsed` seconds and needs `left`
+    /// more. `None` before the passes are known.
     fn left(&self, pass: &str, elapsed: f64, left: f64) -> Option<f64> {
         let at = self.ahead.iter().rposition(|name| *name == pass)?;
         let later: f64 = self.ahead[at + 1..].iter().map(|name| cost(name)).sum();

@@ -1,5 +1,5 @@
-//! What the server of `chainage view` answers: which requests it refuses, which file a path names, which bytes of it.
-//! No files are read here except to resolve links.
+//! What the server of `chainage view` answers: which requests it refuses, which file a path names, which
+//! bytes of it. No files are read here except to resolve links.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -22,8 +22,8 @@ pub(crate) enum Refusal {
     RangeNotSatisfiable = 416,
 }
 
-/// Checks the values of all Host headers. A page of another site can make a browser send requests here, under a name
-/// of that site (DNS rebinding); only requests under our own names are answered.
+/// Checks the values of all Host headers. A page of another site can make a browser send requests here, under
+/// a name of that site (DNS rebinding); only requests under our own names are answered.
 pub(crate) fn check_host<'a>(hosts: impl IntoIterator<Item = &'a str>, port: u16) -> Result<(), Refusal> {
     let mut hosts = hosts.into_iter();
     let ours = hosts.next().is_some_and(|host| {
@@ -36,8 +36,8 @@ pub(crate) fn check_host<'a>(hosts: impl IntoIterator<Item = &'a str>, port: u16
     if ours && hosts.next().is_none() { Ok(()) } else { Err(Refusal::Forbidden) }
 }
 
-/// The file of `root` that the target of a request names. `root` is resolved. Names that begin with a dot are never
-/// served: they are the state.
+/// The file of `root` that the target of a request names. `root` is resolved. Names that begin with a dot are
+/// never served: they are the state.
 pub(crate) fn file_of(root: &Path, target: &str) -> Result<PathBuf, Refusal> {
     let path = target.split(['?', '#']).next().unwrap_or_default();
     let path = path.strip_prefix('/').ok_or(Refusal::BadRequest)?;
@@ -80,8 +80,8 @@ fn decoded(part: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// The bytes that a Range header asks for in a file of `length` bytes. `None` for the whole file: without a header,
-/// with several ranges, and with one that is not understood (RFC 9110, section 14.2).
+/// The bytes that a Range header asks for in a file of `length` bytes. `None` for the whole file: without a
+/// header, with several ranges, and with one that is not understood (RFC 9110, section 14.2).
 pub(crate) fn range_of(header: Option<&str>, length: u64) -> Result<Option<Range<u64>>, Refusal> {
     let Some((first, last)) = header.and_then(|text| text.strip_prefix("bytes=")?.split_once('-')) else {
         return Ok(None);

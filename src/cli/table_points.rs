@@ -17,8 +17,8 @@ pub(crate) struct TablePoints {
 }
 
 impl TablePoints {
-    /// Reads a table. `columns` are names or numbers; if there are none, all numeric columns are used. With weights
-    /// (one per column, or none for all 1) columns are standardised.
+    /// Reads a table. `columns` are names or numbers; if there are none, all numeric columns are used. With
+    /// weights (one per column, or none for all 1) columns are standardised.
     pub(crate) fn read(
         path: &Path,
         header: bool,

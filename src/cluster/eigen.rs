@@ -19,7 +19,8 @@ pub(crate) fn eigen(matrix: Symmetric) -> [(f64, [f64; 3]); 3] {
     eigen_within(DIAGONAL, matrix)
 }
 
-/// The same, with the sum of the absolute off-diagonal entries relative to the trace below which the matrix is diagonal.
+/// The same, with the sum of the absolute off-diagonal entries relative to the trace below which the matrix
+/// is diagonal.
 pub(crate) fn eigen_within(diagonal: f64, [xx, xy, xz, yy, yz, zz]: Symmetric) -> [(f64, [f64; 3]); 3] {
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     // Row n is the vector of eigenvalue n.

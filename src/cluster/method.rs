@@ -22,8 +22,8 @@ pub enum Repeat {
     /// In rounds. In a round a tile sees the borders ([`Mapped::border`]) of other tiles after the previous
     /// round, and computes its payload again. Only tiles that see a changed border run again. If no border
     /// changes, the step is reduced. The reduction may ask for another round of all tiles
-    /// ([`Reduced::Again`]). A tile may start from its own latest payload, but its result must be the one that it finds
-    /// from the borders alone.
+    /// ([`Reduced::Again`]). A tile may start from its own latest payload, but its result must be the one
+    /// that it finds from the borders alone.
     UntilSettled {
         /// Maximum number of rounds. After these the run ends with an error.
         most: u32,
@@ -142,8 +142,9 @@ pub trait DriveWindow {
     fn longest_tile_m(&self) -> f64;
     /// Sums of the fields that the method asks for ([`Method::fields`]) over all points of the drive.
     fn field_sums(&self) -> &[(Field, FieldSums)];
-    /// The payload of a tile from an earlier step. In a reduction, and from the second round on, also the latest
-    /// payload of this step. In a round, a tile should read only its own: that of another depends on the tiles that ran.
+    /// The payload of a tile from an earlier step. In a reduction, and from the second round on, also the
+    /// latest payload of this step. In a round, a tile should read only its own: that of another depends on
+    /// the tiles that ran.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -240,14 +241,14 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// known of the drive.
     fn planning_reach(&self, lattice: Lattice) -> Reach;
 
-    /// Processor time of all steps per point that a tile reads, in microseconds on the machine of `benches/results`, for
-    /// estimates of the time of a run.
+    /// Processor time of all steps per point that a tile reads, in microseconds on the machine of
+    /// `benches/results`, for estimates of the time of a run.
     fn microseconds_per_point(&self) -> f64 {
         0.9
     }
 
-    /// Distance in metres beyond which points do not change an object, as a rule. Where a section of a drive is processed,
-    /// everything within it is read around the objects.
+    /// Distance in metres beyond which points do not change an object, as a rule. Where a section of a drive
+    /// is processed, everything within it is read around the objects.
     fn deciding_reach_m(&self, lattice: Lattice) -> f64 {
         2.0 * self.planning_reach(lattice).metres()
     }

@@ -10,8 +10,8 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
     text.parse().map_err(|source| ConfigError::Syntax { origin: origin.to_owned(), source })
 }
 
-/// The table of one assignment `section.key=value`. A value that is not TOML is taken as a string. If the section is
-/// missing, the sections of `base` with this key are named in the error.
+/// The table of one assignment `section.key=value`. A value that is not TOML is taken as a string. If the
+/// section is missing, the sections of `base` with this key are named in the error.
 pub(super) fn assignment(text: &str, base: &Table) -> Result<Table, ConfigError> {
     let unreadable = || ConfigError::Assignment { text: text.to_owned() };
     let (path, value) = text.split_once('=').ok_or_else(unreadable)?;

@@ -88,8 +88,8 @@ pub struct OutputConfig {
 }
 
 impl OutputConfig {
-    /// Whether an output is written: `points` (labelled copies), `copc` (the cloud-optimised file), `report` (the page), or
-    /// a format of the table of objects by its extension. `report.json` always is.
+    /// Whether an output is written: `points` (labelled copies), `copc` (the cloud-optimised file), `report`
+    /// (the page), or a format of the table of objects by its extension. `report.json` always is.
     #[must_use]
     pub fn writes(&self, name: &str) -> bool {
         let named = self.files.iter().any(|chosen| chosen == name);
@@ -266,8 +266,8 @@ impl Config {
         Ok(list)
     }
 
-    /// The first setting with another value in `other`, with the value here and there. Settings that say how the machine
-    /// is used are not compared: no result depends on them.
+    /// The first setting with another value in `other`, with the value here and there. Settings that say how
+    /// the machine is used are not compared: no result depends on them.
     #[must_use]
     pub fn first_difference(&self, other: &Self) -> Option<(String, String, String)> {
         let machine = |section: &str, key: &str| section == "run" || (section, key) == ("input", "mmap");
@@ -324,8 +324,9 @@ pub fn section<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
     })
 }
 
-/// The entry of `table` that causes `error`. Reading stops at the first wrong entry: it is the one with which the error
-/// appears when the table is read entry by entry. `None` if the error is about the table, for instance a missing key.
+/// The entry of `table` that causes `error`. Reading stops at the first wrong entry: it is the one with which
+/// the error appears when the table is read entry by entry. `None` if the error is about the table, for
+/// instance a missing key.
 fn wrong_key<'t>(
     table: &'t toml::Table,
     error: &toml::de::Error,

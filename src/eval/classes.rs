@@ -1,4 +1,5 @@
-//! The table of class codes: what they are called, which are ground, which are noise. Not: whose class is what.
+//! The table of class codes: what they are called, which are ground, which are noise. Not: whose class is
+//! what.
 
 use std::collections::BTreeMap;
 
@@ -37,7 +38,8 @@ impl ClassTable {
     /// Reads a table from the TOML `text` of `origin` (a file, for messages).
     ///
     /// # Errors
-    /// [`ConfigError::Syntax`] if it is not TOML, [`ConfigError::Value`] if a key or a code is not as expected.
+    /// [`ConfigError::Syntax`] if it is not TOML, [`ConfigError::Value`] if a key or a code is not as
+    /// expected.
     pub fn parse(origin: &str, text: &str) -> Result<Self, ConfigError> {
         let table = text
             .parse::<toml::Table>()

@@ -1,9 +1,9 @@
-//! Scores a segmentation against reference labels: every metric of the literature we compare with, and the objects
-//! behind each figure.
+//! Scores a segmentation against reference labels: every metric of the literature we compare with, and the
+//! objects behind each figure.
 //!
 //! The flow: [`matching`] pairs the labels of points -> sparse contingency [`table`] -> [`metrics`]: objects,
-//! segments and their overlaps, one module per metric, figures per class and overall -> [`report`]. If a definition
-//! leaves something open, its module settles it and says so at its top.
+//! segments and their overlaps, one module per metric, figures per class and overall -> [`report`]. If a
+//! definition leaves something open, its module settles it and says so at its top.
 
 pub mod classes;
 mod error;

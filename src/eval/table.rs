@@ -1,8 +1,8 @@
 //! The sparse contingency table: how many points every combination of labels has. Not: what that means.
 //!
 //! It grows with objects and segments, not with points. While points are counted, most of it is on disk
-//! (`parts.rs`).
-//! Counts and sums are integers, so that neither the order of counting nor the number of threads can change them.
+//! (`parts.rs`). Counts and sums are integers, so that neither the order of counting nor the number of
+//! threads can change them.
 
 use std::hash::Hash;
 use std::ops::AddAssign;
@@ -71,8 +71,8 @@ impl AddAssign for Place {
     }
 }
 
-/// Sums per key. Scans run along surfaces, so a point mostly has the key of the point before. A run of equal keys
-/// is summed outside the map.
+/// Sums per key. Scans run along surfaces, so a point mostly has the key of the point before. A run of equal
+/// keys is summed outside the map.
 #[derive(Debug)]
 pub struct Tally<K, V> {
     sums: FxHashMap<K, V>,

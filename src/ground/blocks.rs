@@ -71,8 +71,8 @@ impl Blocks {
         self.number.get(&[i + di, j + dj]).map(|&block| block as usize)
     }
 
-    /// For every block the quantile of the `lows` of the columns in the blocks up to `reach` away along each axis;
-    /// [`NONE`] where no column has a low.
+    /// For every block the quantile of the `lows` of the columns in the blocks up to `reach` away along each
+    /// axis; [`NONE`] where no column has a low.
     pub(super) fn quantiles(&self, lows: &[u32], reach: i64, quantile: f64) -> Vec<u32> {
         let mut around = Vec::new();
         let mut of_block = |block| {
@@ -89,9 +89,9 @@ impl Blocks {
         (0..self.place.len()).map(&mut of_block).collect()
     }
 
-    /// The ceiling of every block. Each block within `radius` (in blocks, distance of centres, inclusive) allows its low
-    /// plus `rise` for each block of distance, and once more for the slope inside the block. The smallest of these values
-    /// counts; [`NONE`] where there is none.
+    /// The ceiling of every block. Each block within `radius` (in blocks, distance of centres, inclusive)
+    /// allows its low plus `rise` for each block of distance, and once more for the slope inside the block.
+    /// The smallest of these values counts; [`NONE`] where there is none.
     pub(super) fn ceilings(&self, lows: &[u32], radius: i64, rise: f64) -> Vec<u32> {
         let low_of = |block| self.columns(block).iter().map(|&column| lows[column as usize]).min();
         let lows: Vec<u32> = (0..self.place.len()).map(|block| low_of(block).unwrap_or(NONE)).collect();

@@ -12,15 +12,16 @@ pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     /// Largest distance of other points that decide the class of a point.
     fn reach(&self, lattice: Lattice) -> Reach;
 
-    /// Processor time per point that a tile reads, in microseconds on the machine of `benches/results`, noise included, for
-    /// estimates of the time of a run.
+    /// Processor time per point that a tile reads, in microseconds on the machine of `benches/results`, noise
+    /// included, for estimates of the time of a run.
     fn microseconds_per_point(&self) -> f64 {
         1.0
     }
 
     /// Sets [`PointClass::Ground`] where a point is ground. `classes` holds [`PointClass::Object`], or noise,
-    /// for every point of `view`. Noise points are invisible to the filters of papers and keep their class. A filter
-    /// may look at them and find ground among them. A filter with the same edge uses the voxels that the view has.
+    /// for every point of `view`. Noise points are invisible to the filters of papers and keep their class. A
+    /// filter may look at them and find ground among them. A filter with the same edge uses the voxels that
+    /// the view has.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].

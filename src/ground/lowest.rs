@@ -1,4 +1,5 @@
-//! The lowest of something within a horizontal radius of every column; both noise and ground filter ask for it.
+//! The lowest of something within a horizontal radius of every column; both noise and ground filter ask for
+//! it.
 #![expect(clippy::cast_possible_truncation, reason = "indices of columns fit u32, see VoxelIndex")]
 
 use crate::spatial::VoxelIndex;
@@ -62,8 +63,8 @@ mod tests {
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
         let index = VoxelIndex::build("test", &cloud, 10).unwrap();
         assert_eq!(index.columns(), [[0, 0], [0, 5], [0, 6], [3, 4], [4, 4]]);
-        // Radius 50: (0, 5) and (3, 4) are exactly 5 columns from (0, 0), (4, 4) and (0, 6) are further; (0, 6)
-        // is sqrt(13) from (3, 4) and sqrt(20) from (4, 4).
+        // Radius 50: (0, 5) and (3, 4) are exactly 5 columns from (0, 0), (4, 4) and (0, 6) are further; (0,
+        // 6) is sqrt(13) from (3, 4) and sqrt(20) from (4, 4).
         assert_eq!(lowest_within(&index, 50, &lows), [4, 1, 1, 1, 1]);
         assert_eq!(lowest_within(&index, 49, &lows), [9, 1, 1, 1, 1]);
         // Radius 10: only neighbours along an axis.

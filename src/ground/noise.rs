@@ -1,14 +1,14 @@
 //! Isolated noise: small groups of voxels that touch no other voxel. Shape, intensity and time do not matter.
 //!
-//! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
-//! segmentation" (2017), section 3.1: small connected components are noise. Ours, because the paper does not say it:
-//! voxels are connected if they touch at a face, edge or corner; the threshold counts points; low noise (LAS class 7)
-//! and high noise (LAS class 18) are distinguished.
+//! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning
+//! data segmentation" (2017), section 3.1: small connected components are noise. Ours, because the paper does
+//! not say it: voxels are connected if they touch at a face, edge or corner; the threshold counts points; low
+//! noise (LAS class 7) and high noise (LAS class 18) are distinguished.
 //!
-//! The decision is exact, and needs only a limited neighbourhood. Let n be `min_component_points`. A component of fewer
-//! than n points has at most n - 1 voxels. So the component and the empty voxels around it lie at most n - 1 voxels from
-//! any of its points. A larger component has at least n voxels, and so n points, within n - 1 voxels of any of its
-//! points. Its full size does not matter.
+//! The decision is exact, and needs only a limited neighbourhood. Let n be `min_component_points`. A
+//! component of fewer than n points has at most n - 1 voxels. So the component and the empty voxels around it
+//! lie at most n - 1 voxels from any of its points. A larger component has at least n voxels, and so n
+//! points, within n - 1 voxels of any of its points. Its full size does not matter.
 //!
 //! Cost: O(points) for the voxels (shared with a ground filter of the same edge), then O(voxels).
 //! Memory per voxel: 8 bytes beside the voxels themselves. The bench is `benches/kernels.rs`.
@@ -27,8 +27,8 @@ use crate::spatial::{Linker, TileView, VoxelIndex};
 
 const NAME: &str = "noise";
 
-/// The height of noise is measured above the lowest point within this horizontal radius, in metres. It is the default
-/// radius of `voxel-column`.
+/// The height of noise is measured above the lowest point within this horizontal radius, in metres. It is the
+/// default radius of `voxel-column`.
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
 /// Settings of the section `[noise]`.
@@ -37,14 +37,14 @@ const NEIGHBOURHOOD_M: f64 = 1.5;
 pub struct NoiseConfig {
     /// Whether isolated noise is searched. Default true (Li et al. 2017, section 3.1).
     pub enabled: bool,
-    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (Li et al.
-    /// 2017, section 4.1), and as for the default ground filter, so that both share the voxels.
+    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (Li et
+    /// al. 2017, section 4.1), and as for the default ground filter, so that both share the voxels.
     pub voxel: f64,
     /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 100. Default 10
     /// (chosen; the paper gives no number). The context that tiles need grows with it.
     pub min_component_points: u32,
-    /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to 1,000.
-    /// Default 2.0 (chosen, because below it stand people and cars).
+    /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to
+    /// 1,000. Default 2.0 (chosen, because below it stand people and cars).
     pub high: f64,
 }
 
@@ -90,8 +90,9 @@ impl IsolatedNoise {
         Ok(Self { config: config.clone() })
     }
 
-    /// Largest distance of other points that decide whether a point is noise: n voxels along each axis (see above),
-    /// and sqrt(2) times that in the plane. The engine uses the decision only for points with this much context.
+    /// Largest distance of other points that decide whether a point is noise: n voxels along each axis (see
+    /// above), and sqrt(2) times that in the plane. The engine uses the decision only for points with this
+    /// much context.
     #[must_use]
     pub fn reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -101,8 +102,9 @@ impl IsolatedNoise {
         Reach::Exact { metres: f64::from(self.config.min_component_points) * voxel_m * SQRT_2 }
     }
 
-    /// Largest distance of other points whose classes decide whether a noise point is high or low. It is added to
-    /// [`Self::reach`], like the reach of the ground filter. The larger of the two is enough for both.
+    /// Largest distance of other points whose classes decide whether a noise point is high or low. It is
+    /// added to [`Self::reach`], like the reach of the ground filter. The larger of the two is enough for
+    /// both.
     #[must_use]
     pub fn height_reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -113,8 +115,8 @@ impl IsolatedNoise {
     }
 
     /// Sets the noise among the points of `view` to [`PointClass::LowNoise`] or [`PointClass::HighNoise`];
-    /// `classes` has one entry per point; the entries of other points stay. Components consist of the given points. At
-    /// the edge of the context they are cut, so decisions there are wrong and are not used.
+    /// `classes` has one entry per point; the entries of other points stay. Components consist of the given
+    /// points. At the edge of the context they are cut, so decisions there are wrong and are not used.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].

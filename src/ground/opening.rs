@@ -1,35 +1,38 @@
 //! `opening`: ground is close above a surface from which objects have been removed.
 //!
-//! Ours. It uses the morphological opening of the lowest points, as in Zhang et al., "A progressive morphological filter
-//! for removing nonground measurements from airborne LIDAR data" (2003), and in Pingel, Clarke, McBride, "An improved
-//! simple morphological filter for the terrain classification of airborne LIDAR data" (2013). It opens only once, with a
-//! small disc, because a mobile scanner sees the ground beside everything that stands on a road. It also uses the points
-//! that were classified as noise. Far from the scanner the points of the ground are so sparse that they look like
-//! isolated noise (1 % of the true ground on sparsely sampled streets). If such a point is ground, it is no longer
-//! noise. The steps work on the columns of voxels:
+//! Ours. It uses the morphological opening of the lowest points, as in Zhang et al., "A progressive
+//! morphological filter for removing nonground measurements from airborne LIDAR data" (2003), and in Pingel,
+//! Clarke, McBride, "An improved simple morphological filter for the terrain classification of airborne LIDAR
+//! data" (2013). It opens only once, with a small disc, because a mobile scanner sees the ground beside
+//! everything that stands on a road. It also uses the points that were classified as noise. Far from the
+//! scanner the points of the ground are so sparse that they look like isolated noise (1 % of the true ground
+//! on sparsely sampled streets). If such a point is ground, it is no longer noise. The steps work on the
+//! columns of voxels:
 //!
-//! 1. *Floor.* A quantile of the lowest points of all columns in the 5 x 5 blocks around, minus `depth`. Points below
-//!    the floor are multipath or stray returns.
+//! 1. *Floor.* A quantile of the lowest points of all columns in the 5 x 5 blocks around, minus `depth`.
+//!    Points below the floor are multipath or stray returns.
 //! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor. So single returns do not count.
-//! 3. *Surface*: the opening of the lows by a disc of `radius`: the minimum over the disc, then the maximum of these. It
-//!    removes cars, hedges and trunks. It follows slopes, and never lies above a low.
-//! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`. The surface stays below this ceiling.
-//!    Crowns and roofs without ground below them lie above it.
-//! 5. A column is clear if it is empty between `height` and `clear` above the surface. There, points between `depth`
-//!    below the surface and `height` above it are ground. So kerbs and rough ground are ground.
-//! 6. Where something stands, only points less than `close` above the surface are ground, and only if ground was seen
-//!    there or beside it. Clear columns enclosed by walls are the floor of a room, and not ground. See `standing.rs`.
+//! 3. *Surface*: the opening of the lows by a disc of `radius`: the minimum over the disc, then the maximum
+//!    of these. It removes cars, hedges and trunks. It follows slopes, and never lies above a low.
+//! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`. The surface stays below
+//!    this ceiling. Crowns and roofs without ground below them lie above it.
+//! 5. A column is clear if it is empty between `height` and `clear` above the surface. There, points between
+//!    `depth` below the surface and `height` above it are ground. So kerbs and rough ground are ground.
+//! 6. Where something stands, only points less than `close` above the surface are ground, and only if ground
+//!    was seen there or beside it. Clear columns enclosed by walls are the floor of a room, and not ground.
+//!    See `standing.rs`.
 //!
-//! All numbers are whole lattice units, so no result depends on an order. `benches/results/ground.md` compares it with
-//! the other filters.
+//! All numbers are whole lattice units, so no result depends on an order. `benches/results/ground.md`
+//! compares it with the other filters.
 //!
 //! Cost: O(points + columns * radius / voxel). Memory: 60 bytes per column beside the voxels. The bench is
 //! `benches/kernels.rs`.
 //!
-//! Known failures. These become ground: the lowest `close` of walls, trunks and hedges beside ground; the floor of a room
-//! at the height of the pavement behind a shop window without a sill; the lower rim of a crown at the height of the
-//! ground beside it. These do not: terraces narrower than the disc; ground that rises faster than `slope`; on slopes, a
-//! strip of one `radius` along the upper rim of the scan; small yards between walls.
+//! Known failures. These become ground: the lowest `close` of walls, trunks and hedges beside ground; the
+//! floor of a room at the height of the pavement behind a shop window without a sill; the lower rim of a
+//! crown at the height of the ground beside it. These do not: terraces narrower than the disc; ground that
+//! rises faster than `slope`; on slopes, a strip of one `radius` along the upper rim of the scan; small yards
+//! between walls.
 
 use std::f64::consts::SQRT_2;
 
@@ -50,16 +53,17 @@ pub(super) const NAME: &str = "opening";
 /// Number of columns along the edge of a block (chosen: 1.5 m by default, which is narrower than a lane).
 const BLOCK: i64 = 5;
 
-/// Number of blocks to each side whose lows determine the floor (chosen: 7.5 m by default, which is larger than a patch
-/// of multipath).
+/// Number of blocks to each side whose lows determine the floor (chosen: 7.5 m by default, which is larger
+/// than a patch of multipath).
 const FLOOR_REACH: i64 = 2;
 
-/// What stands and has points in a voxel that begins this far above the surface is a wall, in metres (chosen: above cars
-/// and hedges).
+/// What stands and has points in a voxel that begins this far above the surface is a wall, in metres (chosen:
+/// above cars and hedges).
 const WALL_M: f64 = 1.2;
 
-/// A foot has more points at the surface than this, and than this share of the points between `height` and `clear` above
-/// it, where ground was seen (chosen: a wall alone has the lowest two and, in 6 of 40 cm, a sixth).
+/// A foot has more points at the surface than this, and than this share of the points between `height` and
+/// `clear` above it, where ground was seen (chosen: a wall alone has the lowest two and, in 6 of 40 cm, a
+/// sixth).
 const FOOT_POINTS: f64 = 2.0;
 const FOOT_SHARE: f64 = 0.3;
 
@@ -77,7 +81,8 @@ pub(super) const ENTRY: GroundEntry = GroundEntry {
 pub struct OpeningConfig {
     /// Edge of a column in metres, 0.05 to 2. Default 0.3, as for the noise, so that both share the voxels.
     pub voxel: f64,
-    /// Rank of the point that is the low of a column: 1 is the lowest point, 2 the second lowest. 1 to 100. Default 2.
+    /// Rank of the point that is the low of a column: 1 is the lowest point, 2 the second lowest. 1 to 100.
+    /// Default 2.
     pub lowest_points: u32,
     /// The floor lies below this quantile of the lows around a block, 0 to 0.5. Default 0.1.
     pub low_quantile: f64,
@@ -85,7 +90,8 @@ pub struct OpeningConfig {
     pub depth: f64,
     /// Radius of the disc in metres, 0 to 20. Default 1.2: half of what is wider than a car.
     pub radius: f64,
-    /// Largest slope of the ground, 0 to 10 metres per metre. Default 0.8, so that embankments of 1 : 1.5 are ground.
+    /// Largest slope of the ground, 0 to 10 metres per metre. Default 0.8, so that embankments of 1 : 1.5 are
+    /// ground.
     pub slope: f64,
     /// Distance over which the slope is limited, in metres, 0 to 50. Default 6.
     pub slope_radius: f64,
@@ -93,10 +99,11 @@ pub struct OpeningConfig {
     pub close: f64,
     /// Points less than this above the surface are ground where nothing stands on them, 0 to 10. Default 0.3.
     pub height: f64,
-    /// Nothing stands where the column is empty from `height` up to this above the surface, 0 to 100. Default 0.7.
+    /// Nothing stands where the column is empty from `height` up to this above the surface, 0 to 100. Default
+    /// 0.7.
     pub clear: f64,
-    /// Flat patches that are shorter than this along both axes and enclosed by walls are rooms, in metres, 0 to 20; 0:
-    /// there are no rooms. Default 7.5.
+    /// Flat patches that are shorter than this along both axes and enclosed by walls are rooms, in metres, 0
+    /// to 20; 0: there are no rooms. Default 7.5.
     pub room: f64,
 }
 
@@ -235,8 +242,8 @@ impl Tile<'_> {
         (0..self.index.columns().len()).map(lowest_of).collect()
     }
 
-    /// The `rank`-th lowest point of a column that is not below `floor`, or its highest where it has fewer. `found` is a
-    /// buffer.
+    /// The `rank`-th lowest point of a column that is not below `floor`, or its highest where it has fewer.
+    /// `found` is a buffer.
     fn low_above(&self, column: usize, floor: i64, rank: usize, found: &mut Vec<u32>) -> u32 {
         found.clear();
         for voxel in self.index.column_voxels(column) {
@@ -259,7 +266,8 @@ impl Tile<'_> {
         self.index.column_voxels(column).next_back().map_or(0, |voxel| self.begin(voxel))
     }
 
-    /// The points of a column in voxels that begin less than `top` above its surface, as (point, height above it).
+    /// The points of a column in voxels that begin less than `top` above its surface, as (point, height above
+    /// it).
     fn near(&self, column: usize, surface: u32, top: i64, near: &mut Vec<(usize, i64)>) {
         let surface = i64::from(surface);
         let voxels = self.index.column_voxels(column).take_while(|&voxel| self.begin(voxel) < surface + top);
@@ -308,8 +316,8 @@ impl GroundFilter for Opening {
         NAME
     }
 
-    /// A column; from there to the far corner of a block `slope_radius` away; twice the disc; and to the far corner of
-    /// the blocks that make the floor.
+    /// A column; from there to the far corner of a block `slope_radius` away; twice the disc; and to the far
+    /// corner of the blocks that make the floor.
     fn microseconds_per_point(&self) -> f64 {
         1.5
     }
@@ -375,7 +383,8 @@ mod tests {
         classes
     }
 
-    /// Three points in each column of 30 x 30 columns, 9 m of a plane that rises by `rise` mm per column along x.
+    /// Three points in each column of 30 x 30 columns, 9 m of a plane that rises by `rise` mm per column
+    /// along x.
     fn plane(rise: i64) -> Vec<[i64; 3]> {
         let columns = (0..30).flat_map(|i| (0..30).map(move |j| (i, j)));
         columns.flat_map(|(i, j)| [40, 150, 260].map(|at| [i * 300 + at, j * 300 + at, i * rise])).collect()

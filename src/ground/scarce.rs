@@ -10,11 +10,12 @@ use crate::spatial::{CellGrid, CellMap};
 const LOW_M: f64 = 0.3;
 
 /// Ground is scarce where less than this share of the points that lie low is ground. Chosen by the study in
-/// benches/results/ground.md: filters that suit a scene have 0.64 and more, even in a forest and in a single sweep.
-/// Filters that do not have 0.43 and less, on a steep street and where the ground is missing.
+/// benches/results/ground.md: filters that suit a scene have 0.64 and more, even in a forest and in a single
+/// sweep. Filters that do not have 0.43 and less, on a steep street and where the ground is missing.
 const SCARCE: f64 = 0.5;
 
-/// Points that lie low in their cell, and how many of them are ground. Counts of tiles add up: a cell is of one tile.
+/// Points that lie low in their cell, and how many of them are ground. Counts of tiles add up: a cell is of
+/// one tile.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LowPoints {
     /// Points that lie low and are not noise.

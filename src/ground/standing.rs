@@ -1,17 +1,19 @@
-//! Columns in which something stands: their foot is ground only beside clear ground, and what walls enclose is a room.
+//! Columns in which something stands: their foot is ground only beside clear ground, and what walls enclose
+//! is a room.
 //!
-//! Both rules need the surface of the ground in every column, and know nothing of how it was found. A column is *clear*
-//! where nothing stands on its surface.
+//! Both rules need the surface of the ground in every column, and know nothing of how it was found. A column
+//! is *clear* where nothing stands on its surface.
 //!
-//! * *Foot.* The lowest points of a facade, a trunk or a hedge lie on the surface even where the ground below was not
-//!   seen. They are ground if so many points lie there that the thing alone does not explain them, or if a clear column
-//!   nearby has the same height.
-//! * *Room.* The floor behind a window is as flat as a road. Clear columns that touch and differ by less than a step are a
-//!   patch. A patch is a room if it is small and walls are a large part of its border. Columns without points do not count:
-//!   a room is seen through a window, and its border in parts. So single columns between wall and nothing are rooms, too.
+//! * *Foot.* The lowest points of a facade, a trunk or a hedge lie on the surface even where the ground below
+//!   was not seen. They are ground if so many points lie there that the thing alone does not explain them, or
+//!   if a clear column nearby has the same height.
+//! * *Room.* The floor behind a window is as flat as a road. Clear columns that touch and differ by less than
+//!   a step are a patch. A patch is a room if it is small and walls are a large part of its border. Columns
+//!   without points do not count: a room is seen through a window, and its border in parts. So single columns
+//!   between wall and nothing are rooms, too.
 //!
-//! Both decisions are exact over tiles. A patch that is as long as `room` reaches that far from each of its columns, so
-//! nothing beyond matters.
+//! Both decisions are exact over tiles. A patch that is as long as `room` reaches that far from each of its
+//! columns, so nothing beyond matters.
 #![expect(clippy::cast_possible_truncation, reason = "numbers of columns fit u32, see VoxelIndex")]
 
 use super::lowest::NONE;
@@ -20,7 +22,8 @@ use crate::spatial::{DisjointSets, VoxelIndex};
 /// Columns to each side in which clear ground is sought (chosen: 0.9 m by default).
 pub(super) const FOOT_REACH: i64 = 3;
 
-/// A patch is a room if more than this share of its border are walls (chosen by the study in benches/results/ground.md).
+/// A patch is a room if more than this share of its border are walls (chosen by the study in
+/// benches/results/ground.md).
 const WALLS: f64 = 0.25;
 
 /// What a column holds above its surface.
@@ -139,8 +142,8 @@ mod tests {
     const HEDGE: Kind = Kind::Standing { wall: false, ground: false };
     const LIMITS: Limits = Limits { step: 300, close: 60, room: 5 };
 
-    /// Columns of edge 10 in rows of text: `.` clear, `#` wall, `h` hedge, `?` unseen, ` ` nothing. Text: `.` and `h` with
-    /// ground, `o` without. `height` gives the surface at (row, place).
+    /// Columns of edge 10 in rows of text: `.` clear, `#` wall, `h` hedge, `?` unseen, ` ` nothing. Text: `.`
+    /// and `h` with ground, `o` without. `height` gives the surface at (row, place).
     fn ground(rows: &[&str], limits: Limits, height: impl Fn(u32, u32) -> u32) -> Vec<String> {
         let at = |row: usize, place: usize| rows[row].as_bytes()[place];
         let places = || (0..rows.len()).flat_map(|row| (0..rows[row].len()).map(move |place| (row, place)));

@@ -1,27 +1,28 @@
 //! `upward-growing`: a voxel is ground if only little rises from it within its block.
 //!
-//! Source: Guan, Yu, Li, Liu, "Segmentation of mobile laser scanning data for trees" (2016), section 3.1, with
-//! the values of its section 4. The plane is divided into blocks of `block`, and a block into voxels of `voxel`. A voxel
-//! grows upward to the occupied ones among the nine voxels of the layer above it (3 x 3, in its block). These grow in the
-//! same way. The highest voxel that is reached is the top. The voxel is ground if its top is less than `height` above
-//! the low of the block.
+//! Source: Guan, Yu, Li, Liu, "Segmentation of mobile laser scanning data for trees" (2016), section 3.1,
+//! with the values of its section 4. The plane is divided into blocks of `block`, and a block into voxels of
+//! `voxel`. A voxel grows upward to the occupied ones among the nine voxels of the layer above it (3 x 3, in
+//! its block). These grow in the same way. The highest voxel that is reached is the top. The voxel is ground
+//! if its top is less than `height` above the low of the block.
 //!
-//! Ours, because the paper does not say it: the low of a block is a quantile of the lowest voxels of its columns. If it
-//! were their minimum, one return below the road would remove the whole block from the ground (recall fell from 0.99 to
-//! 0.34 on a street with 0.02 % of stray returns). Voxels and blocks lie at multiples of their edges in the coordinates
-//! of the drive. So no point depends on where a file or a tile begins.
+//! Ours, because the paper does not say it: the low of a block is a quantile of the lowest voxels of its
+//! columns. If it were their minimum, one return below the road would remove the whole block from the ground
+//! (recall fell from 0.99 to 0.34 on a street with 0.02 % of stray returns). Voxels and blocks lie at
+//! multiples of their edges in the coordinates of the drive. So no point depends on where a file or a tile
+//! begins.
 //!
-//! A path upward passes through every layer up to its top. So a top lies `height` or more above the low exactly if the
-//! first layer at that height is reached. Higher layers are not examined. One bit per column says which voxels of the
-//! layer above were reached.
+//! A path upward passes through every layer up to its top. So a top lies `height` or more above the low
+//! exactly if the first layer at that height is reached. Higher layers are not examined. One bit per column
+//! says which voxels of the layer above were reached.
 //!
-//! Cost: O(points + columns log columns). Memory: five bytes per voxel beside the voxels themselves. The bench
-//! is `benches/kernels.rs`.
+//! Cost: O(points + columns log columns). Memory: five bytes per voxel beside the voxels themselves. The
+//! bench is `benches/kernels.rs`.
 //!
-//! Known failures. These become ground: objects lower than `height` (kerbs, low shrubs); the lower rim of crowns and
-//! roofs in a block without ground; where the ground is dense, the lowest `height` of an object with a gap above it.
-//! These do not: steps of more than `height` within a block (a slope of 10 % rises as much in 3 m, but only layers that
-//! touch count).
+//! Known failures. These become ground: objects lower than `height` (kerbs, low shrubs); the lower rim of
+//! crowns and roofs in a block without ground; where the ground is dense, the lowest `height` of an object
+//! with a gap above it. These do not: steps of more than `height` within a block (a slope of 10 % rises as
+//! much in 3 m, but only layers that touch count).
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -67,8 +68,8 @@ pub struct UpwardGrowingConfig {
     /// A voxel is ground when its top is less than this above the low of its block, in metres, 0.02 to 100.
     /// Default 0.3 (Guan et al. 2016, section 4: H_thresh).
     pub height: f64,
-    /// The low of a block is this quantile of the lowest voxels of its columns, 0 to 0.5; 0 is the minimum. Default
-    /// 0.05 (chosen: the paper does not define the low).
+    /// The low of a block is this quantile of the lowest voxels of its columns, 0 to 0.5; 0 is the minimum.
+    /// Default 0.05 (chosen: the paper does not define the low).
     pub low_quantile: f64,
 }
 
@@ -314,14 +315,16 @@ mod tests {
             assert_eq!(voxels(&lean(20, di, dj)), [Object; 7], "{di} {dj}");
         }
         assert_eq!(voxels(&lean(20, 2, 0))[..6], [Ground; 6], "two columns further is not a neighbour");
-        // Columns 55 to 59 are of the first block, 60 and 61 of the second, where they are the low themselves.
+        // Columns 55 to 59 are of the first block, 60 and 61 of the second, where they are the low
+        // themselves.
         assert_eq!(voxels(&lean(55, 1, 0)), [Ground; 7]);
         assert_eq!(voxels(&lean(-3, 1, 0)), [Ground; 7]);
     }
 
     #[test]
     fn one_return_below_the_road_does_not_move_the_low() {
-        // 40 columns: the quantile is the third lowest. Two returns 2 m below are below the low, and three are the low.
+        // 40 columns: the quantile is the third lowest. Two returns 2 m below are below the low, and three
+        // are the low.
         let road = |strays: i64| {
             (0..40).map(|i| [i * 50, 0, if i < strays { -2_000 } else { 0 }]).collect::<Vec<_>>()
         };

@@ -1,21 +1,22 @@
 //! The ground filter `voxel-column`: low, short columns of voxels are ground. It uses no terrain model.
 //!
-//! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning data
-//! segmentation" (2017), section 3.1.2 and eq. 2. Ours: voxels lie at multiples of their edge, not at the minimum of the
-//! data, so an added file moves nothing; lengths are compared in lattice units, so no rounding decides; the lowest voxel of
-//! a column has two points if it can; the paper does not give the radius of the neighbourhood.
+//! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning
+//! data segmentation" (2017), section 3.1.2 and eq. 2. Ours: voxels lie at multiples of their edge, not at
+//! the minimum of the data, so an added file moves nothing; lengths are compared in lattice units, so no
+//! rounding decides; the lowest voxel of a column has two points if it can; the paper does not give the
+//! radius of the neighbourhood.
 //!
-//! The voxels contain all points that are not noise. A *run* is a maximal sequence of occupied voxels of one column with
-//! consecutive k. The lowest voxel of a column is ground if its run is shorter than `run_height`, and if it is less than
-//! `step` above the lowest voxel of every column within `radius` (distance of the centres, inclusive). Then its whole
-//! run is ground, including kerbs and low plants.
+//! The voxels contain all points that are not noise. A *run* is a maximal sequence of occupied voxels of one
+//! column with consecutive k. The lowest voxel of a column is ground if its run is shorter than `run_height`,
+//! and if it is less than `step` above the lowest voxel of every column within `radius` (distance of the
+//! centres, inclusive). Then its whole run is ground, including kerbs and low plants.
 //!
 //! Cost: O(points + columns * radius / voxel). Memory: five bytes per voxel, 8 per column, beside the voxels
 //! themselves. The bench is `benches/kernels.rs`.
 //!
-//! Known failures: ground that touches an object within a voxel (below cars, hedges, walls) goes to the object; objects
-//! lower than `run_height` go to the ground; slopes that rise `step` or more within `radius` (18 degrees by default) are
-//! not ground.
+//! Known failures: ground that touches an object within a voxel (below cars, hedges, walls) goes to the
+//! object; objects lower than `run_height` go to the ground; slopes that rise `step` or more within `radius`
+//! (18 degrees by default) are not ground.
 
 use std::f64::consts::SQRT_2;
 
@@ -46,18 +47,19 @@ pub struct VoxelColumnConfig {
     /// Edge of a voxel in metres, 0.02 to 10. Default 0.3: twice the spacing of points on far objects (Li et
     /// al. 2017, section 4.1).
     pub voxel: f64,
-    /// A run is ground only when it is shorter than this, in metres, 0.02 to 100. Default 1.0 (Li et al. 2017,
-    /// eq. 2).
+    /// A run is ground only when it is shorter than this, in metres, 0.02 to 100. Default 1.0 (Li et al.
+    /// 2017, eq. 2).
     pub run_height: f64,
-    /// A lowest voxel is ground only when it is less than this above the lowest one nearby, in metres, 0.02 to
+    /// A lowest voxel is ground only when it is less than this above the lowest one nearby, in metres, 0.02
+    /// to
     /// 100. Default 0.5 (Li et al. 2017, eq. 2).
     pub step: f64,
-    /// Columns are nearby if the horizontal distance of their centres is at most this, in metres, 0 to 20. Default 1.5
-    /// (chosen: five voxels, so that the road is near a kerb or a car door beside it).
+    /// Columns are nearby if the horizontal distance of their centres is at most this, in metres, 0 to 20.
+    /// Default 1.5 (chosen: five voxels, so that the road is near a kerb or a car door beside it).
     pub radius: f64,
-    /// The lowest voxel of a column is the lowest with at least this number of points, or the lowest of all where none has
-    /// as many; 1 to 100. Default 2 (chosen by the study in benches/results/ground.md; 1 is as in Li et al. 2017). With 1, a
-    /// single return below the road removes the road around it from the ground.
+    /// The lowest voxel of a column is the lowest with at least this number of points, or the lowest of all
+    /// where none has as many; 1 to 100. Default 2 (chosen by the study in benches/results/ground.md; 1 is as
+    /// in Li et al. 2017). With 1, a single return below the road removes the road around it from the ground.
     pub lowest_points: u32,
 }
 
@@ -239,7 +241,8 @@ mod tests {
 
     #[test]
     fn a_voxel_of_too_few_points_is_not_the_lowest_and_not_ground() {
-        // A return 0.6 m below the road takes the road from the ground, unless a lowest voxel needs two points.
+        // A return 0.6 m below the road takes the road from the ground, unless a lowest voxel needs two
+        // points.
         let mut points = voxels(&[[0, 2], [0, 2], [1, 2], [1, 2], [1, 0]]);
         assert_eq!(classify(&points, &[Object; 5]), [Ground, Ground, Ground, Ground, Object]);
         let config = VoxelColumnConfig { lowest_points: 1, ..VoxelColumnConfig::default() };
@@ -248,7 +251,8 @@ mod tests {
         let printed = VoxelColumn::new(&config).unwrap();
         printed.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
         assert_eq!(classes, [Object, Object, Object, Object, Ground]);
-        // Noise is not counted. Where no voxel has as many points, the lowest one counts: thin ground is ground.
+        // Noise is not counted. Where no voxel has as many points, the lowest one counts: thin ground is
+        // ground.
         assert_eq!(classify(&points[..2], &[Object, LowNoise]), [Ground, LowNoise]);
         assert_eq!(classify(&voxels(&[[0, 2], [0, 5]]), &[Object; 2]), [Ground, Object]);
         // Above the lowest voxel, the run goes on whatever its voxels hold.

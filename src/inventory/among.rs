@@ -13,8 +13,8 @@ pub struct Place {
     pub(super) class: u8,
     /// Where it stands, in steps of 0.1 m.
     pub(super) decimetres: [i64; 2],
-    /// Decides the order of objects in one place. Follows from their points alone: lowest and highest corner, number
-    /// of points.
+    /// Decides the order of objects in one place. Follows from their points alone: lowest and highest corner,
+    /// number of points.
     order: ([i64; 3], [i64; 3], u64),
 }
 

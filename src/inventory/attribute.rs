@@ -7,9 +7,10 @@ use crate::model::{Column, Value};
 /// An attribute of objects: one or more columns of the table of objects.
 ///
 /// Tiles cut objects, so an attribute is computed from values that merge exactly in any order. These are
-/// [`ObjectPart`](crate::model::ObjectPart) and [`Measures`](crate::inventory::Measures), which all attributes share.
-/// Tiles collect them (`collect`), they are merged (`merge`), and [`Self::finish`] reads the whole. An attribute that
-/// depends on other objects is completed once all of them are known ([`Self::complete`]).
+/// [`ObjectPart`](crate::model::ObjectPart) and [`Measures`](crate::inventory::Measures), which all
+/// attributes share. Tiles collect them (`collect`), they are merged (`merge`), and [`Self::finish`] reads
+/// the whole. An attribute that depends on other objects is completed once all of them are known
+/// ([`Self::complete`]).
 pub trait Attribute: std::fmt::Debug + Sync {
     /// The columns, in their order.
     fn columns(&self) -> &'static [Column];

@@ -9,8 +9,8 @@ use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// Distance from the axis up to which a place is in the roadway, in metres.
 const ROADWAY_M: f64 = 3.5;
-/// What is lower than this over the ground stands on the roadway and is not above it, in metres (chosen: below the
-/// height of a passenger car's occupants there is no clearance to speak of).
+/// What is lower than this over the ground stands on the roadway and is not above it, in metres (chosen:
+/// below the height of a passenger car's occupants there is no clearance to speak of).
 const LEAST_M: f64 = 2.0;
 
 /// The attribute.
@@ -71,7 +71,8 @@ mod tests {
 
     #[test]
     fn the_least_height_over_the_roadway_counts() {
-        // The axis is y = 5 m, the ground 0.5 m high. An arm from y = 10 m to 3 m that sinks from 6 m to 4.6 m, on a mast.
+        // The axis is y = 5 m, the ground 0.5 m high. An arm from y = 10 m to 3 m that sinks from 6 m to 4.6
+        // m, on a mast.
         let arm = (0..140).map(|k| [1_050, 10_000 - k * 50, 6_000 - k * 10]);
         let mast = (0..120).map(|k| [1_050, 10_000, k * 50]);
         let points: Vec<[i64; 3]> = arm.chain(mast).collect();

@@ -67,7 +67,8 @@ mod tests {
         for units_m in [METRES, FEET] {
             let kind = Kind { class: 2, confidence: 255 };
             let found = as_decimals(&values_of(&CrownSize, &tree(), kind, &ground, units_m));
-            // The middles of the outer cells are 3.9 m and 1.9 m apart: the diagonal, and twice the height over it.
+            // The middles of the outer cells are 3.9 m and 1.9 m apart: the diagonal, and twice the height
+            // over it.
             let diagonal = 3.9_f64.hypot(1.9);
             let diameter = f64::midpoint(diagonal, 2.0 * 3.9 * 1.9 / diagonal);
             assert!((found[0].unwrap() - diameter).abs() < 0.01, "{found:?}, expected {diameter}");

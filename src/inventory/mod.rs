@@ -1,8 +1,8 @@
 //! The inventory: the attributes of each object in the table of objects.
 //!
-//! An attribute is one file here and one line in [`REGISTRY`]. It sees the summary of a whole object, the terrain,
-//! the axis and the frame of the input; no files, no paths, no threads, no clock. Every format of the table writes
-//! every column. The table of columns in README.md is generated from the registry.
+//! An attribute is one file here and one line in [`REGISTRY`]. It sees the summary of a whole object, the
+//! terrain, the axis and the frame of the input; no files, no paths, no threads, no clock. Every format of
+//! the table writes every column. The table of columns in README.md is generated from the registry.
 
 mod among;
 mod attribute;

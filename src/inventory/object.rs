@@ -22,8 +22,8 @@ pub struct Site<'a> {
     pub units_m: [f64; 3],
     /// Heights of the ground.
     pub terrain: &'a Terrain,
-    /// Finds where a place, in metres, is along the axis. A function, so that attributes do not depend on how the
-    /// axis is found.
+    /// Finds where a place, in metres, is along the axis. A function, so that attributes do not depend on how
+    /// the axis is found.
     pub locate: &'a (dyn Fn([f64; 2]) -> Station + Sync),
     /// Whether a place, in lattice units, is at the end of the data.
     pub at_end: &'a (dyn Fn([i64; 2]) -> bool + Sync),
@@ -53,7 +53,8 @@ impl Site<'_> {
     }
 }
 
-/// A whole object: its number, the summaries of its points, and values that several attributes derive from them.
+/// A whole object: its number, the summaries of its points, and values that several attributes derive from
+/// them.
 #[derive(Debug)]
 pub struct Object<'a> {
     /// Object id, from 1.
@@ -64,7 +65,8 @@ pub struct Object<'a> {
     pub kind: Kind,
     /// The values that all objects share.
     pub site: &'a Site<'a>,
-    /// Mean of its points on the lattice, rounded towards zero: the lattice is finer than the written decimals.
+    /// Mean of its points on the lattice, rounded towards zero: the lattice is finer than the written
+    /// decimals.
     pub centre: [i64; 3],
     /// Height of the ground in metres in the cell nearest to its centre, if one is known nearby.
     pub ground_m: Option<f64>,
@@ -104,8 +106,8 @@ impl<'a> Object<'a> {
         self.ground_m.map(|ground_m| self.site.lattice.metres(z) - ground_m)
     }
 
-    /// Where it stands, in the units of the input. Its z is that of the ground, or that of its lowest point where no
-    /// ground is known within 10 m.
+    /// Where it stands, in the units of the input. Its z is that of the ground, or that of its lowest point
+    /// where no ground is known within 10 m.
     #[must_use]
     pub fn base(&self) -> [f64; 3] {
         let [x, y] = self.foot.place;

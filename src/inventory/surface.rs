@@ -1,15 +1,15 @@
 //! Height of the ground at a place, from the mean heights of the cells around it.
 //!
-//! A plane is fitted by least squares; cells that are far above or below it are left out, and it is fitted again, with
-//! ever narrower limits. So cells in which a stem or the underside of a car was taken for ground do not count, nor do those
-//! beyond a kerb or a wall.
+//! A plane is fitted by least squares; cells that are far above or below it are left out, and it is fitted
+//! again, with ever narrower limits. So cells in which a stem or the underside of a car was taken for ground
+//! do not count, nor do those beyond a kerb or a wall.
 
 use nalgebra::{Matrix3, Vector3};
 
 /// Distance in metres at which a cell has half the weight of one at the place.
 const HALF_WEIGHT_M: f64 = 0.5;
-/// Largest distance of a cell from the plane in metres, from round to round (chosen: a slope of 1 in 5 differs by 0.6 m
-/// over 3 m; a kerb is 0.15 m).
+/// Largest distance of a cell from the plane in metres, from round to round (chosen: a slope of 1 in 5
+/// differs by 0.6 m over 3 m; a kerb is 0.15 m).
 const LIMITS_M: [f64; 5] = [0.6, 0.4, 0.25, 0.2, 0.2];
 /// Rounds in which near cells weigh no more than far ones, because the nearest may be wrong.
 const EVEN_ROUNDS: usize = 2;
@@ -66,7 +66,8 @@ fn lower_third(cells: &[Near]) -> f64 {
     heights[heights.len() / 3]
 }
 
-/// The plane through cells: its height at the place and its slopes. `None` of too few cells, or of a row of them.
+/// The plane through cells: its height at the place and its slopes. `None` of too few cells, or of a row of
+/// them.
 fn fitted(cells: &[Near], nearer_counts_more: bool, around: f64) -> Option<Vector3<f64>> {
     if cells.len() < LEAST_CELLS {
         return None;
@@ -87,7 +88,8 @@ fn fitted(cells: &[Near], nearer_counts_more: bool, around: f64) -> Option<Vecto
     Some(matrix.try_inverse()? * right + Vector3::new(around, 0.0, 0.0))
 }
 
-/// Smallest variance, in any direction, of places whose weighted sums of 1, x, y, and their products are in `sums`.
+/// Smallest variance, in any direction, of places whose weighted sums of 1, x, y, and their products are in
+/// `sums`.
 fn least_variance(sums: &Matrix3<f64>) -> f64 {
     let weight = sums[(0, 0)];
     let mean = [sums[(0, 1)] / weight, sums[(0, 2)] / weight];

@@ -57,8 +57,8 @@ pub const SURFACE_COLUMNS: &[Column] = &[
 /// A surface as formats see it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfaceRow {
-    /// Vertices of the outline in space, in the units of the input: counter-clockwise as seen against the normal, not
-    /// closed.
+    /// Vertices of the outline in space, in the units of the input: counter-clockwise as seen against the
+    /// normal, not closed.
     pub outline: Vec<[f64; 3]>,
     /// Mean of its plane points, in the units of the input.
     pub centre: [f64; 3],

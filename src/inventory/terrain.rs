@@ -4,11 +4,12 @@ use crate::inventory::surface::{Near, height_amid};
 use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
-/// Search radius for ground around the centre of an object, in metres (methods, section 5.1 has the same distance).
+/// Search radius for ground around the centre of an object, in metres (methods, section 5.1 has the same
+/// distance).
 const SEARCH_M: f64 = 10.0;
 
-/// Cells whose middle is within this distance of a place decide on the slope of the ground there, in metres (chosen: more
-/// of them are ground than were taken for ground by mistake, below a tree or a car).
+/// Cells whose middle is within this distance of a place decide on the slope of the ground there, in metres
+/// (chosen: more of them are ground than were taken for ground by mistake, below a tree or a car).
 const SLOPE_M: f64 = 4.0;
 
 /// Mean height of the ground points of every cell that has any.
@@ -38,8 +39,8 @@ impl TerrainSums {
         Self { grid, lattice, lowest, heights: CellMap::default() }
     }
 
-    /// Adds a cell with the number of its ground points and the sum of their lattice z. A cell is added only once,
-    /// because it belongs to one tile.
+    /// Adds a cell with the number of its ground points and the sum of their lattice z. A cell is added only
+    /// once, because it belongs to one tile.
     pub fn add(&mut self, cell: Cell, points: u32, sum: i64) {
         let over = sum.div_euclid(i64::from(points.max(1))) - self.lowest;
         *self.heights.entry(cell) = u32::try_from(over).unwrap_or(0) + 1;
@@ -54,8 +55,8 @@ impl TerrainSums {
 }
 
 impl Terrain {
-    /// Mean height of the ground in metres in the cell whose centre is nearest to a place in lattice units. If
-    /// several are equally near, the first counts. `None` beyond 10 m.
+    /// Mean height of the ground in metres in the cell whose centre is nearest to a place in lattice units.
+    /// If several are equally near, the first counts. `None` beyond 10 m.
     #[must_use]
     pub fn height_m(&self, place: [i64; 2]) -> Option<f64> {
         let reach = self.lattice.units(SEARCH_M);
@@ -104,9 +105,9 @@ impl Terrain {
         self.lattice.metres(self.grid.edge()) * std::f64::consts::SQRT_2
     }
 
-    /// Height of the ground in metres at a place in metres: that of a plane through the cells within 4 m, in which nearer
-    /// cells have more weight and those that are not ground have none. Where there are too few cells for a slope, that of
-    /// the nearest cell ([`Self::height_m`]). `None` where no cell is within 10 m.
+    /// Height of the ground in metres at a place in metres: that of a plane through the cells within 4 m, in
+    /// which nearer cells have more weight and those that are not ground have none. Where there are too few
+    /// cells for a slope, that of the nearest cell ([`Self::height_m`]). `None` where no cell is within 10 m.
     #[must_use]
     pub fn surface_m(&self, place: [f64; 2]) -> Option<f64> {
         let units = place.map(|value| self.lattice.units(value));

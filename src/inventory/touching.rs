@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use crate::model::{Lattice, TileCloud, VoxelGrid};
 
-/// Edge of the voxels in metres: objects that are up to 0.1 m apart touch, and none that are 0.35 m apart (twice the
-/// diagonal of a voxel).
+/// Edge of the voxels in metres: objects that are up to 0.1 m apart touch, and none that are 0.35 m apart
+/// (twice the diagonal of a voxel).
 const EDGE_M: f64 = 0.1;
 
 /// Distance around a tile within which points decide what its objects touch, in lattice units.
@@ -18,8 +18,8 @@ fn edge(lattice: Lattice) -> i64 {
     lattice.units(EDGE_M).max(1)
 }
 
-/// The pairs of objects, the smaller number first, with points in the same voxel or in two that have a corner in
-/// common. `objects` has the object of each point, 0 for none. Voxels are the same in every tile.
+/// The pairs of objects, the smaller number first, with points in the same voxel or in two that have a corner
+/// in common. `objects` has the object of each point, 0 for none. Voxels are the same in every tile.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "edges are 100 or 1,000 units")]
 pub fn touching(cloud: &TileCloud, objects: &[u32]) -> BTreeSet<(u32, u32)> {
@@ -46,8 +46,8 @@ pub fn touching(cloud: &TileCloud, objects: &[u32]) -> BTreeSet<(u32, u32)> {
     pairs
 }
 
-/// Calls `see` for every pair of entries in one voxel or in neighbouring ones. Shifted by a fixed step, sorted voxels
-/// stay sorted, so each of the steps is one walk along both.
+/// Calls `see` for every pair of entries in one voxel or in neighbouring ones. Shifted by a fixed step,
+/// sorted voxels stay sorted, so each of the steps is one walk along both.
 fn for_neighbours(voxels: &[([u32; 3], u32)], mut see: impl FnMut(u32, u32)) {
     for step in 0..27_u32 {
         let by = [step / 9, step / 3 % 3, step % 3];

@@ -1,5 +1,5 @@
-//! A column of the table of objects and the values in it. What they mean is said where they are computed, and how they
-//! are written is said in each format.
+//! A column of the table of objects and the values in it. What they mean is said where they are computed, and
+//! how they are written is said in each format.
 
 use std::borrow::Cow;
 
@@ -21,7 +21,8 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Column {
-    /// Name in every format: lower-case letters, digits and underscores; it ends with the unit where there is one.
+    /// Name in every format: lower-case letters, digits and underscores; it ends with the unit where there is
+    /// one.
     pub name: &'static str,
     /// Type of the values.
     pub column_type: ColumnType,
@@ -110,7 +111,8 @@ impl ColumnUnit {
         }
     }
 
-    /// How the name of a column with this unit ends. Without a suffix the unit is that of the input, or there is none.
+    /// How the name of a column with this unit ends. Without a suffix the unit is that of the input, or there
+    /// is none.
     #[must_use]
     pub fn suffix(self) -> &'static str {
         match self {

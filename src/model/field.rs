@@ -22,8 +22,8 @@ pub enum Field {
     Blue,
     /// Near infrared.
     Nir,
-    /// Class of a labelled drive, the extra dimension `gt_class`. It is to learn from, not to measure distances in, and
-    /// so no setting can name it.
+    /// Class of a labelled drive, the extra dimension `gt_class`. It is to learn from, not to measure
+    /// distances in, and so no setting can name it.
     #[serde(skip)]
     Class,
     /// Whether a labelled drive is labelled completely here, the extra dimension `gt_core`. As above.

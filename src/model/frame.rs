@@ -53,7 +53,8 @@ impl Lattice {
         (length_m * f64::from(self.units_per_m)).round() as i64
     }
 
-    /// A length in metres as lattice units, rounded up: a reach that is not a multiple of the step is never shortened.
+    /// A length in metres as lattice units, rounded up: a reach that is not a multiple of the step is never
+    /// shortened.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,

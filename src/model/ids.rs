@@ -1,5 +1,5 @@
-//! Numbers of tiles, files and points, as types of their own: a number of one thing is never taken for that of another,
-//! and one that does not fit is a panic with a reason instead of wrong data.
+//! Numbers of tiles, files and points, as types of their own: a number of one thing is never taken for that
+//! of another, and one that does not fit is a panic with a reason instead of wrong data.
 
 use std::ops::{Add, Sub};
 
@@ -28,7 +28,8 @@ pub struct TileId(u32);
 #[serde(transparent)]
 pub struct FileId(u32);
 
-/// Number of a point in its drive, from 0: files in the order of the catalog, records in the order of the file.
+/// Number of a point in its drive, from 0: files in the order of the catalog, records in the order of the
+/// file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 #[repr(transparent)]

@@ -7,7 +7,9 @@
 //! // A triangle of 4 m by 3 m, in two parts: merged in any order, they make the same object.
 //! let points = [[0, 0, 0], [4_000, 0, 500], [0, 3_000, 1_000]];
 //! let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
-//! let part = |core: &dyn Fn(usize) -> bool| ObjectPart::collect(&cloud, &[1, 1, 1], 1, core, |_| FileId::new(0)).remove(0);
+//! let part = |core: &dyn Fn(usize) -> bool| {
+//!     ObjectPart::collect(&cloud, &[1, 1, 1], 1, core, |_| FileId::new(0)).remove(0)
+//! };
 //! let mut object = part(&|point| point == 2);
 //! object.merge(&part(&|point| point != 2));
 //! assert_eq!(object.points, 3);

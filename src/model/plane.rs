@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 /// use chainage::model::Plane;
 ///
 /// // A wall along the x axis: u goes along it, and v up.
-/// let wall = Plane { centre: [1_000, 500, 2_000], normal: [0.0, 1.0, 0.0], flatness_units2: 4.0, points: 80 };
+/// let centre = [1_000, 500, 2_000];
+/// let wall = Plane { centre, normal: [0.0, 1.0, 0.0], flatness_units2: 4.0, points: 80 };
 /// let place = wall.local([1_250, 503, 2_100]);
 /// assert_eq!(place.map(i64::abs), [250, 100]);
 /// assert_eq!(wall.lattice_point(place), [1_250.0, 500.0, 2_100.0]);
@@ -36,7 +37,8 @@ impl Plane {
         [u, v]
     }
 
-    /// Coordinates (u, v) in the plane of the foot of a lattice point, counted from its centre, in lattice units.
+    /// Coordinates (u, v) in the plane of the foot of a lattice point, counted from its centre, in lattice
+    /// units.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "not longer than the distance of two lattice points")]
     pub fn local(&self, point: [i64; 3]) -> [i64; 2] {

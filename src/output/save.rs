@@ -1,5 +1,5 @@
-//! Writes a result that the user names. A regular file gets its name only when it is complete; other targets are
-//! written directly.
+//! Writes a result that the user names. A regular file gets its name only when it is complete; other targets
+//! are written directly.
 
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -7,8 +7,8 @@ use std::path::Path;
 use super::OutputError;
 use crate::whole_file;
 
-/// Lets `content` write the file `path`, which gets its name when it is complete and synced. If `path` exists and
-/// is not a regular file (a pipe, `/dev/null`), it is written to and never replaced.
+/// Lets `content` write the file `path`, which gets its name when it is complete and synced. If `path` exists
+/// and is not a regular file (a pipe, `/dev/null`), it is written to and never replaced.
 ///
 /// # Errors
 /// [`OutputError::Write`].

@@ -61,7 +61,8 @@ impl Chain {
         Ok(Self { noise: noise_config.enabled.then_some(noise), filter, method, ground_reach, cluster_reach })
     }
 
-    /// Distance within which points decide on an object, in lattice units: its ground, and what the method makes of it.
+    /// Distance within which points decide on an object, in lattice units: its ground, and what the method
+    /// makes of it.
     pub(crate) fn deciding_reach(&self, lattice: Lattice) -> i64 {
         self.ground_reach + lattice.units_up(self.method.deciding_reach_m(lattice))
     }

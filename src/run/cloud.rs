@@ -66,9 +66,9 @@ impl Cloud<'_> {
         driver.complete(&pass)
     }
 
-    /// The columns. They follow from the tiles and from nothing else, so that every process that shares a run finds the
-    /// same ones. A point of a column takes about as many bytes as a point of a tile does in a clustering method; half of
-    /// the points of the largest tile leave room for methods that need less.
+    /// The columns. They follow from the tiles and from nothing else, so that every process that shares a run
+    /// finds the same ones. A point of a column takes about as many bytes as a point of a tile does in a
+    /// clustering method; half of the points of the largest tile leave room for methods that need less.
     fn columns(&self) -> Columns {
         let Self { tiled, .. } = self;
         let (low, high) = tiled.surveyed.extent();

@@ -1,4 +1,5 @@
-//! Opens a request: the drive, its methods, and a run directory that is locked, or shared with other processes.
+//! Opens a request: the drive, its methods, and a run directory that is locked, or shared with other
+//! processes.
 
 use std::path::{Path, PathBuf};
 
@@ -77,7 +78,8 @@ impl<'a> Opened<'a> {
         Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
     }
 
-    /// Opens the drive of a run that another process drives. Checks that the run directory belongs to this input.
+    /// Opens the drive of a run that another process drives. Checks that the run directory belongs to this
+    /// input.
     pub(crate) fn to_share(
         inputs: &[PathBuf],
         config: &'a Config,

@@ -1,8 +1,8 @@
 //! Learns the classes of voxels from labelled drives. The flow stops after the step that gives samples.
 //!
-//! The model of the context must learn from classes as wrong as those of a new drive. So two further models of shapes learn
-//! from one half of the drives each, and classify the other half. A single drive has no other half: it is classified by
-//! the model that learned from it.
+//! The model of the context must learn from classes as wrong as those of a new drive. So two further models
+//! of shapes learn from one half of the drives each, and classify the other half. A single drive has no other
+//! half: it is classified by the model that learned from it.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -36,9 +36,11 @@ pub struct TrainRequest<'a> {
     pub config: Config,
     /// The registries of methods.
     pub registries: Registries<'a>,
-    /// Settings of the learning. Their seed also chooses the samples. The context learns in half of the rounds.
+    /// Settings of the learning. Their seed also chooses the samples. The context learns in half of the
+    /// rounds.
     pub settings: boosting::Settings,
-    /// Largest number of samples per class and drive. The context learns from four times as many of all classes together.
+    /// Largest number of samples per class and drive. The context learns from four times as many of all
+    /// classes together.
     pub samples: usize,
     /// Shares of the points in further copies of each drive, above 0 and below 1.
     pub thin: Vec<f64>,
@@ -56,7 +58,8 @@ pub struct Trained {
 /// Reads a model that [`train`] gave and a user stored. It is for the features and classes of this program.
 ///
 /// # Errors
-/// [`InputError::Read`], or a [`BoostingError`](boosting::BoostingError) that says what is wrong with the file.
+/// [`InputError::Read`], or a [`BoostingError`](boosting::BoostingError) that says what is wrong with the
+/// file.
 pub fn read_model(path: &Path) -> Result<StreetModel> {
     let content = fs_err::read(path).map_err(|source| InputError::Read { path: path.to_owned(), source })?;
     Ok(StreetModel::decode(&path.display().to_string(), &content)?)
@@ -181,8 +184,8 @@ fn learned(
     Ok(model)
 }
 
-/// Scores a model with every labelled voxel of a drive, as `street` classifies it. Of the request, the folder, the
-/// settings of the run and the registries are used.
+/// Scores a model with every labelled voxel of a drive, as `street` classifies it. Of the request, the
+/// folder, the settings of the run and the registries are used.
 ///
 /// # Errors
 /// As [`train`].

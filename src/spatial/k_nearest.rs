@@ -1,24 +1,25 @@
 //! The K nearest points of many points of one cloud, by number, within a largest distance. Coordinates are
 //! integers, and ties go to the smaller number, so the neighbours do not depend on the shape of the tree.
 //!
-//! One look-up serves all points of a leaf of a kd-tree, as in `all_nearest`: they need nearly the same neighbours. The
-//! distance from the middle of a leaf to its K-th neighbour bounds that of each of its points (triangle inequality).
+//! One look-up serves all points of a leaf of a kd-tree, as in `all_nearest`: they need nearly the same
+//! neighbours. The distance from the middle of a leaf to its K-th neighbour bounds that of each of its points
+//! (triangle inequality).
 //!
-//! Of the points in one place only the K with the smallest numbers can be among the K nearest of any point. The tree
-//! leaves the others out, so that very many points in one place cost no more than a few.
+//! Of the points in one place only the K with the smallest numbers can be among the K nearest of any point.
+//! The tree leaves the others out, so that very many points in one place cost no more than a few.
 
 use crate::spatial::ranks::threshold;
 
-/// Number of points of a leaf that is not one place. Chosen: with fewer there are more look-ups, with more there are
-/// more useless distances.
+/// Number of points of a leaf that is not one place. Chosen: with fewer there are more look-ups, with more
+/// there are more useless distances.
 const LEAF_POINTS: usize = 16;
 /// Slack of bounds from the triangle inequality, far above the rounding error of a few operations.
 const SLACK: f64 = 1.0 + 1e-9;
 /// Largest reach in units: the square of a distance must fit 31 bits.
 pub(crate) const LARGEST_REACH: i64 = 46_340;
 
-/// A neighbour: the squared distance in the upper 32 bits, the number of the point in the lower. So neighbours are
-/// ordered by their distances, and equally near ones by their numbers.
+/// A neighbour: the squared distance in the upper 32 bits, the number of the point in the lower. So
+/// neighbours are ordered by their distances, and equally near ones by their numbers.
 type Near = u64;
 
 /// The number of a neighbour.
@@ -40,7 +41,8 @@ pub(crate) fn nearest_first(near: &mut [Near], count: usize, scratch: &mut Scrat
         return;
     }
     scratch.squared.clear();
-    // Rounding keeps the order, so a threshold that leaves `count` of the rounded squares leaves the same points.
+    // Rounding keeps the order, so a threshold that leaves `count` of the rounded squares leaves the same
+    // points.
     scratch.squared.extend(near.iter().map(|near| rounded(*near)));
     let Some(limit) = threshold(&scratch.squared, count) else {
         near.select_nth_unstable(count - 1);
@@ -146,8 +148,8 @@ impl Smallest {
 }
 
 impl KNearest {
-    /// Indexes points for `k` (> 0) neighbours. A point is identified by its position, which fits 32 bits. Coordinates
-    /// are not negative.
+    /// Indexes points for `k` (> 0) neighbours. A point is identified by its position, which fits 32 bits.
+    /// Coordinates are not negative.
     #[expect(clippy::cast_possible_truncation, reason = "positions fit 32 bits")]
     pub(crate) fn new(places: &[[i32; 3]], k: usize) -> Self {
         let mut order: Vec<([i32; 3], u32)> =
@@ -214,9 +216,9 @@ impl KNearest {
         [0, 1, 2].map(|axis| self.axes[axis][at])
     }
 
-    /// Calls `visit` for every `wanted` point with its nearest points within `reach` units (inclusive, at most
-    /// [`LARGEST_REACH`]), itself included unless K others are in its place. They are the K nearest, or all if there are
-    /// fewer, in no particular order.
+    /// Calls `visit` for every `wanted` point with its nearest points within `reach` units (inclusive, at
+    /// most [`LARGEST_REACH`]), itself included unless K others are in its place. They are the K nearest, or
+    /// all if there are fewer, in no particular order.
     pub(crate) fn each(
         &self,
         reach: i64,

@@ -1,7 +1,9 @@
-//! Which cells of the drive have been looked at for a set of points, and how far around a cell that is everything there is.
+//! Which cells of the drive have been looked at for a set of points, and how far around a cell that is
+//! everything there is.
 //!
-//! A neighbour at a known distance is certain when no occupied cell that has not been looked at is nearer. Distances
-//! between cells are those of their borders, so that no point of another cell is nearer than they say.
+//! A neighbour at a known distance is certain when no occupied cell that has not been looked at is nearer.
+//! Distances between cells are those of their borders, so that no point of another cell is nearer than they
+//! say.
 
 use std::collections::BTreeMap;
 
@@ -89,8 +91,8 @@ impl<'a> LookedAt<'a> {
         Clear { distance, exact: true }
     }
 
-    /// Occupied cells that have not been looked at and lie within a distance of some cell, ascending; `around` has
-    /// cells and distances in lattice units.
+    /// Occupied cells that have not been looked at and lie within a distance of some cell, ascending;
+    /// `around` has cells and distances in lattice units.
     pub(crate) fn missing_within(&self, around: &BTreeMap<Cell, i64>) -> Vec<(Cell, u32)> {
         let farthest = around.values().copied().max().unwrap_or(0);
         let near =
@@ -149,7 +151,8 @@ impl<'a> LookedAt<'a> {
     }
 }
 
-/// The root of a squared distance, downwards; distances are whole, so that nothing within an asked one is forgotten.
+/// The root of a squared distance, downwards; distances are whole, so that nothing within an asked one is
+/// forgotten.
 fn root(squared: i128) -> i64 {
     i64::try_from(squared.isqrt()).unwrap_or(i64::MAX)
 }

@@ -1,12 +1,14 @@
-//! Which of some values are the smallest, without sorting: a threshold is guessed and corrected until the right number of
-//! values is not above it. Values are distances, or squares of distances in a plane, so their number below a threshold
-//! is about proportional to it, and a few guesses suffice. Each guess counts without branches, four values at a time.
+//! Which of some values are the smallest, without sorting: a threshold is guessed and corrected until the
+//! right number of values is not above it. Values are distances, or squares of distances in a plane, so their
+//! number below a threshold is about proportional to it, and a few guesses suffice. Each guess counts without
+//! branches, four values at a time.
 
 /// Most guesses. Equal values may have no threshold between them, then no guess is right.
 const GUESSES: usize = 12;
 
-/// A value above which all but the `count` smallest of these values are. `None` if it is not found, for example because
-/// the values around it are equal. Values are finite and not negative; `count` is 1 to their number.
+/// A value above which all but the `count` smallest of these values are. `None` if it is not found, for
+/// example because the values around it are equal. Values are finite and not negative; `count` is 1 to their
+/// number.
 pub(crate) fn threshold(values: &[f32], count: usize) -> Option<f32> {
     // Eight sums side by side, because additions of floats keep their order.
     let (rows, rest) = values.as_chunks::<8>();

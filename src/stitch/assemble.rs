@@ -36,8 +36,8 @@ impl Stitcher {
         self.parts.extend(objects.into_iter().map(|object| object.part));
     }
 
-    /// Adds the objects of the next tile, which is beside the section that is processed. An object needs a part in some
-    /// other tile.
+    /// Adds the objects of the next tile, which is beside the section that is processed. An object needs a
+    /// part in some other tile.
     pub fn tile_beside(&mut self, objects: Vec<LocalObject>) {
         let first = in_u32(self.parts.len(), "labels of all tiles");
         self.tile(objects);

@@ -1,4 +1,5 @@
-//! The run directory `OUT/.chainage`: who may change it, identity of the run, one folder per pass, and small files.
+//! The run directory `OUT/.chainage`: who may change it, identity of the run, one folder per pass, and small
+//! files.
 
 use std::fs::File;
 use std::io::Write;
@@ -31,8 +32,8 @@ struct Identity {
     state_version: u32,
 }
 
-/// An output directory with its state. A process that drives the run holds the lock as long as the value lives. A worker
-/// has no lock: it only adds units. A process that looks changes nothing.
+/// An output directory with its state. A process that drives the run holds the lock as long as the value
+/// lives. A worker has no lock: it only adds units. A process that looks changes nothing.
 #[derive(Debug)]
 pub struct RunDir {
     out: PathBuf,
@@ -72,8 +73,8 @@ impl RunDir {
         Ok(run)
     }
 
-    /// Opens the state in `out` as a worker, which adds units and holds no lock. What is missing is looked for again
-    /// during `wait`.
+    /// Opens the state in `out` as a worker, which adds units and holds no lock. What is missing is looked
+    /// for again during `wait`.
     ///
     /// # Errors
     /// When there is none, or another version of the program drives the run.
@@ -177,7 +178,8 @@ impl RunDir {
         self.write_json(OUTPUTS, &names)
     }
 
-    /// Reads a small JSON file of the state that another process may be writing; `None` when it does not come.
+    /// Reads a small JSON file of the state that another process may be writing; `None` when it does not
+    /// come.
     ///
     /// # Errors
     /// As [`Self::read_json`].

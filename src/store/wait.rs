@@ -1,5 +1,5 @@
-//! Looking again for what another process writes. A network file system shows a new name to other hosts only after
-//! seconds, unless its folder is listed.
+//! Looking again for what another process writes. A network file system shows a new name to other hosts only
+//! after seconds, unless its folder is listed.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 /// Shortest and longest pause between two looks. Chosen: short against the work of a unit, rare for a server.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(20), Duration::from_secs(1));
 
-/// Looks for something until it exists or `wait` is over. Between two looks it lists `folder`, for which a network file
-/// system asks the server.
+/// Looks for something until it exists or `wait` is over. Between two looks it lists `folder`, for which a
+/// network file system asks the server.
 pub(super) fn waited_for<T, E>(
     folder: &Path,
     wait: Duration,

@@ -64,7 +64,8 @@ pub struct PlanRequest<'a> {
     pub grid: CellGrid,
     /// The rule for the length of tiles.
     pub size: &'a TileSize,
-    /// Chainage in metres where the section begins and ends that the plan is for. No tile is in part inside of it.
+    /// Chainage in metres where the section begins and ends that the plan is for. No tile is in part inside
+    /// of it.
     pub section_m: Option<(f64, f64)>,
 }
 

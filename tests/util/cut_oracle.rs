@@ -1,6 +1,7 @@
-//! `normalized-cut` by brute force: clusters over all pairs of points, weights over all pairs of voxels, dense
-//! eigenvectors, and Ncut summed anew for each cut. It shares no code with the library. Lengths of points are in
-//! millimetres, all others in metres. It has no tree filter, so its scenes must not have facades that touch.
+//! `normalized-cut` by brute force: clusters over all pairs of points, weights over all pairs of voxels,
+//! dense eigenvectors, and Ncut summed anew for each cut. It shares no code with the library. Lengths of
+//! points are in millimetres, all others in metres. It has no tree filter, so its scenes must not have
+//! facades that touch.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -17,7 +17,8 @@ pub(crate) fn scratch() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// The configuration with these assignments, and the methods with the least to compute: most tests are about the engine.
+/// The configuration with these assignments, and the methods with the least to compute: most tests are about
+/// the engine.
 pub(crate) fn config(assignments: &[String]) -> Config {
     let methods = settings(&["cluster.method=euclidean", "ground.method=voxel-column"]);
     Config::resolve(None, &[&methods, assignments].concat()).expect("valid settings")
@@ -116,8 +117,8 @@ impl Labelled {
     }
 }
 
-/// The outputs of a run by name, without the report (which has times), without the same part of the page, and without
-/// the GeoPackage (which has a layer of the tiles; its other values are those of the tables).
+/// The outputs of a run by name, without the report (which has times), without the same part of the page, and
+/// without the GeoPackage (which has a layer of the tiles; its other values are those of the tables).
 pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(out).expect("an output folder") {

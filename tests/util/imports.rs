@@ -1,8 +1,10 @@
-//! Which file of `src` imports which, and which files import each other in a circle: read from the paths in the code.
+//! Which file of `src` imports which, and which files import each other in a circle: read from the paths in
+//! the code.
 //!
-//! An import is an edge to the file that **defines** the name, through whatever re-exports it goes. A re-export by itself
-//! is no edge, so a `mod.rs` that only declares and re-exports has none to its children. It has one as soon as its own
-//! code uses the name. The name of a module is no edge either, only what is taken from it.
+//! An import is an edge to the file that **defines** the name, through whatever re-exports it goes. A
+//! re-export by itself is no edge, so a `mod.rs` that only declares and re-exports has none to its children.
+//! It has one as soon as its own code uses the name. The name of a module is no edge either, only what is
+//! taken from it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -254,7 +256,8 @@ fn child(here: &[String], name: &str) -> Vec<String> {
 /// Which file imports which, of `(path below src, production code)`.
 ///
 /// # Panics
-/// At a path of this crate that names nothing: what cannot be read must not pass for an import that is not there.
+/// At a path of this crate that names nothing: what cannot be read must not pass for an import that is not
+/// there.
 pub(crate) fn graph<'a>(sources: impl Iterator<Item = (&'a str, &'a str)>) -> Graph {
     let modules = Modules(
         sources.map(|(file, production)| (module_path(file), Module::read(file, production))).collect(),

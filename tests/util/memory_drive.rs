@@ -1,4 +1,5 @@
-//! A drive in memory for methods of any number of steps: points in cells of a metre, cells dealt to tiles in any way.
+//! A drive in memory for methods of any number of steps: points in cells of a metre, cells dealt to tiles in
+//! any way.
 
 use std::collections::BTreeMap;
 
@@ -70,7 +71,8 @@ impl<'a> MemoryDrive<'a> {
         }
     }
 
-    /// Runs all steps; tiles in descending order, since order must not matter. Every tile runs in every round.
+    /// Runs all steps; tiles in descending order, since order must not matter. Every tile runs in every
+    /// round.
     pub(crate) fn run(mut self, method: &dyn Method) -> Outcome {
         let last = method.steps().len() - 1;
         let mut labelled = Vec::new();

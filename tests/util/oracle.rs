@@ -25,8 +25,8 @@ pub(crate) fn noise(points: &[[i64; 3]], voxel: i64, min_points: usize, high: i6
     (0..points.len()).map(verdict).collect()
 }
 
-/// Whether each point is ground by `voxel-column`, with its lengths and `lowest_points`. Points with `hidden` set are
-/// ignored.
+/// Whether each point is ground by `voxel-column`, with its lengths and `lowest_points`. Points with `hidden`
+/// set are ignored.
 pub(crate) fn voxel_column(
     points: &[[i64; 3]],
     hidden: &[bool],
@@ -60,8 +60,8 @@ pub(crate) fn voxel_column(
     (0..points.len()).map(is_ground).collect()
 }
 
-/// Whether each point is ground after `upward-growing`, by walking up from every voxel; `block` in voxels, the
-/// quantile 0.05.
+/// Whether each point is ground after `upward-growing`, by walking up from every voxel; `block` in voxels,
+/// the quantile 0.05.
 pub(crate) fn upward_growing(
     points: &[[i64; 3]],
     hidden: &[bool],

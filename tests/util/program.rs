@@ -9,8 +9,8 @@ pub(crate) fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_chainage"))
 }
 
-/// `chainage run` of these files with these options, silent. Without a method or a ground filter among them, those with
-/// the least to compute are used: most tests are about the engine.
+/// `chainage run` of these files with these options, silent. Without a method or a ground filter among them,
+/// those with the least to compute are used: most tests are about the engine.
 pub(crate) fn run_command(inputs: &[PathBuf], out: &Path, options: &[&str]) -> Command {
     let mut command = program();
     command.arg("run").args(inputs).arg("-o").arg(out).args(["--progress", "none"]).args(options);

@@ -1,5 +1,5 @@
-//! `p-linkage` for surfaces by brute force over the whole cloud: all pairs of points for neighbours, eigenvalues of
-//! another library, trees by walking to their roots, pairs of slices by all pairs of points.
+//! `p-linkage` for surfaces by brute force over the whole cloud: all pairs of points for neighbours,
+//! eigenvalues of another library, trees by walking to their roots, pairs of slices by all pairs of points.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "the order of points is that of single precision, as in the library"
@@ -37,7 +37,8 @@ fn plane(points: &[Vector]) -> Option<(Vector, f64, Vector)> {
         return None;
     }
     let mean = points.iter().sum::<Vector>() / points.len() as f64;
-    // Whole numbers, so that points with the same nearer neighbours are equally flat wherever they are counted from.
+    // Whole numbers, so that points with the same nearer neighbours are equally flat wherever they are
+    // counted from.
     let products: Matrix3<f64> = points.iter().map(|p| p * p.transpose()).sum();
     let sum = points.iter().sum::<Vector>();
     let count = points.len() as f64;
@@ -222,7 +223,8 @@ impl Cloud<'_> {
     }
 }
 
-/// For each point the smallest point of its surface, whatever its size; and the numbers of slices and of merged pairs.
+/// For each point the smallest point of its surface, whatever its size; and the numbers of slices and of
+/// merged pairs.
 pub(crate) fn surfaces(
     points: &[[i64; 3]],
     ground: &[bool],

@@ -185,9 +185,9 @@ impl BenchArgs {
     }
 }
 
-/// Brings the machine into the same state before each measurement. Nothing is left to be written back, and as much
-/// memory as the output takes was in use just before. A virtual machine gives unused memory back to its host and
-/// pays for every page that it needs again: the same copy took 1.1 or 3.0 s.
+/// Brings the machine into the same state before each measurement. Nothing is left to be written back, and as
+/// much memory as the output takes was in use just before. A virtual machine gives unused memory back to its
+/// host and pays for every page that it needs again: the same copy took 1.1 or 3.0 s.
 fn settle(paths: &[PathBuf], output_bytes: u64, scratch: &Path) -> Result<(), CliError> {
     // Without `sync`, the figures only vary more.
     let _ = Command::new("sync").status();

@@ -1,4 +1,5 @@
-//! `chainage cluster`: reads the rows of a table and writes them with the number of their cluster. Not: any method.
+//! `chainage cluster`: reads the rows of a table and writes them with the number of their cluster. Not: any
+//! method.
 
 use std::path::PathBuf;
 
@@ -17,8 +18,8 @@ use crate::cli::table_points::{self, TablePoints};
 
 /// Clusters the rows of a table: points of 2 to 8 dimensions.
 ///
-/// The output is the table, byte for byte, with one more column: the number of the cluster, or 0 for noise and outliers.
-/// Clusters are numbered in the order of their first rows.
+/// The output is the table, byte for byte, with one more column: the number of the cluster, or 0 for noise
+/// and outliers. Clusters are numbered in the order of their first rows.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ClusterArgs {
     /// Table with a header, separated by commas, semicolons, tabs or blanks (-: from standard input)
@@ -74,7 +75,8 @@ struct DbscanArgs {
     /// Number of neighbours of the first curve of the estimation, the point itself included
     #[arg(long, value_name = "K", default_value_t = epsilon::FIRST_K as u64, value_parser = clap::value_parser!(u64).range(8..=200))]
     k: u64,
-    /// size: number of rows of the smallest cluster; core: number of rows around a core point, itself included
+    /// size: number of rows of the smallest cluster; core: number of rows around a core point, itself
+    /// included
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
     min_points: u64,
     /// Number of rows of the largest cluster; 0: no limit

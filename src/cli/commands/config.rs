@@ -1,4 +1,5 @@
-//! `chainage config`: the defaults, the presets, the effective settings, and the check of a configuration file.
+//! `chainage config`: the defaults, the presets, the effective settings, and the check of a configuration
+//! file.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,5 @@
-//! `chainage estimate-epsilon`: the radius of `dbscan` from the distances of neighbours, for a drive or a table.
+//! `chainage estimate-epsilon`: the radius of `dbscan` from the distances of neighbours, for a drive or a
+//! table.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,17 +19,17 @@ use crate::cli::{exit, interrupt, print};
 
 /// Estimate the radius epsilon of `dbscan` from the distances between points.
 ///
-/// The curve is the mean distance to the k-th nearest neighbour over k. A polynomial is fitted to it. Epsilon is its value
-/// where its slope equals that of its chord (Wang et al. 2019, doi:10.3390/s19010172). The points are those of a drive
-/// that are neither ground nor noise, or the rows of one table (*.csv, *.txt, *.tsv). The result does not depend on tiles
-/// or threads.
+/// The curve is the mean distance to the k-th nearest neighbour over k. A polynomial is fitted to it. Epsilon
+/// is its value where its slope equals that of its chord (Wang et al. 2019, doi:10.3390/s19010172). The
+/// points are those of a drive that are neither ground nor noise, or the rows of one table (*.csv, *.txt,
+/// *.tsv). The result does not depend on tiles or threads.
 #[derive(Debug, clap::Args)]
 pub(crate) struct EstimateArgs {
     #[command(flatten)]
     inputs: Inputs,
-    /// Fields that make up the distance. x, y and z alone are in metres. With intensity, red, green, blue or nir, every
-    /// field is divided by its standard deviation over the drive. Of a table: columns by name or number [default: x,y,z;
-    /// of a table: all numeric columns]
+    /// Fields that make up the distance. x, y and z alone are in metres. With intensity, red, green, blue or
+    /// nir, every field is divided by its standard deviation over the drive. Of a table: columns by name or
+    /// number [default: x,y,z; of a table: all numeric columns]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     fields: Vec<String>,
     /// Weight of each field after the division, in the order of --fields [default: 1]
@@ -37,7 +38,8 @@ pub(crate) struct EstimateArgs {
     /// Number of neighbours of the first curve, the point itself included [default: 40]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(8..=200))]
     k: Option<u64>,
-    /// Approximate limit of the points whose neighbours are searched, for example 500k or 2M; 0: every point [default: 2M]
+    /// Approximate limit of the points whose neighbours are searched, for example 500k or 2M; 0: every point
+    /// [default: 2M]
     #[arg(long, value_name = "N", value_parser = count)]
     max_queries: Option<u64>,
     /// Write a drawing of the curve, the fit and the result as SVG (-: to standard output)
@@ -46,8 +48,8 @@ pub(crate) struct EstimateArgs {
     /// Write the curve, the fit, the result and its cost as JSON (-: to standard output)
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Keep the state in this directory. The same command resumes, and `chainage run` with the same settings continues
-    /// from there [default: a folder in --scratch that is removed at the end]
+    /// Keep the state in this directory. The same command resumes, and `chainage run` with the same settings
+    /// continues from there [default: a folder in --scratch that is removed at the end]
     #[arg(short, long, value_name = "DIRECTORY")]
     out: Option<PathBuf>,
     /// Folder for the temporary state [default: the system's temporary folder]

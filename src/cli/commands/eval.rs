@@ -15,8 +15,8 @@ use crate::cli::{exit, progress};
 
 /// Scores a segmentation against reference labels.
 ///
-/// Points are matched by the order of records. Where the orders differ, points are matched by coordinates and GPS time.
-/// Without --reference, the files PRED must contain the reference labels as well.
+/// Points are matched by the order of records. Where the orders differ, points are matched by coordinates and
+/// GPS time. Without --reference, the files PRED must contain the reference labels as well.
 #[derive(Debug, clap::Args)]
 pub(crate) struct EvalArgs {
     /// LAS or LAZ files with the segmentation, folders or patterns
@@ -27,8 +27,8 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "REF", num_args = 1.., help_heading = "Input")]
     reference: Vec<PathBuf>,
 
-    /// Trajectory for the chainage of objects: CSV with the columns x and y in metres [default: the principal axis of
-    /// the objects]
+    /// Trajectory for the chainage of objects: CSV with the columns x and y in metres [default: the principal
+    /// axis of the objects]
     #[arg(long, value_name = "CSV", help_heading = "Input")]
     trajectory: Option<PathBuf>,
 
@@ -44,12 +44,13 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME", default_value = "gt_class", help_heading = "Labels")]
     class_dim: String,
 
-    /// Dimension of the predicted classes of objects, to score classes too [default: object_class where all files have it]
+    /// Dimension of the predicted classes of objects, to score classes too [default: object_class where all
+    /// files have it]
     #[arg(long, value_name = "NAME", help_heading = "Labels")]
     object_class_dim: Option<String>,
 
-    /// TOML file with the names of the reference classes, and with the codes of ground and noise [default: the classes of
-    /// `chainage synth`]
+    /// TOML file with the names of the reference classes, and with the codes of ground and noise [default:
+    /// the classes of `chainage synth`]
     #[arg(long, value_name = "FILE", help_heading = "Labels")]
     classes: Option<PathBuf>,
 
@@ -65,7 +66,8 @@ pub(crate) struct EvalArgs {
     #[arg(long, help_heading = "Matching")]
     ignore_time: bool,
 
-    /// Folder for scratch files: up to 32 bytes per point if the orders differ [default: the system's temporary folder]
+    /// Folder for scratch files: up to 32 bytes per point if the orders differ [default: the system's
+    /// temporary folder]
     #[arg(long, value_name = "DIR", help_heading = "Matching")]
     scratch: Option<PathBuf>,
 
@@ -122,8 +124,8 @@ impl EvalArgs {
 
     fn compare(&self) -> chainage::Result<(Counted, MetricSettings, Option<Axis>, Provenance)> {
         self.one_standard_output()?;
-        // Every record is read once, so mapping saves no time. How many pages of a mapped file are resident depends
-        // on how it came into the page cache (7 to 18 MB of four blocks of 2 MB, Linux 6.18).
+        // Every record is read once, so mapping saves no time. How many pages of a mapped file are resident
+        // depends on how it came into the page cache (7 to 18 MB of four blocks of 2 MB, Linux 6.18).
         let options = InputOptions { mmap: false, ..InputOptions::default() };
         let metrics = self.metrics()?;
         let trajectory = self.trajectory.as_deref().map(Axis::read).transpose()?;

@@ -57,7 +57,8 @@ fn page(state: &RunStatus, why: bool) -> String {
     text
 }
 
-/// Describes what has changed, pass by pass. One line names the passes that follow because an earlier pass changed.
+/// Describes what has changed, pass by pass. One line names the passes that follow because an earlier pass
+/// changed.
 fn reasons(passes: &[PassStatus]) -> String {
     let mut text = String::new();
     let mut following = Vec::new();

@@ -18,11 +18,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::cli::exit::Outcome;
 use crate::cli::{exit, print};
 
-/// Generate a labelled synthetic drive: a street, a vehicle, and a scanner. Every pulse of the scanner is traced.
+/// Generate a labelled synthetic drive: a street, a vehicle, and a scanner. Every pulse of the scanner is
+/// traced.
 ///
-/// The files in OUT are PRESET_0001.laz ... (LAS 1.4, point format 6, extra bytes gt_instance and gt_class), reference.csv
-/// with one row per object, trajectory.csv and scene.json. The same preset, settings and seed give the same bytes, for any
-/// number of threads. Memory does not depend on the length.
+/// The files in OUT are PRESET_0001.laz ... (LAS 1.4, point format 6, extra bytes gt_instance and gt_class),
+/// reference.csv with one row per object, trajectory.csv and scene.json. The same preset, settings and seed
+/// give the same bytes, for any number of threads. Memory does not depend on the length.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  chainage synth downtown -o demo --length 500m\n  \
                         chainage synth mixed -o big --points 200M --files-every 60s --seed 7\n  \
@@ -64,8 +65,8 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "N", help_heading = "Scanner")]
     heads: Option<u8>,
 
-    /// Pulses per second of one head, all beams together, for example 550kHz or 300k [default: profiler 550kHz; spinning
-    /// 289kHz (16), 694kHz (32), 1333kHz (64), 1152kHz (64-wide)]
+    /// Pulses per second of one head, all beams together, for example 550kHz or 300k [default: profiler
+    /// 550kHz; spinning 289kHz (16), 694kHz (32), 1333kHz (64), 1152kHz (64-wide)]
     #[arg(long, value_name = "RATE", value_parser = rate, help_heading = "Scanner")]
     pulse_rate: Option<f64>,
 
@@ -82,8 +83,8 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
     noise: Option<f64>,
 
-    /// Standard deviation of the position at which a sweep of a spinning scanner is registered from its true one
-    /// [default: 0]
+    /// Standard deviation of the position at which a sweep of a spinning scanner is registered from its true
+    /// one [default: 0]
     #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
     drift: Option<f64>,
 

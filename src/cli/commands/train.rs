@@ -1,5 +1,5 @@
-//! `chainage train`: learns the model of `street` from labelled drives, and writes it with a card that says what it
-//! was learned from and how well it classifies.
+//! `chainage train`: learns the model of `street` from labelled drives, and writes it with a card that says
+//! what it was learned from and how well it classifies.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,9 +19,9 @@ use crate::cli::{exit, interrupt};
 
 /// Learn the classes of `street` from labelled drives.
 ///
-/// A labelled drive has the extra dimension gt_class (1 ground, 2 tree, 3 pole, 4 vehicle, 5 building, 6 fence or hedge,
-/// 7 person or small furniture, 8 wire; 0 is not learned), as those of `chainage synth` have. Where it also has gt_core,
-/// only points with gt_core 1 count. Same drives, settings and seed: same bytes.
+/// A labelled drive has the extra dimension gt_class (1 ground, 2 tree, 3 pole, 4 vehicle, 5 building, 6
+/// fence or hedge, 7 person or small furniture, 8 wire; 0 is not learned), as those of `chainage synth` have.
+/// Where it also has gt_core, only points with gt_core 1 count. Same drives, settings and seed: same bytes.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  chainage synth mixed -o one --length 1km\n  \
                         chainage train one -o my.model --thin 0.5,0.25\n  \
@@ -61,7 +61,8 @@ struct LearningArgs {
     /// Number that chooses the samples and the features of each split
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Samples per class and drive, at most; for the classes by context, four times as many of all classes together
+    /// Samples per class and drive, at most; for the classes by context, four times as many of all classes
+    /// together
     #[arg(long, value_name = "N", default_value_t = 5_000, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
     samples: usize,
     /// Learn also from copies of each drive that have these shares of its points, for sparser scanners

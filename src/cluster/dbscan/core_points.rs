@@ -157,7 +157,8 @@ impl Cells {
         (labels, as_u32(order.len()))
     }
 
-    /// Gives border points that the tile owns the label of their nearest core point; ties go to the smaller id.
+    /// Gives border points that the tile owns the label of their nearest core point; ties go to the smaller
+    /// id.
     fn label_border(
         &self,
         index: &VoxelIndex,

@@ -36,7 +36,8 @@ pub struct Dbscan {
     pub variant: DbscanVariant,
     /// Radius of a neighbourhood, inclusive, in the unit of the points.
     pub epsilon: f64,
-    /// `size`: points of the smallest cluster. `core`: points in the neighbourhood of a core point, itself included.
+    /// `size`: points of the smallest cluster. `core`: points in the neighbourhood of a core point, itself
+    /// included.
     pub min_points: u64,
     /// Points of the largest cluster; larger ones are noise. 0: no limit.
     pub max_points: u64,

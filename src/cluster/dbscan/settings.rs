@@ -63,11 +63,11 @@ pub enum DbscanVariant {
 pub struct DbscanConfig {
     /// The variant. Default `size`, the algorithm that Wang et al. 2019 print.
     pub variant: DbscanVariant,
-    /// Radius of a neighbourhood in the unit of the fields, inclusive, 0.001 to 10 (metres are rounded to the lattice), or
-    /// `auto`. Default 0.3 m (chosen: as `euclidean`).
+    /// Radius of a neighbourhood in the unit of the fields, inclusive, 0.001 to 10 (metres are rounded to the
+    /// lattice), or `auto`. Default 0.3 m (chosen: as `euclidean`).
     pub epsilon: Epsilon,
-    /// `size`: points of the smallest object in the whole drive. `core`: points within epsilon of a core point, itself
-    /// included. At least 1. Default 50 (chosen: as `euclidean`).
+    /// `size`: points of the smallest object in the whole drive. `core`: points within epsilon of a core
+    /// point, itself included. At least 1. Default 50 (chosen: as `euclidean`).
     pub min_points: u64,
     /// Objects with more points, in the whole drive, are dropped; 0: no limit. Default 0.
     pub max_points: u64,

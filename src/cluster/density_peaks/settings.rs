@@ -16,12 +16,14 @@ pub(super) const STAGE_BORDERS: usize = 2;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DensityPeaksConfig {
-    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (section 4.1).
+    /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (section
+    /// 4.1).
     pub voxel: f64,
     /// A centre has a density above this, in voxels, 0 to 1000. Default 4 (Table 2: 1.2 m).
     #[serde(rename = "min_density")]
     pub rho_t: f64,
-    /// A centre is further than this from the nearest denser voxel, in voxels, 0 to 100. Default 3 (Table 2: 0.9 m).
+    /// A centre is further than this from the nearest denser voxel, in voxels, 0 to 100. Default 3 (Table 2:
+    /// 0.9 m).
     #[serde(rename = "min_separation")]
     pub delta_t: f64,
     /// Above this height over ground, in voxels, densities are divided by the height, 0 to 1000. Default 5
@@ -34,13 +36,14 @@ pub struct DensityPeaksConfig {
     /// Points of two clusters closer than this, in metres, are a pair, 0.01 to 5. Default 0.5 (equation 11).
     #[serde(rename = "pair_gap_m")]
     pub d_th: f64,
-    /// Clusters are merged when the mean curvature over their pairs is below this, 0 (never) to 1. Default 0.04: the
-    /// valley in the histogram of pairs, and better on four drives (`benches/results/density-peaks-study.md`). The paper
-    /// found its value "by analyzing thousands of sample data" and does not print it.
+    /// Clusters are merged when the mean curvature over their pairs is below this, 0 (never) to 1. Default
+    /// 0.04: the valley in the histogram of pairs, and better on four drives
+    /// (`benches/results/density-peaks-study.md`). The paper found its value "by analyzing thousands of
+    /// sample data" and does not print it.
     #[serde(rename = "merge_below")]
     pub c_t: f64,
-    /// Halo voxels join the nearest segment within this, in metres, 0.01 to 10. Default 1.5 (chosen; the paper filters
-    /// out what is "far away from all segments").
+    /// Halo voxels join the nearest segment within this, in metres, 0.01 to 10. Default 1.5 (chosen; the
+    /// paper filters out what is "far away from all segments").
     pub reassign: f64,
 }
 

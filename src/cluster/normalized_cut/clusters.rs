@@ -1,11 +1,13 @@
-//! Step `clusters`: the `euclidean` objects of the drive, and their voxels. It is the only step that joins points.
+//! Step `clusters`: the `euclidean` objects of the drive, and their voxels. It is the only step that joins
+//! points.
 //!
-//! A tile labels its points and those within d_t around it. It names each label by the cells of single link in
-//! which a link to another tile may end: points of one cell are within d_t of each other, so equal names are one
-//! object. A link between two tiles has one end in either, both tiles see it, and both name its ends.
+//! A tile labels its points and those within d_t around it. It names each label by the cells of single link
+//! in which a link to another tile may end: points of one cell are within d_t of each other, so equal names
+//! are one object. A link between two tiles has one end in either, both tiles see it, and both name its ends.
 //!
-//! A tile stores the voxels of its own points: the number of points and the sum of their places, by label. A voxel
-//! at a border is stored in parts. Sums are integers, so the parts of any tiles add up to the same voxel.
+//! A tile stores the voxels of its own points: the number of points and the sum of their places, by label. A
+//! voxel at a border is stored in parts. Sums are integers, so the parts of any tiles add up to the same
+//! voxel.
 
 use std::collections::BTreeMap;
 
@@ -47,7 +49,8 @@ impl Size {
         }
     }
 
-    /// Whether an object is tall and wide enough to be cut. Its width is the longer side of its box in the plane.
+    /// Whether an object is tall and wide enough to be cut. Its width is the longer side of its box in the
+    /// plane.
     fn may_be_several(&self, config: &NormalizedCutConfig, lattice: Lattice) -> bool {
         let side = |axis: usize| lattice.metres(self.hi[axis] - self.lo[axis]);
         side(2) > config.tall && side(0).max(side(1)) > config.wide
@@ -178,8 +181,8 @@ fn shared_cells(
     }
     shared.sort_unstable();
     shared.dedup();
-    // Points that are linked are at most two cells apart on each axis. A cell that is so far from every point on the
-    // other side has no link over the border.
+    // Points that are linked are at most two cells apart on each axis. A cell that is so far from every point
+    // on the other side has no link over the border.
     let around = |[i, j, k]: Voxel| {
         let steps = |from: i32| from.saturating_sub(2)..=from.saturating_add(2);
         steps(i).flat_map(move |i| steps(j).flat_map(move |j| steps(k).map(move |k| [i, j, k])))

@@ -1,16 +1,16 @@
 //! Cuts the voxels of one object by normalized cuts (section 3.2 of the paper; Shi and Malik 2000).
 //!
-//! The components of the graph are parts at first. A part is cut in two where Ncut (equation 3) is smallest: along
-//! the eigenvector, at one of 20 quantiles. Both halves are cut again, each as a graph of its own. A part remains
-//! if Ncut exceeds `stop`, if it is not taller than `tall`, or if it has fewer than 20 voxels.
+//! The components of the graph are parts at first. A part is cut in two where Ncut (equation 3) is smallest:
+//! along the eigenvector, at one of 20 quantiles. Both halves are cut again, each as a graph of its own. A
+//! part remains if Ncut exceeds `stop`, if it is not taller than `tall`, or if it has fewer than 20 voxels.
 //!
-//! Ours: the number of quantiles and of voxels; the k-th quantile has floor(k n / 21) voxels on one side for k up
-//! to 10, and on the other side beyond, so that the sign of the eigenvector does not matter; of equal values of
-//! Ncut the more even cut is taken. Heights are those of centroids.
+//! Ours: the number of quantiles and of voxels; the k-th quantile has floor(k n / 21) voxels on one side for
+//! k up to 10, and on the other side beyond, so that the sign of the eigenvector does not matter; of equal
+//! values of Ncut the more even cut is taken. Heights are those of centroids.
 //!
-//! An object with more than `max_voxels` voxels is cut on voxels of twice the edge, or four times, and so on. Each
-//! part that follows is cut again, on voxels as fine as the limit allows for this part. So a row of a hundred trees
-//! is cut into groups first, and the groups into trees.
+//! An object with more than `max_voxels` voxels is cut on voxels of twice the edge, or four times, and so on.
+//! Each part that follows is cut again, on voxels as fine as the limit allows for this part. So a row of a
+//! hundred trees is cut into groups first, and the groups into trees.
 
 #![expect(clippy::cast_possible_truncation, reason = "voxels of an object fit u32")]
 
@@ -24,7 +24,8 @@ use crate::model::Lattice;
 const QUANTILES: usize = 20;
 /// Parts with fewer voxels are not cut.
 const LEAST_VOXELS: usize = 20;
-/// Share of the extent by which places are shifted in the start vector, so that it contains every eigenvector.
+/// Share of the extent by which places are shifted in the start vector, so that it contains every
+/// eigenvector.
 const SHIFT: f64 = 0.1;
 
 /// The parts of an object.
@@ -147,8 +148,8 @@ fn scatter(number: u32) -> f64 {
     f64::from(hash ^ (hash >> 16)) / f64::from(u32::MAX)
 }
 
-/// The smallest Ncut over the quantiles of an order of voxels, and how many voxels lie before the cut. `None` if
-/// no cut has voxels with links on both sides.
+/// The smallest Ncut over the quantiles of an order of voxels, and how many voxels lie before the cut. `None`
+/// if no cut has voxels with links on both sides.
 fn best(graph: &Graph, degrees: &[f64], order: &[u32]) -> Option<(f64, usize)> {
     let count = order.len();
     let half = QUANTILES / 2;

@@ -1,15 +1,16 @@
-//! The eigenvector of the second smallest eigenvalue of (D - W) y = lambda D y, W the weights of a graph and D
-//! their sums by voxel (Shi and Malik 2000, equations 6 to 11), by the method of Lanczos (1950).
+//! The eigenvector of the second smallest eigenvalue of (D - W) y = lambda D y, W the weights of a graph and
+//! D their sums by voxel (Shi and Malik 2000, equations 6 to 11), by the method of Lanczos (1950).
 //!
-//! With z = D^(1/2) y this is the second largest eigenvalue mu = 1 - lambda of D^(-1/2) W D^(-1/2). The largest
-//! is 1, its vector D^(1/2) 1 is known, and every vector of the basis is made orthogonal to it. The basis is
-//! made orthogonal in full, restarted from its best vector when it is full, and complete when the residual is
-//! small. Start, tolerance and the order of operations are fixed: the same graph gives the same bits.
+//! With z = D^(1/2) y this is the second largest eigenvalue mu = 1 - lambda of D^(-1/2) W D^(-1/2). The
+//! largest is 1, its vector D^(1/2) 1 is known, and every vector of the basis is made orthogonal to it. The
+//! basis is made orthogonal in full, restarted from its best vector when it is full, and complete when the
+//! residual is small. Start, tolerance and the order of operations are fixed: the same graph gives the same
+//! bits.
 //!
-//! Libraries were looked at in November 2026. `faer` 0.24 has a Lanczos solver with a start vector, but the order
-//! of its sums follows the vector width of the processor, so its bits differ between machines. `lanczos` 0.2 has
-//! neither a start vector nor a tolerance. `arpack` wraps a library in Fortran and returns one eigenpair, the
-//! smallest. `eigenvalues` 0.4 needs `nalgebra` below 0.25.
+//! Libraries were looked at in November 2026. `faer` 0.24 has a Lanczos solver with a start vector, but the
+//! order of its sums follows the vector width of the processor, so its bits differ between machines.
+//! `lanczos` 0.2 has neither a start vector nor a tolerance. `arpack` wraps a library in Fortran and returns
+//! one eigenpair, the smallest. `eigenvalues` 0.4 needs `nalgebra` below 0.25.
 
 use super::graph::Graph;
 
@@ -173,8 +174,8 @@ impl Tridiagonal {
         false
     }
 
-    /// The largest eigenvalue with its unit vector: by bisection, then by inverse iteration from just above it,
-    /// where all pivots are positive. `None` for the empty matrix.
+    /// The largest eigenvalue with its unit vector: by bisection, then by inverse iteration from just above
+    /// it, where all pivots are positive. `None` for the empty matrix.
     fn largest(&self) -> Option<(f64, Vec<f64>)> {
         let size = self.diagonal.len();
         let beside = |row: usize| if row + 1 < size { self.beside[row].abs() } else { 0.0 };

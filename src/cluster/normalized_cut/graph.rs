@@ -1,9 +1,9 @@
 //! The weighted graph of the voxels of an object (equation 1 of the paper), in rows of runs.
 //!
-//! The product of both Gaussians is one exponential of the sum of their exponents. Ours: a weight whose vertical
-//! factor is below e^-9 (1.2e-4) is 0, so that a row is not as long as the object is high; d_H and both sigmas
-//! grow with the voxels once d_H is below two edges, so that coarse voxels remain linked; a voxel has no link to
-//! itself.
+//! The product of both Gaussians is one exponential of the sum of their exponents. Ours: a weight whose
+//! vertical factor is below e^-9 (1.2e-4) is 0, so that a row is not as long as the object is high; d_H and
+//! both sigmas grow with the voxels once d_H is below two edges, so that coarse voxels remain linked; a voxel
+//! has no link to itself.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "voxels of an object fit u32; distances are a few edges"
@@ -61,8 +61,9 @@ impl Run {
     }
 }
 
-/// A graph. The links of a voxel are runs of voxels of one column, because these are most of its links and have
-/// neighbouring numbers: a product with a vector reads both in their order. A weight inside a run may be 0.
+/// A graph. The links of a voxel are runs of voxels of one column, because these are most of its links and
+/// have neighbouring numbers: a product with a vector reads both in their order. A weight inside a run may be
+/// 0.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Graph {
     /// First run and first weight of each voxel, and the ends.
@@ -159,8 +160,8 @@ impl Graph {
         (0..self.len()).map(|voxel| self.links(voxel).map(|link| link.1).sum()).collect()
     }
 
-    /// The product of the matrix of weights and a vector. Each row is summed in four fixed parts, which is faster
-    /// than one sum and the same on every machine.
+    /// The product of the matrix of weights and a vector. Each row is summed in four fixed parts, which is
+    /// faster than one sum and the same on every machine.
     pub(super) fn product(&self, vector: &[f64], result: &mut [f64]) {
         for (voxel, result) in result.iter_mut().enumerate() {
             let mut sums = [0.0; 4];
@@ -205,8 +206,8 @@ impl Graph {
         components
     }
 
-    /// The graph of some of its voxels (ascending), with the links between them. The order of voxels remains, so
-    /// what is left of a run is a run.
+    /// The graph of some of its voxels (ascending), with the links between them. The order of voxels remains,
+    /// so what is left of a run is a run.
     pub(super) fn part(&self, members: &[u32]) -> Self {
         // Number of members before each voxel, and before the end.
         let mut before = vec![0_u32; self.len() + 1];
@@ -229,8 +230,9 @@ impl Graph {
     }
 }
 
-/// e to the power of `x`, at most 0, with an error below 1e-9: weights are stored with 7 digits. Below e^-60 it is 0. A fixed
-/// sequence of IEEE operations, because the functions of the platforms differ in the last bit.
+/// e to the power of `x`, at most 0, with an error below 1e-9: weights are stored with 7 digits. Below e^-60
+/// it is 0. A fixed sequence of IEEE operations, because the functions of the platforms differ in the last
+/// bit.
 #[inline]
 fn exponential(x: f64) -> f64 {
     const INVERSE: [f64; 8] =

@@ -1,4 +1,5 @@
-//! Step `objects`: the label of every point, from the part that its voxel belongs to, and the class of each part.
+//! Step `objects`: the label of every point, from the part that its voxel belongs to, and the class of each
+//! part.
 
 use std::collections::BTreeMap;
 

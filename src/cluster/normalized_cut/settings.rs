@@ -17,27 +17,28 @@ pub(super) const STEP_CUT: usize = 1;
 pub struct NormalizedCutConfig {
     /// Edge of a voxel in metres, w_s of the paper, 0.05 to 2. Default 0.3 (chosen; section 4 has 0.05).
     pub voxel: f64,
-    /// Horizontal distance in metres at which a weight falls to 1/e, sigma_H of equation 1, 0.05 to 20. Default 0.8
-    /// (chosen; the paper has no value).
+    /// Horizontal distance in metres at which a weight falls to 1/e, sigma_H of equation 1, 0.05 to 20.
+    /// Default 0.8 (chosen; the paper has no value).
     #[serde(rename = "horizontal_scale_m")]
     pub sigma_h: f64,
-    /// Vertical distance in metres at which a weight falls to 1/e, sigma_V of equation 1, 0.05 to 20. Default 2
-    /// (chosen; the paper has no value).
+    /// Vertical distance in metres at which a weight falls to 1/e, sigma_V of equation 1, 0.05 to 20. Default
+    /// 2 (chosen; the paper has no value).
     #[serde(rename = "vertical_scale_m")]
     pub sigma_v: f64,
     /// Voxels are linked up to this horizontal distance in metres, d_H of equation 1, 0.1 to 20. Default 1.2
     /// (chosen; the paper has no value).
     #[serde(rename = "link_radius_m")]
     pub d_h: f64,
-    /// A part is cut in two if Ncut (equation 3) of its best cut is at most this, 0 (never) to 2. Default 0.08
-    /// (chosen; the paper has no value).
+    /// A part is cut in two if Ncut (equation 3) of its best cut is at most this, 0 (never) to 2. Default
+    /// 0.08 (chosen; the paper has no value).
     pub stop: f64,
     /// Objects and parts are cut if they are taller than this, in metres, 0 to 100. Default 2.5 (chosen).
     pub tall: f64,
     /// Objects are cut if they are wider than this, in metres, 0 to 1000. Default 3 (chosen).
     pub wide: f64,
-    /// An object with more voxels is cut on voxels of twice the edge first, or four times, and so on, and its parts
-    /// again on finer ones; 1000 to 200,000. Default 20,000: a limit of memory that does not depend on the machine.
+    /// An object with more voxels is cut on voxels of twice the edge first, or four times, and so on, and its
+    /// parts again on finer ones; 1000 to 200,000. Default 20,000: a limit of memory that does not depend on
+    /// the machine.
     pub max_voxels: u64,
 }
 

@@ -1,7 +1,8 @@
-//! Step `cut`: gathers each object whole over all tiles, cuts it, and gives its parts a class. It reads no points.
+//! Step `cut`: gathers each object whole over all tiles, cuts it, and gives its parts a class. It reads no
+//! points.
 //!
-//! One tile does this for an object: the one that has most of its points. What follows depends on the voxels of
-//! the object alone, so it does not matter which tile it is.
+//! One tile does this for an object: the one that has most of its points. What follows depends on the voxels
+//! of the object alone, so it does not matter which tile it is.
 
 use std::collections::BTreeMap;
 
@@ -51,8 +52,8 @@ pub(super) struct Placed {
     pub(super) first_group: u32,
     /// Class of each part.
     pub(super) classes: Vec<u8>,
-    /// The tile that has cut the object, and the section of its payload with the parts of the voxels. Without a
-    /// section the object is whole.
+    /// The tile that has cut the object, and the section of its payload with the parts of the voxels. Without
+    /// a section the object is whole.
     pub(super) cut: Option<(TileId, u32)>,
 }
 
@@ -111,8 +112,8 @@ pub(super) fn map(tile: &dyn TileWindow, config: &NormalizedCutConfig, edge: u32
     Ok(Mapped::payload(codec::pack(&sections)))
 }
 
-/// Voxels of an object that are kept, per voxel of a graph: a voxel takes 44 bytes, and 2 to 5 KB in a graph. Chosen:
-/// 1,000,000 voxels are about 2.5 km of trees that touch each other.
+/// Voxels of an object that are kept, per voxel of a graph: a voxel takes 44 bytes, and 2 to 5 KB in a graph.
+/// Chosen: 1,000,000 voxels are about 2.5 km of trees that touch each other.
 const KEPT: usize = 50;
 
 /// The voxels of the objects, from all tiles. Tiles are read one after the other.

@@ -1,10 +1,10 @@
-//! The tree filter: the class of a part of an object from its height, the width of its crown in both directions, how
-//! much of its plan is filled, and the widths of its layers. It knows no ground: heights are above the lowest voxel
-//! of the part.
+//! The tree filter: the class of a part of an object from its height, the width of its crown in both
+//! directions, how much of its plan is filled, and the widths of its layers. It knows no ground: heights are
+//! above the lowest voxel of the part.
 //!
-//! The paper uses "prior knowledge (e.g. crown size)" and gives no numbers. All numbers here were chosen on three
-//! labelled scenes and tested on a fourth, see `benches/results/normalized-cut.md`. A crown is about as deep as it
-//! is wide, and fills its plan. The plan of a facade is a line or a few lines.
+//! The paper uses "prior knowledge (e.g. crown size)" and gives no numbers. All numbers here were chosen on
+//! three labelled scenes and tested on a fourth, see `benches/results/normalized-cut.md`. A crown is about as
+//! deep as it is wide, and fills its plan. The plan of a facade is a line or a few lines.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,8 @@ struct Shape {
     short_m: f64,
     /// Occupied share of the layers, mean over the columns.
     fill: f64,
-    /// Area of the columns over the product of both deviations: 4 pi for a disc, 12 for a square, less for lines.
+    /// Area of the columns over the product of both deviations: 4 pi for a disc, 12 for a square, less for
+    /// lines.
     solid: f64,
     /// Width of a layer (longer side of its box) that half of the layers have at most, and three quarters.
     half_m: f64,
@@ -80,7 +81,8 @@ impl Shape {
         self.short_m >= 0.15 && self.short_m >= 0.4 * self.long_m && self.solid >= 8.0
     }
 
-    /// Whether most layers are narrow, and the whole is upright, with one arm at most. Measured on voxels of 0.3 m.
+    /// Whether most layers are narrow, and the whole is upright, with one arm at most. Measured on voxels of
+    /// 0.3 m.
     fn is_pole(&self) -> bool {
         self.height_m >= 1.8 && self.half_m <= 0.65 && self.most_m <= 1.3 && self.short_m <= 0.3
     }
@@ -124,7 +126,8 @@ pub(super) fn classes(voxels: &Voxels, parts: &Parts, lattice: Lattice, finest: 
         .into_iter()
         .map(|mut keys| {
             let fine = Shape::of(&keys, edge_m);
-            // How filled a plan is depends on the voxels: crowns are measured on twice the edge of the setting.
+            // How filled a plan is depends on the voxels: crowns are measured on twice the edge of the
+            // setting.
             let coarse = if voxels.edge < 2 * finest {
                 keys.iter_mut().for_each(|key| *key = key.map(|index| index >> 1));
                 keys.sort_unstable();

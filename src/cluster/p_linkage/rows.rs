@@ -25,7 +25,8 @@ const DENSITY_BITS: i32 = 48;
 /// Settings of `p-linkage`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PLinkage {
-    /// The cut-off distance is this times the median distance to the nearest neighbour (paper, section 4.1: 5).
+    /// The cut-off distance is this times the median distance to the nearest neighbour (paper, section 4.1:
+    /// 5).
     pub scale: f64,
     /// Whether neighbouring clusters of similar density are merged (equation 3), for data of even density.
     pub merge: bool,

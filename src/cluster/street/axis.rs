@@ -1,5 +1,5 @@
-//! The axis of an upright chain: the straight line through its voxels, by least squares of x and y over z. Sums of
-//! integers, so the axis does not depend on the order of the voxels.
+//! The axis of an upright chain: the straight line through its voxels, by least squares of x and y over z.
+//! Sums of integers, so the axis does not depend on the order of the voxels.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,5 @@
-//! What the steps `classes` and `context` store: height above ground and probabilities of classes for each voxel of a
-//! tile, and how later steps load them.
+//! What the steps `classes` and `context` store: height above ground and probabilities of classes for each
+//! voxel of a tile, and how later steps load them.
 
 use super::settings::{CLASSES, STEP_CLASSES, STEP_CONTEXT};
 use super::voxels::Voxels;

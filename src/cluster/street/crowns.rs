@@ -1,11 +1,11 @@
-//! Crowns of small trees: places over which many tree voxels stand. A tree whose stem is hidden behind others is found
-//! by its crown.
+//! Crowns of small trees: places over which many tree voxels stand. A tree whose stem is hidden behind others
+//! is found by its crown.
 //!
 //! Tree voxels are counted in cells of the plane and smoothed with a kernel that grows with the height of the
-//! canopy. The peaks of this field are crowns. A peak is a tree of its own if no
-//! stem claims it, and if the field falls far enough on the way to every higher peak nearby. This is the density peak
-//! of Rodriguez and Laio (2014, doi:10.1126/science.1242072) in the plane, with the prominence of a peak in place of
-//! the distance to the next higher one. All sums are integers, and all distances are local, so tiles do not show.
+//! canopy. The peaks of this field are crowns. A peak is a tree of its own if no stem claims it, and if the
+//! field falls far enough on the way to every higher peak nearby. This is the density peak of Rodriguez and
+//! Laio (2014, doi:10.1126/science.1242072) in the plane, with the prominence of a peak in place of the
+//! distance to the next higher one. All sums are integers, and all distances are local, so tiles do not show.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "heights in lattice units fit i32; sums over a kernel are clamped to u32"
@@ -26,8 +26,8 @@ use crate::spatial::Cell;
 const CELL: i32 = 2;
 /// Lowest height of the tree voxels that are counted, in metres. Below are hedges and stems.
 const LOW_M: f64 = 0.9;
-/// Radius of the kernel in cells, by the height of the canopy in metres. Its standard deviation is about a tenth of the
-/// height, which separates small trees 2.5 m apart.
+/// Radius of the kernel in cells, by the height of the canopy in metres. Its standard deviation is about a
+/// tenth of the height, which separates small trees 2.5 m apart.
 const KERNELS: [(f64, i32); 3] = [(3.5, 3), (5.0, 4), (f64::INFINITY, 5)];
 /// Radius within which the canopy is looked for, in cells.
 const CANOPY: i32 = 5;
@@ -35,17 +35,17 @@ const CANOPY: i32 = 5;
 const RIVAL: i32 = 13;
 /// Part of the field of a peak to which it falls on the way to every higher peak, in hundredths.
 const SADDLE: u64 = 60;
-/// Distance within which a stem claims a peak, in parts of the height of the peak. Crowns lean, one side of them may be
-/// hidden, and large ones have lobes. A street tree is about half as wide as it is high.
+/// Distance within which a stem claims a peak, in parts of the height of the peak. Crowns lean, one side of
+/// them may be hidden, and large ones have lobes. A street tree is about half as wide as it is high.
 const CLAIM: f64 = 0.3;
 /// Largest distance within which a stem claims a peak, in metres.
 const CLAIM_M: f64 = 4.0;
 /// Smallest field of a crown in voxels per cell.
 const LEAST: u32 = 1;
-/// Lowest and highest canopy of a tree that is found by its crown, in metres. The scanner looks at small trees from
-/// above their stems, so those in front hide the stems behind. It looks below the crowns of high trees. Without the
-/// upper limit, trees found increase from 576 to 605 of 805 on smalltrees_opt, and false pieces from 13 to 25 on
-/// suburb_ts1.
+/// Lowest and highest canopy of a tree that is found by its crown, in metres. The scanner looks at small
+/// trees from above their stems, so those in front hide the stems behind. It looks below the crowns of high
+/// trees. Without the upper limit, trees found increase from 576 to 605 of 805 on smalltrees_opt, and false
+/// pieces from 13 to 25 on suburb_ts1.
 const TOP_M: (f64, f64) = (2.0, 6.0);
 /// Distance from the peak in the plane within which voxels are the core of the tree, in metres.
 const CORE_M: f64 = 0.45;
@@ -223,8 +223,8 @@ fn saddle(field: &Field<'_>, finder: &mut Finder<'_>, [i, j]: Cell, [u, v]: Cell
     cells.map(|cell| field.at(finder, cell)).min().unwrap_or(u32::MAX)
 }
 
-/// The crown that each tree voxel of the tile is in the core of: number of the voxel among those around the tile, and
-/// cell of the crown.
+/// The crown that each tree voxel of the tile is in the core of: number of the voxel among those around the
+/// tile, and cell of the crown.
 pub(super) fn cores(
     around: &Classified,
     class: &[u8],

@@ -1,7 +1,7 @@
 //! Step `edges`: which voxels are neighbours. Growth needs it in every round, so it is found once.
 //!
-//! A voxel has edges to the voxels that touch it or, where these are few, to the nearest ones further away. An
-//! edge of one end is an edge of both.
+//! A voxel has edges to the voxels that touch it or, where these are few, to the nearest ones further away.
+//! An edge of one end is an edge of both.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32; lengths are a few voxels")]
 
 use super::cores::Cored;

@@ -1,5 +1,5 @@
-//! The voxels of a tile as a graph: its vertices are the voxels of the tile and those of other tiles to which an edge
-//! leads. The step `edges` stores it once, and every round of growth reads nothing else of the tile.
+//! The voxels of a tile as a graph: its vertices are the voxels of the tile and those of other tiles to which
+//! an edge leads. The step `edges` stores it once, and every round of growth reads nothing else of the tile.
 //!
 //! A round changes few values. So the graph is not decoded: a vertex is read where it lies in the payload.
 #![expect(
@@ -71,8 +71,9 @@ impl Vertex {
     }
 }
 
-/// Writes ascending numbers as their differences, 7 bits in a byte, the lowest first. The last byte of a difference has
-/// its highest bit clear. The first number is counted from `from`, with its sign in the lowest bit.
+/// Writes ascending numbers as their differences, 7 bits in a byte, the lowest first. The last byte of a
+/// difference has its highest bit clear. The first number is counted from `from`, with its sign in the lowest
+/// bit.
 fn write_numbers(numbers: &[u32], from: u32, to: &mut Vec<u8>) {
     let mut last = None;
     for &number in numbers {
@@ -165,8 +166,8 @@ impl Vertices {
     }
 }
 
-/// The payload of a tile. `edges` are pairs of numbers of `cored`, each once. One of a pair at least is a voxel of the
-/// tile.
+/// The payload of a tile. `edges` are pairs of numbers of `cored`, each once. One of a pair at least is a
+/// voxel of the tile.
 pub(super) fn encode(cored: &Cored, mut edges: Vec<(u32, u32)>) -> Result<Vec<u8>> {
     let voxels = &cored.around.voxels;
     let owned = |voxel: u32| voxels.owned[voxel as usize];
@@ -201,7 +202,8 @@ pub(super) fn encode(cored: &Cored, mut edges: Vec<(u32, u32)>) -> Result<Vec<u8
     vertices.encode(edges)
 }
 
-/// The graph of a tile. The vertices that are voxels of the tile come first, in the order in which the tile stores them.
+/// The graph of a tile. The vertices that are voxels of the tile come first, in the order in which the tile
+/// stores them.
 #[derive(Debug)]
 pub(super) struct Graph {
     head: Head,
@@ -282,8 +284,8 @@ impl Graph {
         self.vertex(vertex).label
     }
 
-    /// Vertices to which a vertex has edges, ascending. An edge leads both ways. Those between vertices of other tiles
-    /// are not among them.
+    /// Vertices to which a vertex has edges, ascending. An edge leads both ways. Those between vertices of
+    /// other tiles are not among them.
     pub(super) fn neighbours(&self, vertex: usize) -> impl Iterator<Item = usize> + '_ {
         let from = vertex.checked_sub(1).map_or(0, |before| self.vertex(before).end as usize);
         let bytes = &self.payload[self.neighbours + from..self.neighbours + self.vertex(vertex).end as usize];

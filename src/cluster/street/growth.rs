@@ -1,13 +1,14 @@
-//! Step `growth`: every voxel takes the label of the core with the least path cost to it, see [`super::paths`].
+//! Step `growth`: every voxel takes the label of the core with the least path cost to it, see
+//! [`super::paths`].
 //!
-//! A path runs over edges to the nearest voxels. An edge costs (length / 0.15 m)^1.5, so that many short steps
-//! through a dense crown are cheaper than a jump over a gap. It costs more where the voxel hardly is of the
-//! class of the core. For trees it costs more downwards, and where it leads away from the stem in the plane.
-//! A voxel is closed to a class that it hardly can be.
+//! A path runs over edges to the nearest voxels. An edge costs (length / 0.15 m)^1.5, so that many short
+//! steps through a dense crown are cheaper than a jump over a gap. It costs more where the voxel hardly is of
+//! the class of the core. For trees it costs more downwards, and where it leads away from the stem in the
+//! plane. A voxel is closed to a class that it hardly can be.
 //!
-//! In a round, a tile finds the values of its voxels from the borders of its neighbours in the round before. It starts
-//! from its own earlier values, and computes what the borders changed. After r rounds, all voxels are right whose path
-//! crosses at most r seams.
+//! In a round, a tile finds the values of its voxels from the borders of its neighbours in the round before.
+//! It starts from its own earlier values, and computes what the borders changed. After r rounds, all voxels
+//! are right whose path crosses at most r seams.
 
 use std::collections::BTreeMap;
 
@@ -107,8 +108,8 @@ fn earlier(tile: &dyn TileWindow, cores: &mut FxHashMap<u32, Core>) -> Result<Ve
     Ok(labels.into_iter().zip(costs).map(|(label, cost)| Reached { label, cost }).collect())
 }
 
-/// The trees of the drive with fewer than `smallest` points: their labels, ascending. They are pieces of crowns that were
-/// taken for stems: of 80 trees with fewer than 60 points on labelled drives, 8 were trees.
+/// The trees of the drive with fewer than `smallest` points: their labels, ascending. They are pieces of
+/// crowns that were taken for stems: of 80 trees with fewer than 60 points on labelled drives, 8 were trees.
 pub(super) fn reduce(drive: &dyn DriveWindow, smallest: u64) -> Result<Vec<u8>> {
     let mut trees: BTreeMap<u32, u64> = BTreeMap::new();
     for tile in TileId::first(drive.tiles()) {

@@ -1,8 +1,8 @@
 //! Islands: compact groups of voxels with free space around them. All voxels of an island are of one object.
 //!
-//! The steps before decide class by class. So a car whose door looks like a wall to the classifier is two objects,
-//! although nothing else stands near it. Where a group of voxels is no larger than a car, the gaps around it say more
-//! than the classes inside it: it belongs to the object that has most of its points.
+//! The steps before decide class by class. So a car whose door looks like a wall to the classifier is two
+//! objects, although nothing else stands near it. Where a group of voxels is no larger than a car, the gaps
+//! around it say more than the classes inside it: it belongs to the object that has most of its points.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32")]
 
 use std::collections::BTreeMap;
@@ -18,16 +18,18 @@ use crate::spatial::DisjointSets;
 
 /// Voxels of an island are at most so many voxels apart, in the plane and in levels.
 const GAP: i32 = 2;
-/// Longest and widest box of an island in the plane, and its height, in metres: a large car, a shrub, a group of bins.
+/// Longest and widest box of an island in the plane, and its height, in metres: a large car, a shrub, a group
+/// of bins.
 const LENGTH_M: f64 = 5.5;
 const WIDTH_M: f64 = 3.0;
 const HEIGHT_M: f64 = 3.0;
-/// Distance around a voxel within which others decide whether it is in an island, in metres: the diagonal of the box, and
-/// a gap. A group that reaches further is no island.
+/// Distance around a voxel within which others decide whether it is in an island, in metres: the diagonal of
+/// the box, and a gap. A group that reaches further is no island.
 pub(super) const REACH_M: f64 = 7.0;
 
-/// Gives the voxels of each island the label that most of its points have. Of two such labels the smaller counts.
-/// Voxels without a label stay without. This is right for the voxels around which `whole` has those within [`REACH_M`].
+/// Gives the voxels of each island the label that most of its points have. Of two such labels the smaller
+/// counts. Voxels without a label stay without. This is right for the voxels around which `whole` has those
+/// within [`REACH_M`].
 pub(super) fn settle(whole: &mut Whole, lattice: Lattice) {
     let around = &whole.grown.cored.around;
     let group = groups(&around.voxels, |voxel| around.shares[voxel][usize::from(GROUND)] <= 127);

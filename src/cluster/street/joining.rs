@@ -1,5 +1,5 @@
-//! Which voxels are joined to components: by class, with a reach of this class, and low tree voxels by bands of
-//! height.
+//! Which voxels are joined to components: by class, with a reach of this class, and low tree voxels by bands
+//! of height.
 //!
 //! Distances in voxels of 0.15 m are those of the prototype. `benches/results/street.md` has their study.
 #![expect(
@@ -21,11 +21,11 @@ const BAND_M: f64 = 0.25;
 /// Voxels of a class are joined within so many voxels in the plane and so many levels.
 const REACHES: [(u8, i32, i32); 5] =
     [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
-/// Columns of buildings are joined within so many voxels in the plane, whatever their height: 2.1 m. Facades behind
-/// trees have gaps. Houses of a row that stand apart are 2.5 m and more apart.
+/// Columns of buildings are joined within so many voxels in the plane, whatever their height: 2.1 m. Facades
+/// behind trees have gaps. Houses of a row that stand apart are 2.5 m and more apart.
 const BUILDING_REACH: i32 = 14;
-/// Columns of buildings that end below this height in metres are joined within so many voxels only. Parts of cars and
-/// fences look like walls, and would lead from one facade over the car in front of it to the next.
+/// Columns of buildings that end below this height in metres are joined within so many voxels only. Parts of
+/// cars and fences look like walls, and would lead from one facade over the car in front of it to the next.
 const LOW_WALL_M: f64 = 1.8;
 const LOW_WALL_REACH: i32 = 2;
 /// Canopy is looked for within so many voxels of a low tree voxel.

@@ -1,5 +1,6 @@
-//! The model of `street`: how it classifies voxels, and what a model must be to do so. It is two models: the first
-//! classifies a voxel by the shape of what is around it, the second by the classes that the first finds around it.
+//! The model of `street`: how it classifies voxels, and what a model must be to do so. It is two models: the
+//! first classifies a voxel by the shape of what is around it, the second by the classes that the first finds
+//! around it.
 
 use std::sync::{Arc, OnceLock};
 
@@ -25,7 +26,8 @@ pub struct StreetModel {
 }
 
 impl StreetModel {
-    /// The model in the content of `file` (a name for messages). It is for the features and classes of `street`.
+    /// The model in the content of `file` (a name for messages). It is for the features and classes of
+    /// `street`.
     ///
     /// # Errors
     /// A [`BoostingError`] that says what is wrong with the file.
@@ -60,7 +62,8 @@ impl StreetModel {
     }
 }
 
-/// The model that `scripts/train_model.sh` made from synthetic drives. `benches/results/street-model.md` is its card.
+/// The model that `scripts/train_model.sh` made from synthetic drives. `benches/results/street-model.md` is
+/// its card.
 const BUILT_IN: &[u8] = include_bytes!("model.bin");
 
 /// The built-in model. It is decoded once.

@@ -1,11 +1,11 @@
-//! Least paths from cores over the graph of a tile: every vertex takes the label of the core with the least path cost
-//! to it.
+//! Least paths from cores over the graph of a tile: every vertex takes the label of the core with the least
+//! path cost to it.
 //!
-//! Costs are integers. A vertex takes the smallest (cost, label) over its edges. All costs are positive, so exactly one
-//! assignment satisfies this for all vertices, in whatever order they are computed. The cost of an edge depends on the
-//! label. So a better value of a vertex may mean a worse one further on: if a value changes, all values that came from
-//! it are found anew. That makes it possible to start from an earlier assignment: only what has changed is computed,
-//! and the result is that of a computation from nothing.
+//! Costs are integers. A vertex takes the smallest (cost, label) over its edges. All costs are positive, so
+//! exactly one assignment satisfies this for all vertices, in whatever order they are computed. The cost of
+//! an edge depends on the label. So a better value of a vertex may mean a worse one further on: if a value
+//! changes, all values that came from it are found anew. That makes it possible to start from an earlier
+//! assignment: only what has changed is computed, and the result is that of a computation from nothing.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -33,8 +33,8 @@ const OTHER_CLASS: f64 = 8.0;
 const DOWN: f64 = 3.0;
 /// Cost of a voxel's edge of distance from the stem in the plane, for trees.
 const AWAY: f64 = 0.5;
-/// Cost of a square metre of the square of this distance. Between two crowns that touch, it moves the boundary towards the
-/// middle between their stems, however much denser one of them was seen.
+/// Cost of a square metre of the square of this distance. Between two crowns that touch, it moves the
+/// boundary towards the middle between their stems, however much denser one of them was seen.
 const AWAY_SQUARE: f64 = 10.0;
 /// Cost of an edge of the length of a voxel.
 const UNIT: f64 = 256.0;
@@ -54,8 +54,8 @@ pub(super) fn open(shares: &Shares) -> bool {
     shares[usize::from(GROUND)] <= 127
 }
 
-/// The share of a class for growth. A tree may also grow over voxels that look like poles: most of them are trunks
-/// and branches, and poles are cores.
+/// The share of a class for growth. A tree may also grow over voxels that look like poles: most of them are
+/// trunks and branches, and poles are cores.
 fn share_for(shares: &Shares, class: u8) -> u8 {
     let share = shares[usize::from(class)];
     if class == TREE { share.saturating_add(shares[usize::from(POLE)]) } else { share }
@@ -212,8 +212,8 @@ impl<'a> Paths<'a> {
         Some(Reached { label: value.label, cost: value.cost.saturating_add(step) })
     }
 
-    /// Whether the value of a vertex comes from a neighbour whose value is given or was passed on. Another value may still
-    /// change, and nobody would take back then what seemed to come from it.
+    /// Whether the value of a vertex comes from a neighbour whose value is given or was passed on. Another
+    /// value may still change, and nobody would take back then what seemed to come from it.
     fn supported(&self, vertex: usize) -> bool {
         let value = self.reached[vertex];
         self.graph.neighbours(vertex).any(|other| {
@@ -223,8 +223,8 @@ impl<'a> Paths<'a> {
         })
     }
 
-    /// Takes back all values that came from this value, which a vertex no longer has, and finds others for them; for
-    /// the vertex itself too if it is `bare`.
+    /// Takes back all values that came from this value, which a vertex no longer has, and finds others for
+    /// them; for the vertex itself too if it is `bare`.
     fn find_anew(&mut self, vertex: usize, before: Reached, bare: bool) {
         let graph = self.graph;
         let mut stack = vec![(vertex, before)];
@@ -362,8 +362,8 @@ mod tests {
         assert_eq!(paths(None).changed_from(&found), [NOWHERE; 2]);
     }
 
-    /// Vertex 1 loses its value, and the core beside it would offer it one that fits the value of vertex 2 by chance. But
-    /// then another tile offers vertex 1 a better one.
+    /// Vertex 1 loses its value, and the core beside it would offer it one that fits the value of vertex 2 by
+    /// chance. But then another tile offers vertex 1 a better one.
     #[test]
     fn a_value_that_is_not_passed_on_yet_supports_no_other() {
         let centre = [[6_000, 500, 0], [6_000, 300, 0], [6_150, 300, 0], [6_100, 300, 0], [6_150, 400, 0]];

@@ -1,8 +1,9 @@
 //! Rows of vehicles that touch: where one ends and the next begins.
 //!
-//! The profile of a row is the height of its top along it. Between two vehicles it falls below both roofs. A row that is
-//! longer than a car is cut where its profile is lowest, if this is a valley, and both parts again. A bus has no
-//! valley. A bonnet or a loading area is no valley either: it is nearer to the end than the shortest car is long.
+//! The profile of a row is the height of its top along it. Between two vehicles it falls below both roofs. A
+//! row that is longer than a car is cut where its profile is lowest, if this is a valley, and both parts
+//! again. A bus has no valley. A bonnet or a loading area is no valley either: it is nearer to the end than
+//! the shortest car is long.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +18,8 @@ use crate::spatial::Cell;
 const ROW_M: f64 = 6.2;
 /// Length of the shortest car, in metres.
 const SHORTEST_M: f64 = 3.0;
-/// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both sides.
+/// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both
+/// sides.
 const VALLEY: f64 = 0.75;
 
 /// The top of each column of voxels of a component, in lattice units above ground, and its number of voxels.
@@ -96,8 +98,8 @@ impl Row {
 struct Profile(Vec<(i32, u32)>);
 
 impl Profile {
-    /// Adds the bins from `from` to `to` at which vehicles are cut: the lowest valley, and the valleys on both sides of it.
-    /// Of two equally low bins the one with fewer voxels counts, then the first one.
+    /// Adds the bins from `from` to `to` at which vehicles are cut: the lowest valley, and the valleys on
+    /// both sides of it. Of two equally low bins the one with fewer voxels counts, then the first one.
     fn cut(&self, from: usize, to: usize, (row, shortest): (usize, usize), cuts: &mut Vec<usize>) {
         if to - from <= row {
             return;
@@ -125,7 +127,8 @@ mod tests {
         (metres / EDGE_M) as i32
     }
 
-    /// A row of boxes with bonnets, each with its length and the height of its roof in metres, 0.2 m apart, along x.
+    /// A row of boxes with bonnets, each with its length and the height of its roof in metres, 0.2 m apart,
+    /// along x.
     fn row(vehicles: &[(f64, f64)]) -> (Spans, Footprint) {
         let lattice = Lattice::MILLIMETRE;
         let edge = lattice.units(EDGE_M);

@@ -36,8 +36,8 @@ pub(super) fn edge(lattice: Lattice) -> u32 {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
-    /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A tree, and an object without a core, has at
-    /// least three times as many. Smaller ones that join no other are left without an id.
+    /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A tree, and an object without a
+    /// core, has at least three times as many. Smaller ones that join no other are left without an id.
     pub min_points: u64,
     /// File of the model that classifies voxels. Empty for the model that the program contains.
     pub model: String,
@@ -50,8 +50,8 @@ impl Default for StreetConfig {
 }
 
 impl StreetConfig {
-    /// Smallest number of points of a tree, and of an object without a core. Most of those with fewer points are pieces of
-    /// other objects (benches/results/street.md).
+    /// Smallest number of points of a tree, and of an object without a core. Most of those with fewer points
+    /// are pieces of other objects (benches/results/street.md).
     pub(super) fn min_uncertain(&self) -> u64 {
         3 * self.min_points
     }

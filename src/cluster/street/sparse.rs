@@ -1,7 +1,7 @@
 //! Are the points of a drive sparse? Then the classifier knows its voxels less well, and the run says so.
 //!
-//! A voxel is *stacked* if the voxel above or below it has points as well. On dense drives most are, because objects
-//! stand. The share does not depend on tiles: a tile owns whole columns.
+//! A voxel is *stacked* if the voxel above or below it has points as well. On dense drives most are, because
+//! objects stand. The share does not depend on tiles: a tile owns whole columns.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,9 +12,9 @@ use crate::codec;
 use crate::error::Result;
 use crate::model::TileId;
 
-/// Smallest share of stacked voxels without a warning. Scenes thinned to half have 0.49 and more and lose 0.03 of F1; to a
-/// quarter, 0.32 to 0.40 and 0.06 to 0.15; to a tenth, 0.16 to 0.21 and 0.15 to 0.40. The share of a single sweep is 0.53.
-/// From `scripts/study_robustness.py`.
+/// Smallest share of stacked voxels without a warning. Scenes thinned to half have 0.49 and more and lose
+/// 0.03 of F1; to a quarter, 0.32 to 0.40 and 0.06 to 0.15; to a tenth, 0.16 to 0.21 and 0.15 to 0.40. The
+/// share of a single sweep is 0.53. From `scripts/study_robustness.py`.
 const SPARSE: f64 = 0.3;
 
 /// Voxels, and those of them that are stacked. Counts of tiles add up.

@@ -1,8 +1,8 @@
 //! Step `classes`: height above ground and probabilities of classes for each voxel that a tile owns. It reads
 //! no points.
 //!
-//! The probabilities of a voxel are smoothed: half its own, half the mean over the occupied voxels of the 3 x 3
-//! x 3 around it. For that the tile also classifies the voxels that touch its own.
+//! The probabilities of a voxel are smoothed: half its own, half the mean over the occupied voxels of the 3 x
+//! 3 x 3 around it. For that the tile also classifies the voxels that touch its own.
 #![expect(clippy::cast_possible_truncation, reason = "at most 27 voxels, shares of 255")]
 
 use super::classified::{self, Shares};
@@ -16,8 +16,8 @@ use crate::error::Result;
 /// Gives the probabilities of some voxels from their features. The lengths agree.
 pub(super) type Classify<'a> = &'a dyn Fn(&[f32], &mut [Shares]) -> Result<()>;
 
-/// The probabilities of voxels whose features `compute` passes on, as numbers of voxels and a row for each. Those of
-/// others are 0.
+/// The probabilities of voxels whose features `compute` passes on, as numbers of voxels and a row for each.
+/// Those of others are 0.
 pub(super) fn classified_by(
     classify: Classify<'_>,
     voxels: usize,
@@ -39,8 +39,8 @@ pub(super) fn classified_by(
     result.map(|()| shares)
 }
 
-/// Voxels around a tile with their heights, so many that the features of its own voxels and of those that touch
-/// them are those of the whole drive.
+/// Voxels around a tile with their heights, so many that the features of its own voxels and of those that
+/// touch them are those of the whole drive.
 #[derive(Debug)]
 pub(super) struct Around {
     pub(super) voxels: Voxels,

@@ -1,5 +1,5 @@
-//! Step `context`: the probabilities of each voxel that a tile owns, from those of the voxels around it. It reads no
-//! points.
+//! Step `context`: the probabilities of each voxel that a tile owns, from those of the voxels around it. It
+//! reads no points.
 
 use super::classified::{self, Classified, Shares};
 use super::features::context::{self, REACH_EDGES};
@@ -8,7 +8,8 @@ use super::stage_classes::{Classify, classified_by};
 use crate::cluster::{Mapped, TileWindow};
 use crate::error::Result;
 
-/// Voxels around a tile with what step `classes` found, so many that the features of its own are those of the drive.
+/// Voxels around a tile with what step `classes` found, so many that the features of its own are those of the
+/// drive.
 pub(super) fn load(tile: &dyn TileWindow) -> Result<Classified> {
     Classified::at_first(tile, REACH_EDGES * i64::from(edge(tile.lattice())))
 }

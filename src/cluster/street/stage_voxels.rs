@@ -1,5 +1,5 @@
-//! Step `voxels`: the voxels of the points of a tile that are neither ground nor noise, and the ground raster.
-//! It is the only step before the labels that reads points.
+//! Step `voxels`: the voxels of the points of a tile that are neither ground nor noise, and the ground
+//! raster. It is the only step before the labels that reads points.
 //!
 //! A tile owns whole columns of voxels and whole cells of the ground raster: the owner of the first occupied
 //! cell that a column meets owns the column. A tile reads points so far around itself that it has all points

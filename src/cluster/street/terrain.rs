@@ -1,21 +1,21 @@
 //! The height of the ground: a raster of 0.5 m with one or two layers per cell, and its interpolation over
 //! gaps.
 //!
-//! *Layers.* The ground points of a cell are one layer, unless a gap of 2.5 m or more separates them: below and
-//! on a bridge. Then the points below the lowest such gap are the lower layer, and those above the highest
-//! gap the upper one if they are at least 3. The height of a layer is the lower quartile of its points, so
-//! that single points below the ground and the foot of objects count little.
+//! *Layers.* The ground points of a cell are one layer, unless a gap of 2.5 m or more separates them: below
+//! and on a bridge. Then the points below the lowest such gap are the lower layer, and those above the
+//! highest gap the upper one if they are at least 3. The height of a layer is the lower quartile of its
+//! points, so that single points below the ground and the foot of objects count little.
 //!
-//! *Which layer.* A voxel stands on the upper layer if its centre is above it or less than 0.5 m below it, and
-//! otherwise on the lower one. So what stands on a bridge is measured from its deck, and what stands under it
-//! (or is part of its girders) from the road below.
+//! *Which layer.* A voxel stands on the upper layer if its centre is above it or less than 0.5 m below it,
+//! and otherwise on the lower one. So what stands on a bridge is measured from its deck, and what stands
+//! under it (or is part of its girders) from the road below.
 //!
 //! *Gaps.* A cell without ground takes the nearest cell with ground in each of eight sectors within 12 m. A
-//! plane is fitted to them with weights 1 / d^2. Its slope is drawn to zero where the cells are near and on one
-//! side only: a plane through neighbouring cells would continue a kerb as a ramp. So a gap between ground
-//! follows the slope (within 2 cm below a car on a slope of 10 %), and beyond the edge of the ground its height
-//! goes on level. If one of the cells has two layers, the gap has two layers as well, provided that they
-//! differ by 2.5 m there.
+//! plane is fitted to them with weights 1 / d^2. Its slope is drawn to zero where the cells are near and on
+//! one side only: a plane through neighbouring cells would continue a kerb as a ramp. So a gap between ground
+//! follows the slope (within 2 cm below a car on a slope of 10 %), and beyond the edge of the ground its
+//! height goes on level. If one of the cells has two layers, the gap has two layers as well, provided that
+//! they differ by 2.5 m there.
 //!
 //! *No ground within 12 m.* The height is counted from the lowest voxel of the column.
 //!
@@ -46,7 +46,8 @@ pub(super) const LAYER_GAP_M: f64 = 2.5;
 const BELOW_UPPER_M: f64 = 0.5;
 /// Fewest points of an upper layer.
 const UPPER_POINTS: usize = 3;
-/// Scale of the distance of samples, in cells, below which a slope is drawn to zero: half-way at 1.4 times it.
+/// Scale of the distance of samples, in cells, below which a slope is drawn to zero: half-way at 1.4 times
+/// it.
 const LEVER_CELLS: f64 = 1.0;
 
 /// The ground raster of a tile, as differences to the cell before.

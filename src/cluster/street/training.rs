@@ -1,17 +1,18 @@
-//! Labelled voxels of a drive, to learn from or to score a model with. It runs the first steps of `street` on the points
-//! of a labelled drive, in its own steps `voxels`, `classes` (where the model of shapes is known) and `samples`.
+//! Labelled voxels of a drive, to learn from or to score a model with. It runs the first steps of `street` on
+//! the points of a labelled drive, in its own steps `voxels`, `classes` (where the model of shapes is known)
+//! and `samples`.
 //!
-//! The label of a voxel is the class of most of its points (ties: the smaller code). Points without a class (code 0,
-//! stray returns and what nobody labelled) and points outside `gt_core` give no label.
+//! The label of a voxel is the class of most of its points (ties: the smaller code). Points without a class
+//! (code 0, stray returns and what nobody labelled) and points outside `gt_core` give no label.
 //!
-//! *Which voxels.* The voxels with the smallest hashes of their keys, up to a number: of each class for the model of
-//! shapes, of all classes together for that of the context. So the second one learns how frequent the classes are. A
-//! voxel is chosen whatever the tiles are. One of five squares of 20 m is held out: its voxels are not learned from, and a
-//! model is scored with them. Voxels of one square see each other, so a choice among single voxels would score the
-//! memory of the model.
+//! *Which voxels.* The voxels with the smallest hashes of their keys, up to a number: of each class for the
+//! model of shapes, of all classes together for that of the context. So the second one learns how frequent
+//! the classes are. A voxel is chosen whatever the tiles are. One of five squares of 20 m is held out: its
+//! voxels are not learned from, and a model is scored with them. Voxels of one square see each other, so a
+//! choice among single voxels would score the memory of the model.
 //!
-//! *Thinning.* A share of the points, chosen by a hash of their ids, is taken before the voxels are made. The ground
-//! is that of all points.
+//! *Thinning.* A share of the points, chosen by a hash of their ids, is taken before the voxels are made. The
+//! ground is that of all points.
 
 use std::ops::RangeInclusive;
 
@@ -107,7 +108,8 @@ pub(crate) struct Sample {
 /// Voxels of each class (first) and what a model says of them (second).
 pub(crate) type Counts = [[u64; CLASSES]; CLASSES];
 
-/// Largest hash that is chosen, per class: among the samples to learn from, and among those that are held out.
+/// Largest hash that is chosen, per class: among the samples to learn from, and among those that are held
+/// out.
 #[derive(Debug, Serialize, Deserialize)]
 struct Limits([[u64; CLASSES]; 2]);
 

@@ -126,14 +126,14 @@ pub(super) struct Voxels {
 }
 
 impl Voxels {
-    /// Loads the voxels of a tile, and every voxel whose column is within `reach` lattice units of a column of
-    /// the tile. Some columns further away may be among them.
+    /// Loads the voxels of a tile, and every voxel whose column is within `reach` lattice units of a column
+    /// of the tile. Some columns further away may be among them.
     pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
         Self::load_with(tile, reach, &[])
     }
 
-    /// Loads these voxels, and those around the columns `also`. A tile may have points in a column that another
-    /// tile owns, far from any column of its own.
+    /// Loads these voxels, and those around the columns `also`. A tile may have points in a column that
+    /// another tile owns, far from any column of its own.
     pub(super) fn load_with(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
         let units = i64::from(edge(tile.lattice()));
         let own = read(tile, tile.tile())?;

@@ -1,4 +1,5 @@
-//! Reading a label from a point record, whatever dimension and type it is stored in. Not: what the label means.
+//! Reading a label from a point record, whatever dimension and type it is stored in. Not: what the label
+//! means.
 
 use std::path::Path;
 

@@ -1,11 +1,12 @@
 //! Matching the points of both sides by coordinates and time where their orders differ, out of core.
 //!
-//! Both sides are partitioned into buckets on disk by a hash of the key. Then one bucket after the other is sorted
-//! and joined in memory. Points of the same key are matched in their order of appearance. Memory: four buckets per
-//! thread. Points that all have the same key cannot be partitioned. Disk: 16 bytes per point and side.
+//! Both sides are partitioned into buckets on disk by a hash of the key. Then one bucket after the other is
+//! sorted and joined in memory. Points of the same key are matched in their order of appearance. Memory: four
+//! buckets per thread. Points that all have the same key cannot be partitioned. Disk: 16 bytes per point and
+//! side.
 //!
-//! Two different keys are confused if bucket and hash agree. These have 64 bits for 200 million points: in one of a
-//! thousand such drives, two points may exchange their labels.
+//! Two different keys are confused if bucket and hash agree. These have 64 bits for 200 million points: in
+//! one of a thousand such drives, two points may exchange their labels.
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_128;
@@ -27,8 +28,8 @@ impl Pair<'_> {
     /// Counts the points of both sides, matched by coordinates and time.
     ///
     /// # Errors
-    /// [`EvalError::Unmatched`] if a point has no counterpart; errors of a block that cannot be read, of an invalid
-    /// label, of scratch files that cannot be written.
+    /// [`EvalError::Unmatched`] if a point has no counterpart; errors of a block that cannot be read, of an
+    /// invalid label, of scratch files that cannot be written.
     pub(super) fn count_by_key(&self, folder: &ScratchFolder) -> Result<Table> {
         let points = self.prediction.catalog.point_count();
         let left = Buckets::new(folder, "prediction", points);
@@ -57,13 +58,14 @@ impl Pair<'_> {
                 reference: Box::new(self.reference.site(reference, self.with_time)?),
             }
             .into()),
-            // Both sides have the same number of points, so a surplus point on one side implies one on the other.
+            // Both sides have the same number of points, so a surplus point on one side implies one on the
+            // other.
             _ => Ok(table(joined.pairs, &predicted, &referred)),
         }
     }
 
-    /// Partitions one side into buckets. Its lattice unit is `multiple` units of the finer lattice. Returns its
-    /// labels by number, with their places.
+    /// Partitions one side into buckets. Its lattice unit is `multiple` units of the finer lattice. Returns
+    /// its labels by number, with their places.
     fn part<F: LabelFields + Sync>(
         &self,
         files: &Files<'_, F>,

@@ -17,7 +17,8 @@ pub(super) struct Label {
     pub(super) named: u16,
 }
 
-/// Numbers of labels, from 0, that all threads agree on. Which label gets which number depends on the threads.
+/// Numbers of labels, from 0, that all threads agree on. Which label gets which number depends on the
+/// threads.
 #[derive(Debug, Default)]
 pub(super) struct Numbers(Mutex<FxHashMap<Label, u32>>);
 

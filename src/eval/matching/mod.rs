@@ -61,12 +61,12 @@ pub struct Counted {
     pub named_dim: Option<String>,
 }
 
-/// Counts all points of the prediction against the reference; without a reference, against the prediction itself.
-/// `note` is called if the points must be matched by coordinates, which takes scratch space and time.
+/// Counts all points of the prediction against the reference; without a reference, against the prediction
+/// itself. `note` is called if the points must be matched by coordinates, which takes scratch space and time.
 ///
 /// # Errors
-/// A dimension that is missing or contains no labels, files that cannot be read, points that differ, scratch files
-/// that cannot be written.
+/// A dimension that is missing or contains no labels, files that cannot be read, points that differ, scratch
+/// files that cannot be written.
 pub fn count(
     prediction: &Catalog,
     reference: Option<&Catalog>,

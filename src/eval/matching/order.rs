@@ -9,8 +9,8 @@ use crate::eval::table::{Cell, Counter, Table};
 use crate::input::{Catalog, InputFile, record_xyz};
 use crate::model::{AxisTransform, Lattice, PointId};
 
-/// Blocks of the prediction that one thread takes at a time. They are many, so that a block of the reference across
-/// their ends is rarely decoded twice. They are few, so that all threads are occupied.
+/// Blocks of the prediction that one thread takes at a time. They are many, so that a block of the reference
+/// across their ends is rarely decoded twice. They are few, so that all threads are occupied.
 const BLOCKS_AT_A_TIME: usize = 8;
 
 /// Both sides of a comparison of two sets of files.
@@ -64,7 +64,8 @@ impl Pair<'_> {
     /// Counts the points of both sides in order; `None` if their order or their points differ.
     ///
     /// # Errors
-    /// A block that cannot be read, an invalid label, [`EvalError::Scratch`](crate::eval::EvalError::Scratch).
+    /// A block that cannot be read, an invalid label,
+    /// [`EvalError::Scratch`](crate::eval::EvalError::Scratch).
     pub(super) fn count_in_order(&self, parts: Parts<'_>) -> Result<Option<Table>> {
         // A difference stops the other threads, as an error does.
         let idle = Idle::default();
@@ -236,8 +237,8 @@ impl<'b> SamePoint<'b> {
     }
 }
 
-/// Largest difference of a coordinate that was stored again with another scale or offset: half a step of each file,
-/// and a unit for the lattice. It is 0 if the steps of one file are steps of the other.
+/// Largest difference of a coordinate that was stored again with another scale or offset: half a step of each
+/// file, and a unit for the lattice. It is 0 if the steps of one file are steps of the other.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "scales are at most kilometres, a tolerance for rounding"

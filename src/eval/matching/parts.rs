@@ -1,7 +1,8 @@
 //! Adds up the tables of the parts of a drive. Not: counting them.
 //!
 //! The counts of a few objects and segments are kept in memory. Further counts go to a scratch file until all
-//! points are read. Therefore memory does not grow with the drive while blocks of both sides are in memory, too.
+//! points are read. Therefore memory does not grow with the drive while blocks of both sides are in memory,
+//! too.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, Write};

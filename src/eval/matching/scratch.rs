@@ -1,5 +1,5 @@
-//! Scratch files. Points are partitioned into them by a hash of their key, so that one bucket at a time can be
-//! sorted in memory.
+//! Scratch files. Points are partitioned into them by a hash of their key, so that one bucket at a time can
+//! be sorted in memory.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -19,8 +19,8 @@ const MAX_BUCKETS: u64 = 1024;
 /// Entries that are collected before a bucket's file is opened to append them: 32 KiB.
 const FLUSH_ENTRIES: usize = 2048;
 
-/// A point in a bucket, as one number that sorts by key, then by order of appearance: 56 bits of the hash of the key,
-/// 40 bits of the index among the points of its side, 32 bits of the number of its label.
+/// A point in a bucket, as one number that sorts by key, then by order of appearance: 56 bits of the hash of
+/// the key, 40 bits of the index among the points of its side, 32 bits of the number of its label.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(transparent)]
 pub(super) struct Entry(u128);
@@ -118,8 +118,8 @@ impl Taken {
         &self.by_key.entries
     }
 
-    /// Sorts the entries that were read. Keys are hashes and spread evenly, so after grouping by a digit of few
-    /// bits there is little left to compare.
+    /// Sorts the entries that were read. Keys are hashes and spread evenly, so after grouping by a digit of
+    /// few bits there is little left to compare.
     fn sort(&mut self) {
         const DIGIT_BITS: u32 = 8;
         let digit = |entry: &Entry| (entry.0 >> (u128::BITS - DIGIT_BITS)) as usize;
@@ -230,7 +230,8 @@ impl<'a> Buckets<'a> {
             .map_err(|source| EvalError::Scratch { path, source })
     }
 
-    /// Replaces the contents of `taken` with the sorted entries of a bucket, and removes the file of the bucket.
+    /// Replaces the contents of `taken` with the sorted entries of a bucket, and removes the file of the
+    /// bucket.
     ///
     /// # Errors
     /// [`EvalError::Scratch`].

@@ -16,7 +16,8 @@ pub struct CompareSettings {
     pub reference_dim: String,
     /// Dimension of the reference classes; none when there are no classes.
     pub class_dim: Option<String>,
-    /// Dimension of the predicted classes of objects. If it is none, `object_class` is compared where all files have it.
+    /// Dimension of the predicted classes of objects. If it is none, `object_class` is compared where all
+    /// files have it.
     pub named_dim: Option<String>,
     /// LAS classes of the prediction that are ground.
     pub ground_classes: Vec<u16>,
@@ -44,8 +45,8 @@ impl Default for CompareSettings {
 }
 
 impl CompareSettings {
-    /// The dimension of the predicted classes of objects, if they are compared: there are classes to compare them
-    /// with, and a dimension was named or all files have the one of this program.
+    /// The dimension of the predicted classes of objects, if they are compared: there are classes to compare
+    /// them with, and a dimension was named or all files have the one of this program.
     pub(super) fn named_dim_in(&self, prediction: &Catalog) -> Option<&str> {
         let everywhere = || {
             prediction

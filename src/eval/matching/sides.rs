@@ -1,4 +1,5 @@
-//! The two sides of a comparison: their records in order, and where their labels are. Not: matching the records.
+//! The two sides of a comparison: their records in order, and where their labels are. Not: matching the
+//! records.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -230,8 +231,8 @@ impl BlockReader {
 /// Readers for the left and the right side.
 pub(super) type Readers = [BlockReader; 2];
 
-/// Readers that no thread uses at the moment. Their buffers are as large as blocks. If they were allocated again
-/// and again, the allocator would keep memory that never becomes free.
+/// Readers that no thread uses at the moment. Their buffers are as large as blocks. If they were allocated
+/// again and again, the allocator would keep memory that never becomes free.
 #[derive(Debug, Default)]
 pub(super) struct Idle(Mutex<Vec<Readers>>);
 

@@ -1,5 +1,5 @@
-//! Hoover's classes of detection at a tolerance T (Wang et al. 2019, section 4.1, doi:10.3390/s19010172; Hoover et
-//! al. 1996, doi:10.1109/34.506791).
+//! Hoover's classes of detection at a tolerance T (Wang et al. 2019, section 4.1, doi:10.3390/s19010172;
+//! Hoover et al. 1996, doi:10.1109/34.506791).
 //!
 //! The classes are tried in this order, and the first that applies counts:
 //! * *correct*: a segment and the object overlap by at least T of both;
@@ -7,12 +7,13 @@
 //! * *under*: a segment covers at least T of the object and of another one;
 //! * *missed*: none of these.
 //!
-//! *Noise* is a segment of no object: it takes part in no correct detection and in no over- or under-segmentation
-//! that counts (Hoover et al.). Sizes count all points, including the ground points of a segment.
+//! *Noise* is a segment of no object: it takes part in no correct detection and in no over- or
+//! under-segmentation that counts (Hoover et al.). Sizes count all points, including the ground points of a
+//! segment.
 //!
-//! At T > 0.5 a correct pair is unique. At T = 0.5 two objects can each be exactly half of one segment, and two
-//! segments can each contain exactly half of one object. Then the pair is ambiguous. It is not correct, and the
-//! next classes are tried for the object.
+//! At T > 0.5 a correct pair is unique. At T = 0.5 two objects can each be exactly half of one segment, and
+//! two segments can each contain exactly half of one object. Then the pair is ambiguous. It is not correct,
+//! and the next classes are tried for the object.
 
 use std::fmt;
 use std::str::FromStr;
@@ -173,8 +174,8 @@ impl Rules<'_> {
         }
     }
 
-    /// The one segment that overlaps the object by at least T of both. `None` if it also overlaps another object
-    /// so, or if another segment overlaps this object so.
+    /// The one segment that overlaps the object by at least T of both. `None` if it also overlaps another
+    /// object so, or if another segment overlaps this object so.
     fn only_partner(&self, object: &Object) -> Option<usize> {
         let segment_of = |overlap: &Overlap| &self.scene.segments[overlap.index];
         // T is at least a half, so only the two largest overlaps of either side can reach T of both.

@@ -1,9 +1,10 @@
 //! The figures per class and overall: counts over the results of the metrics for every object and segment.
 //!
-//! A figure is `None` if there is nothing to count, never 0 or NaN. If there are objects but no match, SQ is 0, as
-//! in the reference code of panoptic quality. A false positive or a noise segment counts in the class of the object
-//! that has most points in it. Noise without points of any object counts overall only. Published figures per class
-//! often count false positives in no class, because their segments have no class. That F1 is given as well.
+//! A figure is `None` if there is nothing to count, never 0 or NaN. If there are objects but no match, SQ is
+//! 0, as in the reference code of panoptic quality. A false positive or a noise segment counts in the class
+//! of the object that has most points in it. Noise without points of any object counts overall only.
+//! Published figures per class often count false positives in no class, because their segments have no class.
+//! That F1 is given as well.
 
 pub mod hoover;
 pub mod named;
@@ -171,9 +172,9 @@ pub struct PointScore {
 }
 
 impl PointScore {
-    /// Counts the points of `reference` and the points that the prediction calls `predicted`. If no class of the
-    /// reference has that role (`known` is false), it counts nothing: then nothing can be said about the prediction
-    /// either.
+    /// Counts the points of `reference` and the points that the prediction calls `predicted`. If no class of
+    /// the reference has that role (`known` is false), it counts nothing: then nothing can be said about the
+    /// prediction either.
     fn count(table: &Table, known: bool, reference: impl Fn(u16) -> bool, predicted: Predicted) -> Self {
         let mut score = Self::default();
         for (cell, points) in table.cells.iter().filter(|_| known) {

@@ -1,10 +1,10 @@
 //! Classes: whether points and matched objects are called what they are.
 //!
-//! A point is called ground or noise if the prediction says so, otherwise by the class of its object, otherwise
-//! nothing. Points that are noise in the reference are left out, because nobody says what they are. The class of a
-//! segment is the class of most of its points. An object is *right* if it is matched (IoU > 0.5) with a segment of its
-//! class. F1 with the right class counts every other segment that counts as false, in the class that it claims. So a
-//! tree that is called a pole lowers the F1 of both.
+//! A point is called ground or noise if the prediction says so, otherwise by the class of its object,
+//! otherwise nothing. Points that are noise in the reference are left out, because nobody says what they are.
+//! The class of a segment is the class of most of its points. An object is *right* if it is matched (IoU >
+//! 0.5) with a segment of its class. F1 with the right class counts every other segment that counts as false,
+//! in the class that it claims. So a tree that is called a pole lowers the F1 of both.
 
 use std::collections::BTreeMap;
 

@@ -1,11 +1,12 @@
 //! The objects and segments of a contingency table and their overlaps. Every metric starts from them.
 //!
 //! The page of the metrics leaves three points open. They are settled here:
-//! * The class of an object is the class of most of its points (ties: the smaller code). If this class is ground or
-//!   noise, it is not an object.
-//! * An object with fewer points than `min_points` (30) is not evaluated. Its points are *unlabelled*, like points
-//!   of no object.
-//! * The class of a segment is the class of the evaluated object that has most points in it (ties: the smaller id).
+//! * The class of an object is the class of most of its points (ties: the smaller code). If this class is
+//!   ground or noise, it is not an object.
+//! * An object with fewer points than `min_points` (30) is not evaluated. Its points are *unlabelled*, like
+//!   points of no object.
+//! * The class of a segment is the class of the evaluated object that has most points in it (ties: the
+//!   smaller id).
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -46,8 +47,8 @@ pub struct Object {
 }
 
 impl Object {
-    /// S(o): the segment that contains most points of the object. Ties go to the smaller id; none if no segment
-    /// contains any.
+    /// S(o): the segment that contains most points of the object. Ties go to the smaller id; none if no
+    /// segment contains any.
     #[must_use]
     pub fn main(&self) -> Option<Overlap> {
         self.overlaps.first().copied()
@@ -233,7 +234,8 @@ pub(crate) mod tests {
     use super::*;
     use crate::eval::table::Counter;
 
-    /// The scene of `(object, segment, points)` triples, all objects of class 2 unless `class` says otherwise.
+    /// The scene of `(object, segment, points)` triples, all objects of class 2 unless `class` says
+    /// otherwise.
     pub(crate) fn scene_of(parts: &[(i64, i64, u64)], class: fn(i64) -> u16) -> Scene {
         Scene::build(&table_of(parts, class), &ClassTable::default(), Lattice::MILLIMETRE, 30)
     }

@@ -1,12 +1,14 @@
-//! Panoptic quality (Kirillov et al. 2019, doi:10.1109/CVPR.2019.00963): matches segments and objects at IoU > 0.5.
+//! Panoptic quality (Kirillov et al. 2019, doi:10.1109/CVPR.2019.00963): matches segments and objects at IoU
+//! > 0.5.
 //!
 //! The page of the metrics leaves four points open. They are settled here:
 //! * Segments of fewer than `min_points` (30) points are ignored, even as matches. The same applies to such
 //!   objects.
-//! * A segment does not count as false if more than half of it belongs to no evaluated object (the void rule of
-//!   Kirillov et al., section 4.2, threshold 0.5). It cannot match: its IoU with any object is below 0.5.
-//! * Points of a segment outside objects count in its IoU. The paper removes void there. But void in the paper is
-//!   what nobody has labelled. Our unlabelled points are mostly ground, which is known not to belong to the object.
+//! * A segment does not count as false if more than half of it belongs to no evaluated object (the void rule
+//!   of Kirillov et al., section 4.2, threshold 0.5). It cannot match: its IoU with any object is below 0.5.
+//! * Points of a segment outside objects count in its IoU. The paper removes void there. But void in the
+//!   paper is what nobody has labelled. Our unlabelled points are mostly ground, which is known not to belong
+//!   to the object.
 //! * The mean best IoU is taken over all segments, including small ones.
 
 use crate::eval::metrics::overlaps::{Object, Overlap, Scene};
@@ -76,7 +78,8 @@ impl SegmentRole {
 /// The matches of a scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Panoptic {
-    /// Per object: the segment of the largest IoU, whatever its size (ties: more points in common, then smaller id).
+    /// Per object: the segment of the largest IoU, whatever its size (ties: more points in common, then
+    /// smaller id).
     pub best: Vec<Option<Iou>>,
     /// Per object: whether it is matched with that segment.
     pub matched: Vec<bool>,

@@ -1,8 +1,8 @@
 //! Adjusted Rand index (Hubert and Arabie 1985, doi:10.1007/BF01908075) over the points of evaluated objects.
 //!
-//! Points without a segment count as one group, as in every implementation that receives the label 0 for them. The
-//! four pair counts are exact integers. The formula, and its result 1 for a single group, are those of
-//! scikit-learn's `adjusted_rand_score`.
+//! Points without a segment count as one group, as in every implementation that receives the label 0 for
+//! them. The four pair counts are exact integers. The formula, and its result 1 for a single group, are those
+//! of scikit-learn's `adjusted_rand_score`.
 
 use std::collections::BTreeMap;
 
@@ -43,8 +43,8 @@ struct PairSums {
 }
 
 impl PairSums {
-    /// Ordered pairs of points that are together in both (tp), in the segments only (fp), in the objects only (fn),
-    /// in neither (tn). Every sum below stays under 2 n^4, which fits an i128 up to 3 * 10^9 points.
+    /// Ordered pairs of points that are together in both (tp), in the segments only (fp), in the objects only
+    /// (fn), in neither (tn). Every sum below stays under 2 n^4, which fits an i128 up to 3 * 10^9 points.
     fn index(&self) -> f64 {
         let tp = self.cells - self.points;
         let fp = self.columns - self.cells;
@@ -75,8 +75,9 @@ mod tests {
         assert_eq!(index(&[(1, 0, 50), (2, 0, 50)]), Some(0.0), "empty");
         assert_eq!(index(&[(0, 1, 50)]), None, "no object");
         assert_eq!(index(&[(1, 1, 50), (0, 1, 50)]), Some(1.0), "only points of objects count");
-        // Two objects of 40, segments of 50 and 30 with 40 + 10 and 30. Unordered pairs: tp = 780 + 45 + 435 = 1260,
-        // rows 1560, columns 1225 + 435 = 1660, all 3160. Expected 1560 * 1660 / 3160; (1260 - e) / (1610 - e).
+        // Two objects of 40, segments of 50 and 30 with 40 + 10 and 30. Unordered pairs: tp = 780 + 45 + 435
+        // = 1260, rows 1560, columns 1225 + 435 = 1660, all 3160. Expected 1560 * 1660 / 3160; (1260 - e) /
+        // (1610 - e).
         let expected = 1560.0 * 1660.0 / 3160.0;
         let by_hand = (1260.0 - expected) / (1610.0 - expected);
         let found = index(&[(1, 1, 40), (2, 1, 10), (2, 2, 30)]).unwrap();

@@ -1,19 +1,22 @@
-//! Under- and over-segmentation of objects (Li et al. 2017, section 4.4). Not: rates, which are counts over objects.
+//! Under- and over-segmentation of objects (Li et al. 2017, section 4.4). Not: rates, which are counts over
+//! objects.
 //!
 //! S(o) is the segment that contains most points of object o (ties: the smaller id).
-//! * o is *under-segmented* if S(o) is also S(o') of another evaluated object, or contains at least 20 % of one.
+//! * o is *under-segmented* if S(o) is also S(o') of another evaluated object, or contains at least 20 % of
+//!   one.
 //! * o is *over-segmented* if a second segment contains at least 10 % and at least 30 points of it.
 //! * OA = 1 - (USR + OSR) / 2.
 //!
-//! An object without a point in any segment is neither: the definition has no third case, so an empty prediction
-//! has OA 1. Such objects are counted beside OA (`without_segment`). The other metrics count them as missed.
+//! An object without a point in any segment is neither: the definition has no third case, so an empty
+//! prediction has OA 1. Such objects are counted beside OA (`without_segment`). The other metrics count them
+//! as missed.
 
 use crate::eval::metrics::overlaps::{Overlap, Scene};
 
 /// Share of another object from which on its segment is shared, in percent (Li et al. 2017, section 4.4).
 const SHARED_PERCENT: u64 = 20;
-/// Share of an object in a second segment from which on it is over-segmented, in percent (Li et al. 2017, section
-/// 4.4).
+/// Share of an object in a second segment from which on it is over-segmented, in percent (Li et al. 2017,
+/// section 4.4).
 const SECOND_PERCENT: u64 = 10;
 /// Points of an object in a second segment from which on it is over-segmented (Li et al. 2017, section 4.4).
 const SECOND_POINTS: u64 = 30;
@@ -57,8 +60,8 @@ pub fn judge(scene: &Scene) -> Vec<Segmentation> {
     scene.objects.iter().enumerate().map(judge_one).collect()
 }
 
-/// Per segment: the first two objects, largest overlap first, whose S(o) it is or of which it contains much. Two
-/// are enough: an object is under-segmented if one of them is another object.
+/// Per segment: the first two objects, largest overlap first, whose S(o) it is or of which it contains much.
+/// Two are enough: an object is under-segmented if one of them is another object.
 fn claims(scene: &Scene) -> Vec<[Option<Overlap>; 2]> {
     let claims_of = |(index, segment): (usize, &crate::eval::metrics::overlaps::Segment)| {
         let mut claims = segment.overlaps.iter().copied().filter(|overlap| {

@@ -1,12 +1,13 @@
-//! Where along the drive something is: chainage along a trajectory, or along the principal axis of the objects.
+//! Where along the drive something is: chainage along a trajectory, or along the principal axis of the
+//! objects.
 
 use std::path::Path;
 
 use crate::eval::error::EvalError;
 use crate::input::InputError;
 
-/// Trajectory vertices closer than this to the vertex before are skipped. 1 m is finer than anyone searches for an
-/// object. A trajectory at 200 Hz has a hundred times more vertices.
+/// Trajectory vertices closer than this to the vertex before are skipped. 1 m is finer than anyone searches
+/// for an object. A trajectory at 200 Hz has a hundred times more vertices.
 const SPACING_M: f64 = 1.0;
 
 /// A line in the plane that gives a position its chainage in metres.
@@ -27,10 +28,12 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Reads a trajectory: CSV with a header that names the columns `x` and `y` (metres), rows in driving order.
+    /// Reads a trajectory: CSV with a header that names the columns `x` and `y` (metres), rows in driving
+    /// order.
     ///
     /// # Errors
-    /// [`InputError::Read`] when the file cannot be read, [`EvalError::Trajectory`] when a line is not as expected.
+    /// [`InputError::Read`] when the file cannot be read, [`EvalError::Trajectory`] when a line is not as
+    /// expected.
     pub fn read(path: &Path) -> crate::Result<Self> {
         let text = fs_err::read_to_string(path)
             .map_err(|source| InputError::Read { path: path.to_owned(), source })?;
@@ -77,8 +80,8 @@ impl Axis {
         Self::Trajectory { vertices }
     }
 
-    /// The axis along the largest spread of `positions` in the plane, towards larger x (or y, if it is steep).
-    /// Chainage 0 is at the first of them along the axis.
+    /// The axis along the largest spread of `positions` in the plane, towards larger x (or y, if it is
+    /// steep). Chainage 0 is at the first of them along the axis.
     #[must_use]
     pub fn principal(positions: &[[f64; 3]]) -> Self {
         let n = positions.len().max(1) as f64;

@@ -6,8 +6,8 @@ use crate::eval::report::rows::{ObjectRow, SmallRow};
 use crate::eval::report::values::Report;
 
 impl Report<'_> {
-    /// Writes every reference object with its outcome under each metric, as CSV by id, with one column of Hoover's
-    /// classes per tolerance. Objects that are too small to be evaluated have no outcome.
+    /// Writes every reference object with its outcome under each metric, as CSV by id, with one column of
+    /// Hoover's classes per tolerance. Objects that are too small to be evaluated have no outcome.
     ///
     /// # Errors
     /// Errors of the writer `to`.
@@ -39,8 +39,8 @@ impl Report<'_> {
     }
 }
 
-/// The row of an object that is not evaluated, in the columns of one that is. `tolerances` counts the columns that not
-/// every file has.
+/// The row of an object that is not evaluated, in the columns of one that is. `tolerances` counts the columns
+/// that not every file has.
 fn small_csv_line(row: &SmallRow, tolerances: usize, min_points: u64) -> String {
     let [x, y, z] = row.at_m;
     // Ten columns before those of the tolerances, three after them, and the words.

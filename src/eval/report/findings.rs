@@ -1,5 +1,5 @@
-//! The objects and segments behind each figure: id, class, place and what went wrong. Lists contain numbers. The
-//! words of an entry are made when it is written, so that a report of a long drive stays small.
+//! The objects and segments behind each figure: id, class, place and what went wrong. Lists contain numbers.
+//! The words of an entry are made when it is written, so that a report of a long drive stays small.
 
 use serde::{Serialize, Serializer};
 
@@ -90,13 +90,13 @@ pub struct HooverFindings<'a> {
     pub under: Findings<'a>,
     /// Objects that are missed.
     pub missed: Findings<'a>,
-    /// Noise segments with at least as many points as an object needs. Smaller ones are only counted: there can be
-    /// millions of them.
+    /// Noise segments with at least as many points as an object needs. Smaller ones are only counted: there
+    /// can be millions of them.
     pub noise: Findings<'a>,
 }
 
-/// IoU below which a match is listed: the tolerance of Wang et al. 2019 (doi:10.3390/s19010172), because no other
-/// value is established.
+/// IoU below which a match is listed: the tolerance of Wang et al. 2019 (doi:10.3390/s19010172), because no
+/// other value is established.
 const POOR_IOU: f64 = 0.8;
 
 /// Collects the objects and segments that lower the figures. `rows` are the rows of the evaluated objects.

@@ -1,5 +1,5 @@
-//! One row per reference object: its place and its outcome under each metric. Rows are made while they are written,
-//! so that a report of a long drive stays small.
+//! One row per reference object: its place and its outcome under each metric. Rows are made while they are
+//! written, so that a report of a long drive stays small.
 
 use std::sync::Arc;
 
@@ -117,8 +117,8 @@ impl Serialize for SmallRows<'_> {
 pub struct ObjectRows<'a> {
     judged: &'a Judged,
     settings: &'a MetricSettings,
-    /// Per object. They are stored, because a chainage along a trajectory takes as long to compute as a hundred
-    /// rows.
+    /// Per object. They are stored, because a chainage along a trajectory takes as long to compute as a
+    /// hundred rows.
     chainages_m: Arc<[f64]>,
 }
 

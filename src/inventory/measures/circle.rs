@@ -1,18 +1,21 @@
 //! A circle through points of the plane, of which some belong to something else.
 //!
-//! The circle with the largest consensus (Fischler and Bolles, "Random sample consensus", Communications of the ACM 24,
-//! 381-395, 1981, doi:10.1145/358669.358692) over a fixed sequence of triples, then least squares of the distances
-//! from it (Gauss-Newton). Points inside a stem cannot be seen, so they count against a circle.
+//! The circle with the largest consensus (Fischler and Bolles, "Random sample consensus", Communications of
+//! the ACM 24, 381-395, 1981, doi:10.1145/358669.358692) over a fixed sequence of triples, then least squares
+//! of the distances from it (Gauss-Newton). Points inside a stem cannot be seen, so they count against a
+//! circle.
 
 use nalgebra::{Matrix3, Vector3};
 
 /// Radii that a stem or a pole can have, in metres.
 const RADII_M: [f64; 2] = [0.015, 0.8];
-/// Number of triples that are tried (chosen: with 40 % of the points on the circle, the chance to miss it is 3e-9).
+/// Number of triples that are tried (chosen: with 40 % of the points on the circle, the chance to miss it is
+/// 3e-9).
 const TRIES: usize = 300;
 /// More points than this are thinned evenly before triples are tried.
 const MOST_POINTS: usize = 500;
-/// A point within this distance of a circle is on it, in metres: three times the range noise of survey scanners.
+/// A point within this distance of a circle is on it, in metres: three times the range noise of survey
+/// scanners.
 const TOLERANCE_M: f64 = 0.015;
 /// Smallest number of points on a circle.
 const LEAST_POINTS: usize = 8;

@@ -7,8 +7,8 @@ use super::parts::{Frames, Measures};
 use super::rectangle::longest_and_across;
 use crate::model::{Lattice, convex_hull};
 
-/// A layer belongs to the crown if its occupied cells have at least this share of the area of the largest layer
-/// (chosen: single branches below the crown have less), and
+/// A layer belongs to the crown if its occupied cells have at least this share of the area of the largest
+/// layer (chosen: single branches below the crown have less), and
 const LEAST_SHARE: f64 = 0.15;
 /// at least this area in square metres.
 const LEAST_AREA_M2: f64 = 0.2;

@@ -1,4 +1,5 @@
-//! The face of a surface: which cells of its plane its points occupy, in parts that merge exactly, and its outline.
+//! The face of a surface: which cells of its plane its points occupy, in parts that merge exactly, and its
+//! outline.
 #![expect(clippy::cast_possible_truncation, reason = "positions of points of a tile fit u32")]
 
 use serde::{Deserialize, Serialize};
@@ -7,7 +8,8 @@ use super::outline::{Polygon, outline};
 use super::sketch::{Frame, Heights, Sketch};
 use crate::model::{Lattice, ObjectPart, Plane, TileCloud};
 
-/// Edge of a cell in metres (chosen: the outline lies within half of it of the border of an evenly scanned surface).
+/// Edge of a cell in metres (chosen: the outline lies within half of it of the border of an evenly scanned
+/// surface).
 const EDGE_M: f64 = 0.05;
 /// Largest number of cells. With more, cells become larger. A facade of 20 m by 8 m has as many at 0.1 m.
 const MOST_CELLS: usize = 1 << 14;
@@ -39,8 +41,8 @@ fn frame(whole: &ObjectPart, plane: &Plane, lattice: Lattice) -> Frame {
 }
 
 impl Face {
-    /// The faces of the surfaces with points in `core`. `objects` has the object of each point, 0 for none; `whole` has
-    /// the extent and the plane of the objects that are surfaces. Ascending by object.
+    /// The faces of the surfaces with points in `core`. `objects` has the object of each point, 0 for none;
+    /// `whole` has the extent and the plane of the objects that are surfaces. Ascending by object.
     #[must_use]
     pub fn collect<'a>(
         cloud: &TileCloud,

@@ -1,4 +1,5 @@
-//! Where an object stands: the foot of its stem or pole, or else the middle of its lowest part, on the ground.
+//! Where an object stands: the foot of its stem or pole, or else the middle of its lowest part, on the
+//! ground.
 
 use std::collections::BTreeMap;
 
@@ -7,18 +8,20 @@ use super::stem::{Stem, StemAxis};
 use crate::inventory::terrain::Terrain;
 use crate::model::{Kind, Lattice, ObjectPart};
 
-/// The lowest part of an object: cells of the plan whose lowest point is at most this much further above the ground
-/// than the lowest of all, in metres (chosen: wheels and sills, not mirrors).
+/// The lowest part of an object: cells of the plan whose lowest point is at most this much further above the
+/// ground than the lowest of all, in metres (chosen: wheels and sills, not mirrors).
 const LOWEST_PART_M: f64 = 0.3;
-/// If the lowest part of an object without stem is this much below the ground model, in metres, the model is wrong there:
-/// the ground was not seen, for example behind a hedge (chosen: steps and kerbs within a cell are lower).
+/// If the lowest part of an object without stem is this much below the ground model, in metres, the model is
+/// wrong there: the ground was not seen, for example behind a hedge (chosen: steps and kerbs within a cell
+/// are lower).
 const BELOW_GROUND_M: f64 = 0.2;
-/// A tree that is lower than this share of its width hides its stem in leaves down to the ground, as a cycad or a bush does:
-/// it stands in the middle of them. Its densest leaves are at the side that was seen, and are no stem. Chosen between 0.56,
-/// the largest of cycads, and 1.07, the smallest of all other trees of `synth avenue`.
+/// A tree that is lower than this share of its width hides its stem in leaves down to the ground, as a cycad
+/// or a bush does: it stands in the middle of them. Its densest leaves are at the side that was seen, and are
+/// no stem. Chosen between 0.56, the largest of cycads, and 1.07, the smallest of all other trees of `synth
+/// avenue`.
 const LOW_TREE: f64 = 0.75;
-/// Rounds in which the foot of an axis is found on the ground. A stem that leans by 10 degrees on a slope of 30
-/// degrees gains a digit in each.
+/// Rounds in which the foot of an axis is found on the ground. A stem that leans by 10 degrees on a slope of
+/// 30 degrees gains a digit in each.
 const ROUNDS: usize = 4;
 
 /// Where an object stands.
@@ -26,8 +29,8 @@ const ROUNDS: usize = 4;
 pub(crate) struct Foot {
     /// Place in the plane, in metres.
     pub(crate) place: [f64; 2],
-    /// Height of the ground there in metres, which is not above the lowest point of the stem. `None` if none is known
-    /// within 10 m.
+    /// Height of the ground there in metres, which is not above the lowest point of the stem. `None` if none
+    /// is known within 10 m.
     pub(crate) ground_m: Option<f64>,
     /// Stem or pole with its axis, in metres from the corner of the frame of the stem.
     pub(crate) stem: Option<(Stem, StemAxis)>,
@@ -80,8 +83,8 @@ fn is_low(whole: &ObjectPart) -> bool {
     z < LOW_TREE * f64::midpoint(x, y)
 }
 
-/// Middle of the lowest part in metres, all of whose cells weigh the same, and the height of its lowest point over the
-/// ground model. Without ground, heights are counted from zero. `None` without cells.
+/// Middle of the lowest part in metres, all of whose cells weigh the same, and the height of its lowest point
+/// over the ground model. Without ground, heights are counted from zero. `None` without cells.
 fn lowest_part(
     measures: &Measures,
     frames: &Frames,

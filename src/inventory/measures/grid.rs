@@ -1,5 +1,5 @@
-//! A dense raster over the cells of an outline: gaps are closed, holes filled, parts joined. Then its border is one
-//! ring that does not touch itself.
+//! A dense raster over the cells of an outline: gaps are closed, holes filled, parts joined. Then its border
+//! is one ring that does not touch itself.
 
 use crate::spatial::NearestIndex;
 
@@ -17,8 +17,8 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The grid of these cells with a margin of `margin` cells. `None` if it would have more than `most` cells, or if
-    /// there are none.
+    /// The grid of these cells with a margin of `margin` cells. `None` if it would have more than `most`
+    /// cells, or if there are none.
     pub(super) fn of(cells: &[[u32; 2]], margin: u32, most: usize) -> Option<Self> {
         let ends = |k: usize| {
             let of_axis = || cells.iter().map(|cell| i64::from(cell[k]));
@@ -63,12 +63,13 @@ impl Grid {
         all.into_iter().flatten()
     }
 
-    /// Closes gaps: fills the cells that no disc of radius `reach` cells covers without a filled cell in it (a
-    /// morphological closing). The margin is wider than the disc.
+    /// Closes gaps: fills the cells that no disc of radius `reach` cells covers without a filled cell in it
+    /// (a morphological closing). The margin is wider than the disc.
     pub(super) fn close(&mut self, reach: u32) {
         let reach = i64::from(reach);
         let all = (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |j| [i, j]));
-        // A little rounder than a circle through the cell at (reach, 0), so that slanting lines do not become wide.
+        // A little rounder than a circle through the cell at (reach, 0), so that slanting lines do not become
+        // wide.
         let disc: Vec<[i64; 2]> = all.filter(|[i, j]| i * i + j * j <= reach * reach + reach / 2).collect();
         let cells = |grid: &Self, value: bool| -> Vec<usize> {
             grid.filled.iter().enumerate().filter(|(_, filled)| **filled == value).map(|(at, _)| at).collect()
@@ -120,7 +121,8 @@ impl Grid {
         parts
     }
 
-    /// Joins the parts by bridges of one cell, each between the nearest cells. `false` if there are too many of them.
+    /// Joins the parts by bridges of one cell, each between the nearest cells. `false` if there are too many
+    /// of them.
     pub(super) fn join(&mut self) -> bool {
         // Cells that meet at a corner are one part.
         while self.fill_corners() {}
@@ -202,7 +204,8 @@ impl Grid {
         }
     }
 
-    /// Fills a cell at every place where two filled and two empty cells meet crosswise. Whether there was one.
+    /// Fills a cell at every place where two filled and two empty cells meet crosswise. Whether there was
+    /// one.
     fn fill_corners(&mut self) -> bool {
         let mut any = false;
         for i in 0..self.width - 1 {
@@ -219,8 +222,8 @@ impl Grid {
         any
     }
 
-    /// The border of a solid part, counter-clockwise: the corners of cells that it passes, one cell apart, from the
-    /// leftmost lowest on. Corners are counted as the cells to their upper right.
+    /// The border of a solid part, counter-clockwise: the corners of cells that it passes, one cell apart,
+    /// from the leftmost lowest on. Corners are counted as the cells to their upper right.
     pub(super) fn border(&self) -> Vec<[i64; 2]> {
         let Some(start) = self.filled.iter().position(|filled| *filled) else { return Vec::new() };
         let start = [start / self.height, start % self.height];
@@ -306,8 +309,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the cells, the border of the joined grid is one ring that passes no corner twice and holds every
-        /// cell.
+        /// Whatever the cells, the border of the joined grid is one ring that passes no corner twice and
+        /// holds every cell.
         #[test]
         fn borders_are_simple_and_hold_every_cell(
             cells in prop::collection::btree_set((0..24_u32, 0..24_u32), 1..60),

@@ -1,5 +1,5 @@
-//! What the inventory measures on the points of an object: sketches that tiles collect and merge exactly, and the
-//! geometry that is derived from the sketches of a whole object. No columns, no files, no tiles.
+//! What the inventory measures on the points of an object: sketches that tiles collect and merge exactly, and
+//! the geometry that is derived from the sketches of a whole object. No columns, no files, no tiles.
 
 mod circle;
 mod crown;

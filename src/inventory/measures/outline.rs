@@ -1,18 +1,20 @@
 //! The outline of an object: a polygon around its occupied cells of the plane.
 //!
-//! The border of the cells is followed, its steps are cut at their middles, and vertices that hardly matter are
-//! dropped. No outline touches itself, and every point is inside or within 0.1 m of it. Exact integers decide.
+//! The border of the cells is followed, its steps are cut at their middles, and vertices that hardly matter
+//! are dropped. No outline touches itself, and every point is inside or within 0.1 m of it. Exact integers
+//! decide.
 
 use super::grid::Grid;
 use super::sketch::{Frame, Heights, Sketch};
 use crate::model::Lattice;
 
-/// Gaps narrower than twice this are closed, in metres (chosen: the distance of profiles of a vehicle scanner).
+/// Gaps narrower than twice this are closed, in metres (chosen: the distance of profiles of a vehicle
+/// scanner).
 const CLOSE_M: f64 = 0.2;
 /// Largest distance of a point from the outline in metres.
 const WITHIN_M: f64 = 0.1;
-/// Largest distance of a dropped vertex from the outline in metres (chosen: below the half of a cell, so that corners
-/// stay).
+/// Largest distance of a dropped vertex from the outline in metres (chosen: below the half of a cell, so that
+/// corners stay).
 const DROPPED_M: f64 = 0.045;
 /// Largest number of cells of the raster in which an outline is found. With more, its cells become larger.
 const MOST_CELLS: usize = 1 << 22;
@@ -61,8 +63,9 @@ pub(crate) fn outline(
     }
 }
 
-/// The corners of one solid part that holds these cells, without those on straight lines: counter-clockwise, counted as
-/// the cells to their upper right. Cells that are too many for one raster are taken together, 2 by 2.
+/// The corners of one solid part that holds these cells, without those on straight lines: counter-clockwise,
+/// counted as the cells to their upper right. Cells that are too many for one raster are taken together, 2 by
+/// 2.
 pub fn around_cells(cells: &[[i32; 2]]) -> Vec<[i64; 2]> {
     // Counted from the smallest, so that they are not negative.
     let least = [0, 1].map(|k| cells.iter().map(|cell| cell[k]).min().unwrap_or(0));
@@ -101,7 +104,8 @@ fn of_border(border: &[[i64; 2]], edge: i64, frame: &Frame, lattice: Lattice) ->
     let place = |corner: &[i64; 2]| [0, 1].map(|k| frame.corner[k] + corner[k] * edge);
     let corners: Vec<[i64; 2]> = border.iter().map(place).collect();
     let within = WITHIN_M * f64::from(lattice.units_per_m());
-    // Cutting a corner of a cell from middle to middle takes away points that are up to this far from the cut.
+    // Cutting a corner of a cell from middle to middle takes away points that are up to this far from the
+    // cut.
     let cut = edge as f64 * std::f64::consts::SQRT_2 / 4.0;
     let (ring, tolerance) = if cut < 0.75 * within {
         let middle = |k: usize| {
@@ -134,9 +138,9 @@ fn without_collinear(ring: &[[i64; 2]]) -> Vec<[i64; 2]> {
     (0..count).filter(bends).map(|k| ring[k]).collect()
 }
 
-/// A ring with fewer vertices, within `tolerance` lattice units of it. A vertex is dropped if all dropped vertices
-/// between its neighbours are that near to the new edge, and if no other vertex is in the triangle that is cut off or
-/// added. Then the ring stays simple.
+/// A ring with fewer vertices, within `tolerance` lattice units of it. A vertex is dropped if all dropped
+/// vertices between its neighbours are that near to the new edge, and if no other vertex is in the triangle
+/// that is cut off or added. Then the ring stays simple.
 fn simplified(ring: &[[i64; 2]], tolerance: f64) -> Vec<[i64; 2]> {
     let mut by_x: Vec<usize> = (0..ring.len()).collect();
     by_x.sort_unstable_by_key(|k| ring[*k]);
@@ -149,7 +153,8 @@ fn simplified(ring: &[[i64; 2]], tolerance: f64) -> Vec<[i64; 2]> {
         let mut next_kept = Vec::with_capacity(kept.len());
         while at < kept.len() {
             let left = before - (at - next_kept.len());
-            // The neighbours of a dropped vertex stay for this round, so that no end of the ring is eaten up first.
+            // The neighbours of a dropped vertex stay for this round, so that no end of the ring is eaten up
+            // first.
             let prev = next_kept.last().copied().unwrap_or(kept[kept.len() - 1]);
             let here = kept[at];
             let last_of_ring = at + 1 == kept.len();

@@ -1,4 +1,5 @@
-//! What is collected from the points of an object, tile by tile: sketches of bounded size, which merge exactly.
+//! What is collected from the points of an object, tile by tile: sketches of bounded size, which merge
+//! exactly.
 #![expect(clippy::cast_possible_truncation, reason = "positions of points of a tile fit u32")]
 
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,8 @@ pub(crate) const SMALL: u8 = 7;
 const PLAN_EDGE_M: f64 = 0.1;
 /// Largest number of cells of a plan. A crown of 14 m in diameter has as many.
 const PLAN_CELLS: usize = 1 << 14;
-/// Edge of a voxel of a stem in metres. On a stem of 0.3 m, the mean of the points of a voxel is 0.3 mm inside.
+/// Edge of a voxel of a stem in metres. On a stem of 0.3 m, the mean of the points of a voxel is 0.3 mm
+/// inside.
 const STEM_EDGE_M: f64 = 0.02;
 /// Largest number of voxels of a stem.
 const STEM_VOXELS: usize = 1 << 13;
@@ -32,7 +34,8 @@ const CROWN_VOXELS: usize = 1 << 14;
 /// Points of an object that are sketched at once: it bounds the memory of large objects.
 const POINTS_AT_ONCE: usize = 1 << 16;
 
-/// The frames of the sketches of an object: they follow from its extent, which is known before its points are read.
+/// The frames of the sketches of an object: they follow from its extent, which is known before its points are
+/// read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Frames {
     /// Cells of the plan. All have the same z.
@@ -159,8 +162,8 @@ mod tests {
     use crate::model::FileId;
 
     proptest! {
-        /// However the points are divided, and in whatever order the parts are merged, the measures are those that are
-        /// found directly. Few enough points, so that sketches stay at level 0.
+        /// However the points are divided, and in whatever order the parts are merged, the measures are those
+        /// that are found directly. Few enough points, so that sketches stay at level 0.
         #[test]
         fn parts_in_any_order_are_the_whole(
             points in prop::collection::vec(

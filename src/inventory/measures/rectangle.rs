@@ -1,7 +1,7 @@
 //! The box of least area around an object in the plane.
 //!
-//! One side of it lies on an edge of the convex hull (Freeman and Shapira, Communications of the ACM 18, 409-413, 1975,
-//! doi:10.1145/360881.360919), so every edge is tried.
+//! One side of it lies on an edge of the convex hull (Freeman and Shapira, Communications of the ACM 18,
+//! 409-413, 1975, doi:10.1145/360881.360919), so every edge is tried.
 
 /// A rectangle by its sides and the direction of the longer one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -10,7 +10,8 @@ pub(crate) struct Rectangle {
     pub(crate) length: f64,
     /// Shorter side.
     pub(crate) width: f64,
-    /// Direction of the longer side in degrees clockwise from north (the y axis), from 0 up to 180. `None` of a point.
+    /// Direction of the longer side in degrees clockwise from north (the y axis), from 0 up to 180. `None` of
+    /// a point.
     pub(crate) azimuth_deg: Option<f64>,
 }
 

@@ -1,9 +1,11 @@
-//! A sketch: the occupied voxels of an object with a value each, of bounded size, merged exactly in any order.
+//! A sketch: the occupied voxels of an object with a value each, of bounded size, merged exactly in any
+//! order.
 //!
-//! Voxels of level 0 have an edge that is the same for all objects; those of level k have 2^k times that edge and
-//! consist of whole voxels of the level before. If a sketch has more voxels than it may have, it goes to the next
-//! level. The level of a sketch is therefore the smallest at which its points occupy few enough voxels. A part of an
-//! object never needs a higher level than the whole, so the order in which parts are merged does not matter.
+//! Voxels of level 0 have an edge that is the same for all objects; those of level k have 2^k times that edge
+//! and consist of whole voxels of the level before. If a sketch has more voxels than it may have, it goes to
+//! the next level. The level of a sketch is therefore the smallest at which its points occupy few enough
+//! voxels. A part of an object never needs a higher level than the whole, so the order in which parts are
+//! merged does not matter.
 
 use serde::{Deserialize, Serialize};
 
@@ -72,7 +74,8 @@ impl<V: Patch> Sketch<V> {
         Self { level: frame.first_level, voxels: Vec::new() }
     }
 
-    /// The sketch of points, each with the voxel of [`Frame::key`] and its value; at most `most` voxels remain.
+    /// The sketch of points, each with the voxel of [`Frame::key`] and its value; at most `most` voxels
+    /// remain.
     pub(crate) fn of(frame: &Frame, voxels: Vec<(Key, V)>, most: usize) -> Self {
         let mut sketch = Self { level: frame.first_level, voxels };
         sketch.unite();

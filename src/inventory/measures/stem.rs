@@ -1,11 +1,12 @@
 //! The axis of a stem or a pole, and its section at a height.
 //!
-//! A stem is where the object is occupied at the most heights. A straight line is fitted there by iterated weighted
-//! least squares with Tukey's biweight (Beaton and Tukey, Technometrics 16, 147-185, 1974, doi:10.2307/1267936) of the
-//! horizontal distances; every height has the same weight. Then only heights count at which there is nothing beside a
-//! pole, so that signs and arms do not pull it, and the direction is the median of those between heights (Theil, 1950;
-//! Sen, 1968, doi:10.1080/01621459.1968.10480934). The direction of a tree is that between circles in slices, which
-//! leaves do not pull. Circles also correct for the side that was not seen. `benches/results/attributes.md` has the errors.
+//! A stem is where the object is occupied at the most heights. A straight line is fitted there by iterated
+//! weighted least squares with Tukey's biweight (Beaton and Tukey, Technometrics 16, 147-185, 1974,
+//! doi:10.2307/1267936) of the horizontal distances; every height has the same weight. Then only heights
+//! count at which there is nothing beside a pole, so that signs and arms do not pull it, and the direction is
+//! the median of those between heights (Theil, 1950; Sen, 1968, doi:10.1080/01621459.1968.10480934). The
+//! direction of a tree is that between circles in slices, which leaves do not pull. Circles also correct for
+//! the side that was not seen. `benches/results/attributes.md` has the errors.
 //!
 //! Places are metres from the corner of the frame of the sketch, so that all numbers are small.
 
@@ -18,7 +19,8 @@ use crate::model::Lattice;
 
 /// Edge of the cells in which occupied heights are counted, and height of a layer, in metres.
 const CELL_M: f64 = 0.1;
-/// Layers above the lowest point in which heights are counted. Above them, a crown has more of them than its stem.
+/// Layers above the lowest point in which heights are counted. Above them, a crown has more of them than its
+/// stem.
 const VOTING_LAYERS: i64 = 30;
 /// Cut-off of the biweight in metres, from round to round: the first sees a stem that leans by 4 degrees.
 const CUT_OFFS_M: [f64; 10] = [0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.25];
@@ -40,7 +42,8 @@ const LARGEST_ERROR_M: f64 = 0.02;
 const SECTION_ERROR_M: f64 = 0.01;
 /// Circles on the axis of a tree have radii that differ from their median by at most this share of it.
 const ONE_STEM: f64 = 0.25;
-/// Points this near to the axis of a pole are of the pole, in metres: its radius and the side that was not seen.
+/// Points this near to the axis of a pole are of the pole, in metres: its radius and the side that was not
+/// seen.
 const OF_POLE_M: f64 = 0.13;
 /// A layer is one of the bare pole if at least this share of the points within the reach of a slice is of it.
 const BARE_SHARE: f64 = 0.75;
@@ -48,7 +51,8 @@ const BARE_SHARE: f64 = 0.75;
 const OF_STEM_M: f64 = 0.25;
 /// and are if they have this share: leaves that are spread evenly have a sixth.
 const STEM_SHARE: f64 = 0.6;
-/// Without a circle, so many layers of the bare stem must have been seen. Else the densest leaves would be the stem.
+/// Without a circle, so many layers of the bare stem must have been seen. Else the densest leaves would be
+/// the stem.
 const STEM_LAYERS: usize = 3;
 /// Smallest number of points of such a layer,
 const BARE_POINTS: usize = 3;
@@ -62,11 +66,13 @@ const BARE_ROUNDS: usize = 2;
 const NEIGHBOURS_M: [f64; 4] = [-0.4, -0.2, 0.2, 0.4];
 /// have nearly the same radius: at least this many of them,
 const LEAST_NEIGHBOURS: usize = 2;
-/// and their median differs by at most this share of it and this length in metres. What is larger is a fork or a twig.
+/// and their median differs by at most this share of it and this length in metres. What is larger is a fork
+/// or a twig.
 const SAME_RADIUS: (f64, f64) = (0.15, 0.01);
 /// Smallest number of circles for a line through their centres.
 const LEAST_CIRCLES: usize = 4;
-/// Largest distance of their middle from the mean of the side that was seen, in metres: two thirds of a radius of 0.45 m.
+/// Largest distance of their middle from the mean of the side that was seen, in metres: two thirds of a
+/// radius of 0.45 m.
 const LARGEST_SHIFT_M: f64 = 0.3;
 /// Shortest axis whose direction is given, in metres.
 const SHORTEST_M: f64 = 1.0;
@@ -212,8 +218,8 @@ impl Stem {
         means
     }
 
-    /// The mean place of the points within `radius` of an axis in every layer with hardly anything beside it: at least
-    /// `share` of the points within the reach of a slice.
+    /// The mean place of the points within `radius` of an axis in every layer with hardly anything beside it:
+    /// at least `share` of the points within the reach of a slice.
     fn bare_layers(&self, axis: &StemAxis, radius: f64, share: f64) -> Vec<[f64; 3]> {
         #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
         let layer = |z: f64| (z / CELL_M).floor() as i64;
@@ -238,8 +244,8 @@ impl Stem {
         bare.map(|(_, near)| [0, 1, 2].map(|k| mean(&near, k))).collect()
     }
 
-    /// The axis of a tree through the circles in its slices. Without enough of them it has no direction, since leaves and
-    /// branches pull the means of layers.
+    /// The axis of a tree through the circles in its slices. Without enough of them it has no direction,
+    /// since leaves and branches pull the means of layers.
     fn through_circles(&self, axis: StemAxis) -> StemAxis {
         let centres = self.centres(&axis);
         let through = steady_line(&centres, 0.0).filter(|line| line.to - line.from >= SHORTEST_M);
@@ -274,8 +280,8 @@ impl Stem {
         (enough && same && circle.radius_error <= SECTION_ERROR_M).then_some(circle)
     }
 
-    /// The circle in a slice around height `z`, if enough of it was seen and it is on the axis. Points are moved along
-    /// the axis to that height.
+    /// The circle in a slice around height `z`, if enough of it was seen and it is on the axis. Points are
+    /// moved along the axis to that height.
     fn circle(&self, axis: &StemAxis, z: f64) -> Option<Circle> {
         let at = axis.at(z);
         let slice: Vec<[f64; 2]> = self
@@ -303,8 +309,8 @@ fn around([i, j]: [i64; 2]) -> [[i64; 2]; 9] {
     all
 }
 
-/// The axis, moved by the median distance of the centres of circles from it. Few circles, or such that are far away, are
-/// of something else.
+/// The axis, moved by the median distance of the centres of circles from it. Few circles, or such that are
+/// far away, are of something else.
 fn shifted(axis: StemAxis, places: &[[f64; 3]]) -> StemAxis {
     if places.len() < LEAST_CIRCLES {
         return axis;
@@ -337,8 +343,8 @@ fn line(places: &[[f64; 3]]) -> Option<StemAxis> {
     Some(StemAxis { foot, slope, from, to, has_direction: true })
 }
 
-/// The line through places whose slope is the median of the slopes of pairs that are at least `apart` of its height
-/// apart.
+/// The line through places whose slope is the median of the slopes of pairs that are at least `apart` of its
+/// height apart.
 fn steady_line(places: &[[f64; 3]], apart: f64) -> Option<StemAxis> {
     let ends = line(places)?;
     let least = (ends.to - ends.from) * apart;

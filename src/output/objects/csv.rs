@@ -1,5 +1,5 @@
-//! CSV after RFC 4180, with lines that end in a line feed. A missing value is an empty field, a list is joined by `;`,
-//! and a flag is `true` or `false`.
+//! CSV after RFC 4180, with lines that end in a line feed. A missing value is an empty field, a list is
+//! joined by `;`, and a flag is `true` or `false`.
 
 use std::io::{self, Write};
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! GeoJSON: a feature collection with one feature per line. The values of a row are the properties, and its outline is
-//! the geometry: a polygon, or a line or a point where the outline has no area.
+//! GeoJSON: a feature collection with one feature per line. The values of a row are the properties, and its
+//! outline is the geometry: a polygon, or a line or a point where the outline has no area.
 //!
 //! RFC 7946 allows geographic coordinates only, but ours are projected. Therefore a member `crs` of the older
 //! GeoJSON specification (2008, section 3) names the EPSG code if it is known. QGIS and GDAL honour it.
@@ -25,8 +25,8 @@ impl ObjectFormat for GeoJson {
     }
 }
 
-// The frame is written here and not by geojson's FeatureWriter: version 1.0.0 writes a superfluous comma after a foreign
-// member if no feature follows.
+// The frame is written here and not by geojson's FeatureWriter: version 1.0.0 writes a superfluous comma
+// after a foreign member if no feature follows.
 fn collection(table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, r#"{{"type":"FeatureCollection","#)?;
     if let Some(epsg) = table.drive.epsg {
@@ -69,8 +69,8 @@ fn property(column: &Column, value: Value<'_>) -> JsonValue {
     }
 }
 
-/// The outline as a polygon, a line or a point, by its number of vertices; none when it has none. Positions have a z if
-/// there are heights.
+/// The outline as a polygon, a line or a point, by its number of vertices; none when it has none. Positions
+/// have a z if there are heights.
 fn geometry(outline: &[[f64; 2]], heights: &[f64]) -> Option<GeometryValue> {
     let written = |value: f64| rounded(value, OUTLINE_PLACES).unwrap_or(0.0);
     let position = |at: usize| {

@@ -1,8 +1,8 @@
 //! PLY: the outlines of surfaces as triangles in colours, for viewers of meshes.
 //!
-//! Format: Turk, "The PLY polygon file format" (1994), ASCII 1.0. Each vertex has x, y, z in the units of the input, as
-//! double, and the colour of its surface. Each face is a triangle with the id of its surface. The colour follows from the
-//! id alone, so it does not change when surfaces are added.
+//! Format: Turk, "The PLY polygon file format" (1994), ASCII 1.0. Each vertex has x, y, z in the units of the
+//! input, as double, and the colour of its surface. Each face is a triangle with the id of its surface. The
+//! colour follows from the id alone, so it does not change when surfaces are added.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -74,7 +74,8 @@ fn places(row: &ObjectRow<'_>) -> Vec<[f64; 3]> {
     row.outline.iter().zip(heights).map(|([x, y], z)| [*x, *y, z]).collect()
 }
 
-/// A colour that differs much from those of the next ids: steps of the golden ratio around the circle of hues.
+/// A colour that differs much from those of the next ids: steps of the golden ratio around the circle of
+/// hues.
 #[expect(clippy::cast_possible_truncation, reason = "a byte")]
 fn colour(id: u64) -> [u8; 3] {
     // 6 * 256 hues; 949 is the golden ratio of them, and prime to their number.
@@ -97,8 +98,8 @@ fn colour(id: u64) -> [u8; 3] {
     })
 }
 
-/// A simple polygon in space as triangles of its vertices, counter-clockwise as it is: ears are cut off in the plane of
-/// the two axes along which it is largest.
+/// A simple polygon in space as triangles of its vertices, counter-clockwise as it is: ears are cut off in
+/// the plane of the two axes along which it is largest.
 fn triangles(places: &[[f64; 3]]) -> Vec<[usize; 3]> {
     let normal = normal(places);
     let drop = (0..3).max_by(|a, b| normal[*a].abs().total_cmp(&normal[*b].abs())).unwrap_or(2);

@@ -1,5 +1,5 @@
-//! A table of objects as formats see it: columns and rows of typed values, an outline and a base per row, and what
-//! belongs to the whole drive.
+//! A table of objects as formats see it: columns and rows of typed values, an outline and a base per row, and
+//! what belongs to the whole drive.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -10,11 +10,11 @@ use crate::model::{Column, Value};
 /// One object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectRow<'a> {
-    /// Vertices of the outline in the units of the input, counter-clockwise; one or two when it has no area. A ring
-    /// may be closed or not.
+    /// Vertices of the outline in the units of the input, counter-clockwise; one or two when it has no area.
+    /// A ring may be closed or not.
     pub outline: Vec<[f64; 2]>,
-    /// z of each vertex of the outline, in the units of the input, if the outline is in space; empty if it is in the
-    /// plane.
+    /// z of each vertex of the outline, in the units of the input, if the outline is in space; empty if it is
+    /// in the plane.
     pub heights: Vec<f64>,
     /// Where the object stands, in the units of the input.
     pub base: [f64; 3],

@@ -29,8 +29,8 @@ impl ExtraType {
 
 /// The descriptor of an unsigned integer dimension.
 ///
-/// Scale 1 and offset 0 are written although the option bits that would make them valid stay unset: some readers
-/// multiply by the field without looking at the bits. Minimum, maximum and no-data stay unset.
+/// Scale 1 and offset 0 are written although the option bits that would make them valid stay unset: some
+/// readers multiply by the field without looking at the bits. Minimum, maximum and no-data stay unset.
 pub(crate) fn integer(name: &str, kind: ExtraType, description: &str) -> [u8; DESCRIPTOR] {
     let mut bytes = [0; DESCRIPTOR];
     bytes[2] = kind as u8;

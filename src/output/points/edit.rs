@@ -143,8 +143,8 @@ impl Editor<'_> {
         if !record.is(SPEC_USER, EXTRA_BYTES) || self.unchanged {
             return Ok(Fate::Keep);
         }
-        // The specification allows only one such record, and some readers read only one. So the first gets all
-        // descriptors.
+        // The specification allows only one such record, and some readers read only one. So the first gets
+        // all descriptors.
         let Some(new) = self.descriptors.take() else { return Ok(Fate::Drop) };
         let mut payload = self.input.layout().descriptors.clone();
         payload.extend(new);
@@ -246,8 +246,8 @@ pub(super) fn laz_record(
     if !matches!(layout.point_format, 4 | 5) {
         return Ok(vlr);
     }
-    // `laz` gives the wave packets of formats 4 and 5 version 2. LASzip knows only version 1 of them, which is the
-    // same coding, and refuses the file. The version is the last of the three words of an item.
+    // `laz` gives the wave packets of formats 4 and 5 version 2. LASzip knows only version 1 of them, which
+    // is the same coding, and refuses the file. The version is the last of the three words of an item.
     const WAVE_PACKET: [u8; 2] = [9, 0];
     let mut payload = laz_vlr_data(&vlr)?;
     for item in payload[34..].chunks_exact_mut(6).filter(|item| item[..2] == WAVE_PACKET) {

@@ -1,9 +1,9 @@
 //! A labelled copy of one input file: planned first, then made from records in any order of chunks.
 //!
-//! The copy is made by editing bytes. Everything that is not edited survives: padding of the header, records of any user,
-//! coordinate reference system, waveforms, every bit of a point. Changed are: the positions in the header, the
-//! record length, one extra-bytes record, the laszip record, and in every point the label and, if requested, the
-//! class.
+//! The copy is made by editing bytes. Everything that is not edited survives: padding of the header, records
+//! of any user, coordinate reference system, waveforms, every bit of a point. Changed are: the positions in
+//! the header, the record length, one extra-bytes record, the laszip record, and in every point the label
+//! and, if requested, the class.
 
 use std::io::{Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -45,8 +45,8 @@ impl LabelledFile {
     /// Plans the copy of `input`; nothing is written.
     ///
     /// # Errors
-    /// [`OutputError::DimensionName`], [`OutputError::DimensionType`], [`OutputError::RecordLength`] when the label
-    /// does not fit, [`OutputError::Source`] when the input cannot be read, [`OutputError::Compress`].
+    /// [`OutputError::DimensionName`], [`OutputError::DimensionType`], [`OutputError::RecordLength`] when the
+    /// label does not fit, [`OutputError::Source`] when the input cannot be read, [`OutputError::Compress`].
     pub fn plan(input: &InputFile, options: &LabelOptions) -> Result<Self, OutputError> {
         if options.dimension.is_empty() || options.dimension.len() > 31 {
             return Err(OutputError::DimensionName { name: options.dimension.clone() });
@@ -73,7 +73,8 @@ impl LabelledFile {
         Ok(planned)
     }
 
-    /// File name of the copy: that of the input, with the extension of the format; `x.copc.laz` becomes `x.laz`.
+    /// File name of the copy: that of the input, with the extension of the format; `x.copc.laz` becomes
+    /// `x.laz`.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -105,7 +106,8 @@ impl LabelledFile {
 
     /// Runs of records that are labelled (and compressed) at once, in file order, without gaps.
     ///
-    /// They are the blocks of the input, except that a compressed copy of a file without chunks has runs of 50,000.
+    /// They are the blocks of the input, except that a compressed copy of a file without chunks has runs of
+    /// 50,000.
     #[must_use]
     pub fn chunks(&self) -> &[Range<u64>] {
         &self.chunks
@@ -122,7 +124,8 @@ impl LabelledFile {
         self.record.label(records, labels, classes, kinds, out);
     }
 
-    /// Everything before the points. Of a compressed copy it is not final: [`LabelledFile::assemble_laz`] writes it.
+    /// Everything before the points. Of a compressed copy it is not final: [`LabelledFile::assemble_laz`]
+    /// writes it.
     #[must_use]
     pub fn prologue(&self) -> &[u8] {
         &self.prologue
@@ -160,18 +163,18 @@ impl LabelledFile {
     /// Compresses the new records of exactly one of [`LabelledFile::chunks`]; on any thread.
     ///
     /// # Errors
-    /// [`OutputError::PartialRecord`], [`OutputError::Compress`], [`OutputError::NotCompressed`] for a copy that
-    /// is not compressed.
+    /// [`OutputError::PartialRecord`], [`OutputError::Compress`], [`OutputError::NotCompressed`] for a copy
+    /// that is not compressed.
     pub fn compress(&self, records: &[u8]) -> Result<Vec<u8>, OutputError> {
         compress_chunk(self.laz()?, records)
     }
 
-    /// Writes a compressed copy: header, chunks (number of records and bytes of each, in order), their table, and
-    /// what follows.
+    /// Writes a compressed copy: header, chunks (number of records and bytes of each, in order), their table,
+    /// and what follows.
     ///
     /// # Errors
-    /// Errors of the chunks, [`OutputError::Write`], [`OutputError::Source`], [`OutputError::Incomplete`] if the
-    /// chunks are not those of [`LabelledFile::chunks`].
+    /// Errors of the chunks, [`OutputError::Write`], [`OutputError::Source`], [`OutputError::Incomplete`] if
+    /// the chunks are not those of [`LabelledFile::chunks`].
     pub fn assemble_laz<E: From<OutputError>>(
         &self,
         input: &InputFile,

@@ -1,8 +1,9 @@
-//! One independent LAZ chunk as bytes, and the table of all chunks; knows nothing of files, threads or their order.
+//! One independent LAZ chunk as bytes, and the table of all chunks; knows nothing of files, threads or their
+//! order.
 //!
-//! A chunk's bytes depend on its records and on the LASzip record alone, so any thread may compress any chunk and
-//! one collector appends them. Layout of the point data (LASzip specification, "chunk table"): 8 bytes with the
-//! absolute file offset of the chunk table, the chunks, the table.
+//! A chunk's bytes depend on its records and on the LASzip record alone, so any thread may compress any chunk
+//! and one collector appends them. Layout of the point data (LASzip specification, "chunk table"): 8 bytes
+//! with the absolute file offset of the chunk table, the chunks, the table.
 
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
@@ -57,18 +58,20 @@ pub(crate) fn laz_vlr_data(vlr: &LazVlr) -> Result<Vec<u8>, OutputError> {
     Ok(data)
 }
 
-/// The bytes of the chunk that contains exactly `records` (whole records, little-endian, as in a LAS file; not empty).
+/// The bytes of the chunk that contains exactly `records` (whole records, little-endian, as in a LAS file;
+/// not empty).
 ///
 /// # Errors
-/// [`OutputError::PartialRecord`] if the slice is not a whole number of records, [`OutputError::Compress`] for a
-/// LASzip record with items of an unknown version.
+/// [`OutputError::PartialRecord`] if the slice is not a whole number of records, [`OutputError::Compress`]
+/// for a LASzip record with items of an unknown version.
 pub(crate) fn compress_chunk(vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8>, OutputError> {
     let record_bytes = vlr.items_size();
     if records.is_empty() || !(records.len() as u64).is_multiple_of(record_bytes) {
         return Err(OutputError::PartialRecord { bytes: records.len(), record_bytes });
     }
     let out = Vec::with_capacity(records.len() / 4);
-    // LASzip: items of version 1 and 2 (point formats 0 to 5) are coded record by record, later ones in layers.
+    // LASzip: items of version 1 and 2 (point formats 0 to 5) are coded record by record, later ones in
+    // layers.
     if vlr.items().first().is_some_and(|item| item.version() <= 2) {
         run(SequentialPointRecordCompressor::new(out), vlr, records)
     } else {
@@ -113,7 +116,8 @@ mod tests {
 
     use super::*;
 
-    /// Records with slowly changing coordinates and a pseudo-random rest, so that every field compressor works.
+    /// Records with slowly changing coordinates and a pseudo-random rest, so that every field compressor
+    /// works.
     fn records(count: usize, size: usize) -> Vec<u8> {
         let mut state = 1u32;
         let mut bytes = Vec::with_capacity(count * size);

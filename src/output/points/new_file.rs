@@ -1,9 +1,9 @@
-//! Streaming writer of a new LAS 1.4 or LAZ file: header, records in the given order, totals patched in at the end.
-//! Of the meaning of records it knows position and return number only.
+//! Streaming writer of a new LAS 1.4 or LAZ file: header, records in the given order, totals patched in at
+//! the end. Of the meaning of records it knows position and return number only.
 //!
-//! The file grows under a temporary name in its folder and gets its own name when it is complete and synced. LAZ
-//! chunks are compressed by the threads of the current rayon pool and written in order, so the bytes do not depend
-//! on the number of threads.
+//! The file grows under a temporary name in its folder and gets its own name when it is complete and synced.
+//! LAZ chunks are compressed by the threads of the current rayon pool and written in order, so the bytes do
+//! not depend on the number of threads.
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
@@ -112,8 +112,8 @@ impl NewFile {
     /// Starts `path`, which must not exist under this name until [`NewFile::finish`].
     ///
     /// # Errors
-    /// [`OutputError::Write`] when the folder cannot be written, [`OutputError::Compress`] for a point format that
-    /// LASzip does not know.
+    /// [`OutputError::Write`] when the folder cannot be written, [`OutputError::Compress`] for a point format
+    /// that LASzip does not know.
     pub(crate) fn create(path: &Path, schema: &NewFileSchema, compressed: bool) -> Result<Self, OutputError> {
         let extra_bytes: u16 = schema.extra.iter().map(|dimension| dimension.kind.bytes()).sum();
         let base = las::point::Format::new(schema.point_format)

@@ -144,8 +144,8 @@ impl RecordPlan {
         }
     }
 
-    /// The LAS class of a class code and of the class of an object; `None` if the point keeps its class. Vehicles,
-    /// poles, fences and furniture have no class in LAS.
+    /// The LAS class of a class code and of the class of an object; `None` if the point keeps its class.
+    /// Vehicles, poles, fences and furniture have no class in LAS.
     fn las_class(&self, code: u8, kind: u8) -> Option<u8> {
         match PointClass::from_code(code)? {
             PointClass::Object => match kind {

@@ -40,7 +40,8 @@ struct Scale {
 }
 
 impl Scale {
-    /// An axis with room for `values`, a margin at its end, and the share `head` of its length for the text there.
+    /// An axis with room for `values`, a margin at its end, and the share `head` of its length for the text
+    /// there.
     fn new(axis: &ChartAxis, values: impl Iterator<Item = f64>, head: f64) -> Self {
         let values = values.chain(axis.thresholds.iter().map(|threshold| threshold.1));
         let mut least = f64::INFINITY;
@@ -55,7 +56,8 @@ impl Scale {
         Self { logarithmic: axis.logarithmic, from, to: to + (to - from) * (0.05 + head) }
     }
 
-    /// The position of a value on the axis. A value that a logarithmic axis cannot show is drawn at its beginning.
+    /// The position of a value on the axis. A value that a logarithmic axis cannot show is drawn at its
+    /// beginning.
     fn place(&self, value: f64) -> f64 {
         if !self.logarithmic {
             value

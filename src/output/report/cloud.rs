@@ -3,7 +3,7 @@
 //! ```text
 //! planes := key (4) x (4) y (4) z (4) intensity (1)      each plane has one byte of every point
 //! key    := difference to the point before
-//! x y z  := difference to the point before, with the sign in the lowest bit, in steps of 1 cm from the origin
+//! x y z  := difference to the point before, sign in the lowest bit, in steps of 1 cm from the origin
 //! ```
 
 use super::sample::SamplePoint;

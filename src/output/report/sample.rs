@@ -1,8 +1,9 @@
 //! Which points the report shows: one point of a voxel, and as many voxels of every object as fit the budget.
 //!
-//! A voxel is kept or not by the hash of its index, so the choice depends neither on tiles nor on threads nor on the
-//! order of the records. Of a kept voxel, the point nearest to its centre is shown. The first point of every object is
-//! always kept. Units of the drive collect candidates with bounded memory, and [`Choice`] takes the best of all units.
+//! A voxel is kept or not by the hash of its index, so the choice depends neither on tiles nor on threads nor
+//! on the order of the records. Of a kept voxel, the point nearest to its centre is shown. The first point of
+//! every object is always kept. Units of the drive collect candidates with bounded memory, and [`Choice`]
+//! takes the best of all units.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -15,8 +16,8 @@ pub(crate) const LOOSE: u32 = 1;
 /// Steps of shown coordinates per metre: centimetres, which is less than a pixel.
 pub(crate) const STEPS_PER_M: f64 = 100.0;
 
-/// Shares of the budget for ground and for points of no object, if there are more points than the budget. Chosen,
-/// because a street is recognised with few ground points, and objects are what is looked at.
+/// Shares of the budget for ground and for points of no object, if there are more points than the budget.
+/// Chosen, because a street is recognised with few ground points, and objects are what is looked at.
 const GROUND_SHARE: f64 = 0.25;
 const LOOSE_SHARE: f64 = 0.05;
 /// Planned points per shown point. The surface of an object is estimated from its box and can be smaller.
@@ -27,7 +28,8 @@ const LEAST_OF_OBJECT: f64 = 24.0;
 const FIRST: u64 = 1 << 14;
 /// Candidates that one unit collects before it drops the worse ones.
 const UNIT_CANDIDATES: usize = 1 << 17;
-/// Slots for the voxels that were seen last, a power of two. Neighbouring records are mostly in the same voxels.
+/// Slots for the voxels that were seen last, a power of two. Neighbouring records are mostly in the same
+/// voxels.
 const SLOTS: usize = 1 << 14;
 
 /// A shown point, as it is stored. The order is that of the choice: by rank, then by object, then by content.
@@ -60,7 +62,8 @@ impl SamplePoint {
 struct Rule {
     /// Binary logarithm of the edge of a voxel in lattice units.
     shift: u8,
-    /// Voxels per planned point in steps of 2^-16. Below 1 where every point is planned: these are shown first.
+    /// Voxels per planned point in steps of 2^-16. Below 1 where every point is planned: these are shown
+    /// first.
     thinning: u64,
 }
 
@@ -169,8 +172,8 @@ fn surface_m2(object: &ObjectPart, lattice: Lattice) -> f64 {
     (2.0 * (dx + dy) * dz + dx * dy).max(0.25)
 }
 
-/// Planned points of every object: a few for each, and the rest by a power of the surface below 1, so that small
-/// objects are denser. The sum is `planned` at most, or all points.
+/// Planned points of every object: a few for each, and the rest by a power of the surface below 1, so that
+/// small objects are denser. The sum is `planned` at most, or all points.
 fn quotas(objects: &[ObjectPart], lattice: Lattice, planned: f64) -> Vec<f64> {
     let least = LEAST_OF_OBJECT.min(planned / objects.len().max(1) as f64);
     // Roots instead of a power: they are exact, so every machine computes the same.
@@ -223,7 +226,8 @@ impl<'a> Sampler<'a> {
     /// Bytes that a sampler needs at most.
     pub(crate) const BYTES: u64 = ((SLOTS + 4 * UNIT_CANDIDATES) * size_of::<SamplePoint>()) as u64;
 
-    /// Adds a point by its number in the drive, its place on the lattice, its class and object, and its intensity.
+    /// Adds a point by its number in the drive, its place on the lattice, its class and object, and its
+    /// intensity.
     #[inline]
     pub(crate) fn add(
         &mut self,
@@ -298,7 +302,8 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Sorts candidates, keeps one of each voxel, and the best `count`. Returns the rank from which on none is needed.
+/// Sorts candidates, keeps one of each voxel, and the best `count`. Returns the rank from which on none is
+/// needed.
 fn keep_best(candidates: &mut Vec<SamplePoint>, count: usize) -> u64 {
     candidates.sort_unstable();
     candidates.dedup_by_key(|sample| sample.voxel());

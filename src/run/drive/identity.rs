@@ -55,7 +55,8 @@ pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     check_recorded(run_dir, catalog)
 }
 
-/// Refuses files whose names, sizes or record counts differ from those that the start of the run has recorded.
+/// Refuses files whose names, sizes or record counts differ from those that the start of the run has
+/// recorded.
 pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     let now: Vec<FileIdentity> = catalog.files().iter().map(FileIdentity::of).collect();
     let Some(stored) = run_dir.await_json::<Vec<FileIdentity>>(NAME)? else {
@@ -80,8 +81,8 @@ pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> 
 }
 
 /// For files with another modification time, compares their content with that at the survey. Other content is
-/// refused. A file that was only copied or touched is accepted. `runs` are the units of the survey in `dir`, `stored_part` reads one
-/// of them, and `survey` surveys one and stores nothing.
+/// refused. A file that was only copied or touched is accepted. `runs` are the units of the survey in `dir`,
+/// `stored_part` reads one of them, and `survey` surveys one and stores nothing.
 pub(crate) fn check_content(
     run_dir: &RunDir,
     drive: &Drive,

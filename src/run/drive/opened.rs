@@ -15,8 +15,8 @@ use crate::run::engine::Payloads;
 use crate::spatial::CellGrid;
 use crate::survey::{Collector, SurveyError};
 
-/// Smallest and largest number of points of one unit of a pass over blocks. A unit is in memory as a whole before it is
-/// stored, with up to 16 bytes per point, so the largest does not grow with the drive.
+/// Smallest and largest number of points of one unit of a pass over blocks. A unit is in memory as a whole
+/// before it is stored, with up to 16 bytes per point, so the largest does not grow with the drive.
 const UNIT_POINTS: (u64, u64) = (200_000, 1_000_000);
 /// Number of records whose values are read at once.
 const PAGE: u64 = 65_536;
@@ -39,7 +39,8 @@ pub(crate) struct BlockRun {
 pub(crate) struct Drive {
     pub(crate) catalog: Catalog,
     pub(crate) grid: CellGrid,
-    /// Record coordinates of compressed files: x, y, z as in the records. Known after the survey has unpacked them.
+    /// Record coordinates of compressed files: x, y, z as in the records. Known after the survey has unpacked
+    /// them.
     positions: OnceLock<PerPoint<[i32; 3]>>,
 }
 
@@ -109,8 +110,8 @@ impl Drive {
         records * (file.layout().record_len as u64 + more)
     }
 
-    /// Surveys a block directly from the file (decoded, if compressed). Adds its positions to `unpacked`, if they are
-    /// wanted.
+    /// Surveys a block directly from the file (decoded, if compressed). Adds its positions to `unpacked`, if
+    /// they are wanted.
     pub(crate) fn survey_block(
         &self,
         (file, block): (usize, usize),

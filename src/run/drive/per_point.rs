@@ -1,5 +1,6 @@
-//! One small value per point (position, field, class, object), as a pass has stored it in its units. Each unit has the
-//! values of a run of records, so every value has one writer and is covered by the checksum of its unit.
+//! One small value per point (position, field, class, object), as a pass has stored it in its units. Each
+//! unit has the values of a run of records, so every value has one writer and is covered by the checksum of
+//! its unit.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -26,8 +27,8 @@ impl<T: Pod + Default> PerPoint<T> {
         Self { sections: Sections::of(units.clone(), number), runs, value: PhantomData }
     }
 
-    /// Reads the values of consecutive records of a file. Records that are in no unit, beside a section of the drive, have
-    /// the default.
+    /// Reads the values of consecutive records of a file. Records that are in no unit, beside a section of
+    /// the drive, have the default.
     pub(crate) fn read(&self, file: usize, first: u64, values: &mut [T]) -> Result<()> {
         let mut record = first;
         let mut rest = values;

@@ -1,9 +1,11 @@
-//! The section of a drive between two chainages: which cells are processed for it, and where objects are whole.
+//! The section of a drive between two chainages: which cells are processed for it, and where objects are
+//! whole.
 //!
-//! Three areas enclose each other. *Inside* are the cells whose chainage is in the section: an object of the section has
-//! points there. Within `tiling.beyond` of them, objects are followed, and are those of the whole drive. Around that,
-//! points are read only because they decide on ground and objects; what reaches them is marked as cut. The areas are
-//! dilations in the plane, as halos are: on a loop, a place can be near and have quite another chainage.
+//! Three areas enclose each other. *Inside* are the cells whose chainage is in the section: an object of the
+//! section has points there. Within `tiling.beyond` of them, objects are followed, and are those of the whole
+//! drive. Around that, points are read only because they decide on ground and objects; what reaches them is
+//! marked as cut. The areas are dilations in the plane, as halos are: on a loop, a place can be near and have
+//! quite another chainage.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -15,8 +17,8 @@ use crate::run::error::RunError;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 use crate::survey::Axis;
 
-/// Edge of the squares in which areas are dilated, in cells. Chosen: 8 m are little beside the distances, and there are
-/// few squares.
+/// Edge of the squares in which areas are dilated, in cells. Chosen: 8 m are little beside the distances, and
+/// there are few squares.
 const SQUARE_CELLS: i32 = 8;
 
 /// A section of a drive.
@@ -32,8 +34,8 @@ pub(crate) struct Section {
 }
 
 impl Section {
-    /// The section that the settings choose; `None` for the whole drive. Points within `deciding` lattice units decide
-    /// on an object.
+    /// The section that the settings choose; `None` for the whole drive. Points within `deciding` lattice
+    /// units decide on an object.
     pub(crate) fn chosen(
         config: &TilingConfig,
         axis: &Axis,
@@ -95,8 +97,8 @@ fn square(cell: Cell) -> Cell {
     cell.map(|index| index.div_euclid(SQUARE_CELLS))
 }
 
-/// The squares at most `steps` away from some squares, along both axes. Between one of them and any other square lie
-/// at least the remaining steps.
+/// The squares at most `steps` away from some squares, along both axes. Between one of them and any other
+/// square lie at least the remaining steps.
 fn dilated(squares: &BTreeSet<Cell>, steps: i32) -> BTreeSet<Cell> {
     let along = |squares: &BTreeSet<Cell>, axis: usize| -> BTreeSet<Cell> {
         let moved = |cell: &Cell, by: i32| {

@@ -103,7 +103,8 @@ impl TileVerdicts {
         &self.classes[range(entry.points.0, entry.points.1)]
     }
 
-    /// Writes the class codes of the owned records of a block over `codes`, which has one per record of the block.
+    /// Writes the class codes of the owned records of a block over `codes`, which has one per record of the
+    /// block.
     pub(crate) fn scatter(&self, entry: &OwnedBlock, codes: &mut [u8]) -> Result<()> {
         scatter(&self.runs(entry)?, self.classes(entry), codes)
     }

@@ -35,8 +35,8 @@ pub(super) fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mu
     }
 }
 
-/// Distance between neighbouring files of one drive that is not asked about, in metres. A vehicle that stops recording
-/// in a tunnel or between two streets goes on within it.
+/// Distance between neighbouring files of one drive that is not asked about, in metres. A vehicle that stops
+/// recording in a tunnel or between two streets goes on within it.
 const APART_M: f64 = 10_000.0;
 
 /// Files far from each other are usually not one drive: an axis through all of them means nothing.
@@ -54,8 +54,8 @@ pub(super) fn warn_of_files_apart(drive: &Drive, warnings: &mut Vec<String>) {
     }
 }
 
-/// The longest step, in metres, of the shortest way to connect all boxes (minimum spanning tree; Prim 1957, "Shortest
-/// connection networks and some generalizations", doi:10.1002/j.1538-7305.1957.tb01515.x).
+/// The longest step, in metres, of the shortest way to connect all boxes (minimum spanning tree; Prim 1957,
+/// "Shortest connection networks and some generalizations", doi:10.1002/j.1538-7305.1957.tb01515.x).
 fn largest_step(boxes: &[[[f64; 2]; 2]]) -> f64 {
     let gap = |a: &[[f64; 2]; 2], b: &[[f64; 2]; 2]| {
         let along = |axis: usize| (a[0][axis] - b[1][axis]).max(b[0][axis] - a[1][axis]).max(0.0);

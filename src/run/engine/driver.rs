@@ -1,5 +1,6 @@
-//! The drivers of a pass: this process ([`Here`]), and this process without a run directory ([`InMemory`]). Further drivers
-//! look only (`looks.rs`) or share a run with other processes (`shares.rs`). All of them walk the same list of passes.
+//! The drivers of a pass: this process ([`Here`]), and this process without a run directory ([`InMemory`]).
+//! Further drivers look only (`looks.rs`) or share a run with other processes (`shares.rs`). All of them walk
+//! the same list of passes.
 
 use crate::error::Result;
 use crate::run::engine::folders::Outline;

@@ -1,4 +1,5 @@
-//! Drivers that only look: [`Nobody`] counts the stored units of every pass, and [`Due`] finds the pass that is due.
+//! Drivers that only look: [`Nobody`] counts the stored units of every pass, and [`Due`] finds the pass that
+//! is due.
 
 use crate::error::Result;
 use crate::run::engine::driver::Driver;

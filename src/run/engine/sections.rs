@@ -1,5 +1,5 @@
-//! One section of the payloads of all units of a pass, read in parts. A bounded number of files is open at a time,
-//! because a long drive has more units than a process may open files.
+//! One section of the payloads of all units of a pass, read in parts. A bounded number of files is open at a
+//! time, because a long drive has more units than a process may open files.
 
 use std::collections::VecDeque;
 use std::ops::Range;

@@ -1,5 +1,5 @@
-//! Drivers for a run that several processes share: [`Share`] computes some units of one pass, and [`Barrier`] completes one
-//! pass after all of its units are there.
+//! Drivers for a run that several processes share: [`Share`] computes some units of one pass, and [`Barrier`]
+//! completes one pass after all of its units are there.
 
 use std::time::Duration;
 
@@ -126,7 +126,8 @@ impl Driver for Share<'_> {
         self.limits.memory = bytes;
     }
 
-    /// Warnings about the drive are left to the process that drives the run: a hundred workers would repeat them.
+    /// Warnings about the drive are left to the process that drives the run: a hundred workers would repeat
+    /// them.
     fn tell(&self, event: &Event<'_>) {
         if !matches!(event, Event::Warning { .. }) {
             self.observer.event(event);
@@ -135,8 +136,8 @@ impl Driver for Share<'_> {
     }
 }
 
-/// Completes one pass: checks that all of its units are there, reduces them, and opens the next pass for workers. It
-/// computes no unit.
+/// Completes one pass: checks that all of its units are there, reduces them, and opens the next pass for
+/// workers. It computes no unit.
 pub(crate) struct Barrier<'a> {
     run_dir: &'a RunDir,
     /// Title of the pass to complete. `None` opens the first pass.

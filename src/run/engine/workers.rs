@@ -2,10 +2,10 @@
 //! resumes.
 //!
 //! A pass is a pure function over its units (tiles, runs of blocks): the input is files and small values, the
-//! output is a payload. Units go to workers in order, as soon as there is memory for them. A worker thread reads and
-//! computes its unit. The calling thread syncs what the units that have arrived wrote beside their payloads, and then commits
-//! these units. So finished work survives an interruption, and no worker waits
-//! for the disk. Reductions need an order, so they read the payloads in the order of the units.
+//! output is a payload. Units go to workers in order, as soon as there is memory for them. A worker thread
+//! reads and computes its unit. The calling thread syncs what the units that have arrived wrote beside their
+//! payloads, and then commits these units. So finished work survives an interruption, and no worker waits for
+//! the disk. Reductions need an order, so they read the payloads in the order of the units.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -3,8 +3,8 @@
 use crate::output::report::PageFrame;
 use crate::run::drive::{Drive, Surveyed};
 
-/// Where the page counts coordinates from: the start of the axis and the lowest point, on the lattice. The start of the
-/// axis, because stray points can be far from everything.
+/// Where the page counts coordinates from: the start of the axis and the lowest point, on the lattice. The
+/// start of the axis, because stray points can be far from everything.
 pub(super) fn origin(drive: &Drive, surveyed: &Surveyed) -> [i64; 3] {
     let start = surveyed.axis.vertices().first().copied().unwrap_or_default();
     let [x, y] = start.map(|metres| drive.lattice().units(metres.round()));

@@ -49,9 +49,9 @@ pub(crate) fn withdraw(run_dir: &RunDir, export: &PassDir) -> Result<()> {
     Ok(())
 }
 
-/// Marks the run as finished after its last output was written, and removes what only
-/// unfinished outputs need: the files of the export, its units, and those of the cloud-optimised file, whether this run
-/// has it or an earlier one did not end.
+/// Marks the run as finished after its last output was written, and removes what only unfinished outputs
+/// need: the files of the export, its units, and those of the cloud-optimised file, whether this run has it
+/// or an earlier one did not end.
 pub(crate) fn mark_finished(
     run_dir: &RunDir,
     export: &PassDir,

@@ -89,8 +89,8 @@ pub(crate) fn claim(run_dir: &RunDir, config: &Config, surfaces: bool, files: &[
     Ok(run_dir.claim_outputs(&names)?)
 }
 
-/// Removes the outputs of an earlier run that this run will not write, and names them. Only files that chainage wrote
-/// are removed.
+/// Removes the outputs of an earlier run that this run will not write, and names them. Only files that
+/// chainage wrote are removed.
 pub(crate) fn remove_superseded(
     run_dir: &RunDir,
     config: &Config,
@@ -110,8 +110,8 @@ pub(crate) fn remove_superseded(
     Ok(removed)
 }
 
-/// Removes outputs of an earlier call that this one leaves out, because they would show other objects. Of the labelled
-/// copies `files`, those in `written` stay.
+/// Removes outputs of an earlier call that this one leaves out, because they would show other objects. Of the
+/// labelled copies `files`, those in `written` stay.
 pub(crate) fn remove_left_out(
     run_dir: &RunDir,
     config: &Config,

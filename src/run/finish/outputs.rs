@@ -24,7 +24,8 @@ pub(crate) fn names_of(labelled: &[LabelledFile]) -> Vec<String> {
     labelled.iter().map(|file| file.name().to_owned()).collect()
 }
 
-/// Writes what is left after the last pass, unless it was written before. `copies` are the names of the labelled copies.
+/// Writes what is left after the last pass, unless it was written before. `copies` are the names of the
+/// labelled copies.
 pub(crate) fn finish(
     run_dir: &RunDir,
     open: &Opened<'_>,

@@ -83,8 +83,8 @@ impl PassStatus {
     }
 }
 
-/// The settings among the changed values. The tiles and the reach are derived from settings: they are named only where no
-/// setting of the pass has changed.
+/// The settings among the changed values. The tiles and the reach are derived from settings: they are named
+/// only where no setting of the pass has changed.
 fn causes<'a>(changed: &[&'a StaleReason]) -> Vec<&'a StaleReason> {
     let settings: Vec<_> = changed.iter().copied().filter(|reason| reason.name.contains('.')).collect();
     if settings.is_empty() { changed.to_vec() } else { settings }
@@ -101,7 +101,8 @@ fn changed(reason: &StaleReason) -> String {
     }
 }
 
-/// The unit of a setting with a blank before it, as the comments of the defaults say it; empty where there is none.
+/// The unit of a setting with a blank before it, as the comments of the defaults say it; empty where there is
+/// none.
 fn unit(setting: &str) -> &'static str {
     let Some((section, key)) = setting.split_once('.') else { return "" };
     let header = format!("[{section}]");

@@ -1,6 +1,7 @@
-//! Pass `copc nodes`: completes the columns of the octree of the cloud-optimised file, one at a time: which node shows which
-//! point, and the chunk of each node. Nodes above the columns are joined from the points that columns pass on. Its
-//! reduction writes the file, nodes in the order of their keys, so the columns leave no trace in it.
+//! Pass `copc nodes`: completes the columns of the octree of the cloud-optimised file, one at a time: which
+//! node shows which point, and the chunk of each node. Nodes above the columns are joined from the points
+//! that columns pass on. Its reduction writes the file, nodes in the order of their keys, so the columns
+//! leave no trace in it.
 //!
 //! ```text
 //! payload := sections: table of parts, the parts one after the other
@@ -29,8 +30,8 @@ use crate::whole_file;
 const NUMBER: u32 = 9;
 const NAME: &str = "copc nodes";
 
-/// Bytes per point of a column beside three copies of its record: number (8), place and rank (24), order (4), leaves (16),
-/// levels and nodes (36).
+/// Bytes per point of a column beside three copies of its record: number (8), place and rank (24), order (4),
+/// leaves (16), levels and nodes (36).
 const BYTES_PER_POINT: u64 = 88;
 
 /// The nodes depend on the points alone.

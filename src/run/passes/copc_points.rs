@@ -1,5 +1,5 @@
-//! Pass `copc points`: makes the records of the cloud-optimised file, and writes them grouped by the column of its octree that
-//! owns them, so that the columns can be completed one at a time.
+//! Pass `copc points`: makes the records of the cloud-optimised file, and writes them grouped by the column
+//! of its octree that owns them, so that the columns can be completed one at a time.
 //!
 //! ```text
 //! payload := found points            sections
@@ -35,8 +35,8 @@ const NUMBER_BYTES: usize = 4;
 /// The group of points that are not shown.
 const NOWHERE: u32 = u32::MAX;
 
-/// The points depend on the values of all points and on the settings of the output, as the labelled copies do. Their
-/// columns follow from the tiles, on which these values depend.
+/// The points depend on the values of all points and on the settings of the output, as the labelled copies
+/// do. Their columns follow from the tiles, on which these values depend.
 pub(crate) fn outline(export: &Outline) -> Outline {
     Outline::new(NUMBER, NAME, Inputs::new().with("pass export", export.depends.fingerprint()))
 }
@@ -52,8 +52,8 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
-    /// Divides a cube until columns have at most `most` points, or are single cells. No column is below a leaf of the
-    /// octree, whatever `most` is.
+    /// Divides a cube until columns have at most `most` points, or are single cells. No column is below a
+    /// leaf of the octree, whatever `most` is.
     pub(crate) fn of(cube: Cube, cells: &PackedCells, edge: i64, most: u64) -> Self {
         let most = most.max(LEAF_POINTS as u64);
         let deepest = cube.raster_level(edge);
@@ -92,7 +92,8 @@ impl Columns {
     }
 }
 
-/// The point with the smallest rank in each cell of the levels that columns cannot decide: its rank and its number.
+/// The point with the smallest rank in each cell of the levels that columns cannot decide: its rank and its
+/// number.
 pub(super) type Winners = BTreeMap<(u32, u128), (u64, u64)>;
 
 fn improve(winners: &mut Winners, cell: (u32, u128), found: (u64, u64)) {

@@ -1,4 +1,5 @@
-//! Which labelled copies a run writes, and which points it shows: for a section, only those in it and around it.
+//! Which labelled copies a run writes, and which points it shows: for a section, only those in it and around
+//! it.
 
 use crate::error::Result;
 use crate::model::Kind;

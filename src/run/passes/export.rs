@@ -1,5 +1,5 @@
-//! Pass `export`: writes the labelled copies, a run of blocks at a time, and samples the points for the report on
-//! the way. Its reduction gives the copies their names and chooses the shown points.
+//! Pass `export`: writes the labelled copies, a run of blocks at a time, and samples the points for the
+//! report on the way. Its reduction gives the copies their names and chooses the shown points.
 //!
 //! ```text
 //! payload := bytes of the samples (u64) samples chunk*     chunks only of compressed copies
@@ -74,8 +74,8 @@ pub(crate) struct ExportPass<'a> {
     outline: Outline,
 }
 
-/// The export depends on the values of all points, the rows of the tables (they are finished with it) and the settings
-/// of the output.
+/// The export depends on the values of all points, the rows of the tables (they are finished with it) and the
+/// settings of the output.
 pub(crate) fn outline(relabel: &Outline, inventory: &Outline, config: &Config) -> Outline {
     let depends = Inputs::new()
         .with("pass relabel", relabel.depends.fingerprint())
@@ -122,7 +122,8 @@ impl<'a> ExportPass<'a> {
                 pass.units.push(Unit { file, chunks: start..end, points });
                 start = end;
             }
-            // With the fingerprint: a worker that is late, from before the settings changed, writes to another file.
+            // With the fingerprint: a worker that is late, from before the settings changed, writes to
+            // another file.
             let part = folder.join(format!("{file:05}-{}.part", pass.outline.depends.fingerprint()));
             pass.targets.push(Target { labelled, is_copied, chunks, part, unsynced: AtomicBool::new(false) });
         }
@@ -291,8 +292,8 @@ fn length(records: &Range<u64>) -> u64 {
     records.end - records.start
 }
 
-/// Opens the temporary file of a copy, which `prepare` has created. Only for writing: then a network file system sends the
-/// bytes that were written, and never whole pages with the old bytes of other writers.
+/// Opens the temporary file of a copy, which `prepare` has created. Only for writing: then a network file
+/// system sends the bytes that were written, and never whole pages with the old bytes of other writers.
 fn open_part(target: &Target) -> Result<File, OutputError> {
     File::options()
         .write(true)

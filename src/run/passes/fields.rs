@@ -1,5 +1,5 @@
-//! Pass `fields`: stores further fields of every point (intensity, colours), and computes exact sums of every field in
-//! which distances are measured, over all points of the drive, ground and noise included.
+//! Pass `fields`: stores further fields of every point (intensity, colours), and computes exact sums of every
+//! field in which distances are measured, over all points of the drive, ground and noise included.
 //!
 //! ```text
 //! payload := sums values*        sections; values (u16) of each field that is not a coordinate

@@ -30,8 +30,8 @@ pub(crate) const ALGORITHM_EPOCH: u32 = 2;
 /// voxel.
 pub(crate) const BYTES_PER_POINT: u64 = 52;
 
-/// In one cell of this number all points are asked whether they lie low and are ground. That is enough for a warning. One
-/// point of as many would not do: its neighbours say what lies low.
+/// In one cell of this number all points are asked whether they lie low and are ground. That is enough for a
+/// warning. One point of as many would not do: its neighbours say what lies low.
 const LOW_SHARE: i64 = 8;
 
 /// The ground pass depends on the content of the input, the tiles, and its own settings.

@@ -1,5 +1,5 @@
-//! Pass `relabel`: stores the class and the object of every point, by record. A unit has the values of a run of records,
-//! and combines the results of all tiles that own these records.
+//! Pass `relabel`: stores the class and the object of every point, by record. A unit has the values of a run
+//! of records, and combines the results of all tiles that own these records.
 //!
 //! ```text
 //! payload := classes objects     sections; u8 and u32 per record
@@ -163,7 +163,8 @@ impl Pass for RelabelPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Class, object, object as owned, label as read, run lengths of a block; class and object of all, twice.
+        // Class, object, object as owned, label as read, run lengths of a block; class and object of all,
+        // twice.
         self.drive().largest_block_bytes(&self.runs[unit], 0).max(1 << 16)
             + self.runs[unit].points.min(1 << 16) * 24
             + self.runs[unit].points * 10

@@ -79,7 +79,8 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Positions of a block on the lattice, the counts, and the positions of the unit, twice while it is stored.
+        // Positions of a block on the lattice, the counts, and the positions of the unit, twice while it is
+        // stored.
         let run = &self.runs[unit];
         let unpacked = if self.drive.file(run.file).is_compressed() { run.points * 24 } else { 0 };
         self.drive.largest_block_bytes(run, 12) + unpacked + (16 << 20)

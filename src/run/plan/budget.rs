@@ -103,8 +103,9 @@ impl Budget {
         TileNeed::largest(needs) <= self.each()
     }
 
-    /// Whether a plan whose largest tile needs so many bytes stays as it is. Results of other processes and of earlier calls
-    /// belong to it, so a plan that was made where more memory was free stays as long as the tile fits what is free here.
+    /// Whether a plan whose largest tile needs so many bytes stays as it is. Results of other processes and
+    /// of earlier calls belong to it, so a plan that was made where more memory was free stays as long as the
+    /// tile fits what is free here.
     pub(crate) fn keeps(&self, largest: u64) -> bool {
         largest <= self.memory.saturating_mul(if self.automatic { 2 } else { 1 })
     }

@@ -49,8 +49,8 @@ pub(crate) struct Street<'a> {
 }
 
 impl<'a> Street<'a> {
-    /// The street of `surveyed`. To find the vertices takes most of the time in which a process starts to work on a long
-    /// drive, so they are stored.
+    /// The street of `surveyed`. To find the vertices takes most of the time in which a process starts to
+    /// work on a long drive, so they are stored.
     fn of<D: Driver>(driver: &D, surveyed: &'a Surveyed, drive: &Drive) -> Result<Self> {
         let dir = driver.run_dir().map(|run_dir| run_dir.pass(STRIPS, depends(surveyed, drive)));
         let stored = match &dir {

@@ -1,10 +1,10 @@
-//! The time that a run will probably take, from what its methods cost per point and from the speed of the survey, which
-//! says how fast this machine reads these files.
+//! The time that a run will probably take, from what its methods cost per point and from the speed of the
+//! survey, which says how fast this machine reads these files.
 
 use std::ops::RangeInclusive;
 
-/// Processor time per point on the machine of `benches/results`, in microseconds, while other programs used it as well:
-/// the survey of LAS and of LAZ, which is mostly decoding.
+/// Processor time per point on the machine of `benches/results`, in microseconds, while other programs used
+/// it as well: the survey of LAS and of LAZ, which is mostly decoding.
 const SURVEY_LAS: f64 = 0.2;
 const SURVEY_LAZ: f64 = 2.2;
 /// Joining labels, measuring objects, copying records and sampling the page.
@@ -13,8 +13,8 @@ const AFTER_OBJECTS: f64 = 2.0;
 const ENCODING: f64 = 2.5;
 /// A survey of fewer points says nothing of the machine: it mostly waits for threads and files.
 const TELLING_POINTS: u64 = 200_000;
-/// Other processors and disks are within these factors of that machine. A survey that is slower than that waited for
-/// something.
+/// Other processors and disks are within these factors of that machine. A survey that is slower than that
+/// waited for something.
 const FACTORS: RangeInclusive<f64> = 0.1..=20.0;
 /// How far a run may be from its estimate. Chosen: no study of many machines is behind it.
 const LOW: f64 = 0.6;
@@ -29,8 +29,8 @@ pub(crate) struct Work {
     /// Seconds of the survey.
     pub(crate) survey_s: f64,
     pub(crate) threads: usize,
-    /// Points that the tiles read for the ground filter and for the method, halos included, and what these cost in
-    /// microseconds per point.
+    /// Points that the tiles read for the ground filter and for the method, halos included, and what these
+    /// cost in microseconds per point.
     pub(crate) ground: (u64, f64),
     pub(crate) method: (u64, f64),
     /// Points that are labelled and copied, and of these those in compressed copies.

@@ -106,9 +106,9 @@ impl Asking for Lonely {
 }
 
 impl CurveStep {
-    /// The description of the step for the engine. Its memory is estimated: a point of objects takes 29 bytes in the
-    /// cloud and 8 per field for its coordinates. The construction of the tree takes 8 more per field, and 8. Points that
-    /// are read for queries across borders are added.
+    /// The description of the step for the engine. Its memory is estimated: a point of objects takes 29 bytes
+    /// in the cloud and 8 per field for its coordinates. The construction of the tree takes 8 more per field,
+    /// and 8. Points that are read for queries across borders are added.
     pub(crate) fn step(fields: usize) -> Step {
         Step {
             name: STEP,

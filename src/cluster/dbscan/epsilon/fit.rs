@@ -149,7 +149,8 @@ mod tests {
 
     #[test]
     fn k_grows_until_there_is_a_tangent_point() {
-        // A straight line up to k = 60 with an offset that makes its slope flatter than the chord's, then a rise.
+        // A straight line up to k = 60 with an offset that makes its slope flatter than the chord's, then a
+        // rise.
         let bend = |k: usize| if k <= 45 { 1.0 + k as f64 * 0.01 } else { 1.45 + (k - 45) as f64 * 0.1 };
         let values = |to: usize| curve((2..=to).map(bend).collect());
         assert_eq!(estimate(values(40), 40, 1_000), Ok(Attempt::Longer(200)));

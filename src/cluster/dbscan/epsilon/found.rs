@@ -9,8 +9,8 @@ use crate::codec;
 use crate::error::Result;
 use crate::model::FieldSpace;
 
-/// Halo of the step `epsilon` in metres. Most points of a street have their 40 nearest neighbours within it (chosen; the
-/// share of points that ask for more is reported).
+/// Halo of the step `epsilon` in metres. Most points of a street have their 40 nearest neighbours within it
+/// (chosen; the share of points that ask for more is reported).
 pub(crate) const HALO_M: f64 = 2.0;
 
 /// What exact results at the borders of tiles cost.

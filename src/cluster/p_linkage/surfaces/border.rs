@@ -1,9 +1,10 @@
 //! The border of two adjacent slices: how far its points are from the plane of the other slice.
 //!
-//! This is not in the paper. Equation 11 compares only normals, so a road and a pavement, which are parallel, become one
-//! surface over a kerb: neighbourhoods reach over the kerb, and two points of a mutual pair may lie on both sides of it.
-//! The points of such a pair are far from the plane of the other slice, compared with the deviation of the points of
-//! either slice. Where two slices are parts of one plane, or of one bent surface, they are about as far as its own.
+//! This is not in the paper. Equation 11 compares only normals, so a road and a pavement, which are parallel,
+//! become one surface over a kerb: neighbourhoods reach over the kerb, and two points of a mutual pair may
+//! lie on both sides of it. The points of such a pair are far from the plane of the other slice, compared
+//! with the deviation of the points of either slice. Where two slices are parts of one plane, or of one bent
+//! surface, they are about as far as its own.
 
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +43,8 @@ impl Border {
         self.steps as f64 / (STEPS * 2.0 * self.pairs.max(1) as f64)
     }
 
-    /// Whether the mean distance is below `score` times the larger deviation of both slices, in lattice units.
+    /// Whether the mean distance is below `score` times the larger deviation of both slices, in lattice
+    /// units.
     pub(super) fn agrees(&self, score: f64, deviation: f64) -> bool {
         self.mean() < score * deviation.max(LEAST_DEVIATION)
     }

@@ -1,33 +1,41 @@
-//! The clustering method `p-linkage`: surfaces. Each point is linked to the neighbour that is flatter and has the most
-//! similar normal; trees of links are slices with a robust plane; adjacent slices with similar normals are merged.
+//! The clustering method `p-linkage`: surfaces. Each point is linked to the neighbour that is flatter and has
+//! the most similar normal; trees of links are slices with a robust plane; adjacent slices with similar
+//! normals are merged.
 //!
-//! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation", ISPRS Annals III-3, 201-208
-//! (2016), doi:10.5194/isprs-annals-III-3-201-2016, section 3, equations 4 to 11. "The paper" in this folder is Lu et al.
-//! 2016. Ours: neighbours are within `reach_m`; of equally flat points the one with the smaller id is the flatter, so
-//! that a perfectly flat floor is one surface; a point that is linked to nothing is the root of its tree, and a centre
-//! if it is flatter than mean + standard deviation; where the median deviation is 0, all points are consistent; random
-//! numbers follow from ids (`slice`). Merging is transitive, and compares the planes of slices before any merging. Slices
-//! are merged only if their border is near to both planes too, because parallel planes at different heights became one
-//! surface over a kerb (`border`), and planes of slices are fitted once more (`slice`). `border_score = 0` and
-//! `refit_planes = false` give the rules as printed. All points of a slice have its label; its plane and that of its surface fit the consistent points.
+//! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation", ISPRS Annals III-3,
+//! 201-208 (2016), doi:10.5194/isprs-annals-III-3-201-2016, section 3, equations 4 to 11. "The paper" in this
+//! folder is Lu et al.
+//! 2016. Ours: neighbours are within `reach_m`; of equally flat points the one with the smaller id is the
+//!       flatter, so
+//! that a perfectly flat floor is one surface; a point that is linked to nothing is the root of its tree, and
+//! a centre if it is flatter than mean + standard deviation; where the median deviation is 0, all points are
+//! consistent; random numbers follow from ids (`slice`). Merging is transitive, and compares the planes of
+//! slices before any merging. Slices are merged only if their border is near to both planes too, because
+//! parallel planes at different heights became one surface over a kerb (`border`), and planes of slices are
+//! fitted once more (`slice`). `border_score = 0` and `refit_planes = false` give the rules as printed. All
+//! points of a slice have its label; its plane and that of its surface fit the consistent points.
 //!
-//! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point takes part.
+//! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point
+//! takes part.
 //!
-//! Steps. `links`: normals, links, trees, and the planes of trees that lie in one tile. Its reduction has the mean and
-//! the deviation of flatness, and joins the trees of several tiles. `slices`: the planes of these, and which adjacent
-//! slices are similar. Its reduction merges them. `surfaces`: the labels of points. Points are read by the first and the
-//! last step.
+//! Steps. `links`: normals, links, trees, and the planes of trees that lie in one tile. Its reduction has the
+//! mean and the deviation of flatness, and joins the trees of several tiles. `slices`: the planes of these,
+//! and which adjacent slices are similar. Its reduction merges them. `surfaces`: the labels of points. Points
+//! are read by the first and the last step.
 //!
-//! Why it is exact over tiles: a tile reads points up to three times `reach_m` around it, so it knows all neighbours of
-//! the neighbours of the points to which its own may be linked. Coordinates relative to a point are integers, so normals
-//! and flatness are the same to the last bit wherever they are computed. What crosses a seam is named by ids of points,
-//! and joined in the reductions. Sums over the drive and over surfaces are integers.
+//! Why it is exact over tiles: a tile reads points up to three times `reach_m` around it, so it knows all
+//! neighbours of the neighbours of the points to which its own may be linked. Coordinates relative to a point
+//! are integers, so normals and flatness are the same to the last bit wherever they are computed. What
+//! crosses a seam is named by ids of points, and joined in the reductions. Sums over the drive and over
+//! surfaces are integers.
 //!
-//! Cost: O(K) per point and 69 trials per slice. Memory: about 4 K bytes per point of a tile for consistent sets.
+//! Cost: O(K) per point and 69 trials per slice. Memory: about 4 K bytes per point of a tile for consistent
+//! sets.
 //!
-//! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the neighbours
-//! lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of the size of a
-//! neighbourhood makes slices with arbitrary normals. Edges between planes are rounded off by small slices of their own.
+//! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the
+//! neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of
+//! the size of a neighbourhood makes slices with arbitrary normals. Edges between planes are rounded off by
+//! small slices of their own.
 
 mod around;
 mod border;
@@ -81,10 +89,12 @@ const STEPS: [Step; 3] = [
     },
 ];
 
-/// Bytes per point of objects that a tile needs for neighbours: consistent sets of 50 points (200), normals and flatness
-/// (32), places, ids and zones (21), the index (24), and lists of sets, links and trees (60). Estimated from sizes.
+/// Bytes per point of objects that a tile needs for neighbours: consistent sets of 50 points (200), normals
+/// and flatness (32), places, ids and zones (21), the index (24), and lists of sets, links and trees (60).
+/// Estimated from sizes.
 const LINKS_BYTES_PER_POINT: u64 = 340;
-/// Bytes per point of objects that a tile needs for what it and its neighbours have stored. Estimated from sizes.
+/// Bytes per point of objects that a tile needs for what it and its neighbours have stored. Estimated from
+/// sizes.
 const SLICES_BYTES_PER_POINT: u64 = 40;
 /// Bytes per point of objects that a tile needs for labels. Estimated from sizes.
 const SURFACES_BYTES_PER_POINT: u64 = 40;

@@ -1,10 +1,12 @@
 //! Normal, flatness and consistent set of every point (section 3, normal estimation).
 //!
-//! The plane of a point fits the nearer half of its K nearest neighbours, itself included. Its consistent set are
-//! those of all K whose distances from this plane are consistent. A point with fewer than 6 neighbours within reach,
-//! or whose nearer half lies on one line or in one place, has no normal. It is linked to nothing.
+//! The plane of a point fits the nearer half of its K nearest neighbours, itself included. Its consistent set
+//! are those of all K whose distances from this plane are consistent. A point with fewer than 6 neighbours
+//! within reach, or whose nearer half lies on one line or in one place, has no normal. It is linked to
+//! nothing.
 //!
-//! Coordinates are integers relative to the point, so every figure is the same in every tile, to the last bit.
+//! Coordinates are integers relative to the point, so every figure is the same in every tile, to the last
+//! bit.
 
 use std::ops::Range;
 
@@ -31,7 +33,8 @@ pub(super) struct Normals {
     /// Where the consistent set of each point is in `members`. Only of points whose link must be known.
     sets: Vec<Range<usize>>,
     members: Vec<u32>,
-    /// Points with a consistent set, so that what follows each other is near each other, and mostly in the cache.
+    /// Points with a consistent set, so that what follows each other is near each other, and mostly in the
+    /// cache.
     order: Vec<u32>,
 }
 
@@ -72,7 +75,8 @@ impl Normals {
             distances.extend(by.iter().map(|by| fit.rounded_distance(by.map(f64::from))));
             let consistent = Consistent::of(&distances, &mut scratch);
             let start = found.members.len();
-            // All are written, and those that are not consistent are overwritten: a branch could not be predicted.
+            // All are written, and those that are not consistent are overwritten: a branch could not be
+            // predicted.
             found.members.resize(start + near.len(), NONE);
             let mut end = start;
             for (near, distance) in near.iter().zip(&distances) {
@@ -106,8 +110,8 @@ impl Normals {
         &self.members[self.sets[point].clone()]
     }
 
-    /// The point to which a point is linked: of the flatter points in its consistent set the one whose normal deviates
-    /// least. Ties go to the nearer one, then to the smaller id. [`NONE`] if there is none.
+    /// The point to which a point is linked: of the flatter points in its consistent set the one whose normal
+    /// deviates least. Ties go to the nearer one, then to the smaller id. [`NONE`] if there is none.
     pub(super) fn link(&self, around: &Around, point: usize) -> u32 {
         let own = &self.facts[point];
         // Likeness, squared distance and number of the best.
@@ -115,8 +119,8 @@ impl Normals {
         for &other in self.consistent(point) {
             let at = other as usize;
             let there = &self.facts[at];
-            // Of two equally flat points, the one with the smaller id is the flatter. Both conditions are computed, because
-            // a branch could not be predicted.
+            // Of two equally flat points, the one with the smaller id is the flatter. Both conditions are
+            // computed, because a branch could not be predicted.
             let flatter = (there.flatness < own.flatness)
                 | ((there.flatness.to_bits() == own.flatness.to_bits()) & (at < point));
             let alike = if flatter { likeness(own.normal, there.normal) } else { -2.0 };

@@ -1,5 +1,5 @@
-//! What the step `links` stores of a tile, in sections: labels, trees, planes, consistent points, parts of open trees,
-//! and pairs of points of different trees.
+//! What the step `links` stores of a tile, in sections: labels, trees, planes, consistent points, parts of
+//! open trees, and pairs of points of different trees.
 
 use serde::{Deserialize, Serialize};
 

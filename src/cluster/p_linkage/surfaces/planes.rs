@@ -1,12 +1,13 @@
-//! Planes through points by principal components (equations 4 and 5), and the points that are consistent with a
-//! plane (equations 6 and 7). Sums of coordinates are exact integers, so their order does not matter.
+//! Planes through points by principal components (equations 4 and 5), and the points that are consistent with
+//! a plane (equations 6 and 7). Sums of coordinates are exact integers, so their order does not matter.
 
 use serde::{Deserialize, Serialize};
 
 use super::smallest::{Smallest, smallest};
 use crate::spatial::median;
 
-/// Factor of the median absolute deviation (equation 6): for normal deviations it is their standard deviation.
+/// Factor of the median absolute deviation (equation 6): for normal deviations it is their standard
+/// deviation.
 const MAD_FACTOR: f64 = 1.4826;
 /// Points with a robust score below this are consistent (equation 7).
 const LARGEST_SCORE: f64 = 2.5;
@@ -26,14 +27,16 @@ pub(super) struct Moments {
 pub(super) struct Fit {
     /// Unit normal, v0.
     pub(super) normal: [f64; 3],
-    /// Smallest eigenvalue, lambda0: the mean squared distance from the plane in square lattice units. Never negative.
+    /// Smallest eigenvalue, lambda0: the mean squared distance from the plane in square lattice units. Never
+    /// negative.
     pub(super) flatness: f64,
     /// Mean of the points, counted from the place of the moments.
     pub(super) mean: [f64; 3],
 }
 
 impl Moments {
-    /// The moments of points that are not many and not far away: coordinates are below 2^20, and the points at most 2^20.
+    /// The moments of points that are not many and not far away: coordinates are below 2^20, and the points
+    /// at most 2^20.
     #[inline]
     pub(super) fn of_near(points: impl Iterator<Item = [i32; 3]>) -> Self {
         let mut count = 0;
@@ -128,12 +131,13 @@ impl Fit {
     }
 }
 
-/// The distances of consistent points: robust scores below 2.5 (equation 7). Distances are in single precision: they
-/// are compared, and for that its digits suffice.
+/// The distances of consistent points: robust scores below 2.5 (equation 7). Distances are in single
+/// precision: they are compared, and for that its digits suffice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Consistent {
     median: f32,
-    /// Deviations from the median must be below this; infinite if the median deviation is 0: then all are consistent.
+    /// Deviations from the median must be below this; infinite if the median deviation is 0: then all are
+    /// consistent.
     below: f32,
 }
 

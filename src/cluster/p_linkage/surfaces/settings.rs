@@ -23,24 +23,25 @@ pub(super) const SLICE_POINTS: u64 = 10;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SurfacesConfig {
-    /// Adjacent slices are merged if the angle between their normals is below this, in degrees: theta of equation 11, 0
-    /// (never) to 90. Default 10 (section 4.2). The larger it is, the more a surface may bend.
+    /// Adjacent slices are merged if the angle between their normals is below this, in degrees: theta of
+    /// equation 11, 0 (never) to 90. Default 10 (section 4.2). The larger it is, the more a surface may bend.
     pub angle_deg: f64,
-    /// Adjacent slices are merged if the points of their border are, in the mean, nearer to the plane of the other slice
-    /// than this many deviations of the points of the rougher slice. 0 (the paper's rule: only normals decide) to 100.
-    /// Default 2.5 (chosen: the score of equation 7 up to which a point is consistent with a plane).
+    /// Adjacent slices are merged if the points of their border are, in the mean, nearer to the plane of the
+    /// other slice than this many deviations of the points of the rougher slice. 0 (the paper's rule: only
+    /// normals decide) to 100. Default 2.5 (chosen: the score of equation 7 up to which a point is consistent
+    /// with a plane).
     pub border_score: f64,
-    /// Whether the plane of a slice is fitted once more, to all points that are consistent with it. Default true (chosen:
-    /// narrow planes fall apart without it; the paper has no such step).
+    /// Whether the plane of a slice is fitted once more, to all points that are consistent with it. Default
+    /// true (chosen: narrow planes fall apart without it; the paper has no such step).
     pub refit_planes: bool,
     /// Number of neighbours of a point, itself included: K of section 3, 8 to 255. Default 50 (chosen, see
     /// `benches/results/surfaces.md`; the paper has no number).
     pub neighbours: u32,
-    /// Neighbours are not further away than this, in metres, 0.1 to 4. Default 1 (chosen: points of a vehicle scanner on
-    /// a facade are closer; the paper has no limit). It bounds the halo of a tile.
+    /// Neighbours are not further away than this, in metres, 0.1 to 4. Default 1 (chosen: points of a vehicle
+    /// scanner on a facade are closer; the paper has no limit). It bounds the halo of a tile.
     pub reach_m: f64,
-    /// Surfaces with fewer points, in the whole drive, are dropped; at least 10, which is the smallest slice. Default 10
-    /// (section 3).
+    /// Surfaces with fewer points, in the whole drive, are dropped; at least 10, which is the smallest slice.
+    /// Default 10 (section 3).
     pub min_points: u64,
 }
 
@@ -85,7 +86,8 @@ impl SurfacesConfig {
         Ok(())
     }
 
-    /// Largest distance of a neighbour in lattice units. On a lattice finer than 0.1 mm it may be less than `reach_m`.
+    /// Largest distance of a neighbour in lattice units. On a lattice finer than 0.1 mm it may be less than
+    /// `reach_m`.
     pub(super) fn reach(&self, lattice: Lattice) -> i64 {
         lattice.units(self.reach_m).min(LARGEST_REACH)
     }
@@ -101,7 +103,8 @@ impl SurfacesConfig {
     }
 }
 
-/// The cosine of an angle of 0 to a right one, by its series: the functions of platforms differ in the last digit.
+/// The cosine of an angle of 0 to a right one, by its series: the functions of platforms differ in the last
+/// digit.
 fn cosine(angle: f64) -> f64 {
     let squared = angle * angle;
     (1..=14).rev().fold(1.0, |sum, n| 1.0 - sum * squared / f64::from((2 * n - 1) * (2 * n)))

@@ -1,17 +1,17 @@
-//! The robust plane of a slice (section 3, slice creating, after Nurunnabi, West, Belton, "Outlier detection and robust
-//! normal-curvature estimation in mobile laser scanning 3D point cloud data", Pattern Recognition 48, 1404-1419
-//! (2015), doi:10.1016/j.patcog.2014.10.014).
+//! The robust plane of a slice (section 3, slice creating, after Nurunnabi, West, Belton, "Outlier detection
+//! and robust normal-curvature estimation in mobile laser scanning 3D point cloud data", Pattern Recognition
+//! 48, 1404-1419 (2015), doi:10.1016/j.patcog.2014.10.014).
 //!
-//! A trial takes three points at random, keeps the half of all points that is nearest to their plane, and fits a plane
-//! to this half. The flattest of these planes is that of the slice. Trials are 69: equation 9 with P = 0.9999 and
-//! epsilon = 0.5 gives 68.97. (The paper does not print P; 0.999 would give 51.7.) The
-//! random numbers follow from the smallest id of the slice, and points come in ascending order of ids. So the plane
-//! depends on the slice and on nothing else.
+//! A trial takes three points at random, keeps the half of all points that is nearest to their plane, and
+//! fits a plane to this half. The flattest of these planes is that of the slice. Trials are 69: equation 9
+//! with P = 0.9999 and epsilon = 0.5 gives 68.97. (The paper does not print P; 0.999 would give 51.7.) The
+//! random numbers follow from the smallest id of the slice, and points come in ascending order of ids. So the
+//! plane depends on the slice and on nothing else.
 //!
-//! Not in the paper: with `refit_planes`, the plane that the trials find is replaced by the one that fits all points which
-//! are consistent with it. Half of the points of a small slice fit many planes well, and the flattest of them leans:
-//! narrow planes fell apart. One such step is usual after least median estimators (Rousseeuw, Leroy, "Robust regression
-//! and outlier detection", 1987, chapter 1).
+//! Not in the paper: with `refit_planes`, the plane that the trials find is replaced by the one that fits all
+//! points which are consistent with it. Half of the points of a small slice fit many planes well, and the
+//! flattest of them leans: narrow planes fell apart. One such step is usual after least median estimators
+//! (Rousseeuw, Leroy, "Robust regression and outlier detection", 1987, chapter 1).
 
 use serde::{Deserialize, Serialize};
 
@@ -85,8 +85,8 @@ impl Random {
     }
 }
 
-/// The plane of the points of a slice, which come in ascending order of ids; `first` is the smallest id. `None` if no
-/// trial finds a plane: the points are fewer than 3, or on one line.
+/// The plane of the points of a slice, which come in ascending order of ids; `first` is the smallest id.
+/// `None` if no trial finds a plane: the points are fewer than 3, or on one line.
 pub(super) fn slice(points: &[[i64; 3]], first: PointId, refit_plane: bool) -> Option<Slice> {
     let start = *points.first().filter(|_| points.len() >= 3)?;
     let by: Vec<[i64; 3]> = points.iter().map(|point| [0, 1, 2].map(|k| point[k] - start[k])).collect();
@@ -159,8 +159,8 @@ struct Nearest {
 }
 
 impl Nearest {
-    /// The positions of the `count` points that are nearest to the plane with this normal through a place, by their
-    /// distances in single precision, then by their positions.
+    /// The positions of the `count` points that are nearest to the plane with this normal through a place, by
+    /// their distances in single precision, then by their positions.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "an order does not need more digits; positions fit 32 bits"

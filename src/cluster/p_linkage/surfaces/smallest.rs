@@ -1,14 +1,15 @@
-//! The smallest eigenvalue of a covariance matrix, its unit vector, and the two other eigenvalues: by Newton's method on
-//! the characteristic polynomial, which takes a third of the time of rotations. Only +, -, *, / and the square root are
-//! used, in a fixed sequence, so the result is the same on every platform.
+//! The smallest eigenvalue of a covariance matrix, its unit vector, and the two other eigenvalues: by
+//! Newton's method on the characteristic polynomial, which takes a third of the time of rotations. Only +, -,
+//! *, / and the square root are used, in a fixed sequence, so the result is the same on every platform.
 
 use crate::cluster::eigen::{Symmetric, eigen_within};
 
-/// Off-diagonal entries relative to the trace below which a matrix is diagonal. Normals are compared by the cosine of
-/// their angle, which has half of the digits of the angle.
+/// Off-diagonal entries relative to the trace below which a matrix is diagonal. Normals are compared by the
+/// cosine of their angle, which has half of the digits of the angle.
 const DIAGONAL: f64 = 1e-12;
-/// The product of the distances of the smallest eigenvalue to the others, relative to the square of the trace, above
-/// which Newton's method is exact to about 12 digits. Below it, rotations are exact and this method is not.
+/// The product of the distances of the smallest eigenvalue to the others, relative to the square of the
+/// trace, above which Newton's method is exact to about 12 digits. Below it, rotations are exact and this
+/// method is not.
 const APART: f64 = 1e-4;
 /// Steps of Newton's method. They only approach the smallest root from below, quadratically; 3 to 5 suffice.
 const STEPS: usize = 8;

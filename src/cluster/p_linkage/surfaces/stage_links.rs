@@ -1,9 +1,9 @@
-//! Step `links`: normals, links, trees, the planes of trees that lie in one tile, and the pairs of points by which
-//! slices are adjacent. It is the only step that looks for neighbours.
+//! Step `links`: normals, links, trees, the planes of trees that lie in one tile, and the pairs of points by
+//! which slices are adjacent. It is the only step that looks for neighbours.
 //!
-//! Its reduction has the mean and the deviation of the flatness of the drive, and joins the parts of trees that several
-//! tiles share. A tree is a slice if its root is a centre, that is if the root is flatter than mean + deviation
-//! (equation 8), and if it has 10 points or more.
+//! Its reduction has the mean and the deviation of the flatness of the drive, and joins the parts of trees
+//! that several tiles share. A tree is a slice if its root is a centre, that is if the root is flatter than
+//! mean + deviation (equation 8), and if it has 10 points or more.
 
 use std::collections::BTreeMap;
 
@@ -219,7 +219,8 @@ pub(super) struct Drive {
 }
 
 impl Drive {
-    /// Whether a root with this flatness is a centre (equation 8). Where all points are equally flat, all are.
+    /// Whether a root with this flatness is a centre (equation 8). Where all points are equally flat, all
+    /// are.
     pub(super) fn is_centre(&self, flatness: f64) -> bool {
         flatness < self.mean + self.deviation || self.deviation <= 0.0
     }

@@ -1,8 +1,9 @@
-//! Step `slices`: the planes of slices that several tiles share, and the adjacent slices whose normals agree, with their
-//! border. It reads no points. Its reduction merges the slices whose borders agree too to surfaces (equation 11).
+//! Step `slices`: the planes of slices that several tiles share, and the adjacent slices whose normals agree,
+//! with their border. It reads no points. Its reduction merges the slices whose borders agree too to surfaces
+//! (equation 11).
 //!
-//! Every tile that needs the plane of a shared slice gathers all points of the slice and fits the plane. The same points
-//! give the same plane, so it does not matter that several tiles do this.
+//! Every tile that needs the plane of a shared slice gathers all points of the slice and fits the plane. The
+//! same points give the same plane, so it does not matter that several tiles do this.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -117,8 +118,8 @@ impl Seen<'_> {
         Ok(())
     }
 
-    /// The slice of a point of a tile, by its position there and its id. `None` if it is in no slice, or if it is not
-    /// consistent with the plane of its slice.
+    /// The slice of a point of a tile, by its position there and its id. `None` if it is in no slice, or if
+    /// it is not consistent with the plane of its slice.
     fn end(
         &mut self,
         tile: TileId,

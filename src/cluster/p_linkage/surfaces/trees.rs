@@ -1,8 +1,9 @@
-//! The trees that links make of the points of a tile, and the names by which tiles join their parts of one tree.
+//! The trees that links make of the points of a tile, and the names by which tiles join their parts of one
+//! tree.
 //!
-//! A link that leaves the tile is known on both sides: the tile that owns the linked point sees the foreign one, and
-//! the owner of that one sees the link as well, because it knows the links of all points within reach. Both name the
-//! foreign point. So equal names are one tree.
+//! A link that leaves the tile is known on both sides: the tile that owns the linked point sees the foreign
+//! one, and the owner of that one sees the link as well, because it knows the links of all points within
+//! reach. Both name the foreign point. So equal names are one tree.
 
 use super::around::Around;
 use super::normals::{NONE, Normals};
@@ -54,8 +55,8 @@ pub(super) fn trees(around: &Around, normals: &Normals) -> Vec<Tree> {
     trees
 }
 
-/// Where the links of each point of the tile lead: to a root in the tile, or to the first foreign point. [`NONE`]
-/// without a normal.
+/// Where the links of each point of the tile lead: to a root in the tile, or to the first foreign point.
+/// [`NONE`] without a normal.
 fn ends(around: &Around, normals: &Normals, links: &[u32]) -> Vec<u32> {
     let mut ends = vec![NONE; around.len()];
     let mut path = Vec::new();

@@ -1,5 +1,5 @@
-//! Features of the raster of 0.3 m columns around a voxel: highest and lowest voxel, occupied cubes by height,
-//! occupied columns, tall columns, the slice at the height of the voxel, and elongation in the plane.
+//! Features of the raster of 0.3 m columns around a voxel: highest and lowest voxel, occupied cubes by
+//! height, occupied columns, tall columns, the slice at the height of the voxel, and elongation in the plane.
 //!
 //! A tile is processed in square blocks. Each block has dense rasters with a margin, and is small enough for
 //! the cache. A stray voxel far away costs one block. The division into blocks does not change any feature,

@@ -1,6 +1,6 @@
 //! Cubes of several voxels: the coarser scales of the features. A cube is one thing with one position,
-//! however many of its voxels are occupied. So a wall that is scanned densely weighs as much as a wall that is
-//! not.
+//! however many of its voxels are occupied. So a wall that is scanned densely weighs as much as a wall that
+//! is not.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,

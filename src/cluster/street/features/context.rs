@@ -1,12 +1,12 @@
-//! Features of the classes around a voxel: from these a second classifier corrects the first. A patch of leaves in the
-//! middle of a facade is a part of the facade.
+//! Features of the classes around a voxel: from these a second classifier corrects the first. A patch of
+//! leaves in the middle of a facade is a part of the facade.
 //!
-//! This is the auto-context of Tu and Bai, "Auto-context and its application to high-level vision tasks and 3D brain
-//! image segmentation", IEEE TPAMI 32(10), 1744-1757 (2010), doi:10.1109/TPAMI.2009.186, with means over cubes in place
-//! of single places around a voxel.
+//! This is the auto-context of Tu and Bai, "Auto-context and its application to high-level vision tasks and
+//! 3D brain image segmentation", IEEE TPAMI 32(10), 1744-1757 (2010), doi:10.1109/TPAMI.2009.186, with means
+//! over cubes in place of single places around a voxel.
 //!
-//! A feature is the mean probability of a class over the occupied voxels of a window of whole cubes on the global
-//! lattice. Sums are integers, so a feature depends only on the voxels within [`REACH_EDGES`].
+//! A feature is the mean probability of a class over the occupied voxels of a window of whole cubes on the
+//! global lattice. Sums are integers, so a feature depends only on the voxels within [`REACH_EDGES`].
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32 (VoxelIndex)")]
 
 use super::cells::Cells;
@@ -23,13 +23,13 @@ const WIDE: i32 = 12;
 /// Radius of the slab in cubes of 0.9 m: 6.3 m wide and one cube high.
 const SLAB: i32 = 3;
 
-/// Distance within which other voxels change a feature, in edges of a voxel: the corner of a window of three wide cubes,
-/// of which the voxel is in the middle one.
+/// Distance within which other voxels change a feature, in edges of a voxel: the corner of a window of three
+/// wide cubes, of which the voxel is in the middle one.
 pub(in crate::cluster::street) const REACH_EDGES: i64 = 36;
 const _: () = assert!(2 * (2 * WIDE as i64).pow(2) <= REACH_EDGES.pow(2) && (SLAB + 1) * MIDDLE <= 2 * WIDE);
 
-/// Names of the features, in their order: the voxel's own probabilities and height, then the means over windows of 1.35,
-/// 2.7 and 5.4 m, over the slab, and over the columns above and below.
+/// Names of the features, in their order: the voxel's own probabilities and height, then the means over
+/// windows of 1.35, 2.7 and 5.4 m, over the slab, and over the columns above and below.
 pub(crate) const NAMES: [&str; 57] = [
     "own none",
     "own tree",
@@ -136,7 +136,8 @@ impl Cubes {
         Self { cells, sums, wanted: inside }
     }
 
-    /// A value for each wanted cube from its position and the columns around it. Other cubes have the default.
+    /// A value for each wanted cube from its position and the columns around it. Other cubes have the
+    /// default.
     fn each<T: Default + Clone>(&self, mut value: impl FnMut(&mut Finder<'_>, [i32; 3]) -> T) -> Vec<T> {
         let columns = &self.cells.columns;
         let mut finder = columns.finder();
@@ -205,8 +206,8 @@ fn square(radius: i32) -> impl Iterator<Item = (i32, i32)> {
     (-radius..=radius).flat_map(move |di| (-radius..=radius).map(move |dj| (di, dj)))
 }
 
-/// Computes the features of the wanted voxels and gives them to `sink`, some at a time and each voxel once, in ascending
-/// order. `heights` (in lattice units) and `shares` are those of all voxels.
+/// Computes the features of the wanted voxels and gives them to `sink`, some at a time and each voxel once,
+/// in ascending order. `heights` (in lattice units) and `shares` are those of all voxels.
 pub(in crate::cluster::street) fn compute(
     voxels: &Voxels,
     heights: &[i32],

@@ -1,12 +1,12 @@
 //! Features of voxels: numbers from which the classifier tells classes apart.
 //!
 //! *Scales.* Shapes of what is within 0.3 m (voxels), 0.6 m (cubes of 0.3 m), 1.35 m (cubes of 0.45 m) and
-//! 2.2 m (cubes of 0.9 m; facades are flat there, crowns are not). Windows of the raster of 0.3 m columns up to
-//! 3.6 m. A voxel sees nothing that is further away than [`REACH_EDGES`] horizontally. No feature counts points:
-//! their number depends on the scanner and on its distance. A voxel or a cube is occupied or not.
+//! 2.2 m (cubes of 0.9 m; facades are flat there, crowns are not). Windows of the raster of 0.3 m columns up
+//! to 3.6 m. A voxel sees nothing that is further away than [`REACH_EDGES`] horizontally. No feature counts
+//! points: their number depends on the scanner and on its distance. A voxel or a cube is occupied or not.
 //!
-//! *Exact.* Every sum is an integer, every mean is rounded down on the global lattice, and the rest is a fixed
-//! sequence of IEEE operations. So a feature depends only on the voxels and heights within reach.
+//! *Exact.* Every sum is an integer, every mean is rounded down on the global lattice, and the rest is a
+//! fixed sequence of IEEE operations. So a feature depends only on the voxels and heights within reach.
 //!
 //! *Cost.* Features of a column are computed once for its voxels, and those of a cube once for the voxels in
 //! it. What remains per voxel is a ball of 0.3 m, found by lower bounds that move up the columns around it.
@@ -40,8 +40,8 @@ pub(crate) const NAMES: [&str; 80] = [
     "nzw", "vzw", "offw",
 ];
 
-/// Squared radii of the balls, in edges of the voxel or cube: 2 and a half on all scales, except 3.5 on that of
-/// 0.45 m.
+/// Squared radii of the balls, in edges of the voxel or cube: 2 and a half on all scales, except 3.5 on that
+/// of 0.45 m.
 const BALL: i64 = 6;
 const BALL_COARSE: i64 = 12;
 
@@ -59,8 +59,8 @@ const ROWS: usize = 4_096;
 /// Takes the numbers of some voxels, and their features: `NAMES.len()` values per voxel.
 pub(crate) type Sink<'a> = &'a mut dyn FnMut(&[u32], &[f32]);
 
-/// Computes the features of the wanted voxels and gives them to `sink`, some at a time and each voxel once. The
-/// order is not defined. `heights` are those of all voxels above ground, in lattice units.
+/// Computes the features of the wanted voxels and gives them to `sink`, some at a time and each voxel once.
+/// The order is not defined. `heights` are those of all voxels above ground, in lattice units.
 pub(crate) fn compute(voxels: &Voxels, heights: &[i32], wanted: &[bool], sink: Sink<'_>) {
     let fine = Scale::voxels(voxels, wanted);
     let middle = Scale::cubes(voxels, wanted, MIDDLE, BALL);

@@ -53,8 +53,8 @@ impl<const N: usize> Sums<N> {
     }
 }
 
-/// The maximum over the cells `by` rows or columns before and after each cell, and the cell itself if `itself`.
-/// Near the border of the raster the cells outside do not count.
+/// The maximum over the cells `by` rows or columns before and after each cell, and the cell itself if
+/// `itself`. Near the border of the raster the cells outside do not count.
 pub(super) fn spread(values: &[i32], side: usize, by: usize, itself: bool) -> Vec<i32> {
     let mut rows = vec![i32::MIN; values.len()];
     for (out, row) in rows.chunks_exact_mut(side).zip(values.chunks_exact(side)) {

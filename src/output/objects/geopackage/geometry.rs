@@ -1,5 +1,5 @@
-//! Geometries as a GeoPackage stores them: a header with the box around them, then ISO well-known binary (OGC 12-128r18,
-//! clause 2.1.3), all little-endian.
+//! Geometries as a GeoPackage stores them: a header with the box around them, then ISO well-known binary (OGC
+//! 12-128r18, clause 2.1.3), all little-endian.
 
 use crate::output::objects::number::{OUTLINE_PLACES, rounded};
 

@@ -1,8 +1,8 @@
-//! GeoPackage 1.3 (OGC 12-128r18) with the layers `objects` (outlines), `bases` (where objects stand), `axis` and `tiles`,
-//! a spatial index for each, and styles for QGIS.
+//! GeoPackage 1.3 (OGC 12-128r18) with the layers `objects` (outlines), `bases` (where objects stand), `axis`
+//! and `tiles`, a spatial index for each, and styles for QGIS.
 //!
-//! The coordinate system is the one of the files, with their text unchanged. The bytes depend on the rows only: no time is
-//! written. Only this folder uses SQLite.
+//! The coordinate system is the one of the files, with their text unchanged. The bytes depend on the rows
+//! only: no time is written. Only this folder uses SQLite.
 
 mod geometry;
 mod schema;

@@ -1,4 +1,5 @@
-//! The tables of a GeoPackage: those that the standard asks for, one per layer, and the spatial index of a layer.
+//! The tables of a GeoPackage: those that the standard asks for, one per layer, and the spatial index of a
+//! layer.
 
 use rusqlite::{Connection, Result, params};
 
@@ -13,7 +14,8 @@ const OWN_SRS: i32 = 100_000;
 /// Number of an unknown coordinate system in a plane (clause 1.1.2.1.2).
 const UNKNOWN_SRS: i32 = -1;
 
-/// The tables of clause 1.1 and 2.1, and of the extensions of the spatial index. Styles are as QGIS creates them.
+/// The tables of clause 1.1 and 2.1, and of the extensions of the spatial index. Styles are as QGIS creates
+/// them.
 const TABLES: &str = "
 CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY,
   organization TEXT NOT NULL, organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
@@ -151,7 +153,8 @@ impl Layer<'_> {
             "INSERT INTO gpkg_extensions VALUES (?, 'geom', 'gpkg_rtree_index', 'http://www.geopackage.org/spec120/#extension_rtree', 'write-only')",
             [name],
         )?;
-        // After the rows: a trigger calls functions of the program that edits the file, which this one does not have.
+        // After the rows: a trigger calls functions of the program that edits the file, which this one does
+        // not have.
         database.execute_batch(&triggers(name))?;
         if let Some(style) = style {
             database.execute(

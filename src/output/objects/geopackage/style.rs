@@ -1,4 +1,5 @@
-//! Styles that QGIS applies on opening: colour by class, label by id. QML, as QGIS stores it in `layer_styles`.
+//! Styles that QGIS applies on opening: colour by class, label by id. QML, as QGIS stores it in
+//! `layer_styles`.
 
 use std::fmt::Write;
 
@@ -24,7 +25,8 @@ pub(super) enum Drawn {
     Frames,
 }
 
-/// The style of a layer, as QML. `class` is the column of classes, if the layer has one, and `label` that of labels.
+/// The style of a layer, as QML. `class` is the column of classes, if the layer has one, and `label` that of
+/// labels.
 pub(super) fn qml(drawn: Drawn, class: Option<&str>, label: Option<&str>) -> String {
     let mut text = String::from("<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n");
     let labels = u8::from(label.is_some());

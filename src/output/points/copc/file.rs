@@ -1,5 +1,5 @@
-//! A cloud-optimised point cloud (COPC 1.0, <https://copc.io>): LAZ 1.4 with a chunk for each node of an octree and the table
-//! of nodes behind, so that a viewer reads only what it shows.
+//! A cloud-optimised point cloud (COPC 1.0, <https://copc.io>): LAZ 1.4 with a chunk for each node of an
+//! octree and the table of nodes behind, so that a viewer reads only what it shows.
 
 use std::io::{Seek, SeekFrom, Write};
 
@@ -70,7 +70,8 @@ impl Compression {
 }
 
 impl CopcSchema<'_> {
-    /// Writes the file. `chunks` are those of the nodes with points, by ascending key: key, number of points, bytes.
+    /// Writes the file. `chunks` are those of the nodes with points, by ascending key: key, number of points,
+    /// bytes.
     ///
     /// # Errors
     /// Errors of the chunks, [`OutputError::Compress`], and what `failed` makes of a failure to write.
@@ -211,8 +212,8 @@ struct Entry {
     points: u32,
 }
 
-/// The table of nodes as one page. Nodes without points are in it where a node below has some, because readers descend
-/// from the root.
+/// The table of nodes as one page. Nodes without points are in it where a node below has some, because
+/// readers descend from the root.
 fn hierarchy(entries: &[Entry]) -> Vec<u8> {
     let mut all: std::collections::BTreeMap<NodeKey, Entry> =
         entries.iter().map(|entry| (entry.key, *entry)).collect();

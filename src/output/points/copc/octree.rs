@@ -1,11 +1,12 @@
-//! The octree of a cloud-optimised point cloud: which point belongs to which node, whatever the order in which points are
-//! seen and however they are divided.
+//! The octree of a cloud-optimised point cloud: which point belongs to which node, whatever the order in
+//! which points are seen and however they are divided.
 //!
-//! A node has a grid of 128 cells a side. Of all points of the drive in a cell, the one with the smallest rank (a hash of
-//! its number) is shown by the node, unless a coarser node shows it already: the level of a point is the first one where
-//! no point in its cell has a smaller rank. That needs no order. Below a column (a square of the plane) with few points,
-//! the tree ends, and its node takes what is left. Columns count points of the whole drive, so the tree is a function of
-//! the points alone, and the columns in which it is built can be chosen by memory.
+//! A node has a grid of 128 cells a side. Of all points of the drive in a cell, the one with the smallest
+//! rank (a hash of its number) is shown by the node, unless a coarser node shows it already: the level of a
+//! point is the first one where no point in its cell has a smaller rank. That needs no order. Below a column
+//! (a square of the plane) with few points, the tree ends, and its node takes what is left. Columns count
+//! points of the whole drive, so the tree is a function of the points alone, and the columns in which it is
+//! built can be chosen by memory.
 
 use crate::model::PointId;
 
@@ -15,7 +16,8 @@ const DIGITS: u32 = 32;
 const GRID_DIGITS: u32 = 7;
 /// Deepest level: the place of a point has no digits for the grid of a deeper one.
 const DEEPEST: u32 = DIGITS - GRID_DIGITS;
-/// A column with at most this many points is not divided further. Chosen: chunks of a usual size (LASzip has 50,000).
+/// A column with at most this many points is not divided further. Chosen: chunks of a usual size (LASzip has
+/// 50,000).
 pub(crate) const LEAF_POINTS: usize = 50_000;
 
 /// Level and position of a node.
@@ -71,7 +73,8 @@ impl Cube {
     }
 }
 
-/// A place in the cube: the digits of its coordinates, interleaved, so that a cell of any level is a common beginning.
+/// A place in the cube: the digits of its coordinates, interleaved, so that a cell of any level is a common
+/// beginning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct Spot(u128);
 
@@ -103,7 +106,8 @@ impl Spot {
     }
 }
 
-/// Steps that move the digits of a number of 16 bits apart, to every third bit: by how much, and which bits stay.
+/// Steps that move the digits of a number of 16 bits apart, to every third bit: by how much, and which bits
+/// stay.
 const APART: [(u32, u64); 4] =
     [(16, 0xff00_00ff), (8, 0x00f0_0f00_f00f), (4, 0x0c30_c30c_30c3), (2, 0x2492_4924_9249)];
 /// Bits that 16 digits take then.
@@ -141,21 +145,22 @@ pub(crate) fn rank(id: PointId) -> u64 {
     value ^ (value >> 31)
 }
 
-/// Levels at which a cell of the grid is larger than a column of this level: one column alone cannot decide there.
+/// Levels at which a cell of the grid is larger than a column of this level: one column alone cannot decide
+/// there.
 pub(crate) fn undecided_levels(column_level: u32) -> u32 {
     column_level.saturating_sub(GRID_DIGITS)
 }
 
-/// The level of each point of a column of level `column`. `wins` says whether a point has the smallest rank of all points
-/// in its cell of a level that [`undecided_levels`] counts.
+/// The level of each point of a column of level `column`. `wins` says whether a point has the smallest rank
+/// of all points in its cell of a level that [`undecided_levels`] counts.
 pub(crate) fn levels(column: u32, points: &[(Spot, u64)], wins: impl Fn(usize, u32) -> bool) -> Vec<u32> {
     let leaves = leaf_levels(column, points);
     let undecided = undecided_levels(column);
     let mut order: Vec<u32> = (0_u32..).take(points.len()).collect();
     order.sort_unstable_by_key(|&point| points[point as usize]);
     let mut level = vec![undecided; points.len()];
-    // The nearest point before it with a smaller rank, and the nearest after it: if a cell contains any point with a
-    // smaller rank, then one of these.
+    // The nearest point before it with a smaller rank, and the nearest after it: if a cell contains any point
+    // with a smaller rank, then one of these.
     for backward in [false, true] {
         let mut open: Vec<u32> = Vec::new();
         for step in 0..order.len() {

@@ -1,5 +1,5 @@
-//! A point of the cloud-optimised file: its record in one of the point formats 6, 7 and 8, from a record of any format, with
-//! the object and its class behind.
+//! A point of the cloud-optimised file: its record in one of the point formats 6, 7 and 8, from a record of
+//! any format, with the object and its class behind.
 
 use crate::input::{InputFile, RecordLayout};
 use crate::model::{AxisTransform, Lattice, LatticeTransform};
@@ -7,7 +7,8 @@ use crate::output::error::OutputError;
 use crate::output::points::descriptor::ExtraType;
 use crate::output::points::record::OBJECT_CLASS;
 
-/// Scan angles of formats 0 to 5 are in degrees, of 6 to 10 in steps of 0.006 degrees (LAS 1.4 R15, table 16).
+/// Scan angles of formats 0 to 5 are in degrees, of 6 to 10 in steps of 0.006 degrees (LAS 1.4 R15, table
+/// 16).
 const STEPS_PER_DEGREE: f64 = 1.0 / 0.006;
 /// Bytes of format 6, which 7 and 8 continue with colours.
 const BASE: usize = 30;
@@ -41,11 +42,12 @@ fn colours(point_format: u8) -> (Option<usize>, Option<usize>) {
 }
 
 impl<'a> CopcFormat<'a> {
-    /// The format that keeps coordinates and colours of all files: the finest scale of each axis, and the offset of the
-    /// first file.
+    /// The format that keeps coordinates and colours of all files: the finest scale of each axis, and the
+    /// offset of the first file.
     ///
     /// # Errors
-    /// [`OutputError::Copc`] without files, or if heights have another unit than the plane: then there is no cube.
+    /// [`OutputError::Copc`] without files, or if heights have another unit than the plane: then there is no
+    /// cube.
     pub(crate) fn of(files: &[InputFile], dimension: &'a str, classifies: bool) -> Result<Self, OutputError> {
         let refused = |reason: &str| OutputError::Copc { reason: reason.to_owned() };
         let first = files.first().ok_or_else(|| refused("there are no files"))?;
