@@ -1,4 +1,5 @@
-//! `chainage::synth` with spinning heads: where their beams point, what a single sweep covers, and how it repeats.
+//! `chainage::synth` with spinning heads: where their beams point, what a single sweep covers, and how it
+//! repeats.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -140,8 +141,8 @@ fn ranges_vary_by_the_stated_noise() {
         .collect();
     assert!(errors.len() > 10_000, "{} pulses have an echo in both", errors.len());
     errors.sort_unstable_by(f64::total_cmp);
-    // Half of the errors of a normal distribution are below 0.6745 standard deviations. Roughness and footprint add
-    // to both.
+    // Half of the errors of a normal distribution are below 0.6745 standard deviations. Roughness and
+    // footprint add to both.
     let deviation = errors[errors.len() / 2] / 0.6745;
     assert!((0.55 * noise..noise * 1.05).contains(&deviation), "{deviation} m");
 }
@@ -156,6 +157,9 @@ fn same_sweeps_for_any_number_of_threads() {
             .map(|name| std::fs::read(folder.path().join(name)).unwrap())
     };
     let one = read(1);
+    let reference = String::from_utf8_lossy(&one[1]);
+    let moving = reference.lines().skip(1).filter(|row| !row.ends_with(','));
+    assert!(moving.count() > 2, "cars and people move: {reference}");
     assert!(read(2) == one, "2 threads give other bytes than 1");
     assert!(read(5) == one, "5 threads give other bytes than 1");
 }
@@ -167,6 +171,64 @@ fn sweeps_begin_where_a_longer_drive_has_them() {
     assert!(many.len() > 2 * few.len());
     let key = |point: &Point| (point.time.to_bits(), point.position.map(f64::to_bits), point.instance);
     assert!(few.iter().map(key).eq(many.iter().take(few.len()).map(key)));
+}
+
+/// Numbers of what moves begin here.
+const MOVING: u32 = 1_000_000_000;
+
+#[test]
+fn the_points_of_a_moving_car_move_with_its_speed() {
+    let suburb = Settings { preset: Preset::Suburb, ..sweeps(Sensor::Spinning64, 12) };
+    let (folder, points) = measured(&suburb);
+    let speeds: BTreeMap<u32, f64> = table(&folder.path().join("reference.csv"))
+        .iter()
+        .filter(|row| row["class"] == "4" && !row["speed_kmh"].is_empty())
+        .map(|row| (row["instance"].parse().unwrap(), number(row, "speed_kmh") / 3.6))
+        .collect();
+    assert!(speeds.keys().all(|instance| *instance >= MOVING), "{speeds:?}");
+    let mut followed = 0;
+    for (instance, speed) in speeds {
+        let mut sweeps: BTreeMap<i64, Vec<[f64; 3]>> = BTreeMap::new();
+        for point in points.iter().filter(|point| point.instance == instance) {
+            #[expect(clippy::cast_possible_truncation, reason = "tenths of a second of a day")]
+            let sweep = (point.time * 10.0).floor() as i64;
+            sweeps.entry(sweep).or_default().push([point.time, point.position[0], point.position[1]]);
+        }
+        sweeps.retain(|_, points| points.len() >= 150);
+        let Some((first, last)) = sweeps.values().next().zip(sweeps.values().last()) else { continue };
+        // The middle of the box of a sweep. The mean would move with the side that is seen.
+        let middle = |points: &[[f64; 3]]| {
+            let time = points.iter().map(|point| point[0]).sum::<f64>() / points.len() as f64;
+            let [x, y] = [1, 2].map(|axis| {
+                let low = points.iter().fold(f64::MAX, |low, point| low.min(point[axis]));
+                f64::midpoint(low, points.iter().fold(f64::MIN, |high, point| high.max(point[axis])))
+            });
+            [time, x, y]
+        };
+        let [a, b] = [first, last].map(|points| middle(points));
+        if b[0] - a[0] < 0.35 {
+            continue;
+        }
+        let moved = (b[1] - a[1]).hypot(b[2] - a[2]) / (b[0] - a[0]);
+        assert!((moved / speed - 1.0).abs() < 0.2, "{instance}: {moved} m/s and not {speed}");
+        followed += 1;
+    }
+    assert!(followed > 1, "{followed} cars are seen in several sweeps");
+}
+
+#[test]
+fn mirrors_show_points_below_the_road() {
+    let (folder, points) = measured(&sweeps(Sensor::Spinning64, 10));
+    let poses = Poses::read(folder.path());
+    // The road is 1.8 m below the head, and falls or rises by less than 5 %.
+    let below = |point: &&Point| {
+        let [ahead, left, up] = poses.local(point);
+        up < -2.3 - 0.05 * ahead.hypot(left)
+    };
+    let deep: Vec<&Point> = points.iter().filter(below).collect();
+    assert!(deep.iter().all(|point| (point.instance, point.class) == (0, 0)), "nothing else is there");
+    let share = deep.len() as f64 / points.len() as f64;
+    assert!((1e-4..0.01).contains(&share), "{share} of the points are below the road");
 }
 
 #[test]

@@ -7,12 +7,12 @@ use glam::{DMat4, DVec3};
 use super::drive::Track;
 use super::scanner::Scanner;
 
-/// The heads of a pair look backwards and outwards: azimuth of the axis of rotation from straight back, and its
-/// elevation, degrees. They are a crossed pair, fitted to the labelled scenes.
+/// The heads of a pair look backwards and outwards: azimuth of the axis of rotation from straight back, and
+/// its elevation, degrees. They are a crossed pair, fitted to the labelled scenes.
 const AZIMUTH: f64 = 45.0;
 const ELEVATION: f64 = 22.0;
-/// Fraction of an angular step by which the phase advances from profile to profile. The golden section is the most
-/// irrational number, so that no rows line up.
+/// Fraction of an angular step by which the phase advances from profile to profile. The golden section is the
+/// most irrational number, so that no rows line up.
 const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
 
 /// The heads of a scanner and their beams.
@@ -72,16 +72,16 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// If pulse number `count` is the first one of its beam that is traced together with others, the pulse in their
-    /// middle.
+    /// If pulse number `count` is the first one of its beam that is traced together with others, the pulse in
+    /// their middle.
     pub(super) fn middle(&self, count: u64) -> Option<u64> {
         let beams = self.beams.len().max(1) as u64;
         let nth = if self.beams.is_empty() { count % self.pulses } else { count / beams };
         nth.is_multiple_of(self.together).then(|| count + self.together / 2 * beams)
     }
 
-    /// Aims pulse number `count` of a head. `within` is a pulse of the same profile, to which `count` may lie just
-    /// beyond the end.
+    /// Aims pulse number `count` of a head. `within` is a pulse of the same profile, to which `count` may lie
+    /// just beyond the end.
     pub(super) fn shot(&self, track: &Track, count: u64, within: u64, head: usize) -> Shot {
         let t = self.scanner.time(count, head);
         let frame = track.at(t) * self.mounts[head];
@@ -104,9 +104,9 @@ impl<'a> Aim<'a> {
     }
 }
 
-/// Transform from the frame of profile head `number` of `heads` to the frame of the vehicle (forward, left, up). A
-/// head looks along its -z at scan angle 0 and along its -y at 90 degrees. A single head looks back over the left
-/// shoulder.
+/// Transform from the frame of profile head `number` of `heads` to the frame of the vehicle (forward, left,
+/// up). A head looks along its -z at scan angle 0 and along its -y at 90 degrees. A single head looks back
+/// over the left shoulder.
 fn mount(number: u8, heads: u8) -> DMat4 {
     let side = if number == 0 { 1.0 } else { -1.0 };
     let lever = DVec3::new(-0.4, if heads > 1 { 0.35 * side } else { 0.0 }, 0.0);

@@ -1,7 +1,7 @@
 //! The axis of the street in plan: a sequence of arcs. No heights, no cross-section.
 //!
-//! Coordinates are metres from the street's origin, east and north; chainage `s` counts along the axis. An arc of
-//! 50 m takes 56 bytes. Nothing else grows with a drive.
+//! Coordinates are metres from the street's origin, east and north; chainage `s` counts along the axis. An
+//! arc of 50 m takes 56 bytes. Of everything else, only the list of what was seen moving grows with a drive.
 
 use std::f64::consts::FRAC_PI_6;
 
@@ -11,7 +11,8 @@ use super::random::{Waves, sequence};
 
 /// Length of a cell of the street, and of an arc of an open street, metres.
 pub(super) const CELL: f64 = 50.0;
-/// Length of the street before the start of the drive, metres. It gives the scanner something to see behind it.
+/// Length of the street before the start of the drive, metres. It gives the scanner something to see behind
+/// it.
 pub(super) const LEAD: f64 = 100.0;
 /// Length of the stretch that the `loop` preset drives twice, metres.
 pub(super) const STEM: f64 = 300.0;
@@ -57,8 +58,8 @@ impl Arc {
         Node { point, way: chord.rotate(half) }
     }
 
-    /// Chainage and signed offset (left positive) of the nearest place on the arc. Beyond the ends, the distance to
-    /// the end is used. Arcs are shorter than half a circle.
+    /// Chainage and signed offset (left positive) of the nearest place on the arc. Beyond the ends, the
+    /// distance to the end is used. Arcs are shorter than half a circle.
     fn nearest(&self, point: DVec2) -> (f64, f64) {
         // From the centre, in radii.
         let local = self.node.local(point) * self.curvature;
@@ -130,16 +131,16 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// An open street with bends of this amplitude (radians) and wave length, or a street that returns to its stem
-    /// after `loop_drive` metres in all.
+    /// An open street with bends of this amplitude (radians) and wave length, or a street that returns to its
+    /// stem after `loop_drive` metres in all.
     pub(super) fn new(seed: u64, (turn, length): (f64, f64), loop_drive: Option<f64>) -> Self {
         let parts = [(turn, length), (0.15 * turn, 0.37 * length)];
         let heading = Waves::new(parts, &mut sequence(seed, 1, 0));
         let mut axis = Self { line: Line::default(), heading, end: f64::INFINITY };
         if let Some(drive) = loop_drive {
             axis.line.extend(LEAD + STEM, 0.0);
-            // The loop has the shape of a drop: 60 degrees to the left, 300 to the right, 60 to the left again, all
-            // with one radius. It ends where it began, in the opposite direction.
+            // The loop has the shape of a drop: 60 degrees to the left, 300 to the right, 60 to the left
+            // again, all with one radius. It ends where it began, in the opposite direction.
             let arc = (drive - 2.0 * STEM) / 14.0;
             for steps in [2.0, -5.0, -5.0, 2.0f64] {
                 axis.line.extend(steps.abs() * arc, FRAC_PI_6.copysign(steps) / arc);
@@ -157,14 +158,14 @@ impl Axis {
         }
     }
 
-    /// The cells whose middles are within `reach` of the axis at chainage `s`, in order. The street is laid beyond
-    /// them.
+    /// The cells whose middles are within `reach` of the axis at chainage `s`, in order. The street is laid
+    /// beyond them.
     pub(super) fn near(&mut self, s: f64, reach: f64) -> Vec<usize> {
         self.reach(s + reach + 3.0 * CELL);
         let place = self.line.at(s).point;
         let middle = |cell: &usize| self.line.at((*cell as f64 + 0.5) * CELL).point;
-        // All cells are checked, because a street may return. This takes some ten nanoseconds per cell, once per
-        // ten metres of driving.
+        // All cells are checked, because a street may return. This takes some ten nanoseconds per cell, once
+        // per ten metres of driving.
         let cells = 0..(self.line.end() / CELL).ceil() as usize;
         cells.filter(|cell| middle(cell).distance(place) < reach).collect()
     }

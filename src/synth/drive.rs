@@ -75,8 +75,8 @@ pub(super) struct Drive {
 }
 
 impl Drive {
-    /// A drive with speeds between the two of `speed_kmh` along a street that ends at chainage `end`, `height` metres
-    /// over the road.
+    /// A drive with speeds between the two of `speed_kmh` along a street that ends at chainage `end`,
+    /// `height` metres over the road.
     pub(super) fn new(plan: Plan, end: f64, height: f64, (low, high): (f64, f64)) -> Self {
         let mut random = sequence(plan.seed, 4, 0);
         let half = (high - low) / 7.2;

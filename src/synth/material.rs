@@ -17,6 +17,8 @@ pub(super) struct Material {
     pub(super) lost: f32,
     #[serde(default)]
     pub(super) through: f32,
+    #[serde(default)]
+    pub(super) mirrored: f32,
 }
 
 static MATERIALS: LazyLock<FxHashMap<String, Material>> =

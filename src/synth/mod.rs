@@ -1,11 +1,26 @@
-//! A labelled synthetic drive of any length: a street, a vehicle that drives along it, and a scanner. Every pulse
-//! of the scanner is traced.
+//! A labelled synthetic drive of any length: a street, a vehicle that drives along it, and a scanner. Every
+//! pulse of the scanner is traced.
 //!
-//! `preset` chooses the kind of street at every place. `street` builds it cell by cell from `axis`, `ground` and
-//! `things`. `scene` finds the closest hit. `drive`, `scanner` and `aim` turn time into pulses, `scan` turns pulses
-//! into echoes. `sink` writes. Every cell and every slice of time is a pure function of settings and seed, so the bytes
-//! do not depend on the number of threads. Memory does not depend on the length. The rest of the crate does not use
-//! this module.
+//! `preset` chooses the kind of street at every place. `street` builds it cell by cell from `axis`, `ground`
+//! and `things`. `traffic` moves along it. `scene` finds the closest hit. `drive`, `scanner` and `aim` turn
+//! time into pulses, `scan` turns pulses into echoes. `sink` writes. Every cell and every slice of time is a
+//! pure function of settings and seed, so the bytes do not depend on the number of threads. Memory does not
+//! depend on the length, except for 56 bytes per arc of the axis and some 300 per moving thing that was seen.
+//! The rest of the crate does not use this module.
+//!
+//! ```
+//! use chainage::synth::{Preset, Settings, generate};
+//!
+//! // 20 m of a suburb, by a slow scanner.
+//! let mut settings = Settings { length_m: Some(20.0), ..Settings::new(Preset::Suburb) };
+//! settings.scanner.pulse_rate_hz = 20_000.0;
+//! settings.scanner.profiles_hz = 50.0;
+//! let folder = tempfile::tempdir()?;
+//! let summary = generate(&settings, folder.path(), &mut |_| ())?;
+//! assert!(summary.points > 10_000 && summary.objects > 1);
+//! assert!(folder.path().join("suburb_0001.laz").exists() && folder.path().join("reference.csv").exists());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -32,13 +47,13 @@ mod shipped;
 mod sink;
 mod street;
 mod things;
+mod traffic;
 mod tree;
 mod truth;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -48,7 +63,7 @@ use axis::{Axis, CELL};
 use drive::Drive;
 use preset::Plan;
 use scan::Slice;
-use scene::{Placed, Window};
+use scene::{Moving, Placed, Window};
 use sink::Sink;
 use street::{IDS, Library};
 
@@ -59,11 +74,14 @@ pub use settings::{Settings, Summary};
 /// Slices per round. A drive of any length takes the memory of two rounds.
 const ROUND: u64 = 24;
 
+/// Distance of the outermost lane from the axis and half the length of a car, metres.
+const LANES: f64 = 15.0;
+
 /// Length of the longest thing along the street (a facade), metres.
 const LONGEST: f64 = 75.0;
 
-/// Simulates a drive and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json` into
-/// `folder`. `progress` receives the points and metres so far.
+/// Simulates a drive and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json`
+/// into `folder`. `progress` receives the points and metres so far.
 ///
 /// # Errors
 /// [`ConfigError`](crate::config::ConfigError) for settings out of range;
@@ -141,19 +159,26 @@ impl<'a> Run<'a> {
         Ok(sink.finish(so_far.length_m)?)
     }
 
+    /// What moves within range at a time, and for `half` seconds before and after it.
+    fn traffic(&self, t: f64, half: f64) -> Vec<Moving> {
+        let (s, _) = self.drive.place(t);
+        let place = (s, self.axis.line.at(s).point, self.settings.scanner.range_m + LANES);
+        traffic::moving(&self.plan, &self.axis.line, &self.library, (t, half), place)
+    }
+
     /// Metres driven when a pulse is fired.
     fn driven(&self, pulse: u64) -> f64 {
         self.drive.distance(self.settings.scanner.time(pulse, 0))
     }
 
-    /// A round of slices to be traced, from the start of `pulses` on and within `length` metres. All of them see the
-    /// same window.
+    /// A round of slices to be traced, from the start of `pulses` on and within `length` metres. All of them
+    /// see the same window.
     fn slices(&mut self, pulses: Range<u64>, length: f64) -> Vec<Slice> {
         let from = pulses.start;
         let step = self.settings.scanner.slice();
         let (s, _) = self.drive.place(self.settings.scanner.time(from, 0));
-        // An object belongs to the cell of its middle, so objects that are half a cell or half a building away are
-        // included.
+        // An object belongs to the cell of its middle, so objects that are half a cell or half a building
+        // away are included.
         let ahead = self.driven(from + step * ROUND) - self.driven(from);
         let near = self.axis.near(s, self.settings.scanner.range_m + ahead + (CELL + LONGEST) * 0.5);
         self.cells.retain(|cell, _| near.contains(cell));
@@ -162,15 +187,17 @@ impl<'a> Run<'a> {
             self.cells.entry(cell).or_insert_with(build);
         }
         let origin = self.axis.line.at(s).point.extend(0.0);
-        let window =
-            Arc::new(Window::new(origin, self.settings.scanner.spread(), self.cells.values().flatten()));
+        let window = Window::new(origin, self.settings.scanner.spread(), self.cells.values().flatten());
         let starts = (0..ROUND).map(|number| from + number * step);
         let slice = |from: u64| {
             let to = (from + step).min(pulses.end);
             let [start, end] = [from, to].map(|pulse| self.settings.scanner.time(pulse, 0));
-            let window = Arc::clone(&window);
+            // The last slice may be shorter, but its traffic is that of a whole one.
+            let half = (self.settings.scanner.time(from + step, 0) - start) * 0.5;
+            let middle = start + half;
+            let window = window.with(self.traffic(middle, half), half);
             let track = self.drive.track(&self.axis.line, start..end);
-            Slice { window, track, pulses: from..to, records: Vec::new() }
+            Slice { window, middle, track, pulses: from..to, records: Vec::new() }
         };
         starts.take_while(|start| *start < pulses.end && self.driven(*start) < length).map(slice).collect()
     }

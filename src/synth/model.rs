@@ -1,7 +1,7 @@
 //! Models: primitives that are built once and placed often, with a hierarchy of bounding boxes over them.
 //!
-//! Two candidate crates, `obvhs` (two-child hierarchy) and `parry3d` (PLOC), trace a tree-lined test scene at the
-//! same 0.19 microseconds per ray. `obvhs` builds 4 times as fast and has a third of the dependencies.
+//! Two candidate crates, `obvhs` (two-child hierarchy) and `parry3d` (PLOC), trace a tree-lined test scene at
+//! the same 0.19 microseconds per ray. `obvhs` builds 4 times as fast and has a third of the dependencies.
 
 use std::time::Duration;
 

@@ -65,7 +65,8 @@ pub(super) struct Kind {
     pub(super) turn: (f64, f64),
     /// Relative variation of the width and the height of models.
     pub(super) varies: f32,
-    /// Span along the street, metres: the thing leads from end to end of it in plan and height. 0: it stands level.
+    /// Span along the street, metres: the thing leads from end to end of it in plan and height. 0: it stands
+    /// level.
     pub(super) span: f64,
     /// Whether it must not stand on a bridge.
     pub(super) rooted: bool,
@@ -92,7 +93,8 @@ pub(super) struct Row {
     pub(super) share: f64,
     /// How many successive places are either all taken or all empty.
     pub(super) together: Option<u64>,
-    /// If those places form one object: share of its pieces that may be missing at its end.
+    /// If those places form one object: share of its pieces that may be missing at its end. At least an
+    /// opening is.
     pub(super) joined: Option<f64>,
     /// Whether it stands on the left only.
     #[serde(default)]
@@ -107,9 +109,39 @@ pub(super) struct Row {
 impl Row {
     /// Distance from the axis, metres.
     pub(super) fn out(&self, section: &Section) -> f64 {
-        self.out
-            + self.at.widths().iter().zip(section.widths()).map(|(share, width)| share * width).sum::<f64>()
+        along(&self.at, self.out, section)
     }
+}
+
+/// A lane in which things move along the street. It has one side of the street: traffic keeps to the right.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Lane {
+    /// Names to choose from.
+    pub(super) names: Vec<String>,
+    /// The line along which they move, as for rows.
+    at: Section,
+    #[serde(default)]
+    out: f64,
+    /// Distance between the places along the axis, metres, and the largest random shift.
+    pub(super) every: f64,
+    pub(super) jitter: f64,
+    /// Share of the places that are taken.
+    pub(super) share: f64,
+    /// Range from which the lane's speed is drawn; negative against the direction of the drive.
+    pub(super) speed_kmh: (f64, f64),
+}
+
+impl Lane {
+    /// Distance from the axis, metres.
+    pub(super) fn out(&self, section: &Section) -> f64 {
+        along(&self.at, self.out, section)
+    }
+}
+
+/// Distance of a line from the axis: shares of the widths of a section, and metres.
+fn along(at: &Section, out: f64, section: &Section) -> f64 {
+    out + at.widths().iter().zip(section.widths()).map(|(share, width)| share * width).sum::<f64>()
 }
 
 /// How buildings stand in the middle of their lots. A lot is as long as the places of its row are apart.
@@ -134,6 +166,8 @@ pub(super) struct Layout {
     /// Whether everything beside the road is paved, too.
     pub(super) paved: bool,
     pub(super) rows: Vec<Row>,
+    #[serde(default)]
+    traffic: Vec<Lane>,
     bridge_every: Option<f64>,
 }
 
@@ -183,6 +217,8 @@ pub(super) struct Plan {
     pub(super) land: Waves<3>,
     /// Amplitude of the slopes beside the street, as a share of the section's amplitude.
     pub(super) slopes: Waves<2>,
+    /// Where the road is wet, this is above a limit.
+    pub(super) wet: Waves<3>,
 }
 
 impl Plan {
@@ -194,7 +230,18 @@ impl Plan {
         let hills = [(1.0, 1.0), (0.35, 0.43), (0.1, 0.15)].map(|(a, l)| (a * height, l * length));
         let land = Waves::new(hills, &mut random);
         let slopes = Waves::new([(1.0, 290.0), (0.5, 120.0)], &mut random);
-        Self { preset, seed, bends, land, slopes }
+        let wet = Waves::new([(1.0, 7.0), (1.0, 4.3), (1.0, 31.0)], &mut random);
+        Self { preset, seed, bends, land, slopes, wet }
+    }
+
+    /// The lanes of moving traffic. Where streets change, they are those of a suburb, because what moves goes
+    /// on from one street to the next. A loop has none: the vehicle drives in both lanes of its stem.
+    pub(super) fn traffic(&self) -> &'static [Lane] {
+        match self.preset {
+            Preset::Loop => &[],
+            Preset::Mixed => &TABLES.streets[&Preset::Suburb].traffic,
+            other => &TABLES.streets[&other].traffic,
+        }
     }
 
     /// The layout of a cell.
@@ -208,15 +255,16 @@ impl Plan {
         &TABLES.streets[&street]
     }
 
-    /// The cross-section at chainage `s`: that of the cell. In the first half of the cell it is blended from that
-    /// of the cell before.
+    /// The cross-section at chainage `s`: that of the cell. In the first half of the cell it is blended from
+    /// that of the cell before.
     pub(super) fn section(&self, s: f64) -> Section {
         let cell = cell_at(s);
         let [before, here] = [cell.saturating_sub(1), cell].map(|cell| &self.layout(cell).section);
         before.between(here, ((s / CELL - cell as f64) * 2.0).clamp(0.0, 1.0))
     }
 
-    /// How far the land beside the pavement is below the pavement at chainage `s`, metres: 0 except near bridges.
+    /// How far the land beside the pavement is below the pavement at chainage `s`, metres: 0 except near
+    /// bridges.
     pub(super) fn dip(&self, s: f64) -> f64 {
         // The first bridge stands well within the drive. In a loop it stands within the stem, which is driven
         // twice.
@@ -234,7 +282,9 @@ mod tests {
     #[test]
     fn whatever_rows_name_has_models_and_is_of_a_kind() {
         let models = things::models(1);
-        for name in TABLES.streets.values().flat_map(|layout| &layout.rows).flat_map(|row| &row.names) {
+        let rows = TABLES.streets.values().flat_map(|layout| &layout.rows).flat_map(|row| &row.names);
+        let lanes = TABLES.streets.values().flat_map(|layout| &layout.traffic).flat_map(|lane| &lane.names);
+        for name in rows.chain(lanes) {
             assert!(models.contains_key(name), "there is no model of {name}");
             assert!(kind(name).class > 1, "{name} is noise or ground");
         }

@@ -1,4 +1,5 @@
-//! Numbers that look random and are pure functions of (seed, stream, index): any thread may ask for any of them.
+//! Numbers that look random and are pure functions of (seed, stream, index): any thread may ask for any of
+//! them.
 
 use std::f64::consts::TAU;
 
@@ -13,6 +14,11 @@ pub(super) type Random = rand_xoshiro::SplitMix64;
 /// The sequence that belongs to `index` of `stream`.
 pub(super) fn sequence(seed: u64, stream: u64, index: u64) -> Random {
     Random::seed_from_u64(xxh3_64(bytemuck::bytes_of(&[seed, stream, index])))
+}
+
+/// The sequence that belongs to a name. No other name has an influence on it.
+pub(super) fn named(seed: u64, name: &str) -> Random {
+    sequence(seed, xxh3_64(name.as_bytes()), 0)
 }
 
 /// Normal, mean 0 and variance 1.
@@ -30,8 +36,8 @@ pub(super) fn pick<'a, T>(items: &'a [T], random: &mut Random) -> &'a T {
     &items[random.random_range(0..items.len())]
 }
 
-/// A sum of sine waves over time, a line or the plane: chance without corners. Amplitude, angular frequency, phase and
-/// direction in the plane of each.
+/// A sum of sine waves over time, a line or the plane: chance without corners. Amplitude, angular frequency,
+/// phase and direction in the plane of each.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Waves<const N: usize>([(f64, f64, f64, DVec2); N]);
 

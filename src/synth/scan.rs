@@ -4,45 +4,53 @@
 
 use std::f64::consts::TAU;
 use std::ops::Range;
-use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec2, Vec3A};
+use glam::{DVec2, Vec3, Vec3A};
 use obvhs::ray::RayHit;
 use rand::RngExt;
 
 use super::aim::{Aim, Shot};
 use super::drive::Track;
+use super::material::Material;
 use super::random::{Random, gauss, sequence};
 use super::scanner::Scanner;
-use super::scene::{Owner, Window};
+use super::scene::{Beam, Owner, Window};
 use super::settings::Settings;
+use super::shape::Surface;
+use super::traffic::seen_by;
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
 pub(super) const START_TIME: f64 = 465_552_000.0;
-/// Two echoes of one pulse that are closer than this merge into one between them, metres (pulse length of some
-/// nanoseconds).
+/// Two echoes of one pulse that are closer than this merge into one between them, metres (pulse length of
+/// some nanoseconds).
 const SEPARATION: f32 = 0.6;
 /// Maximum number of echoes of a pulse.
 const ECHOES: usize = 5;
-/// Intensity of a white surface at normal incidence nearer than 6 m, and how it falls with range and incidence.
-/// Fitted to the medians of the labelled scenes by range and class.
+/// Intensity of a white surface at normal incidence nearer than 6 m, and how it falls with range and
+/// incidence. Fitted to the medians of the labelled scenes by range and class.
 const BRIGHTNESS: (f32, f32, f32) = (31_700.0, 0.75, 0.7);
-/// Least reflectance times cosine of incidence of a target that is seen at full range. It scales with the square of
-/// the range.
+/// Least reflectance times cosine of incidence of a target that is seen at full range. It scales with the
+/// square of the range.
 const FAINTEST: f32 = 0.06;
+/// Share of a pulse that a polished surface mirrors at normal incidence: glass and clear coat, refractive
+/// index 1.5.
+const MIRRORED: f32 = 0.04;
+/// A mirrored pulse hits nothing nearer to the mirror than this, metres: the mirror itself is there.
+const CLEAR: f32 = 0.05;
 
 /// An echo.
 #[derive(Debug, Clone, Copy)]
 struct Echo {
     range: f32,
-    /// Number and class of the object: 0 and 1 for the ground, 0 and 0 for a stray.
+    /// Number and class of the object: 0 and 1 for the ground, 0 and 0 where there is no target.
     instance: u32,
     class: u8,
     intensity: u16,
 }
 
-/// A point record of format 6 (LAS 1.4 R15, table 16) with `gt_instance` and `gt_class`, on a little-endian machine.
+/// A point record of format 6 (LAS 1.4 R15, table 16) with `gt_instance` and `gt_class`, on a little-endian
+/// machine.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub(super) struct Record {
@@ -70,7 +78,9 @@ const _: () = assert!(cfg!(target_endian = "little"), "records are written as th
 /// A slice of time, before and after tracing.
 pub(super) struct Slice {
     /// The scene around it.
-    pub(super) window: Arc<Window>,
+    pub(super) window: Window,
+    /// Seconds since the start at its middle.
+    pub(super) middle: f64,
     /// The poses within it and around it.
     pub(super) track: Track,
     /// Pulses of every head.
@@ -81,40 +91,44 @@ pub(super) struct Slice {
 impl Slice {
     /// Traces its pulses.
     pub(super) fn trace(&mut self, settings: &Settings) {
-        let Self { window, track, pulses, records } = self;
+        let Self { window, middle: time, track, pulses, records } = self;
         let scanner = &settings.scanner;
         let aim = Aim::new(scanner);
         // First echo of the previous pulse of every beam, and the items that its next pulses may hit.
         let mut before = vec![None; aim.beams()];
         let mut about = vec![Vec::new(); aim.beams()];
         let mut echoes = Vec::with_capacity(ECHOES + 1);
+        let ray = |shot: &Shot| Beam {
+            origin: (shot.origin - window.origin).as_vec3a(),
+            direction: shot.direction.as_vec3a(),
+            late: (shot.t - *time) as f32,
+        };
         for count in pulses.clone() {
             for head in 0..aim.heads() {
                 let beam = aim.beam(count, head);
                 if let Some(middle) = aim.middle(count) {
-                    let Shot { origin, direction, .. } = aim.shot(track, middle, count, head);
-                    let origin = (origin - window.origin).as_vec3a();
-                    about[beam] = window.about(origin, direction.as_vec3a(), scanner.range_m as f32);
+                    let shot = aim.shot(track, middle, count, head);
+                    about[beam] = window.about(&ray(&shot), scanner.range_m as f32);
                 }
-                let Shot { t, angle, origin, direction } = aim.shot(track, count, count, head);
-                let origin = origin - window.origin;
+                let shot = aim.shot(track, count, count, head);
                 let mut pulse = Pulse {
                     scanner,
                     window,
+                    head,
                     about: &about[beam],
-                    origin: origin.as_vec3a(),
-                    direction: direction.as_vec3a(),
+                    beam: ray(&shot),
                     random: sequence(settings.seed, 20 + head as u64, count),
                     echoes: &mut echoes,
                 };
                 before[beam] = pulse.fire(before[beam]);
+                let Shot { t, angle, origin, direction } = shot;
                 let file = t / settings.files_every_s.unwrap_or(f64::INFINITY);
                 let (shift, turn) = scanner.drift(settings.seed, count);
                 let heading = DVec2::from_angle(turn);
                 for (index, echo) in echoes.iter().enumerate() {
                     let ray = direction * f64::from(echo.range);
                     let ray = heading.rotate(ray.truncate()).extend(ray.z);
-                    let point = window.origin + origin + ray + shift;
+                    let point = origin + ray + shift;
                     records.push(Record {
                         steps: (point / 0.001).round().as_ivec3().to_array(),
                         intensity: echo.intensity,
@@ -135,24 +149,48 @@ impl Slice {
     }
 }
 
+/// A target of a pulse.
+struct Target<'a> {
+    surface: Surface,
+    material: &'static Material,
+    /// Of the angle of incidence.
+    cosine: f32,
+    instance: u32,
+    class: u8,
+    owner: &'a Owner,
+    /// In the frame of the model.
+    point: Vec3,
+}
+
+impl Target<'_> {
+    /// Whether it mirrors here. The ground does so where it is wet.
+    fn polished(&self) -> bool {
+        match self.owner {
+            Owner::Ground(ground) => ground.wet(self.point),
+            Owner::Object(_) => true,
+        }
+    }
+}
+
 /// A pulse and its echoes, in the frame of the window.
 struct Pulse<'a> {
     scanner: &'a Scanner,
     window: &'a Window,
+    head: usize,
     /// The items that the beam may hit.
     about: &'a [u32],
-    origin: Vec3A,
-    direction: Vec3A,
+    beam: Beam,
     random: Random,
     echoes: &'a mut Vec<Echo>,
 }
 
-impl Pulse<'_> {
+impl<'a> Pulse<'a> {
     /// Finds the echoes. `before` is the first echo of the pulse before; returns the first echo of this one.
     fn fire(&mut self, before: Option<Echo>) -> Option<Echo> {
         self.echoes.clear();
         self.listen();
-        let first = self.echoes.first().copied();
+        // An echo without a target has no edge.
+        let first = self.echoes.first().copied().filter(|first| first.class > 0);
         if let (Some(first), Some(before)) = (first, before) {
             self.edge(first, before);
         }
@@ -181,7 +219,7 @@ impl Pulse<'_> {
         let mut near = 1.2;
         let far = self.scanner.range_m as f32;
         while self.echoes.len() < ECHOES
-            && let Some(hit) = self.window.hit(self.about, self.origin, self.direction, near, far)
+            && let Some(hit) = self.window.hit(self.about, &self.beam, near, far)
         {
             let (echo, rim) = self.echo(&hit);
             match (echo, self.echoes.last_mut()) {
@@ -200,36 +238,83 @@ impl Pulse<'_> {
         }
     }
 
-    /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit. It is 0 if the pulse
-    /// goes through the surface.
+    /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit. It is 0 if
+    /// the pulse goes through the surface.
     fn echo(&mut self, hit: &RayHit) -> (Option<Echo>, f32) {
-        let (surface, point) = self.window.surface(hit, self.origin, self.direction);
-        let (material, instance, class) = match &self.window.items[hit.instance_id as usize].owner {
-            Owner::Ground(ground) => (ground.material(point), 0, 1),
-            Owner::Object(object) => (surface.material, object.id, object.class),
-        };
-        let random = &mut self.random;
-        let cosine = self.direction.dot(surface.normal.into()).abs().max(0.02);
-        let reflectance = material.reflectance * (1.0 + material.speckle * gauss(random)).max(0.2);
-        let share = hit.t / self.scanner.range_m as f32;
-        let seen = reflectance * cosine > FAINTEST * share * share * random.random_range(0.6..=1.4);
-        if !seen || random.random_bool(f64::from(material.lost)) {
-            let through = material.through > 0.0 && random.random_bool(f64::from(material.through));
-            return (None, if through { 0.0 } else { surface.rim });
+        let target = self.target(hit, &self.beam);
+        let material = target.material;
+        let rim = target.surface.rim;
+        // Schlick 1994, An inexpensive BRDF model for physically-based rendering: a grazing pulse is mirrored
+        // whole.
+        let mirrored = MIRRORED + (1.0 - MIRRORED) * (1.0 - target.cosine).powi(5);
+        let mirrors = material.mirrored > 0.0
+            && self.random.random_bool(f64::from(material.mirrored * mirrored))
+            && target.polished();
+        if mirrors {
+            return (self.mirrored(hit, &target, mirrored), rim);
         }
-        // Along the beam, the roughness of a surface and the footprint on it are stretched by the incidence.
-        let footprint = 0.5 * self.scanner.beam(hit.t);
-        let stretch = (1.0 / (cosine * cosine) - 1.0).sqrt().min(8.0);
-        let spread = material.roughness.hypot(footprint * stretch * 0.3);
-        let range = hit.t + gauss(random) * spread.hypot(self.scanner.noise_m as f32);
-        let (white, fall, grazing) = BRIGHTNESS;
-        let faded = (6.0 / hit.t).min(1.0).powf(fall);
-        let intensity = (white * reflectance * cosine.powf(grazing) * faded).clamp(20.0, 65_535.0) as u16;
-        (Some(Echo { range, instance, class, intensity }), surface.rim)
+        let echo = self.answer(&target, hit.t);
+        let through =
+            echo.is_none() && material.through > 0.0 && self.random.random_bool(f64::from(material.through));
+        (echo, if through { 0.0 } else { rim })
     }
 
-    /// An edge between this pulse and the one before. A footprint across it returns a mixed point or two echoes.
-    /// The probability is the share of the step between two pulses that the footprint covers.
+    /// What a beam hits.
+    fn target(&self, hit: &RayHit, beam: &Beam) -> Target<'a> {
+        let (surface, point) = self.window.surface(hit, beam);
+        let owner = self.window.owner(hit);
+        let (material, instance, class) = match owner {
+            Owner::Ground(ground) => (ground.material(point), 0, 1),
+            Owner::Object(object) => (surface.material, seen_by(object, self.head), object.class),
+        };
+        let cosine = beam.direction.dot(surface.normal.into()).abs().max(0.02);
+        Target { surface, material, cosine, instance, class, owner, point }
+    }
+
+    /// The echo of a target at the end of a way of so many metres, if it is seen.
+    fn answer(&mut self, target: &Target<'_>, way: f32) -> Option<Echo> {
+        let &Target { material, cosine, instance, class, .. } = target;
+        let random = &mut self.random;
+        let reflectance = material.reflectance * (1.0 + material.speckle * gauss(random)).max(0.2);
+        let share = way / self.scanner.range_m as f32;
+        let seen = reflectance * cosine > FAINTEST * share * share * random.random_range(0.6..=1.4);
+        if !seen || random.random_bool(f64::from(material.lost)) {
+            return None;
+        }
+        // Along the beam, the roughness of a surface and the footprint on it are stretched by the incidence.
+        let footprint = 0.5 * self.scanner.beam(way);
+        let stretch = (1.0 / (cosine * cosine) - 1.0).sqrt().min(8.0);
+        let spread = material.roughness.hypot(footprint * stretch * 0.3);
+        let range = way + gauss(random) * spread.hypot(self.scanner.noise_m as f32);
+        let (white, fall, grazing) = BRIGHTNESS;
+        let faded = (6.0 / way).min(1.0).powf(fall);
+        let intensity = (white * reflectance * cosine.powf(grazing) * faded).clamp(20.0, 65_535.0) as u16;
+        Some(Echo { range, instance, class, intensity })
+    }
+
+    /// The echo of a pulse that a surface mirrors with this share, if the pulse hits something else. The
+    /// scanner knows only the length of the way. So the point lies on the line of the pulse beyond the
+    /// mirror, where no target is. It is below the ground if the ground is the mirror.
+    fn mirrored(&mut self, hit: &RayHit, mirror: &Target<'_>, share: f32) -> Option<Echo> {
+        let normal = Vec3A::from(mirror.surface.normal);
+        let direction = self.beam.direction - normal * (2.0 * normal.dot(self.beam.direction));
+        let beam = Beam { origin: self.beam.at(hit.t), direction: direction.normalize(), ..self.beam };
+        let far = self.scanner.range_m as f32 - hit.t;
+        let about = self.window.about(&beam, far);
+        let next = self.window.hit(&about, &beam, CLEAR, far)?;
+        // Too close to tell apart: one echo, of the mirror.
+        if next.t < SEPARATION {
+            return self.answer(mirror, hit.t);
+        }
+        let target = self.target(&next, &beam);
+        let echo = self.answer(&target, hit.t + next.t)?;
+        // On the way back, the mirror takes its share again.
+        let intensity = (f32::from(echo.intensity) * share).max(20.0) as u16;
+        Some(Echo { instance: 0, class: 0, intensity, ..echo })
+    }
+
+    /// An edge between this pulse and the one before. A footprint across it returns a mixed point or two
+    /// echoes. The probability is the share of the step between two pulses that the footprint covers.
     fn edge(&mut self, first: Echo, before: Echo) {
         let jump = before.range - first.range;
         let near = before.range.min(first.range);
@@ -245,7 +330,8 @@ impl Pulse<'_> {
         }
     }
 
-    /// An echo without a target: a bird, dust, or a second reflection that seems to come from below the ground.
+    /// An echo without a target: a bird, dust, or a second reflection that seems to come from below the
+    /// ground.
     fn stray(&mut self) {
         let random = &mut self.random;
         let range = match self.echoes.first() {
@@ -258,5 +344,72 @@ impl Pulse<'_> {
         let intensity = random.random_range(40..=900);
         self.echoes.clear();
         self.echoes.push(Echo { range, instance: 0, class: 0, intensity });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DVec3, Mat3A, vec3};
+
+    use super::super::model::Model;
+    use super::super::object::{Object, Place};
+    use super::super::scene::Placed;
+    use super::super::shape::Shape;
+    use super::super::truth::Truth;
+    use super::*;
+
+    /// Echoes of 16,000 pulses by 45 degrees onto an upright pane of this material, 14.14 m away. Where it
+    /// mirrors the pulses, they hit a wall after 28.28 m more.
+    fn echoes(pane: &str) -> Vec<Echo> {
+        let slab = |id, low, high, name| {
+            let model = Arc::new(Model::new(vec![Shape::Block(low, high).of(name)]));
+            let place = Place::Stands { base: DVec3::ZERO, s: 0.0 };
+            let object = Object { id, class: 5, kind: "pane", place, height: 3.0, truth: Truth::default() };
+            let owner = Owner::Object(Arc::new(object));
+            Placed { model, at: DVec3::ZERO, turn: Mat3A::IDENTITY, owner }
+        };
+        let placed = [
+            slab(1, vec3(10.0, 0.0, -3.0), vec3(10.1, 50.0, 3.0), pane),
+            slab(2, vec3(-50.0, 30.0, -3.0), vec3(9.0, 31.0, 3.0), "plaster"),
+        ];
+        let scanner = Scanner { strays: 0.0, noise_m: 0.0, divergence_mrad: 0.0, ..Scanner::default() };
+        let window = Window::new(DVec3::ZERO, scanner.spread(), &placed);
+        let direction = Vec3A::new(1.0, 1.0, 0.0).normalize();
+        let beam = Beam { origin: Vec3A::ZERO, direction, late: 0.0 };
+        let about = window.about(&beam, 100.0);
+        let mut all = Vec::new();
+        for count in 0..16_000 {
+            let mut echoes = Vec::new();
+            let random = sequence(1, 2, count);
+            let scanner = &scanner;
+            Pulse { scanner, window: &window, head: 0, about: &about, beam, random, echoes: &mut echoes }
+                .fire(None);
+            all.extend(echoes);
+        }
+        all
+    }
+
+    #[test]
+    fn a_mirrored_pulse_lies_beyond_the_mirror_by_the_length_of_its_way_and_has_no_target() {
+        let echoes = echoes("glass");
+        let mirrored: Vec<f32> =
+            echoes.iter().filter(|echo| echo.class == 0).map(|echo| echo.range).collect();
+        // 4.2 % of the pulses, by Schlick's formula, on a quarter of the pane.
+        assert!((120..220).contains(&mirrored.len()), "{} of 16,000 pulses", mirrored.len());
+        let way = 30.0 * 2f32.sqrt();
+        assert!(mirrored.iter().all(|range| (range - way).abs() < 0.05), "{mirrored:?}");
+        assert!(echoes.iter().all(|echo| (echo.class == 0) == (echo.instance == 0)));
+        // The rest hits the pane itself: its front or, behind it, its back.
+        let direct = echoes.iter().filter(|echo| echo.class == 5);
+        assert!(direct.clone().count() > 100);
+        assert!(direct.clone().all(|echo| echo.instance == 1 && (14.0..14.5).contains(&echo.range)));
+    }
+
+    #[test]
+    fn what_is_not_polished_mirrors_nothing() {
+        let echoes = echoes("plaster");
+        assert!(echoes.len() == 16_000 && echoes.iter().all(|echo| echo.instance == 1));
     }
 }

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::random::{gauss, sequence};
 
-/// Pulses that are traced together: their minimum number, the range of their angle in radians, their longest time
-/// in seconds.
+/// Pulses that are traced together: their minimum number, the range of their angle in radians, their longest
+/// time in seconds.
 const FAN_PULSES: f64 = 6.0;
 const FAN_RAD: Range<f64> = 0.04..0.1;
 const FAN_S: f64 = 0.001;
@@ -50,8 +50,8 @@ impl Sensor {
     }
 }
 
-/// The scanner; the defaults are close to a RIEGL VMX-450 (two VQ-450 heads of 550 kHz and 200 profiles/s, 8 mm
-/// accuracy, 0.3 mrad).
+/// The scanner; the defaults are close to a RIEGL VMX-450 (two VQ-450 heads of 550 kHz and 200 profiles/s, 8
+/// mm accuracy, 0.3 mrad).
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scanner {
@@ -69,8 +69,9 @@ pub struct Scanner {
     pub divergence_mrad: f64,
     /// Share of pulses that return an isolated echo without a target.
     pub strays: f64,
-    /// Standard deviation of the position at which a sweep of a spinning head is registered from its true one, metres,
-    /// on each axis. Its heading deviates so that points 15 m away move as far. 0 for profile heads.
+    /// Standard deviation of the position at which a sweep of a spinning head is registered from its true
+    /// one, metres, on each axis. Its heading deviates so that points 15 m away move as far. 0 for profile
+    /// heads.
     #[serde(default)]
     pub drift_m: f64,
     /// The beams of a spinning head; `None` for profile heads.
@@ -78,12 +79,13 @@ pub struct Scanner {
     pub spinning: Option<Spinning>,
 }
 
-/// What a spinning head has beside a profile head. It rotates about its upright axis and returns the strongest echo
-/// of a pulse.
+/// What a spinning head has beside a profile head. It rotates about its upright axis and returns the
+/// strongest echo of a pulse.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spinning {
-    /// Elevations of the beams, degrees: lowest, highest and number of equally spaced beams, from the ground up.
+    /// Elevations of the beams, degrees: lowest, highest and number of equally spaced beams, from the ground
+    /// up.
     pub beams: Vec<(f64, f64, u16)>,
     /// Height of the head over the road, metres.
     pub height_m: f64,
@@ -129,8 +131,8 @@ impl Scanner {
         (self.fan() * self.columns() / TAU).min(FAN_S * rate).max(1.0) as u64
     }
 
-    /// Number of pulses of a slice of time. A slice has whole profiles, or whole groups of pulses that are traced
-    /// together.
+    /// Number of pulses of a slice of time. A slice has whole profiles, or whole groups of pulses that are
+    /// traced together.
     pub(super) fn slice(&self) -> u64 {
         if self.spinning.is_some() {
             let group = self.beams() * self.together();
@@ -139,25 +141,26 @@ impl Scanner {
         (self.profiles_hz / SLICES_HZ).ceil() as u64 * self.pulses()
     }
 
-    /// Angle within which pulses are traced together, radians. One list of possible targets should serve several
-    /// pulses.
+    /// Angle within which pulses are traced together, radians. One list of possible targets should serve
+    /// several pulses.
     fn fan(&self) -> f64 {
         (FAN_PULSES * TAU / self.columns()).clamp(FAN_RAD.start, FAN_RAD.end)
     }
 
-    /// Largest distance of a beam from the middle beam of its group, metres. In half a millisecond the vehicle
-    /// moves 2 cm and, at 150 km/h in a bend of 50 m, turns by 0.4 mrad.
+    /// Largest distance of a beam from the middle beam of its group, metres. In half a millisecond the
+    /// vehicle moves 2 cm and, at 150 km/h in a bend of 50 m, turns by 0.4 mrad.
     pub(super) fn spread(&self) -> f32 {
         (self.range_m * (self.fan() * 0.5 + 0.001) + 0.1) as f32
     }
 
-    /// Time of pulse number `count` of a head, seconds since the start; the second head fires half a pulse later.
+    /// Time of pulse number `count` of a head, seconds since the start; the second head fires half a pulse
+    /// later.
     pub(super) fn time(&self, count: u64, head: usize) -> f64 {
         (count as f64 + head as f64 / f64::from(self.heads)) / self.pulse_rate_hz
     }
 
-    /// How the sweep of pulse number `count` is registered wrongly: shift in metres, and turn of its heading in
-    /// radians.
+    /// How the sweep of pulse number `count` is registered wrongly: shift in metres, and turn of its heading
+    /// in radians.
     pub(super) fn drift(&self, seed: u64, count: u64) -> (DVec3, f64) {
         if self.drift_m <= 0.0 {
             return (DVec3::ZERO, 0.0);

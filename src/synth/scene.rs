@@ -1,5 +1,5 @@
-//! Placed copies of models and the closest hit of a ray among them: a hierarchy of bounding boxes over the copies, and
-//! one inside every model.
+//! Placed copies of models and the closest hit of a ray among them: a hierarchy of bounding boxes over the
+//! copies, and one inside every model.
 
 use std::sync::Arc;
 
@@ -31,76 +31,147 @@ pub(super) enum Owner {
     Object(Arc<Object>),
 }
 
+/// A copy that moves in a straight line for a moment.
+pub(super) struct Moving {
+    /// Where it is in the middle of this moment.
+    pub(super) placed: Placed,
+    /// Metres per second.
+    pub(super) velocity: DVec3,
+}
+
 /// A copy within a window.
-pub(super) struct Item {
+struct Item {
     model: Arc<Model>,
     bounds: Aabb,
     to_model: Affine3A,
-    pub(super) owner: Owner,
+    owner: Owner,
+    /// Metres per second; 0 for what stands.
+    velocity: Vec3A,
 }
 
-/// Everything within range of the scanner.
+/// A ray, in the frame of a window.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Beam {
+    pub(super) origin: Vec3A,
+    /// Unit vector.
+    pub(super) direction: Vec3A,
+    /// Seconds since the middle of the moment of the window. Before it, negative.
+    pub(super) late: f32,
+}
+
+impl Beam {
+    /// The point at a range.
+    pub(super) fn at(&self, range: f32) -> Vec3A {
+        self.origin + self.direction * range
+    }
+}
+
+/// Everything that stands within range of the scanner.
+struct Still {
+    items: Vec<Item>,
+    /// Hierarchy over the boxes of the items, each enlarged by some metres on every side.
+    bvh: Bvh2,
+    /// By how much they are enlarged.
+    wider: f32,
+}
+
+/// Everything within range of the scanner: what stands, and what moves for a moment.
+#[derive(Clone)]
 pub(super) struct Window {
     /// World coordinates of the window's origin, relative to the street's.
     pub(super) origin: DVec3,
-    pub(super) items: Vec<Item>,
-    /// Hierarchy over the boxes of the items, each enlarged by some metres on every side.
-    bvh: Bvh2,
+    still: Arc<Still>,
+    /// What moves, with a box around all places where rays of this moment may meet it. Its indices follow
+    /// those of what stands.
+    moving: Arc<[(Item, Aabb)]>,
+}
+
+impl Item {
+    fn new(origin: DVec3, Placed { model, at, turn, owner }: Placed, velocity: DVec3) -> Self {
+        let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
+        // The box around the transformed box of the model.
+        let middle = to_window.transform_point3a(model.bounds().center());
+        let half = to_window.matrix3.abs() * (model.bounds().diagonal() * 0.5);
+        let bounds = Aabb::new(middle - half, middle + half);
+        Self { model, bounds, to_model: to_window.inverse(), owner, velocity: velocity.as_vec3a() }
+    }
+
+    /// Its box, enlarged on every side.
+    fn enlarged(&self, by: Vec3A) -> Aabb {
+        Aabb::new(self.bounds.min - by, self.bounds.max + by)
+    }
 }
 
 impl Window {
-    /// The scene of all copies, about `origin`. Rays that are traced together are nowhere more than `wider` metres
-    /// from the middle one.
+    /// The scene of all copies that stand, about `origin`. Rays that are traced together are nowhere more
+    /// than `wider` metres from the middle one.
     pub(super) fn new<'a>(origin: DVec3, wider: f32, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
-        let item = |Placed { model, at, turn, owner }: Placed| {
-            let to_window = Affine3A { matrix3: turn, translation: (at - origin).as_vec3a() };
-            // The box around the transformed box of the model.
-            let middle = to_window.transform_point3a(model.bounds().center());
-            let half = to_window.matrix3.abs() * (model.bounds().diagonal() * 0.5);
-            let bounds = Aabb::new(middle - half, middle + half);
-            Item { model, bounds, to_model: to_window.inverse(), owner }
+        let item = |placed: &Placed| Item::new(origin, placed.clone(), DVec3::ZERO);
+        let items: Vec<Item> = placed.into_iter().map(item).collect();
+        let boxes: Vec<Aabb> = items.iter().map(|item| item.enlarged(Vec3A::splat(wider))).collect();
+        let still = Still { items, bvh: hierarchy(&boxes, 1), wider };
+        Self { origin, still: Arc::new(still), moving: Arc::new([]) }
+    }
+
+    /// The same with what moves. Its rays are at most `half` seconds from the middle of this moment.
+    pub(super) fn with(&self, moving: Vec<Moving>, half: f64) -> Self {
+        let item = |Moving { placed, velocity }| {
+            let item = Item::new(self.origin, placed, velocity);
+            let bounds = item.enlarged(Vec3A::splat(self.still.wider) + item.velocity.abs() * half as f32);
+            (item, bounds)
         };
-        let items: Vec<Item> = placed.into_iter().cloned().map(item).collect();
-        let wider = Vec3A::splat(wider);
-        let boxes: Vec<Aabb> =
-            items.iter().map(|item| Aabb::new(item.bounds.min - wider, item.bounds.max + wider)).collect();
-        Self { origin, items, bvh: hierarchy(&boxes, 1) }
+        Self { moving: moving.into_iter().map(item).collect(), ..self.clone() }
+    }
+
+    fn item(&self, index: u32) -> &Item {
+        let index = index as usize;
+        let still = &self.still.items;
+        still.get(index).unwrap_or_else(|| &self.moving[index - still.len()].0)
+    }
+
+    /// What was hit is a part of this.
+    pub(super) fn owner(&self, hit: &RayHit) -> &Owner {
+        &self.item(hit.instance_id).owner
     }
 
     /// The items that the rays traced together with this one may hit, roughly from near to far.
-    pub(super) fn about(&self, origin: Vec3A, direction: Vec3A, far: f32) -> Vec<u32> {
+    pub(super) fn about(&self, beam: &Beam, far: f32) -> Vec<u32> {
         let mut about = Vec::new();
-        self.bvh.ray_traverse_anyhit(Ray::new(origin, direction, 0.0, far), |ray, slot| {
-            let index = self.bvh.primitive_indices[slot];
-            about.push((self.items[index as usize].bounds.intersect_ray(ray), index));
+        let Still { items, bvh, .. } = &*self.still;
+        let ray = Ray::new(beam.origin, beam.direction, 0.0, far);
+        bvh.ray_traverse_anyhit(ray, |ray, slot| {
+            let index = bvh.primitive_indices[slot];
+            about.push((items[index as usize].bounds.intersect_ray(ray), index));
         });
+        for (index, (item, bounds)) in (items.len() as u32..).zip(&*self.moving) {
+            if bounds.intersect_ray(&ray) < far {
+                about.push((item.bounds.intersect_ray(&ray), index));
+            }
+        }
         about.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
         about.into_iter().map(|(_, index)| index).collect()
     }
 
     /// The object with a number, if it is here.
     pub(super) fn object(&self, id: u32) -> Option<Arc<Object>> {
-        self.items.iter().find_map(|item| match &item.owner {
+        let moving = self.moving.iter().map(|(item, _)| item);
+        self.still.items.iter().chain(moving).find_map(|item| match &item.owner {
             Owner::Object(object) if object.id == id => Some(Arc::clone(object)),
             _ => None,
         })
     }
 
-    /// The closest hit on the given items along the ray from `near` to `far`, if any. Its instance is the index of
-    /// the item.
-    pub(super) fn hit(
-        &self,
-        about: &[u32],
-        origin: Vec3A,
-        direction: Vec3A,
-        near: f32,
-        far: f32,
-    ) -> Option<RayHit> {
+    /// The closest hit on the given items along the beam from `near` to `far`, if any. Its instance is the
+    /// index of the item.
+    pub(super) fn hit(&self, about: &[u32], beam: &Beam, near: f32, far: f32) -> Option<RayHit> {
         // The ray starts at `near`: the hierarchy skips boxes behind a ray, but not boxes before its tmin.
-        let mut ray = Ray::new(origin + direction * near, direction, 0.0, far - near);
+        let start = beam.at(near);
+        let mut ray = Ray::new(start, beam.direction, 0.0, far - near);
         let mut best = RayHit::none();
         for &index in about {
-            let item = &self.items[index as usize];
+            let item = self.item(index);
+            // The item is where it is in the middle of the moment. Therefore the ray moves against it.
+            ray.origin = start - item.velocity * beam.late;
             if item.bounds.intersect_ray(&ray) >= ray.tmax {
                 continue;
             }
@@ -122,9 +193,10 @@ impl Window {
     }
 
     /// The surface at a hit, with its normal in the window's frame and its point in the model's.
-    pub(super) fn surface(&self, hit: &RayHit, origin: Vec3A, direction: Vec3A) -> (Surface, Vec3) {
-        let item = &self.items[hit.instance_id as usize];
-        let point = Vec3::from(item.to_model.transform_point3a(origin + direction * hit.t));
+    pub(super) fn surface(&self, hit: &RayHit, beam: &Beam) -> (Surface, Vec3) {
+        let item = self.item(hit.instance_id);
+        let point = beam.at(hit.t) - item.velocity * beam.late;
+        let point = Vec3::from(item.to_model.transform_point3a(point));
         let mut surface = item.model.primitives[hit.primitive_id as usize].surface(point);
         // Normals follow the transposed inverse.
         let normal = item.to_model.matrix3.mul_transpose_vec3a(surface.normal.into());
@@ -137,6 +209,7 @@ impl Window {
 mod tests {
     use rand::RngExt;
 
+    use super::super::object::Place;
     use super::super::random::sequence;
     use super::super::shape::Shape;
     use super::super::truth::Truth;
@@ -153,28 +226,57 @@ mod tests {
             id: 7,
             class: 4,
             kind: "box",
-            base: DVec3::ZERO,
+            place: Place::Stands { base: DVec3::ZERO, s: 0.0 },
             height: 2.0,
-            s: 0.0,
             truth: Truth::default(),
         };
         let at = DVec3::new(110.0, 5.0, 0.0);
         let placed = Placed { model, at, turn, owner: Owner::Object(Arc::new(object)) };
         let window = Window::new(DVec3::X * 100.0, 0.0, vec![&placed]);
-        let o = Vec3A::new(10.0, 5.0, 10.0);
-        let d = Vec3A::NEG_Z;
-        let about = window.about(o, d, 100.0);
-        let hit = window.hit(&about, o, d, 0.0, 100.0).unwrap();
+        let beam = Beam { origin: Vec3A::new(10.0, 5.0, 10.0), direction: Vec3A::NEG_Z, late: 0.0 };
+        let about = window.about(&beam, 100.0);
+        let hit = window.hit(&about, &beam, 0.0, 100.0).unwrap();
         assert!((hit.t - 8.0).abs() < 1e-4, "{}", hit.t); // top at 2
-        let (surface, point) = window.surface(&hit, o, d);
+        let (surface, point) = window.surface(&hit, &beam);
         assert!((surface.normal - Vec3::Z).length() < 1e-5 && (point.z - 1.0).abs() < 1e-5);
-        assert!(
-            matches!(&window.items[hit.instance_id as usize].owner, Owner::Object(object) if object.id == 7)
-        );
-        assert!(window.hit(&about, o, d, 0.0, 7.9).is_none());
-        assert!(window.hit(&about, o, d, 3.0, 8.1).is_some_and(|hit| (hit.t - 8.0).abs() < 1e-4));
-        assert!(window.hit(&[0], o, Vec3A::Z, 0.0, 100.0).is_none());
-        assert!(window.about(o, Vec3A::Z, 100.0).is_empty());
+        assert!(matches!(window.owner(&hit), Owner::Object(object) if object.id == 7));
+        assert!(window.hit(&about, &beam, 0.0, 7.9).is_none());
+        assert!(window.hit(&about, &beam, 3.0, 8.1).is_some_and(|hit| (hit.t - 8.0).abs() < 1e-4));
+        let upwards = Beam { direction: Vec3A::Z, ..beam };
+        assert!(window.hit(&[0], &upwards, 0.0, 100.0).is_none());
+        assert!(window.about(&upwards, 100.0).is_empty());
+    }
+
+    #[test]
+    fn what_moves_is_hit_where_it_is_at_the_time_of_the_ray() {
+        let block = Shape::Block(Vec3::splat(-1.0), Vec3::splat(1.0)).of("metal");
+        let model = Arc::new(Model::new(vec![block]));
+        let object = Object {
+            id: 9,
+            class: 4,
+            kind: "car",
+            place: Place::Moves { speed_kmh: 72.0 },
+            height: 1.0,
+            truth: Truth::default(),
+        };
+        let owner = Owner::Object(Arc::new(object));
+        let placed = Placed { model, at: DVec3::new(50.0, 0.0, 0.0), turn: Mat3A::IDENTITY, owner };
+        // 20 m/s towards the origin.
+        let moving = Moving { placed, velocity: DVec3::new(-20.0, 0.0, 0.0) };
+        let window = Window::new(DVec3::ZERO, 0.1, &[]).with(vec![moving], 0.1);
+        for late in [-0.1, -0.03, 0.0, 0.1] {
+            let beam = Beam { origin: Vec3A::ZERO, direction: Vec3A::X, late };
+            let about = window.about(&beam, 100.0);
+            let hit = window.hit(&about, &beam, 0.0, 100.0).unwrap();
+            assert!((hit.t - (49.0 - 20.0 * late)).abs() < 1e-4, "{late} s: {}", hit.t);
+            let (surface, point) = window.surface(&hit, &beam);
+            assert!((surface.normal.x.abs() - 1.0).abs() < 1e-5 && (point.x + 1.0).abs() < 1e-4);
+        }
+        // It has left this line, or has not come to it yet.
+        let beam = |late| Beam { origin: Vec3A::new(51.9, -9.0, 0.0), direction: Vec3A::Y, late };
+        let met = |late| window.hit(&window.about(&beam(late), 100.0), &beam(late), 0.0, 100.0).is_some();
+        assert!(met(-0.05) && !met(-0.04) && !met(0.1));
+        assert!(window.object(9).is_some() && window.object(8).is_none());
     }
 
     #[test]
@@ -187,9 +289,8 @@ mod tests {
             id: 7,
             class: 2,
             kind: "tree",
-            base: DVec3::ZERO,
+            place: Place::Stands { base: DVec3::ZERO, s: 0.0 },
             height: 2.0,
-            s: 0.0,
             truth: Truth::default(),
         });
         let place = |_| {
@@ -207,12 +308,13 @@ mod tests {
         for _ in 0..500 {
             let o = Vec3A::from(within(30.0));
             let middle = Vec3A::from(within(1.0)).normalize();
-            let about = window.about(o, middle, far);
+            let beam = |direction| Beam { origin: o, direction, late: 0.0 };
+            let about = window.about(&beam(middle), far);
             few += usize::from(about.len() < 100);
             for _ in 0..20 {
                 let d = (middle + Vec3A::from(within(angle * 0.5))).normalize();
                 let [some, any] =
-                    [&about, &all].map(|items| window.hit(items, o, d, 1.0, far).map(|hit| hit.t));
+                    [&about, &all].map(|items| window.hit(items, &beam(d), 1.0, far).map(|hit| hit.t));
                 assert_eq!(some, any, "{o} {d}");
                 hits += usize::from(any.is_some());
             }

@@ -95,8 +95,8 @@ impl Settings {
         })
     }
 
-    /// Metres after which the drive ends at the latest. The length of a loop follows from the number of points
-    /// asked for.
+    /// Metres after which the drive ends at the latest. The length of a loop follows from the number of
+    /// points asked for.
     pub(super) fn length(&self) -> f64 {
         let enough = |points: u64| {
             // About this many points are measured per pulse in a suburb.

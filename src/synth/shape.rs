@@ -1,8 +1,8 @@
-//! The solids and surfaces of the scene and their intersections with rays, in the frame of a model. No transforms,
-//! no physics of materials.
+//! The solids and surfaces of the scene and their intersections with rays, in the frame of a model. No
+//! transforms, no physics of materials.
 //!
-//! A hit is the smallest `t` in (tmin, tmax) with `origin + t direction` on the surface, or infinity. Directions
-//! need not have length one: a ray can be transformed into a scaled model without changing `t`.
+//! A hit is the smallest `t` in (tmin, tmax) with `origin + t direction` on the surface, or infinity.
+//! Directions need not have length one: a ray can be transformed into a scaled model without changing `t`.
 
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -148,8 +148,8 @@ fn root(ray: &Ray, start: f32, [a, b, c]: [f32; 3], accept: impl Fn(f32) -> bool
 
 fn hit_rod(ray: &Ray, base: Vec3A, axis: Vec3A, [r0, r1]: [f32; 2]) -> f32 {
     let d = ray.direction;
-    // Start at the point of the ray that is nearest to the centre. In f32, the square of a range of 100 m would
-    // swamp the square of a radius of 1 cm.
+    // Start at the point of the ray that is nearest to the centre. In f32, the square of a range of 100 m
+    // would swamp the square of a radius of 1 cm.
     let start = (base + axis * 0.5 - ray.origin).dot(d) / d.length_squared();
     let p = ray.origin + d * start - base;
     let h = axis.length_squared();

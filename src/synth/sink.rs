@@ -1,4 +1,5 @@
-//! Writes slices in order: the point files, the table of objects, the trajectory, the description of the scene.
+//! Writes slices in order: the point files, the table of objects, the trajectory, the description of the
+//! scene.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -14,10 +15,11 @@ use crate::whole_file::WholeFile;
 
 use super::axis::LEAD;
 use super::drive::Pose;
-use super::object::Object;
+use super::object::{Object, Place};
 use super::scan::{Record, START_TIME, Slice};
 use super::scene::Window;
 use super::settings::{Settings, Summary};
+use super::traffic::whose;
 
 /// World coordinates of the street's origin: UTM zone 32 north, in the south of Germany.
 const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);
@@ -45,7 +47,8 @@ pub(super) struct Sink<'a> {
     reference: WholeFile,
     /// One row per pose.
     trajectory: WholeFile,
-    /// Objects that may get more points, by number.
+    /// Objects that may get more points, by number. What moves has the highest numbers and stays until the
+    /// end.
     seen: BTreeMap<u32, Tally>,
     summary: Summary,
 }
@@ -74,7 +77,7 @@ impl<'a> Sink<'a> {
             reference: table(
                 "reference.csv",
                 "instance,class,class_name,kind,base_x,base_y,base_z,xmin,ymin,zmin,xmax,ymax,zmax,n_points,height,\
-                 model_height,base_inside,crown_diameter,dbh,inclination,inclination_azimuth",
+                 model_height,base_inside,crown_diameter,dbh,inclination,inclination_azimuth,speed_kmh",
             )?,
             trajectory: table("trajectory.csv", "gps_time,x,y,z,roll,pitch,heading")?,
             seen: BTreeMap::new(),
@@ -98,8 +101,8 @@ impl<'a> Sink<'a> {
             poses.try_for_each(|pose| self.pose(pose)).map_err(failed)?;
         }
         while let Some(entry) = self.seen.first_entry().filter(|entry| *entry.key() < lowest) {
-            let tally = entry.remove();
-            self.object(&tally).map_err(failed)?;
+            let (id, tally) = entry.remove_entry();
+            self.object(id, &tally).map_err(failed)?;
         }
         Ok(())
     }
@@ -107,7 +110,7 @@ impl<'a> Sink<'a> {
     /// Counts points of one object of a window.
     fn count(&mut self, window: &Window, records: &[Record]) {
         let id = records[0].instance;
-        let new = || Tally { object: window.object(id), points: 0, low: IVec3::MAX, high: IVec3::MIN };
+        let new = || Tally { object: window.object(whose(id)), points: 0, low: IVec3::MAX, high: IVec3::MIN };
         let tally = self.seen.entry(id).or_insert_with(new);
         tally.points += records.len() as u64;
         for steps in records.iter().map(|record| IVec3::from(record.steps)) {
@@ -142,26 +145,32 @@ impl<'a> Sink<'a> {
     }
 
     /// Writes the row of an object.
-    fn object(&mut self, tally: &Tally) -> io::Result<()> {
+    fn object(&mut self, id: u32, tally: &Tally) -> io::Result<()> {
         let &Tally { object: Some(ref object), points, low, high } = tally else { return Ok(()) };
-        let Object { id, class, kind, base, height, s, truth } = **object;
+        let Object { class, kind, place, height, truth, .. } = **object;
         let name = CLASSES[usize::from(class)];
-        let [x, y, z] = (base + WORLD).to_array();
         let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
         let [x1, y1, z1] = (high.as_dvec3() * 0.001 + WORLD).to_array();
         let tall = z1 - z0;
         let driven = LEAD..LEAD + self.summary.length_m;
-        let inside = u8::from(driven.contains(&s));
-        // What an object does not have is empty.
+        // What an object does not have is empty. What moves has no foot, and its box is that of its trace. It
+        // is never inside, so that no measure is compared with it.
         let field = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.3}"));
+        let (base, inside, speed) = match place {
+            Place::Stands { base, s } => (Some(base + WORLD), driven.contains(&s), None),
+            Place::Moves { speed_kmh } => (None, false, Some(speed_kmh)),
+        };
+        let inside = u8::from(inside);
+        let [x, y, z] = [0, 1, 2].map(|axis| field(base.map(|base| base[axis])));
+        let speed = field(speed);
         let crown = field(truth.crown_diameter);
         let dbh = field(truth.dbh);
         let [lean, azimuth] = [0, 1].map(|k| field(truth.inclination.map(|both| both[k])));
         self.summary.objects += 1;
         writeln!(
             self.reference,
-            "{id},{class},{name},{kind},{x:.3},{y:.3},{z:.3},{x0:.3},{y0:.3},{z0:.3},{x1:.3},{y1:.3},{z1:.3},\
-             {points},{tall:.3},{height:.3},{inside},{crown},{dbh},{lean},{azimuth}"
+            "{id},{class},{name},{kind},{x},{y},{z},{x0:.3},{y0:.3},{z0:.3},{x1:.3},{y1:.3},{z1:.3},\
+             {points},{tall:.3},{height:.3},{inside},{crown},{dbh},{lean},{azimuth},{speed}"
         )
     }
 

@@ -10,7 +10,7 @@ use rand::RngExt;
 use super::axis::{Axis, CELL, cell_at};
 use super::ground::Ground;
 use super::model::Model;
-use super::object::Object;
+use super::object::{Object, Place};
 use super::preset::{Lot, Plan, Row, kind};
 use super::random::{Random, pick, sequence};
 use super::scene::{Owner, Placed};
@@ -18,6 +18,10 @@ use super::truth::Truth;
 
 /// Object numbers that each cell has for itself.
 pub(super) const IDS: u32 = 1_000;
+
+/// Opening behind the pieces of an object along the street, metres: access for a vehicle. Without it, rails
+/// and hedges that touch each other would look like one object but have several numbers.
+const OPENING: f64 = 5.0;
 
 /// Models by kind.
 pub(super) type Library = BTreeMap<String, Vec<Arc<Model>>>;
@@ -68,8 +72,10 @@ impl Site<'_> {
             let name = pick(&row.names, if row.joined.is_some() { &mut shared } else { &mut random });
             let kind = kind(name);
             let ends = [-0.5, 0.5].map(|end| s + kind.span * end);
-            let missing = row.joined.map_or(0.0, |gap| gap * shared.random::<f64>());
-            let goes_on = shared.random_bool(row.share) && nth as f64 / (together as f64) < 1.0 - missing;
+            let missing = row.joined.map_or(0.0, |share| {
+                (share * shared.random::<f64>() * together as f64).max(OPENING / row.every)
+            });
+            let goes_on = shared.random_bool(row.share) && nth as f64 + missing < together as f64;
             let grounded = if row.bridge { plan.dip(s) > 0.4 } else { !kind.rooted || plan.dip(s) <= 0.0 };
             if !goes_on || !grounded || !ends.into_iter().all(on_street) {
                 continue;
@@ -101,7 +107,8 @@ impl Site<'_> {
                 _ => {
                     self.last_id += 1;
                     let truth = Truth::of(class, model, turn);
-                    Arc::new(Object { id: self.last_id, class, kind: name, base, height, s, truth })
+                    let place = Place::Stands { base, s };
+                    Arc::new(Object { id: self.last_id, class, kind: name, place, height, truth })
                 }
             };
             let owner = Owner::Object(Arc::clone(&object));
@@ -136,5 +143,63 @@ impl Site<'_> {
         let corners = [(-0.5, 0.0), (0.5, 0.0), (-0.5, 1.0), (0.5, 1.0)].map(DVec2::from);
         let stands = width >= 6.0 && corners.iter().all(|corner| self.free(place + *corner * outwards, 0.0));
         stands.then(|| (place, vec3(width as f32, lot.depth as f32, 1.0)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::preset::Preset;
+    use super::super::things;
+    use super::*;
+
+    /// Number, place and direction of every piece of what is led along the street, without cars and wires.
+    fn pieces(preset: Preset) -> Vec<(u32, DVec3, DVec2)> {
+        let plan = Plan::new(preset, 3);
+        let mut axis = Axis::new(plan.seed, plan.bends, None);
+        let library = things::models(plan.seed);
+        axis.reach(2_500.0);
+        let cells = (0..40).flat_map(|index| cell(plan, &axis, &library, index));
+        let piece = |placed: Placed| match placed.owner {
+            Owner::Object(object) if object.class == 6 && kind(object.kind).span > 0.0 => {
+                Some((object.id, placed.at, placed.turn.x_axis.truncate().as_dvec2().normalize()))
+            }
+            _ => None,
+        };
+        cells.filter_map(piece).collect()
+    }
+
+    #[test]
+    fn no_two_objects_of_pieces_touch_each_other() {
+        for preset in [Preset::Suburb, Preset::Avenue, Preset::Highway, Preset::Parkway, Preset::Lane] {
+            let pieces = pieces(preset);
+            let mut neighbours = 0;
+            for (index, (id, at, way)) in pieces.iter().enumerate() {
+                for (other, there, _) in &pieces[index + 1..] {
+                    let arm = (*there - *at).truncate();
+                    let (along, across) = (way.dot(arm).abs(), way.perp_dot(arm).abs());
+                    if across > 0.4 || along > 12.0 {
+                        continue;
+                    }
+                    neighbours += usize::from(id != other);
+                    // Pieces are 2.5 m long and the opening is 5 m, on the inside of a bend less.
+                    assert!(id == other || along > 6.0, "{preset:?}: {id} and {other} are {along} m apart");
+                }
+            }
+            assert!(neighbours > 3 || preset == Preset::Lane, "{preset:?}: {neighbours} openings");
+        }
+    }
+
+    #[test]
+    fn the_pieces_of_an_object_lie_in_one_cell() {
+        let presets = Preset::ALL.into_iter().filter(|preset| *preset != Preset::Mixed);
+        for preset in presets {
+            let rows = &Plan::new(preset, 1).layout(0).rows;
+            for row in rows.iter().filter(|row| row.joined.is_some()) {
+                let together = row.together.unwrap() as f64;
+                let groups = CELL / row.every / together;
+                assert!(groups.fract() == 0.0, "{preset:?}: {groups} groups of {:?} in a cell", row.names);
+                assert!(row.from < row.every && row.jitter == 0.0 && together * row.every > OPENING);
+            }
+        }
     }
 }

@@ -8,7 +8,7 @@ use rand::RngExt;
 use serde::Deserialize;
 
 use super::model::Model;
-use super::random::{Random, pick, sequence};
+use super::random::{Random, named, pick};
 use super::shape::{Primitive, Shape};
 use super::shipped::shipped;
 use super::tree::{self, Level};
@@ -59,19 +59,28 @@ struct Storeys {
 
 /// One or more models of every kind; x along the street, y away from the road.
 pub(super) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
-    let mut library = BTreeMap::new();
-    for (stream, (kind, things)) in (10..).zip(THINGS.iter()) {
-        let mut random = sequence(seed, stream, 0);
-        let numbers =
-            |thing: &'static Thing| (0..thing.models.unwrap_or(1)).map(move |number| (thing, number));
+    models_of(&THINGS, seed)
+}
+
+/// The models of a table. Every name has a random sequence of its own, so that a new name changes no other
+/// one.
+fn models_of(table: &BTreeMap<String, Vec<Thing>>, seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
+    let kind = |(name, things): (&String, &Vec<Thing>)| {
+        let mut random = named(seed, name);
+        let numbers = |thing| (0..Thing::models(thing)).map(move |number| (thing, number));
         let entries = things.iter().flat_map(numbers);
         let models = entries.map(|(thing, number)| Arc::new(thing.model(number, &mut random)));
-        library.insert(kind.clone(), models.collect());
-    }
-    library
+        (name.clone(), models.collect())
+    };
+    table.iter().map(kind).collect()
 }
 
 impl Thing {
+    /// Number of its models.
+    fn models(&self) -> u8 {
+        self.models.unwrap_or(1)
+    }
+
     fn model(&self, number: u8, random: &mut Random) -> Model {
         let mut all = self.parts(&Affine3A::IDENTITY, random);
         all.extend(self.hulls.iter().flat_map(|hull| hull.triangles(usize::from(number))));
@@ -89,7 +98,8 @@ impl Thing {
         Model::new(all)
     }
 
-    /// Its parts, with their points transformed into the frame of another thing. Radii and normals stay the same.
+    /// Its parts, with their points transformed into the frame of another thing. Radii and normals stay the
+    /// same.
     fn parts(&self, map: &Affine3A, random: &mut Random) -> Vec<Primitive> {
         let mut all = Vec::new();
         for part in &self.parts {
@@ -124,23 +134,44 @@ mod tests {
     use glam::{DVec3, Mat3A, Vec3A};
 
     use super::super::material::material;
-    use super::super::object::Object;
-    use super::super::scene::{Owner, Placed, Window};
+    use super::super::object::{Object, Place};
+    use super::super::random::sequence;
+    use super::super::scene::{Beam, Owner, Placed, Window};
     use super::super::truth::Truth;
     use super::*;
 
     #[test]
+    fn a_new_name_changes_the_models_of_no_other() {
+        let parse = |text: &str| shipped::<BTreeMap<String, Vec<Thing>>>(text);
+        let text = include_str!("things.toml");
+        let before = models_of(&parse(text), 5);
+        // It sorts before all others, and chance has an influence on it.
+        let new =
+            "[[aaa]]\nmodels = 2\nparts = [{ of = \"leaf\", block = [[0, 0, 0], [1, 1, 1]], leaves = 9 }]\n";
+        let after = models_of(&parse(&format!("{text}\n{new}")), 5);
+        assert_eq!(after.len(), before.len() + 1);
+        let parts = |models: &[Arc<Model>]| {
+            models.iter().map(|model| format!("{:?}", model.primitives)).collect::<Vec<_>>()
+        };
+        for (name, models) in &before {
+            assert!(parts(models) == parts(&after[name]), "{name} changes");
+        }
+        let trees = parts(&before["tree_round"]);
+        assert!(trees != parts(&models_of(&parse(text), 6)["tree_round"]), "another seed gives other trees");
+    }
+
+    #[test]
     fn storeys_have_walls_reveals_and_glass() {
-        // The first kind of storey, stretched to 42 x 16 x 3 m: bays of 3 m, windows 1.4 m wide from 0.9 to 2.34 m.
+        // The first kind of storey, stretched to 42 x 16 x 3 m: bays of 3 m, windows 1.4 m wide from 0.9 to
+        // 2.34 m.
         let parts =
             THINGS["storey"][0].parts(&Affine3A::from_scale(vec3(42.0, 16.0, 3.0)), &mut sequence(1, 2, 3));
         let object = Object {
             id: 1,
             class: 5,
             kind: "building",
-            base: DVec3::ZERO,
+            place: Place::Stands { base: DVec3::ZERO, s: 0.0 },
             height: 3.0,
-            s: 0.0,
             truth: Truth::default(),
         };
         let owner = Owner::Object(object.into());
@@ -158,11 +189,10 @@ mod tests {
             ([-26.0, 0.3, 1.5], [1.0, 0.0, 0.0], 5.0, "plaster"), // its corner
             ([-2.9, -5.0, 1.5], [1.0, 1.0, 0.0], 5.1, "plaster"), // at 45 degrees: the reveal at x = 2.2
         ] {
-            let o = Vec3A::from(origin);
-            let d = Vec3A::from(direction);
-            let hit = window.hit(&[0], o, d, 0.0, 100.0).unwrap();
+            let beam = Beam { origin: Vec3A::from(origin), direction: Vec3A::from(direction), late: 0.0 };
+            let hit = window.hit(&[0], &beam, 0.0, 100.0).unwrap();
             assert!((hit.t - t).abs() < 0.03, "{origin:?}: {}", hit.t);
-            assert_eq!(*window.surface(&hit, o, d).0.material, *material(name), "{origin:?}");
+            assert_eq!(*window.surface(&hit, &beam).0.material, *material(name), "{origin:?}");
         }
     }
 }

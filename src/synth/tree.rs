@@ -1,7 +1,8 @@
-//! Plants, from bushes to palms: stems grow on stems, level by level, with leaves. Also leaves strewn over hedges.
+//! Plants, from bushes to palms: stems grow on stems, level by level, with leaves. Also leaves strewn over
+//! hedges.
 //!
-//! After Weber and Penn, Creation and rendering of realistic trees (SIGGRAPH 1995), simplified: one rule for every
-//! level; a habit is a table of levels.
+//! After Weber and Penn, Creation and rendering of realistic trees (SIGGRAPH 1995), simplified: one rule for
+//! every level; a habit is a table of levels.
 
 use glam::{FloatExt, Vec3};
 use obvhs::aabb::Aabb;
@@ -51,8 +52,8 @@ pub(super) fn strew(within: &Aabb, count: u16, random: &mut Random) -> Vec<Primi
     (0..count).map(|_| leaf(low + size * random.random::<Vec3>(), 0.04, random)).collect()
 }
 
-/// The parts that grow on a stem through these points, which are equally spaced: the stems of the first level, and
-/// the other levels on them.
+/// The parts that grow on a stem through these points, which are equally spaced: the stems of the first
+/// level, and the other levels on them.
 pub(super) fn grow(levels: &[Level], parent: &[Vec3], random: &mut Random) -> Vec<Primitive> {
     let Some((level, further)) = levels.split_first() else { return Vec::new() };
     let pieces = parent.len() - 1;

@@ -23,7 +23,8 @@ pub(super) struct Truth {
     pub(super) crown_diameter: Option<f64>,
     /// Diameter of the stem at breast height, metres.
     pub(super) dbh: Option<f64>,
-    /// Angle of the stem or pole from the vertical, and direction in which it leans, clockwise from north, degrees.
+    /// Angle of the stem or pole from the vertical, and direction in which it leans, clockwise from north,
+    /// degrees.
     pub(super) inclination: Option<[f64; 2]>,
 }
 
@@ -62,8 +63,8 @@ fn end_below(stem: &[(Vec3, f32)], height: f32) -> Option<Vec3> {
     }
 }
 
-/// The rods from the origin on, each the thickest at the end of the one before: joints and horizontal radii there, turned
-/// and stretched.
+/// The rods from the origin on, each the thickest at the end of the one before: joints and horizontal radii
+/// there, turned and stretched.
 fn stem(model: &Model, turn: Mat3A) -> Vec<(Vec3, f32)> {
     let wide = (turn * Vec3A::X).length();
     let mut joints: Vec<(Vec3, f32)> = Vec::new();
