@@ -3,7 +3,8 @@
 //! The halo is the dilation of the core in the plane by the reach of the method. It is not a range of
 //! chainage: on a loop, tiles can be neighbours and far apart in time.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
 use crate::model::TileId;
 use crate::spatial::{Area, Cell, CellGrid, CellMap};
@@ -35,7 +36,10 @@ impl Plan {
     /// Number of points that tile number `tile` reads with a reach of `reach` lattice units.
     #[must_use]
     pub fn region_points(&self, tile: usize, reach: i64) -> u64 {
-        self.region(tile, reach).points
+        let cells = self.core(tile);
+        let halo = self.halo(tile, &cells, reach);
+        let mut counts = self.cells().cursor();
+        cells.iter().chain(&halo).map(|cell| u64::from(counts.get(*cell))).sum()
     }
 
     /// The region that tile number `tile` reads: its core and every occupied cell within `reach` lattice
@@ -43,34 +47,28 @@ impl Plan {
     #[must_use]
     pub fn region(&self, tile: usize, reach: i64) -> Region {
         let cells = self.core(tile);
-        let own = owner_of(tile);
-        let disc = self.grid().disc(reach);
+        let halo = self.halo(tile, &cells, reach);
         let mut roles = CellMap::<u8>::default();
-        for &cell in &cells {
-            *roles.entry(cell) = Region::CORE;
-        }
+        cells.iter().for_each(|&cell| *roles.entry(cell) = Region::CORE);
+        halo.iter().for_each(|&cell| *roles.entry(cell) = Region::HALO);
+        self.members([cells, halo].concat(), roles)
+    }
+
+    /// The cells of other tiles within `reach` lattice units of `cells`, which are those of tile number
+    /// `tile`.
+    fn halo(&self, tile: usize, cells: &[Cell], reach: i64) -> Vec<Cell> {
+        let own = owner_of(tile);
         let mut owners = self.owners().cursor();
         let mut halo = Vec::new();
-        let mut beside =
-            |cell: Cell, by: [i32; 2]| owners.get([cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])]);
-        for &cell in &cells {
-            // Only a core cell with a foreign or empty neighbour can have a foreign cell within reach.
-            if [[1, 0], [-1, 0], [0, 1], [0, -1]].iter().all(|by| beside(cell, *by) == own) {
-                continue;
-            }
-            for by in &disc {
-                let near = [cell[0].wrapping_add(by[0]), cell[1].wrapping_add(by[1])];
-                let owner = beside(cell, *by);
+        for (i, strips) in dilated(cells, &self.grid().disc(reach)) {
+            for cell in strips.into_iter().flatten().map(|j| [i, j]) {
+                let owner = owners.get(cell);
                 if owner != 0 && owner != own {
-                    let role = roles.entry(near);
-                    if *role == 0 {
-                        *role = Region::HALO;
-                        halo.push(near);
-                    }
+                    halo.push(cell);
                 }
             }
         }
-        self.members([cells, halo].concat(), roles)
+        halo
     }
 
     /// The region that consists of some cells, whoever owns them. None of them is core.
@@ -89,5 +87,59 @@ impl Plan {
         let tiles = tiles.into_iter().collect();
         let points = members.iter().map(|cell| u64::from(counts.get(*cell))).sum();
         Region { area: Area::of(members.into_iter()), roles, tiles, points, grid: self.grid() }
+    }
+}
+
+/// The cells around ascending cells that a disc reaches, by their first coordinate, as ascending strips along
+/// the second one that do not overlap. Each cell is visited once, however large the disc is.
+fn dilated(cells: &[Cell], disc: &[[i32; 2]]) -> BTreeMap<i32, Vec<RangeInclusive<i32>>> {
+    // A disc is convex and symmetric: its largest step along the second coordinate says all about a row.
+    let mut half_widths = BTreeMap::<i32, i32>::new();
+    for &[di, dj] in disc {
+        let half = half_widths.entry(di).or_default();
+        *half = dj.max(*half);
+    }
+    let mut strips = BTreeMap::<i32, Vec<RangeInclusive<i32>>>::new();
+    for run in cells.chunk_by(|a, b| a[0] == b[0] && a[1].checked_add(1) == Some(b[1])) {
+        let (Some([i, from]), Some([_, to])) = (run.first(), run.last()) else { continue };
+        for (di, half) in &half_widths {
+            let Some(i) = i.checked_add(*di) else { continue };
+            strips.entry(i).or_default().push(from.saturating_sub(*half)..=to.saturating_add(*half));
+        }
+    }
+    for strips in strips.values_mut() {
+        strips.sort_unstable_by_key(|strip| *strip.start());
+        strips.dedup_by(|next, last| {
+            let joins = *next.start() <= *last.end();
+            if joins && next.end() > last.end() {
+                *last = *last.start()..=*next.end();
+            }
+            joins
+        });
+    }
+    strips
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_have_the_cells_within_the_disc_and_each_once() {
+        let grid = CellGrid::new(1_000);
+        let mut cells = vec![[0, 0], [0, 1], [0, 9], [3, 4], [7, -2], [-5, i32::MAX]];
+        cells.sort_unstable();
+        for reach in [0, 700, 1_000, 2_500, 6_100] {
+            let disc = grid.disc(reach);
+            let near = |cell: &Cell| {
+                disc.iter().map(|by| [cell[0] + by[0], cell[1].saturating_add(by[1])]).collect::<Vec<_>>()
+            };
+            let expected: BTreeSet<Cell> = cells.iter().flat_map(near).collect();
+            let found: Vec<Cell> = dilated(&cells, &disc)
+                .into_iter()
+                .flat_map(|(i, strips)| strips.into_iter().flatten().map(move |j| [i, j]))
+                .collect();
+            assert!(found.is_sorted() && found.iter().copied().eq(expected), "reach {reach}");
+        }
     }
 }
