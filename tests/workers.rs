@@ -1,10 +1,11 @@
-//! A run that several processes share: the bytes of one process for every method, with units computed twice, workers killed,
-//! files that appear late, and workers that do not belong to the run.
+//! A run that several processes share: the bytes of one process for every method, with units computed twice,
+//! workers killed, files that appear late, and workers that do not belong to the run.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use chainage::run::{CancelToken, Event, Observer, SharedRun, Units};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -202,7 +203,8 @@ fn killed_workers_and_reductions_change_no_byte() {
         };
         while let Some(pass) = due.pass.clone() {
             if killed < 12 {
-                // Two workers with all units and one to complete the pass at the same time, killed without a notice.
+                // Two workers with all units and one to complete the pass at the same time, killed without a
+                // notice.
                 let mut children: Vec<Child> = (0..2).map(|_| worker(&out, &pass, &due.units)).collect();
                 let reduce = ["--after", &pass, "--wait", "1"];
                 children.push(command("reduce", &out, &reduce).spawn().expect("starts"));
@@ -427,6 +429,53 @@ fn a_worker_on_a_full_disk_fails_alone() {
         assert!(rest.is_empty() || worker(&out, pass, &rest).wait().expect("ended").success());
     });
     assert_same_outputs(&alone, &out, "after a worker without room");
+}
+
+/// Ends the run as soon as a pass starts.
+struct EndsTheRun<'a> {
+    out: &'a Path,
+    pass: &'static str,
+}
+
+impl Observer for EndsTheRun<'_> {
+    fn event(&self, event: &Event<'_>) {
+        if matches!(event, Event::PassStarted { pass, .. } if *pass == self.pass) {
+            let due = due_after("next", self.out, &[]);
+            to_the_end(self.out, due, |pass, units| {
+                assert!(worker(self.out, pass, units).wait().expect("ended").success(), "{pass}");
+            });
+        }
+    }
+}
+
+#[test]
+fn a_worker_that_is_late_ends_well_when_others_have_ended_the_run() {
+    let inputs = Inputs::new("street.laz");
+    let options = ["--tile-length", "8", "--memory", "256M", "--set", "output.copc=true"];
+    let alone = inputs.alone(&options);
+    for pass in ["relabel", "copc nodes", "export"] {
+        let out = inputs.path(pass);
+        let mut due = inputs.open(&out, &options);
+        while due.pass() != pass {
+            let before = due.pass().to_owned();
+            assert!(
+                due.units.is_empty() || worker(&out, &before, &due.units).wait().expect("ended").success()
+            );
+            due = due_after("reduce", &out, &["--after", &before]);
+        }
+        let shared = SharedRun {
+            out: out.clone(),
+            wait: Duration::ZERO,
+            registries: chainage::run::Registries::default(),
+        };
+        let resolve = |path: &Path| Ok(chainage::config::Config::resolve(Some(path), &[])?);
+        let observer = EndsTheRun { out: &out, pass };
+        let late =
+            chainage::run::work(&shared, (pass, &Units::All), resolve, &observer, &CancelToken::default());
+        late.unwrap_or_else(|error| panic!("{pass}: {error}"));
+        assert_same_outputs(&alone, &out, pass);
+        assert_eq!(due_after("next", &out, &[]).pass, None, "{pass}");
+    }
 }
 
 #[test]

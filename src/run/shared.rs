@@ -1,7 +1,8 @@
-//! A run that several processes share. One process opens it and completes each pass; any number of workers compute units.
-//! Each of these functions walks the one list of passes in `flow.rs` with a driver of its own.
+//! A run that several processes share. One process opens it and completes each pass; any number of workers
+//! compute units. Each of these functions walks the one list of passes in `flow.rs` with a driver of its own.
 //!
-//! Workers hold no lock and only add units, so any engine may start them anywhere, twice, and kill them at any moment.
+//! Workers hold no lock and only add units, so any engine may start them anywhere, twice, and kill them at
+//! any moment.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -9,7 +10,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use crate::config::Config;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::run::chain::Registries;
 use crate::run::computed;
 use crate::run::engine::{
@@ -38,7 +39,8 @@ pub struct SharedRun<'a> {
 /// The pass that is due, and its units.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct DueUnits {
-    /// Its name; of a repeated step, with the number of the round. `None` if nothing is due: every output is complete.
+    /// Its name; of a repeated step, with the number of the round. `None` if nothing is due: every output is
+    /// complete.
     pub pass: Option<String>,
     /// Units without a stored result. If there are none, the reduction of the pass is due.
     pub units: Vec<usize>,
@@ -66,8 +68,8 @@ pub struct Reduced {
     pub finished: Option<RunSummary>,
 }
 
-/// Opens a run for workers: surveys the drive, divides it into tiles, and opens the first pass after that. With
-/// `leave_survey` the survey is the first pass of the workers. Returns what is due.
+/// Opens a run for workers: surveys the drive, divides it into tiles, and opens the first pass after that.
+/// With `leave_survey` the survey is the first pass of the workers. Returns what is due.
 ///
 /// # Errors
 /// Those of [`run`](crate::run::run).
@@ -96,13 +98,13 @@ pub fn open_for_workers(
 /// Title of the first pass.
 const SURVEY: &str = "survey";
 
-/// Computes units of a pass. Returns when all of them are stored, whoever has computed them. The settings are those of the
-/// run; `resolve` gets the path of its configuration and returns the settings of this process, which may differ in how the
-/// machine is used, and in nothing else.
+/// Computes units of a pass. Returns when all of them are stored, whoever has computed them. The settings are
+/// those of the run; `resolve` gets the path of its configuration and returns the settings of this process,
+/// which may differ in how the machine is used, and in nothing else.
 ///
 /// # Errors
-/// A [`StoreError`] when another version drives the run, a [`RunError`] when the settings differ, when an earlier pass is
-/// not complete, or when units failed; those of [`run`](crate::run::run).
+/// A [`StoreError`] when another version drives the run, a [`RunError`] when the settings differ, when an
+/// earlier pass is not complete, or when units failed; those of [`run`](crate::run::run).
 pub fn work(
     shared: &SharedRun<'_>,
     (pass, units): (&str, &Units),
@@ -120,29 +122,39 @@ pub fn work(
     let open = Opened::to_share(&inputs, &config, &shared.registries, &run_dir)?;
     let limits = (open.budget.limits(), config.run.fail_fast);
     let mut driver = Share::new(&run_dir, (pass, units), limits, observer, cancel);
-    let walked = walk(&open, &mut driver, &run_dir)?;
+    let walked = walk(&open, &mut driver, &run_dir);
     if let Some(figures) = driver.figures {
         return Ok(figures);
     }
+    let pass_name = driver.named().unwrap_or(EXPORT);
+    let nothing = PassFigures { pass: pass_name, units: 0, resumed: 0, points: 0, seconds: 0.0 };
     match walked {
         // Every output is complete, so this unit has been computed as well.
-        Some((_, outcome)) if outcome.unmarked.is_none() => {
-            let pass = driver.named().unwrap_or(EXPORT);
-            Ok(PassFigures { pass, units: 0, resumed: 0, points: 0, seconds: 0.0 })
+        Ok(Some((_, outcome))) if outcome.unmarked.is_none() => Ok(nothing),
+        // The end of a run removes what its last passes read. A worker that is late finds nothing and is not
+        // needed.
+        Err(error) if is_of_files(&error) && due_in(&open, &run_dir).is_ok_and(|due| due.pass.is_none()) => {
+            Ok(nothing)
         }
-        _ => Err(RunError::NotReduced { pass: SURVEY.to_owned(), asked: pass.to_owned() }.into()),
+        Err(error) => Err(error),
+        Ok(_) => Err(RunError::NotReduced { pass: SURVEY.to_owned(), asked: pass.to_owned() }.into()),
     }
+}
+
+/// Whether an error may come from files that are missing.
+fn is_of_files(error: &Error) -> bool {
+    !matches!(error.kind(), ErrorKind::Bug | ErrorKind::Config | ErrorKind::Interrupted)
 }
 
 /// Name of the last pass.
 const EXPORT: &str = "export";
 
-/// Completes a pass: checks every unit, reduces them, and opens the next pass. After the last pass it writes the tables
-/// and the report.
+/// Completes a pass: checks every unit, reduces them, and opens the next pass. After the last pass it writes
+/// the tables and the report.
 ///
 /// # Errors
-/// A [`RunError`] that names the units that are missing or cannot be used, or an earlier pass that is not complete;
-/// a [`StoreError`] when another process drives the run.
+/// A [`RunError`] that names the units that are missing or cannot be used, or an earlier pass that is not
+/// complete; a [`StoreError`] when another process drives the run.
 pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> Result<Reduced> {
     let started = Instant::now();
     // Looked at first, so that no directory is created where there is no run.
