@@ -1,12 +1,11 @@
 """A drive on dask.distributed: the bytes of one process although workers are killed, and a clear end of what fails."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
-import threading
-import time
 
 import pytest
 from conftest import PROGRAM, SAMPLE
@@ -39,25 +38,19 @@ def test_the_command_gives_the_bytes_of_one_process(tmp_path):
 
 def test_killed_workers_change_no_byte(tmp_path):
     alone(tmp_path / "alone")
-    over = threading.Event()
     killed = []
     with driver.local_cluster(2) as cluster, distributed.Client(cluster, set_as_default=False) as client:
 
-        def kill():
-            while not over.wait(0.6) and len(killed) < 4:
-                processes = [worker.pid for worker in cluster.workers.values() if worker.pid]
-                if processes:
-                    os.kill(processes[len(killed) % len(processes)], signal.SIGKILL)
-                    killed.append(time.monotonic())
+        def kill(text):
+            # When a part of the units of a pass is done, others are under way.
+            part = re.search(r": (\d+) of (\d+) units", text)
+            processes = [worker.pid for worker in cluster.workers.values() if worker.pid]
+            if part and int(part[1]) < int(part[2]) and processes and len(killed) < 4:
+                os.kill(processes[len(killed) % len(processes)], signal.SIGKILL)
+                killed.append(text)
 
-        thread = threading.Thread(target=kill)
-        thread.start()
-        try:
-            driver.drive(client, [str(SAMPLE)], str(tmp_path / "out"), OPTIONS, ["--wait", "0"], lambda text: None)
-        finally:
-            over.set()
-            thread.join()
-    assert killed, "no worker was killed in time"
+        driver.drive(client, [str(SAMPLE)], str(tmp_path / "out"), OPTIONS, ["--wait", "0"], kill)
+    assert killed, "no worker was killed"
     same(tmp_path / "alone", tmp_path / "out")
 
 
