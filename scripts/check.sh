@@ -145,6 +145,8 @@ else
     step "lints" cargo clippy --locked --all-targets -- -D warnings
     step "minimal Rust version" minimal_rust
     step "tests and doc tests" tests
+    # rounds_of_the_child is a part of another test.
+    step "long tests" tests --test main -- --ignored --skip rounds_of_the_child
     step "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --quiet
 fi
 if [ "$lane" = all ]; then

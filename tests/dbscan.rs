@@ -136,6 +136,7 @@ fn labelled(folder: &Path, name: &str, arguments: &[&str]) -> Vec<u8> {
 }
 
 #[test]
+#[ignore = "long; scripts/check.sh runs it"]
 fn nobody_can_tell_the_tiles_of_a_run() {
     let folder = tempfile::tempdir().unwrap();
     for variant in [

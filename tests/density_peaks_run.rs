@@ -32,6 +32,7 @@ fn tiles_and_threads_do_not_show() {
 }
 
 #[test]
+#[ignore = "long; scripts/check.sh runs it"]
 fn a_run_stopped_in_any_pass_ends_in_the_same_bytes() {
     let folder = scratch();
     let settings = ["tiling.tile_length=20", "run.threads=2"];
@@ -98,6 +99,7 @@ fn a_run_that_died_in_a_reduction_does_it_again() {
 }
 
 #[test]
+#[ignore = "long; scripts/check.sh runs it"]
 fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
     let folder = scratch();
     let base = ["tiling.tile_length=20"];

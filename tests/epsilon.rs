@@ -207,6 +207,7 @@ fn a_sample_of_the_points_is_the_same_in_any_tiles_and_near_the_whole() {
 /// A run with an estimated epsilon has the bytes of one with one tile, and the labels of a run with this
 /// epsilon.
 #[test]
+#[ignore = "long; scripts/check.sh runs it"]
 fn nobody_can_tell_the_tiles_of_a_run_with_an_estimate() {
     let folder = scratch();
     let sweep = [shipped("tests/data/tree_road_sweep.laz")];
@@ -244,6 +245,7 @@ const FIELDS: &str = r#"dbscan.fields=["x","y","z","intensity"]"#;
 
 /// Objects in a space of fields are those that the same method for tables finds over all points at once.
 #[test]
+#[ignore = "long; scripts/check.sh runs it"]
 fn fields_beyond_coordinates_are_standardised_over_the_drive_and_exact_over_tiles() {
     let folder = scratch();
     let sweep = [shipped("tests/data/tree_road_sweep.laz")];
