@@ -1,8 +1,9 @@
 //! `chainage` divides mobile laser scanning data into ground and objects.
 //!
-//! A drive is a set of LAS or LAZ files. The result is a copy of each file with three more facts per point (whether
-//! it is ground, the id of its object, and what the object is), and a table of the objects. Drives can be longer than memory, runs can
-//! be interrupted and resumed, and the division into tiles does not change the result.
+//! A drive is a set of LAS or LAZ files. The result is a copy of each file with three more facts per point
+//! (whether it is ground, the id of its object, and what the object is), and a table of the objects. Drives
+//! can be longer than memory, runs can be interrupted and resumed, and the division into tiles does not
+//! change the result.
 //!
 //! ```
 //! use chainage::config::Config;
@@ -38,6 +39,7 @@ pub mod words;
 
 mod codec;
 mod host;
+mod spill;
 mod whole_file;
 
 pub mod boosting;

@@ -43,9 +43,9 @@ impl WholeFile {
 /// Ending of temporary names.
 const ENDING: &str = ".part";
 
-/// A temporary name beside `path` that nobody else uses: with host, process and a number. Several processes may write
-/// the same file, and the last one to finish gives it its name.
-fn temporary(path: &Path) -> PathBuf {
+/// A temporary name beside `path` that nobody else uses: with host, process and a number. Several processes
+/// may write the same file, and the last one to finish gives it its name.
+pub(crate) fn temporary(path: &Path) -> PathBuf {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let mut name = path.file_name().unwrap_or_default().to_os_string();

@@ -1,5 +1,5 @@
-//! The rules of the architecture, read from the sources: who may use what, that no files import each other in a circle,
-//! how long a file may be, what stands at its top; and that defaults are written down once.
+//! The rules of the architecture, read from the sources: who may use what, that no files import each other in
+//! a circle, how long a file may be, what stands at its top; and that defaults are written down once.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -87,9 +87,9 @@ fn module_of(file: &str) -> &str {
 const LAYERS: [&[&str]; 7] = [
     &["error", "allocator", "words", "host"],
     &["codec", "whole_file"],
-    &["model"],
-    // Beside each other: what is near what and what is learned from a table know no setting of the program, and no
-    // setting needs to know them.
+    &["model", "spill"],
+    // Beside each other: what is near what and what is learned from a table know no setting of the program,
+    // and no setting needs to know them.
     &["spatial", "boosting", "config"],
     &["input", "survey", "tiling", "ground", "cluster", "stitch", "inventory", "output", "store", "table"],
     &["run", "eval", "synth"],
@@ -154,7 +154,8 @@ fn no_files_import_each_other_in_a_circle() {
 #[test]
 fn imports_are_seen_through_re_exports_and_make_circles() {
     let read = |sources: &[(&'static str, &'static str)]| imports::graph(sources.iter().copied());
-    // A child that takes from its parent what a sibling defines imports the sibling; the parent imports nobody.
+    // A child that takes from its parent what a sibling defines imports the sibling; the parent imports
+    // nobody.
     let mod_rs = "mod one;\nmod two;\npub use one::{One, Other};\npub(crate) use two::two;\n";
     let one =
         "use std::fmt;\npub struct One;\npub struct Other { text: &'static str } // crate::nothing::At\n";
@@ -265,6 +266,24 @@ fn every_file_says_its_duty_first_and_none_is_long() {
         let lines = source.production.lines().count();
         assert!(lines <= LONGEST, "src/{} has {lines} lines before its tests", source.path);
         assert!(!source.text.contains("Temporary."), "src/{} is a placeholder", source.path);
+    }
+}
+
+#[test]
+fn comments_are_as_wide_as_code() {
+    let settings: toml::Table =
+        std::fs::read_to_string(shipped("rustfmt.toml")).expect("readable").parse().expect("TOML");
+    let widest = usize::try_from(settings["max_width"].as_integer().expect("a number")).expect("a width");
+    let mut all: Vec<PathBuf> = Vec::new();
+    for folder in ["src", "tests", "benches", "python/src"] {
+        rust_files(&shipped(folder), &mut all);
+    }
+    for path in all {
+        let text = std::fs::read_to_string(&path).expect("readable");
+        for (number, line) in (1..).zip(text.lines()) {
+            let is_comment = line.trim_start().starts_with("//");
+            assert!(!is_comment || line.chars().count() <= widest, "{}:{number}: {line}", path.display());
+        }
     }
 }
 

@@ -15,6 +15,7 @@ fn tiles_and_threads_do_not_show() {
 }
 
 #[test]
+#[ignore = "long; scripts/check.sh runs it"]
 fn a_run_stopped_in_any_pass_or_round_ends_in_the_same_bytes() {
     let folder = scratch();
     let settings = ["tiling.tile_length=20", "run.threads=2"];

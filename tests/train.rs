@@ -34,6 +34,7 @@ fn train(drive: &Path, model: &Path, options: &[&str]) -> Output {
 }
 
 #[test]
+#[ignore = "long; scripts/check.sh runs it"]
 fn tiles_and_threads_change_no_byte_and_the_model_scores_its_drive() {
     let folder = tempfile::tempdir().expect("a folder");
     let drive = labelled(folder.path());

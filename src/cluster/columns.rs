@@ -197,24 +197,42 @@ pub(super) struct Border {
     pub(super) shared: Vec<(Voxel, u32)>,
 }
 
+/// Joins the components of tiles that are added one after the other. A border need not be kept.
+#[derive(Debug, Default)]
+pub(super) struct Joining {
+    named: Vec<(Voxel, u32)>,
+    /// First component of each tile, and their number.
+    starts: Vec<u32>,
+    count: u32,
+}
+
+impl Joining {
+    /// Adds the next tile.
+    pub(super) fn add(&mut self, border: &Border) {
+        let first = self.count;
+        self.named.extend(border.shared.iter().map(|(voxel, local)| (*voxel, first + local)));
+        self.starts.push(first);
+        self.count += border.count;
+    }
+
+    /// The component over the whole drive of every local component of every tile.
+    pub(super) fn finish(mut self) -> Vec<Vec<u32>> {
+        self.named.sort_unstable();
+        let mut sets = DisjointSets::new(self.count);
+        for pair in self.named.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            sets.union(pair[0].1, pair[1].1);
+        }
+        self.starts.push(self.count);
+        let mut component = |ends: &[u32]| (ends[0]..ends[1]).map(|node| sets.find(node)).collect();
+        self.starts.windows(2).map(&mut component).collect()
+    }
+}
+
 /// The component over the whole drive of every local component of every tile.
 pub(super) fn join(borders: &[Border]) -> Vec<Vec<u32>> {
-    let mut first = 0;
-    let mut named: Vec<(Voxel, u32)> = Vec::new();
-    let mut starts = Vec::with_capacity(borders.len());
-    for border in borders {
-        named.extend(border.shared.iter().map(|(voxel, local)| (*voxel, first + local)));
-        starts.push(first);
-        first += border.count;
-    }
-    named.sort_unstable();
-    let mut sets = DisjointSets::new(first);
-    for pair in named.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-        sets.union(pair[0].1, pair[1].1);
-    }
-    let component =
-        |(border, start): (&Border, u32)| (start..start + border.count).map(|node| sets.find(node)).collect();
-    borders.iter().zip(starts).map(component).collect()
+    let mut joining = Joining::default();
+    borders.iter().for_each(|border| joining.add(border));
+    joining.finish()
 }
 
 #[cfg(test)]

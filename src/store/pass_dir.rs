@@ -1,4 +1,5 @@
-//! The folder of one pass: a file per unit, the values that the pass depends on, and the mark that the pass is complete.
+//! The folder of one pass: a file per unit, the values that the pass depends on, and the mark that the pass
+//! is complete.
 
 use std::fs::File;
 use std::ops::Range;
@@ -11,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::codec;
 use crate::error::Result;
 use crate::model::in_u32;
+use crate::spill::Spill;
 use crate::store::unit_file::{self, Refusal};
 use crate::store::wait::waited_for;
 use crate::store::{Fingerprint, Inputs, StaleReason, StoreError};
@@ -112,12 +114,24 @@ impl PassDir {
         self.folder.join(format!("unit-{unit:06}.bin"))
     }
 
+    /// Makes an error of the system one of this folder.
+    pub(crate) fn failed(&self, action: &'static str) -> impl Fn(std::io::Error) -> StoreError + use<> {
+        let path = self.folder.clone();
+        move |source| StoreError::Io { action, path: path.clone(), source }
+    }
+
+    /// A temporary file in the folder. If the process is killed, the mark of the complete pass removes it.
+    pub(crate) fn spill(&self, name: &str) -> Result<Spill, StoreError> {
+        let path = self.folder.join(name);
+        Spill::create(&path).map_err(StoreError::io("create", &path))
+    }
+
     fn number(unit: usize) -> u32 {
         in_u32(unit, "units of a pass")
     }
 
-    /// Creates the folder and records the values that the pass depends on. Results that depend on other values are
-    /// removed all at once, because with other tiles there may be fewer units.
+    /// Creates the folder and records the values that the pass depends on. Results that depend on other
+    /// values are removed all at once, because with other tiles there may be fewer units.
     ///
     /// # Errors
     /// When the file system refuses.
@@ -143,8 +157,8 @@ impl PassDir {
         Ok(waited_for(&self.folder, self.wait, same)?.is_some())
     }
 
-    /// Marks that all units exist and were checked, and that their reduction is stored. What processes left behind in
-    /// the folder is removed.
+    /// Marks that all units exist and were checked, and that their reduction is stored. What processes left
+    /// behind in the folder is removed.
     pub(crate) fn mark_complete(&self, units: usize) -> Result<(), StoreError> {
         let path = self.folder.join(COMPLETE);
         let text = serde_json::to_string(&self.complete(units))
@@ -241,7 +255,8 @@ impl PassDir {
         Ok(left)
     }
 
-    /// The units among `units` that have no stored result, with their state. Missing ones are looked for again.
+    /// The units among `units` that have no stored result, with their state. Missing ones are looked for
+    /// again.
     pub(crate) fn not_done(&self, units: &[usize]) -> Result<Vec<(usize, UnitState)>, StoreError> {
         let mut left: Vec<(usize, UnitState)> =
             units.iter().map(|&unit| (unit, UnitState::Missing)).collect();
@@ -346,8 +361,8 @@ impl PassDir {
         whole_file::sync_folder(&self.folder.join(COMPLETE)).map_err(StoreError::io("sync", &self.folder))
     }
 
-    /// Stores the result of a unit. From then on the unit is done. Another process may store the same unit at the same
-    /// time: both have the same bytes, and each replaces the other's file as a whole.
+    /// Stores the result of a unit. From then on the unit is done. Another process may store the same unit at
+    /// the same time: both have the same bytes, and each replaces the other's file as a whole.
     ///
     /// # Errors
     /// When it cannot be written.

@@ -1,9 +1,10 @@
-//! The file that one unit of a pass (a tile, a run of blocks) leaves behind: its result and its commit record.
+//! The file that one unit of a pass (a tile, a run of blocks) leaves behind: its result and its commit
+//! record.
 //!
 //! ```text
 //! file    := magic version unit fingerprint length payload checksum trailer
 //! magic   := "CHAINAGE"                8 bytes
-//! version := u32                       FORMAT_VERSION; raised when the bytes of any payload or of the plan change meaning
+//! version := u32                       FORMAT_VERSION; raised when payloads or the plan change meaning
 //! unit    := u32                       number of the unit in its pass
 //! fingerprint := u128                  of everything the payload depends on
 //! length  := u64                       bytes of payload
@@ -21,7 +22,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::store::Fingerprint;
 
 /// Version of the state on disk. A change of any payload raises it.
-pub const FORMAT_VERSION: u32 = 6;
+pub const FORMAT_VERSION: u32 = 7;
 
 const MAGIC: &[u8; 8] = b"CHAINAGE";
 const TRAILER: &[u8; 8] = b"COMMITED";
@@ -101,8 +102,8 @@ pub(crate) fn payload_range(
     Ok(HEADER_LEN as u64..HEADER_LEN as u64 + payload)
 }
 
-/// Checks a unit file of `length` bytes from its first to its last byte. The payload is appended to `payload`, if that
-/// is wanted.
+/// Checks a unit file of `length` bytes from its first to its last byte. The payload is appended to
+/// `payload`, if that is wanted.
 pub(crate) fn check(
     mut file: impl Read,
     length: u64,

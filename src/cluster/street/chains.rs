@@ -1,11 +1,11 @@
 //! Step `chains`: upright chains near the ground, and whether each is a trunk or a pole.
 //!
 //! A *piece* is a component of voxels in a slice of height. It is upright and narrow, and fills most of its
-//! slice. Its voxels are trees or poles, or look like a hedge or like something small, as the foot of a trunk in
-//! low growth does. Pieces of the same or of adjacent slices whose centres are near each other in the plane
-//! are one *chain*. The classifier mixes trunks and poles up voxel by voxel. A chain is decided as a whole, by
-//! the classes of its voxels and by what goes on above it. Without this decision F1 falls from 0.71 to 0.56 on
-//! an avenue (prototype).
+//! slice. Its voxels are trees or poles, or look like a hedge or like something small, as the foot of a trunk
+//! in low growth does. Pieces of the same or of adjacent slices whose centres are near each other in the
+//! plane are one *chain*. The classifier mixes trunks and poles up voxel by voxel. A chain is decided as a
+//! whole, by the classes of its voxels and by what goes on above it. Without this decision F1 falls from 0.71
+//! to 0.56 on an avenue (prototype).
 //!
 //! A piece is narrow, so a tile sees the whole of every piece that it owns. The tile with the column of the
 //! piece's first voxel owns the piece. Pieces become chains in the reduction.
@@ -23,7 +23,7 @@ use super::classified::Classified;
 use super::piece::{LEVEL_M, Piece};
 use super::settings::{EDGE_M, STEP_CHAINS};
 use super::shares::{self, FENCE, POLE, SMALL, TREE};
-use super::verdict::decide;
+use super::verdict::{Kind, OTHER_TRUNK_M, decide};
 use super::window::Window;
 use crate::cluster::columns::Voxel;
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
@@ -84,8 +84,8 @@ pub(super) fn load(tile: &dyn TileWindow, near: &[TileId]) -> Result<Vec<(Piece,
     Ok(pieces)
 }
 
-/// Whether voxels of a class may be a part of a chain. The foot of a trunk in low growth often looks like a hedge or
-/// like something small.
+/// Whether voxels of a class may be a part of a chain. The foot of a trunk in low growth often looks like a
+/// hedge or like something small.
 pub(super) fn may_be_upright(class: u8) -> bool {
     matches!(class, TREE | POLE | FENCE | SMALL)
 }
@@ -333,26 +333,60 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     for number in 0..pieces.len() as u32 {
         chains.entry(sets.find(number)).or_default().push(number);
     }
-    let mut verdicts = vec![Verdict::default(); pieces.len()];
-    let mut count = 0;
+    let mut decided: Vec<(&[u32], [i64; 2], Kind)> = Vec::new();
     for members in chains.values() {
         let chain: Vec<&Piece> = members.iter().map(|&number| pieces[number as usize]).collect();
-        if let Some(pole) = decide(&chain, lattice) {
-            count += 1;
-            for &number in members {
-                verdicts[number as usize] = Verdict { chain: count, pole };
-            }
+        decided.extend(decide(&chain, lattice).map(|kind| (&members[..], chain[0].centre, kind)));
+    }
+    let trunks = decided.iter().filter(|(.., kind)| *kind == Kind::Trunk).map(|(_, place, _)| *place);
+    let trunks = Places::new(trunks.collect());
+    let mut verdicts = vec![Verdict::default(); pieces.len()];
+    for (chain, (members, place, kind)) in (1..).zip(decided) {
+        let pole = match kind {
+            Kind::Trunk => false,
+            Kind::Pole => true,
+            Kind::PoleBesideTrunk => trunks.any_within(place, lattice.units(OTHER_TRUNK_M)),
+        };
+        for &number in members {
+            verdicts[number as usize] = Verdict { chain, pole };
         }
     }
+    let count = verdicts.iter().map(|verdict| verdict.chain).max().unwrap_or(0);
     let verdict =
         |piece: &Piece| find(piece.slice, piece.first).map_or(Verdict::default(), |at| verdicts[at]);
     let slices: Vec<Vec<Verdict>> = tiles.iter().map(|pieces| pieces.iter().map(verdict).collect()).collect();
     sliced::encode(&count, &slices)
 }
 
+/// Places in the plane, in the order of x.
+struct Places(Vec<[i64; 2]>);
+
+impl Places {
+    fn new(mut places: Vec<[i64; 2]>) -> Self {
+        places.sort_unstable();
+        Self(places)
+    }
+
+    /// Whether one of them is at most so far away.
+    fn any_within(&self, [x, y]: [i64; 2], distance: i64) -> bool {
+        let from = self.0.partition_point(|place| place[0] < x - distance);
+        let near = self.0[from..].iter().take_while(|place| place[0] <= x + distance);
+        near.into_iter().any(|&[u, v]| squared([x, y], [u, v, 0]) <= distance.pow(2))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_place_within_a_distance_is_found() {
+        let places = Places::new(vec![[50, 0], [0, 30], [-20, 0]]);
+        assert!(places.any_within([0, 0], 20) && !places.any_within([0, 0], 19));
+        assert!(places.any_within([0, 60], 30) && !places.any_within([0, 61], 30));
+        assert!(places.any_within([47, 4], 5) && !places.any_within([47, 5], 5));
+        assert!(!Places::new(Vec::new()).any_within([0, 0], 100));
+    }
 
     #[test]
     fn the_eight_sides_are_different() {

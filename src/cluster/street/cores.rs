@@ -16,25 +16,27 @@ use serde::{Deserialize, Serialize};
 use super::chains::{self, Verdict};
 use super::classified::Classified;
 use super::crowns::{self, Crown};
+use super::facades;
 use super::joining;
 use super::part::{NO_BAND, Part};
 use super::parts::Links;
 use super::piece::Piece;
+use super::remaining::{Components, Remaining};
 use super::rows::{self, Row};
 use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
 use super::shares::{self, BUILDING, FENCE, GROUND, POLE, SMALL, TREE, VEHICLE, WIRE};
 use super::uniting;
 use super::window::Window;
-use crate::cluster::columns::{Border, Voxel, join};
+use crate::cluster::columns::{Border, Joining, Voxel};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::Result;
 use crate::model::{Lattice, TileId};
 use crate::spatial::Cell;
 
-/// Distance around a tile within which voxels are read, in metres. Crowns reach farthest. The longest link (buildings)
-/// is 2.2 m.
+/// Distance around a tile within which voxels are read, in metres. Crowns reach farthest. The longest link
+/// (buildings) is 2.2 m.
 const REACH_M: f64 = crowns::REACH_M;
 /// Distance around these voxels within which pieces of chains change their class, in metres.
 const PIECES_M: f64 = 1.6;
@@ -59,6 +61,8 @@ pub(super) struct Payload {
     pub(super) border: Border,
     /// Components of low tree voxels in adjacent bands that touch, the lower first.
     pub(super) rising: Vec<(u32, u32)>,
+    /// Components of buildings that are near each other.
+    near: Vec<(u32, u32)>,
     /// Crowns that the tile owns.
     crowns: Vec<Crown>,
     /// Voxels in the cores of crowns: number of the voxel in the tile, and cell of the crown.
@@ -82,7 +86,8 @@ pub(super) struct Core {
 pub(super) struct OfTile {
     /// Label of each component, or 0.
     labels: Vec<u32>,
-    /// Rows of vehicles that have a voxel in the tile: the component, where it is cut, and the labels of the vehicles.
+    /// Rows of vehicles that have a voxel in the tile: the component, where it is cut, and the labels of the
+    /// vehicles.
     rows: Vec<(u32, Row, Vec<u32>)>,
     /// Label of each chain that has a trunk voxel in the tile.
     chains: Vec<(u32, u32)>,
@@ -176,6 +181,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let mut links = Links::new(&around.voxels);
     joining::join_classes(&around, &class, &mut links);
     joining::join_buildings(&around, &class, lattice, &mut links);
+    facades::touch(&around, &class, &mut links);
     let rising = joining::join_bands(&around, &band, &mut links);
     let chosen = |voxel: usize| band[voxel] != NO_BAND || class[voxel] > TREE;
     let parts = links.finish(&around.voxels, chosen);
@@ -185,11 +191,13 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
     rising.sort_unstable();
     rising.dedup();
+    let near = facades::near(&around, &class, &parts);
     let crowns = crowns::find(&around, &class, lattice);
     let in_crown: BTreeMap<usize, Cell> =
         crowns::cores(&around, &class, &crowns, lattice).into_iter().collect();
     let crowns = crowns.into_iter().filter(|(_, owned)| *owned).map(|(crown, _)| crown).collect();
-    let mut payload = Payload { parts: figures, border: parts.border, rising, crowns, ..Payload::default() };
+    let mut payload =
+        Payload { parts: figures, border: parts.border, rising, near, crowns, ..Payload::default() };
     for (number, voxel) in (0_u32..).zip((0..class.len()).filter(|&voxel| around.voxels.owned[voxel])) {
         let (decided, chain) = trunk[voxel];
         payload.class.push(class[voxel] | if decided { DECIDED } else { 0 });
@@ -266,26 +274,33 @@ fn take_chains(
 /// What the tiles found.
 #[derive(Debug, Default)]
 struct Found {
-    borders: Vec<Border>,
-    figures: Vec<Vec<Option<Part>>>,
-    rising: Vec<Vec<(u32, u32)>>,
-    /// Chains of trunks and the components, plus one, in which they have voxels. This tells which chain rises from
-    /// which piece near the ground.
+    joining: Joining,
+    remaining: Vec<Remaining>,
+    /// Components of buildings of each tile that are near each other.
+    near: Vec<Vec<(u32, u32)>>,
+    /// Chains of trunks and the components, plus one, in which they have voxels. This tells which chain rises
+    /// from which piece near the ground.
     trunks: Vec<BTreeSet<(u32, u32)>>,
     crowns: Vec<Crown>,
     in_crowns: Vec<BTreeSet<Cell>>,
 }
 
 impl Found {
+    /// A component that cannot become a core is left out at once. There are 13,000 of them per kilometre of
+    /// street.
     fn of(drive: &dyn DriveWindow) -> Result<Self> {
+        let lattice = drive.lattice();
         let mut found = Self::default();
         for tile in TileId::first(drive.tiles()) {
             let payload: Payload = codec::decode(&drive.payload(STEP_CORES, tile)?)?;
             let part = |&(voxel, chain): &(u32, u32)| (chain, payload.part[voxel as usize]);
-            found.trunks.push(payload.trunks.iter().map(part).collect());
-            found.borders.push(payload.border);
-            found.figures.push(payload.parts);
-            found.rising.push(payload.rising);
+            let trunks: BTreeSet<(u32, u32)> = payload.trunks.iter().map(part).collect();
+            found.joining.add(&payload.border);
+            let in_trunks = trunks.iter().filter_map(|(_, part)| part.checked_sub(1));
+            let open = payload.border.shared.iter().map(|(_, component)| *component).chain(in_trunks);
+            found.remaining.push(Remaining::of(payload.parts, &payload.rising, open, lattice, keeps));
+            found.near.push(payload.near);
+            found.trunks.push(trunks);
             found.crowns.extend(payload.crowns);
             found.in_crowns.push(payload.in_crowns.into_iter().map(|(_, cell)| cell).collect());
         }
@@ -339,28 +354,38 @@ impl Labels {
     }
 }
 
+/// The pairs of cores of the drive that are near each other, the smaller first.
+fn near(
+    component: &[Vec<u32>],
+    of_tiles: &[Vec<(u32, u32)>],
+    is_core: impl Fn(u32) -> bool,
+) -> BTreeSet<(u32, u32)> {
+    let pairs = component.iter().zip(of_tiles).flat_map(|(component, near)| {
+        near.iter().map(|&(one, other)| (component[one as usize], component[other as usize]))
+    });
+    pairs
+        .filter(|&(one, other)| one != other && is_core(one) && is_core(other))
+        .map(|(one, other)| (one.min(other), one.max(other)))
+        .collect()
+}
+
 /// The cores of the drive.
 pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let lattice = drive.lattice();
     let found = Found::of(drive)?;
-    let component = join(&found.borders);
-    let mut whole: BTreeMap<u32, Part> = BTreeMap::new();
-    for (component, part) in component.iter().flatten().zip(found.figures.iter().flatten()) {
-        if let Some(part) = part {
-            whole.entry(*component).and_modify(|whole| whole.merge(part)).or_insert_with(|| part.clone());
-        }
-    }
-    let rising = component.iter().zip(&found.rising).flat_map(|(component, rising)| {
-        rising.iter().map(|&(low, high)| (component[low as usize], component[high as usize]))
-    });
+    let component = found.joining.finish();
+    let Components { mut whole, low, rising } = Components::merge(&component, found.remaining);
     let chains = component.iter().zip(&found.trunks).flat_map(|(component, trunks)| {
         trunks.iter().map(|&(chain, part)| (chain, part.checked_sub(1).map(|part| component[part as usize])))
     });
-    let stems = seeds::find(&whole, rising, chains, lattice);
+    let stems = seeds::find(&low, rising.into_iter(), chains, lattice);
+    drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
-    let united = uniting::unite(&mut whole, lattice);
+    let mut united = uniting::unite(&mut whole, lattice);
+    let near = near(&component, &found.near, |one| whole.get(&one).is_some_and(|part| keeps(part, lattice)));
+    united.extend(facades::unite(&mut whole, &near, lattice));
 
-    let kept = whole.iter().filter(|(_, part)| part.band == NO_BAND && keeps(part, lattice));
+    let kept = whole.iter().filter(|(_, part)| keeps(part, lattice));
     let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);
     let rows: BTreeMap<u32, Row> =
         kept.clone().filter_map(|(&component, part)| Some((component, row(part)?))).collect();

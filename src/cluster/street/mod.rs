@@ -2,14 +2,14 @@
 //! classifier, trained on labelled drives, gives each voxel probabilities of classes. Objects are then
 //! separated class by class, from the ground up.
 //!
-//! Steps. `voxels`: points to voxels of 0.15 m and a ground raster. `classes`: features of each voxel from the
-//! voxels within 5.4 m (the corner of the largest window) and the ground 12 m around them, probabilities of
-//! classes, smoothed. `context`: probabilities of classes from those of the voxels around. `chains`: upright
-//! chains near the ground, each a trunk or a pole as a whole. `cores`: the parts of the drive that are certainly
-//! one object each, and the stems of trees. `edges`: which voxels are neighbours, and all else that growth needs
-//! to know of them. `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
-//! `leftovers`: what no core reaches joins an object nearby or is an object of its own. `objects`: islands and
-//! fixtures, the labels of points, and class and confidence of objects.
+//! Steps. `voxels`: points to voxels of 0.15 m and a ground raster. `classes`: features of each voxel from
+//! the voxels within 5.4 m (the corner of the largest window) and the ground 12 m around them, probabilities
+//! of classes, smoothed. `context`: probabilities of classes from those of the voxels around. `chains`:
+//! upright chains near the ground, each a trunk or a pole as a whole. `cores`: the parts of the drive that
+//! are certainly one object each, and the stems of trees. `edges`: which voxels are neighbours, and all else
+//! that growth needs to know of them. `growth`: every voxel takes the label of the core with the least path
+//! cost to it, in rounds. `leftovers`: what no core reaches joins an object nearby or is an object of its
+//! own. `objects`: islands and fixtures, the labels of points, and class and confidence of objects.
 //!
 //! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
 //! eigenvalues and costs follow a fixed sequence of IEEE operations. Ties are broken by the keys of voxels,
@@ -17,7 +17,8 @@
 //!
 //! `benches/results/street.md` has the study of the thresholds and what was tried. Growth along least paths
 //! follows the separation of trees of Tao et al., "Segmenting tree crowns from terrestrial and mobile LiDAR
-//! data by exploring ecological theories", ISPRS Journal 110, 66-76 (2015), doi:10.1016/j.isprsjprs.2015.10.007.
+//! data by exploring ecological theories", ISPRS Journal 110, 66-76 (2015),
+//! doi:10.1016/j.isprsjprs.2015.10.007.
 
 mod axis;
 mod chains;
@@ -25,8 +26,10 @@ mod classified;
 mod cores;
 mod crowns;
 mod edges;
+mod facades;
 mod features;
 mod fixtures;
+mod fragments;
 mod graph;
 mod growth;
 mod islands;
@@ -38,6 +41,7 @@ mod part;
 mod parts;
 mod paths;
 mod piece;
+mod remaining;
 mod rows;
 mod seeds;
 mod settings;
@@ -81,9 +85,9 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     build: |sections| Ok(Box::new(Street::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
-/// Distance beyond which points do not change an object, as a rule: 18 m of voxels and ground for a class, and growth that
-/// another core may win. Chosen: with it, all 404 objects of four sections of synthetic streets (suburb and mixed,
-/// 400 m each) are those of the whole drive.
+/// Distance beyond which points do not change an object, as a rule: 18 m of voxels and ground for a class,
+/// and growth that another core may win. Chosen: with it, all 404 objects of four sections of synthetic
+/// streets (suburb and mixed, 400 m each) are those of the whole drive.
 const DECIDING_REACH_M: f64 = 30.0;
 
 /// Bytes per point that a tile of a step needs at its peak.

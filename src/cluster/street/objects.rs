@@ -1,11 +1,12 @@
 //! Step `objects`: the label of every point, from the label of its voxel; class and confidence of objects.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32, a mean share is at most 255")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
 use super::fixtures;
+use super::fragments::{self, Counts};
 use super::islands;
 use super::leftovers::Whole;
 use super::settings::{NAME, STEP_OBJECTS, edge};
@@ -15,6 +16,14 @@ use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{Kind, Lattice, TileId};
 use crate::spatial::{Cell, VoxelIndex};
+
+/// The payload of a tile.
+#[derive(Debug, Serialize, Deserialize)]
+struct Payload {
+    labels: Vec<OfTile>,
+    /// Counts over the labels of growth and leftovers.
+    counts: Counts,
+}
 
 /// A label of a tile.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -41,6 +50,9 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
     columns.dedup();
     let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), &columns)?;
+    // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
+    // settled.
+    let counts = fragments::count(&whole);
     settle(&mut whole, tile.lattice());
     let voxels = &whole.grown.cored.around.voxels;
     let mut place = vec![u32::MAX; index.len()];
@@ -76,11 +88,16 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     }
     let count = of_tile.len() as u32;
     let labelled = Labelled { points, labels, count, with_halo: false };
-    Ok(Mapped { payload: codec::encode(&of_tile)?, labelled: Some(labelled), ..Mapped::default() })
+    Ok(Mapped {
+        payload: codec::encode(&Payload { labels: of_tile, counts })?,
+        labelled: Some(labelled),
+        ..Mapped::default()
+    })
 }
 
-/// Corrects labels by what is around an object. Both rules see the labels of growth and leftovers, because these are right
-/// for all voxels that were read. Free space around a group counts more than a wall beside an object.
+/// Corrects labels by what is around an object. Both rules see the labels of growth and leftovers, because
+/// these are right for all voxels that were read. Free space around a group counts more than a wall beside an
+/// object.
 fn settle(whole: &mut Whole, lattice: Lattice) {
     let fixtures = fixtures::find(whole);
     let before = whole.grown.label.clone();
@@ -94,17 +111,32 @@ fn settle(whole: &mut Whole, lattice: Lattice) {
 
 /// The objects of the drive.
 pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Grouped> {
-    let mut groups = Vec::new();
-    let mut sums: BTreeMap<u32, (u8, u64, u64)> = BTreeMap::new();
+    let mut labels = Vec::new();
+    let mut counts = Vec::new();
     for tile in TileId::first(drive.tiles()) {
-        let of_tile: Vec<OfTile> = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
-        for one in &of_tile {
-            let sum = sums.entry(one.label).or_insert((one.class, 0, 0));
-            sum.1 += one.share;
+        let payload: Payload = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
+        labels.push(payload.labels);
+        counts.push(payload.counts);
+    }
+    let fragments = fragments::find(&counts, drive.lattice());
+    // A tree may have become a part of a building.
+    let present: BTreeSet<u32> = labels.iter().flatten().map(|one| one.label).collect();
+    let whole =
+        |label: u32| fragments.get(&label).copied().filter(|tree| present.contains(tree)).unwrap_or(label);
+    // Of the class of the object: sum of the shares, and number of points.
+    let mut sums: BTreeMap<u32, (u8, u64, u64)> = BTreeMap::new();
+    for one in labels.iter().flatten().filter(|one| whole(one.label) == one.label) {
+        let sum = sums.entry(one.label).or_insert((one.class, 0, 0));
+        sum.1 += one.share;
+        sum.2 += one.points;
+    }
+    for one in labels.iter().flatten().filter(|one| whole(one.label) != one.label) {
+        if let Some(sum) = sums.get_mut(&whole(one.label)) {
+            sum.1 += if one.class == sum.0 { one.share } else { 0 };
             sum.2 += one.points;
         }
-        groups.push(of_tile.iter().map(|one| one.label).collect());
     }
+    let groups = labels.iter().map(|of_tile| of_tile.iter().map(|one| whole(one.label)).collect()).collect();
     let kind = |(class, share, points): (u8, u64, u64)| Kind {
         class: class + 1,
         confidence: (share / points.max(1)) as u8,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::rows::Footprint;
-use super::shares::{VEHICLE, unites};
+use super::shares::{self, VEHICLE};
 use super::spans::Spans;
 use crate::cluster::columns::Voxel;
 
@@ -38,7 +38,7 @@ pub(super) struct Part {
     pub(super) at_facade: u32,
     /// Highest tree voxel around low tree voxels, in lattice units above ground.
     pub(super) canopy: i32,
-    /// How far it reaches in the plane, for classes whose pieces are united.
+    /// How far it reaches in the plane, where [`shares::spans`] says that it counts.
     pub(super) spans: Option<Box<Spans>>,
     /// Where it stands, for vehicles that may be a row.
     pub(super) footprint: Option<Box<Footprint>>,
@@ -61,7 +61,7 @@ impl Part {
             in_vehicle: 0,
             at_facade: 0,
             canopy: i32::MIN,
-            spans: unites(class).then(|| Box::new(Spans::of_place(place))),
+            spans: shares::spans(class).then(|| Box::new(Spans::of_place(place))),
             footprint: (class == VEHICLE)
                 .then(|| Box::new(Footprint::of_voxel([first[0], first[1]], height))),
         }

@@ -1,5 +1,5 @@
-//! Components of voxels over many tiles: a tile names the components that it sees, and names of the same voxel
-//! in two tiles are one component.
+//! Components of voxels over many tiles: a tile names the components that it sees, and names of the same
+//! voxel in two tiles are one component.
 
 use super::voxels::Voxels;
 use crate::cluster::columns::Border;
@@ -24,10 +24,16 @@ impl<'a> Links<'a> {
     /// Notes that a link leaves the tile, without joining its ends. `false` if the tile owns neither end.
     pub(super) fn touch(&mut self, a: usize, b: usize) -> bool {
         if self.owned[a] != self.owned[b] {
-            self.crossing[a] = true;
-            self.crossing[b] = true;
+            self.cross(a);
+            self.cross(b);
         }
         self.owned[a] || self.owned[b]
+    }
+
+    /// Notes that a link with this end leaves the tile. The caller notes the other end, here and in the other
+    /// tile.
+    pub(super) fn cross(&mut self, voxel: usize) {
+        self.crossing[voxel] = true;
     }
 
     /// Joins two voxels, if the tile owns one of them.
@@ -38,8 +44,8 @@ impl<'a> Links<'a> {
         }
     }
 
-    /// The components of the `chosen` voxels that the tile owns or names, numbered from 0 in the order of their
-    /// first voxel. Other voxels have the number `u32::MAX`.
+    /// The components of the `chosen` voxels that the tile owns or names, numbered from 0 in the order of
+    /// their first voxel. Other voxels have the number `u32::MAX`.
     #[expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32")]
     pub(super) fn finish(mut self, voxels: &Voxels, chosen: impl Fn(usize) -> bool) -> Parts {
         let count = self.owned.len();

@@ -1,10 +1,11 @@
 //! The stems of trees: where each tree begins near the ground.
 //!
 //! Low tree voxels are cut into bands of height. The components of a band are nodes, and nodes of adjacent
-//! bands that touch are edges. A sweep from below joins nodes. Two pieces that have both risen by
-//! [`RISE_M`] before they meet stay apart: they are two stems. A piece that has risen less joins the other.
-//! This is the persistence of a merge tree. Chains of trunks come from step `chains` and are certain stems.
-//! Of stems that are nearer to each other than trees of their height stand, the more certain one remains.
+//! bands that touch are edges. A sweep from below joins nodes. Two pieces that have both risen by [`RISE_M`]
+//! before they meet stay apart: they are two stems. A piece that has risen less joins the other. This is the
+//! persistence of a merge tree. The piece in which stems meet belongs to none of them: it is their crowns,
+//! which growth divides. Chains of trunks come from step `chains` and are certain stems. Of stems that are
+//! nearer to each other than trees of their height stand, the more certain one remains.
 //!
 //! Everything here works on sums over the whole drive, in an order that does not depend on tiles.
 
@@ -15,7 +16,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::part::{BANDS, Part};
+use super::part::Part;
 use crate::cluster::columns::Voxel;
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;
@@ -79,23 +80,19 @@ struct Candidate {
     voxels: u32,
 }
 
-/// Finds the stems among the components of low tree voxels. `rising` are pairs of components that touch, the
-/// lower first. `chains` are pairs of a chain and a component in which it has voxels.
+/// Finds the stems among the components of low tree voxels, which are in ascending order. `rising` are pairs
+/// of components that touch, the lower first. `chains` are pairs of a chain and a component in which it has
+/// voxels.
 pub(super) fn find(
-    parts: &BTreeMap<u32, Part>,
+    nodes: &[(u32, Part)],
     rising: impl Iterator<Item = (u32, u32)>,
     chains: impl Iterator<Item = (u32, Option<u32>)>,
     lattice: Lattice,
 ) -> Stems {
-    let nodes: Vec<(u32, &Part)> = parts
-        .iter()
-        .filter(|(_, part)| part.band < BANDS)
-        .map(|(component, part)| (*component, part))
-        .collect();
     let place = |component: u32| nodes.binary_search_by_key(&component, |node| node.0).ok();
     let edges: BTreeSet<(usize, usize)> =
         rising.filter_map(|(low, high)| Some((place(low)?, place(high)?))).collect();
-    let parts: Vec<&Part> = nodes.iter().map(|node| node.1).collect();
+    let parts: Vec<&Part> = nodes.iter().map(|node| &node.1).collect();
     let seed = sweep(&parts, edges.into_iter().collect(), lattice);
 
     let mut of_chain: BTreeMap<u32, BTreeSet<usize>> = BTreeMap::new();
@@ -142,7 +139,7 @@ struct Limits {
 impl Rising {
     /// Whether it is large and low enough for a stem.
     fn is_grown(&self, limits: &Limits) -> bool {
-        self.voxels >= VOXELS && self.birth.0 <= limits.base
+        is_grown(self.voxels, self.birth.0, limits.base)
     }
 
     /// Makes its open nodes one stem, named by the first of them.
@@ -191,6 +188,17 @@ fn meet(
     }
 }
 
+/// Whether so many voxels, the lowest at this height in lattice units, are large and low enough for a stem.
+fn is_grown(voxels: u32, lowest: i32, base: i32) -> bool {
+    voxels >= VOXELS && lowest <= base
+}
+
+/// Whether there may be a stem among pieces that touch each other and no others, if no chain runs through
+/// them: they have so many voxels, the lowest at this height in lattice units.
+pub(super) fn may_stand(voxels: u32, lowest: i32, lattice: Lattice) -> bool {
+    is_grown(voxels, lowest, lattice.units(BASE_M) as i32)
+}
+
 /// The stem of each node, named by a node of it.
 fn sweep(parts: &[&Part], mut edges: Vec<(usize, usize)>, lattice: Lattice) -> Vec<Option<usize>> {
     let low = |metres: f64| lattice.units(metres) as i32;
@@ -209,31 +217,38 @@ fn sweep(parts: &[&Part], mut edges: Vec<(usize, usize)>, lattice: Lattice) -> V
         })
         .collect();
     let mut stem: Vec<Option<usize>> = vec![None; parts.len()];
-    for (low, high) in edges {
-        let (one, other) = (sets.find(low as u32) as usize, sets.find(high as u32) as usize);
-        if one == other {
-            continue;
+    for edges in edges.chunk_by(|a, b| a.1 == b.1) {
+        // The sets below the node that meet in it, with the height at which they do. No set contains the node
+        // yet.
+        let node = edges[0].1;
+        let mut below: BTreeMap<usize, i32> = BTreeMap::new();
+        for &(low, _) in edges {
+            let height = parts[node].height.0.max(parts[low].height.0);
+            let lowest = below.entry(sets.find(low as u32) as usize).or_insert(height);
+            *lowest = height.min(*lowest);
         }
-        let Ok([first, second]) = rising.get_disjoint_mut([one.min(other), one.max(other)]) else { continue };
-        let first_is_older = first.birth <= second.birth;
-        let (older, younger) =
-            if first_is_older { (&mut *first, &mut *second) } else { (&mut *second, &mut *first) };
-        let height = parts[high].height.0.max(parts[low].height.0);
-        let split = meet(older, younger, height, &limits, &mut stem);
-        let mut open = std::mem::take(&mut older.open);
-        open.append(&mut younger.open);
-        if split {
-            open.clear();
+        let mut below: Vec<(i32, Rising)> =
+            below.into_iter().map(|(root, height)| (height, rising[root].clone())).collect();
+        below.sort_unstable_by_key(|(_, set)| set.birth);
+        let mut below = below.into_iter();
+        let Some((_, mut union)) = below.next() else { continue };
+        for (height, mut younger) in below {
+            union.split = meet(&mut union, &mut younger, height, &limits, &mut stem);
+            union.voxels += younger.voxels;
+            union.open.append(&mut younger.open);
+            if union.split {
+                union.open.clear();
+            }
         }
-        // The root of the union is the smaller number.
-        *first = Rising {
-            birth: older.birth,
-            place: older.place,
-            voxels: older.voxels + younger.voxels,
-            split,
-            open,
-        };
-        sets.union(one as u32, other as u32);
+        // Where stems meet, the node is above all of them and belongs to none.
+        union.voxels += parts[node].voxels;
+        if !union.split {
+            union.open.push(node);
+        }
+        for &(low, _) in edges {
+            sets.union(low as u32, node as u32);
+        }
+        rising[sets.find(node as u32) as usize] = union;
     }
     for (root, set) in rising.iter_mut().enumerate() {
         if sets.find(root as u32) as usize == root && !set.split && set.is_grown(&limits) {
@@ -384,4 +399,68 @@ fn thin_out(mut candidates: Vec<Candidate>) -> Vec<Candidate> {
         }
     }
     kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster::street::shares::TREE;
+
+    /// A component of a band, with its lowest voxel at 0.25 m per band.
+    fn part(band: u8, x: i32, voxels: u32) -> Part {
+        let low = 150 + 250 * i32::from(band);
+        let key = [x / 150, 0, low / 150];
+        let mut part = Part::of_voxel(TREE, band, key, low, [i64::from(x), 0, i64::from(low)]);
+        part.merge(&Part { voxels: voxels - 1, ..part.clone() });
+        part.height.1 = low + 240;
+        part
+    }
+
+    /// Upright stems at these places, as high as so many bands, and what is above them. Returns the parts and
+    /// the edges.
+    fn stems(places: &[i32], bands: u8, above: &[Part]) -> (Vec<Part>, Vec<(usize, usize)>) {
+        let mut parts = Vec::new();
+        let mut edges = Vec::new();
+        for &x in places {
+            for band in 0..bands {
+                if band > 0 {
+                    edges.push((parts.len() - 1, parts.len()));
+                }
+                parts.push(part(band, x, 8));
+            }
+        }
+        let tops: Vec<usize> = (1..=places.len()).map(|stem| stem * usize::from(bands) - 1).collect();
+        for part in above {
+            let new = parts.len();
+            let below = if part.band == bands { tops.clone() } else { vec![new - 1] };
+            edges.extend(below.into_iter().map(|low| (low, new)));
+            parts.push(part.clone());
+        }
+        (parts, edges)
+    }
+
+    fn swept((parts, edges): &(Vec<Part>, Vec<(usize, usize)>)) -> Vec<Option<usize>> {
+        sweep(&parts.iter().collect::<Vec<_>>(), edges.clone(), Lattice::MILLIMETRE)
+    }
+
+    #[test]
+    fn where_the_crowns_of_two_stems_meet_is_neither_of_them() {
+        // The crowns meet 1.25 m above the feet, and are one above.
+        let met = stems(&[0, 1_800], 5, &[part(5, 900, 90), part(6, 900, 200)]);
+        let stem = swept(&met);
+        assert_eq!(stem[..5], [Some(0); 5]);
+        assert_eq!(stem[5..10], [Some(5); 5]);
+        assert_eq!(stem[10..], [None; 2]);
+    }
+
+    #[test]
+    fn a_stem_alone_takes_all_that_is_above_it() {
+        assert_eq!(swept(&stems(&[0], 3, &[part(3, 0, 90), part(4, 0, 200)])), [Some(0); 5]);
+    }
+
+    #[test]
+    fn feet_that_meet_low_are_one_stem() {
+        // They are 0.3 m apart and have risen by 0.25 m.
+        assert_eq!(swept(&stems(&[0, 300], 1, &[part(1, 150, 9), part(2, 150, 9)])), [Some(0); 4]);
+    }
 }

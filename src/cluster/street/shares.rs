@@ -17,6 +17,11 @@ pub(super) fn unites(class: u8) -> bool {
     matches!(class, VEHICLE | FENCE)
 }
 
+/// Whether it counts how far components of this class reach in the plane.
+pub(super) fn spans(class: u8) -> bool {
+    unites(class) || class == BUILDING
+}
+
 /// The class with the largest share. Of equal shares the first class counts.
 pub(crate) fn class(shares: &[u8; CLASSES]) -> u8 {
     let mut best = 0;

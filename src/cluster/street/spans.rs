@@ -1,12 +1,14 @@
-//! How far a set of places reaches in 32 directions of the plane. Of two sets, the extremes of both are those of the
-//! union, so the parts of a component in all tiles add up.
+//! How far a set of places reaches in 32 directions of the plane. Of two sets, the extremes of both are those
+//! of the union, so the parts of a component in all tiles add up.
+
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-/// Directions in half a turn. A box turns in steps of 5.6 degrees, so a fence of 20 m seems at most 1 m wider than it
-/// is.
+/// Directions in half a turn. A box turns in steps of 5.6 degrees, so a fence of 20 m seems at most 1 m wider
+/// than it is.
 const DIRECTIONS: usize = 32;
-/// Length of the vectors of [`direction`], a power of two.
+/// Length of [`VECTORS`], a power of two.
 const SCALE: f64 = 1024.0;
 /// The same as an integer.
 pub(super) const SCALE_UNITS: i64 = 1024;
@@ -25,16 +27,18 @@ pub(super) struct Extent {
     across: usize,
 }
 
-/// Vector of a direction. The sines are rounded to integers once, so that every sum is exact.
+/// Vectors of the directions. The sines are rounded to integers once, so that every sum is exact.
 #[expect(clippy::cast_possible_truncation, reason = "at most SCALE")]
-fn direction(number: usize) -> [i64; 2] {
-    let (sin, cos) = (number as f64 * std::f64::consts::PI / DIRECTIONS as f64).sin_cos();
-    [(cos * SCALE).round() as i64, (sin * SCALE).round() as i64]
-}
+static VECTORS: LazyLock<[[i64; 2]; DIRECTIONS]> = LazyLock::new(|| {
+    std::array::from_fn(|number| {
+        let (sin, cos) = (number as f64 * std::f64::consts::PI / DIRECTIONS as f64).sin_cos();
+        [(cos * SCALE).round() as i64, (sin * SCALE).round() as i64]
+    })
+});
 
 /// Coordinate of a place in a direction, in lattice units times [`SCALE`].
 pub(super) fn position([x, y]: [i64; 2], number: usize) -> i64 {
-    let [u, v] = direction(number);
+    let [u, v] = VECTORS[number];
     x * u + y * v
 }
 
@@ -58,6 +62,11 @@ impl Spans {
         self.0[number].0
     }
 
+    /// The length in a direction, in lattice units.
+    pub(super) fn length(&self, number: usize) -> i64 {
+        (self.0[number].1 - self.0[number].0) / SCALE_UNITS
+    }
+
     pub(super) fn merge(&mut self, other: &Self) {
         for (one, other) in self.0.iter_mut().zip(&other.0) {
             *one = (one.0.min(other.0), one.1.max(other.1));
@@ -73,17 +82,16 @@ impl Spans {
 
     /// The box whose shorter side is shortest. Of equal ones the first direction counts.
     pub(super) fn narrowest(&self) -> Extent {
-        let side = |number: usize| (self.0[number].1 - self.0[number].0) / SCALE_UNITS;
         let around = (0..DIRECTIONS).map(|across| Extent {
-            width: side(across),
-            length: side((across + DIRECTIONS / 2) % DIRECTIONS),
+            width: self.length(across),
+            length: self.length((across + DIRECTIONS / 2) % DIRECTIONS),
             across,
         });
         around.min().unwrap_or(Extent { width: 0, length: 0, across: 0 })
     }
 
-    /// The gap between two sets along the longer side of a box around both, in lattice units; negative where they
-    /// overlap.
+    /// The gap between two sets along the longer side of a box around both, in lattice units; negative where
+    /// they overlap.
     pub(super) fn gap(&self, other: &Self, around: Extent) -> i64 {
         let along = around.along();
         let (one, other) = (self.0[along], other.0[along]);

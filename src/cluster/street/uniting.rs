@@ -1,9 +1,10 @@
-//! Which components are one object although they do not touch: the pieces of a vehicle, and of a fence or hedge with
-//! gaps.
+//! Which components are one object although they do not touch: the pieces of a vehicle, and of a fence or
+//! hedge with gaps.
 //!
-//! Two pieces are one vehicle if both fit into a box of the size of a passenger car. Two pieces are one fence if both
-//! lie on one line, end at about the same height, and the gap between them is short. Pairs are decided one after
-//! another, and what was united before counts as one piece. Their order does not depend on tiles.
+//! Two pieces are one vehicle if both fit into a box of the size of a passenger car. Two pieces are one fence
+//! if both lie on one line, end at about the same height, and the gap between them is short. Pairs are
+//! decided one after another, and what was united before counts as one piece. Their order does not depend on
+//! tiles.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,27 +14,27 @@ use crate::cluster::columns::Voxel;
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;
 
-/// Longest and widest box of a vehicle that is united, in metres, and the longest gap between its pieces. A box of an
-/// estate car with its mirrors, turned by at most 2.8 degrees. Lorries are not cut: they are large, so their pieces
-/// touch.
+/// Longest and widest box of a vehicle that is united, in metres, and the longest gap between its pieces. A
+/// box of an estate car with its mirrors, turned by at most 2.8 degrees. Lorries are not cut: they are large,
+/// so their pieces touch.
 const VEHICLE_M: (f64, f64) = (5.2, 2.3);
 const VEHICLE_GAP_M: f64 = 0.6;
-/// Widest box of a fence, in metres: of a short one, and for each metre of length. Real ones are up to 0.8 m wide and
-/// bend.
+/// Widest box of a fence, in metres: of a short one, and for each metre of length. Real ones are up to 0.8 m
+/// wide and bend.
 const FENCE_M: f64 = 1.2;
 const FENCE_BEND: f64 = 0.03;
-/// Longest gap between two pieces of a fence, in metres. Cars and stems hide 2 m of what is behind them. With 1.5 m, 13
-/// pieces of ten rails behind small trees stay apart, with 2.5 m and with 4 m 5 of them.
+/// Longest gap between two pieces of a fence, in metres. Cars and stems hide 2 m of what is behind them. With
+/// 1.5 m, 13 pieces of ten rails behind small trees stay apart, with 2.5 m and with 4 m 5 of them.
 const FENCE_GAP_M: f64 = 2.5;
 /// Largest difference of the heights at which two pieces of a fence end, in metres.
 const FENCE_TOP_M: f64 = 0.5;
 
-/// Unites components. `parts` has one entry for each united component then, under the name of one of its components.
-/// Returns this name for all others.
+/// Unites components. `parts` has one entry for each united component then, under the name of one of its
+/// components. Returns this name for all others.
 pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeMap<u32, u32> {
     let names: Vec<u32> =
         parts.iter().filter(|(_, part)| unites(part.class)).map(|(&component, _)| component).collect();
-    let mut pieces: Vec<Part> = names.iter().map(|name| parts[name].clone()).collect();
+    let mut pieces: Vec<Part> = names.iter().filter_map(|name| parts.remove(name)).collect();
     let mut pairs: Vec<(i64, Voxel, Voxel, u32, u32)> = Vec::new();
     for (one, other) in near(&pieces, lattice) {
         let (a, b) = (&pieces[one as usize], &pieces[other as usize]);
@@ -56,12 +57,11 @@ pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeM
         sets.union(root, leaf);
     }
     let mut united = BTreeMap::new();
-    for (number, &name) in (0_u32..).zip(&names) {
+    for ((number, &name), piece) in (0_u32..).zip(&names).zip(pieces) {
         let root = sets.find(number);
         if root == number {
-            parts.insert(name, pieces[number as usize].clone());
+            parts.insert(name, piece);
         } else {
-            parts.remove(&name);
             united.insert(name, names[root as usize]);
         }
     }

@@ -1,5 +1,5 @@
-//! The page `report.html`: one file with everything in it. It asks for nothing from any network, and its policy
-//! forbids that it ever does. Texts of files are data for its script and never markup.
+//! The page `report.html`: one file with everything in it. It asks for nothing from any network, and its
+//! policy forbids that it ever does. Texts of files are data for its script and never markup.
 
 use std::io::{self, Write};
 
@@ -7,10 +7,11 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::cloud::planes;
-use super::packed::{Compressed, json, source_of};
+use super::packed::{Compressed, Compressor, json, source_of};
 use super::rows::{self, PageFrame};
 use super::sample::{STEPS_PER_M, SamplePoint};
 use crate::output::objects::ObjectTable;
+use crate::spill::Spill;
 use crate::words::{counted, separated};
 
 const MARKUP: &str = include_str!("page/index.html");
@@ -51,16 +52,17 @@ pub(crate) struct PageTable {
 }
 
 impl PageTable {
-    /// The rows that fit the limit: all of them, or those of the objects with most points. `points` is the number of
-    /// points of the object at a position.
+    /// The rows that fit the limit: all of them, or those of the objects with most points. `points` is the
+    /// number of points of the object at a position. `spill` makes a temporary file.
     ///
     /// # Errors
-    /// Those of reading a row.
+    /// Those of reading a row, and those of the temporary file.
     pub(crate) fn of(
         table: &ObjectTable<'_>,
         points: &dyn Fn(usize) -> u64,
         frame: PageFrame,
         limit_bytes: u64,
+        spill: &dyn Fn() -> io::Result<Spill>,
     ) -> serde_json::Result<Self> {
         let room = usize::try_from(limit_bytes / TABLE_PART).unwrap_or(usize::MAX);
         let mut largest: Vec<usize> = (0..table.len).collect();
@@ -68,7 +70,12 @@ impl PageTable {
         loop {
             let mut shown = largest.clone();
             shown.sort_unstable();
-            let packed = Compressed::of(&rows::json_of(table, &shown, frame)?);
+            // Without rows there is nothing left to leave out.
+            let most = if shown.is_empty() { usize::MAX } else { room };
+            let mut compressor = Compressor::new(most);
+            let mut columns = spill().map_err(serde_json::Error::io)?;
+            rows::write_json(table, &shown, frame, &mut columns, &mut compressor)?;
+            let packed = compressor.finish().map_err(serde_json::Error::io)?;
             if packed.text_len() <= room || shown.is_empty() {
                 return Ok(Self { packed: packed.text(), shown: shown.len(), all: table.len });
             }
@@ -230,7 +237,9 @@ mod tests {
         };
         let drive = DriveShape::default();
         let table = ObjectTable { columns: COLUMNS, drive: &drive, len: rows, row: &row };
-        PageTable::of(&table, &|at| (at as u64 * 7_919) % 1_000, FRAME, limit_bytes).unwrap()
+        let folder = tempfile::tempdir().unwrap();
+        let spill = || Spill::create(&folder.path().join("table"));
+        PageTable::of(&table, &|at| (at as u64 * 7_919) % 1_000, FRAME, limit_bytes, &spill).unwrap()
     }
 
     fn points(count: usize) -> Vec<SamplePoint> {

@@ -19,8 +19,8 @@ use crate::store::{RunDir, StoreError};
 use crate::tiling::Plan;
 use crate::whole_file::publish;
 
-/// Writes the table of objects in the formats of the settings, and that of surfaces if the method finds some. Returns
-/// the first for the page, if that is written.
+/// Writes the table of objects in the formats of the settings, and that of surfaces if the method finds some.
+/// Returns the first for the page, if that is written.
 pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
@@ -51,8 +51,10 @@ pub(crate) fn write_tables(
     }
     let points = |index: usize| whole.objects[index].points;
     let frame = frame(drive, surveyed);
-    let for_page =
-        page_limit_bytes(config).map(|limit| PageTable::of(&table, &points, frame, limit)).transpose();
+    let spill = || rows.spill().map_err(io::Error::other);
+    let for_page = page_limit_bytes(config)
+        .map(|limit| PageTable::of(&table, &points, frame, limit, &spill))
+        .transpose();
     for_page.map_err(|error| Error::bug(error.to_string()))
 }
 

@@ -1,8 +1,9 @@
 //! Pass `inventory`: the row of every object in the table of objects.
 //!
-//! A tile sketches the points that it owns, object by object, and finishes the rows of the objects that lie in it
-//! alone. Whoever writes the tables merges the sketches of objects that several tiles share, in the order of the tiles,
-//! and finishes each when its last tile was read. So the memory does not grow with the number of points.
+//! A tile sketches the points that it owns, object by object, and finishes the rows of the objects that lie
+//! in it alone. Whoever writes the tables merges the sketches of objects that several tiles share, in the
+//! order of the tiles, and finishes each when its last tile was read. So the memory does not grow with the
+//! number of points. Finished rows wait in a temporary file, because those of 16 km of street take 30 MB.
 
 use std::collections::BTreeMap;
 
@@ -17,14 +18,16 @@ use crate::run::engine::{Driver, Outline, Pass, Payloads};
 use crate::run::passes::relabel::PointColumns;
 use crate::run::passes::stitch::Objects;
 use crate::run::passes::window::Progress;
-use crate::store::Inputs;
+use crate::spill::{Spill, Spilled};
+use crate::store::{Inputs, PassDir};
 use crate::tiling::Wanted;
 
 const NUMBER: u32 = 6;
 const NAME: &str = "inventory";
 
-/// Bytes per point of objects that a tile needs at its peak: coordinates and id (20), class and role (2), object (4),
-/// the list by object (8), and a voxel for touching (16). The sketches of one object at a time are bounded.
+/// Bytes per point of objects that a tile needs at its peak: coordinates and id (20), class and role (2),
+/// object (4), the list by object (8), and a voxel for touching (16). The sketches of one object at a time
+/// are bounded.
 const BYTES_PER_POINT: u64 = 52;
 /// Bytes for the sketches and the raster of one object.
 const BYTES_OF_OBJECT: u64 = 16 << 20;
@@ -82,10 +85,12 @@ impl Part {
 /// The rows of all objects, and what they are to each other.
 #[derive(Debug)]
 pub(crate) struct Inventory {
-    rows: Vec<Vec<u8>>,
+    spill: Spill,
+    rows: Vec<Spilled>,
     /// Rows in the table of surfaces, in ascending order of ids.
-    surfaces: Vec<Vec<u8>>,
+    surfaces: Vec<Spilled>,
     among: Among,
+    dir: PassDir,
 }
 
 impl Inventory {
@@ -96,9 +101,9 @@ impl Inventory {
 
     /// The row of object `index + 1`.
     pub(crate) fn row(&self, index: usize) -> Result<Row> {
-        let bytes =
-            self.rows.get(index).ok_or_else(|| Error::bug(format!("object {} has no row", index + 1)))?;
-        let mut row: Row = codec::decode(bytes)?;
+        let place = self.rows.get(index);
+        let place = *place.ok_or_else(|| Error::bug(format!("object {} has no row", index + 1)))?;
+        let mut row: Row = codec::decode(&self.read(place)?)?;
         inventory::complete(in_u32(index + 1, "objects"), &self.among, &mut row.values);
         Ok(row)
     }
@@ -110,10 +115,34 @@ impl Inventory {
 
     /// A row of the table of surfaces.
     pub(crate) fn surface(&self, index: usize) -> Result<SurfaceRow> {
-        let bytes = self.surfaces.get(index);
-        let bytes = bytes.ok_or_else(|| Error::bug(format!("there is no surface {index}")))?;
-        let (outline, centre, values) = codec::decode(bytes)?;
+        let place = self.surfaces.get(index);
+        let place = *place.ok_or_else(|| Error::bug(format!("there is no surface {index}")))?;
+        let (outline, centre, values) = codec::decode(&self.read(place)?)?;
         Ok(SurfaceRow { outline, centre, values })
+    }
+
+    fn read(&self, place: Spilled) -> Result<Vec<u8>> {
+        Ok(self.spill.read(place).map_err(self.dir.failed("read"))?)
+    }
+
+    /// A temporary file for whoever writes the tables.
+    pub(crate) fn spill(&self) -> Result<Spill> {
+        Ok(self.dir.spill("table")?)
+    }
+}
+
+/// A row in the temporary file.
+struct Stored {
+    place: Place,
+    row: Spilled,
+    surface: Option<Spilled>,
+}
+
+impl Stored {
+    fn of(kept: &Kept, spill: &mut Spill) -> std::io::Result<Self> {
+        let Kept { place, row, surface } = kept;
+        let surface = (!surface.is_empty()).then(|| spill.push(surface)).transpose()?;
+        Ok(Self { place: *place, row: spill.push(row)?, surface })
     }
 }
 
@@ -244,14 +273,18 @@ impl InventoryPass<'_> {
 
     /// The rows of all objects, from the sketches of all tiles.
     fn rows(&self, payloads: &Payloads) -> Result<Inventory> {
-        let mut kept: Vec<Option<Kept>> = vec![None; self.objects.objects.len()];
+        let dir = payloads.dir()?;
+        let mut spill = dir.spill("rows")?;
+        let mut store = |kept: &Kept| Stored::of(kept, &mut spill).map_err(dir.failed("write"));
+        let mut stored: Vec<Option<Stored>> = Vec::new();
+        stored.resize_with(self.objects.objects.len(), || None);
         let mut open: BTreeMap<u32, Part> = BTreeMap::new();
         let mut touching = std::collections::BTreeSet::new();
         for tile in TileId::first(self.units()) {
             let found: Found = codec::decode(&payloads.get(tile.index())?)?;
             touching.extend(found.touching);
             for (id, one) in found.whole {
-                kept[id as usize - 1] = Some(one);
+                stored[id as usize - 1] = Some(store(&one)?);
             }
             for (id, part) in found.parts {
                 match open.entry(id) {
@@ -263,21 +296,21 @@ impl InventoryPass<'_> {
                 open.keys().copied().filter(|id| self.last_tile[*id as usize - 1].1 == tile).collect();
             for id in complete {
                 if let Some(part) = open.remove(&id) {
-                    kept[id as usize - 1] = Some(self.finished(id, &part)?);
+                    stored[id as usize - 1] = Some(store(&self.finished(id, &part)?)?);
                 }
             }
         }
-        let mut places = Vec::with_capacity(kept.len());
-        let mut rows = Vec::with_capacity(kept.len());
+        let mut places = Vec::with_capacity(stored.len());
+        let mut rows = Vec::with_capacity(stored.len());
         let mut surfaces = Vec::new();
-        for (index, one) in kept.into_iter().enumerate() {
-            let Kept { place, row, surface } =
+        for (index, one) in stored.into_iter().enumerate() {
+            let Stored { place, row, surface } =
                 one.ok_or_else(|| Error::bug(format!("no tile has points of object {}", index + 1)))?;
             places.push(place);
             rows.push(row);
-            surfaces.extend((!surface.is_empty()).then_some(surface));
+            surfaces.extend(surface);
         }
-        Ok(Inventory { rows, surfaces, among: Among::new(&places, touching) })
+        Ok(Inventory { spill, rows, surfaces, among: Among::new(&places, touching), dir: dir.clone() })
     }
 }
 
