@@ -21,7 +21,7 @@ use super::joining;
 use super::part::{NO_BAND, Part};
 use super::parts::Links;
 use super::piece::Piece;
-use super::remaining::{Components, Remaining};
+use super::remaining::{Components, Pairs, Remaining};
 use super::rows::{self, Row};
 use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
@@ -276,8 +276,6 @@ fn take_chains(
 struct Found {
     joining: Joining,
     remaining: Vec<Remaining>,
-    /// Components of buildings of each tile that are near each other.
-    near: Vec<Vec<(u32, u32)>>,
     /// Chains of trunks and the components, plus one, in which they have voxels. This tells which chain rises
     /// from which piece near the ground.
     trunks: Vec<BTreeSet<(u32, u32)>>,
@@ -298,8 +296,8 @@ impl Found {
             found.joining.add(&payload.border);
             let in_trunks = trunks.iter().filter_map(|(_, part)| part.checked_sub(1));
             let open = payload.border.shared.iter().map(|(_, component)| *component).chain(in_trunks);
-            found.remaining.push(Remaining::of(payload.parts, &payload.rising, open, lattice, keeps));
-            found.near.push(payload.near);
+            let pairs = Pairs { rising: &payload.rising, near: &payload.near };
+            found.remaining.push(Remaining::of(payload.parts, pairs, open, lattice, keeps));
             found.trunks.push(trunks);
             found.crowns.extend(payload.crowns);
             found.in_crowns.push(payload.in_crowns.into_iter().map(|(_, cell)| cell).collect());
@@ -354,16 +352,9 @@ impl Labels {
     }
 }
 
-/// The pairs of cores of the drive that are near each other, the smaller first.
-fn near(
-    component: &[Vec<u32>],
-    of_tiles: &[Vec<(u32, u32)>],
-    is_core: impl Fn(u32) -> bool,
-) -> BTreeSet<(u32, u32)> {
-    let pairs = component.iter().zip(of_tiles).flat_map(|(component, near)| {
-        near.iter().map(|&(one, other)| (component[one as usize], component[other as usize]))
-    });
-    pairs
+/// The pairs of cores that are near each other, the smaller first.
+fn cores_near(near: Vec<(u32, u32)>, is_core: impl Fn(u32) -> bool) -> BTreeSet<(u32, u32)> {
+    near.into_iter()
         .filter(|&(one, other)| one != other && is_core(one) && is_core(other))
         .map(|(one, other)| (one.min(other), one.max(other)))
         .collect()
@@ -374,7 +365,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let lattice = drive.lattice();
     let found = Found::of(drive)?;
     let component = found.joining.finish();
-    let Components { mut whole, low, rising } = Components::merge(&component, found.remaining);
+    let Components { mut whole, low, rising, near } = Components::merge(&component, found.remaining);
     let chains = component.iter().zip(&found.trunks).flat_map(|(component, trunks)| {
         trunks.iter().map(|&(chain, part)| (chain, part.checked_sub(1).map(|part| component[part as usize])))
     });
@@ -382,7 +373,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
     let mut united = uniting::unite(&mut whole, lattice);
-    let near = near(&component, &found.near, |one| whole.get(&one).is_some_and(|part| keeps(part, lattice)));
+    let near = cores_near(near, |one| whole.get(&one).is_some_and(|part| keeps(part, lattice)));
     united.extend(facades::unite(&mut whole, &near, lattice));
 
     let kept = whole.iter().filter(|(_, part)| keeps(part, lattice));

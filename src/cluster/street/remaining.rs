@@ -22,6 +22,18 @@ pub(super) struct Remaining {
     pub(super) parts: Vec<(u32, Part)>,
     /// Those of them in adjacent bands that touch, the lower first.
     pub(super) rising: Vec<(u32, u32)>,
+    /// Buildings that are near each other. Pairs that another tile has as well are left out: a pair counts
+    /// where one of the two has voxels.
+    pub(super) near: Vec<(u32, u32)>,
+}
+
+/// The pairs of components of a tile, as its payload has them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pairs<'a> {
+    /// Components of low tree voxels in adjacent bands that touch, the lower first.
+    pub(super) rising: &'a [(u32, u32)],
+    /// Components of buildings that are near each other.
+    pub(super) near: &'a [(u32, u32)],
 }
 
 /// Low tree voxels that touch, over all bands.
@@ -33,11 +45,11 @@ struct Group {
 }
 
 impl Remaining {
-    /// `parts` and `rising` are those of the payload of the tile. `open` are the open components. `keeps`
-    /// says of a whole component without a band whether it is a core.
+    /// `parts` are those of the payload of the tile. `open` are the open components. `keeps` says of a whole
+    /// component without a band whether it is a core.
     pub(super) fn of(
         parts: Vec<Option<Part>>,
-        rising: &[(u32, u32)],
+        Pairs { rising, near }: Pairs<'_>,
         open: impl Iterator<Item = u32>,
         lattice: Lattice,
         keeps: impl Fn(&Part, Lattice) -> bool,
@@ -64,6 +76,7 @@ impl Remaining {
             is_open || seeds::may_stand(voxels, lowest, lattice)
         };
         let mut remaining = Self::default();
+        let owned: Vec<bool> = parts.iter().map(Option::is_some).collect();
         for (component, part) in (0_u32..).zip(parts) {
             let part = part.filter(|part| counts(component, part, &mut sets));
             remaining.parts.extend(part.map(|part| (component, part)));
@@ -74,6 +87,11 @@ impl Remaining {
             is_open[low as usize] || is_open[high as usize] || (has(low) && has(high))
         };
         remaining.rising = rising.iter().filter(counts).copied().collect();
+        // What has voxels here and was left out is no core.
+        let may_count = |component: u32| has(component) || !owned[component as usize];
+        let counts =
+            |&&(one, other): &&(u32, u32)| (has(one) || has(other)) && may_count(one) && may_count(other);
+        remaining.near = near.iter().filter(counts).copied().collect();
         remaining.parts.shrink_to_fit();
         remaining
     }
@@ -87,6 +105,8 @@ pub(super) struct Components {
     pub(super) low: Vec<(u32, Part)>,
     /// Those of them in adjacent bands that touch, the lower first.
     pub(super) rising: Vec<(u32, u32)>,
+    /// Buildings that are near each other.
+    pub(super) near: Vec<(u32, u32)>,
 }
 
 impl Components {
@@ -94,8 +114,9 @@ impl Components {
     pub(super) fn merge(component: &[Vec<u32>], remaining: Vec<Remaining>) -> Self {
         let mut all = Self::default();
         for (component, remaining) in component.iter().zip(remaining) {
-            let of_drive = |(low, high): (u32, u32)| (component[low as usize], component[high as usize]);
+            let of_drive = |(one, other): (u32, u32)| (component[one as usize], component[other as usize]);
             all.rising.extend(remaining.rising.into_iter().map(of_drive));
+            all.near.extend(remaining.near.into_iter().map(of_drive));
             for (number, part) in remaining.parts {
                 let component = component[number as usize];
                 if part.band != NO_BAND {
@@ -123,7 +144,7 @@ impl Components {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cluster::street::shares::{FENCE, SMALL, TREE};
+    use crate::cluster::street::shares::{BUILDING, FENCE, SMALL, TREE};
 
     /// A column of voxels of 0.15 m from a height on, in metres.
     fn part(class: u8, band: u8, voxels: i32, low_m: f64) -> Option<Part> {
@@ -140,7 +161,8 @@ mod tests {
         open: &[u32],
     ) -> (Vec<u32>, Vec<(u32, u32)>) {
         let keeps = |part: &Part, _| part.voxels >= 5;
-        let found = Remaining::of(parts, rising, open.iter().copied(), Lattice::MILLIMETRE, keeps);
+        let pairs = Pairs { rising, near: &[] };
+        let found = Remaining::of(parts, pairs, open.iter().copied(), Lattice::MILLIMETRE, keeps);
         (found.parts.into_iter().map(|part| part.0).collect(), found.rising)
     }
 
@@ -164,5 +186,23 @@ mod tests {
         let small = |voxels| part(SMALL, NO_BAND, voxels, 0.1);
         assert_eq!(remaining(vec![small(4), small(5), small(4)], &[], &[2]).0, [1, 2]);
         assert_eq!(remaining(vec![part(FENCE, NO_BAND, 1, 0.1), None], &[], &[1]).0, [0]);
+    }
+
+    #[test]
+    fn a_pair_of_buildings_counts_where_one_of_them_has_voxels_and_both_may_be_cores() {
+        let building = |voxels| part(BUILDING, NO_BAND, voxels, 0.1);
+        let near = |parts: Vec<Option<Part>>, near: &[(u32, u32)], open: &[u32]| {
+            let pairs = Pairs { rising: &[], near };
+            let keeps = |part: &Part, _| part.voxels >= 5;
+            Remaining::of(parts, pairs, open.iter().copied(), Lattice::MILLIMETRE, keeps).near
+        };
+        let all = [(0, 1), (0, 2), (1, 2)];
+        assert_eq!(near(vec![building(5), building(5), building(4)], &all, &[]), [(0, 1)]);
+        // Other tiles may know more of the third one.
+        assert_eq!(near(vec![building(5), building(5), building(4)], &all, &[2]), all);
+        // Neither of the last two has voxels here. The tile that owns them has this pair.
+        assert_eq!(near(vec![building(5), None, None], &all, &[1, 2]), [(0, 1), (0, 2)]);
+        // A small one that is whole is no core, and what is near it does not count.
+        assert_eq!(near(vec![building(4), None, None], &all, &[1, 2]), []);
     }
 }
