@@ -31,11 +31,13 @@ pub enum Preset {
     Parkway,
     /// A narrow street between houses, with cars that park close to their walls.
     Lane,
+    /// A track through a forest: planted rows of timber, then trees of many kinds with undergrowth.
+    Forest,
 }
 
 impl Preset {
     /// All of them, in the order in which help lists them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Suburb,
         Self::Downtown,
         Self::Avenue,
@@ -44,12 +46,14 @@ impl Preset {
         Self::Loop,
         Self::Parkway,
         Self::Lane,
+        Self::Forest,
     ];
 
     /// Name on the command line and in file names.
     #[must_use]
     pub fn name(self) -> &'static str {
-        ["suburb", "downtown", "avenue", "highway", "mixed", "loop", "parkway", "lane"][self as usize]
+        ["suburb", "downtown", "avenue", "highway", "mixed", "loop", "parkway", "lane", "forest"]
+            [self as usize]
     }
 }
 

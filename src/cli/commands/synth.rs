@@ -125,6 +125,7 @@ impl ValueEnum for PresetArg {
             Preset::Loop => "a suburb whose first 300 m are driven again in the other direction",
             Preset::Parkway => "rows of small trees of many shapes close together, hedges, rails, buildings",
             Preset::Lane => "a narrow street between houses, cars that park close to their walls",
+            Preset::Forest => "a track through a forest: rows of timber, trees of many kinds, undergrowth",
         };
         Some(clap::builder::PossibleValue::new(self.0.name()).help(help))
     }
