@@ -25,6 +25,11 @@ impl Binned {
         Self { thresholds, columns }
     }
 
+    /// Number of samples.
+    pub(super) fn samples(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
     /// Drops thresholds that `used` (per feature and threshold) does not name, and returns the new number of
     /// each.
     pub(super) fn keep(thresholds: &mut [Vec<f32>], used: &[Vec<bool>]) -> Vec<Vec<u8>> {

@@ -64,6 +64,21 @@ impl Sum {
     }
 }
 
+/// Gradient and curvature of the loss for one class, at each sample.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slopes<'a> {
+    /// Class by class within a sample.
+    pub(super) of_samples: &'a [Sum],
+    pub(super) classes: usize,
+    pub(super) class: usize,
+}
+
+impl Slopes<'_> {
+    fn of(&self, sample: u32) -> Sum {
+        self.of_samples[sample as usize * self.classes + self.class]
+    }
+}
+
 /// Sums of every bin of every feature, one after the other.
 type Histogram = Vec<Sum>;
 
@@ -112,8 +127,8 @@ impl<'a> Grower<'a> {
     }
 
     /// Grows the tree of this `number`, by which its seed differs.
-    pub(super) fn grow(&self, slopes: &[Sum], number: u64) -> Grown {
-        let all: Vec<u32> = (0..).take(slopes.len()).collect();
+    pub(super) fn grow(&self, slopes: Slopes<'_>, number: u64) -> Grown {
+        let all: Vec<u32> = (0..).take(self.binned.samples()).collect();
         let histogram = self.histogram(&all, slopes);
         let mut leaves = vec![self.leaf(all, histogram, (number, 0))];
         let mut splits = Vec::new();
@@ -153,10 +168,10 @@ impl<'a> Grower<'a> {
     }
 
     /// Sums over samples, feature by feature.
-    fn histogram(&self, samples: &[u32], slopes: &[Sum]) -> Histogram {
+    fn histogram(&self, samples: &[u32], slopes: Slopes<'_>) -> Histogram {
         let mut histogram = vec![Sum::default(); self.starts.last().copied().unwrap_or(0)];
         // In the order of the samples of the leaf: read once per feature, one after the other.
-        let slopes: Vec<Sum> = samples.iter().map(|&sample| slopes[sample as usize]).collect();
+        let slopes: Vec<Sum> = samples.iter().map(|&sample| slopes.of(sample)).collect();
         for (column, start) in self.binned.columns.iter().zip(&self.starts) {
             let bins = &mut histogram[*start..];
             for (&sample, slope) in samples.iter().zip(&slopes) {
@@ -167,7 +182,13 @@ impl<'a> Grower<'a> {
     }
 
     /// Splits a leaf, which keeps what is not above the threshold, and returns the new leaf.
-    fn split(&self, leaf: &mut Leaf, best: Candidate, slopes: &[Sum], (tree, split): (u64, usize)) -> Leaf {
+    fn split(
+        &self,
+        leaf: &mut Leaf,
+        best: Candidate,
+        slopes: Slopes<'_>,
+        (tree, split): (u64, usize),
+    ) -> Leaf {
         let column = &self.binned.columns[best.feature];
         let above = |sample: &u32| usize::from(column[*sample as usize]) > best.threshold;
         let (right, left): (Vec<u32>, Vec<u32>) = leaf.samples.iter().partition(|sample| above(sample));

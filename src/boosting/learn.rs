@@ -6,7 +6,7 @@ use super::bins::Binned;
 use super::content::About;
 use super::error::BoostingError;
 use super::exponential::{UNITS, ln, softmax};
-use super::grow::{GRADIENT_UNITS, Grower, Grown, MOST_SAMPLES, Sum};
+use super::grow::{GRADIENT_UNITS, Grower, Grown, MOST_SAMPLES, Slopes, Sum};
 use super::model::Model;
 use super::samples::Samples;
 use super::settings::Settings;
@@ -54,7 +54,10 @@ pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize)) -> Re
         let slopes = slopes(samples.class(), &weights, &scores);
         let grown: Vec<Grown> = (0..classes)
             .into_par_iter()
-            .map(|class| grower.grow(&slopes[class], (round * classes + class) as u64))
+            .map(|class| {
+                let slopes = Slopes { of_samples: &slopes, classes, class };
+                grower.grow(slopes, (round * classes + class) as u64)
+            })
             .collect();
         for (class, grown) in grown.into_iter().enumerate() {
             for (members, value) in grown.samples.iter().zip(&grown.tree.values) {
@@ -114,26 +117,23 @@ fn first_scores(counts: &[u64], weights: &[f64]) -> Vec<i32> {
     shares.iter().map(score).collect()
 }
 
-/// Gradient and curvature of the loss at each sample, per class.
-fn slopes(class: &[u8], weights: &[f64], scores: &[i32]) -> Vec<Vec<Sum>> {
+/// Gradient and curvature of the loss at each sample, class by class within a sample.
+fn slopes(class: &[u8], weights: &[f64], scores: &[i32]) -> Vec<Sum> {
     let classes = weights.len();
-    let rows: Vec<Vec<Sum>> = class
-        .par_iter()
-        .zip(scores.par_chunks_exact(classes))
-        .map_init(
-            || vec![0.0; classes],
-            |probabilities, (&class, scores)| {
-                softmax(scores, probabilities);
-                let weight = weights[usize::from(class)] * GRADIENT_UNITS;
-                let slope = |(other, &probability): (usize, &f64)| {
-                    let gradient = probability - f64::from(u8::from(other == usize::from(class)));
-                    Sum::of(whole(weight * gradient), whole(weight * probability * (1.0 - probability)))
-                };
-                probabilities.iter().enumerate().map(slope).collect()
-            },
-        )
-        .collect();
-    (0..classes).map(|class| rows.iter().map(|row| row[class]).collect()).collect()
+    let mut slopes = vec![Sum::default(); scores.len()];
+    let rows = slopes.par_chunks_exact_mut(classes).zip(scores.par_chunks_exact(classes)).zip(class);
+    rows.for_each_init(
+        || vec![0.0; classes],
+        |probabilities, ((slopes, scores), &class)| {
+            softmax(scores, probabilities);
+            let weight = weights[usize::from(class)] * GRADIENT_UNITS;
+            for (other, (slope, &probability)) in slopes.iter_mut().zip(probabilities.iter()).enumerate() {
+                let gradient = probability - f64::from(u8::from(other == usize::from(class)));
+                *slope = Sum::of(whole(weight * gradient), whole(weight * probability * (1.0 - probability)));
+            }
+        },
+    );
+    slopes
 }
 
 /// The nearest whole number. Its size is below 64 times [`GRADIENT_UNITS`].
