@@ -150,5 +150,5 @@ fn every_configuration_that_ships_is_accepted_and_says_what_the_defaults_are() {
         seen.push(name);
     }
     seen.sort_unstable();
-    assert_eq!(seen, ["default.toml", "dense-trees.toml", "density-peaks.toml"]);
+    assert_eq!(seen, ["default.toml", "dense-trees.toml", "density-peaks.toml", "forest.toml"]);
 }

@@ -42,3 +42,24 @@ fn a_run_stopped_in_any_pass_or_round_ends_in_the_same_bytes() {
     assert!(stops > 1);
     STREET.assert_same(&out, &expected, "stopped in every round");
 }
+
+#[test]
+fn objects_of_classes_that_are_not_wanted_have_no_id_and_change_no_other() {
+    let folder = scratch();
+    let run = |name: &str, settings: &[&str]| {
+        let out = folder.path().join(name);
+        STREET.run_in(&out, settings);
+        let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
+        let mut rows = table.lines().map(|row| row.split(',').map(str::to_owned).collect::<Vec<String>>());
+        let names = rows.next().unwrap();
+        let place = |name: &str| names.iter().position(|column| column == name).unwrap();
+        let (class, uid, points) = (place("class"), place("uid"), place("points"));
+        let row = |row: Vec<String>| (row[class].clone(), row[uid].clone(), row[points].clone());
+        rows.map(row).collect::<Vec<_>>()
+    };
+    let all = run("all", &[]);
+    let some = run("some", &["street.classes=[\"pole\", \"vehicle\"]", "tiling.tile_length=20"]);
+    let expected: Vec<_> = all.iter().filter(|(class, ..)| class == "3" || class == "4").cloned().collect();
+    assert!(expected.len() > 3 && expected.len() < all.len() / 2, "{} of {}", expected.len(), all.len());
+    assert_eq!(some, expected);
+}

@@ -58,7 +58,9 @@ fn tiles_and_threads_change_no_byte_and_the_model_scores_its_drive() {
     }
     assert!(models[0] == models[1], "tiles or threads change the model");
     assert!(models[2] != models[3] && models[0] != models[3], "seed and thinned copies change nothing");
-    let StreetModel { shapes, context } = read_model(&folder.path().join("0.model")).expect("a model");
+    let StreetModel { shapes, context, objects } =
+        read_model(&folder.path().join("0.model")).expect("a model");
+    assert!(objects.is_none());
     for (model, most) in [(shapes, 100), (context, 400)] {
         let sources = &model.about().trained_on;
         assert_eq!(sources.len(), 2);
@@ -80,6 +82,35 @@ fn tiles_and_threads_change_no_byte_and_the_model_scores_its_drive() {
     let whole = score(&[]);
     assert!(whole.contains("voxels of drive"), "{whole}");
     assert_eq!(whole, score(&["--tile-length", "10"]));
+}
+
+#[test]
+#[ignore = "long; scripts/check.sh runs it"]
+fn a_second_call_adds_the_model_of_objects_whatever_the_tiles() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drive = labelled(folder.path());
+    let voxels = folder.path().join("voxels.model");
+    assert_eq!(ended(&train(&drive, &voxels, &[])).0, 0);
+    let onto = ["--onto", voxels.to_str().expect("text"), "--thin", "0.5"];
+    let mut models = Vec::new();
+    for (number, options) in [&[][..], &["--tile-length", "7", "--threads", "3"]].into_iter().enumerate() {
+        let path = folder.path().join(format!("{number}.model"));
+        let output = train(&drive, &path, &[&onto, options].concat());
+        let (code, text) = ended(&output);
+        assert_eq!(code, 0, "{text}");
+        let text = String::from_utf8(output.stdout).expect("text");
+        assert!(text.contains("objects that were held out"), "{text}");
+        models.push(std::fs::read(path).expect("a model"));
+    }
+    assert!(models[0] == models[1], "tiles or threads change the model");
+    let before = read_model(&voxels).expect("a model");
+    let model = read_model(&folder.path().join("0.model")).expect("a model");
+    assert_eq!(model.shapes.checksum(), before.shapes.checksum());
+    assert_eq!(model.context.checksum(), before.context.checksum());
+    let objects = model.objects.as_ref().expect("a model of objects");
+    let samples = &objects.about().samples;
+    assert!(samples.iter().sum::<u64>() > 20, "{samples:?}");
+    assert_ne!(model.checksum(), before.checksum());
 }
 
 #[test]

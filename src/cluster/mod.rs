@@ -42,7 +42,7 @@ pub use method::{
     Sections, Step, TilePoints, TileWindow,
 };
 pub use normalized_cut::{NormalizedCut, NormalizedCutConfig};
-pub use street::{Street, StreetConfig};
+pub use street::{Scene, Street, StreetConfig, WantedClass};
 
 /// Every clustering method, in the order in which help lists them.
 pub static REGISTRY: &[ClusterEntry] = &[

@@ -14,6 +14,7 @@ pub struct Preset {
 /// Every preset.
 pub const PRESETS: &[Preset] = &[
     Preset { name: "dense-trees", text: include_str!("../../config/dense-trees.toml") },
+    Preset { name: "forest", text: include_str!("../../config/forest.toml") },
     Preset { name: "density-peaks", text: include_str!("../../config/density-peaks.toml") },
 ];
 

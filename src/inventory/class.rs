@@ -22,7 +22,8 @@ impl Attribute for Class {
                 name: "confidence",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::None,
-                definition: "mean probability of the class over the points, 0 to 1; empty from methods without probabilities",
+                definition: "probability of the class by the model of objects, 0 to 1; from a model without it the \
+                             mean over the points; empty from methods without probabilities",
             },
         ]
     }

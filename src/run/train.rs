@@ -3,18 +3,23 @@
 //! The model of the context must learn from classes as wrong as those of a new drive. So two further models
 //! of shapes learn from one half of the drives each, and classify the other half. A single drive has no other
 //! half: it is classified by the model that learned from it.
+//!
+//! The model of objects is learned by another call, from other drives. It must learn from objects as wrong as
+//! those of a new drive, and the models of voxels know the drives that they learned from too well.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::boosting::{self, Confusion, Model, Samples, TrainedOn, learn};
+use crate::cluster::Scene;
 use crate::cluster::street::{
-    self, CLASS_NAMES, CLASSES, CONTEXT_FEATURES, Counts, FEATURES, Purpose, Sample, StreetModel, Training,
+    self, CLASS_NAMES, CLASSES, CONTEXT_FEATURES, Counts, FEATURES, OBJECT_FEATURES, Purpose, Sample,
+    StreetModel, Training,
 };
 use crate::config::Config;
 use crate::error::Result;
 use crate::input::{Catalog, InputError, InputFile};
-use crate::model::Field;
+use crate::model::{Field, Lattice};
 use crate::run::chain::{Chain, Registries};
 use crate::run::engine::{CancelToken, Driver, Event, Here, Observer};
 use crate::run::open::{self, Opened};
@@ -24,6 +29,7 @@ use crate::run::{computed, flow};
 const LEARN_HALVES: &str = "learn from half of the drives";
 const LEARN_SHAPES: &str = "learn shapes";
 const LEARN_CONTEXT: &str = "learn context";
+const LEARN_OBJECTS: &str = "learn objects";
 
 /// A request to learn from labelled drives.
 #[derive(Debug, Clone)]
@@ -51,7 +57,8 @@ pub struct TrainRequest<'a> {
 pub struct Trained {
     /// The model.
     pub model: StreetModel,
-    /// How it classifies voxels of the same drives that it has not learned from.
+    /// How it classifies voxels of the same drives that it has not learned from. For [`train_objects`]: how it
+    /// names objects of them.
     pub held_out: Confusion,
 }
 
@@ -65,12 +72,12 @@ pub fn read_model(path: &Path) -> Result<StreetModel> {
     Ok(StreetModel::decode(&path.display().to_string(), &content)?)
 }
 
-/// The model that comes with the program.
+/// The model of a scene that comes with the program.
 ///
 /// # Errors
 /// A [`BoostingError`](boosting::BoostingError), if the program was built with a model that it cannot use.
-pub fn built_in_model() -> Result<StreetModel> {
-    Ok((*street::built_in()?).clone())
+pub fn built_in_model(scene: Scene) -> Result<StreetModel> {
+    Ok((*street::built_in(scene)?).clone())
 }
 
 /// Samples of drives: to learn from, by half of the drives, and held out.
@@ -108,7 +115,8 @@ impl Sampled {
 pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<Trained> {
     request.settings.validate()?;
     let (seed, most) = (request.settings.seed, request.samples);
-    let shapes = sample(request, &FEATURES, observer, cancel, &|_| Purpose::Shapes { seed, most })?;
+    let purpose = |_| Ok(Purpose::Shapes { seed, most });
+    let shapes = sample(request, &FEATURES, observer, cancel, &purpose)?;
     let Sampled { halves: [mut all, other], sources, .. } = shapes;
     // The model that classifies the drives of a half has learned from the other one.
     let of_halves = if other.is_empty() {
@@ -122,19 +130,47 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
     drop(all);
 
     let classifies = |half: usize| of_halves.as_ref().map_or(&shapes, |halves| &halves[half]);
-    let purpose = |half: usize| Purpose::Context { seed, most, shapes: Box::new(classifies(half).clone()) };
+    let purpose =
+        |half: usize| Ok(Purpose::Context { seed, most, shapes: Box::new(classifies(half).clone()) });
     let context = sample(request, &CONTEXT_FEATURES, observer, cancel, &purpose)?;
     let Sampled { halves: [mut all, other], held_out, sources } = context;
     all.append(other)?;
     let settings =
         boosting::Settings { rounds: request.settings.rounds.div_ceil(2), ..request.settings.clone() };
     let context = learned(LEARN_CONTEXT, &all, &settings, observer)?.trained_on(sources)?;
+    let held_out = confusion(&context, &held_out)?;
+    Ok(Trained { model: StreetModel { shapes, context, objects: None }, held_out })
+}
+
+/// Learns the model of objects of a model whose models of voxels are known. They should have learned from
+/// other drives.
+///
+/// # Errors
+/// As [`train`].
+pub fn train_objects(
+    model: &StreetModel,
+    request: &TrainRequest<'_>,
+    observer: &dyn Observer,
+    cancel: &CancelToken,
+) -> Result<Trained> {
+    request.settings.validate()?;
+    let purpose = |_| Purpose::objects(StreetModel { objects: None, ..model.clone() });
+    let objects = sample(request, &OBJECT_FEATURES, observer, cancel, &purpose)?;
+    let Sampled { halves: [mut all, other], held_out, sources } = objects;
+    all.append(other)?;
+    let objects = learned(LEARN_OBJECTS, &all, &request.settings, observer)?.trained_on(sources)?;
+    let held_out = confusion(&objects, &held_out)?;
+    Ok(Trained { model: StreetModel { objects: Some(objects), ..model.clone() }, held_out })
+}
+
+/// How a model classifies samples.
+fn confusion(model: &Model, samples: &Samples) -> Result<Confusion> {
     let mut confusion = Confusion::new(CLASSES);
-    let shares = context.shares::<CLASSES>(held_out.values())?;
-    for (shares, &class) in shares.iter().zip(held_out.class()) {
+    let shares = model.shares::<CLASSES>(samples.values())?;
+    for (shares, &class) in shares.iter().zip(samples.class()) {
         confusion.add(usize::from(class), usize::from(street::class(shares)), 1);
     }
-    Ok(Trained { model: StreetModel { shapes, context }, held_out: confusion })
+    Ok(confusion)
 }
 
 /// The samples of all drives, every other drive in the second half.
@@ -143,14 +179,14 @@ fn sample(
     features: &[&str],
     observer: &dyn Observer,
     cancel: &CancelToken,
-    purpose: &dyn Fn(usize) -> Purpose,
+    purpose: &dyn Fn(usize) -> Result<Purpose>,
 ) -> Result<Sampled> {
     let mut sampled = Sampled::new(features);
     for (number, drive) in request.drives.iter().enumerate() {
         let half = number % 2;
         let work = Work { request, drive, observer, cancel };
         for share in std::iter::once(1.0).chain(request.thin.iter().copied()) {
-            let samples = Training::samples(&work.payloads(purpose(half), share)?)?;
+            let samples = work.samples(purpose(half)?, share)?;
             sampled.add(half, name_of(drive, share), &samples)?;
         }
         work.clear();
@@ -197,7 +233,7 @@ pub fn score_model(
     cancel: &CancelToken,
 ) -> Result<Confusion> {
     let work = Work { request, drive, observer, cancel };
-    let payloads = work.payloads(Purpose::Score(Box::new(model.clone())), 1.0)?;
+    let (payloads, _) = work.payloads(Purpose::Score(Box::new(model.clone())), 1.0)?;
     work.clear();
     let counts: Counts = Training::counts(&payloads)?;
     let mut confusion = Confusion::new(CLASSES);
@@ -231,8 +267,15 @@ impl Work<'_> {
         let _ = fs_err::remove_dir_all(self.state());
     }
 
-    /// The results of the last step of [`Training`] for a share of the points.
-    fn payloads(&self, purpose: Purpose, share: f64) -> Result<Vec<Vec<u8>>> {
+    /// Samples of a share of the points.
+    fn samples(&self, purpose: Purpose, share: f64) -> Result<Vec<Sample>> {
+        let of_objects = matches!(purpose, Purpose::Objects(_));
+        let (payloads, lattice) = self.payloads(purpose, share)?;
+        if of_objects { Training::objects(&payloads, lattice) } else { Training::samples(&payloads) }
+    }
+
+    /// The results of the last step of [`Training`] for a share of the points, and the lattice of the drive.
+    fn payloads(&self, purpose: Purpose, share: f64) -> Result<(Vec<Vec<u8>>, Lattice)> {
         let config = &self.request.config;
         let inputs = [self.drive.to_owned()];
         let catalog = open::catalog(&inputs, config)?;
@@ -255,7 +298,7 @@ impl Work<'_> {
             driver.tell(&Event::Warning { text });
         }
         let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
-        computed(flow::payloads_of_last_step(&open, &mut driver, &run_dir, &planned)?)
+        Ok((computed(flow::payloads_of_last_step(&open, &mut driver, &run_dir, &planned)?)?, lattice))
     }
 }
 

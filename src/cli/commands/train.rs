@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use chainage::boosting::{Confusion, Model, Settings as Learning};
+use chainage::cluster::Scene;
 use chainage::config::ConfigError;
 use chainage::run::{
     CancelToken, Registries, StreetModel, TrainRequest, Trained, built_in_model, read_model, score_model,
-    train,
+    train, train_objects,
 };
 
 use crate::cli::drive_args::Settings;
@@ -22,9 +23,13 @@ use crate::cli::{exit, interrupt};
 /// A labelled drive has the extra dimension gt_class (1 ground, 2 tree, 3 pole, 4 vehicle, 5 building, 6
 /// fence or hedge, 7 person or small furniture, 8 wire; 0 is not learned), as those of `chainage synth` have.
 /// Where it also has gt_core, only points with gt_core 1 count. Same drives, settings and seed: same bytes.
+///
+/// A model classifies voxels. A second call, with --onto and other drives, adds the part that names objects
+/// as a whole.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  chainage synth mixed -o one --length 1km\n  \
-                        chainage train one -o my.model --thin 0.5,0.25\n  \
+                        chainage train one -o voxels.model --thin 0.5,0.25\n  \
+                        chainage train two --onto voxels.model -o my.model --thin 0.5,0.25\n  \
                         chainage run drive.laz -o out --method street --set street.model='\"my.model\"'\n  \
                         chainage train --model my.model --test other_drive.laz")]
 pub(crate) struct TrainArgs {
@@ -34,9 +39,13 @@ pub(crate) struct TrainArgs {
     /// Write the model here
     #[arg(short, long, value_name = "MODEL", required_unless_present = "model")]
     out: Option<PathBuf>,
-    /// Score this model with --test, and learn nothing; `built-in` is the one that comes with the program
+    /// Score this model with --test, and learn nothing; `built-in` and `built-in-forest` come with the program
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["drives", "out"], requires = "test")]
     model: Option<PathBuf>,
+    /// Keep the parts of this model that classify voxels, and learn the part that names objects, from drives
+    /// that the model has not learned from
+    #[arg(long, value_name = "MODEL", conflicts_with = "model")]
+    onto: Option<PathBuf>,
     /// Labelled drives to score the model with; nothing is learned from them
     #[arg(long, value_name = "DRIVES", num_args = 1..)]
     test: Vec<PathBuf>,
@@ -95,12 +104,14 @@ impl TrainArgs {
         let progress = Progress::new(self.progress);
         let scratch = Scratch::inside(self.scratch.as_deref());
         let request = self.request(&scratch)?;
-        let trained = match &self.model {
-            Some(_) => None,
-            None => Some(train(&request, &progress, &cancel)?),
+        let trained = match (&self.model, &self.onto) {
+            (Some(_), _) => None,
+            (None, Some(voxels)) => Some(train_objects(&read_model(voxels)?, &request, &progress, &cancel)?),
+            (None, None) => Some(train(&request, &progress, &cancel)?),
         };
         let read = match self.model.as_deref() {
-            Some(path) if path == Path::new("built-in") => Some(built_in_model()?),
+            Some(path) if path == Path::new("built-in") => Some(built_in_model(Scene::Street)?),
+            Some(path) if path == Path::new("built-in-forest") => Some(built_in_model(Scene::Forest)?),
             path => path.map(read_model).transpose()?,
         };
         let Some(model) = trained.as_ref().map(|trained| &trained.model).or(read.as_ref()) else {
@@ -112,10 +123,15 @@ impl TrainArgs {
         for drive in &self.test {
             scores.push((name(drive), score_model(model, drive, &request, &progress, &cancel)?));
         }
-        let card = card(model, bytes.len(), trained.as_ref(), &scores);
+        let learned = match trained.as_ref() {
+            Some(trained) if self.onto.is_some() => Learned::Objects(trained),
+            Some(trained) => Learned::Voxels(trained),
+            None => Learned::Nothing,
+        };
+        let card = card(model, bytes.len(), &learned, &scores);
         let printed = deliver(self.card.as_deref(), |to| to.write_all(card.as_bytes()))?;
         if !printed {
-            print::text(&summary(model, trained.as_ref(), &scores))?;
+            print::text(&summary(model, &learned, &scores))?;
         }
         Ok(exit::DONE)
     }
@@ -171,13 +187,21 @@ fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share))
 }
 
-/// Both models with what they are.
-fn parts(model: &StreetModel) -> [(&'static str, &Model); 2] {
-    [("shapes", &model.shapes), ("context", &model.context)]
+/// What a call learned.
+enum Learned<'a> {
+    Voxels(&'a Trained),
+    Objects(&'a Trained),
+    Nothing,
+}
+
+/// The parts of a model with what they are.
+fn parts(model: &StreetModel) -> Vec<(&'static str, &Model)> {
+    let voxels = [("shapes", &model.shapes), ("context", &model.context)];
+    voxels.into_iter().chain(model.objects.as_ref().map(|objects| ("objects", objects))).collect()
 }
 
 /// What is said at the terminal.
-fn summary(model: &StreetModel, trained: Option<&Trained>, scores: &[(String, Confusion)]) -> String {
+fn summary(model: &StreetModel, learned: &Learned<'_>, scores: &[(String, Confusion)]) -> String {
     let mut text = String::new();
     for (name, model) in parts(model) {
         let (trees, leaves) = model.size();
@@ -185,12 +209,14 @@ fn summary(model: &StreetModel, trained: Option<&Trained>, scores: &[(String, Co
         text +=
             &format!("{name}: {trees} trees with {leaves} leaves from {} samples\n", print::count(samples));
     }
-    if let Some(trained) = trained {
-        text += &format!(
-            "{} of {} voxels in squares that were held out are classified rightly\n",
-            percent(trained.held_out.accuracy()),
-            print::count(trained.held_out.rows())
-        );
+    let right = |held_out: &Confusion, of: &str| {
+        let rows = print::count(held_out.rows());
+        format!("{} of {rows} {of} that were held out are classified rightly\n", percent(held_out.accuracy()))
+    };
+    match learned {
+        Learned::Voxels(trained) => text += &right(&trained.held_out, "voxels in squares"),
+        Learned::Objects(trained) => text += &right(&trained.held_out, "objects"),
+        Learned::Nothing => {}
     }
     for (name, confusion) in scores {
         let accuracy = percent(confusion.accuracy());
@@ -199,18 +225,17 @@ fn summary(model: &StreetModel, trained: Option<&Trained>, scores: &[(String, Co
     text
 }
 
-/// The card of a model, in Markdown.
-fn card(
-    model: &StreetModel,
-    bytes: usize,
-    trained: Option<&Trained>,
-    scores: &[(String, Confusion)],
-) -> String {
+/// The card of a model, in Markdown. After the objects were learned, it is the part of the card that says so.
+fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(String, Confusion)]) -> String {
     let mut text =
         format!("# Model {:016x} of `street`\n\n{} bytes.\n", model.checksum(), print::count(bytes as u64));
     let counts =
         |counts: &[u64]| -> Vec<String> { counts.iter().map(|&count| print::count(count)).collect() };
-    for (name, model) in parts(model) {
+    let parts = || {
+        let is_new = |name: &str| name == "objects" || !matches!(learned, Learned::Objects(_));
+        parts(model).into_iter().filter(move |(name, _)| is_new(name))
+    };
+    for (name, model) in parts() {
         let about = model.about();
         let (trees, leaves) = model.size();
         text += &format!(
@@ -224,16 +249,25 @@ fn card(
         }
         text += &row("all", &counts(&about.samples));
     }
-    if let Some(trained) = trained {
-        text += "\n## Voxels of the same drives in squares that were held out\n\nAs frequent as they are. The first \
-                 classes are those of models that learned from other drives.\n\n";
-        text += &matrix(model.context.classes(), &trained.held_out);
+    let classes = model.context.classes();
+    match learned {
+        Learned::Voxels(trained) => {
+            text += "\n## Voxels of the same drives in squares that were held out\n\nAs frequent as they are. The \
+                     first classes are those of models that learned from other drives.\n\n";
+            text += &matrix(classes, &trained.held_out);
+        }
+        Learned::Objects(trained) => {
+            text += "\n## Objects of the drives that the model of objects learned from, held out\n\nEvery fifth one. \
+                     The models of voxels learned from other drives.\n\n";
+            text += &matrix(classes, &trained.held_out);
+        }
+        Learned::Nothing => {}
     }
     for (name, confusion) in scores {
         text += &format!("\n## Voxels of {name}\n\nNothing was learned from it. All voxels.\n\n");
-        text += &matrix(model.context.classes(), confusion);
+        text += &matrix(classes, confusion);
     }
-    for (name, model) in parts(model) {
+    for (name, model) in parts() {
         text += &format!(
             "\n## Importance of the features of the model of {name}\n\nShare in the gain of all splits.\n\n\
              | feature | share |\n|---|---:|\n"

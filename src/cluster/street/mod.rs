@@ -9,7 +9,8 @@
 //! are certainly one object each, and the stems of trees. `edges`: which voxels are neighbours, and all else
 //! that growth needs to know of them. `growth`: every voxel takes the label of the core with the least path
 //! cost to it, in rounds. `leftovers`: what no core reaches joins an object nearby or is an object of its
-//! own. `objects`: islands and fixtures, the labels of points, and class and confidence of objects.
+//! own. `objects`: islands and fixtures, the labels of points, and class and confidence of objects, which a
+//! second classifier names as a whole.
 //!
 //! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
 //! eigenvalues and costs follow a fixed sequence of IEEE operations. Ties are broken by the keys of voxels,
@@ -28,6 +29,7 @@ mod crowns;
 mod edges;
 mod facades;
 mod features;
+mod figures;
 mod fixtures;
 mod fragments;
 mod graph;
@@ -36,6 +38,7 @@ mod islands;
 mod joining;
 mod leftovers;
 mod model;
+mod object_samples;
 mod objects;
 mod part;
 mod parts;
@@ -63,14 +66,15 @@ use std::sync::Arc;
 
 pub(crate) use self::features::NAMES as FEATURES;
 pub(crate) use self::features::context::NAMES as CONTEXT_FEATURES;
+pub(crate) use self::figures::NAMES as OBJECT_FEATURES;
 pub use self::model::StreetModel;
 pub(crate) use self::model::{CLASS_NAMES, built_in};
 pub(crate) use self::settings::CLASSES;
-pub use self::settings::StreetConfig;
 use self::settings::{
     NAME, STEP_CHAINS, STEP_CLASSES, STEP_CONTEXT, STEP_CORES, STEP_EDGES, STEP_GROWTH, STEP_LEFTOVERS,
     STEP_OBJECTS, STEP_VOXELS,
 };
+pub use self::settings::{Scene, StreetConfig, WantedClass};
 pub(crate) use self::shares::class;
 pub(crate) use self::training::{Counts, Purpose, Sample, Training};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
@@ -97,23 +101,29 @@ const fn step(name: &'static str, settings: &'static [&'static str], repeat: Rep
     Step { name, settings, bytes: BytesPer::Point(BYTES_PER_POINT), repeat }
 }
 
-const STEPS: [Step; 9] = [
-    step("voxels", &[], Repeat::Once),
-    step("classes", &["street.model"], Repeat::Once),
-    step("context", &[], Repeat::Once),
-    step("chains", &[], Repeat::Once),
-    step("cores", &[], Repeat::Once),
-    step("edges", &[], Repeat::Once),
-    step("growth", &["street.min_points"], Repeat::UntilSettled { most: growth::MOST_ROUNDS }),
-    step("leftovers", &["street.min_points"], Repeat::Once),
-    step("objects", &[], Repeat::Once),
-];
+/// The steps, with this one as the last.
+const fn steps(last: Step) -> [Step; 9] {
+    [
+        step("voxels", &[], Repeat::Once),
+        step("classes", &["street.scene", "street.model"], Repeat::Once),
+        step("context", &[], Repeat::Once),
+        step("chains", &[], Repeat::Once),
+        step("cores", &[], Repeat::Once),
+        step("edges", &[], Repeat::Once),
+        step("growth", &["street.min_points"], Repeat::UntilSettled { most: growth::MOST_ROUNDS }),
+        step("leftovers", &["street.min_points"], Repeat::Once),
+        last,
+    ]
+}
+
+const STEPS: [Step; 9] =
+    steps(step("objects", &["street.scene", "street.model", "street.classes"], Repeat::Once));
 
 /// The method, see the module.
 #[derive(Debug, Clone)]
 pub struct Street {
     config: StreetConfig,
-    /// The model of a file; `None` for the one that the program contains.
+    /// The model of a file; `None` for that of the scene, which the program contains.
     model: Option<Arc<StreetModel>>,
 }
 
@@ -130,7 +140,7 @@ impl Street {
     fn model(&self) -> Result<Arc<StreetModel>> {
         match &self.model {
             Some(model) => Ok(Arc::clone(model)),
-            None => Ok(built_in()?),
+            None => Ok(built_in(self.config.scene)?),
         }
     }
 }
@@ -153,11 +163,13 @@ impl Method for Street {
     }
 
     fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
+        let checksum = |of: fn(&StreetModel) -> u64| {
+            let checksum = self.model().map(|model| format!("{:016x}", of(&model)));
+            vec![("model", checksum.unwrap_or_else(|error| error.to_string()))]
+        };
         match step {
-            STEP_CLASSES => {
-                let checksum = self.model().map(|model| format!("{:016x}", model.checksum()));
-                vec![("model", checksum.unwrap_or_else(|error| error.to_string()))]
-            }
+            STEP_CLASSES => checksum(StreetModel::checksum_of_voxels),
+            STEP_OBJECTS => checksum(StreetModel::checksum),
             _ => Vec::new(),
         }
     }
@@ -204,7 +216,7 @@ impl Method for Street {
             STEP_EDGES => edges::map(tile),
             STEP_GROWTH => growth::map(tile),
             STEP_LEFTOVERS => leftovers::map(tile),
-            STEP_OBJECTS => objects::map(tile),
+            STEP_OBJECTS => objects::map(tile, self.model()?.objects.is_some()),
             other => Err(no_step(other)),
         }
     }
@@ -224,7 +236,10 @@ impl Method for Street {
                 let cores = cores::count(drive.global(STEP_CORES))?;
                 leftovers::reduce(drive, cores, self.config.min_uncertain()).map(Reduced::Global)
             }
-            STEP_OBJECTS => objects::reduce(drive).map(Reduced::Groups),
+            STEP_OBJECTS => {
+                let model = self.model()?;
+                objects::reduce(drive, &self.config, model.objects.as_ref()).map(Reduced::Groups)
+            }
             other => Err(no_step(other)),
         }
     }

@@ -1,6 +1,7 @@
-//! The model of `street`: how it classifies voxels, and what a model must be to do so. It is two models: the
-//! first classifies a voxel by the shape of what is around it, the second by the classes that the first finds
-//! around it.
+//! The model of `street`: how it classifies voxels and names objects, and what a model must be to do so. It is
+//! up to three models: the first classifies a voxel by the shape of what is around it, the second by the
+//! classes that the first finds around it, and the third, if there is one, names an object by the figures of
+//! its voxels.
 
 use std::sync::{Arc, OnceLock};
 
@@ -8,7 +9,9 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::classified::Shares;
 use super::features::{self, context};
-use super::settings::CLASSES;
+use super::figures;
+use super::settings::{CLASSES, Scene};
+use super::shares::{self, GROUND, POLE, TREE, VEHICLE};
 use crate::boosting::{BoostingError, Model};
 use crate::error::Result;
 
@@ -16,13 +19,15 @@ use crate::error::Result;
 pub(crate) const CLASS_NAMES: [&str; CLASSES] =
     ["none", "tree", "pole", "vehicle", "building", "fence or hedge", "small", "wire"];
 
-/// The model of `street`. Its file is the files of both, one after the other.
+/// The model of `street`. Its file is the files of its models, one after the other.
 #[derive(Debug, Clone)]
 pub struct StreetModel {
     /// Classifies voxels by shapes.
     pub shapes: Model,
     /// Classifies voxels by the classes around them.
     pub context: Model,
+    /// Names objects. Without it, an object has the class of its core.
+    pub objects: Option<Model>,
 }
 
 impl StreetModel {
@@ -39,9 +44,18 @@ impl StreetModel {
             let what = "it has no model of the classes around a voxel".to_owned();
             return Err(BoostingError::Unfit { origin: file.to_owned(), what });
         }
+        let (context, objects) = Model::split(file, context)?;
         let context = Model::decode(file, context)?;
         context.check(file, &context::NAMES, &CLASS_NAMES)?;
-        Ok(Self { shapes, context })
+        let objects = match objects {
+            [] => None,
+            objects => {
+                let objects = Model::decode(file, objects)?;
+                objects.check(file, &figures::NAMES, &CLASS_NAMES)?;
+                Some(objects)
+            }
+        };
+        Ok(Self { shapes, context, objects })
     }
 
     /// The bytes of the model.
@@ -51,26 +65,48 @@ impl StreetModel {
     pub fn encode(&self) -> Result<Vec<u8>> {
         let mut bytes = self.shapes.encode()?;
         bytes.extend(self.context.encode()?);
+        if let Some(objects) = &self.objects {
+            bytes.extend(objects.encode()?);
+        }
         Ok(bytes)
     }
 
     /// A number that tells models apart.
     #[must_use]
     pub fn checksum(&self) -> u64 {
-        let both = [self.shapes.checksum(), self.context.checksum()];
-        xxh3_64(bytemuck::bytes_of(&both.map(u64::to_le_bytes)))
+        match &self.objects {
+            Some(objects) => of_both(self.checksum_of_voxels(), objects.checksum()),
+            None => self.checksum_of_voxels(),
+        }
+    }
+
+    /// A number that tells models apart by how they classify voxels.
+    #[must_use]
+    pub(super) fn checksum_of_voxels(&self) -> u64 {
+        of_both(self.shapes.checksum(), self.context.checksum())
     }
 }
 
-/// The model that `scripts/train_model.sh` made from synthetic drives. `benches/results/street-model.md` is
-/// its card.
-const BUILT_IN: &[u8] = include_bytes!("model.bin");
+fn of_both(one: u64, other: u64) -> u64 {
+    xxh3_64(bytemuck::bytes_of(&[one, other].map(u64::to_le_bytes)))
+}
 
-/// The built-in model. It is decoded once.
-pub(crate) fn built_in() -> Result<Arc<StreetModel>, BoostingError> {
-    static DECODED: OnceLock<Result<Arc<StreetModel>, BoostingError>> = OnceLock::new();
-    let decode = || StreetModel::decode("the built-in model", BUILT_IN).map(Arc::new);
-    DECODED.get_or_init(decode).clone()
+/// The models that `scripts/train_model.sh` made from synthetic drives. `benches/results/street-model.md` and
+/// `forest-model.md` are their cards.
+const OF_STREETS: &[u8] = include_bytes!("model.bin");
+const OF_FORESTS: &[u8] = include_bytes!("forest.bin");
+
+/// A built-in model. It is decoded once.
+pub(crate) fn built_in(scene: Scene) -> Result<Arc<StreetModel>, BoostingError> {
+    type Decoded = OnceLock<Result<Arc<StreetModel>, BoostingError>>;
+    static OF_STREET: Decoded = OnceLock::new();
+    static OF_FOREST: Decoded = OnceLock::new();
+    let decode = |bytes| StreetModel::decode("the built-in model", bytes).map(Arc::new);
+    match scene {
+        Scene::Street => OF_STREET.get_or_init(|| decode(OF_STREETS)),
+        Scene::Forest => OF_FOREST.get_or_init(|| decode(OF_FORESTS)),
+    }
+    .clone()
 }
 
 /// Classifies voxels by their features: one set of probabilities per row.
@@ -79,20 +115,86 @@ pub(super) fn classify(model: &Model, rows: &[f32], shares: &mut [Shares]) -> Re
     Ok(())
 }
 
+/// Class and confidence of an object, by its features. `class` is what the steps before call it.
+///
+/// An object gets another class only if that has more than half of the shares, and is not none. Trees and
+/// poles only become vehicles, because they were decided as a whole before, by their stems. The study is in
+/// `benches/results/street.md`.
+pub(super) fn name(model: &Model, features: &[f32], class: u8) -> Result<(u8, u8)> {
+    let shares = model.shares::<CLASSES>(features)?;
+    let shares = shares.first().copied().unwrap_or_default();
+    let named = shares::class(&shares);
+    let is_clear = shares[usize::from(named)] > u8::MAX / 2 && named != GROUND;
+    let may_be = named == VEHICLE || !matches!(class, TREE | POLE);
+    let class = if is_clear && may_be { named } else { class };
+    Ok((class, shares[usize::from(class)].max(1)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_built_in_model_fits_the_features_and_is_small() {
-        let model = built_in().unwrap();
-        assert!(BUILT_IN.len() <= 2 << 20, "{} bytes", BUILT_IN.len());
-        assert!(Arc::ptr_eq(&model, &built_in().unwrap()));
-        assert_eq!(model.encode().unwrap(), BUILT_IN);
+    fn the_built_in_models_fit_the_features_and_are_small() {
+        assert!(OF_STREETS.len() + OF_FORESTS.len() <= 2 << 20);
+        for (scene, bytes) in [(Scene::Street, OF_STREETS), (Scene::Forest, OF_FORESTS)] {
+            let model = built_in(scene).unwrap();
+            assert!(Arc::ptr_eq(&model, &built_in(scene).unwrap()));
+            assert_eq!(model.encode().unwrap(), bytes);
+            names_anything(&model);
+        }
+        let [street, forest] = [Scene::Street, Scene::Forest].map(|scene| built_in(scene).unwrap());
+        assert_ne!(street.checksum(), forest.checksum());
+    }
+
+    fn names_anything(model: &StreetModel) {
         let mut shares = [Shares::default(); 3];
         classify(&model.shapes, &[0.0; 3 * features::NAMES.len()], &mut shares).unwrap();
         classify(&model.context, &[0.0; 3 * context::NAMES.len()], &mut shares).unwrap();
         assert!(shares.iter().all(|shares| shares.iter().map(|&share| u32::from(share)).sum::<u32>() == 255));
+        let objects = model.objects.as_ref().unwrap();
+        for class in TREE..=shares::WIRE {
+            let (named, confidence) = name(objects, &[0.0; figures::NAMES.len()], class).unwrap();
+            assert!(named != GROUND && confidence > 0);
+        }
+    }
+
+    #[test]
+    fn an_object_gets_a_clear_name_and_a_tree_only_becomes_a_vehicle() {
+        use shares::{BUILDING, FENCE, SMALL};
+        let row = |length: f32| {
+            let mut row = [0.0; figures::NAMES.len()];
+            row[0] = length;
+            row
+        };
+        let mut samples = crate::boosting::Samples::new(&figures::NAMES, &CLASS_NAMES);
+        for number in 0..900_u16 {
+            samples.push(&row(4.0), VEHICLE).unwrap();
+            samples.push(&row(1.0), FENCE).unwrap();
+            samples.push(&row(9.0), GROUND).unwrap();
+            samples.push(&row(2.0), [FENCE, SMALL, BUILDING][usize::from(number % 3)]).unwrap();
+        }
+        let settings = crate::boosting::Settings { rounds: 30, features: 1.0, ..Default::default() };
+        let model = crate::boosting::learn(&samples, &settings, &|_| ()).unwrap();
+        let named = |length, class| name(&model, &row(length), class).unwrap().0;
+        assert_eq!([SMALL, BUILDING, TREE, POLE].map(|class| named(4.0, class)), [VEHICLE; 4]);
+        assert_eq!([SMALL, VEHICLE, TREE, POLE].map(|class| named(1.0, class)), [FENCE, FENCE, TREE, POLE]);
+        // It is none, or nothing clear.
+        assert_eq!([SMALL, TREE].map(|class| named(9.0, class)), [SMALL, TREE]);
+        assert_eq!([SMALL, VEHICLE].map(|class| named(2.0, class)), [SMALL, VEHICLE]);
+        assert!(
+            name(&model, &row(4.0), TREE).unwrap().1 > 200 && name(&model, &row(1.0), TREE).unwrap().1 < 50
+        );
+    }
+
+    #[test]
+    fn voxels_do_not_depend_on_the_model_of_objects() {
+        let whole = (*built_in(Scene::Street).unwrap()).clone();
+        let voxels = StreetModel { objects: None, ..whole.clone() };
+        assert_eq!(whole.checksum_of_voxels(), voxels.checksum());
+        assert_ne!(whole.checksum(), voxels.checksum());
+        let read = StreetModel::decode("my.model", &voxels.encode().unwrap()).unwrap();
+        assert!(read.objects.is_none() && read.checksum() == voxels.checksum());
     }
 
     #[test]
@@ -103,10 +205,14 @@ mod tests {
         let other = crate::boosting::learn(&samples, &settings, &|_| ()).unwrap().encode().unwrap();
         let error = StreetModel::decode("my.model", &other).unwrap_err().to_string();
         assert!(error.starts_with("my.model does not fit this program: it has 1 features"), "{error}");
-        let half = built_in().unwrap().shapes.encode().unwrap();
+        let half = built_in(Scene::Street).unwrap().shapes.encode().unwrap();
         let error = StreetModel::decode("my.model", &half).unwrap_err().to_string();
         assert!(error.contains("it has no model of the classes around a voxel"), "{error}");
-        let error = StreetModel::decode("my.model", &BUILT_IN[..half.len() + 20]).unwrap_err().to_string();
+        let foreign =
+            [&half[..], &built_in(Scene::Street).unwrap().context.encode().unwrap(), &other].concat();
+        let error = StreetModel::decode("my.model", &foreign).unwrap_err().to_string();
+        assert!(error.contains("it has 1 features"), "{error}");
+        let error = StreetModel::decode("my.model", &OF_STREETS[..half.len() + 20]).unwrap_err().to_string();
         assert!(error.contains("damaged"), "{error}");
     }
 }

@@ -1,15 +1,21 @@
 //! Step `objects`: the label of every point, from the label of its voxel; class and confidence of objects.
+//!
+//! A model with a part for objects names each object as a whole, from the figures over its voxels
+//! (`figures.rs`). Without it, an object has the class of its core.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32, a mean share is at most 255")]
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
+use super::figures::{self, Figures};
 use super::fixtures;
 use super::fragments::{self, Counts};
 use super::islands;
 use super::leftovers::Whole;
-use super::settings::{NAME, STEP_OBJECTS, edge};
+use super::model;
+use super::settings::{NAME, STEP_OBJECTS, StreetConfig, edge};
+use crate::boosting::Model;
 use crate::cluster::columns::{Voxel, global_indices};
 use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
@@ -23,6 +29,8 @@ struct Payload {
     labels: Vec<OfTile>,
     /// Counts over the labels of growth and leftovers.
     counts: Counts,
+    /// Figures of each label over the voxels of the tile, if a model names objects.
+    figures: BTreeMap<u32, Figures>,
 }
 
 /// A label of a tile.
@@ -36,8 +44,19 @@ struct OfTile {
     points: u64,
 }
 
-/// Labels the points of a tile.
-pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
+/// The objects of the voxels of a tile and of these columns, corrected by what is around them, with the counts
+/// for fragments.
+pub(super) fn settled(tile: &dyn TileWindow, columns: &[Cell]) -> Result<(Whole, Counts)> {
+    let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), columns)?;
+    // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
+    // settled.
+    let counts = fragments::count(&whole);
+    settle(&mut whole, tile.lattice());
+    Ok((whole, counts))
+}
+
+/// Labels the points of a tile. `with_figures`: a model names objects.
+pub(super) fn map(tile: &dyn TileWindow, with_figures: bool) -> Result<Mapped> {
     let edge = edge(tile.lattice());
     let points = tile.points(0, true)?;
     let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
@@ -49,11 +68,8 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     // Another tile may own the column of a point.
     let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
     columns.dedup();
-    let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), &columns)?;
-    // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
-    // settled.
-    let counts = fragments::count(&whole);
-    settle(&mut whole, tile.lattice());
+    let (whole, counts) = settled(tile, &columns)?;
+    let figures = if with_figures { figures::find(&whole, tile.lattice()) } else { BTreeMap::new() };
     let voxels = &whole.grown.cored.around.voxels;
     let mut place = vec![u32::MAX; index.len()];
     for (key, number) in indices {
@@ -89,7 +105,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let count = of_tile.len() as u32;
     let labelled = Labelled { points, labels, count, with_halo: false };
     Ok(Mapped {
-        payload: codec::encode(&Payload { labels: of_tile, counts })?,
+        payload: codec::encode(&Payload { labels: of_tile, counts, figures })?,
         labelled: Some(labelled),
         ..Mapped::default()
     })
@@ -109,14 +125,22 @@ fn settle(whole: &mut Whole, lattice: Lattice) {
     }
 }
 
-/// The objects of the drive.
-pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Grouped> {
+/// The objects of the drive that are wanted. `names` is the model that names objects, if there is one.
+pub(super) fn reduce(
+    drive: &dyn DriveWindow,
+    config: &StreetConfig,
+    names: Option<&Model>,
+) -> Result<Grouped> {
     let mut labels = Vec::new();
     let mut counts = Vec::new();
+    let mut figures = BTreeMap::<u32, Figures>::new();
     for tile in TileId::first(drive.tiles()) {
         let payload: Payload = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
         labels.push(payload.labels);
         counts.push(payload.counts);
+        for (label, of_tile) in payload.figures {
+            figures.entry(label).or_default().merge(&of_tile);
+        }
     }
     let fragments = fragments::find(&counts, drive.lattice());
     // A tree may have become a part of a building.
@@ -136,11 +160,29 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Grouped> {
             sum.2 += one.points;
         }
     }
-    let groups = labels.iter().map(|of_tile| of_tile.iter().map(|one| whole(one.label)).collect()).collect();
-    let kind = |(class, share, points): (u8, u64, u64)| Kind {
-        class: class + 1,
-        confidence: (share / points.max(1)) as u8,
-    };
-    let kinds = sums.into_iter().map(|(label, sum)| (label, kind(sum))).collect();
+    let figures = of_whole(figures, whole);
+    let mut kinds = BTreeMap::new();
+    for (label, (class, share, points)) in sums {
+        let (class, confidence) = match (names, figures.get(&label)) {
+            (Some(names), Some(figures)) => {
+                model::name(names, &figures.features(class, drive.lattice()), class)?
+            }
+            _ => (class, (share / points.max(1)) as u8),
+        };
+        if config.wants(class) {
+            kinds.insert(label, Kind { class: class + 1, confidence });
+        }
+    }
+    let group = |one: &OfTile| Some(whole(one.label)).filter(|label| kinds.contains_key(label)).unwrap_or(0);
+    let groups = labels.iter().map(|of_tile| of_tile.iter().map(group).collect()).collect();
     Ok(Grouped { groups, kinds, ..Grouped::default() })
+}
+
+/// Figures of whole objects, from those of their labels. `whole` is the object of a label.
+fn of_whole(figures: BTreeMap<u32, Figures>, whole: impl Fn(u32) -> u32) -> BTreeMap<u32, Figures> {
+    let mut sums = BTreeMap::<u32, Figures>::new();
+    for (label, part) in figures {
+        sums.entry(whole(label)).or_default().merge(&part);
+    }
+    sums
 }

@@ -27,6 +27,42 @@ pub(crate) const EDGE_M: f64 = 0.15;
 /// vehicle, building, fence or hedge, small, wire.
 pub(crate) const CLASSES: usize = 8;
 
+/// What a model that the program contains has learned from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Scene {
+    /// Streets of many kinds.
+    Street,
+    /// Tracks through forests and plantations. It knows no buildings.
+    Forest,
+}
+
+/// A class of objects in the settings. Its number is its place in the shares of a voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WantedClass {
+    /// Trees.
+    Tree = 1,
+    /// Lamps, signs, masts.
+    Pole = 2,
+    /// Cars, vans, lorries, buses.
+    Vehicle = 3,
+    /// Buildings.
+    Building = 4,
+    /// Fences, walls, hedges, bushes.
+    Fence = 5,
+    /// Persons and street furniture.
+    Small = 6,
+    /// Wires.
+    Wire = 7,
+}
+
+impl WantedClass {
+    /// All of them.
+    const ALL: [Self; CLASSES - 1] =
+        [Self::Tree, Self::Pole, Self::Vehicle, Self::Building, Self::Fence, Self::Small, Self::Wire];
+}
+
 /// Edge of a voxel in lattice units.
 pub(super) fn edge(lattice: Lattice) -> u32 {
     u32::try_from(lattice.units(EDGE_M)).unwrap_or(u32::MAX)
@@ -39,13 +75,23 @@ pub struct StreetConfig {
     /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A tree, and an object without a
     /// core, has at least three times as many. Smaller ones that join no other are left without an id.
     pub min_points: u64,
-    /// File of the model that classifies voxels. Empty for the model that the program contains.
+    /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
+    /// growth needs them, and then left without an id.
+    pub classes: Vec<WantedClass>,
+    /// Which of the models that the program contains classifies voxels. Default: that of streets.
+    pub scene: Scene,
+    /// File of another model that classifies voxels. Empty for the model of the scene.
     pub model: String,
 }
 
 impl Default for StreetConfig {
     fn default() -> Self {
-        Self { min_points: 20, model: String::new() }
+        Self {
+            min_points: 20,
+            classes: WantedClass::ALL.to_vec(),
+            scene: Scene::Street,
+            model: String::new(),
+        }
     }
 }
 
@@ -56,6 +102,11 @@ impl StreetConfig {
         3 * self.min_points
     }
 
+    /// Whether objects of the class with this index get an id.
+    pub(super) fn wants(&self, class: u8) -> bool {
+        self.classes.iter().any(|wanted| *wanted as u8 == class)
+    }
+
     /// Checks every range.
     ///
     /// # Errors
@@ -63,6 +114,9 @@ impl StreetConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         if !(1..=1_000_000).contains(&self.min_points) {
             return Err(ConfigError::value("street.min_points", self.min_points, "1 to 1,000,000 points"));
+        }
+        if self.classes.is_empty() {
+            return Err(ConfigError::value("street.classes", "[]", "at least one class of objects"));
         }
         Ok(())
     }

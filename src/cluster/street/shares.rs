@@ -48,3 +48,31 @@ pub(super) fn decided(shares: &[u8; CLASSES], class: u8) -> [u8; CLASSES] {
     changed[usize::from(class)] += 255 - rest;
     changed
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster::street::settings::{NAME, StreetConfig};
+    use crate::config::{self, ConfigError};
+
+    fn read(text: &str) -> Result<StreetConfig, ConfigError> {
+        let config: StreetConfig = config::section(NAME, &text.parse().unwrap())?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    #[test]
+    fn wanted_classes_are_named_and_at_least_one() {
+        let names = ["tree", "pole", "vehicle", "building", "fence", "small", "wire"];
+        for (name, class) in names.into_iter().zip([TREE, POLE, VEHICLE, BUILDING, FENCE, SMALL, WIRE]) {
+            let config = read(&format!("classes = [\"{name}\"]")).unwrap();
+            assert!((GROUND..=WIRE).all(|other| config.wants(other) == (other == class)), "{name}");
+        }
+        let all = read("").unwrap();
+        assert!((TREE..=WIRE).all(|class| all.wants(class)) && !all.wants(GROUND));
+        let error = read("classes = []").unwrap_err().to_string();
+        assert!(error.contains("at least one class of objects"), "{error}");
+        let error = read("classes = [\"treee\"]").unwrap_err().to_string();
+        assert!(error.contains("treee") && error.contains("tree"), "{error}");
+    }
+}

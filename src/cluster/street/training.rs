@@ -11,18 +11,24 @@
 //! voxels are not learned from, and a model is scored with them. Voxels of one square see each other, so a
 //! choice among single voxels would score the memory of the model.
 //!
+//! *Objects.* For the model of objects, all steps of `street` run with the models of voxels. See
+//! `object_samples.rs`.
+//!
 //! *Thinning.* A share of the points, chosen by a hash of their ids, is taken before the voxels are made. The
 //! ground is that of all points.
 
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
+use super::Street;
 use super::classified::Classified;
 use super::features::{self, NAMES, context};
 use super::model::{self, StreetModel};
-use super::settings::{CLASSES, STEP_CLASSES, STEP_VOXELS};
+use super::object_samples;
+use super::settings::{CLASSES, STEP_CLASSES, STEP_OBJECTS, STEP_VOXELS, StreetConfig};
 use super::shares;
 use super::stage_classes::Classify;
 use super::stage_classes::{self, Around};
@@ -39,8 +45,12 @@ use crate::model::{Field, Lattice, PointId, Reach, TileCloud, TileId};
 /// Bytes per point that a tile needs at its peak: the features of all voxels of a tile of the step `classes`.
 const BYTES_PER_POINT: u64 = 90;
 
+/// One of so many objects of a drive is held out.
+const OBJECTS_HELD_OUT: u32 = 5;
+
 const STEPS: [Step; 2] = [step("voxels"), step("samples")];
 const STEPS_WITH_CLASSES: [Step; 3] = [step("voxels"), step("classes"), step("samples")];
+const STEPS_WITH_OBJECTS: [Step; 9] = super::steps(step("samples"));
 
 const fn step(name: &'static str) -> Step {
     Step { name, settings: &[], bytes: BytesPer::Point(BYTES_PER_POINT), repeat: Repeat::Once }
@@ -77,8 +87,18 @@ pub(crate) enum Purpose {
         /// The model that classifies the voxels.
         shapes: Box<Model>,
     },
+    /// Samples for the model of objects: all steps of the method, with the models of voxels.
+    Objects(Box<Street>),
     /// The score of a model.
     Score(Box<StreetModel>),
+}
+
+impl Purpose {
+    /// Samples of the objects that the method finds with these models of voxels.
+    pub(crate) fn objects(model: StreetModel) -> Result<Self> {
+        let street = Street { model: Some(Arc::new(model)), ..Street::new(&StreetConfig::default())? };
+        Ok(Self::Objects(Box::new(street)))
+    }
 }
 
 /// Chooses voxels of a labelled drive and computes their features.
@@ -130,6 +150,19 @@ impl Training {
         }
         samples.sort_unstable_by_key(|sample| (sample.hash, sample.key));
         Ok(samples)
+    }
+
+    /// The samples of objects in the payloads of all tiles, in the order of their labels.
+    pub(crate) fn objects(payloads: &[Vec<u8>], lattice: Lattice) -> Result<Vec<Sample>> {
+        let samples = object_samples::reduce(payloads, lattice)?.into_iter();
+        let sample = |(label, class, features): (u32, u8, Vec<f32>)| Sample {
+            hash: u64::from(label),
+            key: [0; 3],
+            class,
+            held_out: label.is_multiple_of(OBJECTS_HELD_OUT),
+            features,
+        };
+        Ok(samples.map(sample).collect())
     }
 
     /// The sums of the counts in the payloads of all tiles.
@@ -357,6 +390,7 @@ impl Method for Training {
         match self.purpose {
             Purpose::Shapes { .. } => &STEPS,
             Purpose::Context { .. } | Purpose::Score(_) => &STEPS_WITH_CLASSES,
+            Purpose::Objects(_) => &STEPS_WITH_OBJECTS,
         }
     }
 
@@ -376,6 +410,7 @@ impl Method for Training {
             Purpose::Context { seed, most, shapes } => {
                 which(seed, most).into_iter().chain([of_model(shapes.checksum())]).collect()
             }
+            Purpose::Objects(street) => street.depends_on(step),
             Purpose::Score(model) => vec![of_model(model.checksum())],
         }
     }
@@ -384,12 +419,23 @@ impl Method for Training {
         Reach::Exact { metres: lattice.metres(stage_voxels::points_reach(lattice)) }
     }
 
+    fn border_reach(&self, step: usize, lattice: Lattice) -> i64 {
+        match &self.purpose {
+            Purpose::Objects(street) => street.border_reach(step, lattice),
+            _ => 0,
+        }
+    }
+
     fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
         let samples = |samples: Vec<Sample>| Ok(Mapped::payload(codec::encode(&samples)?));
         let shapes =
             |model: &Model| stage_classes::map(tile, &|rows, shares| model::classify(model, rows, shares));
         match (step, &self.purpose) {
             (STEP_VOXELS, _) => self.voxels(tile),
+            (STEP_OBJECTS, Purpose::Objects(_)) => {
+                Ok(Mapped::payload(object_samples::map(tile, Self::labelled(tile, tile.tile())?)?))
+            }
+            (_, Purpose::Objects(street)) => street.map(step, tile),
             (_, Purpose::Shapes { seed, .. }) => samples(Self::samples_of_shapes(tile, *seed)?),
             (STEP_CLASSES, Purpose::Context { shapes: model, .. }) => shapes(model),
             (_, Purpose::Context { seed, .. }) => samples(Self::samples_of_context(tile, *seed)?),
@@ -400,6 +446,11 @@ impl Method for Training {
 
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         let limits = match (step, &self.purpose) {
+            // The warning of sparse points needs what the points stack, which labels have no place for.
+            (STEP_VOXELS, Purpose::Objects(_)) => return Ok(Reduced::Global(Vec::new())),
+            (STEP_VOXELS.., Purpose::Objects(street)) if step < STEP_OBJECTS => {
+                return street.reduce(step, drive);
+            }
             (STEP_VOXELS, Purpose::Shapes { seed, most }) => Self::limits(drive, *seed, *most, false)?,
             (STEP_VOXELS, Purpose::Context { seed, most, .. }) => {
                 Self::limits(drive, *seed, CONTEXT_SAMPLES * most, true)?
