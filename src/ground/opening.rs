@@ -32,7 +32,7 @@
 //! floor of a room at the height of the pavement behind a shop window without a sill; the lower rim of a
 //! crown at the height of the ground beside it. These do not: terraces narrower than the disc; ground that
 //! rises faster than `slope`; on slopes, a strip of one `radius` along the upper rim of the scan; small yards
-//! between walls.
+//! between walls; a lawn below 3 m around a thick post, where nothing else was seen.
 
 use std::f64::consts::SQRT_2;
 
@@ -439,6 +439,17 @@ mod tests {
             .collect();
         let classes = classify(&roof, Object);
         assert!(classes.iter().zip(&roof).all(|(class, point)| (*class == Ground) == (point[2] == 0)));
+    }
+
+    #[test]
+    fn a_lawn_around_a_post_is_ground_where_nothing_else_was_seen() {
+        // 6 m x 6 m with nine points in each column, and a post of 2 m in the middle.
+        let places = || (0..60).flat_map(|i| (0..60).map(move |j| [i * 100 + 50, j * 100 + 50, 0]));
+        let post = (1..=40).map(|step| [3_050, 3_050, step * 50]);
+        let points: Vec<_> = places().chain(post).collect();
+        let classes = classify(&points, Object);
+        assert!(classes[..3_600].iter().all(|class| *class == Ground));
+        assert!(classes[3_601..].iter().all(|class| *class == Object));
     }
 
     #[test]

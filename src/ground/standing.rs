@@ -8,9 +8,10 @@
 //!   was not seen. They are ground if so many points lie there that the thing alone does not explain them, or
 //!   if a clear column nearby has the same height.
 //! * *Room.* The floor behind a window is as flat as a road. Clear columns that touch and differ by less than
-//!   a step are a patch. A patch is a room if it is small and walls are a large part of its border. Columns
-//!   without points do not count: a room is seen through a window, and its border in parts. So single columns
-//!   between wall and nothing are rooms, too.
+//!   a step are a patch. A patch is a room if it is short, if walls are a large part of the border that was
+//!   seen, and if there are enough of them for its size. Columns without points do not count in the border: a
+//!   room is seen through a window, and its border in parts. So single columns between wall and nothing are
+//!   rooms, too. The size is there for a lawn around a post, where nothing but the post was seen beside it.
 //!
 //! Both decisions are exact over tiles. A patch that is as long as `room` reaches that far from each of its
 //! columns, so nothing beyond matters.
@@ -25,6 +26,11 @@ pub(super) const FOOT_REACH: i64 = 3;
 /// A patch is a room if more than this share of its border are walls (chosen by the study in
 /// benches/results/ground.md).
 const WALLS: f64 = 0.25;
+
+/// A patch is a room if it has more columns of wall beside it than this share of the circumference of its box
+/// (chosen: a wall along one side of a square is 0.25, and a post in a lawn of 3 m is 0.025; by the same
+/// study).
+const ENCLOSED: f64 = 0.1;
 
 /// What a column holds above its surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,12 +59,15 @@ pub(super) struct Limits {
 struct Patch {
     low: [u32; 2],
     high: [u32; 2],
+    /// Pairs of a column of the patch and a column beside it, and those of them where the latter is a wall.
     border: u32,
     walls: u32,
+    /// Columns of wall beside it, each once.
+    wall_columns: u32,
 }
 
 impl Patch {
-    const EMPTY: Self = Self { low: [u32::MAX; 2], high: [0; 2], border: 0, walls: 0 };
+    const EMPTY: Self = Self { low: [u32::MAX; 2], high: [0; 2], border: 0, walls: 0, wall_columns: 0 };
 
     fn add(&mut self, column: [u32; 2]) {
         for axis in [0, 1] {
@@ -68,8 +77,11 @@ impl Patch {
     }
 
     fn is_room(&self, room: u32) -> bool {
-        let is_short = [0, 1].iter().all(|&axis| self.high[axis] - self.low[axis] < room);
-        is_short && f64::from(self.walls) > WALLS * f64::from(self.border)
+        let sides = [0, 1].map(|axis| self.high[axis] - self.low[axis] + 1);
+        let circumference = f64::from(2 * (sides[0] + sides[1]));
+        sides.iter().all(|&side| side <= room)
+            && f64::from(self.walls) > WALLS * f64::from(self.border)
+            && f64::from(self.wall_columns) > ENCLOSED * circumference
     }
 }
 
@@ -113,16 +125,25 @@ fn clear_ground(index: &VoxelIndex, surface: &[u32], kinds: &[Kind], limits: Lim
     for (&patch, &column) in patch_of.iter().zip(index.columns()) {
         patches[patch as usize].add(column);
     }
+    let mut walls = Vec::new();
     for offset in BESIDE {
         index.column_pairs(offset, |one, other| {
             for (inside, beside) in [(one, other), (other, one)] {
                 if patch_of[one] != patch_of[other] && is_clear(inside) {
-                    let patch = &mut patches[patch_of[inside] as usize];
-                    patch.border += 1;
-                    patch.walls += u32::from(matches!(kinds[beside], Kind::Standing { wall: true, .. }));
+                    patches[patch_of[inside] as usize].border += 1;
+                    if matches!(kinds[beside], Kind::Standing { wall: true, .. }) {
+                        walls.push((patch_of[inside], beside as u32));
+                    }
                 }
             }
         });
+    }
+    walls.sort_unstable();
+    for (place, &(patch, _)) in walls.iter().enumerate() {
+        let patch = &mut patches[patch as usize];
+        patch.walls += 1;
+        let is_new = place == 0 || walls[place - 1] != walls[place];
+        patch.wall_columns += u32::from(is_new);
     }
     let is_ground =
         |column: usize| is_clear(column) && !patches[patch_of[column] as usize].is_room(limits.room);
@@ -186,6 +207,16 @@ mod tests {
         assert_eq!(ground(&garden, LIMITS, |_, _| 0), ["......"; 4]);
         assert_eq!(ground(&["h..h", "h..h", "hh#h"], LIMITS, |_, _| 0), ["...."; 3]);
         assert_eq!(ground(&room, Limits { room: 0, ..LIMITS }, |_, _| 0), ["......"; 4]);
+    }
+
+    #[test]
+    fn a_patch_with_few_walls_for_its_size_is_no_room() {
+        // Nothing was seen around it, so the post is the whole border of the lawn.
+        let lawn = [".....", ".....", "..#..", ".....", "....."];
+        assert_eq!(ground(&lawn, LIMITS, |_, _| 0), ["....."; 5]);
+        // A column between a wall and nothing, and a floor with a wall along one side, are rooms.
+        assert_eq!(ground(&[".#"], LIMITS, |_, _| 0), ["oo"]);
+        assert_eq!(ground(&["####", "....", "...."], LIMITS, |_, _| 0), ["oooo"; 3]);
     }
 
     #[test]
