@@ -1,5 +1,5 @@
-//! The points that `chainage view` streams: what the target of a request asks of `drive.copc.laz`, and the open
-//! file.
+//! The points that `chainage view` streams: what the target of a request asks of `drive.copc.laz`, and the
+//! open file.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};

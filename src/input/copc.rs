@@ -1,6 +1,6 @@
-//! A cloud-optimised point cloud (COPC 1.0, <https://copc.io>) as a tree: its cube, its table of nodes, and the
-//! records of one node. The file is not trusted: every number is checked against its size before it is used
-//! or memory is allocated.
+//! A cloud-optimised point cloud (COPC 1.0, <https://copc.io>) as a tree: its cube, its table of nodes, and
+//! the records of one node. The file is not trusted: every number is checked against its size before it is
+//! used or memory is allocated.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;

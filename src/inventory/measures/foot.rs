@@ -13,9 +13,9 @@ use crate::model::{Kind, Lattice, ObjectPart};
 /// ground than the lowest of all, in metres (chosen: wheels and sills, not mirrors).
 const LOWEST_PART_M: f64 = 0.3;
 /// If most of the lowest part of an object without stem is this much below the ground model, in metres, the
-/// model is wrong there: the ground was not seen, for example behind a hedge (chosen: steps and kerbs within a
-/// cell are lower). Most, because single cells of the model are wrong as well, and reflections of a facade are
-/// up to 16 m below the ground.
+/// model is wrong there: the ground was not seen, for example behind a hedge (chosen: steps and kerbs within
+/// a cell are lower). Most, because single cells of the model are wrong as well, and reflections of a facade
+/// are up to 16 m below the ground.
 const BELOW_GROUND_M: f64 = 0.2;
 /// A tree that is lower than this share of its width hides its stem in leaves down to the ground, as a cycad
 /// or a bush does: it stands in the middle of them. Its densest leaves are at the side that was seen, and are
@@ -89,8 +89,8 @@ fn is_low(whole: &ObjectPart, ends: Ends) -> bool {
     ((ends.top - ends.bottom) as f64) < LOW_TREE * f64::midpoint(x, y)
 }
 
-/// Middle of the lowest part in metres, all of whose cells weigh the same, and how far the ground is below its
-/// model there (0 or less). Without ground, heights are counted from zero. `None` without cells.
+/// Middle of the lowest part in metres, all of whose cells weigh the same, and how far the ground is below
+/// its model there (0 or less). Without ground, heights are counted from zero. `None` without cells.
 fn lowest_part(
     measures: &Measures,
     ends: Ends,

@@ -60,7 +60,8 @@ pub(crate) struct Frames {
 }
 
 impl Frames {
-    /// The frames of a whole object. `ground` is the lattice z of the ground below its centre, if it is known.
+    /// The frames of a whole object. `ground` is the lattice z of the ground below its centre, if it is
+    /// known.
     pub(crate) fn new(whole: &ObjectPart, kind: Kind, ground: Option<i64>, lattice: Lattice) -> Self {
         let ObjectPart { lo, hi, .. } = *whole;
         let frame = |edge_m: f64| Frame::new(lattice.units(edge_m).max(1), lo, hi);
@@ -137,8 +138,8 @@ impl Measures {
     }
 
     /// The measures of each object with points in `core`. `objects` has the object of each point, 0 for none.
-    /// `whole` has what is known of an object, with the lattice z of the ground below its centre. Ascending by
-    /// object.
+    /// `whole` has what is known of an object, with the lattice z of the ground below its centre. Ascending
+    /// by object.
     #[must_use]
     pub fn collect<'a>(
         cloud: &TileCloud,

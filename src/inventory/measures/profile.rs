@@ -1,14 +1,14 @@
-//! The heights of an object: how many points are in each slice, and between which heights the object is whole.
-//! A few points that a gap divides from the rest are not of it: reflections below the ground, leaves above a
-//! sign.
+//! The heights of an object: how many points are in each slice, and between which heights the object is
+//! whole. A few points that a gap divides from the rest are not of it: reflections below the ground, leaves
+//! above a sign.
 
 use serde::{Deserialize, Serialize};
 
 use super::sketch::{Patch, Sketch};
 use crate::model::Lattice;
 
-/// Shortest gap in metres. Measured on three drives of `synth` and one labelled scene: at 0.25 m, the top of a
-/// tree was lost; at 0.4 m, leaves stayed on hedges.
+/// Shortest gap in metres. Measured on three drives of `synth` and one labelled scene: at 0.25 m, the top of
+/// a tree was lost; at 0.4 m, leaves stayed on hedges.
 const SHORTEST_GAP_M: f64 = 0.3;
 /// Share of the points that a gap detaches at most, per metre of the gap. Measured there: what was not of the
 /// object had up to 0.17 of its points per metre, and no object lost a part.

@@ -1,5 +1,5 @@
-//! The points of a cloud-optimised file for the page, node by node: the table of nodes as JSON, and the points
-//! of a node in the bytes that `cloud.rs` describes.
+//! The points of a cloud-optimised file for the page, node by node: the table of nodes as JSON, and the
+//! points of a node in the bytes that `cloud.rs` describes.
 
 use std::path::Path;
 
@@ -47,8 +47,8 @@ impl PointStream {
         Ok(Self { file, object, class })
     }
 
-    /// The cube, scale and offset in units of the file, and all nodes, five numbers each: level, position, and
-    /// number of points. A node comes after the one above it.
+    /// The cube, scale and offset in units of the file, and all nodes, five numbers each: level, position,
+    /// and number of points. A node comes after the one above it.
     #[must_use]
     pub fn tree(&self) -> String {
         let (cube, scaling) = (self.file.cube(), self.file.scaling());

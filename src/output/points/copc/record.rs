@@ -85,9 +85,9 @@ impl<'a> CopcFormat<'a> {
         BASE + colours + usize::from(self.extra_bytes())
     }
 
-    /// The places of its records in the frame of the octree. A node is a cube in the numbers of the file (COPC
-    /// 1.0, "halfsize"), so the octree takes heights as if they had the unit of x and y. Where all units are
-    /// the same, this is the lattice.
+    /// The places of its records in the frame of the octree. A node is a cube in the numbers of the file
+    /// (COPC 1.0, "halfsize"), so the octree takes heights as if they had the unit of x and y. Where all
+    /// units are the same, this is the lattice.
     pub(crate) fn to_tree(&self, lattice: Lattice) -> LatticeTransform {
         let axis =
             |axis: usize| AxisTransform::new(self.scale[axis], self.offset[axis], self.plan_unit_m, lattice);
@@ -98,8 +98,8 @@ impl<'a> CopcFormat<'a> {
     pub(crate) fn extent_in_tree(&self, [mut low, mut high]: [[i64; 3]; 2]) -> [[i64; 3]; 2] {
         let factor = self.plan_unit_m / self.height_unit_m;
         if (factor - 1.0).abs() > 1e-9 {
-            // A height on the lattice is rounded by half a unit before it is stretched, one in the frame of the
-            // octree after it.
+            // A height on the lattice is rounded by half a unit before it is stretched, one in the frame of
+            // the octree after it.
             let slack = (0.5 * factor + 0.5).ceil();
             #[expect(
                 clippy::cast_possible_truncation,
