@@ -5,7 +5,8 @@
 
 Without OUT, the shipped sample is processed first, under a name that would be markup if the page took it for that. It
 checks: no message on the console, no request, no error of WebGL; the colours of objects; that a click, a row, a key and
-the slider do what they say; sorting, filters and CSV; that texts are texts; and that the page fits a phone.
+the slider do what they say; sorting, filters and CSV; that texts are texts; that the page fits a phone; and, if OUT has
+drive.copc.laz, that `chainage view` streams its points. OUT is left as it was.
 `--pictures` keeps screenshots. Needs the program (target/release/chainage, or CHAINAGE), Chromium (CHAINAGE_BROWSER, or
 chromium on the PATH) and Python 3 without further packages. Without a browser it says that it skips.
 """
@@ -95,11 +96,11 @@ class Browser:
         features = [{"name": "prefers-color-scheme", "value": name}, {"name": "prefers-reduced-motion", "value": "reduce"}]
         self.call("Emulation.setEmulatedMedia", features=features)
 
-    def open(self, path):
-        """Opens a file. Returns the seconds until it can be used."""
+    def open(self, page):
+        """Opens an address. Returns the seconds until it can be used."""
         self.events.clear()
         began = time.monotonic()
-        self.call("Page.navigate", url=path.resolve().as_uri())
+        self.call("Page.navigate", url=page)
         while self.js("document.documentElement?.dataset.ready") != "true":
             if time.monotonic() - began > WAIT_S:
                 sys.exit(f"not ready after {WAIT_S} s: {self.js('document.body.innerText')[:300]}")
@@ -173,15 +174,15 @@ def check(what, holds, found=""):
         FAILED.append(what)
 
 
-def quiet(browser, page):
-    """No message, no dialog, and nothing was asked for but the page itself."""
+def quiet(browser, page, allowed=()):
+    """No message, no dialog, and nothing was asked for but the page itself and addresses that begin as allowed."""
     browser.js("0")
     kinds = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded", "Page.javascriptDialogOpening")
     messages = [event["params"] for event in browser.events if event["method"] in kinds]
     check("no message on the console", not messages, json.dumps(messages[:1])[:300])
     urls = {event["params"]["request"]["url"] for event in browser.events if event["method"] == "Network.requestWillBeSent"}
-    other = [url for url in urls if url != page.resolve().as_uri() and not url.startswith(("data:", "blob:"))]
-    check("no request", not other, other)
+    other = [url for url in urls if url != page and not url.startswith(("data:", "blob:", *allowed))]
+    check("no other request" if allowed else "no request", not other, other[:5])
     error = browser.js("app.scene.gl.getError()")
     check("no error of WebGL", error == 0, error)
 
@@ -290,12 +291,13 @@ def check_texts(browser, name):
 
 
 def examine(browser, out, name, pictures):
-    page = out / "report.html"
+    file = out / "report.html"
+    page = file.resolve().as_uri()
     keep = lambda what: pictures and (pictures / f"{what}.png").write_bytes(browser.picture())
     browser.theme("light")
     browser.size(*DESK)
     seconds = browser.open(page)
-    print(f"       {page.stat().st_size:,} bytes, {browser.js('app.points.count'):,} points, ready after {seconds:.2f} s")
+    print(f"       {file.stat().st_size:,} bytes, {browser.js('app.points.count'):,} points, ready after {seconds:.2f} s")
     keep("desk-light")
     quiet(browser, page)
     check_texts(browser, name)
@@ -322,6 +324,94 @@ def examine(browser, out, name, pictures):
     quiet(browser, page)
 
 
+@contextlib.contextmanager
+def served(out):
+    """The address at which `chainage view` serves OUT."""
+    server = subprocess.Popen([PROGRAM, "view", out, "--no-open"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        yield server.stdout.readline().strip()
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def wait_for(browser, what, expression):
+    """Whether an expression becomes true."""
+    began = time.monotonic()
+    while not browser.js(expression):
+        if time.monotonic() - began > WAIT_S:
+            check(what, False, browser.js("document.getElementById('detail').textContent"))
+            return False
+        time.sleep(0.05)
+    check(what, True)
+    return True
+
+
+DETAIL = "document.documentElement.dataset.detail === 'true'"
+# A streamed point of an object that is seen: row, pixel, number. The sample is left out of the picture.
+STREAMED_POINT = """(() => {
+  const { scene, camera } = app, canvas = scene.canvas, box = canvas.getBoundingClientRect(), sample = scene.sample;
+  scene.sample = { ...sample, count: 0, draw() {} };
+  try {
+    for (const { cloud } of scene.nodes) for (let at = 0; cloud && at < cloud.count; at += 97) {
+      const key = cloud.points.keys[at], row = app.rowOf.get(key - 1);
+      if (row === undefined) continue;
+      const [x, y] = camera.project(cloud.points.places.slice(3 * at, 3 * at + 3), canvas.clientWidth, canvas.clientHeight) ?? [0, 0];
+      if (x < 300 || y < 100 || x > canvas.clientWidth - 300 || y > canvas.clientHeight - 120 || scene.pick(camera, x, y) !== key) continue;
+      return { row, id: key - 1, x: box.left + x, y: box.top + y };
+    }
+    return null;
+  } finally { scene.sample = sample; }
+})()"""
+
+
+def examine_streamed(browser, out, pictures):
+    """The page from `chainage view`: points are streamed, picked and coloured, and a damaged file is reported."""
+    keep = lambda what: pictures and (pictures / f"{what}.png").write_bytes(browser.picture())
+    cloud = out / "drive.copc.laz"
+    with served(out) as address:
+        browser.theme("light")
+        browser.size(*DESK)
+        browser.open(address)
+        if not wait_for(browser, "points are streamed", DETAIL):
+            return
+        keep("view-whole")
+        whole = browser.js("app.stream.drawn.nodes.length")
+        browser.js("app.choose(0, true)")
+        browser.js("document.documentElement.dataset.detail = ''; app.choose(-1); app.render()")
+        wait_for(browser, "a near object gets its detail", DETAIL)
+        nearest = browser.js("Math.max(...app.stream.drawn.nodes.map((node) => node.level))")
+        count = browser.js("app.stream.loaded")
+        print(f"       {whole} nodes of the whole, {count:,} points loaded, to level {nearest}")
+        check("the budget is kept", count <= browser.js("MOST_POINTS"), count)
+        seen = browser.js(STREAMED_POINT)
+        check("a streamed point is seen", seen is not None)
+        if seen:
+            browser.js("app.choose(-1)")
+            browser.click(seen["x"], seen["y"])
+            check("a click on it picks its object", browser.js("app.chosen") == seen["row"], (browser.js("app.chosen"), seen))
+            keep("view-near")
+            # What is hidden is hidden among streamed points, too.
+            code = browser.js("app.choose(-1), app.classOf(%d)" % seen["row"])
+            browser.js(f"app.hidden.add({code}); app.paint()")
+            wait_for(browser, "streamed points are painted again", "app.scene.nodes.every(({ cloud }) => !cloud || cloud.version === app.painted)")
+            shown_keys = browser.js("(() => { let shown = 0; for (const { cloud } of app.scene.nodes) for (let at = 0; cloud && at < cloud.count; at++) if (cloud.points.keys[cloud.order[at]] === %d && cloud.look[4 * at + 3] !== 0) shown++; return shown; })()" % (seen["id"] + 1))
+            check("a hidden class is hidden", shown_keys == 0, shown_keys)
+            browser.js(f"app.hidden.delete({code}); app.paint()")
+        quiet(browser, address, (f"{address}drive.copc.laz?",))
+    whole_file = cloud.read_bytes()
+    try:
+        # The file ends in the middle.
+        cloud.write_bytes(whole_file[: len(whole_file) // 2])
+        with served(out) as address:
+            browser.open(address)
+            wait_for(browser, "a damaged file is reported", "document.getElementById('detail').textContent.includes('drive.copc.laz')")
+            print(f"       {browser.js('document.getElementById(`detail`).textContent')}")
+            check("the sample is shown all the same", browser.js("app.scene.count") > 100)
+    finally:
+        cloud.write_bytes(whole_file)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=pathlib.Path, nargs="?")
@@ -338,7 +428,7 @@ def main():
             source = scratch / '<script>alert(1)<img src=x onerror=alert(2)> "sweep" & \'more\'.laz'
             shutil.copy(SAMPLE, source)
             out = scratch / "out"
-            subprocess.run([PROGRAM, "run", source, "-o", out, "--progress", "none", "--method", "euclidean", "--ground", "voxel-column", "--set", "euclidean.min_points=30"], check=True, stdout=subprocess.DEVNULL)
+            subprocess.run([PROGRAM, "run", source, "-o", out, "--progress", "none", "--method", "euclidean", "--ground", "voxel-column", "--set", "euclidean.min_points=30", "--copc"], check=True, stdout=subprocess.DEVNULL)
         if arguments.pictures:
             arguments.pictures.mkdir(parents=True, exist_ok=True)
         report = json.loads((out / "report.json").read_text())
@@ -346,6 +436,8 @@ def main():
         browser = Browser(path, scratch / "profile")
         stack.callback(browser.close)
         examine(browser, out, names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}", arguments.pictures)
+        if (out / "drive.copc.laz").exists():
+            examine_streamed(browser, out, arguments.pictures)
     if FAILED:
         sys.exit(f"{len(FAILED)} checks failed")
     print("all checks passed")

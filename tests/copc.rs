@@ -173,3 +173,36 @@ fn laspy_reads_the_file() {
     assert!(output.status.success(), "{text}{}", String::from_utf8_lossy(&output.stderr));
     assert!(text.contains("71,841 points"), "{text}");
 }
+
+/// x and y in US survey feet, z in metres: a node is a cube in the numbers of the file.
+#[test]
+fn heights_may_have_another_unit_than_x_and_y() {
+    let folder = scratch();
+    let tower = |x: i64| (0..9_000).map(move |n| Point::at([x + n % 7 * 100, n % 11 * 100, 20_000 + n * 13]));
+    let ground = (0..40_000).map(|n| Point::at([n % 200 * 900, n / 200 * 900, 20_000]));
+    let points: Vec<Point> = ground.chain(tower(40_000)).chain(tower(90_000)).collect();
+    let (metre, foot) = ("UNIT[\"metre\",1]", "UNIT[\"US survey foot\",0.3048006096012192]");
+    for (name, horizontal, vertical) in [("feet", foot, metre), ("metres", metre, foot)] {
+        let input = folder.path().join(format!("{name}.las"));
+        let system = format!("COMPD_CS[\"c\",PROJCS[\"p\",{horizontal}],VERT_CS[\"v\",{vertical}]]\0");
+        let records = vec![("LASF_Projection", 2_112, system.into_bytes())];
+        Shape { records, ..Shape::default() }.write(&input, &points);
+        let out = folder.path().join(name);
+        let inputs = [input];
+        run(&inputs, &out, &["tiling.tile_length=12"]);
+        let bytes = std::fs::read(out.join(NAME)).expect("the file");
+        let (cloud, copy) = (Labelled::of(&[out.join(NAME)]), Labelled::read(&inputs, &out));
+        assert!(multiset(&cloud) == multiset(&copy), "points differ");
+        let nodes = nodes(&bytes);
+        assert!(nodes.len() > 4, "{}", nodes.len());
+        // Every point is in the cube of the root, and the cube is not larger than it needs to be.
+        let number = |at: u64| f64::from_le_bytes(word(&bytes, at));
+        let info = 375 + 54;
+        let halfsize = number(info + 24);
+        for (axis, (largest, smallest)) in [(0, (179, 187)), (1, (195, 203)), (2, (211, 219))] {
+            let (low, high) = (number(info + 8 * axis) - halfsize, number(info + 8 * axis) + halfsize);
+            assert!(low <= number(smallest) && number(largest) <= high, "{name}: {axis}");
+        }
+        assert!(2.0 * halfsize < 180.0 * 4.0, "{name}: {halfsize}");
+    }
+}

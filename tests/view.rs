@@ -1,13 +1,17 @@
 //! `chainage view`: what its server answers, and what it refuses.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
-use crate::util::drive::scratch;
+use chainage::input::{Catalog, Fields, InputOptions, record_xyz};
+
+use crate::util::drive::{drive, scratch, settings};
 use crate::util::program::program;
+use crate::util::shipped;
 
 /// A running server. It ends with the value.
 struct Server {
@@ -171,4 +175,187 @@ fn without_a_page_it_says_how_to_get_one() {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(4), "{errors}");
     assert!(errors.contains("has no report.html") && errors.contains("hint: chainage run"), "{errors}");
+}
+
+/// An OUT with a page and the cloud-optimised file of the shipped sweep, for as long as the folder lives.
+fn with_cloud() -> (tempfile::TempDir, PathBuf) {
+    let folder = scratch();
+    let out = folder.path().join("out");
+    let inputs = [shipped("tests/data/tree_road_sweep.laz")];
+    let files = "output.files=[\"copc\",\"report\",\"points\"]";
+    let list = [files, "cluster.method=street", "street.min_points=10"];
+    drive(&inputs, &out, &settings(&list)).expect("a run");
+    (folder, out)
+}
+
+/// The planes of an answer: key, place and intensity of every point, as the page reads them.
+fn points_of(bytes: &[u8]) -> Vec<(u32, [i32; 3], u16, u8)> {
+    assert_eq!(bytes.len() % 19, 0);
+    let count = bytes.len() / 19;
+    let word = |plane: usize, at: usize| {
+        u32::from_le_bytes([0, 1, 2, 3].map(|byte| bytes[(plane + byte) * count + at]))
+    };
+    let (mut key, mut place) = (0_u32, [0_i32; 3]);
+    (0..count)
+        .map(|at| {
+            key += word(0, at);
+            for (axis, place) in place.iter_mut().enumerate() {
+                let coded = word(4 + 4 * axis, at);
+                *place = place.wrapping_add((coded >> 1).cast_signed() ^ -(coded & 1).cast_signed());
+            }
+            let intensity = u16::from_le_bytes([bytes[16 * count + at], bytes[17 * count + at]]);
+            (key, place, intensity, bytes[18 * count + at])
+        })
+        .collect()
+}
+
+#[test]
+fn the_nodes_have_the_points_of_the_file_with_their_objects() {
+    let (_folder, out) = with_cloud();
+    let server = Server::start(&out);
+    let tree = server.ask("GET", "/drive.copc.laz?tree", "");
+    assert_eq!(tree.status, 200);
+    assert!(tree.headers.contains("content-type: application/json"), "{}", tree.headers);
+    assert!(tree.headers.contains("x-content-type-options: nosniff"), "{}", tree.headers);
+    let tree: serde_json::Value = serde_json::from_slice(&tree.body).expect("JSON");
+    let nodes: Vec<u64> = tree["nodes"]
+        .as_array()
+        .expect("nodes")
+        .iter()
+        .map(|number| number.as_u64().expect("a number"))
+        .collect();
+    let number = |name: &str, axis: usize| tree[name][axis].as_f64().expect("a number");
+    let mut found = BTreeMap::new();
+    let mut listed = 0;
+    for node in nodes.chunks_exact(5) {
+        let target = format!("/drive.copc.laz?node={}-{}-{}-{}", node[0], node[1], node[2], node[3]);
+        let answer = server.ask("GET", &target, "");
+        assert_eq!(answer.status, 200, "{target}");
+        let side = tree["side"].as_f64().expect("a number") / f64::from(1_u32 << node[0]);
+        let points = points_of(&answer.body);
+        assert!(points.len() as u64 <= node[4] && points.is_sorted_by_key(|point| point.0), "{target}");
+        listed += node[4];
+        for (key, place, intensity, class) in points {
+            for axis in 0..3 {
+                let low = number("origin", axis) + node[axis + 1] as f64 * side;
+                let world = f64::from(place[axis]) * number("scale", axis) + number("offset", axis);
+                assert!(world > low - 1e-6 && world < low + side + 1e-6, "{target}: {world} from {low}");
+            }
+            *found.entry((key, place, intensity, class)).or_insert(0) += 1;
+        }
+    }
+    // The labelled copy has the same points, with ground and noise in its classification.
+    let copy = Catalog::open(&[out.join("tree_road_sweep.laz")], &InputOptions::default()).expect("a copy");
+    let file = &copy.files()[0];
+    let (layout, mut buffer) = (file.layout(), Vec::new());
+    let offset = |name: &str| layout.dimension(name).expect("a dimension").offset;
+    let (object, kind) = (offset("cluster_id"), offset("object_class"));
+    let mut expected = BTreeMap::new();
+    for block in 0..file.blocks().len() {
+        let records = file.records(block, Fields::All, &mut buffer).expect("records");
+        for record in records.chunks_exact(layout.record_len) {
+            let id = u32::from_le_bytes(std::array::from_fn(|byte| record[object + byte]));
+            let class = record[layout.classification] & layout.classification_mask;
+            let key = match (id, class) {
+                (0, 7 | 18) => continue,
+                (0, 2) => 0,
+                _ => id + 1,
+            };
+            let intensity = u16::from_le_bytes([record[layout.intensity], record[layout.intensity + 1]]);
+            *expected.entry((key, record_xyz(record), intensity, record[kind])).or_insert(0) += 1;
+        }
+    }
+    assert_eq!(listed, copy.point_count());
+    assert!(found == expected, "{} kinds of points, expected {}", found.len(), expected.len());
+    assert!(found.keys().any(|point| point.0 > 1 && point.3 > 0), "objects with a class");
+}
+
+#[test]
+fn parts_that_do_not_exist_and_other_methods_are_refused() {
+    let (_folder, out) = with_cloud();
+    let server = Server::start(&out);
+    for (target, status) in [
+        ("/drive.copc.laz?node=9-1-2-3", 404),
+        ("/drive.copc.laz?node=1-2-3", 400),
+        ("/drive.copc.laz?node=../../secret", 400),
+        ("/.chainage/drive.copc.laz?tree", 404),
+        ("/../drive.copc.laz?tree", 404),
+    ] {
+        assert_eq!(server.ask("GET", target, "").status, status, "{target}");
+    }
+    assert_eq!(server.ask("POST", "/drive.copc.laz?tree", "").status, 405);
+    let foreign = "GET /drive.copc.laz?tree HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n";
+    assert_eq!(server.raw(foreign).status, 403);
+    let head = server.ask("HEAD", "/drive.copc.laz?node=0-0-0-0", "");
+    assert_eq!((head.status, head.body.len()), (200, 0));
+    // The file itself, and ranges of it, are served as before.
+    let part = server.ask("GET", "/drive.copc.laz", "Range: bytes=377-380\r\n");
+    assert_eq!((part.status, part.body.as_slice()), (206, &b"copc"[..]));
+}
+
+#[test]
+fn a_damaged_file_is_reported_and_the_server_goes_on() {
+    let (_folder, out) = with_cloud();
+    let (path, server) = (out.join("drive.copc.laz"), Server::start(&out));
+    let whole = std::fs::read(&path).expect("the file");
+    let word = |at: usize| {
+        usize::try_from(u64::from_le_bytes(whole[at..at + 8].try_into().expect("8"))).expect("fits")
+    };
+    let info = 375 + 54;
+    let page = word(info + 40);
+    let entry = |value: &[u8], at: usize| {
+        let mut bytes = whole.clone();
+        bytes[at..at + value.len()].copy_from_slice(value);
+        bytes
+    };
+    let first_chunk = word(page + 16);
+    let damaged = [
+        ("?tree", whole[..whole.len() / 2].to_vec(), "a page of its table", "cut off"),
+        ("?tree", entry(&u64::MAX.to_le_bytes(), info + 48), "a page of its table", "length of the page"),
+        ("?tree", entry(&33_u64.to_le_bytes(), info + 48), "a page of its table", "half an entry"),
+        (
+            "?tree",
+            entry(&(u64::MAX - 5).to_le_bytes(), info + 40),
+            "a page of its table",
+            "place of the page",
+        ),
+        ("?tree", entry(&f64::NAN.to_le_bytes(), info + 24), "its cube", "cube"),
+        ("?tree", entry(&[9, 0, 0, 0, 255, 255], page), "does not exist", "position"),
+        ("?tree", entry(&i32::MAX.to_le_bytes(), page + 24), "points in 2147483647 bytes", "bytes of a node"),
+        ("?tree", entry(&i32::MAX.to_le_bytes(), page + 28), "2147483647 points", "points of a node"),
+        ("?tree", entry(&(-7_i32).to_le_bytes(), page + 28), "-7 points", "points below 0"),
+        ("?tree", entry(&1_u64.to_le_bytes(), page + 16), "from byte 1;", "points in the header"),
+        ("?tree", entry(&0_i32.to_le_bytes(), page + 28), "promises", "a node without points"),
+        // A page that refers to itself has no end.
+        (
+            "?tree",
+            entry(
+                &[page.to_le_bytes().as_slice(), &32_i32.to_le_bytes(), &(-1_i32).to_le_bytes()].concat(),
+                page + 16,
+            ),
+            "referred to twice",
+            "a circle",
+        ),
+        ("?tree", b"no point cloud".to_vec(), "not a LAS", "another file"),
+        ("?tree", Vec::new(), "not a LAS", "an empty file"),
+        (
+            "?tree",
+            std::fs::read(shipped("tests/data/tree_road_sweep.laz")).expect("read"),
+            "not a cloud-optimised",
+            "LAZ",
+        ),
+        ("?node=0-0-0-0", entry(&[0xff; 40], first_chunk + 35), "cannot be decoded", "a chunk"),
+    ];
+    for (query, bytes, words, what) in damaged {
+        std::fs::write(&path, bytes).expect("written");
+        let answer = server.ask("GET", &format!("/drive.copc.laz{query}"), "");
+        let text = String::from_utf8_lossy(&answer.body).into_owned();
+        assert_eq!(answer.status, 500, "{what}: {text}");
+        assert!(text.contains(words) && text.contains("drive.copc.laz"), "{what}: {text}");
+        assert!(answer.headers.contains("content-type: text/plain"), "{}", answer.headers);
+    }
+    std::fs::write(&path, &whole).expect("written");
+    assert_eq!(server.ask("GET", "/drive.copc.laz?tree", "").status, 200);
+    std::fs::remove_file(&path).expect("removed");
+    assert_eq!(server.ask("GET", "/drive.copc.laz?tree", "").status, 404);
 }

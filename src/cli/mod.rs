@@ -9,6 +9,7 @@ mod interrupt;
 mod print;
 mod progress;
 mod served;
+mod streamed;
 mod table_points;
 
 use std::ffi::OsString;

@@ -125,6 +125,14 @@ pub enum InputError {
         /// The problem.
         problem: ChunkProblem,
     },
+    /// A file that is no cloud-optimised point cloud, or a damaged one.
+    #[error("{path} cannot be shown in parts: {problem}", path = path.display())]
+    Copc {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        problem: CopcProblem,
+    },
     /// Coordinates in degrees. Distances would not be metres.
     #[error("{path} has geographic coordinates (degrees): {description}", path = path.display())]
     Geographic {
@@ -262,6 +270,116 @@ pub enum ChunkTableProblem {
     },
 }
 
+/// The problem with the tree of a cloud-optimised point cloud.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CopcProblem {
+    /// The record that describes the tree is missing.
+    #[error("it is not a cloud-optimised point cloud")]
+    NotCopc,
+    /// A point format that such a file cannot have.
+    #[error("its point format is {point_format}, but a cloud-optimised point cloud has 6, 7 or 8")]
+    Format {
+        /// The format.
+        point_format: u8,
+    },
+    /// There is no column with the object of a point.
+    #[error("its points have no dimension of 32 bits with their object; chainage did not write it")]
+    NoObjects,
+    /// The cube of the tree has no size.
+    #[error("its cube has half an edge of {halfsize} and a spacing of {spacing}")]
+    Cube {
+        /// Half of the edge.
+        halfsize: f64,
+        /// Distance between points of the root.
+        spacing: f64,
+    },
+    /// A page of the table of nodes is not inside the file, or has no whole entries.
+    #[error(
+        "a page of its table of nodes has {bytes} bytes from byte {at}, the file has {size}, an entry has 32"
+    )]
+    Page {
+        /// First byte.
+        at: u64,
+        /// Bytes.
+        bytes: u64,
+        /// Bytes of the file.
+        size: u64,
+    },
+    /// A page of the table of nodes that two others refer to. It may be a circle.
+    #[error("the page of its table of nodes at byte {at} is referred to twice")]
+    PageTwice {
+        /// First byte.
+        at: u64,
+    },
+    /// The table of nodes is too long.
+    #[error("its table of nodes has {entries} entries or more, the limit is {limit}")]
+    TooMany {
+        /// Entries.
+        entries: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// A node whose position does not exist.
+    #[error("its table has a node at {at:?} of level {level}, which does not exist")]
+    Key {
+        /// The level.
+        level: i32,
+        /// The position.
+        at: [i32; 3],
+    },
+    /// A node whose points are not inside the file, or are too many for their bytes.
+    #[error(
+        "its node {key:?} has {points} points in {bytes} bytes from byte {at}; the file has {size} bytes"
+    )]
+    Node {
+        /// Level and position.
+        key: [u32; 4],
+        /// Points as written.
+        points: i32,
+        /// First byte.
+        at: u64,
+        /// Bytes as written.
+        bytes: i32,
+        /// Bytes of the file.
+        size: u64,
+    },
+    /// A node that is in the table twice.
+    #[error("its node {key:?} is in the table twice")]
+    Twice {
+        /// Level and position.
+        key: [u32; 4],
+    },
+    /// A node without the node above it. Nobody would find it.
+    #[error("its node {key:?} is in the table without the node above it")]
+    Orphan {
+        /// Level and position.
+        key: [u32; 4],
+    },
+    /// The nodes do not have the points that the header promises.
+    #[error("its nodes have {present} points, but the header promises {promised}")]
+    Points {
+        /// Points of all nodes.
+        present: u64,
+        /// Points according to the header.
+        promised: u64,
+    },
+    /// The points of a node cannot be decoded.
+    #[error("its node {key:?} cannot be decoded: {problem}")]
+    Damaged {
+        /// Level and position.
+        key: [u32; 4],
+        /// The problem.
+        problem: ChunkProblem,
+    },
+    /// The table of nodes could not be read.
+    #[error("its table of nodes cannot be read ({cause})")]
+    Unreadable {
+        /// Message of the system.
+        cause: String,
+    },
+}
+
 /// Why a chunk cannot be decoded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -326,6 +444,7 @@ impl Failure for InputError {
             Self::LaszipRecord { .. } | Self::ChunkTable { .. } | Self::Chunk { .. } => {
                 "copy the file again from its source, or rewrite it with LASzip or `pdal translate`"
             }
+            Self::Copc { .. } => "write it again: chainage run with --copc",
             Self::Geographic { .. } | Self::Geocentric { .. } => {
                 "reproject to a projected system in metres, e.g. `pdal translate IN OUT reprojection \
                  --filters.reprojection.out_srs=EPSG:25832`; if only the record is wrong, state the unit \

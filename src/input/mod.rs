@@ -21,6 +21,7 @@
 
 mod catalog;
 mod chunks;
+pub(crate) mod copc;
 mod crs;
 pub(crate) mod decode;
 mod error;
@@ -38,7 +39,7 @@ pub use crate::model::record_xyz;
 pub use catalog::Catalog;
 pub use chunks::Block;
 pub use crs::{Crs, CrsKind};
-pub use error::{ChunkProblem, ChunkTableProblem, InputError};
+pub use error::{ChunkProblem, ChunkTableProblem, CopcProblem, InputError};
 pub use file::InputFile;
 pub use layout::{ExtraDimension, FieldPlace, RecordLayout};
 pub use options::InputOptions;

@@ -25,8 +25,8 @@ impl Attribute for Base {
                 coordinate("base_y", "y of that place"),
                 coordinate(
                     "base_z",
-                    "z of the ground at that place, not above the lowest point of the object there; of its lowest point where no ground is \
-                     within 10 m",
+                    "z of the ground at that place, not above the foot of a stem or most of the lowest 0.3 m, if a few points below a gap \
+                     are left out; of its lowest point where no ground is within 10 m",
                 ),
             ]
         }
@@ -77,6 +77,50 @@ mod tests {
         assert!(base(1) < 0.02, "{}", base(1));
         // Three times as high, a column that stands by itself is a stem.
         assert!(base(3) > 1.4, "{}", base(3));
+    }
+
+    #[test]
+    fn single_cells_of_the_ground_or_of_the_object_do_not_move_the_base() {
+        // A facade of 20 m along y = 0.05 m on ground at 0.2 m.
+        let facade = || (0..4_000_i64).map(|n| [n % 200 * 100 + 50, 50, 220 + n / 200 * 200]);
+        let ground: Vec<([i32; 2], i64)> = (0..20).map(|i| ([i, 0], 200)).collect();
+        let base = |points: &[[i64; 3]], ground: &[([i32; 2], i64)]| {
+            let found = as_decimals(&values_of(&Base, points, NO_KIND, ground, METRES));
+            found.into_iter().map(Option::unwrap).collect::<Vec<f64>>()
+        };
+        let plain: Vec<[i64; 3]> = facade().collect();
+        let expected = base(&plain, &ground);
+        assert!((expected[0] - 10.0).abs() < 1e-6 && (expected[2] - 0.2).abs() < 1e-6, "{expected:?}");
+        // Reflections below the ground at every height, so that no gap divides them from the facade.
+        let reflections = (0..30).map(|n| [4_050 + n % 3 * 100, 50, 200 - n * 100]);
+        let found = base(&facade().chain(reflections).collect::<Vec<_>>(), &ground);
+        assert!((found[0] - 10.0).abs() < 0.1 && (found[2] - 0.2).abs() < 1e-6, "{found:?}");
+        // A cell of the model that is a roof.
+        let mut roof = ground.clone();
+        roof[15].1 = 2_400;
+        let found = base(&plain, &roof);
+        assert!((found[0] - 10.0).abs() < 0.1 && (found[2] - 0.2).abs() < 1e-6, "{found:?}");
+        // Where the model is too high everywhere, the object decides.
+        let high: Vec<([i32; 2], i64)> = (0..20).map(|i| ([i, 0], 1_200)).collect();
+        assert!((base(&plain, &high)[2] - 0.22).abs() < 1e-6);
+    }
+
+    #[test]
+    fn reflections_far_below_a_tree_do_not_hide_its_stem() {
+        let stem = (0..2_000_i64).map(|n| {
+            let angle = n as f64 * 0.31;
+            #[expect(clippy::cast_possible_truncation, reason = "millimetres of a stem")]
+            let [x, y] = [angle.cos(), angle.sin()].map(|value| (150.0 * value).round() as i64);
+            [5_500 + x, 3_500 + y, 250 + n * 2]
+        });
+        let crown =
+            (0..3_000_i64).map(|n| [4_300 + n * 7 % 2_400, 2_300 + n * 13 % 2_400, 4_300 + n % 20 * 100]);
+        let strays = (0..9).map(|n| [5_500 + n * 300, 3_500, -5_000 + n * 100]);
+        let points: Vec<[i64; 3]> = stem.chain(crown).chain(strays).collect();
+        let kind = Kind { class: 2, confidence: 255 };
+        let found = as_decimals(&values_of(&Base, &points, kind, &[([5, 3], 250)], METRES));
+        let away = [(0, 5.5), (1, 3.5), (2, 0.25)].map(|(k, expected)| (found[k].unwrap() - expected).abs());
+        assert!(away.iter().all(|away| *away < 0.02), "{found:?}");
     }
 
     #[test]

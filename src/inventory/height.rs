@@ -15,28 +15,30 @@ impl Attribute for Height {
                 name: "height_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "height of the highest point above the ground at the base; empty where no ground is within 10 m of it",
+                definition: "height of the highest point above the ground at the base, without a few points above a gap; empty where no ground is \
+                             within 10 m of it",
             },
             Column {
                 name: "base_above_ground_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "height of the lowest point above `ground_z`; empty where that is",
+                definition: "height of the lowest point above `ground_z`, without a few points below a gap; empty where that is",
             },
         ]
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        let highest_m = object.site.lattice.metres(object.part.hi[2]);
+        let highest_m = object.site.lattice.metres(object.ends.top);
         values.push(object.foot.ground_m.map(|ground_m| highest_m - ground_m).into());
-        values.push(object.above_ground_m(object.part.lo[2]).into());
+        values.push(object.above_ground_m(object.ends.bottom).into());
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inventory::object::tests::{FEET, METRES, decimals, near};
+    use crate::inventory::object::tests::{FEET, METRES, as_decimals, decimals, near, values_of};
+    use crate::model::Kind;
 
     #[test]
     fn heights_are_metres_whatever_the_units_of_the_input() {
@@ -46,6 +48,18 @@ mod tests {
         }
         // A lowest point below the mean of the ground.
         assert!(near(&decimals(&Height, &[([1, 3], 1_100)], METRES), &[2.948, -0.1]));
+    }
+
+    #[test]
+    fn a_few_points_beyond_a_gap_do_not_count() {
+        let post = (0..300).map(|k| [1_000 + k % 7, 3_000, 250 + k * 10]);
+        let strays = [[1_000, 3_000, 6_000], [1_010, 3_000, -1_500]];
+        let points: Vec<[i64; 3]> = post.chain(strays).collect();
+        for class in [0, 3] {
+            let kind = Kind { class, confidence: 255 };
+            let found = as_decimals(&values_of(&Height, &points, kind, &[([1, 3], 250)], METRES));
+            assert!(near(&found, &[2.99, 0.0]), "{found:?}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What attributes see: one whole object, and what all objects of a drive share.
 
-use crate::inventory::measures::{Foot, Frames, Measures, Polygon, outline};
+use crate::inventory::measures::{Ends, Foot, Frames, Measures, Polygon, outline};
 use crate::inventory::terrain::Terrain;
 use crate::model::{Kind, Lattice, ObjectPart};
 
@@ -46,11 +46,24 @@ impl Site<'_> {
         self.lattice.metres(coordinate) / self.units_m[axis]
     }
 
+    /// Lattice z of the ground below the centre of an object, if it is known nearby.
+    #[must_use]
+    pub fn ground_below(&self, part: &ObjectPart) -> Option<i64> {
+        let [x, y, _] = centre(part);
+        self.terrain.height_m([x, y]).map(|metres| self.lattice.units(metres))
+    }
+
     /// A lattice point in the units of the input.
     #[must_use]
     pub fn input_point(&self, point: [i64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|axis| self.input_units(axis, point[axis]))
     }
+}
+
+/// Mean of the points of an object on the lattice. Sums are exact integers.
+#[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
+fn centre(part: &ObjectPart) -> [i64; 3] {
+    part.sum.map(|sum| (sum / i128::from(part.points.max(1))) as i64)
 }
 
 /// A whole object: its number, the summaries of its points, and values that several attributes derive from
@@ -74,6 +87,8 @@ pub struct Object<'a> {
     pub(super) measures: &'a Measures,
     /// The frames of the sketches.
     pub(super) frames: Frames,
+    /// The heights between which it is whole.
+    pub(super) ends: Ends,
     /// Where it stands.
     pub(super) foot: Foot,
     /// Its outline; `None` without points.
@@ -90,14 +105,14 @@ impl<'a> Object<'a> {
         kind: Kind,
         site: &'a Site<'a>,
     ) -> Self {
-        // Sums are exact integers.
-        #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
-        let centre = part.sum.map(|sum| (sum / i128::from(part.points.max(1))) as i64);
+        let centre = centre(part);
         let ground_m = site.terrain.height_m([centre[0], centre[1]]);
-        let frames = Frames::new(part, kind, site.lattice);
-        let foot = Foot::new(part, kind, measures, &frames, site.terrain, site.lattice);
+        let frames = Frames::new(part, kind, site.ground_below(part), site.lattice);
+        let ends =
+            Ends::of(&measures.profile, site.lattice).unwrap_or(Ends { bottom: part.lo[2], top: part.hi[2] });
+        let foot = Foot::new(part, ends, kind, measures, &frames, site.terrain, site.lattice);
         let outline = outline(&measures.plan, &frames.plan, site.lattice, |_| true);
-        Self { id, part, kind, site, centre, ground_m, measures, frames, foot, outline }
+        Self { id, part, kind, site, centre, ground_m, measures, frames, ends, foot, outline }
     }
 
     /// Height of a lattice z above the ground below its centre, in metres.
@@ -107,11 +122,11 @@ impl<'a> Object<'a> {
     }
 
     /// Where it stands, in the units of the input. Its z is that of the ground, or that of its lowest point
-    /// where no ground is known within 10 m.
+    /// that is not detached where no ground is known within 10 m.
     #[must_use]
     pub fn base(&self) -> [f64; 3] {
         let [x, y] = self.foot.place;
-        let z = self.foot.ground_m.unwrap_or_else(|| self.site.lattice.metres(self.part.lo[2]));
+        let z = self.foot.ground_m.unwrap_or_else(|| self.site.lattice.metres(self.ends.bottom));
         let metres = [x, y, z];
         [0, 1, 2].map(|axis| metres[axis] / self.site.units_m[axis])
     }
@@ -144,11 +159,21 @@ pub(crate) mod tests {
 
     /// The summaries of points of an object.
     pub(crate) fn summaries(points: &[[i64; 3]], kind: Kind) -> (ObjectPart, Measures) {
+        summaries_on(points, kind, |_| None)
+    }
+
+    /// The same, with the lattice z of the ground below the centre of the object.
+    fn summaries_on(
+        points: &[[i64; 3]],
+        kind: Kind,
+        ground: impl Fn(&ObjectPart) -> Option<i64>,
+    ) -> (ObjectPart, Measures) {
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
         let labels = vec![1; points.len()];
         let file = |id: crate::model::PointId| FileId::new(if id.number() < 2 { 0 } else { 2 });
         let part = ObjectPart::collect(&cloud, &labels, 1, |_| true, file).remove(0);
-        let measures = Measures::collect(&cloud, &labels, |_| true, |_| Some((&part, kind))).remove(0).1;
+        let measures =
+            Measures::collect(&cloud, &labels, |_| true, |_| Some((&part, kind, ground(&part)))).remove(0).1;
         (part, measures)
     }
 
@@ -183,7 +208,7 @@ pub(crate) mod tests {
     ) -> Vec<Value<'static>> {
         let terrain = terrain_at(ground);
         let site = site(&terrain, units_m);
-        let (part, measures) = summaries(points, kind);
+        let (part, measures) = summaries_on(points, kind, |part| site.ground_below(part));
         let mut values = Vec::new();
         attribute.finish(&Object::new(7, &part, &measures, kind, &site), &mut values);
         crate::codec::decode(&crate::codec::encode(&values).unwrap()).unwrap()
@@ -223,7 +248,7 @@ pub(crate) mod tests {
         assert_eq!(object.centre, [1_524, 3_048, 2_524]);
         assert_eq!((object.ground_m, object.above_ground_m(1_000)), (Some(0.25), Some(0.75)));
         let nothing = ObjectPart::empty();
-        let none = Measures::empty(&Frames::new(&nothing, NO_KIND, Lattice::MILLIMETRE));
+        let none = Measures::empty(&Frames::new(&nothing, NO_KIND, None, Lattice::MILLIMETRE));
         let object = Object::new(1, &nothing, &none, NO_KIND, &site);
         assert_eq!(object.centre, [0; 3], "no points, and no division by zero");
         assert!(object.ring().is_empty());

@@ -40,7 +40,7 @@ impl Cloud<'_> {
         let drive = tiled.drive;
         let classifies = open.chain.method.classifies();
         let format = CopcFormat::of(drive.catalog.files(), &open.config.output.dimension, classifies)?;
-        let columns = self.columns();
+        let columns = self.columns(&format);
         let [outline, nodes] = self.outlines.clone();
         let points = CopcPointsPass {
             drive,
@@ -69,15 +69,16 @@ impl Cloud<'_> {
     /// The columns. They follow from the tiles and from nothing else, so that every process that shares a run
     /// finds the same ones. A point of a column takes about as many bytes as a point of a tile does in a
     /// clustering method; half of the points of the largest tile leave room for methods that need less.
-    fn columns(&self) -> Columns {
+    fn columns(&self, format: &CopcFormat<'_>) -> Columns {
         let Self { tiled, .. } = self;
         let (low, high) = tiled.surveyed.extent();
+        let extent = format.extent_in_tree([low, high]);
         let edge = tiled.drive.grid.edge();
         let most = tiled.plan.tiles.iter().map(|tile| tile.points).max().unwrap_or(0) / 2;
         let mut cells = CellMap::default();
         for (cell, points) in tiled.plan.cells().iter().filter(|(cell, _)| tiled.plan.is_inside(*cell)) {
             *cells.entry(cell) = points;
         }
-        Columns::of(Cube::around([low, high], edge), &PackedCells::from(cells), edge, most)
+        Columns::of(Cube::around(extent, edge), &PackedCells::from(cells), edge, most)
     }
 }

@@ -1,16 +1,18 @@
 //! `chainage view`.
 
 use std::io::{self, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
+use chainage::input::InputError;
 use chainage::run::CancelToken;
 use tiny_http::{Header, Method, Request, Response, Server, StatusCode};
 
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::served::{PAGE, Refusal, check_host, file_of, media_type, range_of};
+use crate::cli::streamed::{Cloud, part_of};
 use crate::cli::{exit, interrupt, print};
 
 /// How often the server looks whether it is to stop.
@@ -52,39 +54,90 @@ impl ViewArgs {
             print::note("no browser could be opened: open the address yourself");
         }
         print::note("Ctrl-C ends the server");
+        let shown = Shown { root, port, cloud: Cloud::default() };
         std::thread::scope(|scope| {
             for _ in 0..WORKERS {
-                scope.spawn(|| serve(&server, &root, port, &cancel));
+                scope.spawn(|| serve(&server, &shown, &cancel));
             }
         });
         Ok(exit::DONE)
     }
 }
 
+/// What is served.
+struct Shown {
+    root: PathBuf,
+    port: u16,
+    cloud: Cloud,
+}
+
 /// Answers requests until Ctrl-C.
-fn serve(server: &Server, root: &Path, port: u16, cancel: &CancelToken) {
+fn serve(server: &Server, shown: &Shown, cancel: &CancelToken) {
     while !cancel.is_cancelled() {
         // A client that goes away is no failure of the server.
         if let Ok(Some(request)) = server.recv_timeout(PATIENCE) {
-            let _ = answer(request, root, port);
+            let _ = answer(request, shown);
         }
     }
 }
 
-fn answer(request: Request, root: &Path, port: u16) -> io::Result<()> {
-    match found(&request, root, port) {
-        Ok(found) => found.send(request),
-        Err(refusal) => {
+/// Why a request is not answered with what it asks for.
+enum Failed {
+    Refused(Refusal),
+    /// The file with all points cannot be read.
+    Cloud(InputError),
+}
+
+impl From<Refusal> for Failed {
+    fn from(refusal: Refusal) -> Self {
+        Self::Refused(refusal)
+    }
+}
+
+fn answer(request: Request, shown: &Shown) -> io::Result<()> {
+    match found(&request, shown) {
+        Ok(Reply::File(found)) => found.send(request),
+        Ok(Reply::Part(media, bytes)) => {
+            let mut response = Response::from_data(bytes).with_chunked_threshold(usize::MAX);
+            guards().chain(header("Content-Type", media)).for_each(|header| response.add_header(header));
+            request.respond(response)
+        }
+        Err(Failed::Refused(refusal)) => {
             let status = StatusCode(refusal as u16);
             let text = format!("{} {}\n", status.0, status.default_reason_phrase());
             let allowed = (refusal == Refusal::MethodNotAllowed).then(|| header("Allow", "GET, HEAD"));
-            let mut response = Response::from_string(text).with_status_code(status);
-            for header in allowed.into_iter().flatten().chain(guards()) {
-                response.add_header(header);
+            send_text(request, status, text, allowed.into_iter().flatten())
+        }
+        Err(Failed::Cloud(error)) => {
+            let mut text = error.to_string();
+            let mut cause = std::error::Error::source(&error);
+            while let Some(source) = cause {
+                text.push_str(&format!(": {source}"));
+                cause = source.source();
             }
-            request.respond(response)
+            send_text(request, StatusCode(500), format!("{text}\n"), None)
         }
     }
+}
+
+fn send_text(
+    request: Request,
+    status: StatusCode,
+    text: String,
+    more: impl IntoIterator<Item = Header>,
+) -> io::Result<()> {
+    let mut response = Response::from_string(text).with_status_code(status);
+    for header in more.into_iter().chain(guards()) {
+        response.add_header(header);
+    }
+    request.respond(response)
+}
+
+/// What a request asks for.
+enum Reply {
+    File(Found),
+    /// Media type and bytes of a part of the file with all points.
+    Part(&'static str, Vec<u8>),
 }
 
 /// A file and the part of it that was asked for.
@@ -95,20 +148,25 @@ struct Found {
     range: Option<std::ops::Range<u64>>,
 }
 
-fn found(request: &Request, root: &Path, port: u16) -> Result<Found, Refusal> {
+fn found(request: &Request, shown: &Shown) -> Result<Reply, Failed> {
     let values = |name: &'static str| {
         let fields = request.headers().iter().filter(move |header| header.field.equiv(name));
         fields.map(|header| header.value.as_str())
     };
-    check_host(values("Host"), port)?;
+    check_host(values("Host"), shown.port)?;
     if !matches!(request.method(), Method::Get | Method::Head) {
-        return Err(Refusal::MethodNotAllowed);
+        return Err(Refusal::MethodNotAllowed.into());
     }
-    let path = file_of(root, request.url())?;
+    let path = file_of(&shown.root, request.url())?;
+    if let Some(part) = part_of(request.url(), &path)? {
+        let (media, bytes) =
+            shown.cloud.read(&path, part).map_err(Failed::Cloud)?.ok_or(Refusal::NotFound)?;
+        return Ok(Reply::Part(media, bytes));
+    }
     let file = fs_err::File::open(&path).map_err(|_| Refusal::NotFound)?;
     let length = file.metadata().map_err(|_| Refusal::NotFound)?.len();
     let range = range_of(values("Range").next(), length)?;
-    Ok(Found { path, file, length, range })
+    Ok(Reply::File(Found { path, file, length, range }))
 }
 
 impl Found {

@@ -101,8 +101,9 @@ mod tests {
         let labels = vec![1; points.len()];
         let whole = ObjectPart::collect(&cloud, &labels, 1, |_| true, |_| FileId::new(0)).remove(0);
         let kind = Kind { class: 2, confidence: 255 };
-        let measures = Measures::collect(&cloud, &labels, |_| true, |_| Some((&whole, kind))).remove(0).1;
-        let frames = Frames::new(&whole, kind, Lattice::MILLIMETRE);
+        let measures =
+            Measures::collect(&cloud, &labels, |_| true, |_| Some((&whole, kind, None))).remove(0).1;
+        let frames = Frames::new(&whole, kind, None, Lattice::MILLIMETRE);
         let crown = crown(&measures, &frames, Lattice::MILLIMETRE, [0.0, 0.0]).unwrap();
         assert!((3.0..3.6).contains(&crown.base_m), "{crown:?}");
         assert!((crown.diameter_m - 4.0).abs() < 0.15, "{crown:?}");

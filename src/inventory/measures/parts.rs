@@ -4,6 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::profile::Slice;
 use super::sketch::{Frame, Heights, Sketch, Sums};
 use crate::model::{Kind, Lattice, ObjectPart, TileCloud};
 
@@ -27,6 +28,13 @@ const STEM_EDGE_M: f64 = 0.02;
 const STEM_VOXELS: usize = 1 << 13;
 /// Height over the lowest point of a tree in which its stem is looked for, in metres.
 const STEM_HEIGHT_M: f64 = 4.0;
+/// Points that are further below the ground than this are not the lowest of a stem, in metres (chosen: the
+/// ground model may be as wrong behind a hedge; reflections were seen 5 m below).
+const DEEPEST_FOOT_M: f64 = 1.0;
+/// Edge of a slice of the profile in metres (chosen: a third of the shortest gap that counts).
+const SLICE_EDGE_M: f64 = 0.1;
+/// Largest number of slices. An object of 100 m has as many.
+const SLICES: usize = 1 << 10;
 /// Edge of a voxel of a crown in metres (chosen: above the distance of profiles of a vehicle scanner).
 const CROWN_EDGE_M: f64 = 0.2;
 /// Largest number of voxels of a crown.
@@ -44,18 +52,24 @@ pub(crate) struct Frames {
     pub(crate) stem: Frame,
     /// Voxels of the crown.
     pub(crate) crown: Frame,
+    /// Slices of the profile. All have the same x and y.
+    pub(crate) profile: Frame,
     /// Highest lattice z of a stem. `None` if the object has none.
     stem_to: Option<i64>,
     has_crown: bool,
 }
 
 impl Frames {
-    /// The frames of a whole object.
-    pub(crate) fn new(whole: &ObjectPart, kind: Kind, lattice: Lattice) -> Self {
+    /// The frames of a whole object. `ground` is the lattice z of the ground below its centre, if it is
+    /// known.
+    pub(crate) fn new(whole: &ObjectPart, kind: Kind, ground: Option<i64>, lattice: Lattice) -> Self {
         let ObjectPart { lo, hi, .. } = *whole;
         let frame = |edge_m: f64| Frame::new(lattice.units(edge_m).max(1), lo, hi);
         let stem_to = match kind.class {
-            TREE => Some(lo[2].saturating_add(lattice.units(STEM_HEIGHT_M))),
+            TREE => {
+                let foot = ground.map_or(lo[2], |z| lo[2].max(z - lattice.units(DEEPEST_FOOT_M)));
+                Some(foot.saturating_add(lattice.units(STEM_HEIGHT_M)))
+            }
             POLE => Some(i64::MAX),
             _ => None,
         };
@@ -63,6 +77,7 @@ impl Frames {
             plan: frame(PLAN_EDGE_M),
             stem: frame(STEM_EDGE_M),
             crown: frame(CROWN_EDGE_M),
+            profile: frame(SLICE_EDGE_M),
             stem_to,
             has_crown: kind.class == TREE,
         }
@@ -78,6 +93,8 @@ pub struct Measures {
     pub(crate) stem: Sketch<Sums>,
     /// Occupied voxels of a tree. Empty for other classes.
     pub(crate) crown: Sketch<()>,
+    /// Points by height.
+    pub(crate) profile: Sketch<Slice>,
 }
 
 impl Measures {
@@ -87,6 +104,7 @@ impl Measures {
             plan: Sketch::empty(&frames.plan),
             stem: Sketch::empty(&frames.stem),
             crown: Sketch::empty(&frames.crown),
+            profile: Sketch::empty(&frames.profile),
         }
     }
 
@@ -96,6 +114,10 @@ impl Measures {
         let cell = |point: &[i64; 3]| {
             let [i, j, _] = frames.plan.key(*point);
             ([i, j, 0], Heights { lowest: point[2], highest: point[2] })
+        };
+        let slice = |point: &[i64; 3]| {
+            let [_, _, k] = frames.profile.key(*point);
+            ([0, 0, k], Slice { points: 1, lowest: point[2], highest: point[2] })
         };
         let sums = |point: &[i64; 3]| {
             let sum = [0, 1, 2].map(|axis| point[axis] - corner[axis]);
@@ -111,17 +133,19 @@ impl Measures {
                 of_crown.iter().map(|point| (frames.crown.key(*point), ())).collect(),
                 CROWN_VOXELS,
             ),
+            profile: Sketch::of(&frames.profile, points.iter().map(slice).collect(), SLICES),
         }
     }
 
     /// The measures of each object with points in `core`. `objects` has the object of each point, 0 for none.
-    /// Ascending by object.
+    /// `whole` has what is known of an object, with the lattice z of the ground below its centre. Ascending
+    /// by object.
     #[must_use]
     pub fn collect<'a>(
         cloud: &TileCloud,
         objects: &[u32],
         core: impl Fn(usize) -> bool,
-        whole: impl Fn(u32) -> Option<(&'a ObjectPart, Kind)>,
+        whole: impl Fn(u32) -> Option<(&'a ObjectPart, Kind, Option<i64>)>,
     ) -> Vec<(u32, Self)> {
         let mut members: Vec<(u32, u32)> = (0..objects.len())
             .filter(|&point| objects[point] != 0 && core(point))
@@ -131,8 +155,8 @@ impl Measures {
         let mut all = Vec::new();
         let mut points = Vec::new();
         for group in members.chunk_by(|a, b| a.0 == b.0) {
-            let Some((part, kind)) = whole(group[0].0) else { continue };
-            let frames = Frames::new(part, kind, cloud.lattice);
+            let Some((part, kind, ground)) = whole(group[0].0) else { continue };
+            let frames = Frames::new(part, kind, ground, cloud.lattice);
             let mut measures = Self::empty(&frames);
             for some in group.chunks(POINTS_AT_ONCE) {
                 points.clear();
@@ -149,6 +173,7 @@ impl Measures {
         self.plan.merge(other.plan, PLAN_CELLS);
         self.stem.merge(other.stem, STEM_VOXELS);
         self.crown.merge(other.crown, CROWN_VOXELS);
+        self.profile.merge(other.profile, SLICES);
     }
 }
 
@@ -179,11 +204,11 @@ mod tests {
             let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &places);
             let kind = Kind { class, confidence: 1 };
             let wholes = ObjectPart::collect(&cloud, &objects, 2, |_| true, |_| FileId::new(0));
-            let whole = |id: u32| Some((&wholes[id as usize - 1], kind));
+            let whole = |id: u32| Some((&wholes[id as usize - 1], kind, None));
             let mut merged: BTreeMap<u32, Measures> = BTreeMap::new();
             for tile in order {
                 for (id, part) in Measures::collect(&cloud, &objects, |point| points[point].1 == tile, whole) {
-                    let frames = Frames::new(&wholes[id as usize - 1], kind, Lattice::MILLIMETRE);
+                    let frames = Frames::new(&wholes[id as usize - 1], kind, None, Lattice::MILLIMETRE);
                     merged.entry(id).or_insert_with(|| Measures::empty(&frames)).merge(part);
                 }
             }
@@ -197,7 +222,7 @@ mod tests {
                     let ends = cells.entry([x.div_euclid(100), y.div_euclid(100)]).or_insert((*z, *z));
                     *ends = (ends.0.min(*z), ends.1.max(*z));
                 }
-                let frame = Frames::new(&wholes[id as usize - 1], kind, Lattice::MILLIMETRE).plan;
+                let frame = Frames::new(&wholes[id as usize - 1], kind, None, Lattice::MILLIMETRE).plan;
                 let found: BTreeMap<[i64; 2], (i64, i64)> = measures.plan.voxels.iter().map(|([i, j, _], heights)| {
                     let cell = [(0, *i), (1, *j)].map(|(k, index)| frame.corner[k] / 100 + i64::from(index));
                     (cell, (heights.lowest, heights.highest))
@@ -212,6 +237,14 @@ mod tests {
                 let sums = measures.stem.voxels.iter().map(|(_, sums)| sums.points).sum::<u64>();
                 prop_assert_eq!(sums, expected as u64);
                 prop_assert_eq!(measures.crown.voxels.is_empty(), class != TREE);
+                let mut slices: BTreeMap<i64, (u64, i64, i64)> = BTreeMap::new();
+                for [_, _, z] in &mine {
+                    let slice = slices.entry(z.div_euclid(100)).or_insert((0, *z, *z));
+                    *slice = (slice.0 + 1, slice.1.min(*z), slice.2.max(*z));
+                }
+                let found: Vec<(u64, i64, i64)> =
+                    measures.profile.voxels.iter().map(|(_, slice)| (slice.points, slice.lowest, slice.highest)).collect();
+                prop_assert_eq!(found, slices.into_values().collect::<Vec<_>>());
             }
         }
     }

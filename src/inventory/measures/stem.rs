@@ -123,13 +123,15 @@ pub(crate) struct Stem {
 }
 
 impl Stem {
-    /// The stem in a sketch of an object of a class.
-    pub(crate) fn new(sketch: &Sketch<Sums>, lattice: Lattice, class: u8) -> Self {
+    /// The stem in a sketch of an object of a class: what is between two heights, in metres from the corner.
+    pub(crate) fn new(sketch: &Sketch<Sums>, between: [f64; 2], lattice: Lattice, class: u8) -> Self {
         let place = |sums: &Sums| {
             // Sums are counted from the corner, so that they fit 64 bits and a mean is a small number.
             sums.sum.map(|sum| sum as f64 / sums.points as f64 * lattice.step_m())
         };
-        let places = sketch.voxels.iter().map(|(_, sums)| place(sums)).collect();
+        let [bottom, top] = between;
+        let whole = |place: &[f64; 3]| (bottom..=top).contains(&place[2]);
+        let places = sketch.voxels.iter().map(|(_, sums)| place(sums)).filter(whole).collect();
         Self { places, is_tree: class == TREE }
     }
 

@@ -1,37 +1,48 @@
-//! The shown points as bytes: planes of one byte per point, which compress well because neighbours are alike.
+//! Points as bytes for the page: planes of one byte per point, which compress well because neighbours are
+//! alike.
 //!
 //! ```text
-//! planes := key (4) x (4) y (4) z (4) intensity (1)      each plane has one byte of every point
+//! planes := key (4) x (4) y (4) z (4) more      each plane has one byte of every point
 //! key    := difference to the point before
-//! x y z  := difference to the point before, sign in the lowest bit, in steps of 1 cm from the origin
+//! x y z  := difference to the point before, sign in the lowest bit
+//! more   := in the page: intensity (1); in what is streamed: intensity (2) class of the object (1)
 //! ```
+//!
+//! Coordinates are in steps from an origin: of 1 cm in the page, of the scale of the file in what is
+//! streamed.
 
 use super::sample::SamplePoint;
 
-/// Bytes of a point before compression.
-const PLANES: usize = 17;
+/// Planes of key and place.
+const PLACE_PLANES: usize = 16;
 
-/// The bytes of points. Sorts them by object and place.
-pub(super) fn planes(points: &mut [SamplePoint]) -> Vec<u8> {
+/// The bytes of the points of the page. Sorts them by object and place.
+pub(super) fn planes(points: &mut [SamplePoint], range: Intensities) -> Vec<u8> {
     points.sort_unstable_by_key(|point| (point.key, along_curve(point.place), point.place, point.rank));
-    let range = intensities(points);
+    let mut bytes = coded(points.iter().map(|point| (point.key, point.place)), 1);
+    let shades = &mut bytes[PLACE_PLANES * points.len()..];
+    for (shade, point) in shades.iter_mut().zip(points.iter()) {
+        *shade = range.shade(point.intensity);
+    }
+    bytes
+}
+
+/// The planes of keys and places, followed by `more` planes of zeros. Keys ascend.
+pub(super) fn coded(points: impl ExactSizeIterator<Item = (u32, [i32; 3])>, more: usize) -> Vec<u8> {
     let count = points.len();
-    let mut bytes = vec![0; PLANES * count];
+    let mut bytes = vec![0; (PLACE_PLANES + more) * count];
     let mut word = |plane: usize, at: usize, value: u32| {
         for (byte, part) in value.to_le_bytes().into_iter().enumerate() {
             bytes[(plane + byte) * count + at] = part;
         }
     };
     let mut before = (0_u32, [0_i32; 3]);
-    for (at, point) in points.iter().enumerate() {
-        word(0, at, point.key - before.0);
+    for (at, (key, place)) in points.enumerate() {
+        word(0, at, key.wrapping_sub(before.0));
         for axis in 0..3 {
-            word(4 + 4 * axis, at, zigzag(point.place[axis].wrapping_sub(before.1[axis])));
+            word(4 + 4 * axis, at, zigzag(place[axis].wrapping_sub(before.1[axis])));
         }
-        before = (point.key, point.place);
-    }
-    for (at, point) in points.iter().enumerate() {
-        bytes[(PLANES - 1) * count + at] = range.shade(point.intensity);
+        before = (key, place);
     }
     bytes
 }
@@ -57,25 +68,26 @@ fn along_curve(place: [i32; 3]) -> u64 {
 }
 
 /// The intensities between which shades differ.
-struct Intensities {
-    low: u16,
-    high: u16,
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Intensities {
+    pub(super) low: u16,
+    pub(super) high: u16,
 }
 
 impl Intensities {
-    fn shade(&self, intensity: u16) -> u8 {
+    /// From the 1st to the 99th hundredth, because single mirrors would make everything else dark.
+    pub(super) fn of(points: &[SamplePoint]) -> Self {
+        let mut all: Vec<u16> = points.iter().map(|point| point.intensity).collect();
+        all.sort_unstable();
+        let at = |share: usize| all.get(all.len().saturating_sub(1) * share / 100).copied().unwrap_or(0);
+        Self { low: at(1), high: at(99) }
+    }
+
+    fn shade(self, intensity: u16) -> u8 {
         let over = u32::from(intensity.clamp(self.low, self.high) - self.low);
         let share = over * 255 / u32::from(self.high - self.low).max(1);
         u8::try_from(share).unwrap_or(u8::MAX)
     }
-}
-
-/// From the 1st to the 99th hundredth, because single mirrors would make everything else dark.
-fn intensities(points: &[SamplePoint]) -> Intensities {
-    let mut all: Vec<u16> = points.iter().map(|point| point.intensity).collect();
-    all.sort_unstable();
-    let at = |share: usize| all.get(all.len().saturating_sub(1) * share / 100).copied().unwrap_or(0);
-    Intensities { low: at(1), high: at(99) }
 }
 
 #[cfg(test)]
@@ -90,7 +102,7 @@ mod tests {
 
     /// What the page reads.
     fn read(bytes: &[u8]) -> Vec<(u32, [i32; 3], u8)> {
-        let count = bytes.len() / PLANES;
+        let count = bytes.len() / (PLACE_PLANES + 1);
         let word = |plane: usize, at: usize| {
             u32::from_le_bytes([0, 1, 2, 3].map(|byte| bytes[(plane + byte) * count + at]))
         };
@@ -112,9 +124,10 @@ mod tests {
         let mut points =
             vec![point(3, [5, -7, 100_000], 40), point(0, [-2, 9, 0], 10), point(3, [4, 0, 99_000], 70)];
         let expected = [(0, [-2, 9, 0], 0), (3, [4, 0, 99_000], 255), (3, [5, -7, 100_000], 255)];
-        let mut found = read(&planes(&mut points));
+        let range = Intensities::of(&points);
+        let mut found = read(&planes(&mut points, range));
         found.sort_unstable();
         assert_eq!(found, expected);
-        assert!(planes(&mut []).is_empty());
+        assert!(planes(&mut [], Intensities::of(&[])).is_empty());
     }
 }

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::cloud::planes;
+use super::cloud::{Intensities, planes};
 use super::packed::{Compressed, Compressor, json, source_of};
 use super::rows::{self, PageFrame};
 use super::sample::{STEPS_PER_M, SamplePoint};
@@ -17,11 +17,14 @@ use crate::words::{counted, separated};
 const MARKUP: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/style.css");
 /// The files of the script, in the order in which they use one another.
-const SCRIPT: [&str; 9] = [
+const SCRIPT: [&str; 12] = [
     include_str!("page/data.js"),
     include_str!("page/colours.js"),
+    include_str!("page/cloud.js"),
     include_str!("page/scene.js"),
     include_str!("page/camera.js"),
+    include_str!("page/octree.js"),
+    include_str!("page/stream.js"),
     include_str!("page/plan.js"),
     include_str!("page/table.js"),
     include_str!("page/statistics.js"),
@@ -94,6 +97,17 @@ pub(crate) struct PageStretch {
     pub(crate) y: Vec<f64>,
 }
 
+/// The file from which `chainage view` streams all points, and how its coordinates become those of the page.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct PageCloud {
+    /// Its name.
+    pub(crate) file: &'static str,
+    /// Where the page counts coordinates from, in metres of the world frame.
+    pub(crate) origin_m: [f64; 3],
+    /// Metres per unit of the file.
+    pub(crate) units_m: [f64; 3],
+}
+
 /// The content of a page.
 #[derive(Debug)]
 pub(crate) struct Page<'a> {
@@ -103,6 +117,8 @@ pub(crate) struct Page<'a> {
     pub(crate) axis: Vec<PageStretch>,
     pub(crate) table: &'a PageTable,
     pub(crate) points: Vec<SamplePoint>,
+    /// The file with all points, if the run writes one.
+    pub(crate) cloud: Option<PageCloud>,
     /// Points of the drive.
     pub(crate) all_points: u64,
     /// The content of `report.json`, with the tiles.
@@ -123,8 +139,9 @@ impl Page<'_> {
         let mut points = std::mem::take(&mut self.points);
         let (page, points) = loop {
             let count = points.len();
-            let page = json(&self.facts(count))?;
-            let packed = Compressed::of(&planes(&mut points));
+            let range = Intensities::of(&points);
+            let page = json(&self.facts(count, range))?;
+            let packed = Compressed::of(&planes(&mut points, range));
             let room =
                 usize::try_from(self.limit_bytes).unwrap_or(usize::MAX).saturating_sub(fixed + page.len());
             if packed.text_len() <= room || count == 0 {
@@ -134,8 +151,10 @@ impl Page<'_> {
             points.sort_unstable();
             points.truncate(count.min(count * (room / 100 * 97) / packed.text_len()));
         };
+        // Only a page whose points can be streamed may ask its own server, and no page any other.
+        let connect = if self.cloud.is_some() { " connect-src 'self';" } else { "" };
         let policy = format!(
-            "default-src 'none'; script-src {}; style-src {}; img-src data:; base-uri 'none'; form-action 'none'",
+            "default-src 'none'; script-src {}; style-src {};{connect} img-src data:; base-uri 'none'; form-action 'none'",
             source_of(&script),
             source_of(STYLE)
         );
@@ -154,14 +173,17 @@ impl Page<'_> {
     }
 
     /// What the script reads first. It has nothing that depends on tiles, threads or time.
-    fn facts(&self, count: usize) -> Value {
+    fn facts(&self, count: usize, range: Intensities) -> Value {
         json!({
             "title": self.title,
             "files": self.files,
             "classes": class_names(),
             "axis": self.axis,
+            "points": self.all_points,
+            "cloud": self.cloud,
             "sample": {
                 "points": count,
+                "intensities": [range.low, range.high],
                 "step_m": 1.0 / STEPS_PER_M,
                 "sentence": self.sentence(count),
             },
@@ -254,7 +276,17 @@ mod tests {
     }
 
     fn written(points: Vec<SamplePoint>, table: &PageTable, limit_bytes: u64) -> String {
+        written_with(None, points, table, limit_bytes)
+    }
+
+    fn written_with(
+        cloud: Option<PageCloud>,
+        points: Vec<SamplePoint>,
+        table: &PageTable,
+        limit_bytes: u64,
+    ) -> String {
         let page = Page {
+            cloud,
             title: "a <b> & c".to_owned(),
             files: String::new(),
             axis: Vec::new(),
@@ -287,6 +319,13 @@ mod tests {
         assert!(policy.starts_with("default-src 'none'; "), "{policy}");
         assert!(policy.contains(&format!("script-src {};", source_of(between("<script>", "</script>")))));
         assert!(policy.contains(&format!("style-src {};", source_of(between("<style>", "</style>")))));
+        assert!(!policy.contains("connect-src"), "{policy}");
+        let cloud = PageCloud { file: "drive.copc.laz", origin_m: [1.0, 2.0, 3.5], units_m: [0.5; 3] };
+        let text = written_with(Some(cloud), points(10), &table(1, 1 << 20), 1 << 20);
+        assert!(text.contains("; connect-src 'self'; img-src data:;"));
+        assert!(text.contains(
+            r#""cloud":{"file":"drive.copc.laz","origin_m":[1.0,2.0,3.5],"units_m":[0.5,0.5,0.5]}"#
+        ));
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! Where the page counts coordinates from.
 
-use crate::output::report::PageFrame;
+use crate::input::InputFile;
+use crate::output::report::{PageCloud, PageFrame};
 use crate::run::drive::{Drive, Surveyed};
+use crate::run::finish::names::CLOUD;
 
 /// Where the page counts coordinates from: the start of the axis and the lowest point, on the lattice. The
 /// start of the axis, because stray points can be far from everything.
@@ -19,4 +21,11 @@ pub(super) fn frame(drive: &Drive, surveyed: &Surveyed) -> PageFrame {
         origin_m: [origin[0], origin[1]].map(|units| drive.lattice().metres(units)),
         units_m: [unit_m; 2],
     }
+}
+
+/// The cloud-optimised file in the frame of the page.
+pub(super) fn cloud(drive: &Drive, surveyed: &Surveyed) -> PageCloud {
+    let origin_m = origin(drive, surveyed).map(|units| drive.lattice().metres(units));
+    let units_m = drive.catalog.files().first().map_or([1.0; 3], InputFile::units_m);
+    PageCloud { file: CLOUD, origin_m, units_m }
 }

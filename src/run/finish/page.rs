@@ -10,7 +10,7 @@ use crate::output::report::{
     Page, PageFrame, PageStretch, PageTable, SamplePoint, SampledDrive, Sampling, point_budget,
 };
 use crate::run::drive::Surveyed;
-use crate::run::finish::frame::{frame, origin};
+use crate::run::finish::frame::{cloud, frame, origin};
 use crate::run::finish::names::{PAGE, page_limit_bytes};
 use crate::run::finish::tables::{processed_stretches, write_whole};
 use crate::run::open::Opened;
@@ -79,6 +79,7 @@ pub(crate) fn write_page(
         axis: stretches(surveyed, frame(&open.drive, surveyed)),
         table: &content.table,
         points: content.points,
+        cloud: open.config.output.writes("copc").then(|| cloud(&open.drive, surveyed)),
         all_points: plan.points_inside(),
         run: &run,
         limit_bytes,

@@ -64,8 +64,8 @@ type Places = BTreeMap<NodeKey, Vec<(usize, Range<u64>, u32)>>;
 impl CopcNodesPass<'_> {
     /// The place of each record of a column in the octree.
     fn spots(&self, ids: &[PointId], records: &[u8]) -> Vec<(Spot, u64)> {
-        let world = self.format.to_lattice(self.drive.lattice());
-        let spot = |record: &[u8]| self.columns.cube.place(world.apply(record_xyz(record)));
+        let to_tree = self.format.to_tree(self.drive.lattice());
+        let spot = |record: &[u8]| self.columns.cube.place(to_tree.apply(record_xyz(record)));
         let records = records.chunks_exact(self.format.record_len());
         records.zip(ids).map(|(record, id)| (spot(record), rank(*id))).collect()
     }

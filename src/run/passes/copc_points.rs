@@ -166,7 +166,7 @@ impl CopcPointsPass<'_> {
         let input = self.drive.file(run.file);
         let (layout, transform) = (input.layout(), input.transform());
         let conversion = self.format.conversion(input);
-        let to_lattice = self.format.to_lattice(self.drive.lattice());
+        let to_tree = self.format.to_tree(self.drive.lattice());
         let labelled = &self.labelled[run.file];
         let first = input.blocks()[run.blocks.start].first_record;
         let first_id = self.drive.first_id(run.file, run.blocks.start);
@@ -199,7 +199,7 @@ impl CopcPointsPass<'_> {
                 totals.add(&bytes[start..]);
                 if undecided > 0 {
                     let id = first_id + u64::from(number);
-                    let place = to_lattice.apply(record_xyz(&bytes[start..]));
+                    let place = to_tree.apply(record_xyz(&bytes[start..]));
                     let (spot, rank) = (self.columns.cube.place(place), rank(id));
                     for level in 0..undecided {
                         improve(&mut winners, (level, spot.cell(level)), (rank, id.number()));

@@ -352,7 +352,8 @@ impl Pass for InventoryPass<'_> {
         let ids = self.drive().values_of(&self.columns.objects, &cloud.id)?;
         let whole = |id: u32| {
             let index = id as usize - 1;
-            self.objects.objects.get(index).map(|part| (part, self.kind(index)))
+            let part = self.objects.objects.get(index)?;
+            Some((part, self.kind(index), self.site.ground_below(part)))
         };
         let mut found =
             Found { touching: inventory::touching(cloud, &ids).into_iter().collect(), ..Found::default() };

@@ -22,8 +22,10 @@ pub(crate) struct CopcFormat<'a> {
     pub(crate) scale: [f64; 3],
     /// World coordinates of the integers 0.
     pub(crate) offset: [f64; 3],
-    /// Metres per world unit, per axis.
-    units_m: [f64; 3],
+    /// Metres per world unit of x and y.
+    plan_unit_m: f64,
+    /// Metres per world unit of z.
+    height_unit_m: f64,
     /// Whether GPS times are adjusted standard times.
     pub(crate) standard_time: bool,
     /// Dimensions behind the fields of the format: the object, and its class if the method gives one.
@@ -46,15 +48,11 @@ impl<'a> CopcFormat<'a> {
     /// offset of the first file.
     ///
     /// # Errors
-    /// [`OutputError::Copc`] without files, or if heights have another unit than the plane: then there is no
-    /// cube.
+    /// [`OutputError::Copc`] without files.
     pub(crate) fn of(files: &[InputFile], dimension: &'a str, classifies: bool) -> Result<Self, OutputError> {
         let refused = |reason: &str| OutputError::Copc { reason: reason.to_owned() };
         let first = files.first().ok_or_else(|| refused("there are no files"))?;
-        let units_m = first.units_m();
-        if (units_m[0] - units_m[2]).abs() > 1e-9 {
-            return Err(refused("heights have another unit than x and y"));
-        }
+        let [plan_unit_m, _, height_unit_m] = first.units_m();
         let offset = first.header().scaling.offset;
         let standard_time = first.header().global_encoding & 1 == 1;
         let scale = [0, 1, 2].map(|axis| {
@@ -69,7 +67,7 @@ impl<'a> CopcFormat<'a> {
             };
         let mut extra = vec![(dimension, ExtraType::U32, "object, 0: none")];
         extra.extend(classifies.then_some((OBJECT_CLASS, ExtraType::U8, "class of the object, 0: none")));
-        Ok(Self { point_format, scale, offset, units_m, standard_time, extra })
+        Ok(Self { point_format, scale, offset, plan_unit_m, height_unit_m, standard_time, extra })
     }
 
     /// Bytes of the dimensions behind the fields of the format.
@@ -87,12 +85,31 @@ impl<'a> CopcFormat<'a> {
         BASE + colours + usize::from(self.extra_bytes())
     }
 
-    /// The places of its records on the lattice.
-    pub(crate) fn to_lattice(&self, lattice: Lattice) -> LatticeTransform {
-        let axis = |axis: usize| {
-            AxisTransform::new(self.scale[axis], self.offset[axis], self.units_m[axis], lattice)
-        };
+    /// The places of its records in the frame of the octree. A node is a cube in the numbers of the file
+    /// (COPC 1.0, "halfsize"), so the octree takes heights as if they had the unit of x and y. Where all
+    /// units are the same, this is the lattice.
+    pub(crate) fn to_tree(&self, lattice: Lattice) -> LatticeTransform {
+        let axis =
+            |axis: usize| AxisTransform::new(self.scale[axis], self.offset[axis], self.plan_unit_m, lattice);
         LatticeTransform { axes: [axis(0), axis(1), axis(2)] }
+    }
+
+    /// An extent on the lattice in the frame of the octree.
+    pub(crate) fn extent_in_tree(&self, [mut low, mut high]: [[i64; 3]; 2]) -> [[i64; 3]; 2] {
+        let factor = self.plan_unit_m / self.height_unit_m;
+        if (factor - 1.0).abs() > 1e-9 {
+            // A height on the lattice is rounded by half a unit before it is stretched, one in the frame of
+            // the octree after it.
+            let slack = (0.5 * factor + 0.5).ceil();
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "heights of the earth, in units of at least 1 mm"
+            )]
+            let stretched = |z: i64, sign: f64| (z as f64 * factor + sign * slack).round() as i64;
+            low[2] = stretched(low[2], -1.0);
+            high[2] = stretched(high[2], 1.0);
+        }
+        [low, high]
     }
 
     /// How records of a file become those of this format.

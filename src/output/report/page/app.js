@@ -84,11 +84,12 @@ class App {
     this.plan.draw();
     addEventListener("resize", () => { this.plan.draw(); this.render(); });
     document.documentElement.dataset.ready = "true";
+    if (this.scene) await this.startStream();
   }
 
   async startScene() {
     const { sample } = this.page;
-    const points = this.points = readPoints(await inflated("data-points"), sample.points, sample.step_m);
+    const points = this.points = readSample(await inflated("data-points"), sample.points, sample.step_m);
     this.ground = new Ground(points);
     this.camera = new Camera(this.radius(points));
     this.scene = new Scene($("scene"), points, this.measure(points));
@@ -110,10 +111,47 @@ class App {
     return Math.max(10, far[Math.floor(0.98 * (far.length - 1))] ?? 10);
   }
 
+  /** Streams all points, if the page comes from `chainage view` and the run wrote them. */
+  async startStream() {
+    try {
+      const fully = this.fullSpacings();
+      this.stream = await Stream.open(this.page, { add: (points) => new Cloud(this.scene.gl, points, fully), changed: () => this.render() });
+      this.render();
+    } catch (error) {
+      $("detail").textContent = `No further points: ${error.message}`;
+      $("detail").hidden = false;
+    }
+  }
+
+  /** Draws the streamed points that the view needs and that are here. */
+  showDetail() {
+    const { stream, scene } = this, canvas = $("scene");
+    if (!stream) return;
+    const scale = scene.targets.scale ?? 1;
+    scene.stream(stream.update(this.camera, canvas.clientWidth * scale, canvas.clientHeight * scale), stream.octree);
+    const painted = scene.paint(this.colour, this.painted);
+    if (!painted) this.render();
+    $("detail").textContent = stream.words;
+    $("detail").hidden = false;
+    document.documentElement.dataset.detail = String(stream.complete && painted);
+  }
+
+  /** How far apart the points of a key are if all are shown, in metres: denser than the sample by what it leaves out. */
+  fullSpacings() {
+    const { counts } = this.run.result, { table } = this;
+    const column = table.columns.findIndex(({ name }) => name === "points");
+    const inObjects = column < 0 ? 0 : table.values[column].reduce((sum, points) => sum + points, 0);
+    return (key) => {
+      const all = key === 0 ? counts.ground : key === 1 ? counts.object - inObjects : table.values[column]?.[this.rowOf.get(key - 1)];
+      if (!all) return 0.03;
+      return this.spacings(key) * Math.sqrt(Math.min(1, (this.sampled.get(key) ?? 1) / all));
+    };
+  }
+
   /** Finds the box of each object, and returns how far apart the points of a key are, in metres. */
   measure(points) {
     this.boxes = Array.from({ length: this.table.count }, () => null);
-    const counts = new Map();
+    const counts = (this.sampled = new Map());
     for (let at = 0; at < points.count; at++) {
       const key = points.keys[at];
       counts.set(key, (counts.get(key) ?? 0) + 1);
@@ -127,12 +165,12 @@ class App {
       }
     }
     const ground = 0.8 * Math.sqrt(this.ground.area() / Math.max(1, counts.get(0) ?? 1));
-    return (key) => {
+    return (this.spacings = (key) => {
       const box = key < 2 ? null : this.boxes[this.rowOf.get(key - 1)];
       if (!box) return Math.min(key === 0 ? 0.4 : 0.12, Math.max(0.03, ground));
       const [dx, dy, dz] = [0, 1, 2].map((axis) => box[axis + 3] - box[axis]);
       return Math.min(1, Math.max(0.03, 0.75 * Math.sqrt(((dx + dy) * dz + 0.5 * dx * dy) / counts.get(key))));
-    };
+    });
   }
 
   classOf(row) { return row >= 0 && this.table.classColumn >= 0 ? this.table.values[this.table.classColumn][row] : 0; }
@@ -140,7 +178,7 @@ class App {
   /** Colour of an object: that of its class, or its own where the method has no classes. */
   colourOf(row) { return this.classified ? classColour(this.classOf(row)) : hueColour(this.table.id(row) + 1); }
 
-  isShown(row) { return !this.hidden.has(this.classOf(row)) && (!this.passing || this.passing.has(row)); }
+  isShown(row, code = this.classOf(row)) { return !this.hidden.has(code) && (!this.passing || this.passing.has(row)); }
 
   /** Called when the filters of the table change: objects that do not pass are hidden. */
   filtered(rows) {
@@ -161,39 +199,12 @@ class App {
     }));
   }
 
-  /** Colours every point for the mode. */
+  /** Colours every point for the mode: the sample now, and streamed points while pictures are drawn. */
   paint() {
-    const { points, mode, theme, ground } = this;
-    const groundColour = rgb(GROUND_COLOUR[theme.name]), looseColour = rgb(LOOSE_COLOUR[theme.name]);
-    const heights = ramp(HEIGHT_RAMP), grays = ramp(INTENSITY_RAMP[theme.name]);
-    const kept = new Map();
-    const ofKey = (key) => {
-      let found = kept.get(key);
-      if (found) return found;
-      const row = this.rowOf.get(key - 1) ?? -1, code = this.classOf(row);
-      found = [...rgb(mode === "class" ? classColour(code) : hueColour(key)), this.isShown(row)];
-      kept.set(key, found);
-      return found;
-    };
-    this.scene.paint((at, look, to) => {
-      const key = points.keys[at];
-      let colour = key === 0 ? groundColour : key === 1 ? looseColour : ofKey(key);
-      const visible = key === 0 ? !this.hidden.has("ground") : key === 1 ? !this.hidden.has("loose") : colour[3];
-      // The intensity shows markings and bark in every mode.
-      let from = 0, light = 0.74 + points.intensities[at] / 800;
-      if (mode === "height") {
-        const over = points.places[3 * at + 2] - ground.height(points.places[3 * at], points.places[3 * at + 1]);
-        from = 3 * Math.max(0, Math.min(255, Math.round((over / HIGHEST_M) * 255)));
-        colour = heights;
-        light = 1;
-      } else if (mode === "intensity") {
-        from = 3 * points.intensities[at];
-        colour = grays;
-        light = 1;
-      }
-      for (let part = 0; part < 3; part++) look[to + part] = Math.min(255, colour[from + part] * light);
-      return visible;
-    });
+    const { mode, theme, ground, hidden } = this;
+    this.colour = colouring({ mode, theme, ground, hidden, rowOf: (id) => this.rowOf.get(id), classOf: (row) => this.classOf(row), isShown: (row, code) => this.isShown(row, code) });
+    this.painted = (this.painted ?? 0) + 1;
+    this.scene.paint(this.colour, this.painted);
     this.fillLegend();
     this.render();
   }
@@ -230,6 +241,7 @@ class App {
       const { moving: fast } = this.wanted;
       this.wanted = null;
       this.scene.chosen = this.chosen >= 0 ? this.table.id(this.chosen) + 1 : 0;
+      this.showDetail();
       this.scene.draw(this.camera, this.theme, this.chosenBox(), fast);
       this.placeTag();
       const [x, y] = this.camera.eye();

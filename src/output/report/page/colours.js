@@ -1,4 +1,4 @@
-// The colours of classes and objects, and the ramps of height and intensity.
+// The colours of classes and objects, the ramps of height and intensity, and the colour of a point.
 
 const CLASS_COLOURS = { 0: "#8d97a5", 2: "#3fa35a", 3: "#efb112", 4: "#3f83f0", 5: "#c7664c", 6: "#9b72d8", 7: "#e5599b", 8: "#1fb4c9", 9: "#a48a67" };
 const GROUND_COLOUR = { light: "#c9c1b2", dark: "#575650" };
@@ -36,4 +36,39 @@ function ramp(colours) {
     for (let part = 0; part < 3; part++) table[3 * at + part] = stops[low][part] + (place - low) * (stops[low + 1][part] - stops[low][part]);
   }
   return table;
+}
+
+/** A function that colours points: `(points, point, rgba, at)` writes red, green and blue, and returns whether the point is shown. */
+function colouring({ mode, theme, ground, hidden, rowOf, classOf, isShown }) {
+  const groundColour = rgb(GROUND_COLOUR[theme.name]), looseColour = rgb(LOOSE_COLOUR[theme.name]);
+  const heights = ramp(HEIGHT_RAMP), grays = ramp(INTENSITY_RAMP[theme.name]);
+  const kept = new Map();
+  const ofKey = (key, streamedClass) => {
+    let found = kept.get(key);
+    if (found) return found;
+    // A page with a limit may have no row for an object that is streamed.
+    const row = rowOf(key - 1) ?? -1, code = row >= 0 ? classOf(row) : streamedClass;
+    found = [...rgb(mode === "class" ? classColour(code) : hueColour(key)), isShown(row, code)];
+    kept.set(key, found);
+    return found;
+  };
+  return (points, point, look, to) => {
+    const key = points.keys[point];
+    let colour = key === 0 ? groundColour : key === 1 ? looseColour : ofKey(key, points.classes?.[point] ?? 0);
+    const visible = key === 0 ? !hidden.has("ground") : key === 1 ? !hidden.has("loose") : colour[3];
+    // The intensity shows markings and bark in every mode.
+    let from = 0, light = 0.74 + points.intensities[point] / 800;
+    if (mode === "height") {
+      const over = points.places[3 * point + 2] - ground.height(points.places[3 * point], points.places[3 * point + 1]);
+      from = 3 * Math.max(0, Math.min(255, Math.round((over / HIGHEST_M) * 255)));
+      colour = heights;
+      light = 1;
+    } else if (mode === "intensity") {
+      from = 3 * points.intensities[point];
+      colour = grays;
+      light = 1;
+    }
+    for (let part = 0; part < 3; part++) look[to + part] = Math.min(255, colour[from + part] * light);
+    return visible;
+  };
 }

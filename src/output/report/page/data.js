@@ -25,12 +25,15 @@ async function inflated(id) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
+/** Bytes of a point: key, place and intensity in the page; more of the intensity, and the class, in what is streamed. */
+const SAMPLE_PLANES = 17, STREAMED_PLANES = 19;
+
 /**
  * The points. The bytes are planes of `count` values: key (4 bytes, difference to the point before), x, y, z (4 bytes
- * each, difference to the point before, the sign in the lowest bit), intensity (1 byte). Key 0 is ground, 1 is a point
- * of no object, and k + 1 is object k.
+ * each, difference to the point before, the sign in the lowest bit), and more. Key 0 is ground, 1 is a point of no
+ * object, and k + 1 is object k. `toPage` has the metres of a step and those of the origin, for each axis.
  */
-function readPoints(bytes, count, step) {
+function readPoints(bytes, count, toPage) {
   const keys = new Uint32Array(count);
   const places = new Float32Array(3 * count);
   const word = (plane, at) => {
@@ -40,14 +43,33 @@ function readPoints(bytes, count, step) {
   let key = 0;
   for (let at = 0; at < count; at++) keys[at] = key += word(0, at);
   for (let axis = 0; axis < 3; axis++) {
+    const [step, origin] = toPage[axis];
     let place = 0;
     for (let at = 0; at < count; at++) {
       const coded = word(4 + 4 * axis, at);
-      place += (coded >>> 1) ^ -(coded & 1);
-      places[3 * at + axis] = place * step;
+      // As an integer of 32 bits, as the difference was made.
+      place = (place + ((coded >>> 1) ^ -(coded & 1))) | 0;
+      places[3 * at + axis] = place * step + origin;
     }
   }
-  return { count, keys, places, intensities: bytes.subarray(16 * count, 17 * count) };
+  return { count, keys, places };
+}
+
+/** The points of the page: with their shades. */
+function readSample(bytes, count, step) {
+  const points = readPoints(bytes, count, [[step, 0], [step, 0], [step, 0]]);
+  return { ...points, intensities: bytes.subarray(16 * count, SAMPLE_PLANES * count), classes: null };
+}
+
+/** Streamed points: with their classes, and with shades between the intensities `low` and `high`. */
+function readStreamed(bytes, toPage, [low, high]) {
+  const count = bytes.length / STREAMED_PLANES;
+  const intensities = new Uint8Array(count);
+  for (let at = 0; at < count; at++) {
+    const intensity = bytes[16 * count + at] | (bytes[17 * count + at] << 8);
+    intensities[at] = ((Math.min(high, Math.max(low, intensity)) - low) * 255) / Math.max(1, high - low);
+  }
+  return { ...readPoints(bytes, count, toPage), intensities, classes: bytes.subarray(18 * count) };
 }
 
 /** Height of the ground on a raster of 4 m, from the ground points. Cells without ground take that of the nearest. */

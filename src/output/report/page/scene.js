@@ -1,4 +1,4 @@
-// Draws the points with WebGL 2: positions and colours once on the graphics card, shading by depth, picking by number.
+// Draws the points with WebGL 2: the sample, and the nodes that are streamed; shading by depth, picking by number.
 
 const POINT_VERTEX = `#version 300 es
 layout(location = 0) in vec3 place;
@@ -10,16 +10,48 @@ uniform vec2 pixels;   // of a metre at a distance of one metre; largest size of
 uniform uint chosen;
 uniform vec3 accent;
 uniform bool numbers;
+uniform highp usampler2D tree;   // entries of the nodes that are drawn: see treeTexture in octree.js
+uniform int nodes;
+uniform vec3 low;      // of the octree, and its edges, in metres
+uniform vec3 side;
+uniform float coarsest;
+uniform bool sampled;
 flat out vec4 colour;
+// Distance between the streamed points around this place; 0 where all points are drawn, below 0 where none is.
+float streamed() {
+  vec3 at = (place - low) / side;
+  if (nodes == 0 || any(lessThan(at, vec3(0.0))) || any(greaterThanEqual(at, vec3(1.0)))) return -1.0;
+  float apart = coarsest;
+  int node = 0;
+  for (int level = 0; level < 24; level++) {
+    uvec2 entry = texelFetch(tree, ivec2(node & 255, node >> 8), 0).rg;
+    at *= 2.0;
+    uvec3 upper = min(uvec3(at), uvec3(1u));
+    at -= vec3(upper);
+    uint octant = upper.x | upper.y << 1 | upper.z << 2;
+    if ((entry.r >> (octant + 8u) & 1u) == 1u) return 0.0;
+    if ((entry.r >> octant & 1u) == 0u) return apart;
+    uint before = entry.r & 255u & ((1u << octant) - 1u);
+    before -= before >> 1 & 0x55u;
+    before = (before & 0x33u) + (before >> 2 & 0x33u);
+    node = int(entry.g + (before + (before >> 4) & 15u));
+    apart *= 0.5;
+  }
+  return apart;
+}
 void main() {
   gl_Position = camera * vec4(place - eye, 1.0);
   // The alpha channel holds the distance between points: eighths of powers of two from 1/64 m; 0 hides the point.
   float apart = exp2(look.a * 255.0 / 8.0 - 6.0);
+  float detail = streamed();
+  // Where the streamed points are as dense as the sample, they are shown instead of it.
+  bool replaced = sampled && detail >= 0.0 && detail <= apart;
+  if (!sampled) apart = max(apart, detail);
   gl_PointSize = clamp(1.3 * apart * pixels.x / max(gl_Position.w, 0.01), 1.6, pixels.y);
   colour = vec4(look.rgb, 1.0);
   if (numbers) colour = vec4(uvec4(key, key >> 8, key >> 16, key >> 24) & 255u) / 255.0;
   else if (chosen != 0u) colour.rgb = key == chosen ? mix(look.rgb, accent, 0.75) : mix(look.rgb, vec3(dot(look.rgb, vec3(0.33))), 0.55);
-  if (look.a == 0.0) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
+  if (look.a == 0.0 || replaced) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
 }`;
 const POINT_FRAGMENT = `#version 300 es
 precision mediump float;
@@ -79,11 +111,14 @@ class Scene {
   constructor(canvas, points, spacings) {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance", preserveDrawingBuffer: true });
     if (!gl) throw new Error("no WebGL 2");
-    Object.assign(this, { canvas, gl, points, chosen: 0, moving: points.count, axisLines: [] });
+    Object.assign(this, { canvas, gl, chosen: 0, moving: points.count, axisLines: [], nodes: [], octree: null });
     this.pointProgram = this.program(POINT_VERTEX, POINT_FRAGMENT);
     this.lineProgram = this.program(LINE_VERTEX, LINE_FRAGMENT);
     this.screenProgram = this.program(SCREEN_VERTEX, SCREEN_FRAGMENT);
-    this.upload(points, spacings);
+    this.sample = new Cloud(gl, points, spacings);
+    this.tree = gl.createTexture();
+    this.stream({ nodes: [], entries: [] }, null);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
     this.lines = gl.createVertexArray();
     this.lineBuffer = gl.createBuffer();
     gl.bindVertexArray(this.lines);
@@ -114,52 +149,32 @@ class Scene {
     return { program, places };
   }
 
-  /** Points go to the card in a mixed order, so that any first part of them is the whole drive, thinned evenly. */
-  upload(points, spacings) {
+  /** What is streamed: nodes with their clouds, and the entries for the shader. */
+  stream({ nodes, entries }, octree) {
     const { gl } = this;
-    const { count } = points;
-    const order = this.order = new Uint32Array(count);
-    let stride = Math.max(1, Math.floor(count * 0.618034));
-    const divisor = (a, b) => (b ? divisor(b, a % b) : a);
-    while (count > 1 && divisor(stride, count) !== 1) stride++;
-    for (let at = 0, from = 0; at < count; at++, from = (from + stride) % count) order[at] = from;
-    const places = new Float32Array(3 * count), keys = new Uint32Array(count);
-    this.spacings = new Uint8Array(count);
-    const codes = new Map();
-    for (let at = 0; at < count; at++) {
-      const from = order[at], key = points.keys[from];
-      for (let axis = 0; axis < 3; axis++) places[3 * at + axis] = points.places[3 * from + axis];
-      keys[at] = key;
-      let code = codes.get(key);
-      if (code === undefined) codes.set(key, (code = Math.max(1, Math.min(255, Math.round(8 * (Math.log2(spacings(key)) + 6))))));
-      this.spacings[at] = code;
-    }
-    this.look = new Uint8Array(4 * count);
-    this.cloud = gl.createVertexArray();
-    gl.bindVertexArray(this.cloud);
-    const fill = (data, usage) => {
-      const buffer = gl.createBuffer();
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.bufferData(gl.ARRAY_BUFFER, data, usage);
-      return buffer;
-    };
-    fill(places, gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-    this.looks = fill(this.look, gl.DYNAMIC_DRAW);
-    gl.enableVertexAttribArray(1);
-    gl.vertexAttribPointer(1, 4, gl.UNSIGNED_BYTE, true, 0, 0);
-    fill(keys, gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(2);
-    gl.vertexAttribIPointer(2, 1, gl.UNSIGNED_INT, 0, 0);
+    this.nodes = nodes;
+    this.octree = octree;
+    const rows = Math.max(1, Math.ceil(entries.length / 512));
+    const filled = new Uint32Array(512 * rows);
+    filled.set(entries);
+    gl.activeTexture(gl.TEXTURE2);
+    gl.bindTexture(gl.TEXTURE_2D, this.tree);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RG32UI, 256, rows, 0, gl.RG_INTEGER, gl.UNSIGNED_INT, filled);
   }
 
-  /** Colours every point: `colour(point, rgba, at)` writes red, green and blue, and returns whether the point is shown. */
-  paint(colour) {
-    const { gl, look, order, spacings } = this;
-    for (let at = 0; at < order.length; at++) look[4 * at + 3] = colour(order[at], look, 4 * at) ? spacings[at] : 0;
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.looks);
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, look);
+  /** Points that can be drawn. */
+  get count() { return this.nodes.reduce((sum, node) => sum + (node.cloud?.count ?? 0), this.sample.count); }
+
+  /** Paints the sample at once, and streamed nodes for a few milliseconds. Returns whether all are painted. */
+  paint(colour, version) {
+    const until = performance.now() + 12;
+    if (this.sample.version !== version) this.sample.paint(colour, version);
+    for (const { cloud } of this.nodes) {
+      if (!cloud || cloud.version === version) continue;
+      if (performance.now() > until) return false;
+      cloud.paint(colour, version);
+    }
+    return true;
   }
 
   resize() {
@@ -188,7 +203,7 @@ class Scene {
   }
 
   /** The points into the frame, as colours or as numbers. */
-  drawPoints(camera, numbers, count) {
+  drawPoints(camera, numbers, share) {
     const { gl, targets, pointProgram: { program, places } } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, targets.frame);
     gl.viewport(0, 0, targets.width, targets.height);
@@ -199,13 +214,22 @@ class Scene {
     gl.uniformMatrix4fv(places.camera, false, camera.matrix(targets.width / targets.height));
     gl.uniform3fv(places.eye, camera.eye());
     // Fewer points are drawn larger, so that surfaces stay closed.
-    const larger = Math.min(3, Math.sqrt(this.points.count / Math.max(1, count)));
+    const larger = Math.min(3, Math.sqrt(1 / Math.max(0.01, share)));
     gl.uniform2f(places.pixels, (larger * targets.height) / (2 * Math.tan(camera.opening / 2)), 18 * targets.scale);
     gl.uniform1ui(places.chosen, this.chosen);
     gl.uniform3fv(places.accent, this.accent);
     gl.uniform1i(places.numbers, numbers);
-    gl.bindVertexArray(this.cloud);
-    gl.drawArrays(gl.POINTS, 0, count);
+    gl.uniform1i(places.tree, 2);
+    gl.uniform1i(places.nodes, this.nodes.length);
+    gl.uniform3fv(places.low, this.octree?.low ?? [0, 0, 0]);
+    gl.uniform3fv(places.side, this.octree?.side ?? [1, 1, 1]);
+    gl.uniform1f(places.coarsest, this.octree?.spacing ?? 1);
+    gl.activeTexture(gl.TEXTURE2);
+    gl.bindTexture(gl.TEXTURE_2D, this.tree);
+    gl.uniform1i(places.sampled, true);
+    this.sample.draw(share);
+    gl.uniform1i(places.sampled, false);
+    for (const { cloud } of this.nodes) cloud?.draw(share);
   }
 
   drawLines(camera, vertices, kind, colour) {
@@ -227,9 +251,9 @@ class Scene {
     this.resize();
     const { targets, screenProgram: { program, places } } = this;
     const began = performance.now();
-    const count = moving ? Math.min(this.points.count, this.moving) : this.points.count;
+    const all = this.count, share = moving ? Math.min(1, this.moving / Math.max(1, all)) : 1;
     this.accent = theme.accent;
-    this.drawPoints(camera, false, count);
+    this.drawPoints(camera, false, share);
     for (const line of this.axisLines) this.drawLines(camera, line, gl.LINE_STRIP, [...theme.accent, 1]);
     if (box) this.drawLines(camera, box, gl.LINES, [...theme.accent, 1]);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -251,8 +275,8 @@ class Scene {
     if (moving) {
       gl.finish();
       const seconds = (performance.now() - began) / 1000;
-      const fitting = count * (seconds > 0.05 ? 0.7 : seconds < 0.02 ? 1.4 : 1);
-      this.moving = Math.round(Math.min(this.points.count, Math.max(FEWEST_MOVING, fitting)));
+      const fitting = all * share * (seconds > 0.05 ? 0.7 : seconds < 0.02 ? 1.4 : 1);
+      this.moving = Math.round(Math.min(all, Math.max(FEWEST_MOVING, fitting)));
     }
   }
 
@@ -260,7 +284,7 @@ class Scene {
   pick(camera, x, y) {
     const { gl, targets } = this;
     this.resize();
-    this.drawPoints(camera, true, this.points.count);
+    this.drawPoints(camera, true, 1);
     const reach = Math.round(7 * this.targets.scale), side = 2 * reach + 1;
     const left = Math.round(x * this.targets.scale) - reach, bottom = this.targets.height - Math.round(y * this.targets.scale) - 1 - reach;
     const seen = new Uint8Array(4 * side * side);

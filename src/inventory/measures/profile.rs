@@ -1,0 +1,120 @@
+//! The heights of an object: how many points are in each slice, and between which heights the object is
+//! whole. A few points that a gap divides from the rest are not of it: reflections below the ground, leaves
+//! above a sign.
+
+use serde::{Deserialize, Serialize};
+
+use super::sketch::{Patch, Sketch};
+use crate::model::Lattice;
+
+/// Shortest gap in metres. Measured on three drives of `synth` and one labelled scene: at 0.25 m, the top of
+/// a tree was lost; at 0.4 m, leaves stayed on hedges.
+const SHORTEST_GAP_M: f64 = 0.3;
+/// Share of the points that a gap detaches at most, per metre of the gap. Measured there: what was not of the
+/// object had up to 0.17 of its points per metre, and no object lost a part.
+const SHARE_PER_M: f64 = 1.0 / 6.0;
+/// Largest share that is detached, however long the gap is: half of a lamp may be hidden behind a crown.
+/// Measured there: 0.18 of the points of a sign were leaves 4 m above it.
+const LARGEST_SHARE: f64 = 0.2;
+
+/// The points of a horizontal slice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Slice {
+    pub(crate) points: u64,
+    /// Lowest and highest lattice z.
+    pub(crate) lowest: i64,
+    /// See `lowest`.
+    pub(crate) highest: i64,
+}
+
+impl Patch for Slice {
+    fn merge(&mut self, other: &Self) {
+        self.points += other.points;
+        self.lowest = self.lowest.min(other.lowest);
+        self.highest = self.highest.max(other.highest);
+    }
+}
+
+/// The heights between which an object is whole, in lattice z: its ends without detached points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Ends {
+    pub(crate) bottom: i64,
+    pub(crate) top: i64,
+}
+
+impl Ends {
+    /// The ends of an object with this profile; `None` without points.
+    pub(crate) fn of(profile: &Sketch<Slice>, lattice: Lattice) -> Option<Self> {
+        let slices: Vec<Slice> = profile.voxels.iter().map(|(_, slice)| *slice).collect();
+        let all = slices.iter().map(|slice| slice.points).sum::<u64>() as f64;
+        let (first, last) = (slices.first()?, slices.last()?);
+        let mut ends = Self { bottom: first.lowest, top: last.highest };
+        let mut below = 0;
+        let mut top_found = false;
+        for pair in slices.windows(2) {
+            below += pair[0].points;
+            let gap_m = lattice.metres(pair[1].lowest - pair[0].highest);
+            if gap_m < SHORTEST_GAP_M {
+                continue;
+            }
+            let most = all * (gap_m * SHARE_PER_M).min(LARGEST_SHARE);
+            // The highest gap with few points below it, and the lowest one with few points above it. Both
+            // shares are below a half, so they are different gaps.
+            if below as f64 <= most {
+                ends.bottom = pair[1].lowest;
+            } else if !top_found && all - below as f64 <= most {
+                ends.top = pair[0].highest;
+                top_found = true;
+            }
+        }
+        Some(ends)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inventory::measures::sketch::Frame;
+
+    /// The ends of points at these heights in millimetres: from, to, step.
+    fn ends(runs: &[(i64, i64, usize)]) -> Ends {
+        let heights: Vec<i64> = runs.iter().flat_map(|&(from, to, step)| (from..=to).step_by(step)).collect();
+        let corners = [heights.iter().min().unwrap(), heights.iter().max().unwrap()].map(|z| [0, 0, *z]);
+        let frame = Frame::new(100, corners[0], corners[1]);
+        let slice = |&z: &i64| (frame.key([0, 0, z]), Slice { points: 1, lowest: z, highest: z });
+        let profile = Sketch::of(&frame, heights.iter().map(slice).collect(), 1 << 10);
+        Ends::of(&profile, Lattice::MILLIMETRE).unwrap()
+    }
+
+    #[test]
+    fn a_few_reflections_below_the_ground_are_not_the_bottom() {
+        // 300 points of a post; 10 points from -2 m to -0.5 m, with gaps among them.
+        let post = (40, 3_030, 10);
+        assert_eq!(
+            ends(&[(-2_000, -1_750, 50), (-1_300, -1_200, 50), (-500, -500, 1), post]),
+            Ends { bottom: 40, top: 3_030 }
+        );
+        // Without a gap, or with many of them, they may be the foot of the post.
+        assert_eq!(ends(&[(-200, -200, 1), post]).bottom, -200);
+        assert_eq!(ends(&[(-800, -500, 5), post]).bottom, -800);
+    }
+
+    #[test]
+    fn leaves_above_a_sign_are_not_its_top() {
+        let sign = (0, 2_700, 10);
+        assert_eq!(ends(&[sign, (4_500, 5_500, 50), (6_000, 6_500, 50)]), Ends { bottom: 0, top: 2_700 });
+        // A short gap detaches few points only.
+        assert_eq!(ends(&[sign, (3_030, 3_500, 30)]).top, 3_500);
+        assert_eq!(ends(&[sign, (3_030, 3_080, 30)]).top, 2_700);
+        assert_eq!(ends(&[sign, (2_950, 2_950, 1)]).top, 2_950);
+        // The upper half of a lamp behind a crown stays.
+        assert_eq!(ends(&[(0, 3_000, 10), (7_000, 8_000, 10)]).top, 8_000);
+    }
+
+    #[test]
+    fn both_ends_of_an_object_may_have_detached_points() {
+        let found = ends(&[(-900, -900, 1), (0, 5_000, 10), (6_000, 6_000, 1)]);
+        assert_eq!(found, Ends { bottom: 0, top: 5_000 });
+        assert_eq!(ends(&[(7, 7, 1)]), Ends { bottom: 7, top: 7 });
+    }
+}
