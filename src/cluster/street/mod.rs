@@ -22,6 +22,7 @@
 //! doi:10.1016/j.isprsjprs.2015.10.007.
 
 mod axis;
+mod canopy;
 mod chains;
 mod classified;
 mod cores;
@@ -54,6 +55,7 @@ mod sparse;
 mod stage_classes;
 mod stage_context;
 mod stage_voxels;
+mod suits;
 mod terrain;
 mod training;
 mod uniting;
@@ -222,12 +224,12 @@ impl Method for Street {
     }
 
     fn warnings(&self, drive: &dyn DriveWindow) -> Result<Vec<String>> {
-        Ok(sparse::warning(drive.global(STEP_VOXELS))?.into_iter().collect())
+        suits::warnings(drive.global(STEP_VOXELS), self.model.is_none().then_some(self.config.scene))
     }
 
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
-            STEP_VOXELS => sparse::reduce(drive).map(Reduced::Global),
+            STEP_VOXELS => suits::reduce(drive).map(Reduced::Global),
             STEP_CLASSES | STEP_CONTEXT | STEP_EDGES => Ok(Reduced::Global(Vec::new())),
             STEP_GROWTH => growth::reduce(drive, self.config.min_uncertain()).map(Reduced::Global),
             STEP_CHAINS => chains::reduce(drive).map(Reduced::Global),

@@ -5,12 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::STEP_VOXELS;
-use super::voxels::{SECTION_STACKED, StoredVoxels};
-use crate::cluster::DriveWindow;
-use crate::codec;
-use crate::error::Result;
-use crate::model::TileId;
+use super::voxels::StoredVoxels;
 
 /// Smallest share of stacked voxels without a warning. Scenes thinned to half have 0.49 and more and lose
 /// 0.03 of F1; to a quarter, 0.32 to 0.40 and 0.06 to 0.15; to a tenth, 0.16 to 0.21 and 0.15 to 0.40. The
@@ -36,8 +31,13 @@ impl Stacked {
         Self { voxels: keys.len() as u64, stacked: stacked.count() as u64 }
     }
 
+    pub(super) fn add(&mut self, other: Self) {
+        self.voxels += other.voxels;
+        self.stacked += other.stacked;
+    }
+
     /// What the run says about them.
-    fn warning(self) -> Option<String> {
+    pub(super) fn warning(self) -> Option<String> {
         let share = self.stacked as f64 / self.voxels.max(1) as f64;
         (self.voxels > 0 && share < SPARSE).then(|| {
             format!(
@@ -48,23 +48,6 @@ impl Stacked {
             )
         })
     }
-}
-
-/// The counts of the drive, from the payloads of the step `voxels`.
-pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
-    let mut sum = Stacked::default();
-    for tile in TileId::first(drive.tiles()) {
-        let one: Stacked =
-            codec::decode(codec::section(&drive.payload(STEP_VOXELS, tile)?, SECTION_STACKED)?)?;
-        sum.voxels += one.voxels;
-        sum.stacked += one.stacked;
-    }
-    codec::encode(&sum)
-}
-
-/// What the run says about a drive, from the global of the step `voxels`.
-pub(super) fn warning(global: &[u8]) -> Result<Option<String>> {
-    Ok(codec::decode::<Stacked>(global)?.warning())
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 //! of what it owns.
 #![expect(clippy::cast_possible_truncation, reason = "counts of a tile fit u32, edges are 0.15 m and 0.5 m")]
 
+use super::canopy::{COVERED_M, Cover};
 use super::settings::{NAME, edge};
 use super::sparse::Stacked;
 use super::terrain::{CELL_M, StoredGround, layers};
@@ -28,13 +29,18 @@ pub(super) struct Cut {
     /// The voxels that the tile owns.
     pub(super) stored: StoredVoxels,
     ground: StoredGround,
+    cover: Cover,
 }
 
 impl Cut {
     /// The payload of the step.
     pub(super) fn payload(&self) -> Result<Vec<u8>> {
         let stacked = Stacked::count(&self.stored);
-        let sections = [codec::encode(&self.stored)?, codec::encode(&self.ground)?, codec::encode(&stacked)?];
+        let sections = [
+            codec::encode(&self.stored)?,
+            codec::encode(&self.ground)?,
+            codec::encode(&(stacked, self.cover))?,
+        ];
         Ok(codec::pack(&sections))
     }
 }
@@ -69,8 +75,8 @@ pub(super) fn points_reach(lattice: Lattice) -> i64 {
 pub(super) fn cut_of(tile: &dyn TileWindow, points: TilePoints) -> Result<Cut> {
     let cell = tile.lattice().units(CELL_M);
     let (voxel, stored) = voxels(tile, &points)?;
-    let ground = ground(tile, &points, cell.unsigned_abs() as u32)?;
-    Ok(Cut { points, voxel, stored, ground })
+    let (ground, cover) = ground(tile, &points, cell.unsigned_abs() as u32)?;
+    Ok(Cut { points, voxel, stored, ground, cover })
 }
 
 fn voxels(tile: &dyn TileWindow, points: &TilePoints) -> Result<(Vec<u32>, StoredVoxels)> {
@@ -115,26 +121,34 @@ fn voxels(tile: &dyn TileWindow, points: &TilePoints) -> Result<(Vec<u32>, Store
     Ok((voxel, storing.finish()))
 }
 
-fn ground(tile: &dyn TileWindow, points: &TilePoints, cell: u32) -> Result<StoredGround> {
+/// The ground raster, and how many of its cells are covered.
+fn ground(tile: &dyn TileWindow, points: &TilePoints, cell: u32) -> Result<(StoredGround, Cover)> {
     let index = VoxelIndex::build(NAME, &points.cloud, cell)?;
     let bottom = points.cloud.origin[2];
     let gap = tile.lattice().units(super::terrain::LAYER_GAP_M) as i32;
+    let covered = tile.lattice().units(COVERED_M) / i64::from(cell);
     let mut ground = StoredGround::default();
+    let mut cover = Cover::default();
     let mut heights: Vec<i32> = Vec::new();
     for (column, at) in index.columns().iter().enumerate() {
+        let base = index.grid().base;
+        let global = |axis: usize| i32::try_from(base[axis] + i64::from(at[axis]));
+        // Beyond 2^31 cells from the origin there are no voxels either: `voxels` has refused them.
+        let (Ok(i), Ok(j)) = (global(0), global(1)) else { continue };
+        if !owns(tile, [i, j], i64::from(cell)) {
+            continue;
+        }
+        let levels = index.column_voxels(column).map(|voxel| i64::from(index.heights()[voxel]));
+        let extent = levels.clone().max().unwrap_or(0) - levels.min().unwrap_or(0);
+        cover.add(Cover { cells: 1, covered: u64::from(extent >= covered) });
         heights.clear();
         for voxel in index.column_voxels(column) {
             let inside = index.voxel_points(voxel).flatten().filter(|&point| points.ground[point]);
             heights.extend(inside.map(|point| points.cloud.z[point]));
         }
-        let Some(found) = layers(&mut heights, gap) else { continue };
-        let base = index.grid().base;
-        let global = |axis: usize| i32::try_from(base[axis] + i64::from(at[axis]));
-        // Beyond 2^31 cells from the origin there are no voxels either: `voxels` has refused them.
-        let (Ok(i), Ok(j)) = (global(0), global(1)) else { continue };
-        if owns(tile, [i, j], i64::from(cell)) {
+        if let Some(found) = layers(&mut heights, gap) {
             ground.push([i, j], found.map(|height| bottom + i64::from(height)));
         }
     }
-    Ok(ground)
+    Ok((ground, cover))
 }

@@ -24,7 +24,7 @@ use crate::spatial::{Cell, CellGrid, CellMap};
 /// Sections of the payload of the step `voxels`.
 pub(super) const SECTION_VOXELS: usize = 0;
 pub(super) const SECTION_GROUND: usize = 1;
-pub(super) const SECTION_STACKED: usize = 2;
+pub(super) const SECTION_COUNTS: usize = 2;
 
 /// Columns per edge of the squares that tell which columns are near a tile.
 const SQUARE: i32 = 8;
