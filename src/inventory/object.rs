@@ -108,8 +108,8 @@ impl<'a> Object<'a> {
         let centre = centre(part);
         let ground_m = site.terrain.height_m([centre[0], centre[1]]);
         let frames = Frames::new(part, kind, site.ground_below(part), site.lattice);
-        let ends =
-            Ends::of(&measures.profile, site.lattice).unwrap_or(Ends { bottom: part.lo[2], top: part.hi[2] });
+        // Without points, as the centre.
+        let ends = Ends::of(&measures.profile, site.lattice).unwrap_or(Ends { bottom: 0, top: 0 });
         let foot = Foot::new(part, ends, kind, measures, &frames, site.terrain, site.lattice);
         let outline = outline(&measures.plan, &frames.plan, site.lattice, |_| true);
         Self { id, part, kind, site, centre, ground_m, measures, frames, ends, foot, outline }

@@ -101,19 +101,21 @@ fn lowest_part(
     let frame = &frames.plan;
     let level = measures.plan.level;
     let mut known = BTreeMap::new();
+    // What is above detached points is not known. Where they are in every cell, it begins at the bottom.
+    let is_clear = |lowest: i64| lowest >= ends.bottom;
+    let any_clear = measures.plan.voxels.iter().any(|(_, heights)| is_clear(heights.lowest));
     // Place, height over the ground, and how far the lowest point is below the model.
     let cells: Vec<([i64; 2], f64, f64)> = measures
         .plan
         .voxels
         .iter()
-        // What is above detached points is not known.
-        .filter(|(_, heights)| heights.lowest >= ends.bottom)
+        .filter(|(_, heights)| is_clear(heights.lowest) || !any_clear)
         .map(|([i, j, _], heights)| {
             let doubled = [frame.doubled_middle(level, 0, *i), frame.doubled_middle(level, 1, *j)];
             let place = doubled.map(|value| value.div_euclid(2));
             let ground_m =
                 *known.entry(terrain.cell(place)).or_insert_with(|| terrain.height_of_cell_m(place));
-            let lowest_m = lattice.metres(heights.lowest);
+            let lowest_m = lattice.metres(heights.lowest.max(ends.bottom));
             match ground_m.map(|ground_m| lowest_m - ground_m) {
                 Some(over_m) => (doubled, over_m.max(0.0), over_m.min(0.0)),
                 None => (doubled, lowest_m, 0.0),

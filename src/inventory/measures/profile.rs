@@ -104,7 +104,7 @@ mod tests {
         let sign = (0, 2_700, 10);
         assert_eq!(ends(&[sign, (4_500, 5_500, 50), (6_000, 6_500, 50)]), Ends { bottom: 0, top: 2_700 });
         // A short gap detaches few points only.
-        assert_eq!(ends(&[sign, (3_030, 3_500, 30)]).top, 3_500);
+        assert_eq!(ends(&[sign, (3_030, 3_480, 30)]).top, 3_480);
         assert_eq!(ends(&[sign, (3_030, 3_080, 30)]).top, 2_700);
         assert_eq!(ends(&[sign, (2_950, 2_950, 1)]).top, 2_950);
         // The upper half of a lamp behind a crown stays.
