@@ -53,6 +53,7 @@ mod stage_context;
 mod stage_voxels;
 mod terrain;
 mod training;
+mod trunks;
 mod uniting;
 mod verdict;
 mod voxels;
