@@ -80,10 +80,10 @@ impl Blocks {
         self.number.get(&[i + di, j + dj]).map(|&block| block as usize)
     }
 
-    /// For every block the height at which its ground begins: the quantile of the `lows` of the columns in the
-    /// blocks up to `reach` away along each axis; [`NONE`] where no column has a low. Where only stems were
-    /// seen below that, it is where the lowest of them begins, see `stems.rs`. `is_stem` says which columns
-    /// are stems, and `depth` how far ground may lie from the quantile.
+    /// For every block the height at which its ground begins: the quantile of the `lows` of the columns in
+    /// the blocks up to `reach` away along each axis; [`NONE`] where no column has a low. Where only stems
+    /// were seen below that, it is where the lowest of them begins, see `stems.rs`. `is_stem` says which
+    /// columns are stems, and `depth` how far ground may lie from the quantile.
     pub(super) fn floors(
         &self,
         lows: &[u32],

@@ -14,8 +14,8 @@
 //!    floor lies at their feet, see `stems.rs`.
 //! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor. So single returns do not count.
 //! 3. *Surface*: the opening of the lows by a disc of `radius`: the minimum over the disc, then the maximum
-//!    of these. It removes cars, hedges and trunks. It follows slopes, and never lies above a low. Where stems
-//!    are all that was seen, it is the minimum alone: most of a disc has no low near the ground there.
+//!    of these. It removes cars, hedges and trunks. It follows slopes, and never lies above a low. Where
+//!    stems are all that was seen, it is the minimum: most of a disc has no low near the ground there.
 //! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`. The surface stays below
 //!    this ceiling. Crowns and roofs without ground below them lie above it.
 //! 5. A column is clear if it is empty between `height` and `clear` above the surface. There, points between

@@ -1,22 +1,22 @@
 //! Stems, where they are all that was seen of the lowest things.
 //!
-//! Under a canopy the scanner may see stems and crowns, and no ground: undergrowth hides it, or somebody cut it
-//! off. Then nearly all columns have their low in a crown. A quantile of the lows lies in the crowns, too, and
-//! the feet of the stems lie below it, as multipath lies below a road. Two things tell them apart:
+//! Under a canopy the scanner may see stems and crowns, and no ground: undergrowth hides it, or somebody cut
+//! it off. Then nearly all columns have their low in a crown. A quantile of the lows lies in the crowns, too,
+//! and the feet of the stems lie below it, as multipath lies below a road. Two things tell them apart:
 //!
-//! * A stem is occupied without a gap from its low upwards. Between a road and what is mirrored below it, or a
-//!   stray return, there is a gap.
+//! * A stem is occupied without a gap from its low upwards. Between a road and what is mirrored below it, or
+//!   a stray return, there is a gap.
 //! * A road is where many columns have their low. The lows of crowns are at all heights.
 //!
-//! So the feet count where the columns of stems that begin below the quantile are at least half as many as the
-//! columns that have their low at it.
+//! So the feet count where the columns of stems that begin below the quantile are at least half as many as
+//! the columns that have their low at it.
 
 use crate::spatial::VoxelIndex;
 
 /// Fewest columns of stems that count (chosen: a thick stem or two thin ones).
 const FEWEST: usize = 3;
 
-/// Their smallest share of the columns that have their low at the quantile. See `benches/results/ground.md` for
+/// Their smallest share of the columns that have their low at the quantile. `benches/results/ground.md` has
 /// how often this happens.
 const SHARE: f64 = 0.5;
 

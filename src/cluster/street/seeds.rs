@@ -44,8 +44,8 @@ const SPACING_TO_TRUNK: f64 = 0.3;
 const SPACING_HANGING_TO_TRUNK: f64 = 0.6;
 /// Limits of these distances, in metres.
 const SPACING_M: (f64, f64) = (0.8, 4.0);
-/// In a forest stems stand nearer: below a canopy of this height, a stem that stands on the ground and rises by
-/// this much is at least this far from others, in metres (`benches/results/street.md`, "Forests").
+/// In a forest stems stand nearer: below a canopy of this height, a stem that stands on the ground and rises
+/// by this much is at least this far from others, in metres (`benches/results/street.md`, "Forests").
 const FOREST_CANOPY_M: f64 = 14.0;
 const FOREST_RISE_M: f64 = 1.5;
 const FOREST_SPACING_M: f64 = 2.0;

@@ -144,8 +144,8 @@ mod tests {
     use super::*;
     use crate::cluster::street::axis::Axis;
 
-    /// A piece of an upright chain in a slice, in the middle of the plane, with these shares of poles and trees
-    /// in percent.
+    /// A piece of an upright chain in a slice, in the middle of the plane, with these shares of poles and
+    /// trees in percent.
     fn piece(slice: u8, [pole, tree]: [u32; 2]) -> Piece {
         let low = 150 + 500 * i32::from(slice);
         let mut axis = Axis::new([0, 0, low.into()]);
