@@ -8,7 +8,16 @@
 use rustc_hash::FxHashMap;
 
 use super::lowest::NONE;
+use super::stems;
 use crate::spatial::VoxelIndex;
+
+/// The height at which the ground of a block begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Floor {
+    pub(super) at: u32,
+    /// Whether stems are all that was seen there.
+    pub(super) of_stems: bool,
+}
 
 /// The columns of an index by square blocks at multiples of their edge in the coordinates of the drive.
 pub(super) struct Blocks {
@@ -71,20 +80,37 @@ impl Blocks {
         self.number.get(&[i + di, j + dj]).map(|&block| block as usize)
     }
 
-    /// For every block the quantile of the `lows` of the columns in the blocks up to `reach` away along each
-    /// axis; [`NONE`] where no column has a low.
-    pub(super) fn quantiles(&self, lows: &[u32], reach: i64, quantile: f64) -> Vec<u32> {
-        let mut around = Vec::new();
+    /// For every block the height at which its ground begins: the quantile of the `lows` of the columns in
+    /// the blocks up to `reach` away along each axis; [`NONE`] where no column has a low. Where only stems
+    /// were seen below that, it is where the lowest of them begins, see `stems.rs`. `is_stem` says which
+    /// columns are stems, and `depth` how far ground may lie from the quantile.
+    pub(super) fn floors(
+        &self,
+        lows: &[u32],
+        is_stem: &[bool],
+        reach: i64,
+        quantile: f64,
+        depth: u32,
+    ) -> Vec<Floor> {
+        let (mut around, mut stems) = (Vec::new(), Vec::new());
         let mut of_block = |block| {
             around.clear();
+            stems.clear();
             for di in -reach..=reach {
                 for other in (-reach..=reach).filter_map(|dj| self.beside(block, [di, dj])) {
-                    let lows = self.columns(other).iter().map(|&column| lows[column as usize]);
-                    around.extend(lows.filter(|&low| low != NONE));
+                    let columns = self.columns(other).iter().map(|&column| column as usize);
+                    for column in columns.filter(|&column| lows[column] != NONE) {
+                        around.push(lows[column]);
+                        if is_stem[column] {
+                            stems.push(lows[column]);
+                        }
+                    }
                 }
             }
             let rank = (quantile * around.len() as f64) as usize;
-            if around.is_empty() { NONE } else { *around.select_nth_unstable(rank).1 }
+            let level = if around.is_empty() { NONE } else { *around.select_nth_unstable(rank).1 };
+            let feet = stems::feet(level, &around, &mut stems, depth);
+            Floor { at: feet.unwrap_or(level), of_stems: feet.is_some() }
         };
         (0..self.place.len()).map(&mut of_block).collect()
     }
@@ -140,10 +166,14 @@ mod tests {
     fn quantiles_are_of_the_blocks_around() {
         let blocks = blocks(&[[0, 0], [1, 0], [2, 0], [3, 0], [4, 0]]);
         let lows = [5, 9, 7, NONE, 1];
-        assert_eq!(blocks.quantiles(&lows, 0, 0.0), [5, 7, 1]);
-        assert_eq!(blocks.quantiles(&lows, 1, 0.0), [5, 1, 1]);
-        assert_eq!(blocks.quantiles(&lows, 1, 0.5), [7, 7, 7]);
-        assert_eq!(blocks.quantiles(&[NONE; 5], 1, 0.5), [NONE; 3]);
+        let floors = |lows: &[u32], reach, quantile| {
+            let floors = blocks.floors(lows, &[false; 5], reach, quantile, 1);
+            floors.into_iter().map(|floor| floor.at).collect::<Vec<_>>()
+        };
+        assert_eq!(floors(&lows, 0, 0.0), [5, 7, 1]);
+        assert_eq!(floors(&lows, 1, 0.0), [5, 1, 1]);
+        assert_eq!(floors(&lows, 1, 0.5), [7, 7, 7]);
+        assert_eq!(floors(&[NONE; 5], 1, 0.5), [NONE; 3]);
     }
 
     #[test]

@@ -31,6 +31,7 @@ mod none;
 mod opening;
 mod scarce;
 mod standing;
+mod stems;
 mod upward_growing;
 mod visible;
 mod voxel_column;

@@ -10,10 +10,12 @@
 //! columns of voxels:
 //!
 //! 1. *Floor.* A quantile of the lowest points of all columns in the 5 x 5 blocks around, minus `depth`.
-//!    Points below the floor are multipath or stray returns.
+//!    Points below the floor are multipath or stray returns. Where stems are all that was seen below it, the
+//!    floor lies at their feet, see `stems.rs`.
 //! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor. So single returns do not count.
 //! 3. *Surface*: the opening of the lows by a disc of `radius`: the minimum over the disc, then the maximum
-//!    of these. It removes cars, hedges and trunks. It follows slopes, and never lies above a low.
+//!    of these. It removes cars, hedges and trunks. It follows slopes, and never lies above a low. Where
+//!    stems are all that was seen, it is the minimum: most of a disc has no low near the ground there.
 //! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`. The surface stays below
 //!    this ceiling. Crowns and roofs without ground below them lie above it.
 //! 5. A column is clear if it is empty between `height` and `clear` above the surface. There, points between
@@ -43,6 +45,7 @@ use super::filter::{GroundEntry, GroundFilter};
 use super::lowest::{NONE, lowest_within};
 use super::noise::voxel_edge;
 use super::standing::{FOOT_REACH, Kind, Limits, has_ground};
+use super::stems;
 use crate::config::{self, ConfigError};
 use crate::model::AlgorithmError;
 use crate::model::{Lattice, PointClass, Reach};
@@ -56,6 +59,10 @@ const BLOCK: i64 = 5;
 /// Number of blocks to each side whose lows determine the floor (chosen: 7.5 m by default, which is larger
 /// than a patch of multipath).
 const FLOOR_REACH: i64 = 2;
+
+/// What is occupied without a gap from its low up to this height above it is a stem, in metres (chosen: above
+/// hedges and undergrowth).
+const STEM_M: f64 = 2.0;
 
 /// What stands and has points in a voxel that begins this far above the surface is a wall, in metres (chosen:
 /// above cars and hedges).
@@ -186,14 +193,16 @@ impl Opening {
         let lattice = tile.lattice;
         let blocks = Blocks::new(tile.index, BLOCK);
         let mut lows = tile.lowest();
-        let floors = blocks.quantiles(&lows, FLOOR_REACH, self.config.low_quantile);
         let depth = lattice.units(self.config.depth);
+        let is_stem = stems::columns(tile.index, lattice.units(STEM_M));
+        let floors = blocks.floors(&lows, &is_stem, FLOOR_REACH, self.config.low_quantile, units_of(depth));
         let mut first = Vec::new();
         for (column, low) in lows.iter_mut().enumerate().filter(|(_, low)| **low != NONE) {
-            let floor = i64::from(floors[blocks.of(column)]) - depth;
+            let floor = i64::from(floors[blocks.of(column)].at) - depth;
             *low = tile.low_above(column, floor, self.config.lowest_points as usize, &mut first);
         }
-        let mut surface = opening(tile.index, lattice.units(self.config.radius), &lows);
+        let eroded_only = |column: usize| floors[blocks.of(column)].of_stems;
+        let mut surface = opening(tile.index, lattice.units(self.config.radius), &lows, eroded_only);
         let block = (BLOCK * i64::from(tile.index.grid().edge)) as f64;
         let ceilings = blocks.ceilings(&surface, self.slope_blocks(lattice), self.config.slope * block);
         for (column, surface) in surface.iter_mut().enumerate().filter(|(_, surface)| **surface != NONE) {
@@ -203,8 +212,14 @@ impl Opening {
     }
 }
 
-/// The opening of `lows` by a disc, not above the lows themselves; [`NONE`] stays.
-fn opening(index: &VoxelIndex, radius_units: i64, lows: &[u32]) -> Vec<u32> {
+/// The opening of `lows` by a disc, not above the lows themselves; [`NONE`] stays. In columns that are
+/// `eroded_only` the first half of it, the minimum over the disc.
+fn opening(
+    index: &VoxelIndex,
+    radius_units: i64,
+    lows: &[u32],
+    eroded_only: impl Fn(usize) -> bool,
+) -> Vec<u32> {
     // The maximum is the minimum of what is left of the largest value below NONE.
     let turned = |value: u32| if value == NONE { NONE } else { NONE - 1 - value };
     let mut eroded = lowest_within(index, radius_units, lows);
@@ -212,9 +227,10 @@ fn opening(index: &VoxelIndex, radius_units: i64, lows: &[u32]) -> Vec<u32> {
         *eroded = if low == NONE { NONE } else { turned(*eroded) };
     }
     let dilated = lowest_within(index, radius_units, &eroded);
+    let opened = |column: usize| if eroded_only(column) { eroded[column] } else { dilated[column] };
     lows.iter()
-        .zip(dilated)
-        .map(|(&low, dilated)| if low == NONE { NONE } else { turned(dilated).min(low) })
+        .enumerate()
+        .map(|(column, &low)| if low == NONE { NONE } else { turned(opened(column)).min(low) })
         .collect()
 }
 
@@ -405,6 +421,24 @@ mod tests {
             assert_eq!(on(&plane(0), &[[4_500, 4_500, below]]), [expected], "{below}");
         }
         assert_eq!(on(&plane(0), &[[4_500, 4_500, -2_000]; 10]), [Object; 10]);
+        // What is mirrored below the road is as high as it, but there is a gap between it and the road.
+        let mirrored: Vec<_> = (10..50).map(|k| [4_500, 4_500, k * -100]).collect();
+        assert_eq!(on(&plane(0), &mirrored), [Object; 40]);
+    }
+
+    #[test]
+    fn crowns_are_no_ground_where_stems_are_all_that_was_seen_below() {
+        // Stems of four columns, 3 m apart, through a crown whose lows are at 6 to 18 m, or through a road.
+        let places = [1_350, 1_650, 4_350, 4_650, 7_350, 7_650];
+        let stem = |x: i64| places.iter().flat_map(move |&y| (0..80).map(move |k| [x, y, k * 100]));
+        let stems: Vec<_> = places.iter().flat_map(|&x| stem(x)).collect();
+        let ground_above = |height: fn(i64, i64) -> i64| {
+            let above = plane(0).into_iter().map(|[x, y, _]| [x, y, height(x / 300, y / 300)]);
+            let classes = classify(&[stems.clone(), above.collect()].concat(), Object);
+            classes.iter().skip(stems.len()).filter(|class| **class == Ground).count()
+        };
+        assert_eq!(ground_above(|i, j| 6_000 + (i * 7 + j * 11) % 31 * 400), 0);
+        assert!(ground_above(|_, _| 6_000) > 2_500);
     }
 
     #[test]

@@ -32,14 +32,16 @@ use crate::error::Result;
 use crate::model::{Lattice, TileId};
 use crate::spatial::DisjointSets;
 
-/// Distance around a tile within which voxels are read, in metres: a piece (0.75 m) next to an owned voxel,
-/// a piece linked to it (0.45 m and 0.75 m), and the columns around its centre.
+/// Distance around a tile within which voxels are read, in metres: a piece (1.1 m) next to an owned voxel,
+/// a piece linked to it (0.45 m and 1.1 m), and the columns around its centre.
 const REACH_M: f64 = 3.0;
 /// Slices of height above ground in metres. They overlap, so that a piece that one border cuts is whole in
 /// another slice.
 const SLICES_M: [(f64, f64); 5] = [(0.15, 0.9), (0.6, 1.4), (1.1, 1.9), (1.6, 2.4), (2.1, 2.9)];
 /// Largest diagonal of a piece in the plane, in metres. Wider pieces are foliage.
 const WIDTH_M: f64 = 0.75;
+/// The same for a piece that is mostly tree: a stem of 0.7 m has a diagonal of 1 m.
+const STEM_WIDTH_M: f64 = 1.1;
 /// Smallest part of the slice that a piece fills in height.
 const FILL: f64 = 0.6;
 /// Smallest number of voxels of a piece.
@@ -84,6 +86,22 @@ pub(super) fn load(tile: &dyn TileWindow, near: &[TileId]) -> Result<Vec<(Piece,
     Ok(pieces)
 }
 
+/// Where each chain of the drive stands: the centre of its lowest piece, in lattice units.
+pub(super) fn places(drive: &dyn DriveWindow) -> Result<BTreeMap<u32, [i64; 2]>> {
+    let mut lowest: BTreeMap<u32, (i32, u8, Voxel, [i64; 2])> = BTreeMap::new();
+    for tile in TileId::first(drive.tiles()) {
+        let payload: Payload = codec::decode(&drive.payload(STEP_CHAINS, tile)?)?;
+        let verdicts: Vec<Verdict> = sliced::slice(drive.global(STEP_CHAINS), tile)?;
+        for (piece, verdict) in payload.pieces.iter().zip(verdicts).filter(|(_, verdict)| verdict.chain != 0)
+        {
+            let found = (piece.height.0, piece.slice, piece.first, piece.centre);
+            let best = lowest.entry(verdict.chain).or_insert(found);
+            *best = found.min(*best);
+        }
+    }
+    Ok(lowest.into_iter().map(|(chain, (.., centre))| (chain, centre)).collect())
+}
+
 /// Whether voxels of a class may be a part of a chain. The foot of a trunk in low growth often looks like a
 /// hedge or like something small.
 pub(super) fn may_be_upright(class: u8) -> bool {
@@ -99,6 +117,7 @@ struct Part {
 
 struct Units {
     width: i64,
+    stem_width: i64,
     link: i64,
     axis: i64,
     crown: i64,
@@ -113,6 +132,7 @@ impl Units {
     fn new(lattice: Lattice) -> Self {
         Self {
             width: lattice.units(WIDTH_M),
+            stem_width: lattice.units(STEM_WIDTH_M),
             link: lattice.units(LINK_M),
             axis: lattice.units(AXIS_M),
             crown: lattice.units(CROWN_M),
@@ -196,7 +216,7 @@ fn piece(
     let high = heights.max()?;
     let count = part.voxels.len() as u32;
     let diagonal = size[0] * size[0] + size[1] * size[1];
-    if diagonal > units.width * units.width || high - low < fill || count < VOXELS {
+    if diagonal > units.stem_width.pow(2) || high - low < fill || count < VOXELS {
         return None;
     }
     let mut sum = [0_i64; 2];
@@ -209,6 +229,9 @@ fn piece(
         axis.add(around.voxels.centre[voxel]);
         pole += u32::from(around.shares[voxel][usize::from(POLE)]);
         tree += u32::from(around.shares[voxel][usize::from(TREE)]);
+    }
+    if diagonal > units.width.pow(2) && 2 * tree < 255 * count {
+        return None;
     }
     let centre = sum.map(|sum| sum.div_euclid(i64::from(count)));
     let far = |voxel: &usize| squared(centre, around.voxels.centre[*voxel]);

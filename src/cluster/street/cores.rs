@@ -369,7 +369,8 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let chains = component.iter().zip(&found.trunks).flat_map(|(component, trunks)| {
         trunks.iter().map(|&(chain, part)| (chain, part.checked_sub(1).map(|part| component[part as usize])))
     });
-    let stems = seeds::find(&low, rising.into_iter(), chains, lattice);
+    let places = chains::places(drive)?;
+    let stems = seeds::find(&low, rising.into_iter(), chains, &places, lattice);
     drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
     let mut united = uniting::unite(&mut whole, lattice);

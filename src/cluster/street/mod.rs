@@ -58,6 +58,7 @@ mod stage_voxels;
 mod suits;
 mod terrain;
 mod training;
+mod trunks;
 mod uniting;
 mod verdict;
 mod voxels;

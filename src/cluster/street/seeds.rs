@@ -17,6 +17,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::part::Part;
+use super::trunks::{near_pairs, shared, trunks};
 use crate::cluster::columns::Voxel;
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;
@@ -43,6 +44,11 @@ const SPACING_TO_TRUNK: f64 = 0.3;
 const SPACING_HANGING_TO_TRUNK: f64 = 0.6;
 /// Limits of these distances, in metres.
 const SPACING_M: (f64, f64) = (0.8, 4.0);
+/// In a forest stems stand nearer: below a canopy of this height, a stem that stands on the ground and rises
+/// by this much is at least this far from others, in metres (`benches/results/street.md`, "Forests").
+const FOREST_CANOPY_M: f64 = 14.0;
+const FOREST_RISE_M: f64 = 1.5;
+const FOREST_SPACING_M: f64 = 2.0;
 /// A stem that does not stand on the ground has at least this many voxels, and a canopy this far above it.
 const HANGING_VOXELS: u32 = 8;
 const HANGING_CANOPY_M: f64 = 0.5;
@@ -80,13 +86,20 @@ struct Candidate {
     voxels: u32,
 }
 
+impl Candidate {
+    fn rises_in_forest(&self) -> bool {
+        self.canopy_m >= FOREST_CANOPY_M && self.top_m - self.base_m >= FOREST_RISE_M
+    }
+}
+
 /// Finds the stems among the components of low tree voxels, which are in ascending order. `rising` are pairs
 /// of components that touch, the lower first. `chains` are pairs of a chain and a component in which it has
-/// voxels.
+/// voxels, and `places` is where each chain stands.
 pub(super) fn find(
     nodes: &[(u32, Part)],
     rising: impl Iterator<Item = (u32, u32)>,
     chains: impl Iterator<Item = (u32, Option<u32>)>,
+    places: &BTreeMap<u32, [i64; 2]>,
     lattice: Lattice,
 ) -> Stems {
     let place = |component: u32| nodes.binary_search_by_key(&component, |node| node.0).ok();
@@ -100,7 +113,7 @@ pub(super) fn find(
         let entry = of_chain.entry(chain).or_default();
         entry.extend(component.and_then(place));
     }
-    let candidates = candidates(&parts, &seed, &of_chain, lattice);
+    let candidates = candidates(&parts, &seed, &of_chain, places, lattice);
     let kept = thin_out(candidates);
     let mut stems = Stems::default();
     for (number, candidate) in (0_u32..).zip(kept) {
@@ -264,6 +277,7 @@ fn candidates(
     parts: &[&Part],
     seed: &[Option<usize>],
     of_chain: &BTreeMap<u32, BTreeSet<usize>>,
+    places: &BTreeMap<u32, [i64; 2]>,
     lattice: Lattice,
 ) -> Vec<Candidate> {
     let mut nodes: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
@@ -301,12 +315,27 @@ fn candidates(
         entry.0.extend(members);
         entry.1.extend(chains.remove(&number).unwrap_or_default());
     }
-    let mut candidates: Vec<Candidate> =
-        joined.into_values().filter_map(|(nodes, chains)| candidate(parts, nodes, chains, lattice)).collect();
+    let mut candidates: Vec<Candidate> = Vec::new();
+    for (nodes, chains) in joined.into_values() {
+        // Undergrowth may join the pieces of several trunks; each trunk is a stem of its own.
+        let trunks = trunks(&chains, places, lattice);
+        if trunks.len() < 2 {
+            candidates.extend(candidate(parts, nodes, chains, lattice));
+            continue;
+        }
+        for (place, chains) in trunks {
+            let nodes: BTreeSet<usize> = chains.iter().flat_map(|chain| &of_chain[chain]).copied().collect();
+            let trunk = candidate(parts, nodes.into_iter().collect(), chains, lattice);
+            candidates.extend(trunk.map(|trunk| Candidate { place, ..trunk }));
+        }
+    }
     for (chain, of_chain) in alone {
         let nodes: Vec<usize> = of_chain.iter().copied().collect();
         candidates.extend(candidate(parts, nodes, vec![chain], lattice));
     }
+    // A piece through which two trunks run belongs to none of them: growth divides it.
+    let shared = shared(candidates.iter().map(|candidate| &candidate.chains[..]), of_chain);
+    candidates.iter_mut().for_each(|candidate| candidate.nodes.retain(|node| !shared.contains(node)));
     candidates
 }
 
@@ -334,26 +363,6 @@ fn axis(parts: &[&Part], nodes: &[usize], lattice: Lattice) -> [f64; 2] {
     sum.map(|sum| lattice.metres(sum.div_euclid(count.max(1))))
 }
 
-/// Pairs of places at most `limit_m` apart.
-fn near_pairs(places: &[[f64; 2]], limit_m: f64) -> Vec<(u32, u32)> {
-    let mut by_x: Vec<u32> = (0_u32..).zip(places).map(|(number, _)| number).collect();
-    by_x.sort_unstable_by(|&a, &b| places[a as usize][0].total_cmp(&places[b as usize][0]).then(a.cmp(&b)));
-    let mut pairs = Vec::new();
-    for (at, &one) in by_x.iter().enumerate() {
-        let [x, y] = places[one as usize];
-        for &other in &by_x[at + 1..] {
-            let [u, v] = places[other as usize];
-            if u - x > limit_m {
-                break;
-            }
-            if (u - x) * (u - x) + (v - y) * (v - y) <= limit_m * limit_m {
-                pairs.push((one, other));
-            }
-        }
-    }
-    pairs
-}
-
 /// Keeps the most certain stems that are not too near to each other: trunks first, then pieces that stand on
 /// the ground, then those that rise most.
 fn thin_out(mut candidates: Vec<Candidate>) -> Vec<Candidate> {
@@ -367,6 +376,7 @@ fn thin_out(mut candidates: Vec<Candidate>) -> Vec<Candidate> {
             .then(steps(b).total_cmp(&steps(a)))
             .then(b.voxels.cmp(&a.voxels))
             .then(a.first.cmp(&b.first))
+            .then(a.chains.cmp(&b.chains))
     });
     let (nearest, farthest) = SPACING_M;
     let mut kept: Vec<Candidate> = Vec::new();
@@ -380,9 +390,10 @@ fn thin_out(mut candidates: Vec<Candidate>) -> Vec<Candidate> {
         {
             continue;
         }
-        let spacing = |part: f64| {
-            if trunk { SAME_M } else { (part * candidate.canopy_m).clamp(nearest, farthest) }
-        };
+        let in_forest = stands && candidate.rises_in_forest();
+        let most = if in_forest { FOREST_SPACING_M } else { farthest };
+        let spacing =
+            |part: f64| if trunk { SAME_M } else { (part * candidate.canopy_m).clamp(nearest, most) };
         let to_other = spacing(if stands { SPACING } else { SPACING_HANGING });
         let to_trunk = spacing(if stands { SPACING_TO_TRUNK } else { SPACING_HANGING_TO_TRUNK });
         let [i, j] = candidate.place.map(|metres| (metres / farthest).floor() as i64);
@@ -456,6 +467,23 @@ mod tests {
     #[test]
     fn a_stem_alone_takes_all_that_is_above_it() {
         assert_eq!(swept(&stems(&[0], 3, &[part(3, 0, 90), part(4, 0, 200)])), [Some(0); 5]);
+    }
+
+    #[test]
+    fn trunks_that_undergrowth_joins_are_stems_of_their_own() {
+        let nodes = [(7, part(0, 900, 90)), (8, part(1, 0, 8)), (9, part(1, 1_800, 8))];
+        let found = |apart: i64| {
+            let chains = [(1, Some(7)), (1, Some(8)), (2, Some(7)), (2, Some(9))];
+            let places = BTreeMap::from([(1, [0, 0]), (2, [apart, 0])]);
+            find(&nodes, [(7, 8), (7, 9)].into_iter(), chains.into_iter(), &places, Lattice::MILLIMETRE)
+        };
+        let stems = found(1_800);
+        assert_eq!(stems.seeds.iter().map(|seed| seed.place).collect::<Vec<_>>(), [[0, 0], [1_800, 0]]);
+        assert_eq!(stems.chains, BTreeMap::from([(1, 0), (2, 1)]));
+        assert_eq!(stems.components, BTreeMap::from([(8, 0), (9, 1)]), "the undergrowth is divided later");
+        // Two chains that are nearer are parts of one trunk.
+        let stems = found(400);
+        assert_eq!((stems.seeds.len(), stems.components.len()), (1, 3));
     }
 
     #[test]

@@ -1,0 +1,73 @@
+//! Stems, where they are all that was seen of the lowest things.
+//!
+//! Under a canopy the scanner may see stems and crowns, and no ground: undergrowth hides it, or somebody cut
+//! it off. Then nearly all columns have their low in a crown. A quantile of the lows lies in the crowns, too,
+//! and the feet of the stems lie below it, as multipath lies below a road. Two things tell them apart:
+//!
+//! * A stem is occupied without a gap from its low upwards. Between a road and what is mirrored below it, or
+//!   a stray return, there is a gap.
+//! * A road is where many columns have their low. The lows of crowns are at all heights.
+//!
+//! So the feet count where the columns of stems that begin below the quantile are at least half as many as
+//! the columns that have their low at it.
+
+use crate::spatial::VoxelIndex;
+
+/// Fewest columns of stems that count (chosen: a thick stem or two thin ones).
+const FEWEST: usize = 3;
+
+/// Their smallest share of the columns that have their low at the quantile. `benches/results/ground.md` has
+/// how often this happens.
+const SHARE: f64 = 0.5;
+
+/// Whether each column is a stem: its voxels are occupied without a gap from the lowest one up to `height`
+/// lattice units above.
+pub(super) fn columns(index: &VoxelIndex, height: i64) -> Vec<bool> {
+    let edge = i64::from(index.grid().edge);
+    let is_stem = |column: usize| {
+        let voxels = &index.heights()[index.column_voxels(column)];
+        let run = voxels.chunk_by(|below, above| above - below == 1).next().unwrap_or_default();
+        run.len() as i64 * edge >= height
+    };
+    (0..index.columns().len()).map(is_stem).collect()
+}
+
+/// Where the lowest of the `stems` begins, if they show that nobody saw the ground at `level`, a quantile of
+/// `lows`. `stems` are the lows of those columns that are stems; those above `level` are removed. `depth` is
+/// how far ground may lie from the level.
+pub(super) fn feet(level: u32, lows: &[u32], stems: &mut Vec<u32>, depth: u32) -> Option<u32> {
+    stems.retain(|&low| low < level.saturating_sub(depth));
+    if stems.len() < FEWEST {
+        return None;
+    }
+    let at_level = lows.iter().filter(|low| low.abs_diff(level) <= depth).count();
+    if (stems.len() as f64) < SHARE * at_level as f64 { None } else { stems.iter().copied().min() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Lattice, TileCloud};
+
+    #[test]
+    fn a_stem_has_no_gap_above_its_low() {
+        let column = |i: i64, levels: &[i64]| levels.iter().map(|k| [i * 10, 0, k * 10]).collect::<Vec<_>>();
+        let points = [column(0, &[3, 4, 5, 6]), column(1, &[0, 4, 5, 6, 7]), column(2, &[3, 4, 5])].concat();
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+        let index = VoxelIndex::build("test", &cloud, 10).unwrap();
+        assert_eq!(columns(&index, 40), [true, false, false]);
+        assert_eq!(columns(&index, 30), [true, false, true]);
+    }
+
+    #[test]
+    fn stems_count_where_few_columns_are_at_the_level() {
+        let feet = |level, lows: &[u32], stems: &[u32]| super::feet(level, lows, &mut stems.to_vec(), 30);
+        let stems = [102, 100, 101];
+        let at_level = |count| [&stems[..], &vec![530; count], &[900; 9]].concat();
+        assert_eq!(feet(500, &at_level(6), &stems), Some(100));
+        assert_eq!(feet(500, &at_level(7), &stems), None, "a road");
+        assert_eq!(feet(500, &at_level(6), &stems[1..]), None, "two columns");
+        assert_eq!(feet(500, &at_level(6), &[102, 101, 470]), None, "one of them is on the level");
+        assert_eq!(feet(500, &at_level(6), &[102, 101, 469]), Some(101));
+    }
+}
