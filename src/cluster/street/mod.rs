@@ -110,7 +110,7 @@ const fn steps(last: Step) -> [Step; 9] {
         step("voxels", &[], Repeat::Once),
         step("classes", &["street.scene", "street.model"], Repeat::Once),
         step("context", &[], Repeat::Once),
-        step("chains", &[], Repeat::Once),
+        step("chains", &["street.scene"], Repeat::Once),
         step("cores", &[], Repeat::Once),
         step("edges", &[], Repeat::Once),
         step("growth", &["street.min_points"], Repeat::UntilSettled { most: growth::MOST_ROUNDS }),
@@ -214,7 +214,7 @@ impl Method for Street {
                 let model = self.model()?;
                 stage_context::map(tile, &|rows, shares| model::classify(&model.context, rows, shares))
             }
-            STEP_CHAINS => chains::map(tile),
+            STEP_CHAINS => chains::map(tile, self.config.scene),
             STEP_CORES => cores::map(tile),
             STEP_EDGES => edges::map(tile),
             STEP_GROWTH => growth::map(tile),

@@ -78,7 +78,8 @@ pub struct StreetConfig {
     /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
     /// growth needs them, and then left without an id.
     pub classes: Vec<WantedClass>,
-    /// Which of the models that the program contains classifies voxels. Default: that of streets.
+    /// Which of the models that the program contains classifies voxels, and how thick trunks may be. Default:
+    /// that of streets.
     pub scene: Scene,
     /// File of another model that classifies voxels. Empty for the model of the scene.
     pub model: String,
