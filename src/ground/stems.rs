@@ -27,7 +27,7 @@ pub(super) fn columns(index: &VoxelIndex, height: i64) -> Vec<bool> {
     let is_stem = |column: usize| {
         let voxels = &index.heights()[index.column_voxels(column)];
         let run = voxels.chunk_by(|below, above| above - below == 1).next().unwrap_or_default();
-        run.len() as i64 * edge >= height
+        i64::try_from(run.len()).unwrap_or(i64::MAX).saturating_mul(edge) >= height
     };
     (0..index.columns().len()).map(is_stem).collect()
 }
@@ -61,13 +61,13 @@ mod tests {
 
     #[test]
     fn stems_count_where_few_columns_are_at_the_level() {
-        let feet = |level, lows: &[u32], stems: &[u32]| super::feet(level, lows, &mut stems.to_vec(), 30);
+        let found = |level, lows: &[u32], stems: &[u32]| feet(level, lows, &mut stems.to_vec(), 30);
         let stems = [102, 100, 101];
         let at_level = |count| [&stems[..], &vec![530; count], &[900; 9]].concat();
-        assert_eq!(feet(500, &at_level(6), &stems), Some(100));
-        assert_eq!(feet(500, &at_level(7), &stems), None, "a road");
-        assert_eq!(feet(500, &at_level(6), &stems[1..]), None, "two columns");
-        assert_eq!(feet(500, &at_level(6), &[102, 101, 470]), None, "one of them is on the level");
-        assert_eq!(feet(500, &at_level(6), &[102, 101, 469]), Some(101));
+        assert_eq!(found(500, &at_level(6), &stems), Some(100));
+        assert_eq!(found(500, &at_level(7), &stems), None, "a road");
+        assert_eq!(found(500, &at_level(6), &stems[1..]), None, "two columns");
+        assert_eq!(found(500, &at_level(6), &[102, 101, 470]), None, "one of them is on the level");
+        assert_eq!(found(500, &at_level(6), &[102, 101, 469]), Some(101));
     }
 }

@@ -39,8 +39,8 @@ pub(super) fn coded(points: impl ExactSizeIterator<Item = (u32, [i32; 3])>, more
     let mut before = (0_u32, [0_i32; 3]);
     for (at, (key, place)) in points.enumerate() {
         word(0, at, key.wrapping_sub(before.0));
-        for axis in 0..3 {
-            word(4 + 4 * axis, at, zigzag(place[axis].wrapping_sub(before.1[axis])));
+        for (axis, (value, before)) in place.into_iter().zip(before.1).enumerate() {
+            word(4 + 4 * axis, at, zigzag(value.wrapping_sub(before)));
         }
         before = (key, place);
     }
