@@ -57,8 +57,8 @@ pub struct TrainRequest<'a> {
 pub struct Trained {
     /// The model.
     pub model: StreetModel,
-    /// How it classifies voxels of the same drives that it has not learned from. For [`train_objects`]: how it
-    /// names objects of them.
+    /// How it classifies voxels of the same drives that it has not learned from. For [`train_objects`]: how
+    /// it names objects of them.
     pub held_out: Confusion,
 }
 

@@ -127,14 +127,30 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
     let near = |a: [i64; 2], b: [i64; 2], radius: i64| {
         ((a[0] - b[0]).pow(2) + (a[1] - b[1]).pow(2)) * of.voxel.pow(2) <= radius.pow(2)
     };
-    let low = |at: usize| {
+    let is_stem = |at: usize| {
+        let begins = heights[at][0].div_euclid(of.voxel);
+        let occupied = |k: i64| heights[at].iter().any(|z| z.div_euclid(of.voxel) == k);
+        (begins..).take_while(|&k| occupied(k)).count() as i64 * of.voxel >= 2_000
+    };
+    // Where the ground of a column begins, and whether stems are all that was seen there.
+    let floor = |at: usize| {
         let around = |b: [i64; 2], c: [i64; 2]| (0..2).all(|axis| (b[axis] - c[axis]).abs() <= 2);
-        let mut firsts: Vec<i64> = (0..columns.len())
-            .filter(|&other| around(block(columns[at]), block(columns[other])))
-            .map(|other| heights[other][0])
-            .collect();
+        let others: Vec<usize> =
+            (0..columns.len()).filter(|&other| around(block(columns[at]), block(columns[other]))).collect();
+        let mut firsts: Vec<i64> = others.iter().map(|&other| heights[other][0]).collect();
         firsts.sort_unstable();
-        let floor = firsts[firsts.len() / 10] - of.depth;
+        let level = firsts[firsts.len() / 10];
+        let stems: Vec<i64> = others
+            .iter()
+            .filter(|&&other| is_stem(other) && heights[other][0] < level - of.depth)
+            .map(|&other| heights[other][0])
+            .collect();
+        let at_level = firsts.iter().filter(|first| (*first - level).abs() <= of.depth).count();
+        let only_stems = stems.len() >= 3 && 2 * stems.len() >= at_level;
+        if only_stems { (stems.into_iter().min().unwrap_or(level), true) } else { (level, false) }
+    };
+    let low = |at: usize| {
+        let floor = floor(at).0 - of.depth;
         let above: Vec<i64> = heights[at].iter().copied().filter(|&z| z >= floor).collect();
         above.get(of.lowest_points - 1).or(above.last()).copied()
     };
@@ -147,7 +163,10 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
     let lowest_around = |at: usize| within(at).iter().filter_map(|&other| lows[other]).min();
     let eroded: Vec<Option<i64>> = all.clone().map(lowest_around).collect();
     let highest_around = |at: usize| within(at).iter().filter_map(|&other| eroded[other]).max();
-    let opened = |at: usize| Some(highest_around(at)?.min(lows[at]?));
+    let opened = |at: usize| {
+        let surface = if floor(at).1 { eroded[at] } else { highest_around(at) };
+        Some(surface?.min(lows[at]?))
+    };
     let opened: Vec<Option<i64>> = all.clone().map(opened).collect();
     let edge = 5 * of.voxel;
     let surface = |at: usize| {
@@ -215,8 +234,13 @@ fn standing(
                 (0..columns.len()).filter(|&other| apart(member, other) == 1 && patch[other] != patch[at]),
             );
         }
-        let walls = border.iter().filter(|&&other| is_wall(other)).count();
-        extent(0).max(extent(1)) < of.room && 4 * walls > border.len()
+        let mut walls: Vec<usize> = border.iter().copied().filter(|&other| is_wall(other)).collect();
+        let enclosed = 4 * walls.len() > border.len();
+        walls.sort_unstable();
+        walls.dedup();
+        let circumference = 2 * (extent(0) + 1 + extent(1) + 1);
+        let enough = 10 * i64::try_from(walls.len()).unwrap() > circumference;
+        extent(0).max(extent(1)) < of.room && enclosed && enough
     };
     let mut is_open = Vec::new();
     for at in 0..columns.len() {

@@ -39,7 +39,8 @@ pub(crate) struct TrainArgs {
     /// Write the model here
     #[arg(short, long, value_name = "MODEL", required_unless_present = "model")]
     out: Option<PathBuf>,
-    /// Score this model with --test, and learn nothing; `built-in` and `built-in-forest` come with the program
+    /// Score this model with --test, and learn nothing; `built-in` and `built-in-forest` come with the
+    /// program
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["drives", "out"], requires = "test")]
     model: Option<PathBuf>,
     /// Keep the parts of this model that classify voxels, and learn the part that names objects, from drives

@@ -1,6 +1,7 @@
-//! The model of `street`: how it classifies voxels and names objects, and what a model must be to do so. It is
-//! up to three models: the first classifies a voxel by the shape of what is around it, the second by the
-//! classes that the first finds around it, and the third, if there is one, names an object by the figures of
+//! The model of `street`: how it classifies voxels and names objects, and what a model must be to do so.
+//!
+//! It is up to three models. The first classifies a voxel by the shape of what is around it, the second by
+//! the classes that the first finds around it. The third, if there is one, names an object by the figures of
 //! its voxels.
 
 use std::sync::{Arc, OnceLock};

@@ -44,8 +44,8 @@ struct OfTile {
     points: u64,
 }
 
-/// The objects of the voxels of a tile and of these columns, corrected by what is around them, with the counts
-/// for fragments.
+/// The objects of the voxels of a tile and of these columns, corrected by what is around them, with the
+/// counts for fragments.
 pub(super) fn settled(tile: &dyn TileWindow, columns: &[Cell]) -> Result<(Whole, Counts)> {
     let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), columns)?;
     // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are

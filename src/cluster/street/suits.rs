@@ -21,8 +21,8 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     codec::encode(&sums)
 }
 
-/// What the run says about a drive, from the global of the step `voxels`. `scene` is that of the model, if the
-/// program contains it.
+/// What the run says about a drive, from the global of the step `voxels`. `scene` is that of the model, if
+/// the program contains it.
 pub(super) fn warnings(global: &[u8], scene: Option<Scene>) -> Result<Vec<String>> {
     let (stacked, cover): (Stacked, Cover) = codec::decode(global)?;
     let of_scene = scene.and_then(|scene| cover.warning(scene));
