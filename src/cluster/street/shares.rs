@@ -72,7 +72,7 @@ mod tests {
         assert!((TREE..=WIRE).all(|class| all.wants(class)) && !all.wants(GROUND));
         let error = read("classes = []").unwrap_err().to_string();
         assert!(error.contains("at least one class of objects"), "{error}");
-        let error = read("classes = [\"treee\"]").unwrap_err().to_string();
-        assert!(error.contains("treee") && error.contains("tree"), "{error}");
+        let error = read("classes = [\"shrub\"]").unwrap_err().to_string();
+        assert!(error.contains("shrub") && error.contains("tree"), "{error}");
     }
 }
