@@ -109,7 +109,8 @@ fn a_second_call_adds_the_model_of_objects_whatever_the_tiles() {
     assert_eq!(model.context.checksum(), before.context.checksum());
     let objects = model.objects.as_ref().expect("a model of objects");
     let samples = &objects.about().samples;
-    assert!(samples.iter().sum::<u64>() > 20, "{samples:?}");
+    // Of both copies of the drive, without those that are held out: trees and buildings among others.
+    assert!(samples.iter().sum::<u64>() > 10 && samples[1] > 0 && samples[4] > 0, "{samples:?}");
     assert_ne!(model.checksum(), before.checksum());
 }
 
