@@ -24,6 +24,7 @@
 //! ```
 
 mod blocks;
+mod column_points;
 mod filter;
 mod lowest;
 mod noise;

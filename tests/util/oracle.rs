@@ -127,28 +127,7 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
     let near = |a: [i64; 2], b: [i64; 2], radius: i64| {
         ((a[0] - b[0]).pow(2) + (a[1] - b[1]).pow(2)) * of.voxel.pow(2) <= radius.pow(2)
     };
-    let is_stem = |at: usize| {
-        let begins = heights[at][0].div_euclid(of.voxel);
-        let occupied = |k: i64| heights[at].iter().any(|z| z.div_euclid(of.voxel) == k);
-        (begins..).take_while(|&k| occupied(k)).count() as i64 * of.voxel >= 2_000
-    };
-    // Where the ground of a column begins, and whether stems are all that was seen there.
-    let floor = |at: usize| {
-        let around = |b: [i64; 2], c: [i64; 2]| (0..2).all(|axis| (b[axis] - c[axis]).abs() <= 2);
-        let others: Vec<usize> =
-            (0..columns.len()).filter(|&other| around(block(columns[at]), block(columns[other]))).collect();
-        let mut firsts: Vec<i64> = others.iter().map(|&other| heights[other][0]).collect();
-        firsts.sort_unstable();
-        let level = firsts[firsts.len() / 10];
-        let stems: Vec<i64> = others
-            .iter()
-            .filter(|&&other| is_stem(other) && heights[other][0] < level - of.depth)
-            .map(|&other| heights[other][0])
-            .collect();
-        let at_level = firsts.iter().filter(|first| (*first - level).abs() <= of.depth).count();
-        let only_stems = stems.len() >= 3 && 2 * stems.len() >= at_level;
-        if only_stems { (stems.into_iter().min().unwrap_or(level), true) } else { (level, false) }
-    };
+    let floor = |at: usize| floor(&columns, &heights, at, of);
     let low = |at: usize| {
         let floor = floor(at).0 - of.depth;
         let above: Vec<i64> = heights[at].iter().copied().filter(|&z| z >= floor).collect();
@@ -195,6 +174,30 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
         Some(ground[at].clone()?.contains(&points[p][2]))
     };
     (0..points.len()).map(|p| is_ground(p).unwrap_or(false)).collect()
+}
+
+/// Where the ground of a column begins, and whether stems are all that was seen there.
+fn floor(columns: &[[i64; 2]], heights: &[Vec<i64>], at: usize, of: &Opening) -> (i64, bool) {
+    let is_stem = |at: usize| {
+        let begins = heights[at][0].div_euclid(of.voxel);
+        let occupied = |k: i64| heights[at].iter().any(|z| z.div_euclid(of.voxel) == k);
+        let top = (begins..).find(|&k| !occupied(k)).unwrap();
+        (top - begins) * of.voxel >= 2_000
+    };
+    let block = |c: [i64; 2]| c.map(|value| value.div_euclid(5));
+    let near = |other: usize| {
+        let (b, c) = (block(columns[at]), block(columns[other]));
+        (0..2).all(|axis| (b[axis] - c[axis]).abs() <= 2)
+    };
+    let others: Vec<usize> = (0..columns.len()).filter(|&other| near(other)).collect();
+    let mut firsts: Vec<i64> = others.iter().map(|&other| heights[other][0]).collect();
+    firsts.sort_unstable();
+    let level = firsts[firsts.len() / 10];
+    let below = |other: &usize| is_stem(*other) && heights[*other][0] < level - of.depth;
+    let stems: Vec<i64> = others.iter().copied().filter(below).map(|other| heights[other][0]).collect();
+    let at_level = firsts.iter().filter(|first| (*first - level).abs() <= of.depth).count();
+    let only_stems = stems.len() >= 3 && 2 * stems.len() >= at_level;
+    if only_stems { (stems.into_iter().min().unwrap_or(level), true) } else { (level, false) }
 }
 
 /// Whether something stands in each column; nothing where the column has no ground.
