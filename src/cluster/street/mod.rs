@@ -9,8 +9,8 @@
 //! are certainly one object each, and the stems of trees. `edges`: which voxels are neighbours, and all else
 //! that growth needs to know of them. `growth`: every voxel takes the label of the core with the least path
 //! cost to it, in rounds. `leftovers`: what no core reaches joins an object nearby or is an object of its
-//! own. `objects`: islands and fixtures, the labels of points, and class and confidence of objects, which a
-//! second classifier names as a whole.
+//! own. `objects`: islands and fixtures, the labels of points, and class and confidence of objects, which the
+//! third part of the model names as a whole.
 //!
 //! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
 //! eigenvalues and costs follow a fixed sequence of IEEE operations. Ties are broken by the keys of voxels,
