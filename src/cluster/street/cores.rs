@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::chains::{self, Verdict};
 use super::classified::Classified;
 use super::crowns::{self, Crown};
-use super::facades;
+use super::facades::{self, Near};
 use super::joining;
 use super::part::{NO_BAND, Part};
 use super::parts::Links;
@@ -62,7 +62,7 @@ pub(super) struct Payload {
     /// Components of low tree voxels in adjacent bands that touch, the lower first.
     pub(super) rising: Vec<(u32, u32)>,
     /// Components of buildings that are near each other.
-    near: Vec<(u32, u32)>,
+    near: Vec<Near>,
     /// Crowns that the tile owns.
     crowns: Vec<Crown>,
     /// Voxels in the cores of crowns: number of the voxel in the tile, and cell of the crown.
@@ -180,7 +180,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let band = joining::bands(&around, &class, lattice);
     let mut links = Links::new(&around.voxels);
     joining::join_classes(&around, &class, &mut links);
-    joining::join_buildings(&around, &class, lattice, &mut links);
+    joining::join_buildings(&around, &class, &mut links);
     facades::touch(&around, &class, &mut links);
     let rising = joining::join_bands(&around, &band, &mut links);
     let chosen = |voxel: usize| band[voxel] != NO_BAND || class[voxel] > TREE;
@@ -191,7 +191,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
     rising.sort_unstable();
     rising.dedup();
-    let near = facades::near(&around, &class, &parts);
+    let near = facades::near(&around, &class, &parts, joining::low_wall(lattice));
     let crowns = crowns::find(&around, &class, lattice);
     let in_crown: BTreeMap<usize, Cell> =
         crowns::cores(&around, &class, &crowns, lattice).into_iter().collect();
@@ -352,14 +352,6 @@ impl Labels {
     }
 }
 
-/// The pairs of cores that are near each other, the smaller first.
-fn cores_near(near: Vec<(u32, u32)>, is_core: impl Fn(u32) -> bool) -> BTreeSet<(u32, u32)> {
-    near.into_iter()
-        .filter(|&(one, other)| one != other && is_core(one) && is_core(other))
-        .map(|(one, other)| (one.min(other), one.max(other)))
-        .collect()
-}
-
 /// The cores of the drive.
 pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let lattice = drive.lattice();
@@ -374,8 +366,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
     let mut united = uniting::unite(&mut whole, lattice);
-    let near = cores_near(near, |one| whole.get(&one).is_some_and(|part| keeps(part, lattice)));
-    united.extend(facades::unite(&mut whole, &near, lattice));
+    united.extend(facades::unite(&mut whole, near, |part| keeps(part, lattice), lattice));
 
     let kept = whole.iter().filter(|(_, part)| keeps(part, lattice));
     let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);

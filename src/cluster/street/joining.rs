@@ -21,13 +21,12 @@ const BAND_M: f64 = 0.25;
 /// Voxels of a class are joined within so many voxels in the plane and so many levels.
 const REACHES: [(u8, i32, i32); 5] =
     [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
-/// Columns of buildings are joined within so many voxels in the plane, whatever their height: 2.1 m. Facades
-/// behind trees have gaps. Houses of a row that stand apart are 2.5 m and more apart.
-const BUILDING_REACH: i32 = 14;
-/// Columns of buildings that end below this height in metres are joined within so many voxels only. Parts of
-/// cars and fences look like walls, and would lead from one facade over the car in front of it to the next.
+/// Columns of buildings are joined within so many voxels on either axis of the plane, whatever their height: 0.3 m.
+/// `facades` joins high columns that are further apart.
+const BUILDING_REACH: i32 = 2;
+/// Columns of buildings that end below this height in metres are low. Parts of cars and fences look like walls,
+/// and would lead from one facade over the car in front of it to the next.
 const LOW_WALL_M: f64 = 1.8;
-const LOW_WALL_REACH: i32 = 2;
 /// Canopy is looked for within so many voxels of a low tree voxel.
 const CANOPY_REACH: i32 = 5;
 
@@ -62,31 +61,27 @@ pub(super) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<
     }
 }
 
+/// Height above ground in lattice units from which a column of a building is no low wall.
+pub(super) fn low_wall(lattice: Lattice) -> i32 {
+    lattice.units(LOW_WALL_M) as i32
+}
+
 /// Joins the columns with building voxels that are near each other in the plane.
-pub(super) fn join_buildings(around: &Classified, class: &[u8], lattice: Lattice, links: &mut Links<'_>) {
+pub(super) fn join_buildings(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let columns = &around.voxels.columns;
-    let low_wall = lattice.units(LOW_WALL_M) as i32;
-    let window = Window::new(BUILDING_REACH, 0);
+    let window = Window::square(BUILDING_REACH);
     let mut finder = columns.finder();
     let buildings = |column: usize| columns.voxels(column).filter(|&voxel| class[voxel] == BUILDING);
-    // The lowest building voxel of each column, and whether the highest one is high.
-    let of_column: Vec<Option<(usize, bool)>> = (0..columns.cells().len())
-        .map(|column| {
-            let top = buildings(column).map(|voxel| around.height[voxel]).max()?;
-            Some((buildings(column).next()?, top >= low_wall))
-        })
-        .collect();
     for (column, &[i, j]) in columns.cells().iter().enumerate() {
-        let Some((voxel, high)) = of_column[column].filter(|&(voxel, _)| around.voxels.owned[voxel]) else {
+        let Some(voxel) = buildings(column).next().filter(|&voxel| around.voxels.owned[voxel]) else {
             continue;
         };
         for other in buildings(column) {
             links.join(voxel, other);
         }
         for [di, dj] in window.steps() {
-            let other = finder.number([i + di, j + dj]).and_then(|other| of_column[other]);
-            let near = di.abs().max(dj.abs()) <= LOW_WALL_REACH;
-            if let Some((other, _)) = other.filter(|(_, other_high)| near || (high && *other_high)) {
+            let other = finder.number([i + di, j + dj]);
+            if let Some(other) = other.and_then(|other| buildings(other).next()) {
                 links.join(voxel, other);
             }
         }

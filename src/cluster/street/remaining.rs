@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
+use super::facades::Near;
 use super::part::{NO_BAND, Part};
 use super::seeds;
 use super::shares::unites;
@@ -24,7 +25,7 @@ pub(super) struct Remaining {
     pub(super) rising: Vec<(u32, u32)>,
     /// Buildings that are near each other. Pairs that another tile has as well are left out: a pair counts
     /// where one of the two has voxels.
-    pub(super) near: Vec<(u32, u32)>,
+    pub(super) near: Vec<Near>,
 }
 
 /// The pairs of components of a tile, as its payload has them.
@@ -33,7 +34,7 @@ pub(super) struct Pairs<'a> {
     /// Components of low tree voxels in adjacent bands that touch, the lower first.
     pub(super) rising: &'a [(u32, u32)],
     /// Components of buildings that are near each other.
-    pub(super) near: &'a [(u32, u32)],
+    pub(super) near: &'a [Near],
 }
 
 /// Low tree voxels that touch, over all bands.
@@ -56,6 +57,11 @@ impl Remaining {
     ) -> Self {
         let mut is_open = vec![false; parts.len()];
         open.for_each(|component| is_open[component as usize] = true);
+        let mut joins = vec![false; parts.len()];
+        for &Near { of: (one, other), apart } in near {
+            joins[one as usize] |= apart.is_some();
+            joins[other as usize] |= apart.is_some();
+        }
         let mut sets = DisjointSets::new(parts.len() as u32);
         rising.iter().for_each(|&(low, high)| sets.union(low, high));
         let mut groups = vec![Group { voxels: 0, lowest: i32::MAX, is_open: false }; parts.len()];
@@ -70,7 +76,8 @@ impl Remaining {
         let counts = |component: u32, part: &Part, sets: &mut DisjointSets| {
             if part.band == NO_BAND {
                 // What is united may be a core together with others.
-                return is_open[component as usize] || unites(part.class) || keeps(part, lattice);
+                let joins = unites(part.class) || joins[component as usize];
+                return joins || is_open[component as usize] || keeps(part, lattice);
             }
             let Group { voxels, lowest, is_open } = groups[sets.find(component) as usize];
             is_open || seeds::may_stand(voxels, lowest, lattice)
@@ -89,8 +96,10 @@ impl Remaining {
         remaining.rising = rising.iter().filter(counts).copied().collect();
         // What has voxels here and was left out is no core.
         let may_count = |component: u32| has(component) || !owned[component as usize];
-        let counts =
-            |&&(one, other): &&(u32, u32)| (has(one) || has(other)) && may_count(one) && may_count(other);
+        let counts = |near: &&Near| {
+            let (one, other) = near.of;
+            (has(one) || has(other)) && may_count(one) && may_count(other)
+        };
         remaining.near = near.iter().filter(counts).copied().collect();
         remaining.parts.shrink_to_fit();
         remaining
@@ -106,7 +115,7 @@ pub(super) struct Components {
     /// Those of them in adjacent bands that touch, the lower first.
     pub(super) rising: Vec<(u32, u32)>,
     /// Buildings that are near each other.
-    pub(super) near: Vec<(u32, u32)>,
+    pub(super) near: Vec<Near>,
 }
 
 impl Components {
@@ -116,7 +125,8 @@ impl Components {
         for (component, remaining) in component.iter().zip(remaining) {
             let of_drive = |(one, other): (u32, u32)| (component[one as usize], component[other as usize]);
             all.rising.extend(remaining.rising.into_iter().map(of_drive));
-            all.near.extend(remaining.near.into_iter().map(of_drive));
+            let named = |near: Near| near.renamed(|one| component[one as usize]);
+            all.near.extend(remaining.near.into_iter().map(named));
             for (number, part) in remaining.parts {
                 let component = component[number as usize];
                 if part.band != NO_BAND {
@@ -191,11 +201,14 @@ mod tests {
     #[test]
     fn a_pair_of_buildings_counts_where_one_of_them_has_voxels_and_both_may_be_cores() {
         let building = |voxels| part(BUILDING, NO_BAND, voxels, 0.1);
-        let near = |parts: Vec<Option<Part>>, near: &[(u32, u32)], open: &[u32]| {
-            let pairs = Pairs { rising: &[], near };
+        let found = |parts: Vec<Option<Part>>, near: &[(u32, u32)], open: &[u32], apart: Option<u8>| {
+            let near: Vec<Near> = near.iter().map(|&of| Near { of, apart }).collect();
+            let pairs = Pairs { rising: &[], near: &near };
             let keeps = |part: &Part, _| part.voxels >= 5;
-            Remaining::of(parts, pairs, open.iter().copied(), Lattice::MILLIMETRE, keeps).near
+            let found = Remaining::of(parts, pairs, open.iter().copied(), Lattice::MILLIMETRE, keeps);
+            found.near.into_iter().map(|near| near.of).collect::<Vec<_>>()
         };
+        let near = |parts, near: &[(u32, u32)], open: &[u32]| found(parts, near, open, None);
         let all = [(0, 1), (0, 2), (1, 2)];
         assert_eq!(near(vec![building(5), building(5), building(4)], &all, &[]), [(0, 1)]);
         // Other tiles may know more of the third one.
@@ -204,5 +217,7 @@ mod tests {
         assert_eq!(near(vec![building(5), None, None], &all, &[1, 2]), [(0, 1), (0, 2)]);
         // A small one that is whole is no core, and what is near it does not count.
         assert_eq!(near(vec![building(4), None, None], &all, &[1, 2]), []);
+        // But it may be a piece of a facade, if it is as near as that.
+        assert_eq!(found(vec![building(4), None, None], &all, &[1, 2], Some(9)), [(0, 1), (0, 2)]);
     }
 }

@@ -32,53 +32,64 @@ const FENCE_TOP_M: f64 = 0.5;
 /// Unites components. `parts` has one entry for each united component then, under the name of one of its
 /// components. Returns this name for all others.
 pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeMap<u32, u32> {
-    let names: Vec<u32> =
-        parts.iter().filter(|(_, part)| unites(part.class)).map(|(&component, _)| component).collect();
-    let mut pieces: Vec<Part> = names.iter().filter_map(|name| parts.remove(name)).collect();
-    let mut pairs: Vec<(i64, Voxel, Voxel, u32, u32)> = Vec::new();
-    for (one, other) in near(&pieces, lattice) {
-        let (a, b) = (&pieces[one as usize], &pieces[other as usize]);
-        if let Some(cost) = cost(a, b, lattice) {
-            let (first, second) = (a.first.min(b.first), a.first.max(b.first));
-            pairs.push((cost, first, second, one, other));
-        }
-    }
+    let (names, pieces): (Vec<u32>, Vec<&Part>) =
+        parts.iter().filter(|(_, part)| unites(part.class)).map(|(&name, part)| (name, part)).unzip();
+    let pair = |(one, other): (u32, u32)| {
+        let (one, other) = (one as usize, other as usize);
+        Some((cost(pieces[one], pieces[other], lattice)?, names[one], names[other]))
+    };
+    let pairs: Vec<(i64, u32, u32)> = near(&pieces, lattice).into_iter().filter_map(pair).collect();
+    one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other, lattice).is_some())
+}
+
+/// Unites pairs of components where `fits` says so of what both are a part of by then. Pairs are a cost and
+/// two names. Cheaper ones are decided first, of equal ones those with the first voxels. `parts` and the result
+/// are those of [`unite`].
+pub(super) fn one_by_one(
+    parts: &mut BTreeMap<u32, Part>,
+    pairs: impl Iterator<Item = (i64, u32, u32)>,
+    fits: impl Fn(&Part, &Part) -> bool,
+) -> BTreeMap<u32, u32> {
+    let ordered = |(cost, one, other): (i64, u32, u32)| {
+        let (a, b) = (parts.get(&one)?.first, parts.get(&other)?.first);
+        Some((cost, a.min(b), a.max(b), one, other))
+    };
+    let mut pairs: Vec<(i64, Voxel, Voxel, u32, u32)> = pairs.filter_map(ordered).collect();
     pairs.sort_unstable();
+    let names: BTreeSet<u32> = pairs.iter().flat_map(|&(.., one, other)| [one, other]).collect();
+    let names: Vec<u32> = names.into_iter().collect();
     #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
-    let mut sets = DisjointSets::new(pieces.len() as u32);
+    let mut sets = DisjointSets::new(names.len() as u32);
+    #[expect(clippy::cast_possible_truncation, reason = "components of a drive fit u32")]
+    let number = |name: u32| names.partition_point(|&other| other < name) as u32;
     for (.., one, other) in pairs {
-        let (one, other) = (sets.find(one), sets.find(other));
-        let (root, leaf) = (one.min(other), one.max(other));
-        if root == leaf || cost(&pieces[root as usize], &pieces[leaf as usize], lattice).is_none() {
+        let (one, other) = (sets.find(number(one)), sets.find(number(other)));
+        let (root, leaf) = (names[one.min(other) as usize], names[one.max(other) as usize]);
+        if root == leaf || !fits(&parts[&root], &parts[&leaf]) {
             continue;
         }
-        let leaf_part = pieces[leaf as usize].clone();
-        pieces[root as usize].merge(&leaf_part);
-        sets.union(root, leaf);
-    }
-    let mut united = BTreeMap::new();
-    for ((number, &name), piece) in (0_u32..).zip(&names).zip(pieces) {
-        let root = sets.find(number);
-        if root == number {
-            parts.insert(name, piece);
-        } else {
-            united.insert(name, names[root as usize]);
+        if let Some(piece) = parts.remove(&leaf)
+            && let Some(whole) = parts.get_mut(&root)
+        {
+            whole.merge(&piece);
+            sets.union(one, other);
         }
     }
-    united
+    let roots = (0_u32..).zip(&names).map(|(number, &name)| (name, names[sets.find(number) as usize]));
+    roots.filter(|(name, root)| name != root).collect()
 }
 
 /// Pairs of pieces of the same class that may be near enough, each once.
-fn near(pieces: &[Part], lattice: Lattice) -> BTreeSet<(u32, u32)> {
+fn near(pieces: &[&Part], lattice: Lattice) -> BTreeSet<(u32, u32)> {
     let reach = lattice.units(FENCE_GAP_M.max(VEHICLE_GAP_M));
     let mut by_x: Vec<u32> = (0_u32..).zip(pieces).map(|(number, _)| number).collect();
     by_x.sort_unstable_by_key(|&number| pieces[number as usize].min[0]);
     let longest = pieces.iter().map(|part| part.max[0] - part.min[0]).max().unwrap_or(0);
     let mut pairs = BTreeSet::new();
     for (at, &one) in by_x.iter().enumerate() {
-        let part = &pieces[one as usize];
+        let part = pieces[one as usize];
         for &other in by_x[at + 1..].iter() {
-            let next = &pieces[other as usize];
+            let next = pieces[other as usize];
             if next.min[0] > part.min[0] + longest + reach {
                 break;
             }
