@@ -119,8 +119,11 @@ const fn steps(last: Step) -> [Step; 9] {
     ]
 }
 
-const STEPS: [Step; 9] =
-    steps(step("objects", &["street.scene", "street.model", "street.classes"], Repeat::Once));
+const STEPS: [Step; 9] = steps(step(
+    "objects",
+    &["street.scene", "street.model", "street.classes", "street.min_points"],
+    Repeat::Once,
+));
 
 /// The method, see the module.
 #[derive(Debug, Clone)]

@@ -169,7 +169,7 @@ pub(super) fn reduce(
             }
             _ => (class, (share / points.max(1)) as u8),
         };
-        if config.wants(class) {
+        if config.keeps(class, points) {
             kinds.insert(label, Kind { class: class + 1, confidence });
         }
     }
