@@ -49,6 +49,22 @@ tests() { # ARGUMENTS OF cargo test...
     return "$code"
 }
 
+release_log=
+release_process=
+begin_release_build() {
+    release_log=$(mktemp)
+    cargo build --locked --release --quiet >"$release_log" 2>&1 &
+    release_process=$!
+}
+
+release_build() {
+    wait "$release_process"
+    local code=$?
+    cat "$release_log"
+    rm -f "$release_log"
+    return "$code"
+}
+
 spelling() {
     if command -v typos >/dev/null; then
         typos
@@ -144,13 +160,16 @@ else
     step "dependencies" dependencies
     step "lints" cargo clippy --locked --all-targets -- -D warnings
     step "minimal Rust version" minimal_rust
+    step "test build" tests --no-run
+    # One core is idle during most of the release build and of the tests.
+    [ "$lane" != all ] || begin_release_build
     step "tests and doc tests" tests
     # rounds_of_the_child is a part of another test.
     step "long tests" tests --test main -- --ignored --skip rounds_of_the_child
     step "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --quiet
 fi
 if [ "$lane" = all ]; then
-    step "release build" cargo build --locked --release --quiet
+    step "release build" release_build
     step "digests of all outputs" scripts/digest.py --check
     step "exactness" scripts/exactness.sh
     step "Python package" python_package
