@@ -342,7 +342,9 @@ fn status_names_the_passes_that_run_executes() {
     let auto = ["cluster.method=dbscan", "dbscan.epsilon=auto"];
     let bare = ["ground.method=none", "noise.enabled=false", "epsilon.k=8", "tiling.tile_length=10"];
     let fields = "dbscan.fields=[\"x\",\"y\",\"z\",\"intensity\"]";
-    let cases: [(&Path, Vec<String>, &[&str]); 6] = [
+    let points = ["cluster.method=euclidean", "output.files=[\"points\"]"];
+    let cases: [(&Path, Vec<String>, &[&str]); 7] = [
+        (&sweep, settings(&points), &["cluster", "stitch", "relabel", "export"]),
         (&sweep, settings(&["tiling.tile_length=15"]), &["scatter", "cluster"]),
         (&sweep, settings(&["cluster.method=density-peaks"]), &["voxels", "peaks", "borders"]),
         (&sweep, settings(&["cluster.method=dbscan", "tiling.tile_length=40"]), &["cluster"]),
@@ -359,6 +361,8 @@ fn status_names_the_passes_that_run_executes() {
         let found =
             names.iter().fold(left.next(), |next, name| if next == Some(name) { left.next() } else { next });
         assert_eq!(found, None, "{names:?} has not {expected:?} in this order");
+        // Only tables and the page show what the inventory measures.
+        assert_eq!(names.contains(&"inventory"), !list.iter().any(|setting| setting.contains("output.files")));
         let seen = status(&out, &registries(&all), |_| Ok(config(&list))).expect("a status");
         let listed: Vec<(String, Option<usize>)> =
             seen.passes.iter().map(|pass| (pass.pass.to_owned(), pass.units)).collect();

@@ -99,6 +99,8 @@ pub(crate) struct List {
     stitch: Outline,
     relabel: Outline,
     inventory: Outline,
+    /// Whether an output has the rows of the inventory. Without one it is not computed.
+    with_rows: bool,
     export: Outline,
     /// `None` if the cloud-optimised file is not written.
     cloud: Option<[Outline; 2]>,
@@ -126,6 +128,7 @@ impl List {
             stitch,
             relabel,
             inventory,
+            with_rows: names::shows_objects(config),
             export,
             cloud,
         }
@@ -141,7 +144,8 @@ impl List {
         all.push((&self.ground, tiles));
         all.extend(self.fields.iter().map(|outline| (outline, runs)));
         all.extend(self.steps.iter().map(|outline| (outline, tiles)));
-        all.extend([(&self.stitch, Some(1)), (&self.relabel, relabelled), (&self.inventory, tiles)]);
+        all.extend([(&self.stitch, Some(1)), (&self.relabel, relabelled)]);
+        all.extend(self.with_rows.then_some((&self.inventory, tiles)));
         all.push((&self.export, None));
         all.extend(self.cloud.iter().flatten().map(|outline| (outline, None)));
         all.into_iter().map(|(outline, units)| (outline.clone(), units)).collect()
@@ -258,8 +262,13 @@ pub(crate) fn to_files<D: Driver>(
             return Ok(None);
         }
         let sources = Sources { progress, objects: &objects, columns: &columns, terrain: &terrain };
-        let found = inventory::complete(driver, sources, list.inventory.clone())?;
-        let Some(found) = found else { return Ok(None) };
+        let mut found = None;
+        if list.with_rows {
+            found = inventory::complete(driver, sources, list.inventory.clone())?;
+            if found.is_none() {
+                return Ok(None);
+            }
+        }
         let limit = names::page_limit_bytes(open.config);
         let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
         let tiled = progress.over.classified.tiled;
@@ -280,16 +289,19 @@ pub(crate) fn to_files<D: Driver>(
             let cloud = Cloud { open, tiled, columns: &columns, kinds, labelled, run_dir, outlines };
             let Some(()) = cloud.complete(driver)? else { return Ok(None) };
         }
-        let rows = inventory::rows(sources, list.inventory.clone(), &found)?;
-        let table = tables::write_tables(
-            run_dir,
-            &open.drive,
-            &planned.surveyed,
-            &planned.plan,
-            &objects,
-            &rows,
-            open.config,
-        )?;
+        let mut table = None;
+        if let Some(found) = &found {
+            let rows = inventory::rows(sources, list.inventory.clone(), found)?;
+            table = tables::write_tables(
+                run_dir,
+                &open.drive,
+                &planned.surveyed,
+                &planned.plan,
+                &objects,
+                &rows,
+                open.config,
+            )?;
+        }
         let page = table.map(|table| PageContent { table, points: exported.points });
         tables::write_charts(run_dir, &objects.charts)?;
         figures.extend(objects.figures);

@@ -26,6 +26,12 @@ pub(crate) fn beside(config: &Config, surfaces: bool) -> Vec<&'static str> {
     names
 }
 
+/// Whether an output shows objects one by one: a table or the page.
+pub(crate) fn shows_objects(config: &Config) -> bool {
+    let mut tables = objects::REGISTRY.iter().chain(objects::SURFACES);
+    config.output.writes("report") || tables.any(|entry| config.output.writes(entry.name()))
+}
+
 /// Limit of the page in bytes; `None` if it is not written.
 pub(crate) fn page_limit_bytes(config: &Config) -> Option<u64> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 200 MB, validated")]
@@ -149,5 +155,10 @@ mod tests {
         let csv = ["output.files=[\"csv\"]".to_owned()];
         assert_eq!(beside(&csv), ["objects.csv", "report.json"]);
         assert_eq!(with(&csv, true), ["objects.csv", "surfaces.csv", "report.json"]);
+        let shows = |files: &str| {
+            let files = [format!("output.files=[{files}]")];
+            shows_objects(&Config::resolve(None, &files).unwrap())
+        };
+        assert!(shows("\"points\", \"csv\"") && shows("\"report\"") && !shows("\"points\", \"copc\""));
     }
 }
