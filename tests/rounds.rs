@@ -362,7 +362,10 @@ fn status_names_the_passes_that_run_executes() {
             names.iter().fold(left.next(), |next, name| if next == Some(name) { left.next() } else { next });
         assert_eq!(found, None, "{names:?} has not {expected:?} in this order");
         // Only tables and the page show what the inventory measures.
-        assert_eq!(names.contains(&"inventory"), !list.iter().any(|setting| setting.contains("output.files")));
+        assert_eq!(
+            names.contains(&"inventory"),
+            !list.iter().any(|setting| setting.contains("output.files"))
+        );
         let seen = status(&out, &registries(&all), |_| Ok(config(&list))).expect("a status");
         let listed: Vec<(String, Option<usize>)> =
             seen.passes.iter().map(|pass| (pass.pass.to_owned(), pass.units)).collect();

@@ -239,12 +239,17 @@ fn are_two_houses(one: &Part, other: &Part, lattice: Lattice) -> bool {
     follows && seen(one, &extent) && seen(other, &of_other)
 }
 
-/// Whether a piece lies along the long side of a facade, in front of it or behind it.
+/// Whether a piece lies along the long side of a facade, in front of it or behind it. The box around a house
+/// whose side wall is seen is turned. So a piece that is a facade itself must lie along the other by its own
+/// direction, too, unless it stands across.
 fn behind(piece: &Part, facade: &Part) -> bool {
     let (Some(spans), Some(others)) = (&facade.spans, &piece.spans) else { return false };
-    let around = spans.narrowest();
-    let overlap = -spans.gap(others, around);
-    around.length >= FACADE * around.width && 100 * overlap >= ALONG * others.length(around.along())
+    let (around, of_piece) = (spans.narrowest(), others.narrowest());
+    let is_facade = |extent: &Extent| extent.length >= FACADE * extent.width;
+    let lies_along =
+        |extent: Extent| -100 * spans.gap(others, extent) >= ALONG * others.length(extent.along());
+    let own = is_facade(&of_piece) && around.is_parallel(&of_piece);
+    is_facade(&around) && lies_along(around) && (!own || lies_along(of_piece))
 }
 
 #[cfg(test)]

@@ -47,6 +47,12 @@ impl Extent {
     pub(super) fn along(&self) -> usize {
         (self.across + DIRECTIONS / 2) % DIRECTIONS
     }
+
+    /// Whether the longer sides of two boxes have an angle of at most 45 degrees.
+    pub(super) fn is_parallel(&self, other: &Self) -> bool {
+        let apart = self.across.abs_diff(other.across);
+        apart.min(DIRECTIONS - apart) <= DIRECTIONS / 4
+    }
 }
 
 impl Spans {
