@@ -27,17 +27,18 @@ use crate::spatial::{Cell, DisjointSets};
 /// lie 2.2 to 3.0 m from their building.
 const CELL: i32 = 2;
 const NEAR_CELLS: i32 = 11;
-/// Pieces of a facade are so many cells apart at most: all up to 1.8 m, and none beyond 2.4 m. Houses of a row
-/// with more between them are two, however short they are.
+/// Pieces of a facade are so many cells apart at most: all up to 1.8 m, and none beyond 2.4 m. Houses of a
+/// row with more between them are two, however short they are.
 const FACADE_CELLS: i32 = 7;
-/// Shortest front of a house, in metres. Of two pieces that follow each other along the longer one, the shorter
-/// one has at most 5.8 m if they are one building (21 of 23 pairs on seven labelled scenes and eight drives), and
-/// 9.5 m and more if they are two (33 of 35 pairs).
+/// Shortest front of a house, in metres. Of two pieces that follow each other along the longer one, the
+/// shorter one has at most 5.8 m if they are one building (21 of 23 pairs on seven labelled scenes and eight
+/// drives), and 9.5 m and more if they are two (33 of 35 pairs).
 const HOUSE_M: f64 = 8.0;
 /// Two pieces follow each other if at most this share of the shorter one, in percent, lies along the longer.
 const FOLLOWS: i64 = 25;
-/// Mean height of a wall that is seen, in metres: the area of its voxels over its length. Where it is less, gaps are
-/// those of the scan. Houses have 2.5 m and more, on scenes with a tenth of the points facades have at most 1.6 m.
+/// Mean height of a wall that is seen, in metres: the area of its voxels over its length. Where it is less,
+/// gaps are those of the scan. Houses have 2.5 m and more, on scenes with a tenth of the points facades have
+/// at most 1.6 m.
 const SEEN_M: f64 = 1.8;
 /// Lowest height above ground of what floats, in metres. Heights of rooms and roofs are measured from the
 /// ground before the house, and are up to 2 m lower than they are.

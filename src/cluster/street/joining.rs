@@ -21,11 +21,11 @@ const BAND_M: f64 = 0.25;
 /// Voxels of a class are joined within so many voxels in the plane and so many levels.
 const REACHES: [(u8, i32, i32); 5] =
     [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
-/// Columns of buildings are joined within so many voxels on either axis of the plane, whatever their height: 0.3 m.
-/// `facades` joins high columns that are further apart.
+/// Columns of buildings are joined within so many voxels on either axis of the plane, whatever their height:
+/// 0.3 m. `facades` joins high columns that are further apart.
 const BUILDING_REACH: i32 = 2;
-/// Columns of buildings that end below this height in metres are low. Parts of cars and fences look like walls,
-/// and would lead from one facade over the car in front of it to the next.
+/// Columns of buildings that end below this height in metres are low. Parts of cars and fences look like
+/// walls, and would lead from one facade over the car in front of it to the next.
 const LOW_WALL_M: f64 = 1.8;
 /// Canopy is looked for within so many voxels of a low tree voxel.
 const CANOPY_REACH: i32 = 5;

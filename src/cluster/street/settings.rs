@@ -2,7 +2,6 @@
 
 use serde::Deserialize;
 
-use super::shares::{BUILDING, FENCE, TREE};
 use crate::config::ConfigError;
 use crate::model::Lattice;
 
@@ -73,9 +72,9 @@ pub(super) fn edge(lattice: Lattice) -> u32 {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
-    /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence has at least twice as many, a
-    /// tree, a building and an object without a core three times as many. Smaller ones that join no other are
-    /// left without an id.
+    /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence has at least twice as
+    /// many, a tree, a building and an object without a core three times as many. Smaller ones that join no
+    /// other are left without an id.
     pub min_points: u64,
     /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
     /// growth needs them, and then left without an id.
@@ -105,15 +104,16 @@ impl StreetConfig {
         3 * self.min_points
     }
 
-    /// Whether an object of the class with this index and so many points gets an id. On 18 labelled drives, 10
-    /// of 75 trees, fences and buildings with fewer points were right.
+    /// Whether an object of the class with this index and so many points gets an id. On 18 labelled drives,
+    /// 10 of 75 trees, fences and buildings with fewer points were right.
     pub(super) fn keeps(&self, class: u8, points: u64) -> bool {
-        let times = match class {
-            TREE | BUILDING => 3,
-            FENCE => 2,
+        let Some(wanted) = self.classes.iter().find(|wanted| **wanted as u8 == class) else { return false };
+        let times = match wanted {
+            WantedClass::Tree | WantedClass::Building => 3,
+            WantedClass::Fence => 2,
             _ => 1,
         };
-        points >= times * self.min_points && self.classes.iter().any(|wanted| *wanted as u8 == class)
+        points >= times * self.min_points
     }
 
     /// Checks every range.

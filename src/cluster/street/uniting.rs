@@ -43,8 +43,8 @@ pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeM
 }
 
 /// Unites pairs of components where `fits` says so of what both are a part of by then. Pairs are a cost and
-/// two names. Cheaper ones are decided first, of equal ones those with the first voxels. `parts` and the result
-/// are those of [`unite`].
+/// two names. Cheaper ones are decided first, of equal ones those with the first voxels. `parts` and the
+/// result are those of [`unite`].
 pub(super) fn one_by_one(
     parts: &mut BTreeMap<u32, Part>,
     pairs: impl Iterator<Item = (i64, u32, u32)>,
