@@ -118,8 +118,8 @@ browser() {
     return "$code"
 }
 
-# The wheel with the profile of the tests, whose compiled dependencies it takes, installed in a folder of its own. The program
-# to compare with is the release build.
+# The wheel with the release build as its program and the module in the profile of the tests, whose compiled dependencies it takes
+# where their features agree, installed in a folder of its own.
 python_package() {
     local missing
     missing=$(python3 - <<'PYTHON'
@@ -133,7 +133,7 @@ PYTHON
     fi
     cargo fmt --check --manifest-path python/Cargo.toml || return
     rm -rf target/python
-    CHAINAGE_WHEEL_PROFILE=dev python3 -m pip install --quiet --disable-pip-version-check \
+    CHAINAGE_WHEEL_PROFILE=dev CHAINAGE_WHEEL_PROGRAM=$PWD/target/release/chainage python3 -m pip install --quiet --disable-pip-version-check \
         --no-build-isolation --no-deps --target target/python . || return
     CHAINAGE_PROGRAM=$PWD/target/release/chainage PYTHONPATH=$PWD/target/python \
         python3 -m pytest -q -m "not slow" -p no:cacheprovider || return

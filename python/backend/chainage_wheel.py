@@ -18,6 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 # CI builds with the profile dev, whose dependencies the tests have compiled already.
 PROFILE = os.environ.get("CHAINAGE_WHEEL_PROFILE", "release")
+# A program that is compiled already, of the same sources. CI has one.
+PROGRAM = os.environ.get("CHAINAGE_WHEEL_PROGRAM")
 
 
 SCRIPTS = ROOT / "python" / "chainage.data" / "scripts"
@@ -26,12 +28,14 @@ SCRIPTS = ROOT / "python" / "chainage.data" / "scripts"
 def _put_program():
     os.environ["CARGO_TARGET_DIR"] = str(TARGET)
     os.environ["MATURIN_PEP517_ARGS"] = f"--locked --profile {PROFILE}"
-    command = ["cargo", "build", "--profile", PROFILE, "--locked", "--bin", "chainage"]
-    subprocess.run(command, cwd=ROOT, check=True)
-    folder = TARGET / ("debug" if PROFILE == "dev" else PROFILE)
     name = "chainage.exe" if sys.platform == "win32" else "chainage"
+    program = PROGRAM
+    if program is None:
+        command = ["cargo", "build", "--profile", PROFILE, "--locked", "--bin", "chainage"]
+        subprocess.run(command, cwd=ROOT, check=True)
+        program = TARGET / ("debug" if PROFILE == "dev" else PROFILE) / name
     SCRIPTS.mkdir(parents=True, exist_ok=True)
-    shutil.copy2(folder / name, SCRIPTS / name)
+    shutil.copy2(program, SCRIPTS / name)
 
 
 def prepare_metadata_for_build_wheel(metadata_directory, config_settings=None):
