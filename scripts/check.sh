@@ -5,7 +5,7 @@
 #
 # --fast   for every save: format, unit tests, contracts of the methods, command line, layers
 # --quick  before a commit: everything that needs no release build
-# Without an option: everything. It takes about a quarter of an hour on two cores from nothing.
+# Without an option: everything. It takes about 25 minutes on two cores from nothing.
 #
 # Some checks use the shared data (CHAINAGE_SHARED_DATA, else ../shared/data), python3 with laspy, typos, cargo-deny or Chromium.
 # They report what they skip because it is missing. .ci/run installs the tools.
