@@ -35,8 +35,8 @@ use crate::error::Result;
 use crate::model::{Lattice, TileId};
 use crate::spatial::Cell;
 
-/// Distance around a tile within which voxels are read, in metres. Crowns reach farthest. The longest link
-/// (buildings) is 2.2 m.
+/// Distance around a tile within which voxels are read, in metres. Crowns reach farthest. Buildings that
+/// are near each other are at most 3.6 m apart.
 const REACH_M: f64 = crowns::REACH_M;
 /// Distance around these voxels within which pieces of chains change their class, in metres.
 const PIECES_M: f64 = 1.6;
