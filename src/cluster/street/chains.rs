@@ -47,6 +47,10 @@ const STEM_WIDTH_M: f64 = 1.1;
 const FILL: f64 = 0.6;
 /// Smallest number of voxels of a piece.
 const VOXELS: u32 = 4;
+/// Smallest height in metres and number of voxels of a piece of the lowest slice. What stands in front hides
+/// most of the trunk of a small tree.
+const STUB_M: f64 = 0.25;
+const STUB_VOXELS: u32 = 3;
 /// Largest distance in the plane between the centres of linked pieces, in metres.
 const LINK_M: f64 = 0.45;
 /// Radius around the centre of a piece within which a chain goes on above, in metres.
@@ -68,6 +72,8 @@ pub(super) struct Verdict {
     pub(super) chain: u32,
     /// Whether the chain is a pole. Otherwise it is a trunk.
     pub(super) pole: bool,
+    /// Whether the piece is the highest of its chain.
+    pub(super) top: bool,
 }
 
 /// The payload of a tile: the pieces that it owns, in the order of slice and first voxel.
@@ -162,9 +168,11 @@ pub(super) fn map(tile: &dyn TileWindow, scene: Scene) -> Result<Mapped> {
         let range = (lattice.units(slice.0) as i32, lattice.units(slice.1) as i32);
         let inside =
             |voxel: usize| upright[voxel] && around.height[voxel] > range.0 && around.height[voxel] < range.1;
-        let fill = lattice.units(FILL * (slice.1 - slice.0)) as i32;
+        let (fill, voxels) =
+            if number == 0 { (STUB_M, STUB_VOXELS) } else { (FILL * (slice.1 - slice.0), VOXELS) };
+        let least = (lattice.units(fill) as i32, voxels);
         for part in parts(&around, inside) {
-            pieces.extend(piece(&around, &class, &units, number, &part, fill));
+            pieces.extend(piece(&around, &class, &units, number, &part, least));
         }
     }
     let pieces = linked(pieces, &units);
@@ -206,14 +214,15 @@ fn parts(around: &Classified, inside: impl Fn(usize) -> bool) -> Vec<Part> {
     parts.into_values().collect()
 }
 
-/// The component as a piece, and whether the tile owns it. `None` if it is wide, low or small.
+/// The component as a piece, and whether the tile owns it. `None` if it is wide, or lower or smaller than the
+/// `least`.
 fn piece(
     around: &Classified,
     class: &[u8],
     units: &Units,
     slice: u8,
     part: &Part,
-    fill: i32,
+    least: (i32, u32),
 ) -> Option<(Piece, bool)> {
     let size = [part.max[0] - part.min[0], part.max[1] - part.min[1]];
     let heights = part.voxels.iter().map(|&voxel| around.height[voxel]);
@@ -221,7 +230,7 @@ fn piece(
     let high = heights.max()?;
     let count = part.voxels.len() as u32;
     let diagonal = size[0] * size[0] + size[1] * size[1];
-    if diagonal > units.stem_width.pow(2) || high - low < fill || count < VOXELS {
+    if diagonal > units.stem_width.pow(2) || high - low < least.0 || count < least.1 {
         return None;
     }
     let mut sum = [0_i64; 2];
@@ -375,8 +384,9 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
             Kind::Pole => true,
             Kind::PoleBesideTrunk => trunks.any_within(place, lattice.units(OTHER_TRUNK_M)),
         };
+        let highest = members.iter().copied().max_by_key(|&number| pieces[number as usize].reach());
         for &number in members {
-            verdicts[number as usize] = Verdict { chain, pole };
+            verdicts[number as usize] = Verdict { chain, pole, top: highest == Some(number) };
         }
     }
     let count = verdicts.iter().map(|verdict| verdict.chain).max().unwrap_or(0);

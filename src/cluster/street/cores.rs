@@ -11,6 +11,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::chains::{self, Verdict};
@@ -44,6 +45,9 @@ const PIECES_M: f64 = 1.6;
 const AXIS_M: f64 = 0.45;
 /// Height up to which a trunk takes the voxels around its axis, in metres.
 const TRUNK_M: f64 = 4.0;
+/// Distance from the centre of a piece within which these voxels are the trunk's core, in metres. Where a
+/// trunk is hidden below its crown, its growth begins in the crown too.
+const STEM_M: f64 = 0.34;
 /// Share of the voxels of a piece that are within 0.5 m of a facade from which the piece is a part of it.
 const AT_FACADE: f64 = 0.7;
 
@@ -232,6 +236,7 @@ fn take_chains(
     lattice: Lattice,
 ) -> Vec<(bool, u32)> {
     let axis = lattice.units(AXIS_M);
+    let stem = lattice.units(STEM_M);
     let top = lattice.units(TRUNK_M) as i32;
     // Nearest piece of each voxel that takes it: squared distance, slice and first voxel.
     let mut taken: Vec<Option<(i64, u8, Voxel, usize)>> = vec![None; class.len()];
@@ -258,6 +263,11 @@ fn take_chains(
             }
         });
     }
+    let tops: FxHashMap<u32, &Piece> = pieces
+        .iter()
+        .filter(|(_, verdict)| verdict.top)
+        .map(|(piece, verdict)| (verdict.chain, piece))
+        .collect();
     let mut trunk = vec![(false, 0); class.len()];
     for (voxel, found) in taken.into_iter().enumerate() {
         let Some((distance, .., number)) = found else { continue };
@@ -266,7 +276,12 @@ fn take_chains(
         around.shares[voxel] = shares::decided(&around.shares[voxel], class[voxel]);
         let height = around.height[voxel];
         let inside = distance <= piece.radius.pow(2) && height >= piece.height.0 && height <= piece.height.1;
-        trunk[voxel] = (true, if inside && !verdict.pole { verdict.chain } else { 0 });
+        let above = tops.get(&verdict.chain).is_some_and(|top: &&Piece| {
+            let [x, y, _] = around.voxels.centre[voxel];
+            let distance = (x - top.centre[0]).pow(2) + (y - top.centre[1]).pow(2);
+            height > top.height.1 && distance <= stem.pow(2)
+        });
+        trunk[voxel] = (true, if (inside || above) && !verdict.pole { verdict.chain } else { 0 });
     }
     trunk
 }

@@ -38,3 +38,10 @@ pub(super) struct Piece {
     /// Pieces that are linked to it: slice and first voxel.
     pub(super) links: Vec<(u8, Voxel)>,
 }
+
+impl Piece {
+    /// Orders the pieces of a chain by how high they reach.
+    pub(super) fn reach(&self) -> (i32, u8, Voxel) {
+        (self.height.1, self.slice, self.first)
+    }
+}
