@@ -140,6 +140,7 @@ pub(super) fn decide(chain: &[&Piece], lattice: Lattice) -> Option<Kind> {
 
 /// The levels between two heights above ground in lattice units.
 fn levels_of((low, high): (i32, i32), lattice: Lattice) -> u64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it is clamped to 0..=62")]
     let level = |height: i32| (lattice.metres(height.into()) / LEVEL_M).clamp(0.0, 62.0) as u32;
     (1 << (level(high) + 1)) - (1 << level(low))
 }
