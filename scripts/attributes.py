@@ -4,7 +4,7 @@
     scripts/attributes.py [--length 300m] [-o benches/results/attributes.md] [SCENE.laz ...]
 
 Drives of `chainage synth` (suburb, downtown, avenue), and scenes with a SCENE_reference.csv beside them, are processed
-with `--method street --ground opening`. An object is compared with the labelled one if they overlap with an IoU above
+with `--method street --ground opening --trajectory` (SCENE_trajectory.csv). An object is compared with the labelled one if they overlap with an IoU above
 0.8 of their points. Bias is the mean of measured minus true; RMSE is of the differences, of the distance in the plane
 for the base. Needs a build (CHAINAGE, else target/release/chainage), and numpy, laspy and lazrs.
 """
@@ -28,11 +28,13 @@ LEAST_IOU = 0.8
 HEAD = """# Attributes of objects against the truth
 
 Written by `{command}` at commit {commit}: drives of `chainage synth` with seed 7, and labelled scenes, processed with `--method
-street --ground opening`. An object is compared with the labelled one if they overlap with an IoU above 0.8 of their points.
+street --ground opening --trajectory`. An object is compared with the labelled one if they overlap with an IoU above 0.8 of their points.
 *Compared*: such pairs. *Measured*: those of them in which neither value is empty. *Bias*: mean of measured minus true. *RMSE*: of these
 differences; for the base, of the distance in the plane; for the inclination, of the angle between the two axes.
 
-Heights are compared twice: with the model, and with the highest point that the scanner saw. Crowns of the model are those of the centres
+Heights are compared twice: with the model, and with the highest point that the scanner saw. The true base of a building is the middle of its
+front, and that of a fence its middle: on a slope the ground there is not that of the measured base, so the base is also compared with the
+labelled ground around it. The true clearance is that of the points of the object, over the true ground and the driven path. Crowns of the model are those of the centres
 of leaves. Labelled scenes without these columns have no crowns, stems and inclinations to compare.
 """
 
@@ -42,11 +44,10 @@ def rows(path):
         return list(csv.DictReader(text))
 
 
-def overlaps(labelled, truth):
+def overlaps(points):
     """Pairs (object, instance) with an IoU above the least, from the points of the labelled copy."""
-    points = laspy.read(labelled)
     found = numpy.asarray(points["cluster_id"]).astype(numpy.uint64)
-    true = numpy.asarray(points["gt_instance"] if truth is None else truth["gt_instance"]).astype(numpy.uint64)
+    true = numpy.asarray(points["gt_instance"]).astype(numpy.uint64)
     both, counts = numpy.unique((found << numpy.uint64(32)) | true, return_counts=True)
     of_object = dict(zip(*numpy.unique(found, return_counts=True)))
     of_instance = dict(zip(*numpy.unique(true, return_counts=True)))
@@ -54,6 +55,21 @@ def overlaps(labelled, truth):
         a, b = pair >> 32, pair & 0xFFFFFFFF
         if a and b and common / (of_object[a] + of_instance[b] - common) > LEAST_IOU:
             yield a, b
+
+
+class TrueGround:
+    """Height of the labelled ground at a place: the median of its points within 0.5 m in x and in y."""
+
+    def __init__(self, points):
+        ground = numpy.asarray(points["gt_class"]) == 1
+        places = numpy.column_stack([points.x, points.y, points.z])[ground]
+        self.places = places[numpy.argsort(places[:, 0])]
+
+    def at(self, x, y):
+        first, last = numpy.searchsorted(self.places[:, 0], [x - 0.5, x + 0.5])
+        near = self.places[first:last]
+        heights = near[abs(near[:, 1] - y) <= 0.5, 2]
+        return float(numpy.median(heights)) if len(heights) >= 5 else math.nan
 
 
 def number(text):
@@ -64,7 +80,9 @@ def compare(out, labelled, reference):
     """Differences of every attribute of every compared object: (class, attribute, difference)."""
     measured = {int(row["id"]): row for row in rows(out / "objects.csv")}
     true = {int(row["instance"]): row for row in rows(reference)}
-    for found, instance in overlaps(labelled, None):
+    points = laspy.read(labelled)
+    ground = TrueGround(points)
+    for found, instance in overlaps(points):
         a, b = measured[found], true[instance]
         kind = int(b["class"])
         if "base_inside" in b and b["base_inside"] != "1":
@@ -73,6 +91,7 @@ def compare(out, labelled, reference):
         dx, dy = (get(a, f"base_{k}") - get(b, f"base_{k}") for k in "xy")
         yield kind, "base in the plane, m", math.hypot(dx, dy)
         yield kind, "base height, m", get(a, "base_z") - get(b, "base_z")
+        yield kind, "base over the ground there, m", get(a, "base_z") - ground.at(get(a, "base_x"), get(a, "base_y"))
         yield kind, "height against the model, m", get(a, "height_m") - get(b, "model_height")
         seen = get(b, "zmax") - get(b, "base_z")
         yield kind, "height against its points, m", get(a, "height_m") - seen
@@ -80,6 +99,7 @@ def compare(out, labelled, reference):
         crown = get(b, "crown_diameter")
         yield kind, "crown diameter, %", 100 * (get(a, "crown_diameter_m") - crown) / crown
         yield kind, "inclination, deg", leaning_apart(a, b)
+        yield kind, "clearance, m", get(a, "clearance_m") - get(b, "clearance")
 
 
 def leaning_apart(a, b):
@@ -137,12 +157,13 @@ def main():
             drive = folder / preset
             if not (drive / "reference.csv").exists():
                 call("synth", preset, "-o", drive, "--length", choice.length, "--seed", "7")
-            cases.append((f"synth {preset}, {choice.length}", drive / f"{preset}_0001.laz", drive / "reference.csv"))
+            cases.append((f"synth {preset}, {choice.length}", drive / f"{preset}_0001.laz", drive / "reference.csv", drive / "trajectory.csv"))
         for scene in choice.scenes:
-            cases.append((scene.stem, scene, scene.with_name(f"{scene.stem}_reference.csv")))
-        for name, points, reference in cases:
+            beside = lambda what: scene.with_name(f"{scene.stem}_{what}.csv")
+            cases.append((scene.stem, scene, beside("reference"), beside("trajectory")))
+        for name, points, reference, trajectory in cases:
             out = folder / f"out-{points.stem}"
-            call("run", points, "-o", out, "--method", "street", "--ground", "opening", "--progress", "none")
+            call("run", points, "-o", out, "--method", "street", "--ground", "opening", "--trajectory", trajectory, "--progress", "none")
             text.append(table(name, compare(out, out / points.name, reference)))
     result = "".join(text)
     print(result)

@@ -19,14 +19,14 @@ impl Attribute for Base {
             &[
                 coordinate(
                     "base_x",
-                    "x of the place where it stands: the axis of a tree or pole at the ground, the middle of a tree that is lower than \
-                     0.75 of its width, else the middle of the lowest 0.3 m",
+                    "x of the place where it stands: the axis of a tree or pole at the ground, the middle of a tree whose stem was not seen, \
+                     else the middle of the lowest 0.3 m",
                 ),
                 coordinate("base_y", "y of that place"),
                 coordinate(
                     "base_z",
-                    "z of the ground at that place, not above the foot of a stem or most of the lowest 0.3 m, if a few points below a gap \
-                     are left out; of its lowest point where no ground is within 10 m",
+                    "z of the ground at that place, of a building before its front; not above the foot of a stem or most of the lowest \
+                     0.3 m, if a few points below a gap are left out; of its lowest point where no ground is within 10 m",
                 ),
             ]
         }
@@ -103,6 +103,40 @@ mod tests {
         // Where the model is too high everywhere, the object decides.
         let high: Vec<([i32; 2], i64)> = (0..20).map(|i| ([i, 0], 1_200)).collect();
         assert!((base(&plain, &high)[2] - 0.22).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_crown_without_stem_stands_in_its_middle() {
+        // A crown of 6 m, 2.5 m above the ground, whose lowest leaves are at the side that is seen.
+        let crown = (0..4_000_i64).map(|n| {
+            let (i, j, k) = (n % 20, n / 20 % 20, n / 400);
+            [2_000 + 300 * i, 1_000 + 300 * j, 2_900 + 300 * k + 20 * (i - 10).abs()]
+        });
+        let low = (0..40).map(|n| [7_000 + n % 8 * 150, 1_500 + n / 8 * 150, 2_500]);
+        let points: Vec<[i64; 3]> = crown.chain(low).collect();
+        let kind = Kind { class: 2, confidence: 255 };
+        let found = as_decimals(&values_of(&Base, &points, kind, &[([5, 3], 0)], METRES));
+        assert!(near(&found, &[(2.0 + 8.05) / 2.0, (1.0 + 6.7) / 2.0, 0.0]), "{found:?}");
+    }
+
+    #[test]
+    fn the_ground_of_a_building_is_that_of_the_street() {
+        // A facade along y = 12 m. The axis is y = 5 m. Behind panes is a floor 0.4 m above the street, which
+        // was taken for ground; one cell of it is a reflection far below.
+        let wall = (0..3_000_i64).map(|n| [n % 100 * 100 + 50, 12_050, 20 + n / 100 * 200]);
+        let inside =
+            (0..6_000_i64).map(|n| [n % 100 * 100 + 50, 12_500 + n / 100 % 20 * 100, 420 + n / 2_000]);
+        let points: Vec<[i64; 3]> = wall.chain(inside).collect();
+        let street = (0..10).flat_map(|i| (6..12).map(move |j| ([i, j], 0)));
+        let floor = (0..10).flat_map(|i| (12..15).map(move |j| ([i, j], if i == 5 { -7_700 } else { 410 })));
+        let ground: Vec<_> = street.chain(floor).collect();
+        let kind = Kind { class: 5, confidence: 255 };
+        let found = as_decimals(&values_of(&Base, &points, kind, &ground, METRES));
+        // The plane through the cells around has a part of the floor's.
+        assert!((found[2].unwrap()).abs() < 0.1 && (found[1].unwrap() - 12.05).abs() < 0.1, "{found:?}");
+        // Other objects have the ground of the place where they stand.
+        let found = as_decimals(&values_of(&Base, &points, NO_KIND, &ground, METRES));
+        assert!(found[2].unwrap() > 0.3, "{found:?}");
     }
 
     #[test]

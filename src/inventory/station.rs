@@ -1,7 +1,8 @@
 //! Attribute `station`: where the base of the object is along the axis of the drive.
 
 use crate::inventory::attribute::Attribute;
-use crate::inventory::object::{Object, Station};
+use crate::inventory::object::Object;
+use crate::inventory::site::Station;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.

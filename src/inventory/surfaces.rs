@@ -1,7 +1,7 @@
 //! The table of surfaces: the plane of each, its area, and its outline in space.
 
 use crate::inventory::measures::{Face, Polygon};
-use crate::inventory::object::Site;
+use crate::inventory::site::Site;
 use crate::model::{Column, ColumnType, ColumnUnit, ObjectPart, Plane, Value};
 
 const fn decimal(name: &'static str, places: u8, unit: ColumnUnit, definition: &'static str) -> Column {

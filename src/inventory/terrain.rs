@@ -96,8 +96,13 @@ impl Terrain {
 
     /// The middle of the cell of a place, in lattice units.
     pub(super) fn middle(&self, place: [i64; 2]) -> [i64; 2] {
+        self.middle_of(self.cell(place))
+    }
+
+    /// The middle of a cell, in lattice units.
+    pub(super) fn middle_of(&self, cell: [i64; 2]) -> [i64; 2] {
         let edge = self.grid.edge();
-        self.cell(place).map(|index| index * edge + edge / 2)
+        cell.map(|index| index * edge + edge / 2)
     }
 
     /// Diagonal of a cell in metres.

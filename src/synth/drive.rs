@@ -56,7 +56,7 @@ impl Track {
 }
 
 /// The drive as a function of time, seconds since its start.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Drive {
     plan: Plan,
     /// Chainage at which the street returns to its stem.
@@ -105,6 +105,20 @@ impl Drive {
         if s > self.end { (LEAD + STEM - (s - self.end), -1.0) } else { (s, 1.0) }
     }
 
+    /// Offsets (left positive) of the path from the axis at chainage `s`: on the way out and, where the street
+    /// is driven twice, on the way back. Metres.
+    pub(super) fn offsets(&self, s: f64) -> [Option<f64>; 2] {
+        let back = self.end + STEM - s;
+        let returns = s <= LEAD + STEM && back.is_finite();
+        [Some(self.offset(s, s - LEAD, 1.0)), returns.then(|| self.offset(s, back, -1.0))]
+    }
+
+    /// Offset (left positive) of the path at chainage `s` after `driven` metres, if chainage grows (1) or
+    /// falls (-1).
+    fn offset(&self, s: f64, driven: f64, way: f64) -> f64 {
+        way * (self.wander.along(driven) - self.plan.section(s).driving_line())
+    }
+
     /// The poses from the last one before `time` to the first ones after it.
     pub(super) fn track(&self, axis: &Line, time: Range<f64>) -> Track {
         let [first, last] = [time.start, time.end].map(|t| (t * POSES_HZ).floor() as u64);
@@ -116,10 +130,7 @@ impl Drive {
         let (here, way) = self.place(t);
         // Measured along the drive, not along the street: there is no jump where the loop closes.
         let driven = self.distance(t);
-        let offset = |s: f64| {
-            let wander = self.wander.along(driven + (s - here) * way);
-            way * (wander - self.plan.section(s).driving_line())
-        };
+        let offset = |s: f64| self.offset(s, driven + (s - here) * way, way);
         let height = |s: f64| self.plan.height(axis.at(s), s, offset(s));
         let slope = (height(here + 1.5) - height(here - 1.5)) / 3.0 * way;
         let drift = (offset(here + 0.5) - offset(here - 0.5)).atan();

@@ -3,7 +3,8 @@
 //!
 //! `preset` chooses the kind of street at every place. `street` builds it cell by cell from `axis`, `ground`
 //! and `things`. `traffic` moves along it. `scene` finds the closest hit. `drive`, `scanner` and `aim` turn
-//! time into pulses, `scan` turns pulses into echoes. `sink` writes. Every cell and every slice of time is a
+//! time into pulses, `scan` turns pulses into echoes. `sink` writes, with what
+//! `roadway` and `truth` say of objects. Every cell and every slice of time is a
 //! pure function of settings and seed, so the bytes do not depend on the number of threads. Memory does not
 //! depend on the length, except for 56 bytes per arc of the axis and some 300 per moving thing that was seen.
 //! The rest of the crate does not use this module.
@@ -37,6 +38,7 @@ mod model;
 mod object;
 mod preset;
 mod random;
+mod roadway;
 mod scan;
 mod scanner;
 mod scene;
@@ -54,6 +56,7 @@ mod truth;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -62,6 +65,7 @@ use crate::error::Error;
 use axis::{Axis, CELL};
 use drive::Drive;
 use preset::Plan;
+use roadway::Roadway;
 use scan::Slice;
 use scene::{Moving, Placed, Window};
 use sink::Sink;
@@ -180,7 +184,8 @@ impl<'a> Run<'a> {
         // An object belongs to the cell of its middle, so objects that are half a cell or half a building
         // away are included.
         let ahead = self.driven(from + step * ROUND) - self.driven(from);
-        let near = self.axis.near(s, self.settings.scanner.range_m + ahead + (CELL + LONGEST) * 0.5);
+        let far = self.settings.scanner.range_m + ahead + (CELL + LONGEST) * 0.5;
+        let near = self.axis.near(s, far);
         self.cells.retain(|cell, _| near.contains(cell));
         for cell in near {
             let build = || street::cell(self.plan, &self.axis, &self.library, cell);
@@ -188,6 +193,10 @@ impl<'a> Run<'a> {
         }
         let origin = self.axis.line.at(s).point.extend(0.0);
         let window = Window::new(origin, self.settings.scanner.spread(), self.cells.values().flatten());
+        // A closed street returns to any of its places.
+        let all = self.axis.end.is_finite();
+        let line = if all { self.axis.line.clone() } else { self.axis.line.part(s - far, s + far) };
+        let roadway = Arc::new(Roadway { plan: self.plan, drive: self.drive, line });
         let starts = (0..ROUND).map(|number| from + number * step);
         let slice = |from: u64| {
             let to = (from + step).min(pulses.end);
@@ -197,7 +206,8 @@ impl<'a> Run<'a> {
             let middle = start + half;
             let window = window.with(self.traffic(middle, half), half);
             let track = self.drive.track(&self.axis.line, start..end);
-            Slice { window, middle, track, pulses: from..to, records: Vec::new() }
+            let roadway = Arc::clone(&roadway);
+            Slice { window, middle, track, roadway, pulses: from..to, records: Vec::new() }
         };
         starts.take_while(|start| *start < pulses.end && self.driven(*start) < length).map(slice).collect()
     }

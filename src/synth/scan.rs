@@ -4,6 +4,7 @@
 
 use std::f64::consts::TAU;
 use std::ops::Range;
+use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, Vec3, Vec3A};
@@ -14,6 +15,7 @@ use super::aim::{Aim, Shot};
 use super::drive::Track;
 use super::material::Material;
 use super::random::{Random, gauss, sequence};
+use super::roadway::Roadway;
 use super::scanner::Scanner;
 use super::scene::{Beam, Owner, Window};
 use super::settings::Settings;
@@ -83,6 +85,8 @@ pub(super) struct Slice {
     pub(super) middle: f64,
     /// The poses within it and around it.
     pub(super) track: Track,
+    /// The roadway within range.
+    pub(super) roadway: Arc<Roadway>,
     /// Pulses of every head.
     pub(super) pulses: Range<u64>,
     pub(super) records: Vec<Record>,
@@ -91,7 +95,7 @@ pub(super) struct Slice {
 impl Slice {
     /// Traces its pulses.
     pub(super) fn trace(&mut self, settings: &Settings) {
-        let Self { window, middle: time, track, pulses, records } = self;
+        let Self { window, middle: time, track, pulses, records, .. } = self;
         let scanner = &settings.scanner;
         let aim = Aim::new(scanner);
         // First echo of the previous pulse of every beam, and the items that its next pulses may hit.

@@ -16,6 +16,7 @@ use crate::whole_file::WholeFile;
 use super::axis::LEAD;
 use super::drive::Pose;
 use super::object::{Object, Place};
+use super::roadway::{Above, Roadway};
 use super::scan::{Record, START_TIME, Slice};
 use super::scene::Window;
 use super::settings::{Settings, Summary};
@@ -27,6 +28,9 @@ const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);
 const CLASSES: [&str; 9] =
     ["none", "ground", "tree", "pole", "car", "building", "fence_hedge_lowveg", "person_furniture", "wire"];
 
+/// Classes of what stands or moves on the roadway and has no clearance: vehicles and persons.
+const ON_ROADWAY: [u8; 2] = [4, 7];
+
 /// Points of an object: how many, and the box around them in steps of 1 mm from the street's origin.
 #[derive(Debug)]
 struct Tally {
@@ -35,6 +39,7 @@ struct Tally {
     points: u64,
     low: IVec3,
     high: IVec3,
+    above: Above,
 }
 
 /// The output folder while it is filled.
@@ -77,7 +82,7 @@ impl<'a> Sink<'a> {
             reference: table(
                 "reference.csv",
                 "instance,class,class_name,kind,base_x,base_y,base_z,xmin,ymin,zmin,xmax,ymax,zmax,n_points,height,\
-                 model_height,base_inside,crown_diameter,dbh,inclination,inclination_azimuth,speed_kmh",
+                 model_height,base_inside,crown_diameter,dbh,inclination,inclination_azimuth,speed_kmh,clearance",
             )?,
             trajectory: table("trajectory.csv", "gps_time,x,y,z,roll,pitch,heading")?,
             seen: BTreeMap::new(),
@@ -89,13 +94,13 @@ impl<'a> Sink<'a> {
     pub(super) fn write(&mut self, slices: Vec<Slice>, lowest: u32) -> Result<(), OutputError> {
         let folder = self.folder;
         let failed = |source| OutputError::Write { path: folder.to_owned(), source };
-        for Slice { window, track, records, .. } in slices {
+        for Slice { window, track, roadway, records, .. } in slices {
             for records in records.chunk_by(|a, b| a.file == b.file) {
                 self.open(records[0].file)?.append(bytemuck::cast_slice(records))?;
             }
             self.summary.points += records.len() as u64;
             for records in records.chunk_by(|a, b| a.instance == b.instance) {
-                self.count(&window, records);
+                self.count(&window, &roadway, records);
             }
             let mut poses = track.poses.iter().filter(|pose| track.time.contains(&pose.t));
             poses.try_for_each(|pose| self.pose(pose)).map_err(failed)?;
@@ -108,13 +113,22 @@ impl<'a> Sink<'a> {
     }
 
     /// Counts points of one object of a window.
-    fn count(&mut self, window: &Window, records: &[Record]) {
+    fn count(&mut self, window: &Window, roadway: &Roadway, records: &[Record]) {
         let id = records[0].instance;
-        let new = || Tally { object: window.object(whose(id)), points: 0, low: IVec3::MAX, high: IVec3::MIN };
+        let new = || Tally {
+            object: window.object(whose(id)),
+            points: 0,
+            low: IVec3::MAX,
+            high: IVec3::MIN,
+            above: Above::default(),
+        };
         let tally = self.seen.entry(id).or_insert_with(new);
         tally.points += records.len() as u64;
         for steps in records.iter().map(|record| IVec3::from(record.steps)) {
             (tally.low, tally.high) = (tally.low.min(steps), tally.high.max(steps));
+            if tally.object.as_ref().is_some_and(|object| !ON_ROADWAY.contains(&object.class)) {
+                tally.above.add(steps, roadway);
+            }
         }
     }
 
@@ -146,7 +160,7 @@ impl<'a> Sink<'a> {
 
     /// Writes the row of an object.
     fn object(&mut self, id: u32, tally: &Tally) -> io::Result<()> {
-        let &Tally { object: Some(ref object), points, low, high } = tally else { return Ok(()) };
+        let &Tally { object: Some(ref object), points, low, high, ref above } = tally else { return Ok(()) };
         let Object { class, kind, place, height, truth, .. } = **object;
         let name = CLASSES[usize::from(class)];
         let [x0, y0, z0] = (low.as_dvec3() * 0.001 + WORLD).to_array();
@@ -165,12 +179,13 @@ impl<'a> Sink<'a> {
         let speed = field(speed);
         let crown = field(truth.crown_diameter);
         let dbh = field(truth.dbh);
+        let clearance = field(above.clearance());
         let [lean, azimuth] = [0, 1].map(|k| field(truth.inclination.map(|both| both[k])));
         self.summary.objects += 1;
         writeln!(
             self.reference,
             "{id},{class},{name},{kind},{x},{y},{z},{x0:.3},{y0:.3},{z0:.3},{x1:.3},{y1:.3},{z1:.3},\
-             {points},{tall:.3},{height:.3},{inside},{crown},{dbh},{lean},{azimuth},{speed}"
+             {points},{tall:.3},{height:.3},{inside},{crown},{dbh},{lean},{azimuth},{speed},{clearance}"
         )
     }
 

@@ -14,6 +14,8 @@ pub(crate) const TREE: u8 = 2;
 pub(crate) const POLE: u8 = 3;
 /// Cars and larger.
 pub(crate) const VEHICLE: u8 = 4;
+/// Houses and their parts.
+pub(crate) const BUILDING: u8 = 5;
 /// Persons and small furniture.
 pub(crate) const SMALL: u8 = 7;
 

@@ -1,6 +1,8 @@
 //! The axis of a stem or a pole, and its section at a height.
 //!
-//! A stem is where the object is occupied at the most heights. A straight line is fitted there by iterated
+//! A stem is where the object is occupied at the most heights. Of the places in a tree at which it is occupied
+//! at nearly as many, it is the one with the most bare layers and circles: leaves, and a sign in the crown, may
+//! rise as high. A straight line is fitted there by iterated
 //! weighted least squares with Tukey's biweight (Beaton and Tukey, Technometrics 16, 147-185, 1974,
 //! doi:10.2307/1267936) of the horizontal distances; every height has the same weight. Then only heights
 //! count at which there is nothing beside a pole, so that signs and arms do not pull it, and the direction is
@@ -10,10 +12,9 @@
 //!
 //! Places are metres from the corner of the frame of the sketch, so that all numbers are small.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::circle::{self, Circle};
-use super::parts::TREE;
 use super::sketch::{Sketch, Sums};
 use crate::model::Lattice;
 
@@ -22,6 +23,13 @@ const CELL_M: f64 = 0.1;
 /// Layers above the lowest point in which heights are counted. Above them, a crown has more of them than its
 /// stem.
 const VOTING_LAYERS: i64 = 30;
+/// Places of a tree that are occupied at this share of the most heights may be its stem as well (chosen: a
+/// stem of which a branch or a car hides some heights has it).
+const NEARLY_AS_TALL: f64 = 0.8;
+/// Such places are at least this many cells from each other, along one axis.
+const OTHER_STEM_CELLS: i64 = 5;
+/// Axes through them whose feet are nearer than this are of the same stem, in metres.
+const SAME_STEM_M: f64 = 0.4;
 /// Cut-off of the biweight in metres, from round to round: the first sees a stem that leans by 4 degrees.
 const CUT_OFFS_M: [f64; 10] = [0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.25];
 /// Half the height of a slice in metres.
@@ -51,9 +59,9 @@ const BARE_SHARE: f64 = 0.75;
 const OF_STEM_M: f64 = 0.25;
 /// and are if they have this share: leaves that are spread evenly have a sixth.
 const STEM_SHARE: f64 = 0.6;
-/// Without a circle, so many layers of the bare stem must have been seen. Else the densest leaves would be
-/// the stem.
-const STEM_LAYERS: usize = 3;
+/// So many bare layers and circles of a stem must have been seen. Else the densest leaves would be the stem.
+/// Measured on trees of `synth`: leaves have at most 5, stems at least 6.
+const STEM_SEEN: usize = 6;
 /// Smallest number of points of such a layer,
 const BARE_POINTS: usize = 3;
 /// and smallest number of layers for the direction of a pole.
@@ -123,8 +131,8 @@ pub(crate) struct Stem {
 }
 
 impl Stem {
-    /// The stem in a sketch of an object of a class: what is between two heights, in metres from the corner.
-    pub(crate) fn new(sketch: &Sketch<Sums>, between: [f64; 2], lattice: Lattice, class: u8) -> Self {
+    /// The stem in a sketch of an object: what is between two heights, in metres from the corner.
+    pub(crate) fn new(sketch: &Sketch<Sums>, between: [f64; 2], lattice: Lattice, is_tree: bool) -> Self {
         let place = |sums: &Sums| {
             // Sums are counted from the corner, so that they fit 64 bits and a mean is a small number.
             sums.sum.map(|sum| sum as f64 / sums.points as f64 * lattice.step_m())
@@ -132,27 +140,49 @@ impl Stem {
         let [bottom, top] = between;
         let whole = |place: &[f64; 3]| (bottom..=top).contains(&place[2]);
         let places = sketch.voxels.iter().map(|(_, sums)| place(sums)).filter(whole).collect();
-        Self { places, is_tree: class == TREE }
+        Self { places, is_tree }
     }
 
     /// The axis; `None` without points, and of a tree of whose stem hardly anything was seen.
     pub(crate) fn axis(&self) -> Option<StemAxis> {
-        let centre = self.densest_column()?;
-        let mut axis = StemAxis { foot: centre, slope: [0.0; 2], from: 0.0, to: 0.0, has_direction: false };
+        let columns = self.tall_columns();
+        if !self.is_tree {
+            return self.axis_of_pole(self.through(*columns.first()?)?);
+        }
+        let mut stems: Vec<(usize, StemAxis)> = Vec::new();
+        for axis in columns.into_iter().filter_map(|column| self.through(column)) {
+            let foot = axis.at(axis.from);
+            let is_same = |(_, other): &(usize, StemAxis)| {
+                let at = other.at(axis.from);
+                (at[0] - foot[0]).hypot(at[1] - foot[1]) < SAME_STEM_M
+            };
+            if stems.iter().any(is_same) {
+                continue;
+            }
+            let bare = self.bare_layers(&axis, OF_STEM_M, STEM_SHARE).len();
+            let seen = bare + self.centres(&axis).len();
+            if seen >= STEM_SEEN {
+                stems.push((seen, axis));
+            }
+        }
+        // Of equal ones, the first.
+        let (_, axis) = stems.into_iter().rev().max_by_key(|(seen, _)| *seen)?;
+        Some(if axis.to - axis.from < SHORTEST_M { axis.upright() } else { self.through_circles(axis) })
+    }
+
+    /// The line along which the object is occupied, from one through a place on.
+    fn through(&self, foot: [f64; 2]) -> Option<StemAxis> {
+        let mut axis = StemAxis { foot, slope: [0.0; 2], from: 0.0, to: 0.0, has_direction: false };
         for cut_off in CUT_OFFS_M {
             axis = line(&self.layers(&axis, cut_off))?;
         }
-        if self.is_tree {
-            let bare = self.bare_layers(&axis, OF_STEM_M, STEM_SHARE).len() >= STEM_LAYERS;
-            if !bare && self.centres(&axis).is_empty() {
-                return None;
-            }
-        }
+        Some(axis)
+    }
+
+    /// The axis of a pole, from a line along it on.
+    fn axis_of_pole(&self, mut axis: StemAxis) -> Option<StemAxis> {
         if axis.to - axis.from < SHORTEST_M {
             return Some(axis.upright());
-        }
-        if self.is_tree {
-            return Some(self.through_circles(axis));
         }
         for _ in 0..BARE_ROUNDS {
             let bare = self.bare_layers(&axis, OF_POLE_M, BARE_SHARE);
@@ -164,37 +194,48 @@ impl Stem {
         Some(shifted(axis, &self.centres(&axis)))
     }
 
-    /// Mean place of the points in the cell of 0.3 m that is occupied at the most heights.
-    fn densest_column(&self) -> Option<[f64; 2]> {
+    /// Mean places of the points in the cells of 0.3 m that are occupied at the most heights: the one with
+    /// the most, and of a tree others with nearly as many.
+    fn tall_columns(&self) -> Vec<[f64; 2]> {
         #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
         let index = |value: f64| (value / CELL_M).floor() as i64;
-        let lowest = self.places.iter().map(|place| index(place[2])).min()?;
-        let mut layers: BTreeMap<[i64; 2], BTreeSet<i64>> = BTreeMap::new();
+        let Some(lowest) = self.places.iter().map(|place| index(place[2])).min() else { return Vec::new() };
+        let mut layers: BTreeMap<[i64; 2], u32> = BTreeMap::new();
         for place in &self.places {
             let layer = index(place[2]) - lowest;
             if layer < VOTING_LAYERS {
-                layers.entry([index(place[0]), index(place[1])]).or_default().insert(layer);
+                *layers.entry([index(place[0]), index(place[1])]).or_default() |= 1 << layer;
             }
         }
-        let mut best: Option<(usize, [i64; 2])> = None;
-        for cell in layers.keys() {
-            let mut all: BTreeSet<i64> = BTreeSet::new();
-            for [i, j] in around(*cell) {
-                all.extend(layers.get(&[i, j]).into_iter().flatten());
+        let all = |cell: &[i64; 2]| {
+            around(*cell).iter().filter_map(|cell| layers.get(cell)).fold(0, |all, layers| all | layers)
+        };
+        let mut tallest: Vec<(u32, [i64; 2])> =
+            layers.keys().map(|cell| (all(cell).count_ones(), *cell)).collect();
+        tallest.sort_by_key(|(count, cell)| (std::cmp::Reverse(*count), *cell));
+        let most = tallest.first().map_or(0, |(count, _)| *count);
+        let least = NEARLY_AS_TALL * f64::from(most);
+        let mut chosen: Vec<[i64; 2]> = Vec::new();
+        for (_, cell) in tallest.into_iter().take_while(|(count, _)| f64::from(*count) >= least) {
+            let is_apart = |other: &[i64; 2]| (0..2).any(|k| (cell[k] - other[k]).abs() >= OTHER_STEM_CELLS);
+            if chosen.iter().all(is_apart) {
+                chosen.push(cell);
             }
-            if best.is_none_or(|(most, _)| all.len() > most) {
-                best = Some((all.len(), *cell));
+            if !self.is_tree {
+                break;
             }
         }
-        let (_, cell) = best?;
-        let near: Vec<&[f64; 3]> = self
-            .places
-            .iter()
-            .filter(|place| index(place[2]) - lowest < VOTING_LAYERS)
-            .filter(|place| around(cell).contains(&[index(place[0]), index(place[1])]))
-            .collect();
-        let count = near.len() as f64;
-        Some([0, 1].map(|k| near.iter().map(|place| place[k]).sum::<f64>() / count))
+        let mean = |cell: [i64; 2]| {
+            let cells = around(cell);
+            let near: Vec<&[f64; 3]> = self
+                .places
+                .iter()
+                .filter(|place| index(place[2]) - lowest < VOTING_LAYERS)
+                .filter(|place| cells.contains(&[index(place[0]), index(place[1])]))
+                .collect();
+            [0, 1].map(|k| near.iter().map(|place| place[k]).sum::<f64>() / near.len() as f64)
+        };
+        chosen.into_iter().map(mean).collect()
     }
 
     /// The mean place of the points near an axis in every layer, by the biweight of their distances.
@@ -436,6 +477,23 @@ mod tests {
         assert!((foot[0] - 2.0).hypot(foot[1] - 2.0) < 0.03, "{axis:?}");
         let circle = stem.section(&axis, 1.3).unwrap();
         assert!((circle.radius - 0.15).abs() < 0.003, "{circle:?}");
+    }
+
+    #[test]
+    fn a_board_in_the_crown_is_not_the_stem() {
+        let mut places = cylinder([2.0, 2.0], [0.0, 0.0], 0.15, 2.8, 0.0, 180.0);
+        // A board that ends higher, 1 m from the stem: a post below a plate of 1.2 m by 2.2 m. Leaves from 1.5
+        // m on.
+        places.extend(cylinder([1.0, 2.1], [0.0, 0.0], 0.04, 1.0, 180.0, 360.0));
+        places.extend(
+            (0..5_280).map(|k| [0.4 + 0.02 * f64::from(k % 60), 2.1, 1.0 + 0.025 * f64::from(k / 60)]),
+        );
+        places.extend((0..4_000).map(|k| {
+            let at = |step: i32, most: i32| f64::from(k * step % most) / f64::from(most);
+            [0.5 + 3.0 * at(131, 997), 0.5 + 3.0 * at(223, 991), 1.5 + 2.4 * at(311, 983)]
+        }));
+        let foot = Stem { places, is_tree: true }.axis().unwrap().at(0.0);
+        assert!((foot[0] - 2.0).hypot(foot[1] - 2.0) < 0.03, "{foot:?}");
     }
 
     #[test]
