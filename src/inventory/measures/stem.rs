@@ -1,8 +1,8 @@
 //! The axis of a stem or a pole, and its section at a height.
 //!
-//! A stem is where the object is occupied at the most heights. Of the places in a tree at which it is occupied
-//! at nearly as many, it is the one with the most bare layers and circles: leaves, and a sign in the crown, may
-//! rise as high. A straight line is fitted there by iterated
+//! A stem is where the object is occupied at the most heights. Of the places in a tree at which it is
+//! occupied at nearly as many, it is the one with the most bare layers and circles: leaves, and a sign in the
+//! crown, may rise as high. A straight line is fitted there by iterated
 //! weighted least squares with Tukey's biweight (Beaton and Tukey, Technometrics 16, 147-185, 1974,
 //! doi:10.2307/1267936) of the horizontal distances; every height has the same weight. Then only heights
 //! count at which there is nothing beside a pole, so that signs and arms do not pull it, and the direction is
@@ -482,8 +482,8 @@ mod tests {
     #[test]
     fn a_board_in_the_crown_is_not_the_stem() {
         let mut places = cylinder([2.0, 2.0], [0.0, 0.0], 0.15, 2.8, 0.0, 180.0);
-        // A board that ends higher, 1 m from the stem: a post below a plate of 1.2 m by 2.2 m. Leaves from 1.5
-        // m on.
+        // A board that ends higher, 1 m from the stem: a post below a plate of 1.2 m by 2.2 m. Leaves
+        // begin at 1.5 m.
         places.extend(cylinder([1.0, 2.1], [0.0, 0.0], 0.04, 1.0, 180.0, 360.0));
         places.extend(
             (0..5_280).map(|k| [0.4 + 0.02 * f64::from(k % 60), 2.1, 1.0 + 0.025 * f64::from(k / 60)]),
