@@ -105,8 +105,8 @@ impl Drive {
         if s > self.end { (LEAD + STEM - (s - self.end), -1.0) } else { (s, 1.0) }
     }
 
-    /// Offsets (left positive) of the path from the axis at chainage `s`: on the way out and, where the street
-    /// is driven twice, on the way back. Metres.
+    /// Offsets (left positive) of the path from the axis at chainage `s`: on the way out and, where the
+    /// street is driven twice, on the way back. Metres.
     pub(super) fn offsets(&self, s: f64) -> [Option<f64>; 2] {
         let back = self.end + STEM - s;
         let returns = s <= LEAD + STEM && back.is_finite();
