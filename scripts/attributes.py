@@ -4,9 +4,9 @@
     scripts/attributes.py [--length 300m] [-o benches/results/attributes.md] [SCENE.laz ...]
 
 Drives of `chainage synth` (suburb, downtown, avenue), and scenes with a SCENE_reference.csv beside them, are processed
-with `--method street --ground opening --trajectory` (SCENE_trajectory.csv). An object is compared with the labelled one if they overlap with an IoU above
-0.8 of their points. Bias is the mean of measured minus true; RMSE is of the differences, of the distance in the plane
-for the base. Needs a build (CHAINAGE, else target/release/chainage), and numpy, laspy and lazrs.
+with `--method street --ground opening --trajectory` (SCENE_trajectory.csv). An object is compared with the labelled one
+if they overlap with an IoU above 0.8 of their points. Bias is the mean of measured minus true; RMSE is of the
+differences, of the distance in the plane for the base. Needs a build (CHAINAGE, else target/release/chainage), and numpy, laspy and lazrs.
 """
 
 import argparse

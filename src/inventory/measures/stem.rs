@@ -60,7 +60,7 @@ const OF_STEM_M: f64 = 0.25;
 /// and are if they have this share: leaves that are spread evenly have a sixth.
 const STEM_SHARE: f64 = 0.6;
 /// So many bare layers and circles of a stem must have been seen. Else the densest leaves would be the stem.
-/// Measured on trees of `synth`: leaves have at most 5, stems at least 6.
+/// Measured on a tree of `synth suburb` of which only the crown was seen: its leaves have 2 to 5.
 const STEM_SEEN: usize = 6;
 /// Smallest number of points of such a layer,
 const BARE_POINTS: usize = 3;
