@@ -23,7 +23,7 @@ const BELOW_GROUND_M: f64 = 0.2;
 /// avenue`.
 const LOW_TREE: f64 = 0.75;
 /// A tree without a stem stands in the middle of its crown if its lowest part is wider than this, in metres:
-/// that part is of the crown then. Measured on 26 trees of `synth` that had no direction and were not low:
+/// that part is of the crown then. Measured on 23 trees of `synth` that had no direction and were not low:
 /// the lowest part was at most 0.42 m wide, or at least 1.04 m.
 const WIDEST_STEM_M: f64 = 0.7;
 /// The ground of a building is looked up this far before its front, in metres: in the next cell of the model.
