@@ -14,6 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
+use super::arms;
 use super::chains::{self, Verdict};
 use super::classified::Classified;
 use super::crowns::{self, Crown};
@@ -27,6 +28,7 @@ use super::rows::{self, Row};
 use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
 use super::shares::{self, BUILDING, FENCE, GROUND, POLE, SMALL, TREE, VEHICLE, WIRE};
+use super::supports;
 use super::uniting;
 use super::window::Window;
 use crate::cluster::columns::{Border, Joining, Voxel};
@@ -182,12 +184,15 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let mut class = shares::classes(&around.shares);
     let trunk = take_chains(&mut around, &mut class, &pieces, lattice);
     let band = joining::bands(&around, &class, lattice);
+    let mut joined = class.clone();
+    let cut = supports::cut(&around, &class, lattice);
+    joined.iter_mut().zip(cut).filter(|(_, cut)| *cut).for_each(|(class, _)| *class = GROUND);
     let mut links = Links::new(&around.voxels);
-    joining::join_classes(&around, &class, &mut links);
+    joining::join_classes(&around, &joined, &mut links);
     joining::join_buildings(&around, &class, &mut links);
     facades::touch(&around, &class, &mut links);
     let rising = joining::join_bands(&around, &band, &mut links);
-    let chosen = |voxel: usize| band[voxel] != NO_BAND || class[voxel] > TREE;
+    let chosen = |voxel: usize| band[voxel] != NO_BAND || joined[voxel] > TREE;
     let parts = links.finish(&around.voxels, chosen);
     let mut figures = joining::figures(&around, &class, &band, &|voxel| trunk[voxel].0, &parts);
     keep_rows(&mut figures, &parts.border, lattice);
@@ -380,8 +385,9 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let stems = seeds::find(&low, rising.into_iter(), chains, &places, lattice);
     drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
-    let mut united = uniting::unite(&mut whole, lattice);
+    let mut united = uniting::unite(&mut whole, |part| keeps(part, lattice), lattice);
     united.extend(facades::unite(&mut whole, near, |part| keeps(part, lattice), lattice));
+    united.extend(arms::join(&whole, |part| keeps(part, lattice), lattice));
 
     let kept = whole.iter().filter(|(_, part)| keeps(part, lattice));
     let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);

@@ -8,6 +8,7 @@
     reason = "voxels of a tile fit u32; heights above ground in lattice units fit i32"
 )]
 
+use super::arms::SURE_SHARE;
 use super::classified::Classified;
 use super::part::{BANDS, NO_BAND, Part};
 use super::parts::{Links, Parts};
@@ -20,7 +21,13 @@ const LOW_M: f64 = 0.15;
 const BAND_M: f64 = 0.25;
 /// Voxels of a class are joined within so many voxels in the plane and so many levels.
 const REACHES: [(u8, i32, i32); 5] =
-    [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 6, 8), (SMALL, 3, 3), (WIRE, 4, 4)];
+    [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 3, FENCE_LEVELS), (SMALL, 3, 3), (WIRE, 4, 4)];
+const FENCE_LEVELS: i32 = 8;
+/// Voxels of fences that are in lines are joined within so many voxels in the plane: few profiles or beams
+/// reached them, and what is between the lines was not seen. Such a voxel has at most so many others above and
+/// below it, within two levels and the eight columns around. A dense hedge and the bush before it stay apart.
+const FENCE_LINES_REACH: i32 = 6;
+const LINE_STACKED: usize = 3;
 /// Columns of buildings are joined within so many voxels on either axis of the plane, whatever their height:
 /// 0.3 m. `facades` joins high columns that are further apart.
 const BUILDING_REACH: i32 = 2;
@@ -44,10 +51,22 @@ pub(super) fn bands(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<
     (0..class.len()).map(of).collect()
 }
 
-/// Joins the voxels of each class of [`REACHES`] within the reach of the class.
+/// Joins the voxels of each class of [`REACHES`] within the reach of the class, and voxels of fences that are
+/// in lines within a longer one.
 pub(super) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let columns = &around.voxels.columns;
     let mut finder = columns.finder();
+    let far = Window::new(FENCE_LINES_REACH, FENCE_LEVELS);
+    let upright = Window::new(1, 2);
+    let mut in_line = vec![false; class.len()];
+    for voxel in (0..class.len()).filter(|&voxel| class[voxel] == FENCE) {
+        let [i, j, k] = around.voxels.key[voxel];
+        let mut stacked = 0;
+        upright.visit(columns, &mut finder, [i, j], k, |other| {
+            stacked += usize::from(class[other] == FENCE && around.voxels.key[other][2] != k);
+        });
+        in_line[voxel] = stacked <= LINE_STACKED;
+    }
     for (of, radius, levels) in REACHES {
         let window = Window::new(radius, levels);
         for voxel in (0..class.len()).filter(|&voxel| class[voxel] == of && around.voxels.owned[voxel]) {
@@ -58,6 +77,14 @@ pub(super) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<
                 }
             });
         }
+    }
+    for voxel in (0..class.len()).filter(|&voxel| in_line[voxel] && around.voxels.owned[voxel]) {
+        let [i, j, k] = around.voxels.key[voxel];
+        far.visit(columns, &mut finder, [i, j], k, |other| {
+            if in_line[other] && other != voxel {
+                links.join(voxel, other);
+            }
+        });
     }
 }
 
@@ -134,6 +161,9 @@ pub(super) fn figures(
         let mut one =
             Part::of_voxel(class[voxel], band[voxel], key, around.height[voxel], around.voxels.centre[voxel]);
         one.decided = u32::from(decided(voxel));
+        if class[voxel] == POLE {
+            one.sure_pole = u32::from(around.shares[voxel][usize::from(POLE)] >= SURE_SHARE);
+        }
         if matches!(class[voxel], POLE | FENCE | SMALL | VEHICLE) {
             touching.visit(columns, &mut finder, [i, j], k, |other| {
                 one.contact += u32::from(matches!(class[other], TREE | BUILDING));

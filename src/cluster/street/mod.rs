@@ -21,6 +21,7 @@
 //! data by exploring ecological theories", ISPRS Journal 110, 66-76 (2015),
 //! doi:10.1016/j.isprsjprs.2015.10.007.
 
+mod arms;
 mod axis;
 mod canopy;
 mod chains;
@@ -56,6 +57,7 @@ mod stage_classes;
 mod stage_context;
 mod stage_voxels;
 mod suits;
+mod supports;
 mod terrain;
 mod training;
 mod trunks;

@@ -32,6 +32,8 @@ pub(super) struct Part {
     pub(super) contact: u32,
     /// Voxels whose class a chain decided.
     pub(super) decided: u32,
+    /// Voxels that are certainly of a pole, if the class is that of poles.
+    pub(super) sure_pole: u32,
     /// Voxels with a vehicle above, below or beside them, if the class is another.
     pub(super) in_vehicle: u32,
     /// Voxels beside a facade, if the class is not that of buildings.
@@ -58,6 +60,7 @@ impl Part {
             sum: place,
             contact: 0,
             decided: 0,
+            sure_pole: 0,
             in_vehicle: 0,
             at_facade: 0,
             canopy: i32::MIN,
@@ -78,6 +81,7 @@ impl Part {
         }
         self.contact += other.contact;
         self.decided += other.decided;
+        self.sure_pole += other.sure_pole;
         self.in_vehicle += other.in_vehicle;
         self.at_facade += other.at_facade;
         self.canopy = self.canopy.max(other.canopy);

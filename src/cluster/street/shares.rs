@@ -14,7 +14,7 @@ pub(super) const WIRE: u8 = 7;
 
 /// Whether pieces of this class may be one object although they do not touch.
 pub(super) fn unites(class: u8) -> bool {
-    matches!(class, VEHICLE | FENCE)
+    matches!(class, VEHICLE | FENCE | WIRE)
 }
 
 /// Whether it counts how far components of this class reach in the plane.

@@ -48,6 +48,11 @@ impl Extent {
         (self.across + DIRECTIONS / 2) % DIRECTIONS
     }
 
+    /// Number of the direction of the shorter side.
+    pub(super) fn across(&self) -> usize {
+        self.across
+    }
+
     /// Whether the longer sides of two boxes have an angle of at most 45 degrees.
     pub(super) fn is_parallel(&self, other: &Self) -> bool {
         let apart = self.across.abs_diff(other.across);
@@ -66,6 +71,11 @@ impl Spans {
     /// The smallest coordinate in a direction, as [`position`] gives it.
     pub(super) fn from(&self, number: usize) -> i64 {
         self.0[number].0
+    }
+
+    /// The largest coordinate in a direction.
+    pub(super) fn to(&self, number: usize) -> i64 {
+        self.0[number].1
     }
 
     /// The length in a direction, in lattice units.

@@ -1,15 +1,17 @@
-//! Which components are one object although they do not touch: the pieces of a vehicle, and of a fence or
-//! hedge with gaps.
+//! Which components are one object although they do not touch: the pieces of a vehicle, of a fence or hedge
+//! with gaps, and of the wires between two poles.
 //!
 //! Two pieces are one vehicle if both fit into a box of the size of a passenger car. Two pieces are one fence
-//! if both lie on one line, end at about the same height, and the gap between them is short. Pairs are
+//! if both lie on one line, end at about the same height, and the gap between them is short. Two pieces are one
+//! span of wires if both lie along one line, and no pole that reaches their height stands between them. Pairs are
 //! decided one after another, and what was united before counts as one piece. Their order does not depend on
 //! tiles.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::part::Part;
-use super::shares::{FENCE, VEHICLE, unites};
+use super::shares::{FENCE, POLE, VEHICLE, WIRE, unites};
+use super::spans::{self, Extent};
 use crate::cluster::columns::Voxel;
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;
@@ -28,18 +30,37 @@ const FENCE_BEND: f64 = 0.03;
 const FENCE_GAP_M: f64 = 2.5;
 /// Largest difference of the heights at which two pieces of a fence end, in metres.
 const FENCE_TOP_M: f64 = 0.5;
+/// Widest box of the wires of a span, in metres: a cross-arm of 2.4 m, and more for each metre of length,
+/// because a box turns in steps of 5.6 degrees.
+const WIRE_M: f64 = 2.5;
+const WIRE_TURN: f64 = 0.05;
+/// Longest gap between two pieces of a span, in metres: what stands in front hides as much.
+const WIRE_GAP_M: f64 = 8.0;
+/// Largest difference in height between the pieces of a span, in metres.
+const WIRE_RISE_M: f64 = 1.0;
+/// Smallest piece of a wire that is united: number of voxels, and extent in metres. Smaller ones are twigs.
+const WIRE_VOXELS: u32 = 6;
+const WIRE_EXTENT_M: f64 = 0.9;
+/// Distance of a pole to the box around two pieces up to which it stands between them, in metres, as in
+/// [`super::supports`].
+const BETWEEN_M: f64 = 0.7;
 
 /// Unites components. `parts` has one entry for each united component then, under the name of one of its
-/// components. Returns this name for all others.
-pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeMap<u32, u32> {
+/// components. Returns this name for all others. `keeps` says whether a component is a core.
+pub(super) fn unite(
+    parts: &mut BTreeMap<u32, Part>,
+    keeps: impl Fn(&Part) -> bool,
+    lattice: Lattice,
+) -> BTreeMap<u32, u32> {
+    let poles = &Poles::of(parts.values().filter(|part| part.class == POLE && keeps(part)));
     let (names, pieces): (Vec<u32>, Vec<&Part>) =
         parts.iter().filter(|(_, part)| unites(part.class)).map(|(&name, part)| (name, part)).unzip();
     let pair = |(one, other): (u32, u32)| {
         let (one, other) = (one as usize, other as usize);
-        Some((cost(pieces[one], pieces[other], lattice)?, names[one], names[other]))
+        Some((cost(pieces[one], pieces[other], poles, lattice)?, names[one], names[other]))
     };
     let pairs: Vec<(i64, u32, u32)> = near(&pieces, lattice).into_iter().filter_map(pair).collect();
-    one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other, lattice).is_some())
+    one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other, poles, lattice).is_some())
 }
 
 /// Unites pairs of components where `fits` says so of what both are a part of by then. Pairs are a cost and
@@ -81,7 +102,14 @@ pub(super) fn one_by_one(
 
 /// Pairs of pieces of the same class that may be near enough, each once.
 fn near(pieces: &[&Part], lattice: Lattice) -> BTreeSet<(u32, u32)> {
-    let reach = lattice.units(FENCE_GAP_M.max(VEHICLE_GAP_M));
+    let reach = |class: u8| {
+        lattice.units(match class {
+            WIRE => WIRE_GAP_M,
+            FENCE => FENCE_GAP_M,
+            _ => VEHICLE_GAP_M,
+        })
+    };
+    let farthest = lattice.units(WIRE_GAP_M);
     let mut by_x: Vec<u32> = (0_u32..).zip(pieces).map(|(number, _)| number).collect();
     by_x.sort_unstable_by_key(|&number| pieces[number as usize].min[0]);
     let longest = pieces.iter().map(|part| part.max[0] - part.min[0]).max().unwrap_or(0);
@@ -90,10 +118,11 @@ fn near(pieces: &[&Part], lattice: Lattice) -> BTreeSet<(u32, u32)> {
         let part = pieces[one as usize];
         for &other in by_x[at + 1..].iter() {
             let next = pieces[other as usize];
-            if next.min[0] > part.min[0] + longest + reach {
+            if next.min[0] > part.min[0] + longest + farthest {
                 break;
             }
             let apart = |axis: usize| part.min[axis].max(next.min[axis]) - part.max[axis].min(next.max[axis]);
+            let reach = reach(part.class);
             if part.class == next.class && apart(0) <= reach && apart(1) <= reach {
                 pairs.insert((one.min(other), one.max(other)));
             }
@@ -103,7 +132,7 @@ fn near(pieces: &[&Part], lattice: Lattice) -> BTreeSet<(u32, u32)> {
 }
 
 /// What it costs to call two pieces one object; `None` if they are two. Cheaper pairs are united first.
-fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
+fn cost(one: &Part, other: &Part, poles: &Poles, lattice: Lattice) -> Option<i64> {
     let (spans, others) = (one.spans.as_ref()?, other.spans.as_ref()?);
     let around = spans.union(others).narrowest();
     let units = |metres: f64| lattice.units(metres);
@@ -121,9 +150,54 @@ fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
                 && gap <= units(FENCE_GAP_M)
                 && i64::from(one.height.1.abs_diff(other.height.1)) <= units(FENCE_TOP_M)
         }
+        WIRE => {
+            #[expect(clippy::cast_possible_truncation, reason = "a part of a length in lattice units")]
+            let turn = (WIRE_TURN * around.length as f64) as i64;
+            let rise = one.height.0.max(other.height.0) - one.height.1.min(other.height.1);
+            let is_piece = |part: &Part| part.voxels >= WIRE_VOXELS && part.extent() >= units(WIRE_EXTENT_M);
+            is_piece(one)
+                && is_piece(other)
+                && around.width <= units(WIRE_M) + turn
+                && gap <= units(WIRE_GAP_M)
+                && i64::from(rise) <= units(WIRE_RISE_M)
+                && !poles.any_between([one, other], around, lattice)
+        }
         _ => false,
     };
     fits.then_some(if one.class == VEHICLE { around.length } else { gap })
+}
+
+/// The middles of poles in the plane, in the order of x, with their lowest and highest height above ground.
+struct Poles(Vec<([i64; 2], (i32, i32))>);
+
+impl Poles {
+    fn of<'a>(poles: impl Iterator<Item = &'a Part>) -> Self {
+        let mut poles: Vec<_> = poles.map(|pole| (pole.centre(), pole.height)).collect();
+        poles.sort_unstable();
+        Self(poles)
+    }
+
+    /// Whether a pole that reaches the height of two pieces of wires stands in the gap between them. `around`
+    /// is the box of both.
+    fn any_between(&self, [one, other]: [&Part; 2], around: Extent, lattice: Lattice) -> bool {
+        let (Some(a), Some(b)) = (&one.spans, &other.spans) else { return false };
+        let (along, aside) = (around.along(), around.across());
+        let beside = lattice.units(BETWEEN_M);
+        let gap = [a.to(along).min(b.to(along)), a.from(along).max(b.from(along))];
+        let sides = [a.from(aside).min(b.from(aside)), a.to(aside).max(b.to(aside))];
+        let sides = [sides[0] - beside * spans::SCALE_UNITS, sides[1] + beside * spans::SCALE_UNITS];
+        let lowest = one.height.0.min(other.height.0);
+        let west = one.min[0].min(other.min[0]) - beside;
+        let east = one.max[0].max(other.max[0]) + beside;
+        let from = self.0.partition_point(|(place, _)| place[0] < west);
+        let near = self.0[from..].iter().take_while(|(place, _)| place[0] <= east);
+        let stands_between = |&(place, (low, high)): &([i64; 2], (i32, i32))| {
+            let reaches = low < lowest && i64::from(lowest - high) <= lattice.units(WIRE_RISE_M);
+            let [on, off] = [along, aside].map(|number| spans::position(place, number));
+            reaches && (gap[0]..=gap[1]).contains(&on) && (sides[0]..=sides[1]).contains(&off)
+        };
+        near.into_iter().any(stands_between)
+    }
 }
 
 #[cfg(test)]
@@ -155,7 +229,7 @@ mod tests {
     fn united(pieces: Vec<Part>) -> usize {
         let mut parts: BTreeMap<u32, Part> = (0..).zip(pieces).collect();
         let before = parts.len();
-        let united = unite(&mut parts, lattice());
+        let united = unite(&mut parts, |_| true, lattice());
         assert_eq!(parts.len() + united.len(), before);
         assert!(united.values().all(|name| parts.contains_key(name)));
         parts.len()
@@ -179,5 +253,33 @@ mod tests {
         assert_eq!(united(vec![first(), fence([9.0, 9.0], [12.0, 12.0], 1.3)]), 2);
         assert_eq!(united(vec![first(), fence([7.5, 7.5], [12.0, 12.0], 2.0)]), 2);
         assert_eq!(united(vec![first(), fence([7.0, 6.0], [7.0, 1.0], 1.2)]), 2);
+    }
+    #[test]
+    fn wires_are_one_span_up_to_a_pole() {
+        let wire = |from, to| piece(WIRE, from, to, 7.8);
+        let pole = |x, y, top| {
+            let mut pole = piece(POLE, [x, y], [x, y], top);
+            pole.merge(&piece(POLE, [x, y], [x, y], 0.1));
+            pole
+        };
+        let gap = || vec![wire([0.0, 0.0], [10.0, 1.0]), wire([14.0, 1.5], [24.0, 2.5])];
+        let with = |pole: Part| {
+            let mut parts = gap();
+            parts.push(pole);
+            united(parts)
+        };
+        assert_eq!(united(gap()), 1);
+        assert_eq!(with(pole(12.0, 1.3, 8.6)), 3, "a pole carries the wires");
+        assert_eq!(with(pole(12.0, 2.9, 8.6)), 2, "a lamp beside them");
+        assert_eq!(with(pole(12.0, 1.3, 6.7)), 2, "a signal below them");
+        assert_eq!(with(pole(5.0, 0.5, 8.6)), 2, "a lamp that they pass");
+        // Wires of one cross-arm are one, and those of the other side of the street are not.
+        assert_eq!(united(vec![wire([0.0, 0.0], [30.0, 0.0]), wire([2.0, 1.5], [28.0, 1.5])]), 1);
+        assert_eq!(united(vec![wire([0.0, 0.0], [30.0, 0.0]), wire([2.0, 6.0], [28.0, 6.0])]), 2);
+        assert_eq!(united(vec![wire([0.0, 0.0], [10.0, 0.0]), wire([18.5, 0.0], [30.0, 0.0])]), 2);
+        assert_eq!(
+            united(vec![wire([0.0, 0.0], [10.0, 0.0]), piece(WIRE, [12.0, 0.0], [30.0, 0.0], 9.0)]),
+            2
+        );
     }
 }
