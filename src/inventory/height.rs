@@ -1,6 +1,7 @@
 //! Attribute `height`: how far above the ground the object begins and ends.
 
 use crate::inventory::attribute::Attribute;
+use crate::inventory::measures::crest_m;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
@@ -15,8 +16,9 @@ impl Attribute for Height {
                 name: "height_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "height of the highest point above the ground at the base, without a few points above a gap; empty where no ground is \
-                             within 10 m of it",
+                definition: "height of the highest point above the ground at the base, without a few points above a gap; of a fence, hedge \
+                             or wall that is longer than 4 m, height above the ground below it that nine tenths of it do not exceed; empty where \
+                             no ground is within 10 m of it",
             },
             Column {
                 name: "base_above_ground_m",
@@ -29,7 +31,10 @@ impl Attribute for Height {
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
         let highest_m = object.site.lattice.metres(object.ends.top);
-        values.push(object.foot.ground_m.map(|ground_m| highest_m - ground_m).into());
+        let over_base_m = object.foot.ground_m.map(|ground_m| highest_m - ground_m);
+        let Object { part, measures, frames, .. } = object;
+        let crest_m = crest_m(part, object.ends.top, object.kind, measures, frames, object.site);
+        values.push(crest_m.or(over_base_m).into());
         values.push(object.above_ground_m(object.ends.bottom).into());
     }
 }
@@ -60,6 +65,25 @@ mod tests {
             let found = as_decimals(&values_of(&Height, &points, kind, &[([1, 3], 250)], METRES));
             assert!(near(&found, &[2.99, 0.0]), "{found:?}");
         }
+    }
+
+    #[test]
+    fn the_height_of_a_long_hedge_is_that_of_most_of_it_over_the_ground_below_it() {
+        // 10 m on a slope of 10 %, 1.4 m high, with leaves above a twentieth of it.
+        let cells = (-3..14).flat_map(|x| (-2..3).map(move |y| [x, y]));
+        let ground: Vec<([i32; 2], i64)> = cells.map(|cell| (cell, 50 + 100 * i64::from(cell[0]))).collect();
+        let over = |x: i64, z: i64| [x, 500, x / 10 + z];
+        let hedge = (0..1_000).flat_map(|x| (0..8).map(move |z| over(10 * x, 200 * z)));
+        let leaves = (950..1_000).flat_map(|x| (8..14).map(move |z| over(10 * x, 200 * z)));
+        let points: Vec<[i64; 3]> = hedge.chain(leaves).collect();
+        let height_m = |class, points: &[[i64; 3]]| {
+            let values = values_of(&Height, points, Kind { class, confidence: 255 }, &ground, METRES);
+            as_decimals(&values)[0].unwrap()
+        };
+        assert!((height_m(6, &points) - 1.4).abs() < 0.03, "{}", height_m(6, &points));
+        assert!(height_m(2, &points) > 2.5, "a tree ends at its highest point");
+        let bush: Vec<[i64; 3]> = points.iter().copied().filter(|point| point[0] > 6_500).collect();
+        assert!(height_m(6, &bush) > 2.5, "so does a bush: {}", height_m(6, &bush));
     }
 
     #[test]

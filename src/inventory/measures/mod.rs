@@ -2,6 +2,7 @@
 //! the geometry that is derived from the sketches of a whole object. No columns, no files, no tiles.
 
 mod circle;
+mod crest;
 mod crown;
 mod face;
 mod foot;
@@ -14,6 +15,7 @@ mod sketch;
 mod stem;
 
 pub(super) use circle::Circle;
+pub(super) use crest::crest_m;
 pub(super) use crown::crown;
 pub use face::Face;
 pub(super) use foot::Foot;

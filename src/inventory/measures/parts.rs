@@ -16,6 +16,8 @@ pub(crate) const POLE: u8 = 3;
 pub(crate) const VEHICLE: u8 = 4;
 /// Houses and their parts.
 pub(crate) const BUILDING: u8 = 5;
+/// Fences, hedges, walls and bushes.
+pub(crate) const FENCE: u8 = 6;
 /// Persons and small furniture.
 pub(crate) const SMALL: u8 = 7;
 
