@@ -1,7 +1,7 @@
 //! The parts of a pole that hang: arms, lamps and signals, where leaves hide what holds them.
 //!
-//! A piece that hangs is certainly of a pole if nearly all of its voxels are. It is a part of the pole that is
-//! nearest in the plane and ends at about the same height.
+//! A piece that hangs is certainly of a pole if nearly all of its voxels are. It is a part of the pole that
+//! is nearest in the plane and ends at about the same height.
 
 use std::collections::BTreeMap;
 
@@ -9,17 +9,18 @@ use super::part::Part;
 use super::shares::POLE;
 use crate::model::Lattice;
 
-/// Smallest piece, in voxels, and the share of them that are certainly of a pole. On fourteen drives, 37 of 44
-/// such pieces that hang are of a pole, and by the limits below 24 have one, 23 the right one. Pieces that are
-/// less certain are branches for the most part (`benches/results/street.md`, "Wires, arms and dense fences").
+/// Smallest piece, in voxels, and the share of them that are certainly of a pole. On fourteen drives, 37 of
+/// 44 such pieces that hang are of a pole, and by the limits below 24 have one, 23 the right one. Pieces that
+/// are less certain are branches for the most part (`benches/results/street.md`, "Wires, arms and dense
+/// fences").
 const VOXELS: u32 = 25;
 const SURE: f64 = 0.8;
 /// Share of poles from which a voxel is certainly one, in steps of 1/255.
 pub(super) const SURE_SHARE: u8 = 230;
 /// Longest gap between a piece and its pole in the plane, in metres. Leaves hide 2.8 m of a mast arm.
 const GAP_M: f64 = 4.0;
-/// How far the pole may end below its piece and above it, in metres: leaves hide its top; a taller lamp has an
-/// arm of its own.
+/// How far the pole may end below its piece and above it, in metres: leaves hide its top; a taller lamp has
+/// an arm of its own.
 const BELOW_M: f64 = 2.2;
 const ABOVE_M: f64 = 1.5;
 /// What a metre of difference in height costs, in metres of the gap.

@@ -24,8 +24,9 @@ const REACHES: [(u8, i32, i32); 5] =
     [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 3, FENCE_LEVELS), (SMALL, 3, 3), (WIRE, 4, 4)];
 const FENCE_LEVELS: i32 = 8;
 /// Voxels of fences that are in lines are joined within so many voxels in the plane: few profiles or beams
-/// reached them, and what is between the lines was not seen. Such a voxel has at most so many others above and
-/// below it, within two levels and the eight columns around. A dense hedge and the bush before it stay apart.
+/// reached them, and what is between the lines was not seen. Such a voxel has at most so many others above
+/// and below it, within two levels and the eight columns around. A dense hedge and the bush before it stay
+/// apart.
 const FENCE_LINES_REACH: i32 = 6;
 const LINE_STACKED: usize = 3;
 /// Columns of buildings are joined within so many voxels on either axis of the plane, whatever their height:

@@ -2,10 +2,10 @@
 //! with gaps, and of the wires between two poles.
 //!
 //! Two pieces are one vehicle if both fit into a box of the size of a passenger car. Two pieces are one fence
-//! if both lie on one line, end at about the same height, and the gap between them is short. Two pieces are one
-//! span of wires if both lie along one line, and no pole that reaches their height stands between them. Pairs are
-//! decided one after another, and what was united before counts as one piece. Their order does not depend on
-//! tiles.
+//! if both lie on one line, end at about the same height, and the gap between them is short. Two pieces are
+//! one span of wires if both lie along one line, and no pole that reaches their height stands between them.
+//! Pairs are decided one after another, and what was united before counts as one piece. Their order does not
+//! depend on tiles.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -11,12 +11,13 @@ use crate::model::{Kind, ObjectPart};
 const LONG_M: f64 = 4.0;
 /// Edge of the cells in which its top is looked for, in metres (chosen: half the width of a hedge).
 const CELL_M: f64 = 0.4;
-/// Share of its cells that are not higher. Measured on 25 hedges, fences and rails of three drives of `synth`:
-/// nine tenths are right to 0.05 m for all but one of them. With all of it, nine are more than 0.2 m too high.
+/// Share of its cells that are not higher. Measured on 25 hedges, fences and rails of three drives of
+/// `synth`: nine tenths are right to 0.05 m for all but one of them. With all of it, nine are more than 0.2 m
+/// too high.
 const SHARE: f64 = 0.9;
 
-/// The height in metres of a long fence over the ground below it. `None` of other objects, and if no ground is
-/// within 10 m of most of it.
+/// The height in metres of a long fence over the ground below it. `None` of other objects, and if no ground
+/// is within 10 m of most of it.
 pub(crate) fn crest_m(
     whole: &ObjectPart,
     top: i64,
