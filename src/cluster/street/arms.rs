@@ -15,6 +15,9 @@ use crate::model::Lattice;
 /// fences").
 const VOXELS: u32 = 25;
 const SURE: f64 = 0.8;
+/// Height above ground from which a piece hangs, in metres. What stands and is no core is a pipe of a facade
+/// or a stem among leaves.
+const HANGS_M: f64 = 1.6;
 /// Share of poles from which a voxel is certainly one, in steps of 1/255.
 pub(super) const SURE_SHARE: u8 = 230;
 /// Longest gap between a piece and its pole in the plane, in metres. Leaves hide 2.8 m of a mast arm.
@@ -26,9 +29,12 @@ const ABOVE_M: f64 = 1.5;
 /// What a metre of difference in height costs, in metres of the gap.
 const HEIGHT: i64 = 3;
 
-/// Whether a component is certainly of a pole.
-pub(super) fn is_sure(part: &Part) -> bool {
-    part.class == POLE && part.voxels >= VOXELS && f64::from(part.sure_pole) >= SURE * f64::from(part.voxels)
+/// Whether a component hangs and is certainly of a pole.
+pub(super) fn may_be_arm(part: &Part, lattice: Lattice) -> bool {
+    part.class == POLE
+        && part.voxels >= VOXELS
+        && f64::from(part.sure_pole) >= SURE * f64::from(part.voxels)
+        && i64::from(part.height.0) >= lattice.units(HANGS_M)
 }
 
 /// The pole of each component that hangs and is a part of one. `keeps` says whether a component is a core.
@@ -41,7 +47,7 @@ pub(super) fn join(
     for (&name, part) in parts.iter().filter(|(_, part)| part.class == POLE) {
         if keeps(part) {
             poles.push((part.min[0], part.first, name, part));
-        } else if is_sure(part) {
+        } else if may_be_arm(part, lattice) {
             hanging.push((name, part));
         }
     }
@@ -110,9 +116,11 @@ mod tests {
     }
 
     #[test]
-    fn branches_and_what_is_far_away_are_no_part_of_a_pole() {
+    fn branches_pipes_and_what_is_far_away_are_no_part_of_a_pole() {
         let mast = || piece([0.0, 0.0], (0.1, 6.7), 40, 40);
+        let pipe = piece([3.0, 0.0], (1.5, 6.7), 40, 40);
         for other in [
+            pipe,
             piece([3.0, 0.0], (5.4, 6.7), 40, 31),
             piece([3.0, 0.0], (5.4, 6.7), 24, 24),
             piece([4.5, 0.0], (5.4, 6.7), 40, 40),

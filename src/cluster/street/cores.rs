@@ -1,9 +1,10 @@
 //! Step `cores`: the parts of the drive that are certainly one object each, class by class.
 //!
 //! Chains are decided before: their voxels take the class of the chain. Then the voxels of one class are
-//! joined with a reach of this class, over all tiles. Components that are large enough, stand on the ground
-//! (not buildings and wires) and do not hang in foliage are cores. Trees are different, because crowns touch:
-//! their voxels near the ground are cut into bands of height, and `seeds` finds the stems in them.
+//! joined with a reach of this class, over all tiles. Wires are cut at the poles that carry them
+//! (`supports`), and what hangs joins its pole (`arms`). Components that are large enough, stand on the
+//! ground (not buildings and wires) and do not hang in foliage are cores. Trees are different, because crowns
+//! touch: their voxels near the ground are cut into bands of height, and `seeds` finds the stems in them.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "voxels of a tile fit u32; heights above ground in lattice units fit i32"

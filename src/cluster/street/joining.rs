@@ -1,7 +1,8 @@
 //! Which voxels are joined to components: by class, with a reach of this class, and low tree voxels by bands
 //! of height.
 //!
-//! Distances in voxels of 0.15 m are those of the prototype. `benches/results/street.md` has their study.
+//! Distances in voxels of 0.15 m are those of the prototype, but for fences. `benches/results/street.md` has
+//! their study.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

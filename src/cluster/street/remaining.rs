@@ -77,7 +77,8 @@ impl Remaining {
         let counts = |component: u32, part: &Part, sets: &mut DisjointSets| {
             if part.band == NO_BAND {
                 // What is united may be a core together with others.
-                let joins = unites(part.class) || arms::is_sure(part) || joins[component as usize];
+                let joins =
+                    unites(part.class) || arms::may_be_arm(part, lattice) || joins[component as usize];
                 return joins || is_open[component as usize] || keeps(part, lattice);
             }
             let Group { voxels, lowest, is_open } = groups[sets.find(component) as usize];
