@@ -45,7 +45,7 @@ pub use terrain::{Terrain, TerrainSums};
 pub use touching::{reach as touching_reach, touching};
 
 /// Raised when an attribute has other values for the same objects, so that a run computes its rows again.
-pub const EPOCH: u32 = 2;
+pub const EPOCH: u32 = 3;
 
 /// Every attribute, in the order of its columns.
 pub static REGISTRY: &[&dyn Attribute] = &[

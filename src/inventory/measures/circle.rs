@@ -50,8 +50,8 @@ pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
     for _ in 0..TRIES {
         let triple = [(); 3].map(|()| some[chance.below(some.len())]);
         let Some(circle) = through(triple) else { continue };
-        let score = score(&some, circle);
-        if best.is_none_or(|(most, _)| score > most) {
+        let most = best.map_or(f64::NEG_INFINITY, |(most, _)| most);
+        if let Some(score) = better_score(&some, circle, most) {
             best = Some((score, circle));
         }
     }
@@ -98,9 +98,15 @@ impl Chance {
     }
 }
 
+/// Length of a vector of metres. `f64::hypot` also serves lengths whose squares are no numbers, takes several
+/// times as long, and its last digit depends on the system's library.
+pub(super) fn length([x, y]: [f64; 2]) -> f64 {
+    (x * x + y * y).sqrt()
+}
+
 /// Signed distance of a point from a circle (x, y, radius); negative inside.
 fn away(point: [f64; 2], circle: [f64; 3]) -> f64 {
-    (point[0] - circle[0]).hypot(point[1] - circle[1]) - circle[2]
+    length([point[0] - circle[0], point[1] - circle[1]]) - circle[2]
 }
 
 /// The circle through three points, if it has a possible radius.
@@ -112,24 +118,30 @@ fn through([a, b, c]: [[f64; 2]; 3]) -> Option<[f64; 3]> {
     let c2 = cx * cx + cy * cy;
     let x = (cy * b2 - by * c2) / d;
     let y = (bx * c2 - cx * b2) / d;
-    let radius = x.hypot(y);
+    let radius = length([x, y]);
     // A division by zero gives a radius that is not in the range.
     (RADII_M[0]..=RADII_M[1]).contains(&radius).then_some([a[0] + x, a[1] + y, radius])
 }
 
-/// Points on the circle, less those inside.
-fn score(points: &[[f64; 2]], circle: [f64; 3]) -> f64 {
+/// Points on the circle, less those inside; `None` if these are not more than `most`. Most circles are given
+/// up after a part of the points: each of the others adds at most 1.
+fn better_score(points: &[[f64; 2]], circle: [f64; 3], most: f64) -> Option<f64> {
     let mut score = 0.0;
-    for point in points {
-        let away = away(*point, circle);
-        if away.abs() <= TOLERANCE_M {
-            // Nearer points count more, so that the best of many similar circles is taken.
-            score += 1.0 - (away / TOLERANCE_M).powi(2) / 2.0;
-        } else if away < -TOLERANCE_M {
-            score -= 1.0;
+    for (chunk, left) in points.chunks(16).zip((0..points.len()).rev().step_by(16)) {
+        if score + (left + 1) as f64 <= most {
+            return None;
+        }
+        for point in chunk {
+            let away = away(*point, circle);
+            if away.abs() <= TOLERANCE_M {
+                // Nearer points count more, so that the best of many similar circles is taken.
+                score += 1.0 - (away / TOLERANCE_M).powi(2) / 2.0;
+            } else if away < -TOLERANCE_M {
+                score -= 1.0;
+            }
         }
     }
-    score
+    (score > most).then_some(score)
 }
 
 fn on(points: &[[f64; 2]], circle: [f64; 3]) -> Vec<[f64; 2]> {
@@ -142,7 +154,7 @@ fn normal(points: &[[f64; 2]], circle: [f64; 3]) -> (Matrix3<f64>, Vector3<f64>)
     let mut right = Vector3::zeros();
     for point in points {
         let [x, y] = [point[0] - circle[0], point[1] - circle[1]];
-        let distance = x.hypot(y).max(1e-9);
+        let distance = length([x, y]).max(1e-9);
         let gradient = Vector3::new(-x / distance, -y / distance, -1.0);
         matrix += gradient * gradient.transpose();
         right -= gradient * (distance - circle[2]);

@@ -127,7 +127,26 @@ impl StemAxis {
 #[derive(Debug)]
 pub(crate) struct Stem {
     places: Vec<[f64; 3]>,
+    /// Heights of the places with their numbers, from the lowest one: a slice is a range of them.
+    heights: Vec<(f64, usize)>,
     is_tree: bool,
+}
+
+/// The axis of a tree through the circles in its slices. Without enough of them it has no direction,
+/// since leaves and branches pull the means of layers.
+fn through_circles(axis: StemAxis, centres: &[[f64; 3]]) -> StemAxis {
+    let through = steady_line(centres, 0.0).filter(|line| line.to - line.from >= SHORTEST_M);
+    match through.filter(|_| centres.len() >= LEAST_CIRCLES) {
+        Some(through) => StemAxis { from: axis.from, to: axis.to, ..through },
+        None => StemAxis { has_direction: false, ..shifted(axis, centres) },
+    }
+}
+
+/// How far a place is from the axis at its height; `None` if this is surely more than `most`. Most places of
+/// a crown are, and a distance costs more than two comparisons.
+fn away_within(most: f64, place: [f64; 3], axis: [f64; 2]) -> Option<f64> {
+    let [x, y] = [0, 1].map(|k| place[k] - axis[k]);
+    (x.abs() <= most && y.abs() <= most).then(|| circle::length([x, y]))
 }
 
 impl Stem {
@@ -139,8 +158,14 @@ impl Stem {
         };
         let [bottom, top] = between;
         let whole = |place: &[f64; 3]| (bottom..=top).contains(&place[2]);
-        let places = sketch.voxels.iter().map(|(_, sums)| place(sums)).filter(whole).collect();
-        Self { places, is_tree }
+        let places: Vec<[f64; 3]> = sketch.voxels.iter().map(|(_, sums)| place(sums)).filter(whole).collect();
+        Self::of_places(places, is_tree)
+    }
+
+    fn of_places(places: Vec<[f64; 3]>, is_tree: bool) -> Self {
+        let mut heights: Vec<(f64, usize)> = places.iter().map(|place| place[2]).zip(0..).collect();
+        heights.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self { places, heights, is_tree }
     }
 
     /// The axis; `None` without points, and of a tree of whose stem hardly anything was seen.
@@ -149,10 +174,10 @@ impl Stem {
         if !self.is_tree {
             return self.axis_of_pole(self.through(*columns.first()?)?);
         }
-        let mut stems: Vec<(usize, StemAxis)> = Vec::new();
+        let mut stems: Vec<(usize, StemAxis, Vec<[f64; 3]>)> = Vec::new();
         for axis in columns.into_iter().filter_map(|column| self.through(column)) {
             let foot = axis.at(axis.from);
-            let is_same = |(_, other): &(usize, StemAxis)| {
+            let is_same = |(_, other, _): &(usize, StemAxis, Vec<[f64; 3]>)| {
                 let at = other.at(axis.from);
                 (at[0] - foot[0]).hypot(at[1] - foot[1]) < SAME_STEM_M
             };
@@ -160,14 +185,15 @@ impl Stem {
                 continue;
             }
             let bare = self.bare_layers(&axis, OF_STEM_M, STEM_SHARE).len();
-            let seen = bare + self.centres(&axis).len();
+            let centres = self.centres(&axis);
+            let seen = bare + centres.len();
             if seen >= STEM_SEEN {
-                stems.push((seen, axis));
+                stems.push((seen, axis, centres));
             }
         }
         // Of equal ones, the first.
-        let (_, axis) = stems.into_iter().rev().max_by_key(|(seen, _)| *seen)?;
-        Some(if axis.to - axis.from < SHORTEST_M { axis.upright() } else { self.through_circles(axis) })
+        let (_, axis, centres) = stems.into_iter().rev().max_by_key(|(seen, ..)| *seen)?;
+        Some(if axis.to - axis.from < SHORTEST_M { axis.upright() } else { through_circles(axis, &centres) })
     }
 
     /// The line along which the object is occupied, from one through a place on.
@@ -244,8 +270,8 @@ impl Stem {
         let layer = |z: f64| (z / CELL_M).floor() as i64;
         let mut near: BTreeMap<i64, Vec<([f64; 3], f64)>> = BTreeMap::new();
         for place in &self.places {
-            let at = axis.at(place[2]);
-            let share = (place[0] - at[0]).hypot(place[1] - at[1]) / cut_off;
+            let Some(away) = away_within(cut_off, *place, axis.at(place[2])) else { continue };
+            let share = away / cut_off;
             if share < 1.0 {
                 near.entry(layer(place[2])).or_default().push((*place, (1.0 - share * share).powi(2)));
             }
@@ -268,8 +294,7 @@ impl Stem {
         let layer = |z: f64| (z / CELL_M).floor() as i64;
         let mut layers: BTreeMap<i64, (usize, Vec<[f64; 3]>)> = BTreeMap::new();
         for place in &self.places {
-            let at = axis.at(place[2]);
-            let away = (place[0] - at[0]).hypot(place[1] - at[1]);
+            let Some(away) = away_within(SLICE_REACH_M, *place, axis.at(place[2])) else { continue };
             if away < SLICE_REACH_M {
                 let (all, near) = layers.entry(layer(place[2])).or_default();
                 *all += 1;
@@ -285,17 +310,6 @@ impl Stem {
             places.iter().map(|place| place[k]).sum::<f64>() / places.len() as f64
         };
         bare.map(|(_, near)| [0, 1, 2].map(|k| mean(&near, k))).collect()
-    }
-
-    /// The axis of a tree through the circles in its slices. Without enough of them it has no direction,
-    /// since leaves and branches pull the means of layers.
-    fn through_circles(&self, axis: StemAxis) -> StemAxis {
-        let centres = self.centres(&axis);
-        let through = steady_line(&centres, 0.0).filter(|line| line.to - line.from >= SHORTEST_M);
-        match through.filter(|_| centres.len() >= LEAST_CIRCLES) {
-            Some(through) => StemAxis { from: axis.from, to: axis.to, ..through },
-            None => StemAxis { has_direction: false, ..shifted(axis, &centres) },
-        }
     }
 
     /// Centres of the circles in the slices, of those with nearly the same radius.
@@ -327,12 +341,17 @@ impl Stem {
     /// moved along the axis to that height.
     fn circle(&self, axis: &StemAxis, z: f64) -> Option<Circle> {
         let at = axis.at(z);
-        let slice: Vec<[f64; 2]> = self
-            .places
-            .iter()
-            .filter(|place| (place[2] - z).abs() <= HALF_SLICE_M)
+        let from = self.heights.partition_point(|(height, _)| height - z < -HALF_SLICE_M);
+        let within = self.heights[from..].iter().take_while(|(height, _)| height - z <= HALF_SLICE_M);
+        let mut numbers: Vec<usize> = within.map(|(_, number)| *number).collect();
+        numbers.sort_unstable();
+        let slice: Vec<[f64; 2]> = numbers
+            .into_iter()
+            .map(|number| self.places[number])
             .map(|place| [0, 1].map(|k| place[k] - axis.slope[k] * (place[2] - z)))
-            .filter(|place| (place[0] - at[0]).hypot(place[1] - at[1]) <= SLICE_REACH_M)
+            .filter(|[x, y]| {
+                away_within(SLICE_REACH_M, [*x, *y, z], at).is_some_and(|away| away <= SLICE_REACH_M)
+            })
             .collect();
         let circle = circle::fit(&slice)?;
         let off = (circle.centre[0] - at[0]).hypot(circle.centre[1] - at[1]);
@@ -453,7 +472,7 @@ mod tests {
         places.extend((0..100).map(|k| [4.2 + 0.02 * f64::from(k), 7.1, 5.0]));
         places
             .extend((0..400).map(|k| [4.3 + 0.02 * f64::from(k % 20), 6.8 + 0.02 * f64::from(k / 20), 2.0]));
-        let stem = Stem { places, is_tree: false };
+        let stem = Stem::of_places(places, false);
         let axis = stem.axis().unwrap();
         assert!((axis.inclination_deg() - 2.0).abs() < 0.1, "{axis:?} {}", axis.inclination_deg());
         assert!((axis.azimuth_deg() - 53.13).abs() < 4.0, "{}", axis.azimuth_deg());
@@ -471,7 +490,7 @@ mod tests {
             let at = |step: i32, most: i32| f64::from(k * step % most) / f64::from(most);
             [0.5 + 3.0 * at(131, 997), 0.5 + 3.0 * at(223, 991), 2.0 + 1.9 * at(311, 983)]
         }));
-        let stem = Stem { places, is_tree: true };
+        let stem = Stem::of_places(places, true);
         let axis = stem.axis().unwrap();
         let foot = axis.at(0.0);
         assert!((foot[0] - 2.0).hypot(foot[1] - 2.0) < 0.03, "{axis:?}");
@@ -492,14 +511,14 @@ mod tests {
             let at = |step: i32, most: i32| f64::from(k * step % most) / f64::from(most);
             [0.5 + 3.0 * at(131, 997), 0.5 + 3.0 * at(223, 991), 1.5 + 2.4 * at(311, 983)]
         }));
-        let foot = Stem { places, is_tree: true }.axis().unwrap().at(0.0);
+        let foot = Stem::of_places(places, true).axis().unwrap().at(0.0);
         assert!((foot[0] - 2.0).hypot(foot[1] - 2.0) < 0.03, "{foot:?}");
     }
 
     #[test]
     fn no_points_have_no_axis_and_few_have_no_direction() {
-        assert_eq!(Stem { places: Vec::new(), is_tree: true }.axis(), None);
-        let low = Stem { places: vec![[1.0, 2.0, 0.1], [1.1, 2.0, 0.1]], is_tree: false };
+        assert_eq!(Stem::of_places(Vec::new(), true).axis(), None);
+        let low = Stem::of_places(vec![[1.0, 2.0, 0.1], [1.1, 2.0, 0.1]], false);
         let axis = low.axis().unwrap();
         assert!(!axis.has_direction && (axis.at(9.0)[0] - 1.05).abs() < 1e-9, "{axis:?}");
     }
