@@ -30,6 +30,7 @@ use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
 use super::shares::{self, BUILDING, FENCE, GROUND, POLE, SMALL, TREE, VEHICLE, WIRE};
 use super::supports;
+use super::trails;
 use super::uniting;
 use super::window::Window;
 use crate::cluster::columns::{Border, Joining, Voxel};
@@ -386,14 +387,13 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let stems = seeds::find(&low, rising.into_iter(), chains, &places, lattice);
     drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
+    let lengths = trails::lengths(&whole);
     let mut united = uniting::unite(&mut whole, |part| keeps(part, lattice), lattice);
+    let rows = trails::unite(&mut whole, &mut united, &lengths, lattice);
     united.extend(facades::unite(&mut whole, near, |part| keeps(part, lattice), lattice));
     united.extend(arms::join(&whole, |part| keeps(part, lattice), lattice));
 
     let kept = whole.iter().filter(|(_, part)| keeps(part, lattice));
-    let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);
-    let rows: BTreeMap<u32, Row> =
-        kept.clone().filter_map(|(&component, part)| Some((component, row(part)?))).collect();
     let cores = kept.flat_map(|(&component, part)| {
         let sources = match rows.get(&component) {
             Some(row) => (0..row.count()).map(|vehicle| Source::Vehicle(component, vehicle)).collect(),
@@ -409,7 +409,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let stem = |stem: &u32| labels.get(Source::Stem(*stem as usize));
     let of_component = |component: &u32| match stems.components.get(component) {
         Some(number) => stem(number),
-        None => labels.get(Source::Component(*united.get(component).unwrap_or(component))),
+        None => labels.get(Source::Component(uniting::by_name(&united, *component))),
     };
     let slices: Vec<OfTile> = (0..component.len())
         .map(|tile| {
@@ -421,8 +421,9 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
             let crowns = cells.filter_map(|cell| Some((*cell, labels.get(Source::Crown(*cell))?)));
             let vehicle = |component, vehicle| labels.get(Source::Vehicle(component, vehicle)).unwrap_or(0);
             let of_rows = (0..).zip(&component[tile]).filter_map(|(part, component)| {
-                let row = rows.get(component)?;
-                let labels = (0..row.count()).map(|number| vehicle(*component, number)).collect();
+                let component = uniting::by_name(&united, *component);
+                let row = rows.get(&component)?;
+                let labels = (0..row.count()).map(|number| vehicle(component, number)).collect();
                 Some((part, row.clone(), labels))
             });
             labels.with_cores(OfTile {

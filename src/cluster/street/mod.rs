@@ -59,6 +59,7 @@ mod stage_voxels;
 mod suits;
 mod supports;
 mod terrain;
+mod trails;
 mod training;
 mod trunks;
 mod uniting;

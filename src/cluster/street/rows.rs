@@ -4,6 +4,10 @@
 //! row that is longer than a car is cut where its profile is lowest, if this is a valley, and both parts
 //! again. A bus has no valley. A bonnet or a loading area is no valley either: it is nearer to the end than
 //! the shortest car is long.
+//!
+//! What moves leaves a trail that is longer than any vehicle. Where it is far from the scanner, single outlines
+//! stand out, and a trail has valleys there. They have fewer voxels than a vehicle that stands, and are not
+//! cut off.
 
 use std::collections::BTreeMap;
 
@@ -18,6 +22,11 @@ use crate::spatial::Cell;
 const ROW_M: f64 = 6.2;
 /// Length of the shortest car, in metres.
 const SHORTEST_M: f64 = 3.0;
+/// Length from which a vehicle is the trail of one that moves, in metres: more than a bus of 12 m.
+pub(super) const TRAIL_M: f64 = 13.0;
+/// Voxels per metre of an outline, as a part of those of the trails. Outlines at the ends of five trails have
+/// 0.15 to 0.5 of them, cars that stand beside the same lanes 0.7 and more.
+pub(super) const OUTLINE: f64 = 0.5;
 /// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both
 /// sides.
 const VALLEY: f64 = 0.75;
@@ -77,6 +86,7 @@ impl Row {
         let mut cuts = Vec::new();
         profile.cut(0, profile.0.len(), (bins(ROW_M), bins(SHORTEST_M)), &mut cuts);
         cuts.sort_unstable();
+        let cuts = profile.around_trails(&cuts, bins(TRAIL_M));
         #[expect(clippy::cast_possible_wrap, reason = "bins of a row of vehicles")]
         let cuts: Vec<i64> = cuts.into_iter().map(|bin| start + bin as i64 * step).collect();
         (!cuts.is_empty()).then_some(Self { along, cuts })
@@ -116,6 +126,53 @@ impl Profile {
             self.cut(bin, to, (row, shortest), cuts);
         }
     }
+
+    /// Of ascending cuts those that are not within a trail. A vehicle longer than `trail` is one. An outline
+    /// belongs to the trail that it follows, up to the lowest cut between two trails.
+    #[expect(clippy::cast_precision_loss, reason = "bins of a row of vehicles")]
+    fn around_trails(&self, cuts: &[usize], trail: usize) -> Vec<usize> {
+        let ends: Vec<usize> = [0].into_iter().chain(cuts.iter().copied()).chain([self.0.len()]).collect();
+        let vehicles = ends.windows(2).map(|ends| {
+            let voxels: u64 = self.0[ends[0]..ends[1]].iter().map(|bin| u64::from(bin.1)).sum();
+            (ends[1] - ends[0], voxels as f64 / (ends[1] - ends[0]) as f64)
+        });
+        let densest = vehicles.clone().filter(|vehicle| vehicle.0 > trail).map(|vehicle| vehicle.1);
+        let densest = densest.fold(0.0, f64::max);
+        let kinds: Vec<Moving> = vehicles
+            .map(|(length, density)| match length > trail {
+                true => Moving::Trail,
+                false if density < OUTLINE * densest => Moving::Outline,
+                false => Moving::No,
+            })
+            .collect();
+        let is_trail = |&vehicle: &usize| kinds[vehicle] == Moving::Trail;
+        let moves = |&vehicle: &usize| kinds[vehicle] != Moving::No;
+        let stays = |&cut: &usize| {
+            if !moves(&cut) || !moves(&(cut + 1)) {
+                return true;
+            }
+            let before = (0..=cut).rev().take_while(moves).find(is_trail);
+            let after = (cut + 1..kinds.len()).take_while(moves).find(is_trail);
+            match (before, after) {
+                (None, None) => true,
+                (Some(one), Some(other)) => {
+                    cuts[one..other].iter().min_by_key(|&&bin| (self.0[bin], bin)) == Some(&cuts[cut])
+                }
+                _ => false,
+            }
+        };
+        (0..cuts.len()).filter(stays).map(|cut| cuts[cut]).collect()
+    }
+}
+
+/// What moves, of the vehicles of a row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Moving {
+    No,
+    /// A trail.
+    Trail,
+    /// An outline at the end of a trail.
+    Outline,
 }
 
 #[cfg(test)]
@@ -173,6 +230,31 @@ mod tests {
         assert_eq!(found(&[(5.0, 1.5)]), None);
         assert_eq!(found(&[(7.0, 2.6)]), None);
         assert_eq!(found(&[(18.0, 3.2)]), None);
+    }
+
+    #[test]
+    fn a_trail_keeps_its_outlines_and_two_trails_are_two() {
+        // Vehicles of a length in bins, with voxels in each bin but the first, and where they are cut.
+        let profile = |vehicles: &[(usize, u32)]| {
+            let bins = vehicles.iter().flat_map(|&(length, voxels)| {
+                (0..length).map(move |bin| if bin == 0 { (500, 1) } else { (1500, voxels) })
+            });
+            let ends = vehicles.iter().scan(0, |end, vehicle| {
+                *end += vehicle.0;
+                Some(*end)
+            });
+            (Profile(bins.collect()), ends.take(vehicles.len() - 1).collect::<Vec<usize>>())
+        };
+        let kept = |vehicles: &[(usize, u32)]| {
+            let (profile, cuts) = profile(vehicles);
+            profile.around_trails(&cuts, 90)
+        };
+        assert_eq!(kept(&[(30, 5), (30, 5), (200, 20), (30, 8)]), [0; 0], "outlines of a trail");
+        assert_eq!(kept(&[(30, 5), (30, 18), (200, 20), (30, 19)]), [30, 60, 260], "cars that stand");
+        assert_eq!(kept(&[(30, 5), (30, 19), (30, 5)]), [30, 60], "no trail");
+        let (mut two, cuts) = profile(&[(100, 20), (30, 5), (30, 5), (150, 20)]);
+        two.0[130].0 = 200;
+        assert_eq!(two.around_trails(&cuts, 90), [130], "two trails");
     }
 
     #[test]

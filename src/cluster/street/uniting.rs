@@ -63,6 +63,12 @@ pub(super) fn unite(
     one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other, poles, lattice).is_some())
 }
 
+/// The name under which a component is in the parts. `united` has those of the components that became a part
+/// of another.
+pub(super) fn by_name(united: &BTreeMap<u32, u32>, component: u32) -> u32 {
+    *united.get(&component).unwrap_or(&component)
+}
+
 /// Unites pairs of components where `fits` says so of what both are a part of by then. Pairs are a cost and
 /// two names. Cheaper ones are decided first, of equal ones those with the first voxels. `parts` and the
 /// result are those of [`unite`].
