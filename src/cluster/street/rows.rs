@@ -5,9 +5,9 @@
 //! again. A bus has no valley. A bonnet or a loading area is no valley either: it is nearer to the end than
 //! the shortest car is long.
 //!
-//! What moves leaves a trail that is longer than any vehicle. Where it is far from the scanner, single outlines
-//! stand out, and a trail has valleys there. They have fewer voxels than a vehicle that stands, and are not
-//! cut off.
+//! What moves leaves a trail that is longer than any vehicle. Where it is far from the scanner, single
+//! outlines stand out, and a trail has valleys there. They have fewer voxels than a vehicle that stands, and
+//! are not cut off.
 
 use std::collections::BTreeMap;
 
