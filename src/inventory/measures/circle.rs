@@ -127,10 +127,12 @@ fn through([a, b, c]: [[f64; 2]; 3]) -> Option<[f64; 3]> {
 /// up after a part of the points: each of the others adds at most 1.
 fn better_score(points: &[[f64; 2]], circle: [f64; 3], most: f64) -> Option<f64> {
     let mut score = 0.0;
-    for (chunk, left) in points.chunks(16).zip((0..points.len()).rev().step_by(16)) {
-        if score + (left + 1) as f64 <= most {
+    let mut left = points.len();
+    for chunk in points.chunks(16) {
+        if score + left as f64 <= most {
             return None;
         }
+        left -= chunk.len();
         for point in chunk {
             let away = away(*point, circle);
             if away.abs() <= TOLERANCE_M {

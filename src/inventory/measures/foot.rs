@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::parts::{BUILDING, Frames, Measures, POLE, TREE};
 use super::profile::Ends;
-use super::stem::{Stem, StemAxis};
+use super::stem::Stem;
+use super::stem_axis::StemAxis;
 use crate::inventory::site::Site;
 use crate::model::{Kind, ObjectPart};
 

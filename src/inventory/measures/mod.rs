@@ -13,6 +13,7 @@ mod profile;
 mod rectangle;
 mod sketch;
 mod stem;
+mod stem_axis;
 
 pub(super) use circle::Circle;
 pub(super) use crest::crest_m;

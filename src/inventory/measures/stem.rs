@@ -14,8 +14,9 @@
 
 use std::collections::BTreeMap;
 
-use super::circle::{self, Circle};
+use super::circle::{self, Circle, length};
 use super::sketch::{Sketch, Sums};
+use super::stem_axis::{StemAxis, line, median, steady_line};
 use crate::model::Lattice;
 
 /// Edge of the cells in which occupied heights are counted, and height of a layer, in metres.
@@ -85,50 +86,12 @@ const LARGEST_SHIFT_M: f64 = 0.3;
 /// Shortest axis whose direction is given, in metres.
 const SHORTEST_M: f64 = 1.0;
 
-/// A straight axis: a place for every height.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct StemAxis {
-    /// Where the axis is at height 0 of the frame.
-    pub(crate) foot: [f64; 2],
-    /// How far it moves per metre of height.
-    pub(crate) slope: [f64; 2],
-    /// Lowest and highest point on it.
-    pub(crate) from: f64,
-    /// See `from`.
-    pub(crate) to: f64,
-    /// Whether its direction is known well enough to be given.
-    pub(crate) has_direction: bool,
-}
-
-impl StemAxis {
-    /// Where the axis is at a height.
-    pub(crate) fn at(&self, z: f64) -> [f64; 2] {
-        [0, 1].map(|k| self.foot[k] + self.slope[k] * z)
-    }
-
-    /// A vertical axis where this one is at the middle of its height.
-    fn upright(self) -> Self {
-        let foot = self.at(f64::midpoint(self.from, self.to));
-        Self { foot, slope: [0.0; 2], has_direction: false, ..self }
-    }
-
-    /// Angle from the vertical in degrees.
-    pub(crate) fn inclination_deg(&self) -> f64 {
-        self.slope[0].hypot(self.slope[1]).atan().to_degrees()
-    }
-
-    /// Direction in which it leans, in degrees clockwise from north, 0 to 360.
-    pub(crate) fn azimuth_deg(&self) -> f64 {
-        self.slope[0].atan2(self.slope[1]).to_degrees().rem_euclid(360.0)
-    }
-}
-
 /// The points of a stem or a pole: means of voxels.
 #[derive(Debug)]
 pub(crate) struct Stem {
     places: Vec<[f64; 3]>,
-    /// Heights of the places with their numbers, from the lowest one: a slice is a range of them.
-    heights: Vec<(f64, usize)>,
+    /// Numbers of the places from the lowest one on, so that a slice is a range of them.
+    by_height: Vec<usize>,
     is_tree: bool,
 }
 
@@ -142,11 +105,12 @@ fn through_circles(axis: StemAxis, centres: &[[f64; 3]]) -> StemAxis {
     }
 }
 
-/// How far a place is from the axis at its height; `None` if this is surely more than `most`. Most places of
-/// a crown are, and a distance costs more than two comparisons.
-fn away_within(most: f64, place: [f64; 3], axis: [f64; 2]) -> Option<f64> {
-    let [x, y] = [0, 1].map(|k| place[k] - axis[k]);
-    (x.abs() <= most && y.abs() <= most).then(|| circle::length([x, y]))
+/// How far a place is from another in the plane, if this is less than `most`. Most places of a crown are
+/// farther, and a distance costs more than two comparisons.
+fn away_within(most: f64, place: [f64; 2], other: [f64; 2]) -> Option<f64> {
+    let apart = [0, 1].map(|k| place[k] - other[k]);
+    let near = apart.iter().all(|along| along.abs() < most);
+    near.then(|| length(apart)).filter(|away| *away < most)
 }
 
 impl Stem {
@@ -163,9 +127,9 @@ impl Stem {
     }
 
     fn of_places(places: Vec<[f64; 3]>, is_tree: bool) -> Self {
-        let mut heights: Vec<(f64, usize)> = places.iter().map(|place| place[2]).zip(0..).collect();
-        heights.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Self { places, heights, is_tree }
+        let mut by_height: Vec<usize> = (0..places.len()).collect();
+        by_height.sort_by(|&a, &b| places[a][2].total_cmp(&places[b][2]));
+        Self { places, by_height, is_tree }
     }
 
     /// The axis; `None` without points, and of a tree of whose stem hardly anything was seen.
@@ -179,7 +143,7 @@ impl Stem {
             let foot = axis.at(axis.from);
             let is_same = |(_, other, _): &(usize, StemAxis, Vec<[f64; 3]>)| {
                 let at = other.at(axis.from);
-                (at[0] - foot[0]).hypot(at[1] - foot[1]) < SAME_STEM_M
+                away_within(SAME_STEM_M, at, foot).is_some()
             };
             if stems.iter().any(is_same) {
                 continue;
@@ -270,11 +234,9 @@ impl Stem {
         let layer = |z: f64| (z / CELL_M).floor() as i64;
         let mut near: BTreeMap<i64, Vec<([f64; 3], f64)>> = BTreeMap::new();
         for place in &self.places {
-            let Some(away) = away_within(cut_off, *place, axis.at(place[2])) else { continue };
+            let Some(away) = away_within(cut_off, [place[0], place[1]], axis.at(place[2])) else { continue };
             let share = away / cut_off;
-            if share < 1.0 {
-                near.entry(layer(place[2])).or_default().push((*place, (1.0 - share * share).powi(2)));
-            }
+            near.entry(layer(place[2])).or_default().push((*place, (1.0 - share * share).powi(2)));
         }
         let mut means = Vec::new();
         for places in near.values() {
@@ -294,13 +256,12 @@ impl Stem {
         let layer = |z: f64| (z / CELL_M).floor() as i64;
         let mut layers: BTreeMap<i64, (usize, Vec<[f64; 3]>)> = BTreeMap::new();
         for place in &self.places {
-            let Some(away) = away_within(SLICE_REACH_M, *place, axis.at(place[2])) else { continue };
-            if away < SLICE_REACH_M {
-                let (all, near) = layers.entry(layer(place[2])).or_default();
-                *all += 1;
-                if away < radius {
-                    near.push(*place);
-                }
+            let at = axis.at(place[2]);
+            let Some(away) = away_within(SLICE_REACH_M, [place[0], place[1]], at) else { continue };
+            let (all, near) = layers.entry(layer(place[2])).or_default();
+            *all += 1;
+            if away < radius {
+                near.push(*place);
             }
         }
         let bare = layers
@@ -341,20 +302,20 @@ impl Stem {
     /// moved along the axis to that height.
     fn circle(&self, axis: &StemAxis, z: f64) -> Option<Circle> {
         let at = axis.at(z);
-        let from = self.heights.partition_point(|(height, _)| height - z < -HALF_SLICE_M);
-        let within = self.heights[from..].iter().take_while(|(height, _)| height - z <= HALF_SLICE_M);
-        let mut numbers: Vec<usize> = within.map(|(_, number)| *number).collect();
+        let above = |number: &usize| self.places[*number][2] - z;
+        let from = self.by_height.partition_point(|number| above(number) < -HALF_SLICE_M);
+        let within = self.by_height[from..].iter().take_while(|number| above(number) <= HALF_SLICE_M);
+        let mut numbers: Vec<usize> = within.copied().collect();
+        // The circles that are tried depend on the order.
         numbers.sort_unstable();
         let slice: Vec<[f64; 2]> = numbers
             .into_iter()
             .map(|number| self.places[number])
             .map(|place| [0, 1].map(|k| place[k] - axis.slope[k] * (place[2] - z)))
-            .filter(|[x, y]| {
-                away_within(SLICE_REACH_M, [*x, *y, z], at).is_some_and(|away| away <= SLICE_REACH_M)
-            })
+            .filter(|place| away_within(SLICE_REACH_M, *place, at).is_some())
             .collect();
         let circle = circle::fit(&slice)?;
-        let off = (circle.centre[0] - at[0]).hypot(circle.centre[1] - at[1]);
+        let off = length([0, 1].map(|k| circle.centre[k] - at[k]));
         let good = circle.seen_deg >= LEAST_SEEN_DEG
             && circle.radius_error <= LARGEST_ERROR_M
             && off <= circle.radius + OFF_AXIS_M;
@@ -381,59 +342,10 @@ fn shifted(axis: StemAxis, places: &[[f64; 3]]) -> StemAxis {
         let mut all: Vec<f64> = places.iter().map(|place| place[k] - axis.at(place[2])[k]).collect();
         median(&mut all)
     });
-    if off[0].hypot(off[1]) > LARGEST_SHIFT_M {
+    if length(off) > LARGEST_SHIFT_M {
         return axis;
     }
     StemAxis { foot: [axis.foot[0] + off[0], axis.foot[1] + off[1]], ..axis }
-}
-
-/// The line through places (x, y, z) by least squares of x and y over z. Vertical where all have one height.
-fn line(places: &[[f64; 3]]) -> Option<StemAxis> {
-    let count = places.len() as f64;
-    if places.is_empty() {
-        return None;
-    }
-    let mean = [0, 1, 2].map(|k| places.iter().map(|place| place[k]).sum::<f64>() / count);
-    let squares: f64 = places.iter().map(|place| (place[2] - mean[2]).powi(2)).sum();
-    let slope = [0, 1].map(|k| {
-        let products: f64 = places.iter().map(|place| (place[k] - mean[k]) * (place[2] - mean[2])).sum();
-        if squares > 1e-6 { products / squares } else { 0.0 }
-    });
-    let foot = [0, 1].map(|k| mean[k] - slope[k] * mean[2]);
-    let from = places.iter().map(|place| place[2]).fold(f64::INFINITY, f64::min);
-    let to = places.iter().map(|place| place[2]).fold(f64::NEG_INFINITY, f64::max);
-    Some(StemAxis { foot, slope, from, to, has_direction: true })
-}
-
-/// The line through places whose slope is the median of the slopes of pairs that are at least `apart` of its
-/// height apart.
-fn steady_line(places: &[[f64; 3]], apart: f64) -> Option<StemAxis> {
-    let ends = line(places)?;
-    let least = (ends.to - ends.from) * apart;
-    let slope = [0, 1].map(|k| {
-        let mut slopes = Vec::new();
-        for (number, a) in places.iter().enumerate() {
-            let far = places[number + 1..].iter().filter(|b| b[2] - a[2] >= least.max(f64::EPSILON));
-            slopes.extend(far.map(|b| (b[k] - a[k]) / (b[2] - a[2])));
-        }
-        median(&mut slopes)
-    });
-    let foot = [0, 1].map(|k| {
-        let mut feet: Vec<f64> = places.iter().map(|place| place[k] - slope[k] * place[2]).collect();
-        median(&mut feet)
-    });
-    Some(StemAxis { foot, slope, ..ends })
-}
-
-/// The median; 0 of nothing.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    let half = values.len() / 2;
-    match values.len() {
-        0 => 0.0,
-        odd if odd % 2 == 1 => values[half],
-        _ => f64::midpoint(values[half - 1], values[half]),
-    }
 }
 
 #[cfg(test)]
