@@ -10,88 +10,71 @@ use std::collections::BTreeMap;
 use super::part::Part;
 use super::rows::{OUTLINE, Row, TRAIL_M};
 use super::shares::VEHICLE;
-use super::spans::Spans;
-use super::uniting::{by_name, one_by_one};
+use super::spans::{Extent, Spans};
+use super::uniting;
 use crate::model::Lattice;
 
-/// Length below which a component is a stripe, in metres: less than the shortest car. Of longer ones those
-/// are stripes that have as few voxels as an outline.
+/// Length below which a piece is a stripe, in metres: less than the shortest car. Of longer ones those are
+/// stripes that have as few voxels as an outline.
 const STRIPE_M: f64 = 3.0;
 /// Longest gap to the next stripe, in metres: what a car goes on in a rotation at 60 km/h.
 const GAP_M: f64 = 1.7;
 /// How far a stripe may lie within the trail, in metres. What lies beside a trail is another vehicle.
 const WITHIN_M: f64 = 1.0;
 /// How much wider the box of a trail may become by a stripe, in metres. In a bend of 120 m whose middle is
-/// 9 m beside its chord, 4 m of the lane go aside by 1.3 m. The next lane is 2 m away.
+/// 9 m beside its chord, 4 m of the lane go aside by 1.3 m. In lanes of 3.5 m, cars of 1.8 m are 1.7 m apart.
 const ASIDE_M: f64 = 1.5;
 
-/// The length of each component of vehicles, in lattice units.
-pub(super) fn lengths(parts: &BTreeMap<u32, Part>) -> BTreeMap<u32, i64> {
-    let vehicles = parts.iter().filter(|(_, part)| part.class == VEHICLE);
-    vehicles.filter_map(|(&name, part)| Some((name, length(part.spans.as_deref()?)))).collect()
+/// Joins stripes to trails. `parts` and the result are those of [`uniting::unite`], which comes before. Of
+/// what is in `rows`, those without a trail are parked cars, and nothing joins them.
+pub(super) fn unite(
+    parts: &mut BTreeMap<u32, Part>,
+    rows: &BTreeMap<u32, Row>,
+    lattice: Lattice,
+) -> BTreeMap<u32, u32> {
+    let mut united = BTreeMap::new();
+    let parked = |name: &u32, part: &Part| {
+        let trail = |row: &Row| part.spans.as_deref().is_some_and(|spans| row.has_trail(spans, lattice));
+        rows.get(name).is_some_and(|row| !trail(row))
+    };
+    // A stripe joins when what it follows has joined, so there is a round for each stripe of the longest end.
+    loop {
+        let (trails, others): (Vec<_>, Vec<_>) = parts
+            .iter()
+            .filter(|(name, part)| part.class == VEHICLE && !parked(name, part))
+            .partition(|(_, part)| narrowest(part).is_some_and(|extent| is_trail(extent, lattice)));
+        let pairs: Vec<(i64, u32, u32)> = trails
+            .into_iter()
+            .flat_map(|(&trail, whole)| {
+                others
+                    .iter()
+                    .filter_map(move |&(&name, part)| Some((cost(whole, part, lattice)?, trail, name)))
+            })
+            .collect();
+        let fits = |one: &Part, other: &Part| cost(one, other, lattice).is_some();
+        let joined = uniting::one_by_one(parts, pairs.into_iter(), fits);
+        if joined.is_empty() {
+            return united;
+        }
+        uniting::go_on(&mut united, joined);
+    }
 }
 
-fn length(spans: &Spans) -> i64 {
-    spans.narrowest().length
+fn narrowest(part: &Part) -> Option<Extent> {
+    part.spans.as_deref().map(Spans::narrowest)
+}
+
+fn is_trail(extent: Extent, lattice: Lattice) -> bool {
+    extent.length > lattice.units(TRAIL_M)
 }
 
 /// Voxels in each lattice unit of the length.
 #[expect(clippy::cast_precision_loss, reason = "a length of vehicles")]
-fn density(part: &Part) -> f64 {
-    f64::from(part.voxels) / part.spans.as_deref().map_or(1, length).max(1) as f64
+fn density(part: &Part, extent: Extent) -> f64 {
+    f64::from(part.voxels) / extent.length.max(1) as f64
 }
 
-/// Joins stripes to trails. `parts` are those that [`super::uniting::unite`] leaves, and `united` is what it
-/// returns; what joins a trail is added to both. `lengths` has the length of each component before. Returns
-/// the rows of vehicles by the names of what they are in then. They are found before, because between stripes
-/// is nothing, which would be a valley.
-pub(super) fn unite(
-    parts: &mut BTreeMap<u32, Part>,
-    united: &mut BTreeMap<u32, u32>,
-    lengths: &BTreeMap<u32, i64>,
-    lattice: Lattice,
-) -> BTreeMap<u32, Row> {
-    let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);
-    let rows: BTreeMap<u32, Row> =
-        parts.iter().filter_map(|(&name, part)| Some((name, row(part)?))).collect();
-    // Length of the longest component in each piece.
-    let mut longest: BTreeMap<u32, i64> = BTreeMap::new();
-    for (name, &length) in lengths {
-        let most = longest.entry(by_name(united, *name)).or_default();
-        *most = length.max(*most);
-    }
-    let is_trail = |longest: i64| longest > lattice.units(TRAIL_M);
-    let is_short = |longest: i64| longest < lattice.units(STRIPE_M);
-    loop {
-        longest.retain(|name, _| parts.contains_key(name));
-        let trails = longest.iter().filter(|(_, longest)| is_trail(**longest)).map(|(name, _)| *name);
-        let pairs: Vec<(i64, u32, u32)> = trails
-            .flat_map(|trail| {
-                let (parts, rows) = (&*parts, &rows);
-                let pair = move |(&other, &longest): (&u32, &i64)| {
-                    let (whole, piece) = (&parts[&trail], &parts[&other]);
-                    let cost = cost(whole, piece, lattice)?;
-                    let is_stripe = is_short(longest) || density(piece) < OUTLINE * density(whole);
-                    (is_stripe && !rows.contains_key(&other)).then_some((cost, trail, other))
-                };
-                longest.iter().filter_map(pair).collect::<Vec<_>>()
-            })
-            .collect();
-        let joined = one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other, lattice).is_some());
-        if joined.is_empty() {
-            return rows.into_iter().map(|(name, row)| (by_name(united, name), row)).collect();
-        }
-        for (name, root) in joined {
-            // The smallest name stays, which may be that of a stripe.
-            let most = longest[&name].max(longest[&root]);
-            longest.insert(root, most);
-            united.values_mut().filter(|of| **of == name).for_each(|of| *of = root);
-            united.insert(name, root);
-        }
-    }
-}
-
-/// The gap between a trail and a stripe that goes on along its line; `None` if it does not.
+/// The gap between a trail and a stripe that goes on along its line; `None` if the two are something else.
 fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
     let reach = lattice.units(GAP_M);
     let apart = |axis: usize| one.min[axis].max(other.min[axis]) - one.max[axis].min(other.max[axis]);
@@ -99,20 +82,27 @@ fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
         return None;
     }
     let (spans, others) = (one.spans.as_deref()?, other.spans.as_deref()?);
+    let (mut trail, mut stripe) = ((one, spans.narrowest()), (other, others.narrowest()));
+    if !is_trail(trail.1, lattice) {
+        std::mem::swap(&mut trail, &mut stripe);
+    }
     // Cars follow each other in a lane, so the stripes of two trails meet.
-    let trails = [spans, others].into_iter().filter(|spans| length(spans) > lattice.units(TRAIL_M));
-    if trails.count() != 1 {
+    if !is_trail(trail.1, lattice) || is_trail(stripe.1, lattice) {
         return None;
     }
+    let is_stripe = stripe.1.length < lattice.units(STRIPE_M)
+        || density(stripe.0, stripe.1) < OUTLINE * density(trail.0, trail.1);
     let around = spans.union(others).narrowest();
     let gap = spans.gap(others, around);
-    let trail = [spans, others].map(Spans::narrowest).into_iter().max_by_key(|extent| extent.length)?;
     let goes_on = (-lattice.units(WITHIN_M)..=reach).contains(&gap);
-    (goes_on && around.width <= trail.width + lattice.units(ASIDE_M)).then_some(gap.max(0))
+    let in_lane = around.width <= trail.1.width + lattice.units(ASIDE_M);
+    (is_stripe && goes_on && in_lane).then_some(gap.max(0))
 }
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::cluster::street::part::NO_BAND;
 
@@ -136,11 +126,39 @@ mod tests {
     /// The number of pieces that remain, with the components that joined another.
     fn united(pieces: Vec<Part>) -> (usize, BTreeMap<u32, u32>) {
         let mut parts: BTreeMap<u32, Part> = (0..).zip(pieces).collect();
-        let lengths = lengths(&parts);
-        let mut united = BTreeMap::new();
-        unite(&mut parts, &mut united, &lengths, Lattice::MILLIMETRE);
+        let united = unite(&mut parts, &BTreeMap::new(), Lattice::MILLIMETRE);
         assert!(united.values().all(|root| parts.contains_key(root)), "{united:?}");
         (parts.len(), united)
+    }
+
+    proptest! {
+        /// Names depend on tiles, and which pieces are one trail does not.
+        #[test]
+        fn names_do_not_matter(
+            places in prop::collection::btree_map((0..70_u8, 0..3_u8), 1..25_u8, 1..12),
+            order in any::<prop::sample::Index>(),
+        ) {
+            let mut pieces = vec![vehicle([10.0, 0.0], [30.0, 1.8]), vehicle([34.0, 1.5], [50.0, 3.3])];
+            // No two have the same first voxel, as components never have.
+            pieces.extend(places.iter().map(|(&(x, y), &length)| {
+                let [x, y] = [f64::from(x), 0.3 + f64::from(y)];
+                vehicle([x, y], [x + 0.15 * f64::from(length), y + 1.2])
+            }));
+            let groups = |pieces: Vec<Part>| {
+                let mut parts: BTreeMap<u32, Part> = (0..).zip(pieces).collect();
+                let _ = unite(&mut parts, &BTreeMap::new(), Lattice::MILLIMETRE);
+                let mut groups: Vec<_> =
+                    parts.values().map(|part| (part.first, part.voxels, part.min, part.max)).collect();
+                groups.sort_unstable();
+                groups
+            };
+            let expected = groups(pieces.clone());
+            let first = order.index(pieces.len());
+            pieces.rotate_left(first);
+            prop_assert_eq!(&groups(pieces.clone()), &expected);
+            pieces.reverse();
+            prop_assert_eq!(&groups(pieces), &expected);
+        }
     }
 
     #[test]
@@ -154,6 +172,17 @@ mod tests {
         assert_eq!(united(vec![stripe(5.0), trail()]).0, 2, "the gap is too long");
         assert_eq!(united(vec![stripe(0.0), stripe(1.2), stripe(2.4)]).0, 3, "there is no trail");
         assert_eq!(united(vec![trail(), stripe(41.2), vehicle([42.5, 0.0], [80.0, 1.8])]).0, 2, "two cars");
+    }
+
+    #[test]
+    fn a_row_of_parked_cars_is_no_trail() {
+        let mut row = vehicle([0.0, 0.0], [4.5, 1.8]);
+        row.merge(&vehicle([5.0, 0.0], [9.5, 1.8]));
+        row.merge(&vehicle([10.0, 0.0], [14.5, 1.8]));
+        let of = Row::of(row.spans.as_ref().unwrap(), row.footprint.as_ref().unwrap(), Lattice::MILLIMETRE);
+        let rows = BTreeMap::from([(0, of.unwrap())]);
+        let mut parts = BTreeMap::from([(0, row), (1, vehicle([15.5, 0.0], [16.0, 1.8]))]);
+        assert_eq!(unite(&mut parts, &rows, Lattice::MILLIMETRE), BTreeMap::new());
     }
 
     #[test]

@@ -63,12 +63,6 @@ pub(super) fn unite(
     one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other, poles, lattice).is_some())
 }
 
-/// The name under which a component is in the parts. `united` has those of the components that became a part
-/// of another.
-pub(super) fn by_name(united: &BTreeMap<u32, u32>, component: u32) -> u32 {
-    *united.get(&component).unwrap_or(&component)
-}
-
 /// Unites pairs of components where `fits` says so of what both are a part of by then. Pairs are a cost and
 /// two names. Cheaper ones are decided first, of equal ones those with the first voxels. `parts` and the
 /// result are those of [`unite`].
@@ -104,6 +98,18 @@ pub(super) fn one_by_one(
     }
     let roots = (0_u32..).zip(&names).map(|(number, &name)| (name, names[sets.find(number) as usize]));
     roots.filter(|(name, root)| name != root).collect()
+}
+
+/// The name under which a component is in the parts. `united` has those of the components that became a part
+/// of another.
+pub(super) fn by_name(united: &BTreeMap<u32, u32>, component: u32) -> u32 {
+    *united.get(&component).unwrap_or(&component)
+}
+
+/// Adds what was united later, among the names that were left.
+pub(super) fn go_on(united: &mut BTreeMap<u32, u32>, later: BTreeMap<u32, u32>) {
+    united.values_mut().for_each(|name| *name = by_name(&later, *name));
+    united.extend(later);
 }
 
 /// Pairs of pieces of the same class that may be near enough, each once.
