@@ -24,9 +24,9 @@ const ROW_M: f64 = 6.2;
 const SHORTEST_M: f64 = 3.0;
 /// Length from which a vehicle is the trail of one that moves, in metres: more than a bus of 12 m.
 pub(super) const TRAIL_M: f64 = 13.0;
-/// Voxels per metre of an outline at the end of a trail, as a part of those of the trail (measured on suburb 903
-/// and downtown 913 of `synth`: trails have 125 to 180 on average, their ends below 70, cars that stand beside
-/// the lane downtown 250 and more). A car that stands far from the path has as few as an outline.
+/// Voxels per metre of an outline at the end of a trail, as a part of those of the trail. In suburb 903 and
+/// downtown 913 of `synth`, trails have 125 to 180 on average and their ends fewer than 70. Cars that stand
+/// beside the lane have 250 and more, but a car that stands far from the path has as few as an outline.
 pub(super) const OUTLINE: f64 = 0.5;
 /// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both
 /// sides.
