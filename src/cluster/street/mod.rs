@@ -46,6 +46,7 @@ mod part;
 mod parts;
 mod paths;
 mod piece;
+mod plane;
 mod remaining;
 mod rows;
 mod seeds;

@@ -22,8 +22,9 @@ use crate::spatial::Cell;
 const ROW_M: f64 = 6.2;
 /// Length of the shortest car, in metres.
 const SHORTEST_M: f64 = 3.0;
-/// Length from which a vehicle is the trail of one that moves, in metres: more than a bus of 12 m.
-pub(super) const TRAIL_M: f64 = 13.0;
+/// Length from which a vehicle is the trail of one that moves, by the height of its top, in metres. Cars and
+/// vans are lower than 2.4 m and at most 6 m long, lorries and buses at most 12 m.
+const TRAIL_M: [(f64, f64); 2] = [(2.4, 8.0), (f64::INFINITY, 13.0)];
 /// Voxels per metre of an outline at the end of a trail, as a part of those of the trail. In suburb 903 and
 /// downtown 913 of `synth`, trails have 125 to 180 on average and their ends fewer than 70. Cars that stand
 /// beside the lane have 250 and more, but a car that stands far from the path has as few as an outline.
@@ -54,6 +55,13 @@ pub(super) fn may_be_row(spans: &Spans, lattice: Lattice) -> bool {
     spans.narrowest().length > lattice.units(ROW_M)
 }
 
+/// Whether a vehicle of this length is a trail. `top` is above ground; both are in lattice units.
+pub(super) fn is_trail(length: i64, top: i32, lattice: Lattice) -> bool {
+    let top = lattice.metres(top.into());
+    let (_, longest) = TRAIL_M.into_iter().find(|limits| top < limits.0).unwrap_or(TRAIL_M[1]);
+    length > lattice.units(longest)
+}
+
 /// Where a row is cut.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Row {
@@ -61,6 +69,8 @@ pub(super) struct Row {
     along: usize,
     /// Positions along it at which the next vehicle begins, ascending.
     cuts: Vec<i64>,
+    /// Whether one of its vehicles is a trail.
+    pub(super) has_trail: bool,
 }
 
 impl Row {
@@ -87,19 +97,13 @@ impl Row {
         let mut cuts = Vec::new();
         profile.cut(0, profile.0.len(), (bins(ROW_M), bins(SHORTEST_M)), &mut cuts);
         cuts.sort_unstable();
-        let cuts = profile.around_trails(&cuts, bins(TRAIL_M));
+        #[expect(clippy::cast_possible_wrap, reason = "bins of a row of vehicles")]
+        let is_trail = |vehicle: &Vehicle| is_trail(vehicle.bins as i64 * edge, vehicle.top, lattice);
+        let cuts = profile.around_trails(&cuts, is_trail);
+        let has_trail = profile.vehicles(&cuts).iter().any(is_trail);
         #[expect(clippy::cast_possible_wrap, reason = "bins of a row of vehicles")]
         let cuts: Vec<i64> = cuts.into_iter().map(|bin| start + bin as i64 * step).collect();
-        (!cuts.is_empty()).then_some(Self { along, cuts })
-    }
-
-    /// Whether one of the vehicles of the row is a trail. `spans` are those of the row.
-    pub(super) fn has_trail(&self, spans: &Spans, lattice: Lattice) -> bool {
-        let ends = [spans.from(self.along), spans.to(self.along)];
-        let ends: Vec<i64> =
-            [ends[0]].into_iter().chain(self.cuts.iter().copied()).chain([ends[1]]).collect();
-        let longest = ends.windows(2).map(|ends| ends[1] - ends[0]).max();
-        longest.is_some_and(|longest| longest / spans::SCALE_UNITS > lattice.units(TRAIL_M))
+        (!cuts.is_empty()).then_some(Self { along, cuts, has_trail })
     }
 
     /// Number of vehicles in the row.
@@ -137,30 +141,38 @@ impl Profile {
         }
     }
 
-    /// Of ascending cuts those that are not within a trail. A vehicle longer than `trail` is one. An outline
-    /// belongs to the trail that it follows, up to the lowest cut between two trails.
-    #[expect(clippy::cast_precision_loss, reason = "bins of a row of vehicles")]
-    fn around_trails(&self, cuts: &[usize], trail: usize) -> Vec<usize> {
+    /// What is between ascending cuts.
+    fn vehicles(&self, cuts: &[usize]) -> Vec<Vehicle> {
         let ends: Vec<usize> = [0].into_iter().chain(cuts.iter().copied()).chain([self.0.len()]).collect();
-        let vehicles = ends.windows(2).map(|ends| {
-            let voxels: u64 = self.0[ends[0]..ends[1]].iter().map(|bin| u64::from(bin.1)).sum();
-            (ends[1] - ends[0], voxels as f64 / (ends[1] - ends[0]) as f64)
-        });
-        let densest = vehicles.clone().filter(|vehicle| vehicle.0 > trail).map(|vehicle| vehicle.1);
-        let densest = densest.fold(0.0, f64::max);
-        let kinds: Vec<Kind> = vehicles
-            .map(|(length, density)| {
-                if length > trail {
-                    Kind::Trail
-                } else if density < OUTLINE * densest {
-                    Kind::Outline
-                } else {
-                    Kind::Vehicle
-                }
-            })
-            .collect();
+        let vehicle = |ends: &[usize]| {
+            let bins = &self.0[ends[0]..ends[1]];
+            Vehicle {
+                bins: bins.len(),
+                top: bins.iter().map(|bin| bin.0).max().unwrap_or(0),
+                voxels: bins.iter().map(|bin| u64::from(bin.1)).sum(),
+            }
+        };
+        ends.windows(2).map(vehicle).collect()
+    }
+
+    /// Of ascending cuts those that are not within a trail. An outline belongs to the trail that it follows,
+    /// up to the lowest cut between two trails.
+    fn around_trails(&self, cuts: &[usize], is_trail: impl Fn(&Vehicle) -> bool) -> Vec<usize> {
+        let vehicles = self.vehicles(cuts);
+        let trails = vehicles.iter().filter(|vehicle| is_trail(vehicle));
+        let densest = trails.map(Vehicle::density).fold(0.0, f64::max);
+        let kind = |vehicle: &Vehicle| {
+            if is_trail(vehicle) {
+                Kind::Trail
+            } else if vehicle.density() < OUTLINE * densest {
+                Kind::Outline
+            } else {
+                Kind::Stands
+            }
+        };
+        let kinds: Vec<Kind> = vehicles.iter().map(kind).collect();
         let is_trail = |&number: &usize| kinds[number] == Kind::Trail;
-        let moves = |&number: &usize| kinds[number] != Kind::Vehicle;
+        let moves = |&number: &usize| kinds[number] != Kind::Stands;
         let stays = |&cut: &usize| {
             if !moves(&cut) || !moves(&(cut + 1)) {
                 return true;
@@ -180,10 +192,26 @@ impl Profile {
 }
 
 /// What is between two cuts.
+struct Vehicle {
+    /// Its length in bins.
+    bins: usize,
+    /// Height of its top above ground, in lattice units.
+    top: i32,
+    voxels: u64,
+}
+
+impl Vehicle {
+    /// Voxels in each bin.
+    #[expect(clippy::cast_precision_loss, reason = "a row of vehicles")]
+    fn density(&self) -> f64 {
+        self.voxels as f64 / self.bins as f64
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     /// A vehicle that stands.
-    Vehicle,
+    Stands,
     /// The dense middle of a trail.
     Trail,
     /// An outline at the end of a trail.
@@ -262,14 +290,27 @@ mod tests {
         };
         let kept = |vehicles: &[(usize, u32)]| {
             let (profile, cuts) = profile(vehicles);
-            profile.around_trails(&cuts, 90)
+            profile.around_trails(&cuts, |vehicle| vehicle.bins > 90)
         };
         assert_eq!(kept(&[(30, 5), (30, 5), (200, 20), (30, 8)]), [0; 0], "outlines of a trail");
         assert_eq!(kept(&[(30, 5), (30, 18), (200, 20), (30, 19)]), [30, 60, 260], "cars that stand");
         assert_eq!(kept(&[(30, 5), (30, 19), (30, 5)]), [30, 60], "no trail");
         let (mut two, cuts) = profile(&[(100, 20), (30, 5), (30, 5), (150, 20)]);
         two.0[130].0 = 200;
-        assert_eq!(two.around_trails(&cuts, 90), [130], "two trails");
+        assert_eq!(two.around_trails(&cuts, |vehicle| vehicle.bins > 90), [130], "two trails");
+    }
+
+    #[test]
+    fn a_trail_is_longer_than_vehicles_of_its_height() {
+        let moves = |length_m: f64, top_m: f64| {
+            let [length, top] = [length_m, top_m].map(|metres| Lattice::MILLIMETRE.units(metres));
+            is_trail(length, i32::try_from(top).unwrap(), Lattice::MILLIMETRE)
+        };
+        assert!(!moves(5.2, 1.5) && moves(8.1, 1.5), "a car");
+        assert!(!moves(12.0, 3.1) && moves(13.1, 3.1), "a bus");
+        let with_trail = found(&[(4.5, 1.5), (10.0, 1.5)]).map(|row| row.has_trail);
+        let with_lorry = found(&[(4.5, 1.5), (10.0, 3.0)]).map(|row| row.has_trail);
+        assert_eq!((with_trail, with_lorry), (Some(true), Some(false)));
     }
 
     #[test]

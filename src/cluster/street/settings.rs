@@ -109,7 +109,7 @@ impl StreetConfig {
     pub(super) fn keeps(&self, class: u8, points: u64) -> bool {
         let Some(wanted) = self.classes.iter().find(|wanted| **wanted as u8 == class) else { return false };
         let times = match wanted {
-            WantedClass::Tree | WantedClass::Building => 3,
+            WantedClass::Tree | WantedClass::Vehicle | WantedClass::Building => 3,
             WantedClass::Fence => 2,
             _ => 1,
         };

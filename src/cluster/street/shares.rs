@@ -72,7 +72,7 @@ mod tests {
         assert!((TREE..=WIRE).all(|class| all.keeps(class, 120)) && !all.keeps(GROUND, 120));
         let least = |class| (0..).find(|&points| all.keeps(class, points)).unwrap();
         let of_class = [TREE, POLE, VEHICLE, BUILDING, FENCE, SMALL, WIRE].map(least);
-        assert_eq!(of_class, [60, 20, 20, 60, 40, 20, 20]);
+        assert_eq!(of_class, [60, 20, 60, 60, 40, 20, 20]);
         let error = read("classes = []").unwrap_err().to_string();
         assert!(error.contains("at least one class of objects"), "{error}");
         let error = read("classes = [\"shrub\"]").unwrap_err().to_string();

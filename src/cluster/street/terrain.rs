@@ -17,7 +17,12 @@
 //! height goes on level. If one of the cells has two layers, the gap has two layers as well, provided that
 //! they differ by 2.5 m there.
 //!
-//! *No ground within 12 m.* The height is counted from the lowest voxel of the column.
+//! *Rough ground.* Where nobody saw the ground, a ground filter takes the lower side of crowns for it. A trunk
+//! is higher above the ground than a bough above such a side. There, cells with ground are few, and their heights are
+//! on no plane. Such cells count as cells without ground.
+//!
+//! *No ground within 12 m.* The height is counted from the lowest rough cell, and where there is none from the lowest
+//! voxel of the column.
 //!
 //! Everything is computed from whole cells on the global lattice in a fixed order, and rounded to lattice
 //! units. So two tiles that see the same 12 m around a cell find the same height.
@@ -28,6 +33,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::plane::Plane;
 use super::settings::{STEP_VOXELS, edge};
 use super::voxels::{SECTION_GROUND, Voxels};
 use crate::cluster::{DriveWindow, TileWindow};
@@ -46,9 +52,15 @@ pub(super) const LAYER_GAP_M: f64 = 2.5;
 const BELOW_UPPER_M: f64 = 0.5;
 /// Fewest points of an upper layer.
 const UPPER_POINTS: usize = 3;
-/// Scale of the distance of samples, in cells, below which a slope is drawn to zero: half-way at 1.4 times
-/// it.
-const LEVER_CELLS: f64 = 1.0;
+/// Distance within which ground is sparse or not, in metres: less than between two crowns.
+const SPARSE_REACH_M: f64 = 3.0;
+/// Sparse ground is in less than this share of the cells.
+const SPARSE: f64 = 0.2;
+/// Sparse ground is rough if its distance to a plane is larger than this in the mean, in metres. Of the cells
+/// that are, and were classified rightly or not, see `benches/results/street.md`, "Ground below crowns".
+const ROUGH_M: f64 = 0.2;
+/// Fewer cells are always near a plane. They are rough, too.
+const FEWEST: u32 = 4;
 
 /// The ground raster of a tile, as differences to the cell before.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -107,8 +119,9 @@ fn quartile(heights: &mut [i32]) -> i32 {
 #[derive(Debug)]
 pub(super) struct Terrain {
     lattice: Lattice,
-    /// Position in `layers` plus one.
+    /// Position in `layers` plus one, of cells that are not rough, and of those that are.
     places: CellMap<u32>,
+    rough: CellMap<u32>,
     /// Lower and upper height of cells with ground; equal where there is one layer.
     layers: Vec<[i64; 2]>,
     /// Offsets of cells within reach, nearest first, with their sector.
@@ -119,7 +132,10 @@ impl Terrain {
     /// Loads the ground for voxels within `reach` lattice units of those of the tile.
     pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
         let lattice = tile.lattice();
-        let further = lattice.units(REACH_M) + 4 * lattice.units(CELL_M) + 4 * i64::from(edge(lattice));
+        let further = lattice.units(REACH_M)
+            + lattice.units(SPARSE_REACH_M)
+            + 4 * lattice.units(CELL_M)
+            + 4 * i64::from(edge(lattice));
         let mut cells = Vec::new();
         for near in tile.near(reach + further) {
             cells.extend(read(tile, near)?.cells());
@@ -129,13 +145,19 @@ impl Terrain {
 
     /// The ground with these cells and their lower and upper heights.
     pub(super) fn new(lattice: Lattice, cells: impl IntoIterator<Item = (Cell, [i64; 2])>) -> Self {
-        let mut places = CellMap::default();
-        let mut layers = Vec::new();
-        for (cell, heights) in cells {
-            layers.push(heights);
-            *places.entry(cell) = layers.len() as u32;
+        let (cells, layers): (Vec<Cell>, Vec<[i64; 2]>) = cells.into_iter().unzip();
+        let mut all = CellMap::default();
+        for (place, &cell) in (1_u32..).zip(&cells) {
+            *all.entry(cell) = place;
         }
-        Self { lattice, places, layers, around: around() }
+        let around = around();
+        let patch = Patch::new(&around, lattice);
+        let (mut places, mut rough) = (CellMap::default(), CellMap::default());
+        for (place, &cell) in (1_u32..).zip(&cells) {
+            let cells = if patch.is_rough(cell, &all, &layers) { &mut rough } else { &mut places };
+            *cells.entry(cell) = place;
+        }
+        Self { lattice, places, rough, layers, around }
     }
 
     /// The heights of the voxels above ground in lattice units.
@@ -159,6 +181,14 @@ impl Terrain {
         heights
     }
 
+    /// The lowest rough ground within reach of a cell.
+    fn lowest_rough(&self, [i, j]: Cell) -> Option<i64> {
+        let mut rough = self.rough.cursor();
+        let offsets = [[0, 0]].into_iter().chain(self.around.iter().map(|around| around.0));
+        let places = offsets.map(|by| rough.get([i.wrapping_add(by[0]), j.wrapping_add(by[1])]));
+        places.filter_map(|place| Some(self.layers[place.checked_sub(1)? as usize][0])).min()
+    }
+
     /// Lower and upper height of the ground in a cell that has none, from the cells around it.
     fn fill(&self, cell: Cell) -> Option<[i64; 2]> {
         let mut samples: Vec<([i32; 2], [i64; 2])> = Vec::with_capacity(8);
@@ -177,12 +207,49 @@ impl Terrain {
             }
         }
         if samples.is_empty() {
-            return None;
+            return self.lowest_rough(cell).map(|lowest| [lowest; 2]);
         }
         let lower = plane(samples.iter().map(|(by, heights)| (*by, heights[0])));
         let upper = plane(samples.iter().map(|(by, heights)| (*by, heights[1])));
         let two = upper - lower >= self.lattice.units(LAYER_GAP_M);
         Some([lower, if two { upper } else { lower }])
+    }
+}
+
+/// The cells around a cell that decide whether it is rough.
+struct Patch {
+    offsets: Vec<[i32; 2]>,
+    /// Number of cells from which ground is not sparse.
+    dense: f64,
+    /// The square of [`ROUGH_M`] in lattice units.
+    rough: f64,
+}
+
+impl Patch {
+    /// `around` has the offsets within reach, nearest first.
+    fn new(around: &[([i32; 2], u8)], lattice: Lattice) -> Self {
+        let most = (SPARSE_REACH_M / CELL_M) as i32;
+        let near = around.iter().map(|around| around.0).take_while(|[i, j]| i * i + j * j <= most * most);
+        let offsets: Vec<[i32; 2]> = [[0, 0]].into_iter().chain(near).collect();
+        let dense = SPARSE * offsets.len() as f64;
+        Self { offsets, dense, rough: (lattice.units(ROUGH_M) as f64).powi(2) }
+    }
+
+    /// Whether the ground around a cell is sparse and rough. `all` has positions in `layers` plus one.
+    fn is_rough(&self, [i, j]: Cell, all: &CellMap<u32>, layers: &[[i64; 2]]) -> bool {
+        let mut all = all.cursor();
+        let mut plane = Plane::default();
+        let mut count = 0_u32;
+        for &by in &self.offsets {
+            if let Some(place) = all.get([i.wrapping_add(by[0]), j.wrapping_add(by[1])]).checked_sub(1) {
+                plane.add(by, layers[place as usize][0], 1.0);
+                count += 1;
+                if f64::from(count) >= self.dense {
+                    return false;
+                }
+            }
+        }
+        count < FEWEST || plane.residual() > self.rough
     }
 }
 
@@ -235,46 +302,11 @@ fn sector([i, j]: [i32; 2]) -> u8 {
     1 << (2 * quadrant + u8::from(across >= along))
 }
 
-/// The height at offset (0, 0) of the plane through heights at offsets, by weighted least squares with
-/// weights 1 / d^2. The slope is drawn to zero, see the module.
-fn plane(samples: impl Iterator<Item = ([i32; 2], i64)> + Clone) -> i64 {
-    // Relative to the first height, so that the result does not depend on how far up the drive is.
-    let base = samples.clone().next().map_or(0, |sample| sample.1);
-    let mut w = 0.0;
-    let mut x = 0.0;
-    let mut y = 0.0;
-    let mut z = 0.0;
-    let mut xx = 0.0;
-    let mut xy = 0.0;
-    let mut yy = 0.0;
-    let mut xz = 0.0;
-    let mut yz = 0.0;
-    for ([i, j], height) in samples {
-        let i = f64::from(i);
-        let j = f64::from(j);
-        let height = (height - base) as f64;
-        let weight = 1.0 / (i * i + j * j);
-        w += weight;
-        x += weight * i;
-        y += weight * j;
-        z += weight * height;
-        xx += weight * i * i;
-        xy += weight * i * j;
-        yy += weight * j * j;
-        xz += weight * i * height;
-        yz += weight * j * height;
-    }
-    // About the weighted centre, with the lever added to the diagonal.
-    let lever = LEVER_CELLS * LEVER_CELLS * w;
-    let cxx = xx - x * x / w + lever;
-    let cxy = xy - x * y / w;
-    let cyy = yy - y * y / w + lever;
-    let cxz = xz - x * z / w;
-    let cyz = yz - y * z / w;
-    let determinant = cxx * cyy - cxy * cxy;
-    let slope_x = (cxz * cyy - cyz * cxy) / determinant;
-    let slope_y = (cyz * cxx - cxz * cxy) / determinant;
-    base + (z / w - slope_x * x / w - slope_y * y / w).round() as i64
+/// The height at offset (0, 0) of the plane through heights at offsets, with weights 1 / d^2.
+fn plane(samples: impl Iterator<Item = ([i32; 2], i64)>) -> i64 {
+    let mut plane = Plane::default();
+    samples.for_each(|(by @ [i, j], height)| plane.add(by, height, 1.0 / f64::from(i * i + j * j)));
+    plane.height()
 }
 
 /// The ground raster of a tile.
@@ -330,9 +362,35 @@ mod tests {
         }
         // The axes are in the even sectors, the diagonals in the odd ones.
         assert_eq!(counts, [228, 220].repeat(4)[..]);
-        let terrain = Terrain::new(Lattice::MILLIMETRE, [([25, 0], [0; 2]), ([0, -24], [50; 2])]);
+        let patch = |i: i32, j: i32, height| {
+            let cells = [[0, 0], [1, 0], [0, -1], [1, -1]];
+            cells.map(|[di, dj]| ([i + di, j + dj], [height; 2]))
+        };
+        let terrain = Terrain::new(Lattice::MILLIMETRE, [patch(25, 0, 0), patch(0, -24, 50)].concat());
         assert_eq!(terrain.fill([0, 0]), Some([50; 2]));
-        assert_eq!(terrain.fill([0, 1]), None);
+        assert_eq!(terrain.fill([-1, 1]), None);
+    }
+
+    #[test]
+    fn heights_below_a_crown_are_over_the_ground_beside_it_or_over_its_lowest_bough() {
+        // Ground up to 7 m from the crown, and an eighth of 5 x 5 m of its lower side, 2.1 to 4.2 m above.
+        let bough = |[i, j]: Cell| 2_100 + i64::from((i * 3 + j * j * 5 + i * j).rem_euclid(4)) * 700;
+        let places = (0..10).flat_map(|i| (0..10).map(move |j| [i, j]));
+        let below = places.filter(|[i, j]| (i + 3 * j) % 8 == 0).map(|cell| (cell, [bough(cell); 2]));
+        let below: Vec<_> = below.collect();
+        let ground = (-20..-14).flat_map(|i| (0..10).map(move |j| ([i, j], [0; 2])));
+        let at = |terrain: &Terrain, cell: Cell| {
+            Surfaces { terrain, known: CellMap::default(), found: Vec::new() }.at(cell)
+        };
+        let beside = Terrain::new(Lattice::MILLIMETRE, ground.chain(below.iter().copied()));
+        assert!(below.iter().all(|(cell, _)| at(&beside, *cell) == Some([0; 2])));
+        let alone = Terrain::new(Lattice::MILLIMETRE, below.iter().copied());
+        assert!(below.iter().all(|(cell, _)| at(&alone, *cell) == Some([2_100; 2])));
+        // On a slope that is as sparse, every cell has its own height.
+        let slope = below.iter().map(|&(cell @ [i, _], _)| (cell, [150 * i64::from(i); 2]));
+        let slope: Vec<_> = slope.collect();
+        let terrain = Terrain::new(Lattice::MILLIMETRE, slope.iter().copied());
+        assert!(slope.iter().all(|&(cell, height)| at(&terrain, cell) == Some(height)));
     }
 
     #[test]
@@ -342,7 +400,7 @@ mod tests {
         assert_eq!(layers(&mut [0, 10, 6_000], 2_500), Some([0, 0]), "one point is no bridge");
         assert_eq!(layers(&mut [0, 1_000, 2_000, 3_000, 4_000], 2_500), Some([1_000; 2]), "a steep bank");
         assert_eq!(layers(&mut [], 2_500), None);
-        let cells = [([0, 0], [0, 6_000]), ([2, 0], [0, 6_000])];
+        let cells = [[0, 0], [2, 0], [0, 2], [2, 2]].map(|cell| (cell, [0, 6_000]));
         let terrain = Terrain::new(Lattice::MILLIMETRE, cells);
         let points: Vec<[i64; 3]> =
             [100, 600].into_iter().flat_map(|x| [1_000, 5_000, 5_700, 8_000].map(|z| [x, 100, z])).collect();

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::part::Part;
-use super::rows::{OUTLINE, Row, TRAIL_M};
+use super::rows::{self, OUTLINE, Row};
 use super::shares::VEHICLE;
 use super::spans::{Extent, Spans};
 use super::uniting;
@@ -33,16 +33,13 @@ pub(super) fn unite(
     lattice: Lattice,
 ) -> BTreeMap<u32, u32> {
     let mut united = BTreeMap::new();
-    let parked = |name: &u32, part: &Part| {
-        let trail = |row: &Row| part.spans.as_deref().is_some_and(|spans| row.has_trail(spans, lattice));
-        rows.get(name).is_some_and(|row| !trail(row))
-    };
+    let parked = |name: &u32| rows.get(name).is_some_and(|row| !row.has_trail);
     // A stripe joins when what it follows has joined, so there is a round for each stripe of the longest end.
     loop {
         let (trails, others): (Vec<_>, Vec<_>) = parts
             .iter()
-            .filter(|(name, part)| part.class == VEHICLE && !parked(name, part))
-            .partition(|(_, part)| narrowest(part).is_some_and(|extent| is_trail(extent, lattice)));
+            .filter(|(name, part)| part.class == VEHICLE && !parked(name))
+            .partition(|(_, part)| narrowest(part).is_some_and(|extent| is_trail(part, extent, lattice)));
         let pairs: Vec<(i64, u32, u32)> = trails
             .into_iter()
             .flat_map(|(&trail, whole)| {
@@ -64,8 +61,8 @@ fn narrowest(part: &Part) -> Option<Extent> {
     part.spans.as_deref().map(Spans::narrowest)
 }
 
-fn is_trail(extent: Extent, lattice: Lattice) -> bool {
-    extent.length > lattice.units(TRAIL_M)
+fn is_trail(part: &Part, extent: Extent, lattice: Lattice) -> bool {
+    rows::is_trail(extent.length, part.height.1, lattice)
 }
 
 /// Voxels in each lattice unit of the length.
@@ -83,11 +80,11 @@ fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
     }
     let (spans, others) = (one.spans.as_deref()?, other.spans.as_deref()?);
     let (mut trail, mut stripe) = ((one, spans.narrowest()), (other, others.narrowest()));
-    if !is_trail(trail.1, lattice) {
+    if !is_trail(trail.0, trail.1, lattice) {
         std::mem::swap(&mut trail, &mut stripe);
     }
     // Cars follow each other in a lane, so the stripes of two trails meet.
-    if !is_trail(trail.1, lattice) || is_trail(stripe.1, lattice) {
+    if !is_trail(trail.0, trail.1, lattice) || is_trail(stripe.0, stripe.1, lattice) {
         return None;
     }
     let is_stripe = stripe.1.length < lattice.units(STRIPE_M)
@@ -188,13 +185,13 @@ mod tests {
     #[test]
     fn a_parked_car_is_not_a_stripe() {
         let trail = || vehicle([10.0, 0.0], [40.0, 1.8]);
+        let stripe = || vehicle([5.0, 0.0], [7.0, 1.8]);
         assert_eq!(united(vec![vehicle([5.0, 0.0], [9.0, 1.8]), trail()]).0, 2, "it is longer");
         assert_eq!(united(vec![vehicle([5.0, 0.0], [9.0, 0.3]), trail()]).0, 1, "an outline");
         assert_eq!(united(vec![vehicle([20.0, 2.4], [22.0, 4.2]), trail()]).0, 2, "it is beside the trail");
-        assert_eq!(
-            united(vec![vehicle([5.0, 0.0], [7.0, 1.8]), vehicle([8.0, 0.0], [19.0, 2.4])]).0,
-            2,
-            "a bus"
-        );
+        let mut bus = vehicle([8.0, 0.0], [19.0, 2.4]);
+        bus.height.1 = 3_100;
+        assert_eq!(united(vec![vehicle([5.0, 0.0], [7.0, 1.8]), bus]).0, 2, "a bus");
+        assert_eq!(united(vec![stripe(), vehicle([8.0, 0.0], [19.0, 1.8])]).0, 1, "too long for a car");
     }
 }
