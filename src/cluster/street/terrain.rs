@@ -17,15 +17,16 @@
 //! height goes on level. If one of the cells has two layers, the gap has two layers as well, provided that
 //! they differ by 2.5 m there.
 //!
-//! *Rough ground.* Where nobody saw the ground, a ground filter takes the lower side of crowns for it. A trunk
-//! is higher above the ground than a bough above such a side. There, cells with ground are few, and their heights are
-//! on no plane. Such cells count as cells without ground.
+//! *Rough ground.* Where the scanner saw no ground, the ground filter takes the lower side of crowns for it,
+//! and every bough that hangs from it would be a trunk. There, cells with ground are few, and their heights
+//! are on no plane. They count as cells without ground.
 //!
-//! *No ground within 12 m.* The height is counted from the lowest rough cell, and where there is none from the lowest
-//! voxel of the column.
+//! *No ground within 12 m.* The height is counted from the lowest rough cell there, and without rough cells
+//! from the lowest voxel of the column.
 //!
 //! Everything is computed from whole cells on the global lattice in a fixed order, and rounded to lattice
-//! units. So two tiles that see the same 12 m around a cell find the same height.
+//! units. So two tiles that see the same 15 m around a cell find the same height: 12 m, and 3 m around each
+//! cell that may be rough.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "offsets of cells within 12 m, heights of a drive in lattice units"
@@ -119,7 +120,7 @@ fn quartile(heights: &mut [i32]) -> i32 {
 #[derive(Debug)]
 pub(super) struct Terrain {
     lattice: Lattice,
-    /// Position in `layers` plus one, of cells that are not rough, and of those that are.
+    /// Position in `layers` plus one of the cells that are not rough, and of those that are.
     places: CellMap<u32>,
     rough: CellMap<u32>,
     /// Lower and upper height of cells with ground; equal where there is one layer.

@@ -1,9 +1,10 @@
 //! Which pieces are the trail that a moving vehicle leaves in the points of a spinning scanner.
 //!
 //! A rotation takes 0.1 s, in which a car goes on by 1 to 2 m. Near the scanner its outlines overlap, and the
-//! trail is one component that is longer than any bus. Farther away each rotation sees its front or its rear
-//! alone, and the trail ends in stripes across the lane. In the box of a car are three or four of them, so
-//! they seem to be cars. Stripes join a trail one after another while they go on along its line.
+//! trail is one component that is longer than any vehicle of its height. Farther away each rotation sees its
+//! front or its rear alone, and the trail ends in stripes across the lane. In the box of a car are three or
+//! four of them, so they seem to be cars. Stripes join a trail one after another while they go on along its
+//! line.
 
 use std::collections::BTreeMap;
 
