@@ -120,8 +120,8 @@ impl Hull {
     fn triangles(&self, number: usize) -> impl Iterator<Item = Primitive> {
         let span = move |ends: &[Vec3]| {
             let [first, a, b] = [self.outline[0], ends[0], ends[1]];
-            // Each point is mirrored once: rustc 1.95 lost the sign of one of them where two were, with 16
-            // codegen units.
+            // Each point is mirrored once. Where it was mirrored twice, rustc 1.95 lost the sign of one of
+            // the two in profile `quick`.
             let [far_first, far_a, far_b] = [first, a, b].map(|point| point * Vec3::new(1.0, -1.0, 1.0));
             [[first, a, b], [far_first, far_a, far_b], [a, b, far_b], [a, far_b, far_a]]
         };

@@ -57,8 +57,8 @@ const UPPER_POINTS: usize = 3;
 const SPARSE_REACH_M: f64 = 3.0;
 /// Sparse ground is in less than this share of the cells.
 const SPARSE: f64 = 0.2;
-/// Sparse ground is rough if its distance to a plane is larger than this in the mean, in metres. Of the cells
-/// that are, and were classified rightly or not, see `benches/results/street.md`, "Ground below crowns".
+/// Sparse ground is rough if its distance to a plane, the root of the mean square, is larger than this, in
+/// metres. How often such ground is none is in `benches/results/street.md`, "Ground below crowns".
 const ROUGH_M: f64 = 0.2;
 /// Fewer cells are always near a plane. They are rough, too.
 const FEWEST: u32 = 4;
