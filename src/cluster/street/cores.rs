@@ -387,12 +387,12 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let stems = seeds::find(&low, rising.into_iter(), chains, &places, lattice);
     drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
-    let mut united = uniting::unite(&mut whole, |part| keeps(part, lattice), lattice);
-    // Between the stripes of a trail is nothing, which would be a valley, so rows are found before.
+    // Between the stripes of a trail is nothing, which would be a valley. So rows are found before.
     let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);
     let rows: BTreeMap<u32, Row> =
         whole.iter().filter_map(|(&component, part)| Some((component, row(part)?))).collect();
-    uniting::go_on(&mut united, trails::unite(&mut whole, &rows, lattice));
+    let mut united = trails::unite(&mut whole, &rows, lattice);
+    uniting::go_on(&mut united, uniting::unite(&mut whole, |part| keeps(part, lattice), lattice));
     let rows: BTreeMap<u32, Row> =
         rows.into_iter().map(|(component, row)| (uniting::by_name(&united, component), row)).collect();
     united.extend(facades::unite(&mut whole, near, |part| keeps(part, lattice), lattice));

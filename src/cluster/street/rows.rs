@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::lanes;
 use super::settings::EDGE_M;
 use super::spans::{self, Spans};
 use crate::model::Lattice;
@@ -25,10 +26,14 @@ const SHORTEST_M: f64 = 3.0;
 /// Length from which a vehicle is the trail of one that moves, by the height of its top, in metres. Cars and
 /// vans are lower than 2.4 m and at most 6 m long, lorries and buses at most 12 m.
 const TRAIL_M: [(f64, f64); 2] = [(2.4, 8.0), (f64::INFINITY, 13.0)];
-/// Voxels per metre of an outline at the end of a trail, as a part of those of the trail. In suburb 903 and
-/// downtown 913 of `synth`, trails have 125 to 180 on average and their ends fewer than 70. Cars that stand
-/// beside the lane have 250 and more, but a car that stands far from the path has as few as an outline.
-pub(super) const OUTLINE: f64 = 0.5;
+/// Width from which what is longer than a vehicle is not one that moves, but several side by side, in metres.
+const WIDEST_M: f64 = 3.0;
+/// Voxels per metre of an outline at the end of a trail, as a part of those of the trail: of a trail that is
+/// longer than any vehicle, and of a shorter one, which may be two cars without a valley between them. Trails
+/// of eight drives of `synth` with spinning scanners have 130 to 280 in their dense middle and up to 0.72 of it
+/// beside it. Cars that stand beside the lane have 250 and more, but a car that stands far from the path has
+/// as few as an outline.
+const OUTLINE: (f64, f64) = (0.75, 0.5);
 /// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both
 /// sides.
 const VALLEY: f64 = 0.75;
@@ -62,15 +67,14 @@ pub(super) fn is_trail(length: i64, top: i32, lattice: Lattice) -> bool {
     length > lattice.units(longest)
 }
 
-/// Where a row is cut.
+/// Where the vehicles of a component are cut from each other.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Row {
-    /// Number of the direction along the row.
-    along: usize,
-    /// Positions along it at which the next vehicle begins, ascending.
-    cuts: Vec<i64>,
-    /// Whether one of its vehicles is a trail.
-    pub(super) has_trail: bool,
+    lanes: Vec<Lane>,
+    /// The lane of each column of voxels, ascending by columns; empty if there is one lane.
+    columns: Vec<(Cell, u32)>,
+    /// Edge of a column, in lattice units.
+    edge: i64,
 }
 
 impl Row {
@@ -79,47 +83,153 @@ impl Row {
         if !may_be_row(spans, lattice) {
             return None;
         }
-        let along = spans.narrowest().along();
+        let edge = lattice.units(EDGE_M);
+        let is_wide = spans.narrowest().width > lattice.units(WIDEST_M);
+        let lanes = if is_wide { lanes::of(&footprint.0, lattice) } else { Vec::new() };
+        if lanes.len() < 2 {
+            let lane = Lane::of(spans, &footprint.0, lattice);
+            return (!lane.cuts.is_empty()).then(|| Self { lanes: vec![lane], columns: Vec::new(), edge });
+        }
+        let mut columns: Vec<(Cell, u32)> =
+            (0..).zip(&lanes).flat_map(|(lane, columns)| columns.keys().map(move |&at| (at, lane))).collect();
+        columns.sort_unstable();
+        let lane = |columns: &Columns| {
+            let places = columns.keys().map(|&column| Spans::of_place(centre(column, edge)));
+            let spans = places.reduce(|mut whole, place| {
+                whole.merge(&place);
+                whole
+            })?;
+            Some(Lane::of(&spans, columns, lattice))
+        };
+        Some(Self { lanes: lanes.iter().filter_map(lane).collect(), columns, edge })
+    }
+
+    /// Number of vehicles in the row.
+    pub(super) fn count(&self) -> usize {
+        self.lanes.iter().map(Lane::count).sum()
+    }
+
+    /// Whether one of its vehicles is a trail.
+    pub(super) fn has_trail(&self) -> bool {
+        self.lanes.iter().any(|lane| lane.has_trail)
+    }
+
+    /// Number of the vehicle at a place. What was united with the row is in the lane that it is nearest to.
+    pub(super) fn vehicle(&self, place: [i64; 2]) -> usize {
+        let column = place.map(|at| i32::try_from(at.div_euclid(self.edge)).unwrap_or(i32::MAX));
+        let lane = match self.columns.binary_search_by_key(&column, |&(column, _)| column) {
+            Ok(at) => self.columns[at].1 as usize,
+            Err(_) => {
+                let beside = |&lane: &usize| (self.lanes[lane].beside(place), lane);
+                (0..self.lanes.len()).min_by_key(beside).unwrap_or(0)
+            }
+        };
+        let before: usize = self.lanes[..lane].iter().map(Lane::count).sum();
+        before + self.lanes[lane].vehicle(place)
+    }
+}
+
+/// The middle of a column of voxels, in lattice units.
+fn centre(column: Cell, edge: i64) -> [i64; 2] {
+    column.map(|index| i64::from(index) * edge + edge / 2)
+}
+
+/// The columns of a row: see [`Footprint`].
+type Columns = BTreeMap<Cell, (i32, u32)>;
+
+/// Where the vehicles of a lane are cut from each other.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Lane {
+    /// Number of the direction along the lane.
+    along: usize,
+    /// Positions along it at which the next vehicle begins, ascending.
+    cuts: Vec<i64>,
+    /// Whether one of its vehicles is a trail.
+    has_trail: bool,
+    /// Number of the direction across the lane, and how far it reaches.
+    across: usize,
+    sides: (i64, i64),
+}
+
+impl Lane {
+    /// `spans` are those of the columns.
+    fn of(spans: &Spans, columns: &Columns, lattice: Lattice) -> Self {
+        let narrowest = spans.narrowest();
+        let (along, across) = (narrowest.along(), narrowest.across());
         let edge = lattice.units(EDGE_M);
         let step = spans::SCALE_UNITS * edge;
         let start = spans.from(along);
         let mut profile = Profile(Vec::new());
-        for (&[i, j], &(top, count)) in &footprint.0 {
-            let place = [i, j].map(|index| i64::from(index) * edge + edge / 2);
+        for (&column, &(top, count)) in columns {
+            let place = centre(column, edge);
             let at = usize::try_from((spans::position(place, along) - start).div_euclid(step)).unwrap_or(0);
             if profile.0.len() <= at {
-                profile.0.resize(at + 1, (0, 0));
+                profile.0.resize(at + 1, Bin::default());
             }
-            let bin = &mut profile.0[at];
-            *bin = (bin.0.max(top), bin.1 + count);
+            profile.0[at].add(top, count, spans::position(place, across));
         }
         let bins = |metres: f64| usize::try_from(lattice.units(metres) / edge).unwrap_or(usize::MAX);
         let mut cuts = Vec::new();
         profile.cut(0, profile.0.len(), (bins(ROW_M), bins(SHORTEST_M)), &mut cuts);
         cuts.sort_unstable();
         #[expect(clippy::cast_possible_wrap, reason = "bins of a row of vehicles")]
-        let is_trail = |vehicle: &Vehicle| is_trail(vehicle.bins as i64 * edge, vehicle.top, lattice);
-        let cuts = profile.around_trails(&cuts, is_trail);
-        let has_trail = profile.vehicles(&cuts).iter().any(is_trail);
+        let outline = |vehicle: &Vehicle| {
+            let length = vehicle.bins as i64 * edge;
+            let is_trail = is_trail(length, vehicle.top, lattice) && vehicle.width <= lattice.units(WIDEST_M);
+            let is_longer = is_trail && length > lattice.units(TRAIL_M[1].1);
+            is_trail.then_some(if is_longer { OUTLINE.0 } else { OUTLINE.1 })
+        };
+        let cuts = profile.around_trails(&cuts, outline);
+        let has_trail = profile.vehicles(&cuts).iter().any(|vehicle| outline(vehicle).is_some());
         #[expect(clippy::cast_possible_wrap, reason = "bins of a row of vehicles")]
         let cuts: Vec<i64> = cuts.into_iter().map(|bin| start + bin as i64 * step).collect();
-        (!cuts.is_empty()).then_some(Self { along, cuts, has_trail })
+        Self { along, cuts, has_trail, across, sides: (spans.from(across), spans.to(across)) }
     }
 
-    /// Number of vehicles in the row.
-    pub(super) fn count(&self) -> usize {
+    fn count(&self) -> usize {
         self.cuts.len() + 1
     }
 
-    /// Number of the vehicle at a place.
-    pub(super) fn vehicle(&self, place: [i64; 2]) -> usize {
+    fn vehicle(&self, place: [i64; 2]) -> usize {
         let position = spans::position(place, self.along);
         self.cuts.partition_point(|&cut| cut <= position)
     }
+
+    /// How far beside the lane a place is, as [`spans::position`] measures; zero within.
+    fn beside(&self, place: [i64; 2]) -> i64 {
+        let position = spans::position(place, self.across);
+        (self.sides.0 - position).max(position - self.sides.1).max(0)
+    }
 }
 
-/// Height of the top and number of voxels in steps of a voxel along a row.
-struct Profile(Vec<(i32, u32)>);
+/// What is in a step of a voxel along a row.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bin {
+    /// Height of its top above ground, in lattice units.
+    top: i32,
+    voxels: u32,
+    /// Smallest and largest position across the row, as [`spans::position`] gives it.
+    sides: Option<(i64, i64)>,
+}
+
+impl Bin {
+    fn add(&mut self, top: i32, voxels: u32, across: i64) {
+        let (from, to) = self.sides.unwrap_or((across, across));
+        *self = Self {
+            top: self.top.max(top),
+            voxels: self.voxels + voxels,
+            sides: Some((from.min(across), to.max(across))),
+        };
+    }
+
+    /// In lattice units.
+    fn width(&self) -> i64 {
+        self.sides.map_or(0, |(from, to)| (to - from) / spans::SCALE_UNITS)
+    }
+}
+
+/// The steps along a row.
+struct Profile(Vec<Bin>);
 
 impl Profile {
     /// Adds the bins from `from` to `to` at which vehicles are cut: the lowest valley, and the valleys on
@@ -128,12 +238,12 @@ impl Profile {
         if to - from <= row {
             return;
         }
-        let roof = |range: std::ops::Range<usize>| self.0[range].iter().map(|bin| bin.0).max().unwrap_or(0);
+        let roof = |range: std::ops::Range<usize>| self.0[range].iter().map(|bin| bin.top).max().unwrap_or(0);
         let valley = |&bin: &usize| {
             let roofs = roof(bin - shortest..bin).min(roof(bin + 1..(bin + 1 + shortest).min(to)));
-            f64::from(self.0[bin].0) <= VALLEY * f64::from(roofs)
+            f64::from(self.0[bin].top) <= VALLEY * f64::from(roofs)
         };
-        let lowest = (from + shortest..to - shortest).filter(valley).min_by_key(|&bin| (self.0[bin], bin));
+        let lowest = (from + shortest..to - shortest).filter(valley).min_by_key(|&bin| self.order(bin));
         if let Some(bin) = lowest {
             cuts.push(bin);
             self.cut(from, bin, (row, shortest), cuts);
@@ -141,30 +251,38 @@ impl Profile {
         }
     }
 
+    /// Bins in the order in which they are cut.
+    fn order(&self, bin: usize) -> (i32, u32, usize) {
+        (self.0[bin].top, self.0[bin].voxels, bin)
+    }
+
     /// What is between ascending cuts.
     fn vehicles(&self, cuts: &[usize]) -> Vec<Vehicle> {
         let ends: Vec<usize> = [0].into_iter().chain(cuts.iter().copied()).chain([self.0.len()]).collect();
         let vehicle = |ends: &[usize]| {
             let bins = &self.0[ends[0]..ends[1]];
+            let mut widths: Vec<i64> = bins.iter().map(Bin::width).collect();
+            widths.sort_unstable();
             Vehicle {
                 bins: bins.len(),
-                top: bins.iter().map(|bin| bin.0).max().unwrap_or(0),
-                voxels: bins.iter().map(|bin| u64::from(bin.1)).sum(),
+                top: bins.iter().map(|bin| bin.top).max().unwrap_or(0),
+                voxels: bins.iter().map(|bin| u64::from(bin.voxels)).sum(),
+                width: widths.get(widths.len() / 2).copied().unwrap_or(0),
             }
         };
         ends.windows(2).map(vehicle).collect()
     }
 
     /// Of ascending cuts those that are not within a trail. An outline belongs to the trail that it follows,
-    /// up to the lowest cut between two trails.
-    fn around_trails(&self, cuts: &[usize], is_trail: impl Fn(&Vehicle) -> bool) -> Vec<usize> {
+    /// up to the lowest cut between two trails. `outline` has the part of [`OUTLINE`] if a vehicle is a trail.
+    fn around_trails(&self, cuts: &[usize], outline: impl Fn(&Vehicle) -> Option<f64>) -> Vec<usize> {
         let vehicles = self.vehicles(cuts);
-        let trails = vehicles.iter().filter(|vehicle| is_trail(vehicle));
-        let densest = trails.map(Vehicle::density).fold(0.0, f64::max);
+        let limits = vehicles.iter().filter_map(|vehicle| Some(outline(vehicle)? * vehicle.density()));
+        let limit = limits.fold(0.0, f64::max);
         let kind = |vehicle: &Vehicle| {
-            if is_trail(vehicle) {
+            if outline(vehicle).is_some() {
                 Kind::Trail
-            } else if vehicle.density() < OUTLINE * densest {
+            } else if vehicle.density() < limit {
                 Kind::Outline
             } else {
                 Kind::Stands
@@ -182,7 +300,7 @@ impl Profile {
             match (before, after) {
                 (None, None) => true,
                 (Some(one), Some(other)) => {
-                    cuts[one..other].iter().min_by_key(|&&bin| (self.0[bin], bin)) == Some(&cuts[cut])
+                    cuts[one..other].iter().min_by_key(|&&bin| self.order(bin)) == Some(&cuts[cut])
                 }
                 _ => false,
             }
@@ -198,6 +316,8 @@ struct Vehicle {
     /// Height of its top above ground, in lattice units.
     top: i32,
     voxels: u64,
+    /// Median of the widths of its bins, in lattice units.
+    width: i64,
 }
 
 impl Vehicle {
@@ -280,7 +400,11 @@ mod tests {
         // Vehicles of a length in bins, with voxels in each bin but the first, and where they are cut.
         let profile = |vehicles: &[(usize, u32)]| {
             let bins = vehicles.iter().flat_map(|&(length, voxels)| {
-                (0..length).map(move |bin| if bin == 0 { (500, 1) } else { (1500, voxels) })
+                (0..length).map(move |bin| Bin {
+                    top: if bin == 0 { 500 } else { 1500 },
+                    voxels: if bin == 0 { 1 } else { voxels },
+                    sides: None,
+                })
             });
             let ends = vehicles.iter().scan(0, |end, vehicle| {
                 *end += vehicle.0;
@@ -290,14 +414,18 @@ mod tests {
         };
         let kept = |vehicles: &[(usize, u32)]| {
             let (profile, cuts) = profile(vehicles);
-            profile.around_trails(&cuts, |vehicle| vehicle.bins > 90)
+            profile.around_trails(&cuts, |vehicle| (vehicle.bins > 90).then_some(OUTLINE.1))
         };
         assert_eq!(kept(&[(30, 5), (30, 5), (200, 20), (30, 8)]), [0; 0], "outlines of a trail");
         assert_eq!(kept(&[(30, 5), (30, 18), (200, 20), (30, 19)]), [30, 60, 260], "cars that stand");
         assert_eq!(kept(&[(30, 5), (30, 19), (30, 5)]), [30, 60], "no trail");
         let (mut two, cuts) = profile(&[(100, 20), (30, 5), (30, 5), (150, 20)]);
-        two.0[130].0 = 200;
-        assert_eq!(two.around_trails(&cuts, |vehicle| vehicle.bins > 90), [130], "two trails");
+        two.0[130].top = 200;
+        assert_eq!(
+            two.around_trails(&cuts, |vehicle| (vehicle.bins > 90).then_some(OUTLINE.1)),
+            [130],
+            "two trails"
+        );
     }
 
     #[test]
@@ -308,9 +436,35 @@ mod tests {
         };
         assert!(!moves(5.2, 1.5) && moves(8.1, 1.5), "a car");
         assert!(!moves(12.0, 3.1) && moves(13.1, 3.1), "a bus");
-        let with_trail = found(&[(4.5, 1.5), (10.0, 1.5)]).map(|row| row.has_trail);
-        let with_lorry = found(&[(4.5, 1.5), (10.0, 3.0)]).map(|row| row.has_trail);
+        let with_trail = found(&[(4.5, 1.5), (10.0, 1.5)]).map(|row| row.has_trail());
+        let with_lorry = found(&[(4.5, 1.5), (10.0, 3.0)]).map(|row| row.has_trail());
         assert_eq!((with_trail, with_lorry), (Some(true), Some(false)));
+    }
+
+    #[test]
+    fn cars_side_by_side_are_no_trail() {
+        // No valley in 10 m of cars, once one beside another, and a car of half as many voxels.
+        let row = |rows: i32| {
+            let lattice = Lattice::MILLIMETRE;
+            let edge = lattice.units(EDGE_M);
+            let columns = (0..voxels(10.0))
+                .flat_map(|i| (0..12 * rows).map(move |j| (i, j)))
+                .chain((voxels(10.3)..voxels(14.5)).flat_map(|i| (0..5 * rows).map(move |j| (i, j))));
+            let column = |(i, j): (i32, i32)| {
+                let place = [i, j].map(|index| i64::from(index) * edge + edge / 2);
+                (Spans::of_place(place), Footprint::of_voxel([i, j], 1_500))
+            };
+            let mut columns = columns.map(column);
+            let first = columns.next().unwrap();
+            let (spans, footprint) = columns.fold(first, |mut whole, one| {
+                whole.0.merge(&one.0);
+                whole.1.merge(&one.1);
+                whole
+            });
+            Row::of(&spans, &footprint, lattice)
+        };
+        assert_eq!(row(1), None, "a trail with an outline");
+        assert_eq!(row(2).map(|row| (row.count(), row.has_trail())), Some((2, false)));
     }
 
     #[test]

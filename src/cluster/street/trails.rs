@@ -8,47 +8,55 @@
 
 use std::collections::BTreeMap;
 
+use super::nearby;
 use super::part::Part;
-use super::rows::{self, OUTLINE, Row};
+use super::rows::{self, Row};
 use super::shares::VEHICLE;
-use super::spans::{Extent, Spans};
+use super::spans::Extent;
+use super::stripes;
 use super::uniting;
 use crate::model::Lattice;
 
 /// Length below which a piece is a stripe, in metres: less than the shortest car. Of longer ones those are
 /// stripes that have as few voxels as an outline.
 const STRIPE_M: f64 = 3.0;
+/// Voxels per metre of such a stripe, as a part of those of the trail.
+const SPARSE: f64 = 0.5;
 /// Longest gap to the next stripe, in metres: what a car goes on in a rotation at 60 km/h.
-const GAP_M: f64 = 1.7;
+pub(super) const GAP_M: f64 = 1.7;
 /// How far a stripe may lie within the trail, in metres. What lies beside a trail is another vehicle.
 const WITHIN_M: f64 = 1.0;
 /// How much wider the box of a trail may become by a stripe, in metres. In a bend of 120 m whose middle is
 /// 9 m beside its chord, 4 m of the lane go aside by 1.3 m. In lanes of 3.5 m, cars of 1.8 m are 1.7 m apart.
-const ASIDE_M: f64 = 1.5;
+pub(super) const ASIDE_M: f64 = 1.5;
 
-/// Joins stripes to trails. `parts` and the result are those of [`uniting::unite`], which comes before. Of
-/// what is in `rows`, those without a trail are parked cars, and nothing joins them.
+/// Joins stripes to trails, then to each other, and these lines to trails. `parts` and the result are those
+/// of [`uniting::unite`]. Of what is in `rows`, those without a trail are parked cars, and nothing joins them.
 pub(super) fn unite(
     parts: &mut BTreeMap<u32, Part>,
     rows: &BTreeMap<u32, Row>,
     lattice: Lattice,
 ) -> BTreeMap<u32, u32> {
+    let mut united = go_on(parts, rows, lattice);
+    uniting::go_on(&mut united, stripes::unite(parts, lattice));
+    uniting::go_on(&mut united, go_on(parts, rows, lattice));
+    united
+}
+
+/// Joins to each trail what goes on along its line.
+fn go_on(parts: &mut BTreeMap<u32, Part>, rows: &BTreeMap<u32, Row>, lattice: Lattice) -> BTreeMap<u32, u32> {
     let mut united = BTreeMap::new();
-    let parked = |name: &u32| rows.get(name).is_some_and(|row| !row.has_trail);
+    let parked = |name: &u32| rows.get(name).is_some_and(|row| !row.has_trail());
     // A stripe joins when what it follows has joined, so there is a round for each stripe of the longest end.
     loop {
-        let (trails, others): (Vec<_>, Vec<_>) = parts
-            .iter()
-            .filter(|(name, part)| part.class == VEHICLE && !parked(name))
-            .partition(|(_, part)| narrowest(part).is_some_and(|extent| is_trail(part, extent, lattice)));
-        let pairs: Vec<(i64, u32, u32)> = trails
-            .into_iter()
-            .flat_map(|(&trail, whole)| {
-                others
-                    .iter()
-                    .filter_map(move |&(&name, part)| Some((cost(whole, part, lattice)?, trail, name)))
-            })
-            .collect();
+        let moving = parts.iter().filter(|(name, part)| part.class == VEHICLE && !parked(name));
+        let (names, pieces): (Vec<u32>, Vec<&Part>) = moving.map(|(&name, part)| (name, part)).unzip();
+        let pair = |(one, other): (u32, u32)| {
+            let (one, other) = (one as usize, other as usize);
+            Some((cost(pieces[one], pieces[other], lattice)?, names[one], names[other]))
+        };
+        let near = nearby::pairs(&pieces, |_| lattice.units(GAP_M), lattice);
+        let pairs: Vec<(i64, u32, u32)> = near.filter_map(pair).collect();
         let fits = |one: &Part, other: &Part| cost(one, other, lattice).is_some();
         let joined = uniting::one_by_one(parts, pairs.into_iter(), fits);
         if joined.is_empty() {
@@ -56,10 +64,6 @@ pub(super) fn unite(
         }
         uniting::go_on(&mut united, joined);
     }
-}
-
-fn narrowest(part: &Part) -> Option<Extent> {
-    part.spans.as_deref().map(Spans::narrowest)
 }
 
 fn is_trail(part: &Part, extent: Extent, lattice: Lattice) -> bool {
@@ -74,25 +78,21 @@ fn density(part: &Part, extent: Extent) -> f64 {
 
 /// The gap between a trail and a stripe that goes on along its line; `None` if the two are something else.
 fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
-    let reach = lattice.units(GAP_M);
-    let apart = |axis: usize| one.min[axis].max(other.min[axis]) - one.max[axis].min(other.max[axis]);
-    if apart(0) > reach || apart(1) > reach {
-        return None;
-    }
     let (spans, others) = (one.spans.as_deref()?, other.spans.as_deref()?);
     let (mut trail, mut stripe) = ((one, spans.narrowest()), (other, others.narrowest()));
-    if !is_trail(trail.0, trail.1, lattice) {
+    let trails = [trail, stripe].map(|(part, extent)| is_trail(part, extent, lattice));
+    let sparser = trails == [true, true] && density(trail.0, trail.1) < density(stripe.0, stripe.1);
+    if !trails[0] || sparser {
         std::mem::swap(&mut trail, &mut stripe);
     }
-    // Cars follow each other in a lane, so the stripes of two trails meet.
-    if !is_trail(trail.0, trail.1, lattice) || is_trail(stripe.0, stripe.1, lattice) {
+    if trails == [false, false] {
         return None;
     }
-    let is_stripe = stripe.1.length < lattice.units(STRIPE_M)
-        || density(stripe.0, stripe.1) < OUTLINE * density(trail.0, trail.1);
+    let is_stripe = (trails != [true, true] && stripe.1.length < lattice.units(STRIPE_M))
+        || density(stripe.0, stripe.1) < SPARSE * density(trail.0, trail.1);
     let around = spans.union(others).narrowest();
     let gap = spans.gap(others, around);
-    let goes_on = (-lattice.units(WITHIN_M)..=reach).contains(&gap);
+    let goes_on = (-lattice.units(WITHIN_M)..=lattice.units(GAP_M)).contains(&gap);
     let in_lane = around.width <= trail.1.width + lattice.units(ASIDE_M);
     (is_stripe && goes_on && in_lane).then_some(gap.max(0))
 }

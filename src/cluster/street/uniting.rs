@@ -9,6 +9,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::nearby;
 use super::part::Part;
 use super::shares::{FENCE, POLE, VEHICLE, WIRE, unites};
 use super::spans::{self, Extent};
@@ -59,7 +60,8 @@ pub(super) fn unite(
         let (one, other) = (one as usize, other as usize);
         Some((cost(pieces[one], pieces[other], poles, lattice)?, names[one], names[other]))
     };
-    let pairs: Vec<(i64, u32, u32)> = near(&pieces, lattice).into_iter().filter_map(pair).collect();
+    let near = nearby::pairs(&pieces, |class| reach(class, lattice), lattice);
+    let pairs: Vec<(i64, u32, u32)> = near.filter_map(pair).collect();
     one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other, poles, lattice).is_some())
 }
 
@@ -112,35 +114,13 @@ pub(super) fn go_on(united: &mut BTreeMap<u32, u32>, later: BTreeMap<u32, u32>) 
     united.extend(later);
 }
 
-/// Pairs of pieces of the same class that may be near enough, each once.
-fn near(pieces: &[&Part], lattice: Lattice) -> BTreeSet<(u32, u32)> {
-    let reach = |class: u8| {
-        lattice.units(match class {
-            WIRE => WIRE_GAP_M,
-            FENCE => FENCE_GAP_M,
-            _ => VEHICLE_GAP_M,
-        })
-    };
-    let farthest = lattice.units(WIRE_GAP_M);
-    let mut by_x: Vec<u32> = (0_u32..).zip(pieces).map(|(number, _)| number).collect();
-    by_x.sort_unstable_by_key(|&number| pieces[number as usize].min[0]);
-    let longest = pieces.iter().map(|part| part.max[0] - part.min[0]).max().unwrap_or(0);
-    let mut pairs = BTreeSet::new();
-    for (at, &one) in by_x.iter().enumerate() {
-        let part = pieces[one as usize];
-        for &other in by_x[at + 1..].iter() {
-            let next = pieces[other as usize];
-            if next.min[0] > part.min[0] + longest + farthest {
-                break;
-            }
-            let apart = |axis: usize| part.min[axis].max(next.min[axis]) - part.max[axis].min(next.max[axis]);
-            let reach = reach(part.class);
-            if part.class == next.class && apart(0) <= reach && apart(1) <= reach {
-                pairs.insert((one.min(other), one.max(other)));
-            }
-        }
-    }
-    pairs
+/// Longest gap between two pieces of a class, in lattice units.
+fn reach(class: u8, lattice: Lattice) -> i64 {
+    lattice.units(match class {
+        WIRE => WIRE_GAP_M,
+        FENCE => FENCE_GAP_M,
+        _ => VEHICLE_GAP_M,
+    })
 }
 
 /// What it costs to call two pieces one object; `None` if they are two. Cheaper pairs are united first.
