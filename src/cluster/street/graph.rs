@@ -295,17 +295,18 @@ impl Graph {
 
 #[cfg(test)]
 impl Graph {
-    /// A graph of vertices of which the first `own` are a tile's, with these shares, labels and edges.
+    /// A graph of vertices of which the first `own` are a tile's, with these labels and edges. The shares are
+    /// those of the vertices in turn, or of all.
     pub(super) fn of(
         own: u32,
         centre: &[[i64; 3]],
-        shares: Shares,
+        shares: &[Shares],
         label: &[u32],
         edges: &[(u32, u32)],
     ) -> Self {
         let outside = (own..centre.len() as u32).map(|number| (TileId::new(1), number)).collect();
         let (centre, label) = (centre.to_vec(), label.to_vec());
-        let shares = vec![shares; centre.len()];
+        let shares = (0..centre.len()).map(|vertex| shares[vertex % shares.len()]).collect();
         let vertices = Vertices { own, outside, centre, shares, label, cores: Vec::new() };
         Self::of_payload(vertices.encode(edges.to_vec()).unwrap()).unwrap().unwrap()
     }

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::cores::{Core, Cored, named};
 use super::edges;
 use super::graph::Graph;
-use super::paths::{Paths, Reached};
+use super::paths::{Found, Offer, Paths, Reached};
 use super::settings::{EDGE_M, STEP_GROWTH};
 use super::shares::TREE;
 use super::voxels;
@@ -45,8 +45,24 @@ pub(super) struct Payload {
 /// What other tiles see: voxels near the border of the tile that a core reaches, and the cores.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Border {
-    reached: Vec<(u32, Reached)>,
+    reached: Vec<AtBorder>,
     cores: Vec<Core>,
+}
+
+impl Border {
+    fn voxel(&self, number: u32) -> Option<&AtBorder> {
+        let at = self.reached.binary_search_by_key(&number, |voxel| voxel.number).ok()?;
+        Some(&self.reached[at])
+    }
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct AtBorder {
+    /// Number of the voxel in its tile.
+    number: u32,
+    value: Reached,
+    /// The last voxel of another tile on its path, and the cost there; `None` if the path began in this tile.
+    through: Option<(TileId, u32, u32)>,
 }
 
 /// Distance within which a tile sees the borders of others, in lattice units. The owner of a column of voxels
@@ -62,7 +78,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let outside = seen(tile, &graph, &mut cores)?;
     let earlier = if tile.round() == 0 { None } else { Some(earlier(tile, &mut cores)?) };
     let paths = Paths::new(&graph, &cores, &outside, tile.lattice());
-    let reached = match earlier {
+    let Found { reached, through } = match earlier {
         Some(earlier) => paths.changed_from(&earlier),
         None => paths.found(),
     };
@@ -71,32 +87,50 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let labels: Vec<u32> = reached.iter().map(|value| value.label).collect();
     let costs: Vec<u32> = reached.iter().map(|value| value.cost).collect();
     let payload = Payload { cores: named(labels.clone(), core), labels };
-    let at_border = graph.at_border().iter().map(|&voxel| (voxel, reached[voxel as usize]));
-    let reached: Vec<(u32, Reached)> = at_border.filter(|entry| entry.1.label != 0).collect();
-    let labels = reached.iter().map(|entry| entry.1.label).collect();
+    let at_border = graph.at_border().iter().zip(through).map(|(&number, through)| AtBorder {
+        number,
+        value: reached[number as usize],
+        through: through.and_then(|vertex| {
+            let at = vertex - graph.own();
+            let (tile, number) = graph.outside()[at];
+            Some((tile, number, outside[at]?.value.cost))
+        }),
+    });
+    let reached: Vec<AtBorder> = at_border.filter(|voxel| voxel.value.label != 0).collect();
+    let labels = reached.iter().map(|voxel| voxel.value.label).collect();
     let border = Border { cores: named(labels, core), reached };
     let payload = codec::pack(&[codec::encode(&payload)?, codec::encode(&costs)?]);
     Ok(Mapped { payload, border: codec::encode(&border)?, labelled: None })
 }
 
-/// The values of the vertices of other tiles in the round before. Their cores are added to `cores`.
+/// The values of the vertices of other tiles in the round before. Their cores are added to `cores`. A value
+/// whose path came through a third tile is left out if the voxel there has another value by now.
 fn seen(
     tile: &dyn TileWindow,
     graph: &Graph,
     cores: &mut FxHashMap<u32, Core>,
-) -> Result<Vec<Option<Reached>>> {
-    let mut values = Vec::with_capacity(graph.outside().len());
+) -> Result<Vec<Option<Offer>>> {
+    let mut borders: BTreeMap<TileId, Border> = BTreeMap::new();
     for vertices in graph.outside().chunk_by(|a, b| a.0 == b.0) {
         let bytes = tile.border(vertices[0].0)?;
         let border: Border = if bytes.is_empty() { Border::default() } else { codec::decode(&bytes)? };
         cores.extend(border.cores.iter().map(|core| (core.label, *core)));
-        let value = |number: u32| {
-            let at = border.reached.binary_search_by_key(&number, |entry| entry.0).ok()?;
-            Some(border.reached[at].1)
-        };
-        values.extend(vertices.iter().map(|vertex| value(vertex.1)));
+        borders.insert(vertices[0].0, border);
     }
-    Ok(values)
+    let offer = |&(other, number): &(TileId, u32)| {
+        let AtBorder { value, through, .. } = borders.get(&other)?.voxel(number)?;
+        let offer = |through| Some(Offer { value: *value, through });
+        match *through {
+            Some((near, number, cost)) if near == tile.tile() => offer(Some((number, cost))),
+            Some((near, number, cost)) => {
+                let before = Reached { label: value.label, cost };
+                let lasts = |border: &Border| border.voxel(number).is_some_and(|voxel| voxel.value == before);
+                if borders.get(&near).is_none_or(lasts) { offer(None) } else { None }
+            }
+            None => offer(None),
+        }
+    };
+    Ok(graph.outside().iter().map(offer).collect())
 }
 
 /// What the tile found when it ran last. Its cores are added to `cores`.
