@@ -22,6 +22,18 @@ failed=()
 skipped=()
 summary=
 
+# A disk that is full fails one check after another, in the middle of the night.
+space() {
+    local wanted=$1 folder free
+    for folder in . "${TMPDIR:-/tmp}"; do
+        free=$(df -Pk "$folder" | awk 'NR == 2 {print int($4 / 1048576)}')
+        if [ "$free" -lt "$wanted" ]; then
+            echo "$folder has $free GiB free, and the checks need $wanted GiB: free some space and start again"
+            exit 1
+        fi
+    done
+}
+
 step() { # NAME COMMAND...
     local name=$1 began=$SECONDS
     shift
@@ -152,6 +164,7 @@ styles() {
 }
 
 step "format" cargo fmt --check
+[ "$lane" != all ] || space 8
 if [ "$lane" = --fast ]; then
     step "unit tests" tests --lib
     step "contracts, command line, layers" tests --test main -- contracts cli:: architecture kernels

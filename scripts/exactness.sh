@@ -5,6 +5,8 @@
 #
 #     scripts/exactness.sh [FOLDER-OF-SHARED-DATA] [SCENE...]
 #
+# So is a synthetic drive of a spinning scanner, with trails of what moves beside parked cars.
+#
 # A scene of more than 20 MB is compared with fewer tile lengths, and not as LAS or in another order (all of it with ALL=1).
 # Needs a release build (target/release/chainage, or CHAINAGE). A missing scene is skipped with a line. Shuffled and
 # split files are skipped if python3 has no laspy. Exit code 1: something differs.
@@ -14,7 +16,9 @@ program=${CHAINAGE:-target/release/chainage}
 data=${1:-${CHAINAGE_SHARED_DATA:-../shared/data}}
 shift || true
 scenes=("$@")
-[ ${#scenes[@]} -gt 0 ] || scenes=(real/lille_street.laz real/kitti_street_22.laz sim/downtown_ts2.laz sim/avenue_road60.laz)
+synthetic=
+[ ${#scenes[@]} -gt 0 ] || synthetic=1
+[ -z "$synthetic" ] || scenes=(real/lille_street.laz real/kitti_street_22.laz sim/downtown_ts2.laz sim/avenue_road60.laz)
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/exactness.XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
 failed=0
@@ -135,6 +139,19 @@ for scene in "${scenes[@]}"; do
     rm -rf "${scratch:?}"/*
     echo "$name: compared in $((SECONDS - began)) s"
 done
+if [ -n "$synthetic" ]; then
+    began=$SECONDS
+    "$program" synth suburb --length 60m --seed 906 --scanner spinning-64-wide --las -o "$scratch/in" >/dev/null
+    run "$scratch/whole" "$scratch/in" -- --tile-length 1000000 --threads 1 --no-report
+    for tiles in "8 2" "20 2"; do
+        set -- $tiles
+        run "$scratch/tiled" "$scratch/in" -- --tile-length "$1" --threads "$2" --no-report
+        same "$scratch/whole" "$scratch/tiled" "spinning scanner, tiles of $1 m, $2 threads"
+        rm -rf "$scratch/tiled"
+    done
+    rm -rf "${scratch:?}"/*
+    echo "spinning scanner: compared in $((SECONDS - began)) s"
+fi
 if [ $failed -ne 0 ]; then
     echo "exactness: FAILED"
     exit 1

@@ -8,7 +8,7 @@ use crate::model::Lattice;
 /// Edge of the blocks in which boxes are looked up, in metres: a few vehicles or pieces of a fence.
 const BLOCK_M: f64 = 16.0;
 
-/// Pairs of positions in `parts` whose boxes are at most `reach` apart in x and in y, each once and ascending.
+/// Pairs of positions in `parts` whose boxes are at most `reach` apart in x and in y, each once, ascending.
 /// Both are of one class. `reach` is that of a class, in lattice units.
 pub(super) fn pairs(
     parts: &[&Part],

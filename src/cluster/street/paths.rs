@@ -542,7 +542,7 @@ mod tests {
             }
             found
         };
-        // Of the vertices of `there`, 1 and 2 are those of `here`. Of the vertices of `here`, 3 is vertex 0 of
+        // Of the vertices of `there`, 1 and 2 are those of `here`. Of those of `here`, 3 is vertex 0 of
         // `there`, and 4 is that of a third tile.
         let rounds = |tells_through: bool| {
             let mut offers = (vec![None; 2], vec![None; 2]);

@@ -25,12 +25,13 @@ const ROW_M: f64 = 6.2;
 const SHORTEST_M: f64 = 3.0;
 /// Length from which a vehicle is the trail of one that moves, by the height of its top, in metres. Cars and
 /// vans are lower than 2.4 m and at most 6 m long, lorries and buses at most 12 m.
-const TRAIL_M: [(f64, f64); 2] = [(2.4, 8.0), (f64::INFINITY, 13.0)];
+const TRAIL_M: [(f64, f64); 2] = [(2.4, LOW_TRAIL_M), (f64::INFINITY, 13.0)];
+pub(super) const LOW_TRAIL_M: f64 = 8.0;
 /// Width from which what is longer than a vehicle is not one that moves, but several side by side, in metres.
 const WIDEST_M: f64 = 3.0;
 /// Voxels per metre of an outline at the end of a trail, as a part of those of the trail: of a trail that is
-/// longer than any vehicle, and of a shorter one, which may be two cars without a valley between them. Trails
-/// of eight drives of `synth` with spinning scanners have 130 to 280 in their dense middle and up to 0.72 of it
+/// longer than any vehicle, and of a shorter one, which may be two cars without a valley in between. Trails of
+/// eight drives of `synth` with spinning scanners have 130 to 280 in their dense middle and up to 0.72 of it
 /// beside it. Cars that stand beside the lane have 250 and more, but a car that stands far from the path has
 /// as few as an outline.
 const OUTLINE: (f64, f64) = (0.75, 0.5);
@@ -274,7 +275,7 @@ impl Profile {
     }
 
     /// Of ascending cuts those that are not within a trail. An outline belongs to the trail that it follows,
-    /// up to the lowest cut between two trails. `outline` has the part of [`OUTLINE`] if a vehicle is a trail.
+    /// up to the lowest cut between two trails. `outline` has the part of [`OUTLINE`] for a trail.
     fn around_trails(&self, cuts: &[usize], outline: impl Fn(&Vehicle) -> Option<f64>) -> Vec<usize> {
         let vehicles = self.vehicles(cuts);
         let limits = vehicles.iter().filter_map(|vehicle| Some(outline(vehicle)? * vehicle.density()));

@@ -6,25 +6,25 @@
 
 use std::collections::BTreeMap;
 
+use super::lanes::{ASIDE_M, BEND};
 use super::nearby;
 use super::part::Part;
+use super::rows::LOW_TRAIL_M;
 use super::shares::VEHICLE;
-use super::trails::{ASIDE_M, GAP_M};
 use super::uniting;
 use crate::model::Lattice;
 
-/// Length below which a piece of a vehicle is a stripe, in metres: an outline from behind, and what is seen of
-/// a side in one rotation.
+/// Length below which a piece of a vehicle is a stripe, in metres: an outline from behind, and what is seen
+/// of a side in one rotation.
 const STRIPE_M: f64 = 2.5;
 /// Fewest voxels of a stripe. Fewer are noise.
 const STRIPE_VOXELS: u32 = 3;
-/// Fewest stripes of a trail, and its smallest length in metres: that of a trail that is lower than a bus.
+/// Fewest stripes of a trail.
 const STRIPES: usize = 5;
-const TRAIL_M: f64 = 8.0;
-/// Widest box of stripes in metres: that of one car, and more for each metre of length because a road bends
-/// and a box turns in steps.
+/// Longest gap to the next stripe, in metres: what a car goes on in a rotation at 60 km/h.
+pub(super) const GAP_M: f64 = 1.7;
+/// Widest box of stripes, in metres: that of one car.
 const WIDTH_M: f64 = 2.3;
-const BEND: f64 = 0.1;
 
 /// Joins the stripes of a trail. `parts` and the result are those of [`uniting::unite`].
 pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeMap<u32, u32> {
@@ -49,7 +49,7 @@ pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeM
     joined.values().for_each(|&name| *stripes.entry(name).or_insert(1) += 1);
     lines.retain(|name, part| {
         let length = part.spans.as_deref().map_or(0, |spans| spans.narrowest().length);
-        stripes.get(name).is_some_and(|&count| count >= STRIPES) && length >= lattice.units(TRAIL_M)
+        stripes.get(name).is_some_and(|&count| count >= STRIPES) && length >= lattice.units(LOW_TRAIL_M)
     });
     joined.retain(|_, name| lines.contains_key(name));
     parts.retain(|name, _| !joined.contains_key(name));

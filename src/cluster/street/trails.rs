@@ -8,12 +8,13 @@
 
 use std::collections::BTreeMap;
 
+use super::lanes::ASIDE_M;
 use super::nearby;
 use super::part::Part;
 use super::rows::{self, Row};
 use super::shares::VEHICLE;
 use super::spans::Extent;
-use super::stripes;
+use super::stripes::{self, GAP_M};
 use super::uniting;
 use crate::model::Lattice;
 
@@ -22,16 +23,11 @@ use crate::model::Lattice;
 const STRIPE_M: f64 = 3.0;
 /// Voxels per metre of such a stripe, as a part of those of the trail.
 const SPARSE: f64 = 0.5;
-/// Longest gap to the next stripe, in metres: what a car goes on in a rotation at 60 km/h.
-pub(super) const GAP_M: f64 = 1.7;
 /// How far a stripe may lie within the trail, in metres. What lies beside a trail is another vehicle.
 const WITHIN_M: f64 = 1.0;
-/// How much wider the box of a trail may become by a stripe, in metres. In a bend of 120 m whose middle is
-/// 9 m beside its chord, 4 m of the lane go aside by 1.3 m. In lanes of 3.5 m, cars of 1.8 m are 1.7 m apart.
-pub(super) const ASIDE_M: f64 = 1.5;
 
 /// Joins stripes to trails, then to each other, and these lines to trails. `parts` and the result are those
-/// of [`uniting::unite`]. Of what is in `rows`, those without a trail are parked cars, and nothing joins them.
+/// of [`uniting::unite`]. Of what is in `rows`, those without a trail are parked cars. Nothing joins them.
 pub(super) fn unite(
     parts: &mut BTreeMap<u32, Part>,
     rows: &BTreeMap<u32, Row>,
