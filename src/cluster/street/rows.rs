@@ -30,10 +30,10 @@ pub(super) const LOW_TRAIL_M: f64 = 8.0;
 /// Width from which what is longer than a vehicle is not one that moves, but several side by side, in metres.
 const WIDEST_M: f64 = 3.0;
 /// Voxels per metre of an outline at the end of a trail, as a part of those of the trail: of a trail that is
-/// longer than any vehicle, and of a shorter one, which may be two cars without a valley in between. Trails of
-/// eight drives of `synth` with spinning scanners have 130 to 280 in their dense middle and up to 0.72 of it
-/// beside it. Cars that stand beside the lane have 250 and more, but a car that stands far from the path has
-/// as few as an outline.
+/// longer than any vehicle, and of a shorter one, which may be two cars without a valley in between. Trails
+/// of eight drives of `synth` with spinning scanners have 130 to 280 in their dense middle, and up to 0.72 of
+/// it beside it. Cars that stand beside the lane have 250 and more, but a car that stands far from the path
+/// has as few as an outline.
 const OUTLINE: (f64, f64) = (0.75, 0.5);
 /// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both
 /// sides.
