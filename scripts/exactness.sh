@@ -1,11 +1,10 @@
 #!/usr/bin/env bash
 # Tiled equals untiled, on real and simulated streets: byte for byte over tile lengths and threads and memory, record
 # for record between LAS and LAZ, point for point between one file, five files and shuffled records; and byte for byte
-# with `dbscan` and an estimated epsilon, whose sums go over the whole drive.
+# with `dbscan` and an estimated epsilon, whose sums go over the whole drive. Without SCENE, also byte for byte over the
+# tile lengths of a synthetic drive of a spinning scanner, with trails of what moves beside parked cars.
 #
 #     scripts/exactness.sh [FOLDER-OF-SHARED-DATA] [SCENE...]
-#
-# So is a synthetic drive of a spinning scanner, with trails of what moves beside parked cars.
 #
 # A scene of more than 20 MB is compared with fewer tile lengths, and not as LAS or in another order (all of it with ALL=1).
 # Needs a release build (target/release/chainage, or CHAINAGE). A missing scene is skipped with a line. Shuffled and

@@ -1,13 +1,13 @@
 //! Vehicles side by side: which columns of voxels of a component are in which lane.
 //!
-//! Noise and ghosts join what moves to the parked cars beside it, and cars in a car park to each other. They
-//! are thin. A body is what is left without the columns that have empty ones around them. Bodies that follow
-//! each other are one lane, and every other column belongs to the body that it is nearest to.
+//! Noise and ghosts join what moves to the parked cars beside it. They are thin. A body is what is left
+//! without the columns that have empty ones around them. Bodies that follow each other are one lane, and
+//! every other column belongs to the body that it is nearest to.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::settings::EDGE_M;
-use super::spans::Spans;
+use super::spans::{Extent, Spans};
 use crate::model::Lattice;
 use crate::spatial::Cell;
 
@@ -20,22 +20,29 @@ const WIDTH_M: f64 = 2.8;
 /// How much wider the box around a lane may be, for each metre of its length and at most, in metres. A box
 /// turns in steps, and a road bends: in a bend of 120 m whose middle is 9 m beside its chord, 4 m of the lane
 /// go aside by 1.3 m. In lanes of 3.5 m, cars of 1.8 m are 1.7 m apart.
-pub(super) const BEND: f64 = 0.1;
+const BEND: f64 = 0.1;
 pub(super) const ASIDE_M: f64 = 1.5;
 
-/// The columns of each lane, in the order of their first columns. Those of one lane are returned as they are.
-pub(super) fn of<T: Copy>(columns: &BTreeMap<Cell, T>, lattice: Lattice) -> Vec<BTreeMap<Cell, T>> {
+/// The columns of each lane, in the order of their first bodies; `None` if there is one lane.
+pub(super) fn of<T: Copy>(columns: &BTreeMap<Cell, T>, lattice: Lattice) -> Option<Vec<BTreeMap<Cell, T>>> {
     let mut lane = bodies(columns);
     let count = follow_each_other(&mut lane, lattice);
     if count < 2 {
-        return vec![columns.clone()];
+        return None;
     }
     spread(columns, &mut lane);
     let mut lanes = vec![BTreeMap::new(); count];
     for (&cell, &column) in columns {
         lanes[lane[&cell]].insert(cell, column);
     }
-    lanes
+    Some(lanes)
+}
+
+/// Whether what is in a box is in one lane, if a vehicle is at most `width_m` metres wide.
+pub(super) fn is_one(around: Extent, width_m: f64, lattice: Lattice) -> bool {
+    #[expect(clippy::cast_possible_truncation, reason = "a part of a length in lattice units")]
+    let bend = ((BEND * around.length as f64) as i64).min(lattice.units(ASIDE_M));
+    around.width <= lattice.units(width_m) + bend
 }
 
 fn around([i, j]: Cell) -> impl Iterator<Item = Cell> {
@@ -47,15 +54,14 @@ fn around([i, j]: Cell) -> impl Iterator<Item = Cell> {
 fn bodies<T>(columns: &BTreeMap<Cell, T>) -> BTreeMap<Cell, usize> {
     let is_inside =
         |&cell: &Cell| around(cell).filter(|near| columns.contains_key(near)).count() >= NEIGHBOURS;
-    let mut left: BTreeMap<Cell, ()> =
-        columns.keys().copied().filter(is_inside).map(|cell| (cell, ())).collect();
+    let mut left: BTreeSet<Cell> = columns.keys().copied().filter(is_inside).collect();
     let mut body = BTreeMap::new();
     let mut count = 0;
-    while let Some((first, ())) = left.pop_first() {
+    while let Some(first) = left.pop_first() {
         let mut found = vec![first];
         let mut at = 0;
         while let Some(&cell) = found.get(at) {
-            found.extend(around(cell).filter(|near| left.remove(near).is_some()));
+            found.extend(around(cell).filter(|near| left.remove(near)));
             at += 1;
         }
         if found.len() >= BODY {
@@ -82,9 +88,7 @@ fn follow_each_other(body: &mut BTreeMap<Cell, usize>, lattice: Lattice) -> usiz
     let mut lane: Vec<usize> = (0..boxes.len()).collect();
     let width = |one: &Spans, other: &Spans| {
         let around = one.union(other).narrowest();
-        #[expect(clippy::cast_possible_truncation, reason = "a part of a length in lattice units")]
-        let bend = ((BEND * around.length as f64) as i64).min(lattice.units(ASIDE_M));
-        (around.width <= lattice.units(WIDTH_M) + bend).then_some(around.width)
+        is_one(around, WIDTH_M, lattice).then_some(around.width)
     };
     loop {
         let pairs = (0..boxes.len()).flat_map(|one| (one + 1..boxes.len()).map(move |other| (one, other)));
@@ -145,8 +149,9 @@ mod tests {
         boxes.iter().flat_map(of_box).collect()
     }
 
+    /// The number of columns of each lane; none if there is one lane.
     fn sizes(boxes: &[[i32; 4]]) -> Vec<usize> {
-        let lanes = of(&columns(boxes), Lattice::MILLIMETRE);
+        let Some(lanes) = of(&columns(boxes), Lattice::MILLIMETRE) else { return Vec::new() };
         assert_eq!(lanes.iter().map(BTreeMap::len).sum::<usize>(), columns(boxes).len());
         lanes.iter().map(BTreeMap::len).collect()
     }
@@ -165,9 +170,9 @@ mod tests {
 
     #[test]
     fn one_lane_stays_as_it_is() {
-        assert_eq!(sizes(&[[0, 0, 28, 12], [31, 0, 60, 12], [28, 5, 31, 6]]).len(), 1, "a row");
-        assert_eq!(sizes(&[[0, 0, 80, 17]]).len(), 1, "a lorry");
-        assert_eq!(sizes(&[[0, 0, 28, 12], [10, 12, 11, 16], [5, 16, 15, 26]]).len(), 1, "a car and a bush");
+        assert_eq!(sizes(&[[0, 0, 28, 12], [31, 0, 60, 12], [28, 5, 31, 6]]), [0; 0], "a row");
+        assert_eq!(sizes(&[[0, 0, 80, 17]]), [0; 0], "a lorry");
+        assert_eq!(sizes(&[[0, 0, 28, 12], [10, 12, 11, 16], [5, 16, 15, 26]]), [0; 0], "a car and a bush");
     }
 
     #[test]

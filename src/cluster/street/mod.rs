@@ -27,6 +27,7 @@ mod canopy;
 mod chains;
 mod classified;
 mod cores;
+mod costs;
 mod crowns;
 mod edges;
 mod facades;

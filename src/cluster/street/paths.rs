@@ -11,11 +11,7 @@
 //! this one, and it is an echo if that vertex has another value by now. Two tiles would pass an echo to each
 //! other without end. So such a value only counts while the vertex that it came through has the value that
 //! it came from.
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "vertices fit u32; costs of an edge are positive and below 2^24"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "vertices fit u32")]
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -23,26 +19,10 @@ use std::collections::BinaryHeap;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
-use super::classified::Shares;
 use super::cores::Core;
+use super::costs::{self, Costs};
 use super::graph::Graph;
-use super::settings::{CLASSES, EDGE_M};
-use super::shares::{GROUND, POLE, TREE};
 use crate::model::Lattice;
-
-/// Smallest share of a class that opens a voxel to it, by class.
-const OPEN: [u8; CLASSES] = [255, 5, 127, 25, 13, 51, 51, 26];
-/// How much dearer an edge is to a voxel that is of another class.
-const OTHER_CLASS: f64 = 8.0;
-/// How much dearer an edge is that leads straight down, for trees.
-const DOWN: f64 = 3.0;
-/// Cost of a voxel's edge of distance from the stem in the plane, for trees.
-const AWAY: f64 = 0.5;
-/// Cost of a square metre of the square of this distance. Between two crowns that touch, it moves the
-/// boundary towards the middle between their stems, however much denser one of them was seen.
-const AWAY_SQUARE: f64 = 10.0;
-/// Cost of an edge of the length of a voxel.
-const UNIT: f64 = 256.0;
 
 /// Label and cost of a voxel. Label 0: no core reaches it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -78,50 +58,6 @@ pub(super) struct Found {
 /// The value of a voxel that no core reaches. Its cost is greater than any other.
 pub(super) const NOWHERE: Reached = Reached { label: 0, cost: u32::MAX };
 
-/// Whether a voxel can belong to an object.
-pub(super) fn open(shares: &Shares) -> bool {
-    shares[usize::from(GROUND)] <= 127
-}
-
-/// The share of a class for growth. A tree may also grow over voxels that look like poles: most of them are
-/// trunks and branches, and poles are cores.
-fn share_for(shares: &Shares, class: u8) -> u8 {
-    let share = shares[usize::from(class)];
-    if class == TREE { share.saturating_add(shares[usize::from(POLE)]) } else { share }
-}
-
-/// Costs of edges in lattice units of one drive.
-struct Costs {
-    edge: f64,
-    metre: f64,
-}
-
-impl Costs {
-    /// Cost of the edge from one voxel to another for a core of a class that stands at `place`.
-    fn edge(&self, from: [i32; 3], to: [i32; 3], class: u8, place: [i64; 2], share: u8) -> u32 {
-        let [dx, dy, dz] = [0, 1, 2].map(|axis| f64::from(to[axis] - from[axis]));
-        let length = (dx * dx + dy * dy + dz * dz).sqrt();
-        let ratio = length / self.edge;
-        let mut cost = ratio * ratio.sqrt();
-        if class == TREE {
-            if dz < 0.0 {
-                cost *= 1.0 - DOWN * dz / length;
-            }
-            let from_stem = |at: [i32; 3]| {
-                let ([x, y], [u, v]) = ([i64::from(at[0]), i64::from(at[1])], place);
-                (((x - u) * (x - u) + (y - v) * (y - v)) as f64).sqrt()
-            };
-            let (start, end) = (from_stem(from), from_stem(to));
-            if end > start {
-                let square_m2 = (end * end - start * start) / (self.metre * self.metre);
-                cost += AWAY * (end - start) / self.edge + AWAY_SQUARE * square_m2;
-            }
-        }
-        let other = 1.0 - f64::from(share) / 255.0;
-        (UNIT * cost * (1.0 + OTHER_CLASS * other) + 0.5).max(1.0) as u32
-    }
-}
-
 /// The values of the vertices of a graph, in progress.
 pub(super) struct Paths<'a> {
     graph: &'a Graph,
@@ -146,11 +82,10 @@ impl<'a> Paths<'a> {
         outside: &'a [Option<Offer>],
         lattice: Lattice,
     ) -> Self {
-        let costs = Costs { edge: lattice.units(EDGE_M) as f64, metre: lattice.units(1.0) as f64 };
         let mut reached = vec![NOWHERE; graph.len()];
         for (vertex, reached) in reached.iter_mut().enumerate() {
             let label = graph.label(vertex);
-            if label != 0 && open(&graph.shares(vertex)) {
+            if label != 0 && costs::is_open(&graph.shares(vertex)) {
                 *reached = Reached { label, cost: 0 };
             }
         }
@@ -168,6 +103,7 @@ impl<'a> Paths<'a> {
         let given =
             (0..graph.len()).map(|vertex| vertex >= graph.own() || reached[vertex].label != 0).collect();
         let passed = vec![false; graph.len()];
+        let costs = Costs::new(lattice);
         Self { graph, cores, costs, reached, given, passed, queue: BinaryHeap::new(), outside, echoes }
     }
 
@@ -185,9 +121,11 @@ impl<'a> Paths<'a> {
             self.reached[vertex] = value;
             self.passed[vertex] = value.label != 0;
         }
-        for vertex in 0..self.graph.own() {
-            for (echo, value) in self.echoes_of(vertex, self.reached[vertex]) {
-                self.reached[echo] = value;
+        for (vertex, offer) in (self.graph.own()..).zip(self.outside) {
+            if let Some(Offer { value, through: Some((voxel, cost)) }) = *offer
+                && earlier[voxel as usize] == (Reached { label: value.label, cost })
+            {
+                self.reached[vertex] = value;
             }
         }
         for &vertex in self.graph.at_border() {
@@ -293,11 +231,7 @@ impl<'a> Paths<'a> {
     /// What a vertex with this value offers to a neighbour. `None` if the neighbour is closed to the core.
     fn over_edge(&self, vertex: usize, value: Reached, other: usize) -> Option<Reached> {
         let core = self.cores.get(&value.label)?;
-        let shares = self.graph.shares(other);
-        let share = share_for(&shares, core.class);
-        if share < OPEN[usize::from(core.class)] || !open(&shares) {
-            return None;
-        }
+        let share = costs::share(&self.graph.shares(other), core.class)?;
         let (from, to) = (self.graph.centre(vertex), self.graph.centre(other));
         let start = self.graph.start();
         let place = [core.place[0] - start[0], core.place[1] - start[1]];
@@ -363,7 +297,7 @@ mod tests {
     use rand_xoshiro::SplitMix64;
 
     use super::*;
-    use crate::cluster::street::shares::{FENCE, VEHICLE};
+    use crate::cluster::street::shares::{FENCE, TREE, VEHICLE};
 
     fn offer(value: Reached) -> Option<Offer> {
         Some(Offer { value, through: None })
@@ -448,12 +382,10 @@ mod tests {
                     let voxel = random.random_range(0..graph.own());
                     let before = earlier[voxel];
                     let echo = Reached { label: before.label, cost: before.cost.saturating_add(value.cost) };
+                    let through = Some((voxel as u32, before.cost));
                     outside[at] = match random.random_range(0..4) {
                         0 => None,
-                        1 if before.label != 0 => {
-                            let through = Some((voxel as u32, before.cost));
-                            Some(Offer { value: echo, through })
-                        }
+                        1 if before.label != 0 => Some(Offer { value: echo, through }),
                         _ => offer(value),
                     };
                 }
@@ -499,10 +431,8 @@ mod tests {
         let cores: FxHashMap<u32, Core> = [core(vehicle), core(tree)].into_iter().collect();
         let nothing = [None; 2];
         let from_core = paths(&graph, &cores, &nothing).found().reached[2];
-        let step = paths(&graph, &cores, &nothing)
-            .over_edge(4, Reached { label: vehicle, cost: 0 }, 2)
-            .unwrap()
-            .cost;
+        let start = Reached { label: vehicle, cost: 0 };
+        let step = paths(&graph, &cores, &nothing).over_edge(4, start, 2).unwrap().cost;
         let same = Reached { label: vehicle, cost: from_core.cost - step };
         let tree_at = |cost: u32| offer(Reached { label: tree, cost });
         let before = [tree_at(0), offer(same)];
@@ -534,19 +464,12 @@ mod tests {
         let there =
             Graph::of(1, &[beyond, gate, back], &[vehicles, both, vehicles], &[0; 3], &[(0, 1), (0, 2)]);
         assert_eq!((here.at_border(), there.at_border()), ([1, 2].as_slice(), [0].as_slice()));
-        let find = |graph: &Graph, offers: &[Option<Offer>], earlier: Option<&Found>| {
-            let found = paths(graph, &cores, offers).found();
-            if let Some(earlier) = earlier {
-                let changed = paths(graph, &cores, offers).changed_from(&earlier.reached);
-                assert_eq!(changed.reached, found.reached);
-            }
-            found
-        };
+        let find = |graph: &Graph, offers: &[Option<Offer>]| paths(graph, &cores, offers).found();
         // Of the vertices of `there`, 1 and 2 are those of `here`. Of those of `here`, 3 is vertex 0 of
         // `there`, and 4 is that of a third tile.
         let rounds = |tells_through: bool| {
             let mut offers = (vec![None; 2], vec![None; 2]);
-            let mut found = (find(&here, &offers.0, None), find(&there, &offers.1, None));
+            let mut found = (find(&here, &offers.0), find(&there, &offers.1));
             let mut labels = Vec::new();
             for round in 0..8 {
                 let passed_on = |value: Reached, through: Option<(u32, Option<Offer>)>| {
@@ -562,7 +485,7 @@ mod tests {
                 let fence = if round < 4 { None } else { offer(Reached { label: fence, cost: 1 }) };
                 let next =
                     (vec![passed_on(found.1.reached[0], of_there), fence], vec![of_here(0), of_here(1)]);
-                found = (find(&here, &next.0, Some(&found.0)), find(&there, &next.1, Some(&found.1)));
+                found = (find(&here, &next.0), find(&there, &next.1));
                 offers = next;
                 labels.push([found.0.reached[1].label, found.1.reached[0].label, found.0.reached[2].label]);
             }

@@ -1,4 +1,5 @@
-//! Rows of vehicles that touch: where one ends and the next begins.
+//! Rows of vehicles that touch: where one ends and the next begins. What is side by side is in lanes, see
+//! [`super::lanes`], and each lane is cut by itself.
 //!
 //! The profile of a row is the height of its top along it. Between two vehicles it falls below both roofs. A
 //! row that is longer than a car is cut where its profile is lowest, if this is a valley, and both parts
@@ -26,15 +27,17 @@ const SHORTEST_M: f64 = 3.0;
 /// Length from which a vehicle is the trail of one that moves, by the height of its top, in metres. Cars and
 /// vans are lower than 2.4 m and at most 6 m long, lorries and buses at most 12 m.
 const TRAIL_M: [(f64, f64); 2] = [(2.4, LOW_TRAIL_M), (f64::INFINITY, 13.0)];
+/// The smaller one of these lengths, in metres.
 pub(super) const LOW_TRAIL_M: f64 = 8.0;
 /// Width from which what is longer than a vehicle is not one that moves, but several side by side, in metres.
 const WIDEST_M: f64 = 3.0;
-/// Voxels per metre of an outline at the end of a trail, as a part of those of the trail: of a trail that is
-/// longer than any vehicle, and of a shorter one, which may be two cars without a valley in between. Trails
-/// of eight drives of `synth` with spinning scanners have 130 to 280 in their dense middle, and up to 0.72 of
-/// it beside it. Cars that stand beside the lane have 250 and more, but a car that stands far from the path
-/// has as few as an outline.
-const OUTLINE: (f64, f64) = (0.75, 0.5);
+/// Voxels per metre of an outline at the end of a trail, as a part of those of the trail. In eight drives of
+/// `synth` with spinning scanners, the dense middles of trails have 50 to 280. Cars that stand beside the
+/// lane have 250 and more, but a car that stands far from the path has as few as an outline.
+pub(super) const OUTLINE: f64 = 0.5;
+/// The same for a trail that is longer than any vehicle. Beside the dense middle, it has up to 0.72 of its
+/// voxels. A shorter one may be two cars that stand, without a valley in between.
+const LONG_OUTLINE: f64 = 0.75;
 /// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both
 /// sides.
 const VALLEY: f64 = 0.75;
@@ -86,11 +89,10 @@ impl Row {
         }
         let edge = lattice.units(EDGE_M);
         let is_wide = spans.narrowest().width > lattice.units(WIDEST_M);
-        let lanes = if is_wide { lanes::of(&footprint.0, lattice) } else { Vec::new() };
-        if lanes.len() < 2 {
+        let Some(lanes) = is_wide.then(|| lanes::of(&footprint.0, lattice)).flatten() else {
             let lane = Lane::of(spans, &footprint.0, lattice);
             return (!lane.cuts.is_empty()).then(|| Self { lanes: vec![lane], columns: Vec::new(), edge });
-        }
+        };
         let mut columns: Vec<(Cell, u32)> =
             (0..).zip(&lanes).flat_map(|(lane, columns)| columns.keys().map(move |&at| (at, lane))).collect();
         columns.sort_unstable();
@@ -178,7 +180,7 @@ impl Lane {
             let length = vehicle.bins as i64 * edge;
             let is_trail = is_trail(length, vehicle.top, lattice) && vehicle.width <= lattice.units(WIDEST_M);
             let is_longer = is_trail && length > lattice.units(TRAIL_M[1].1);
-            is_trail.then_some(if is_longer { OUTLINE.0 } else { OUTLINE.1 })
+            is_trail.then_some(if is_longer { LONG_OUTLINE } else { OUTLINE })
         };
         let cuts = profile.around_trails(&cuts, outline);
         let has_trail = profile.vehicles(&cuts).iter().any(|vehicle| outline(vehicle).is_some());
@@ -275,7 +277,7 @@ impl Profile {
     }
 
     /// Of ascending cuts those that are not within a trail. An outline belongs to the trail that it follows,
-    /// up to the lowest cut between two trails. `outline` has the part of [`OUTLINE`] for a trail.
+    /// up to the lowest cut between two trails. `outline` has [`OUTLINE`] or [`LONG_OUTLINE`] for a trail.
     fn around_trails(&self, cuts: &[usize], outline: impl Fn(&Vehicle) -> Option<f64>) -> Vec<usize> {
         let vehicles = self.vehicles(cuts);
         let limits = vehicles.iter().filter_map(|vehicle| Some(outline(vehicle)? * vehicle.density()));
@@ -415,7 +417,7 @@ mod tests {
         };
         let kept = |vehicles: &[(usize, u32)]| {
             let (profile, cuts) = profile(vehicles);
-            profile.around_trails(&cuts, |vehicle| (vehicle.bins > 90).then_some(OUTLINE.1))
+            profile.around_trails(&cuts, |vehicle| (vehicle.bins > 90).then_some(OUTLINE))
         };
         assert_eq!(kept(&[(30, 5), (30, 5), (200, 20), (30, 8)]), [0; 0], "outlines of a trail");
         assert_eq!(kept(&[(30, 5), (30, 18), (200, 20), (30, 19)]), [30, 60, 260], "cars that stand");
@@ -423,7 +425,7 @@ mod tests {
         let (mut two, cuts) = profile(&[(100, 20), (30, 5), (30, 5), (150, 20)]);
         two.0[130].top = 200;
         assert_eq!(
-            two.around_trails(&cuts, |vehicle| (vehicle.bins > 90).then_some(OUTLINE.1)),
+            two.around_trails(&cuts, |vehicle| (vehicle.bins > 90).then_some(OUTLINE)),
             [130],
             "two trails"
         );

@@ -6,8 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use super::lanes::{ASIDE_M, BEND};
-use super::nearby;
+use super::lanes;
 use super::part::Part;
 use super::rows::LOW_TRAIL_M;
 use super::shares::VEHICLE;
@@ -36,20 +35,13 @@ pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeM
     };
     let stripes = parts.iter().filter(|(_, part)| stripe(part));
     let mut lines: BTreeMap<u32, Part> = stripes.map(|(&name, part)| (name, part.clone())).collect();
-    let (names, pieces): (Vec<u32>, Vec<&Part>) = lines.iter().map(|(&name, part)| (name, part)).unzip();
-    let pairs: Vec<(i64, u32, u32)> = nearby::pairs(&pieces, |_| lattice.units(GAP_M), lattice)
-        .filter_map(|(one, other)| {
-            let (one, other) = (one as usize, other as usize);
-            Some((cost(pieces[one], pieces[other], lattice)?, names[one], names[other]))
-        })
-        .collect();
-    let fits = |one: &Part, other: &Part| cost(one, other, lattice).is_some();
-    let mut joined = uniting::one_by_one(&mut lines, pairs.into_iter(), fits);
-    let mut stripes: BTreeMap<u32, usize> = BTreeMap::new();
-    joined.values().for_each(|&name| *stripes.entry(name).or_insert(1) += 1);
+    let (gap, cost) = (lattice.units(GAP_M), |one: &Part, other: &Part| cost(one, other, lattice));
+    let mut joined = uniting::near(&mut lines, |_, _| true, |_| gap, cost, lattice);
+    let mut count: BTreeMap<u32, usize> = BTreeMap::new();
+    joined.values().for_each(|&name| *count.entry(name).or_insert(1) += 1);
     lines.retain(|name, part| {
         let length = part.spans.as_deref().map_or(0, |spans| spans.narrowest().length);
-        stripes.get(name).is_some_and(|&count| count >= STRIPES) && length >= lattice.units(LOW_TRAIL_M)
+        count.get(name).is_some_and(|&count| count >= STRIPES) && length >= lattice.units(LOW_TRAIL_M)
     });
     joined.retain(|_, name| lines.contains_key(name));
     parts.retain(|name, _| !joined.contains_key(name));
@@ -61,10 +53,8 @@ pub(super) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeM
 fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
     let (spans, others) = (one.spans.as_deref()?, other.spans.as_deref()?);
     let around = spans.union(others).narrowest();
-    #[expect(clippy::cast_possible_truncation, reason = "a part of a length in lattice units")]
-    let bend = ((BEND * around.length as f64) as i64).min(lattice.units(ASIDE_M));
     let gap = spans.gap(others, around);
-    let fits = gap <= lattice.units(GAP_M) && around.width <= lattice.units(WIDTH_M) + bend;
+    let fits = gap <= lattice.units(GAP_M) && lanes::is_one(around, WIDTH_M, lattice);
     fits.then_some(gap.max(0))
 }
 

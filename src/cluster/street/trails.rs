@@ -4,14 +4,13 @@
 //! trail is one component that is longer than any vehicle of its height. Farther away each rotation sees its
 //! front or its rear alone, and the trail ends in stripes across the lane. In the box of a car are three or
 //! four of them, so they seem to be cars. Stripes join a trail one after another while they go on along its
-//! line.
+//! line. What is left of them joins each other, see [`super::stripes`].
 
 use std::collections::BTreeMap;
 
 use super::lanes::ASIDE_M;
-use super::nearby;
 use super::part::Part;
-use super::rows::{self, Row};
+use super::rows::{self, OUTLINE, Row};
 use super::shares::VEHICLE;
 use super::spans::Extent;
 use super::stripes::{self, GAP_M};
@@ -21,8 +20,6 @@ use crate::model::Lattice;
 /// Length below which a piece is a stripe, in metres: less than the shortest car. Of longer ones those are
 /// stripes that have as few voxels as an outline.
 const STRIPE_M: f64 = 3.0;
-/// Voxels per metre of such a stripe, as a part of those of the trail.
-const SPARSE: f64 = 0.5;
 /// How far a stripe may lie within the trail, in metres. What lies beside a trail is another vehicle.
 const WITHIN_M: f64 = 1.0;
 
@@ -42,19 +39,12 @@ pub(super) fn unite(
 /// Joins to each trail what goes on along its line.
 fn go_on(parts: &mut BTreeMap<u32, Part>, rows: &BTreeMap<u32, Row>, lattice: Lattice) -> BTreeMap<u32, u32> {
     let mut united = BTreeMap::new();
-    let parked = |name: &u32| rows.get(name).is_some_and(|row| !row.has_trail());
+    let parked = |name: u32| rows.get(&name).is_some_and(|row| !row.has_trail());
     // A stripe joins when what it follows has joined, so there is a round for each stripe of the longest end.
     loop {
-        let moving = parts.iter().filter(|(name, part)| part.class == VEHICLE && !parked(name));
-        let (names, pieces): (Vec<u32>, Vec<&Part>) = moving.map(|(&name, part)| (name, part)).unzip();
-        let pair = |(one, other): (u32, u32)| {
-            let (one, other) = (one as usize, other as usize);
-            Some((cost(pieces[one], pieces[other], lattice)?, names[one], names[other]))
-        };
-        let near = nearby::pairs(&pieces, |_| lattice.units(GAP_M), lattice);
-        let pairs: Vec<(i64, u32, u32)> = near.filter_map(pair).collect();
-        let fits = |one: &Part, other: &Part| cost(one, other, lattice).is_some();
-        let joined = uniting::one_by_one(parts, pairs.into_iter(), fits);
+        let moves = |name: u32, part: &Part| part.class == VEHICLE && !parked(name);
+        let (gap, cost) = (lattice.units(GAP_M), |one: &Part, other: &Part| cost(one, other, lattice));
+        let joined = uniting::near(parts, moves, |_| gap, cost, lattice);
         if joined.is_empty() {
             return united;
         }
@@ -62,13 +52,13 @@ fn go_on(parts: &mut BTreeMap<u32, Part>, rows: &BTreeMap<u32, Row>, lattice: La
     }
 }
 
-fn is_trail(part: &Part, extent: Extent, lattice: Lattice) -> bool {
+fn is_trail((part, extent): (&Part, Extent), lattice: Lattice) -> bool {
     rows::is_trail(extent.length, part.height.1, lattice)
 }
 
 /// Voxels in each lattice unit of the length.
 #[expect(clippy::cast_precision_loss, reason = "a length of vehicles")]
-fn density(part: &Part, extent: Extent) -> f64 {
+fn density((part, extent): (&Part, Extent)) -> f64 {
     f64::from(part.voxels) / extent.length.max(1) as f64
 }
 
@@ -76,21 +66,20 @@ fn density(part: &Part, extent: Extent) -> f64 {
 fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
     let (spans, others) = (one.spans.as_deref()?, other.spans.as_deref()?);
     let (mut trail, mut stripe) = ((one, spans.narrowest()), (other, others.narrowest()));
-    let trails = [trail, stripe].map(|(part, extent)| is_trail(part, extent, lattice));
-    let sparser = trails == [true, true] && density(trail.0, trail.1) < density(stripe.0, stripe.1);
-    if !trails[0] || sparser {
+    let order = |of| (is_trail(of, lattice), density(of));
+    // A line of stripes is as long as a trail. Of two trails it is the sparser one.
+    if order(stripe) > order(trail) {
         std::mem::swap(&mut trail, &mut stripe);
     }
-    if trails == [false, false] {
+    let is_stripe = stripe.1.length < lattice.units(STRIPE_M) || density(stripe) < OUTLINE * density(trail);
+    if !is_trail(trail, lattice) || !is_stripe {
         return None;
     }
-    let is_stripe = (trails != [true, true] && stripe.1.length < lattice.units(STRIPE_M))
-        || density(stripe.0, stripe.1) < SPARSE * density(trail.0, trail.1);
     let around = spans.union(others).narrowest();
     let gap = spans.gap(others, around);
     let goes_on = (-lattice.units(WITHIN_M)..=lattice.units(GAP_M)).contains(&gap);
     let in_lane = around.width <= trail.1.width + lattice.units(ASIDE_M);
-    (is_stripe && goes_on && in_lane).then_some(gap.max(0))
+    (goes_on && in_lane).then_some(gap.max(0))
 }
 
 #[cfg(test)]

@@ -54,15 +54,27 @@ pub(super) fn unite(
     lattice: Lattice,
 ) -> BTreeMap<u32, u32> {
     let poles = &Poles::of(parts.values().filter(|part| part.class == POLE && keeps(part)));
-    let (names, pieces): (Vec<u32>, Vec<&Part>) =
-        parts.iter().filter(|(_, part)| unites(part.class)).map(|(&name, part)| (name, part)).unzip();
+    let cost = |one: &Part, other: &Part| cost(one, other, poles, lattice);
+    near(parts, |_, part| unites(part.class), |class| reach(class, lattice), cost, lattice)
+}
+
+/// Unites those of the components that `counts` names which are within the reach of their class, in lattice
+/// units, if `cost` says what that costs. `parts` and the result are those of [`unite`].
+pub(super) fn near(
+    parts: &mut BTreeMap<u32, Part>,
+    counts: impl Fn(u32, &Part) -> bool,
+    reach: impl Fn(u8) -> i64,
+    cost: impl Fn(&Part, &Part) -> Option<i64>,
+    lattice: Lattice,
+) -> BTreeMap<u32, u32> {
+    let pieces = parts.iter().filter(|(name, part)| counts(**name, part));
+    let (names, pieces): (Vec<u32>, Vec<&Part>) = pieces.map(|(&name, part)| (name, part)).unzip();
     let pair = |(one, other): (u32, u32)| {
         let (one, other) = (one as usize, other as usize);
-        Some((cost(pieces[one], pieces[other], poles, lattice)?, names[one], names[other]))
+        Some((cost(pieces[one], pieces[other])?, names[one], names[other]))
     };
-    let near = nearby::pairs(&pieces, |class| reach(class, lattice), lattice);
-    let pairs: Vec<(i64, u32, u32)> = near.filter_map(pair).collect();
-    one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other, poles, lattice).is_some())
+    let pairs: Vec<(i64, u32, u32)> = nearby::pairs(&pieces, reach, lattice).filter_map(pair).collect();
+    one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other).is_some())
 }
 
 /// Unites pairs of components where `fits` says so of what both are a part of by then. Pairs are a cost and
