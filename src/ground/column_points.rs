@@ -1,8 +1,15 @@
 //! The points of a tile by column of voxels, from the lowest voxel up.
+#![expect(clippy::cast_possible_truncation, reason = "numbers of points of a tile fit u32, see VoxelIndex")]
 
 use super::lowest::NONE;
-use crate::model::Lattice;
+use crate::model::{Lattice, TileCloud};
 use crate::spatial::VoxelIndex;
+
+/// A layer of a column holds more than one in so many of its points,
+const SHARE: u32 = 16;
+/// or more than so many points, or it is multipath or a stray return. Both chosen by the study in
+/// benches/results/ground.md.
+const MOST: u32 = 8;
 
 /// The points of a tile by column.
 pub(super) struct Tile<'a> {
@@ -11,21 +18,44 @@ pub(super) struct Tile<'a> {
     pub(super) z: &'a [i32],
     /// z of the drive that is the local z 0.
     pub(super) bottom: i64,
+    /// Number of points of each voxel.
+    pub(super) counts: Vec<u32>,
 }
 
-impl Tile<'_> {
+impl<'a> Tile<'a> {
+    /// The points of a cloud, by the columns of its index.
+    pub(super) fn new(cloud: &'a TileCloud, index: &'a VoxelIndex) -> Self {
+        let mut counts = vec![0; index.len()];
+        for (points, voxel) in index.streaks() {
+            counts[voxel] += points.len() as u32;
+        }
+        Self { lattice: cloud.lattice, index, z: &cloud.z, bottom: cloud.origin[2], counts }
+    }
+
     /// Points of a voxel, as (point, local z).
     fn points(&self, voxel: usize) -> impl Iterator<Item = (usize, u32)> {
         self.index.voxel_points(voxel).flatten().map(|point| (point, self.z[point].unsigned_abs()))
     }
 
-    /// The lowest point of each column.
-    pub(super) fn lowest(&self) -> Vec<u32> {
+    /// The lowest layer of each column that holds points of it: its lowest point. A layer is a voxel and the one
+    /// on it. It holds points of the column if it has more than one in `SHARE` of them.
+    pub(super) fn lowest_layers(&self) -> Vec<u32> {
         let lowest_of = |column| {
-            let mut voxels = self.index.column_voxels(column);
-            voxels.find_map(|voxel| self.points(voxel).map(|(_, z)| z).min()).unwrap_or(NONE)
+            let voxels = self.index.column_voxels(column);
+            let all = self.counts[voxels.clone()].iter().sum::<u32>();
+            let least = (all / SHARE).min(MOST);
+            let is_layer = |&voxel: &usize| self.layer(voxel, voxels.end) > least;
+            let layer = voxels.clone().find(is_layer).or(voxels.clone().next());
+            layer.and_then(|voxel| self.points(voxel).map(|(_, z)| z).min()).unwrap_or(NONE)
         };
         (0..self.index.columns().len()).map(lowest_of).collect()
+    }
+
+    /// Points of a voxel, and of the one on it if there is one before `end`.
+    fn layer(&self, voxel: usize, end: usize) -> u32 {
+        let heights = self.index.heights();
+        let above = (voxel + 1 < end && heights[voxel + 1] == heights[voxel] + 1).then(|| self.counts[voxel + 1]);
+        self.counts[voxel] + above.unwrap_or(0)
     }
 
     /// The `rank`-th lowest point of a column that is not below `floor`, or its highest where it has fewer.

@@ -9,8 +9,9 @@
 //! on sparsely sampled streets). If such a point is ground, it is no longer noise. The steps work on the
 //! columns of voxels:
 //!
-//! 1. *Floor.* A quantile of the lowest points of all columns in the 5 x 5 blocks around, minus `depth`.
-//!    Points below the floor are multipath or stray returns. Where stems are all that was seen below it, the
+//! 1. *Floor.* A quantile of the lowest layers of all columns in the 5 x 5 blocks around, minus `depth`. A
+//!    layer holds a sixteenth or 8 of the points of its column, because where a road is wet or a facade
+//!    mirrors, every column has points below it. Points below the floor are multipath or stray returns. Where stems are all that was seen below it, the
 //!    floor lies at their feet, see `stems.rs`.
 //! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor. So single returns do not count.
 //! 3. *Surface*: the opening of the lows by a disc of `radius`: the minimum over the disc, then the maximum
@@ -193,7 +194,7 @@ impl Opening {
     fn surface(&self, tile: &Tile<'_>) -> Vec<u32> {
         let lattice = tile.lattice;
         let blocks = Blocks::new(tile.index, BLOCK);
-        let mut lows = tile.lowest();
+        let mut lows = tile.lowest_layers();
         let depth = lattice.units(self.config.depth);
         let is_stem = stems::columns(tile.index, lattice.units(STEM_M));
         let floors = blocks.floors(&lows, &is_stem, FLOOR_REACH, self.config.low_quantile, units_of(depth));
@@ -295,7 +296,7 @@ impl GroundFilter for Opening {
         let cloud = view.cloud();
         let lattice = cloud.lattice;
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let tile = Tile { lattice, index, z: &cloud.z, bottom: cloud.origin[2] };
+        let tile = Tile::new(cloud, index);
         let surface = self.surface(&tile);
         let heights = Heights::new(&self.config, lattice);
         let mut near = Vec::new();
@@ -367,6 +368,22 @@ mod tests {
         // What is mirrored below the road is as high as it, but there is a gap between it and the road.
         let mirrored: Vec<_> = (10..50).map(|k| [4_500, 4_500, k * -100]).collect();
         assert_eq!(on(&plane(0), &mirrored), [Object; 40]);
+    }
+
+    #[test]
+    fn returns_below_most_of_the_road_take_nothing_from_the_ground() {
+        // 60 points of road in each column, and below two of three columns 1 to 5 returns, down to 9 m.
+        let columns = || (0..30_i64).flat_map(|i| (0..30).map(move |j| (i, j)));
+        let road: Vec<_> = columns()
+            .flat_map(|(i, j)| (0..60).map(move |k| [i * 300 + k * 37 % 300, j * 300 + k * 11 % 300, k % 5 * 10]))
+            .collect();
+        let below: Vec<_> = columns()
+            .filter(|(i, j)| (i + j) % 3 > 0)
+            .flat_map(|(i, j)| (0..1 + (i * 7 + j) % 5).map(move |k| (i, j, k)))
+            .map(|(i, j, k)| [i * 300 + 150, j * 300 + 150, -500 - (i * 1_700 + j * 2_900 + k * 4_100) % 8_500])
+            .collect();
+        let classes = on(&road, &below);
+        assert!(classes.iter().all(|class| *class == Object));
     }
 
     #[test]

@@ -190,11 +190,19 @@ fn floor(columns: &[[i64; 2]], heights: &[Vec<i64>], at: usize, of: &Opening) ->
         (0..2).all(|axis| (b[axis] - c[axis]).abs() <= 2)
     };
     let others: Vec<usize> = (0..columns.len()).filter(|&other| near(other)).collect();
-    let mut firsts: Vec<i64> = others.iter().map(|&other| heights[other][0]).collect();
+    // The lowest point of the lowest voxel that, with the one on it, has more than a sixteenth or 8 of the points.
+    let first = |other: usize| {
+        let column = &heights[other];
+        let voxel = |z: i64| z.div_euclid(of.voxel);
+        let layer = |z: i64| column.iter().filter(|above| [0, 1].contains(&(voxel(**above) - voxel(z)))).count();
+        let holds = |z: &&i64| layer(**z) > (column.len() / 16).min(8);
+        *column.iter().find(holds).unwrap_or(&column[0])
+    };
+    let mut firsts: Vec<i64> = others.iter().map(|&other| first(other)).collect();
     firsts.sort_unstable();
     let level = firsts[firsts.len() / 10];
-    let below = |other: &usize| is_stem(*other) && heights[*other][0] < level - of.depth;
-    let stems: Vec<i64> = others.iter().copied().filter(below).map(|other| heights[other][0]).collect();
+    let below = |other: &usize| is_stem(*other) && first(*other) < level - of.depth;
+    let stems: Vec<i64> = others.iter().copied().filter(below).map(first).collect();
     let at_level = firsts.iter().filter(|first| (*first - level).abs() <= of.depth).count();
     let only_stems = stems.len() >= 3 && 2 * stems.len() >= at_level;
     if only_stems { (stems.into_iter().min().unwrap_or(level), true) } else { (level, false) }
