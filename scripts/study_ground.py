@@ -47,6 +47,7 @@ OTHERS = ("suburb", "downtown", "avenue", "highway")
 CHANGES = [("avenue", "grade 15 %"), ("suburb", "hillside 30 %"), ("suburb", "embankment"), ("highway", "cutting"),
            ("downtown", "strays")]
 SPINNING = ["--scanner", "spinning-64", "--sweeps", "20"]
+SPINNING_DRIVES = [("downtown", "972"), ("downtown", "913"), ("suburb", "903")]
 PROGRAM_METHODS = {
     "voxel-column, 1": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=1"],
     "voxel-column, 2": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=2"],
@@ -280,6 +281,9 @@ def scenes(executable, folder, data):
         length, rate = DRIVES[preset]
         drive(f"synth {preset}, seed {OTHER_SEED}", preset, "--length", length, "--pulse-rate", rate, seed=OTHER_SEED)
     drive("synth downtown, spinning", "downtown", *SPINNING)
+    for preset, seed in SPINNING_DRIVES:
+        options = ["--scanner", "spinning-64", "--length", "150m"]
+        drive(f"synth {preset}, spinning drive {seed}", preset, *options, seed=seed)
     for preset, change in CHANGES:
         name = f"synth {preset}, {change}"
         target = folder / name.replace(" ", "-")
@@ -335,10 +339,23 @@ def tables(results, methods):
     return lines
 
 
+def compare(executable, folder, data, methods):
+    """Prints precision and recall of these methods of the program, and writes nothing."""
+    for name, source in scenes(executable, folder, data).items():
+        cloud = read(source)
+        for method in methods:
+            classes, speed = program(executable, source, folder, PROGRAM_METHODS[method])
+            found = figures(*cloud, classes == 2, speed)
+            print(f"{name} | {method} | {show(found.get('precision'))} / {show(found.get('recall'))}", flush=True)
+
+
 def main():
     executable, target, folder = sys.argv[1], pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3])
     data = pathlib.Path(sys.argv[4] if len(sys.argv) > 4 else "../shared/data")
     folder.mkdir(parents=True, exist_ok=True)
+    if sys.argv[5:]:
+        compare(executable, folder, data, sys.argv[5:])
+        return
     results, methods, missing = {}, [*PROGRAM_METHODS, *YARDSTICKS], set()
     for name, source in scenes(executable, folder, data).items():
         cloud, clean = None, None

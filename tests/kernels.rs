@@ -33,7 +33,7 @@ fn coordinate(extent: i64) -> impl Strategy<Value = i64> {
 
 /// A small cloud somewhere around the origin, sparse or dense, often with equal points.
 fn points() -> impl Strategy<Value = Points> {
-    let extent = || prop::sample::select(&[900_i64, 2_400, 6_000]);
+    let extent = || prop::sample::select(&[300_i64, 900, 2_400, 6_000]);
     (extent(), extent(), extent(), 1..120_usize, -3_000..3_000_i64).prop_flat_map(
         |(x, y, z, count, shift)| {
             let point = (coordinate(x), coordinate(y), coordinate(z), any::<prop::sample::Index>(), 0..10);

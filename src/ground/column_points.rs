@@ -37,8 +37,9 @@ impl<'a> Tile<'a> {
         self.index.voxel_points(voxel).flatten().map(|point| (point, self.z[point].unsigned_abs()))
     }
 
-    /// The lowest layer of each column that holds points of it: its lowest point. A layer is a voxel and the one
-    /// on it. It holds points of the column if it has more than one in `SHARE` of them.
+    /// The lowest point of the lowest layer of each column. A layer is a voxel and the one on it that hold
+    /// more than one in `SHARE` of the points of the column, or more than `MOST` of them. A column without
+    /// any layer begins with its lowest point.
     pub(super) fn lowest_layers(&self) -> Vec<u32> {
         let lowest_of = |column| {
             let voxels = self.index.column_voxels(column);
@@ -54,7 +55,8 @@ impl<'a> Tile<'a> {
     /// Points of a voxel, and of the one on it if there is one before `end`.
     fn layer(&self, voxel: usize, end: usize) -> u32 {
         let heights = self.index.heights();
-        let above = (voxel + 1 < end && heights[voxel + 1] == heights[voxel] + 1).then(|| self.counts[voxel + 1]);
+        let above =
+            (voxel + 1 < end && heights[voxel + 1] == heights[voxel] + 1).then(|| self.counts[voxel + 1]);
         self.counts[voxel] + above.unwrap_or(0)
     }
 

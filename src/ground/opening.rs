@@ -10,9 +10,9 @@
 //! columns of voxels:
 //!
 //! 1. *Floor.* A quantile of the lowest layers of all columns in the 5 x 5 blocks around, minus `depth`. A
-//!    layer holds a sixteenth or 8 of the points of its column, because where a road is wet or a facade
-//!    mirrors, every column has points below it. Points below the floor are multipath or stray returns. Where stems are all that was seen below it, the
-//!    floor lies at their feet, see `stems.rs`.
+//!    layer holds a part of the points of its column, because where a road is wet or a facade mirrors, most
+//!    columns have points below it, see `column_points.rs`. Points below the floor are multipath or stray
+//!    returns. Where stems are all that was seen below it, the floor lies at their feet, see `stems.rs`.
 //! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor. So single returns do not count.
 //! 3. *Surface*: the opening of the lows by a disc of `radius`: the minimum over the disc, then the maximum
 //!    of these. It removes cars, hedges and trunks. It follows slopes, and never lies above a low. Where
@@ -375,12 +375,16 @@ mod tests {
         // 60 points of road in each column, and below two of three columns 1 to 5 returns, down to 9 m.
         let columns = || (0..30_i64).flat_map(|i| (0..30).map(move |j| (i, j)));
         let road: Vec<_> = columns()
-            .flat_map(|(i, j)| (0..60).map(move |k| [i * 300 + k * 37 % 300, j * 300 + k * 11 % 300, k % 5 * 10]))
+            .flat_map(|(i, j)| {
+                (0..60).map(move |k| [i * 300 + k * 37 % 300, j * 300 + k * 11 % 300, k % 5 * 10])
+            })
             .collect();
         let below: Vec<_> = columns()
             .filter(|(i, j)| (i + j) % 3 > 0)
             .flat_map(|(i, j)| (0..1 + (i * 7 + j) % 5).map(move |k| (i, j, k)))
-            .map(|(i, j, k)| [i * 300 + 150, j * 300 + 150, -500 - (i * 1_700 + j * 2_900 + k * 4_100) % 8_500])
+            .map(|(i, j, k)| {
+                [i * 300 + 150, j * 300 + 150, -500 - (i * 1_700 + j * 2_900 + k * 4_100) % 8_500]
+            })
             .collect();
         let classes = on(&road, &below);
         assert!(classes.iter().all(|class| *class == Object));

@@ -20,12 +20,12 @@ impl Attribute for Base {
                 coordinate(
                     "base_x",
                     "x of the place where it stands: the axis of a tree or pole at the ground, the middle of a tree whose stem was not seen, \
-                     else the middle of the lowest 0.3 m",
+                     the middle of the front of a building, the middle of the box of a vehicle, else the middle of the lowest 0.3 m",
                 ),
                 coordinate("base_y", "y of that place"),
                 coordinate(
                     "base_z",
-                    "z of the ground at that place, of a building before its front; not above the foot of a stem or most of the lowest \
+                    "z of the ground at that place, of a building before its front and continued to it; not above the foot of a stem or most of the lowest \
                      0.3 m, if a few points below a gap are left out; of its lowest point where no ground is within 10 m",
                 ),
             ]
@@ -128,7 +128,8 @@ mod tests {
             (0..6_000_i64).map(|n| [n % 100 * 100 + 50, 12_500 + n / 100 % 20 * 100, 420 + n / 2_000]);
         let points: Vec<[i64; 3]> = wall.chain(inside).collect();
         let street = (0..10).flat_map(|i| (6..12).map(move |j| ([i, j], 0)));
-        let floor = (0..10).flat_map(|i| (12..15).map(move |j| ([i, j], if i == 5 { -7_700 } else { 410 })));
+        let floor = (0..10)
+            .flat_map(|i| (12..15).map(move |j| ([i, j], if [i, j] == [5, 12] { -7_700 } else { 410 })));
         let ground: Vec<_> = street.chain(floor).collect();
         let kind = Kind { class: 5, confidence: 255 };
         let found = as_decimals(&values_of(&Base, &points, kind, &ground, METRES));

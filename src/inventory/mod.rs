@@ -22,6 +22,7 @@ mod inclination;
 mod measures;
 mod object;
 mod points;
+mod raised;
 mod site;
 mod size;
 mod station;
@@ -45,7 +46,7 @@ pub use terrain::{Terrain, TerrainSums};
 pub use touching::{reach as touching_reach, touching};
 
 /// Raised when an attribute has other values for the same objects, so that a run computes its rows again.
-pub const EPOCH: u32 = 3;
+pub const EPOCH: u32 = 4;
 
 /// Every attribute, in the order of its columns.
 pub static REGISTRY: &[&dyn Attribute] = &[

@@ -34,7 +34,7 @@ impl Attribute for Size {
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        let Rectangle { length, width, azimuth_deg } = least_area(&object.part.hull);
+        let Rectangle { length, width, azimuth_deg, .. } = least_area(&object.part.hull);
         values.extend([length, width].map(|side| Value::Decimal(side * object.site.lattice.step_m())));
         values.push(azimuth_deg.into());
     }

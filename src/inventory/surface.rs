@@ -39,8 +39,14 @@ impl Near {
 
 /// Height of the ground in metres amid these cells, of which the nearest has the height `nearest`.
 pub(super) fn height_amid(cells: &[Near], nearest: f64) -> f64 {
+    plane_amid(cells, nearest)[0]
+}
+
+/// The plane of the ground amid these cells: its height at the place, and its rise per metre along x and y.
+/// It is level at the height `nearest`, that of the nearest cell, where there are too few cells for a slope.
+pub(super) fn plane_amid(cells: &[Near], nearest: f64) -> [f64; 3] {
     if cells.len() < LEAST_CELLS {
-        return nearest;
+        return [nearest, 0.0, 0.0];
     }
     let beside = |cell: &&Near| {
         cell.squared() <= SUPPORT_M * SUPPORT_M && (cell.height - nearest).abs() <= SAME_HEIGHT_M
@@ -53,10 +59,10 @@ pub(super) fn height_amid(cells: &[Near], nearest: f64) -> f64 {
         let kept: Vec<Near> = cells.iter().copied().filter(|cell| over(cell).abs() <= limit).collect();
         match fitted(&kept, round >= EVEN_ROUNDS, start) {
             Some(next) => plane = next,
-            None => return start,
+            None => return [start, 0.0, 0.0],
         }
     }
-    plane[0]
+    plane.into()
 }
 
 /// Height that a third of the cells do not exceed.

@@ -1,6 +1,7 @@
 //! Height of the ground by cell of the raster, and between cells, for heights of objects above ground.
 
-use crate::inventory::surface::{Near, height_amid};
+use crate::inventory::raised::without_raised;
+use crate::inventory::surface::{Near, height_amid, plane_amid};
 use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
@@ -12,7 +13,16 @@ const SEARCH_M: f64 = 10.0;
 /// (chosen: more of them are ground than were taken for ground by mistake, below a tree or a car).
 const SLOPE_M: f64 = 4.0;
 
-/// Mean height of the ground points of every cell that has any.
+/// Neighbouring cells that differ by less are of one patch of ground, in metres (chosen: a slope of 1 in 5,
+/// or more than a kerb), see `raised.rs`.
+const STEP_M: f64 = 0.2;
+
+/// The ground before a wall is continued to it with at most this slope (chosen: front gardens are less steep,
+/// steps are steeper).
+const STEEPEST: f64 = 0.25;
+
+/// Mean height of the ground points of every cell that has any, without those that are raised above the
+/// ground around them.
 #[derive(Debug)]
 pub struct Terrain {
     grid: CellGrid,
@@ -46,11 +56,13 @@ impl TerrainSums {
         *self.heights.entry(cell) = u32::try_from(over).unwrap_or(0) + 1;
     }
 
-    /// The terrain of all added cells.
+    /// The terrain of all added cells that are not raised.
     #[must_use]
     pub fn into_terrain(self) -> Terrain {
         let Self { grid, lattice, lowest, heights } = self;
-        Terrain { grid, lattice, lowest, heights: heights.into() }
+        let step = u32::try_from(lattice.units(STEP_M)).unwrap_or(u32::MAX);
+        let heights = without_raised(&heights.into(), step);
+        Terrain { grid, lattice, lowest, heights }
     }
 }
 
@@ -115,8 +127,30 @@ impl Terrain {
     /// cells for a slope, that of the nearest cell ([`Self::height_m`]). `None` where no cell is within 10 m.
     #[must_use]
     pub fn surface_m(&self, place: [f64; 2]) -> Option<f64> {
+        let nearest = self.height_m(place.map(|value| self.lattice.units(value)))?;
+        Some(height_amid(&self.near(place), nearest))
+    }
+
+    /// Height of the ground in metres before a wall, continued to it: the plane of [`Self::surface_m`] at the
+    /// place `before`, through the cells on its side of the wall alone. Beyond the wall are floors and what
+    /// windows reflect. `None` where there are no such cells within 4 m.
+    pub(super) fn before_wall_m(&self, wall: [f64; 2], before: [f64; 2]) -> Option<f64> {
+        let way = [0, 1].map(|k| wall[k] - before[k]);
+        let length = way[0].hypot(way[1]);
+        let edge_m = self.lattice.metres(self.grid.edge());
+        let beyond_m = |cell: &Near| (cell.away[0] * way[0] + cell.away[1] * way[1]) / length;
+        let mut cells = self.near(before);
+        cells.retain(|cell| beyond_m(cell) <= length - edge_m / 2.0);
+        let away_m = |cell: &Near| cell.away[0].hypot(cell.away[1]);
+        let nearest = cells.iter().min_by(|one, other| away_m(one).total_cmp(&away_m(other)))?;
+        let [height, along_x, along_y] = plane_amid(&cells, nearest.height);
+        let rise = along_x * way[0] + along_y * way[1];
+        Some(height + rise.clamp(-STEEPEST * length, STEEPEST * length))
+    }
+
+    /// The cells whose middle is within [`SLOPE_M`] of a place in metres.
+    fn near(&self, place: [f64; 2]) -> Vec<Near> {
         let units = place.map(|value| self.lattice.units(value));
-        let nearest = self.height_m(units)?;
         let edge_m = self.lattice.metres(self.grid.edge());
         let reach = self.lattice.units(SLOPE_M);
         let rows = |k: usize| self.grid.index(units[k] - reach)..=self.grid.index(units[k] + reach);
@@ -132,7 +166,7 @@ impl Terrain {
                 }
             }
         }
-        Some(height_amid(&cells, nearest))
+        cells
     }
 }
 

@@ -50,8 +50,8 @@ mod tests {
             assert_eq!(found, [Value::Text("0-16-31".into())]);
         }
         let west: Vec<[i64; 3]> = BOX.iter().map(|[x, y, z]| [x - 20_000, *y, *z]).collect();
-        let found = values_of(&Uid, &west, Kind { class: 5, confidence: 9 }, &[], METRES);
-        assert_eq!(found, [Value::Text("5--185-31".into())]);
+        let found = values_of(&Uid, &west, Kind { class: 6, confidence: 9 }, &[], METRES);
+        assert_eq!(found, [Value::Text("6--185-31".into())]);
     }
 
     #[test]

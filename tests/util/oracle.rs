@@ -190,11 +190,12 @@ fn floor(columns: &[[i64; 2]], heights: &[Vec<i64>], at: usize, of: &Opening) ->
         (0..2).all(|axis| (b[axis] - c[axis]).abs() <= 2)
     };
     let others: Vec<usize> = (0..columns.len()).filter(|&other| near(other)).collect();
-    // The lowest point of the lowest voxel that, with the one on it, has more than a sixteenth or 8 of the points.
+    // The lowest point of the lowest voxel that, with the one on it, has more than a sixteenth or 8 of them.
     let first = |other: usize| {
         let column = &heights[other];
         let voxel = |z: i64| z.div_euclid(of.voxel);
-        let layer = |z: i64| column.iter().filter(|above| [0, 1].contains(&(voxel(**above) - voxel(z)))).count();
+        let layer =
+            |z: i64| column.iter().filter(|above| [0, 1].contains(&(voxel(**above) - voxel(z)))).count();
         let holds = |z: &&i64| layer(**z) > (column.len() / 16).min(8);
         *column.iter().find(holds).unwrap_or(&column[0])
     };

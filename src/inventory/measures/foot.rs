@@ -1,10 +1,11 @@
-//! Where an object stands: the foot of its stem or pole, or else the middle of its lowest part, on the
-//! ground. The ground of a building is that before its front, on the side of the street.
+//! Where an object stands: the foot of its stem or pole, the middle of the front of a building, the middle of
+//! the box of a vehicle, or else the middle of its lowest part, on the ground.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use super::parts::{BUILDING, Frames, Measures, POLE, TREE};
+use super::parts::{BUILDING, Frames, Measures, POLE, TREE, VEHICLE};
 use super::profile::Ends;
+use super::rectangle::least_area;
 use super::stem::Stem;
 use super::stem_axis::StemAxis;
 use crate::inventory::site::Site;
@@ -27,11 +28,14 @@ const LOW_TREE: f64 = 0.75;
 /// that part is of the crown then. Measured on 23 trees of `synth` that had no direction and were not low:
 /// the lowest part was at most 0.42 m wide, or at least 1.04 m.
 const WIDEST_STEM_M: f64 = 0.7;
-/// The ground of a building is looked up this far before its front, in metres: in the next cell of the model.
-/// Within the walls the model is a floor, or reflections below one.
+/// The plane of the ground of a building is fitted around the place so far before its front, in metres: in
+/// the next cell of the model. Within the walls the model is a floor, or reflections below one.
 const BEFORE_FRONT_M: f64 = 1.0;
 /// A building has one front in so many metres of chainage: those of a cell of the model.
 const FRONT_M: f64 = 1.0;
+/// What begins further than this above the lowest points of the front is an eave or a balcony, in metres
+/// (chosen: it is less than the height of a shop window).
+const EAVES_M: f64 = 1.0;
 /// Distance in metres over which the way to the axis of the drive is found.
 const WAY_M: f64 = 0.5;
 /// Rounds in which the foot of an axis is found on the ground. A stem that leans by 10 degrees on a slope of
@@ -86,16 +90,20 @@ impl Foot {
             return Self { place, ground_m, stem: Some((stem, axis)) };
         }
         let is_building = kind.class == BUILDING;
-        let fronts = is_building.then(|| ground_of_fronts(measures, frames, site));
-        let ground_m = |place: [i64; 2]| {
-            let before = fronts.as_ref().and_then(|fronts| *fronts.get(&front_of(place, site).0)?);
-            before.or_else(|| terrain.height_of_cell_m(place))
-        };
+        let fronts = if is_building { Fronts::new(measures, frames, site) } else { Fronts::default() };
+        let ground_m = |place| fronts.ground_m(place, site).or_else(|| terrain.height_of_cell_m(place));
         match lowest_part(measures, ends, frames, site, ground_m) {
             Some(part) => {
                 let is_of_crown = is_tree && (is_low || part.width_m > WIDEST_STEM_M);
-                let place = if is_of_crown { middle } else { part.middle };
-                let ground_m = if is_building { part.ground_m } else { terrain.surface_m(place) };
+                let place = match kind.class {
+                    TREE if is_of_crown => middle,
+                    VEHICLE => least_area(&whole.hull).middle.map(|value| value * lattice.step_m()),
+                    _ => part.middle,
+                };
+                let (place, ground_m) = match fronts.middle(measures, frames, site) {
+                    Some(front) => (front.place.map(|value| lattice.metres(value)), front.ground_m),
+                    None => (place, terrain.surface_m(place)),
+                };
                 Self { place, ground_m: ground_m.map(|ground_m| ground_m + part.below_m), stem: None }
             }
             // No points at all.
@@ -104,38 +112,89 @@ impl Foot {
     }
 }
 
+/// The front of a building: of its cells at each metre of chainage, the one that is the nearest to the axis.
+#[derive(Debug, Default)]
+struct Fronts(BTreeMap<i64, Front>);
+
+/// A metre of the front of a building.
+#[derive(Debug, Clone, Copy)]
+struct Front {
+    /// Its place in lattice units.
+    place: [i64; 2],
+    /// Height of the ground there in metres: that before it, continued to it. `None` if none is known within
+    /// 10 m.
+    ground_m: Option<f64>,
+}
+
+impl Fronts {
+    fn new(measures: &Measures, frames: &Frames, site: &Site<'_>) -> Self {
+        // Cells of the terrain by metre of chainage: distance from the axis, place, lowest point.
+        let mut cells: BTreeMap<[i64; 2], i64> = BTreeMap::new();
+        for (place, lowest) in plan_cells(measures, frames) {
+            let slot = cells.entry(site.terrain.middle(place)).or_insert(lowest);
+            *slot = lowest.min(*slot);
+        }
+        let mut by_metre: BTreeMap<i64, Vec<(f64, [i64; 2], i64)>> = BTreeMap::new();
+        for (place, lowest) in cells {
+            let (metre, offset_m) = front_of(place, site);
+            by_metre.entry(metre).or_default().push((offset_m, place, lowest));
+        }
+        let fronts = by_metre.into_iter().filter_map(|(metre, cells)| {
+            let bottom = cells.iter().map(|cell| cell.2).min()?;
+            let reaches_down = |cell: &&(f64, [i64; 2], i64)| cell.2 <= bottom + site.lattice.units(EAVES_M);
+            let nearest = cells.iter().filter(reaches_down).min_by(|one, other| one.0.total_cmp(&other.0))?;
+            Some((metre, Front::new(nearest.1, site)))
+        });
+        Self(fronts.collect())
+    }
+
+    /// Height of the ground in metres before the front at the chainage of a place in lattice units.
+    fn ground_m(&self, place: [i64; 2], site: &Site<'_>) -> Option<f64> {
+        if self.0.is_empty() { None } else { self.0.get(&front_of(place, site).0)?.ground_m }
+    }
+
+    /// The front half way between both ends, at the place of the cell of the plan that is the nearest to the
+    /// axis. `None` of what is no building.
+    fn middle(&self, measures: &Measures, frames: &Frames, site: &Site<'_>) -> Option<Front> {
+        let (first, last) = (self.0.keys().next()?, self.0.keys().next_back()?);
+        let (_, &front) = self.0.range(i64::midpoint(*first, *last)..).next()?;
+        let cells =
+            plan_cells(measures, frames).filter(|(place, _)| site.terrain.middle(*place) == front.place);
+        let cells: Vec<([i64; 2], i64)> = cells.collect();
+        let bottom = cells.iter().map(|cell| cell.1).min()?;
+        let low = cells.into_iter().filter(|cell| cell.1 <= bottom + site.lattice.units(EAVES_M));
+        let places = low.map(|(place, _)| (front_of(place, site).1, place));
+        let place = places.min_by(|one, other| one.0.total_cmp(&other.0))?.1;
+        Some(Front { place, ..front })
+    }
+}
+
+impl Front {
+    /// The front at a place, with the ground before it.
+    fn new(place: [i64; 2], site: &Site<'_>) -> Self {
+        let [wall, before] =
+            [place, before(place, site)].map(|place| place.map(|value| site.lattice.metres(value)));
+        let ground_m = site.terrain.before_wall_m(wall, before).or_else(|| site.terrain.surface_m(before));
+        Self { place, ground_m }
+    }
+}
+
+/// The cells of the plan of an object: the middle and the lowest point of each, in lattice units.
+fn plan_cells(measures: &Measures, frames: &Frames) -> impl Iterator<Item = ([i64; 2], i64)> {
+    let middle = |axis, index| frames.plan.doubled_middle(measures.plan.level, axis, index).div_euclid(2);
+    measures
+        .plan
+        .voxels
+        .iter()
+        .map(move |([i, j, _], heights)| ([middle(0, *i), middle(1, *j)], heights.lowest))
+}
+
 /// Number of the front of a building that is at the chainage of a place in lattice units, and distance of the
 /// place from the axis in metres.
 #[expect(clippy::cast_possible_truncation, reason = "metres of a drive")]
 fn front_of(place: [i64; 2], site: &Site<'_>) -> (i64, f64) {
     let station = (site.locate)(place.map(|value| site.lattice.metres(value)));
     ((station.chainage_m / FRONT_M).floor() as i64, station.offset_m.abs())
-}
-
-/// Height of the ground in metres before each front of a building: before that of its cells at this chainage
-/// which is the nearest to the axis.
-fn ground_of_fronts(measures: &Measures, frames: &Frames, site: &Site<'_>) -> BTreeMap<i64, Option<f64>> {
-    let cells: BTreeSet<[i64; 2]> = measures
-        .plan
-        .voxels
-        .iter()
-        .map(|([i, j, _], _)| {
-            let middle = |axis, index| frames.plan.doubled_middle(measures.plan.level, axis, index);
-            site.terrain.cell([middle(0, *i).div_euclid(2), middle(1, *j).div_euclid(2)])
-        })
-        .collect();
-    let mut nearest: BTreeMap<i64, (f64, [i64; 2])> = BTreeMap::new();
-    for cell in cells {
-        let place = site.terrain.middle_of(cell);
-        let (front, offset_m) = front_of(place, site);
-        let best = nearest.entry(front).or_insert((offset_m, place));
-        if offset_m < best.0 {
-            *best = (offset_m, place);
-        }
-    }
-    let metres = |place: [i64; 2]| place.map(|value| site.lattice.metres(value));
-    let ground_m = |(_, place): (f64, [i64; 2])| site.terrain.surface_m(metres(before(place, site)));
-    nearest.into_iter().map(|(front, nearest)| (front, ground_m(nearest))).collect()
 }
 
 /// The place 1 m nearer to the axis of the drive, in lattice units.
@@ -162,8 +221,6 @@ struct LowestPart {
     middle: [f64; 2],
     /// Its larger extent in x and y.
     width_m: f64,
-    /// Median of the ground of its cells. `None` where no ground is near most of them.
-    ground_m: Option<f64>,
     /// How far the ground is below its model, 0 or less.
     below_m: f64,
 }
@@ -219,8 +276,7 @@ fn lowest_part(
     let width_m = width(0).max(width(1)) as f64 * half_step_m;
     let below = part.iter().map(|cell| if cell.ground_m.is_some() { cell.over_m.min(0.0) } else { 0.0 });
     let below_m = upper_median(below.collect()).filter(|below| *below < -BELOW_GROUND_M).unwrap_or(0.0);
-    let ground_m = upper_median(part.iter().filter_map(|cell| cell.ground_m).collect());
-    Some(LowestPart { middle: [mean(0), mean(1)], width_m, ground_m, below_m })
+    Some(LowestPart { middle: [mean(0), mean(1)], width_m, below_m })
 }
 
 /// The upper median; `None` of nothing.

@@ -13,11 +13,14 @@ pub(crate) struct Rectangle {
     /// Direction of the longer side in degrees clockwise from north (the y axis), from 0 up to 180. `None` of
     /// a point.
     pub(crate) azimuth_deg: Option<f64>,
+    /// Its middle.
+    pub(crate) middle: [f64; 2],
 }
 
 /// The box of least area around a convex hull, in the units of the hull.
 pub(crate) fn least_area(hull: &[[i64; 2]]) -> Rectangle {
-    let mut best = Rectangle { length: 0.0, width: 0.0, azimuth_deg: None };
+    let middle = hull.first().map_or([0.0; 2], |point| point.map(|value| value as f64));
+    let mut best = Rectangle { length: 0.0, width: 0.0, azimuth_deg: None, middle };
     let mut least = f64::INFINITY;
     for (number, from) in hull.iter().enumerate() {
         let to = hull[(number + 1) % hull.len()];
@@ -28,13 +31,16 @@ pub(crate) fn least_area(hull: &[[i64; 2]]) -> Rectangle {
             continue;
         }
         let along = along.map(|value| value / side);
-        let [a, b] = [extent(hull, from, along), extent(hull, from, [-along[1], along[0]])];
+        let across = [-along[1], along[0]];
+        let ends = [along, across].map(|way| ends(hull, from, way));
+        let [a, b] = ends.map(|[least, most]| most - least);
         // Rounding must not decide between equal boxes, for example those on opposite sides.
         if a * b < least * (1.0 - 1e-12) {
             least = a * b;
-            let (length, width, direction) =
-                if a >= b { (a, b, along) } else { (b, a, [-along[1], along[0]]) };
-            best = Rectangle { length, width, azimuth_deg: Some(azimuth_deg(direction)) };
+            let (length, width, direction) = if a >= b { (a, b, along) } else { (b, a, across) };
+            let [u, v] = ends.map(|[least, most]| f64::midpoint(least, most));
+            let middle = [0, 1].map(|k| from[k] as f64 + u * along[k] + v * across[k]);
+            best = Rectangle { length, width, azimuth_deg: Some(azimuth_deg(direction)), middle };
         }
         if hull.len() == 2 {
             break;
@@ -43,11 +49,17 @@ pub(crate) fn least_area(hull: &[[i64; 2]]) -> Rectangle {
     best
 }
 
-/// Extent of a hull along a direction of length 1.
-fn extent(hull: &[[i64; 2]], origin: &[i64; 2], along: [f64; 2]) -> f64 {
+/// Where a hull begins and ends along a direction of length 1, from the origin.
+fn ends(hull: &[[i64; 2]], origin: &[i64; 2], along: [f64; 2]) -> [f64; 2] {
     let at = |p: &[i64; 2]| (p[0] - origin[0]) as f64 * along[0] + (p[1] - origin[1]) as f64 * along[1];
     let least = hull.iter().map(at).fold(f64::INFINITY, f64::min);
-    hull.iter().map(at).fold(f64::NEG_INFINITY, f64::max) - least
+    [least, hull.iter().map(at).fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// Extent of a hull along a direction of length 1.
+fn extent(hull: &[[i64; 2]], origin: &[i64; 2], along: [f64; 2]) -> f64 {
+    let [least, most] = ends(hull, origin, along);
+    most - least
 }
 
 /// A direction without sign, in degrees clockwise from north, from 0 up to 180.
@@ -86,10 +98,15 @@ mod tests {
     fn boxes_have_sides_and_directions() {
         let found = least_area(&[[0, 0], [4, 0], [4, 2], [0, 2]]);
         assert_eq!((found.length, found.width, found.azimuth_deg), (4.0, 2.0, Some(90.0)));
+        assert_eq!(found.middle, [2.0, 1.0]);
         let turned = least_area(&[[0, 0], [300, 400], [220, 460], [-80, 60]]);
         assert!((turned.length - 500.0).abs() < 1e-9 && (turned.width - 100.0).abs() < 1e-9, "{turned:?}");
         assert!((turned.azimuth_deg.unwrap() - 36.869_897_645_844).abs() < 1e-9, "{turned:?}");
-        assert_eq!(least_area(&[[7, 7]]), Rectangle { length: 0.0, width: 0.0, azimuth_deg: None });
+        assert!(
+            turned.middle.iter().zip([110.0, 230.0]).all(|(found, expected)| (found - expected).abs() < 1e-9)
+        );
+        let point = Rectangle { length: 0.0, width: 0.0, azimuth_deg: None, middle: [7.0; 2] };
+        assert_eq!(least_area(&[[7, 7]]), point);
         let line = least_area(&[[0, 0], [0, 9]]);
         assert_eq!((line.length, line.width, line.azimuth_deg), (9.0, 0.0, Some(0.0)));
     }
