@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Compares ground filters on labelled scenes, synthetic drives and real scans, as tables for benches/results.
 
-    scripts/study_ground.py PROGRAM RESULTS FOLDER [DATA]
+    scripts/study_ground.py PROGRAM RESULTS FOLDER [DATA [METHOD ...]]
 
 DATA is the folder with sim, real-labelled and real (default ../shared/data); what is not there is left out. FOLDER takes
 synthetic drives and one file of figures for each scene and method; what is there is not done again. So delete the files
 of a filter after it has changed. RESULTS takes ground.md: its tables are made anew, the text before the line
-"<!-- tables -->" stays. Needs numpy, scipy and laspy[lazrs]; CSF and pysmrf where cloth-simulation-filter and pysmrf are
+"<!-- tables -->" stays. With METHODs, such as opening, it prints precision and recall of these and writes no page. Needs numpy, scipy and laspy[lazrs]; CSF and pysmrf where cloth-simulation-filter and pysmrf are
 installed.
 
 Beside the filters of PROGRAM: CSF (Zhang et al. 2016, the authors' package) and SMRF (Pingel et al. 2013) with the defaults

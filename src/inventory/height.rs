@@ -16,7 +16,7 @@ impl Attribute for Height {
                 name: "height_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "height of the highest point above the ground at the base, without a few points above a gap; of a fence, hedge \
+                definition: "height of the highest point above the ground at the base, without a few points above a gap and one in 200 of a wire; of a fence, hedge \
                              or wall that is longer than 4 m, height above the ground below it that nine tenths of it do not exceed; empty where \
                              no ground is within 10 m of it",
             },

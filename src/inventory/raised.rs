@@ -8,8 +8,9 @@
 //! pairs of one of its cells and another cell near it have a step down.
 //!
 //! Chosen on nine labelled scenes and drives of `synth`, in which 3,500 cells are more than 0.2 m wrong. The
-//! rule finds 1,580 of them, and calls 42 other cells raised. It cannot tell a short terrace from a hedge: on
-//! the real street `kitti_street_22`, which has such gardens, it finds 72 of 129, and calls 116 others raised.
+//! rule finds 1,580 of them, and calls 42 other cells raised. It cannot tell a short terrace from a hedge. On
+//! the real street `kitti_street_22`, which has such gardens, it finds 72 of 129, and calls 116 others
+//! raised.
 
 use rustc_hash::FxHashMap;
 

@@ -20,6 +20,8 @@ pub(crate) const BUILDING: u8 = 5;
 pub(crate) const FENCE: u8 = 6;
 /// Persons and small furniture.
 pub(crate) const SMALL: u8 = 7;
+/// Wires between poles.
+pub(crate) const WIRE: u8 = 8;
 
 /// Edge of a cell of the plan in metres (chosen: the outline lies within 0.1 m of every point).
 const PLAN_EDGE_M: f64 = 0.1;
