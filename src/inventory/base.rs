@@ -135,6 +135,11 @@ mod tests {
         let found = as_decimals(&values_of(&Base, &points, kind, &ground, METRES));
         // The plane through the cells around has a part of the floor's.
         assert!((found[2].unwrap()).abs() < 0.1 && (found[1].unwrap() - 12.05).abs() < 0.1, "{found:?}");
+        // Reflections of the facade deep inside are not its front.
+        let reflections = (0..40_i64).map(|n| [4_550 + n % 3 * 100, 14_050, -6_000 + n * 40]);
+        let with: Vec<_> = points.iter().copied().chain(reflections).collect();
+        let with = as_decimals(&values_of(&Base, &with, kind, &ground, METRES));
+        assert!((with[1].unwrap() - 12.05).abs() < 0.1 && with[2].unwrap().abs() < 0.1, "{with:?}");
         // Other objects have the ground of the place where they stand.
         let found = as_decimals(&values_of(&Base, &points, NO_KIND, &ground, METRES));
         assert!(found[2].unwrap() > 0.3, "{found:?}");

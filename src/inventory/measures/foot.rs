@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use super::parts::{BUILDING, Frames, Measures, POLE, TREE, VEHICLE};
 use super::profile::Ends;
 use super::rectangle::least_area;
+use super::sketch::Heights;
 use super::stem::Stem;
 use super::stem_axis::StemAxis;
 use crate::inventory::site::Site;
@@ -90,7 +91,7 @@ impl Foot {
             return Self { place, ground_m, stem: Some((stem, axis)) };
         }
         let is_building = kind.class == BUILDING;
-        let fronts = if is_building { Fronts::new(measures, frames, site) } else { Fronts::default() };
+        let fronts = if is_building { Fronts::new(measures, ends, frames, site) } else { Fronts::default() };
         let ground_m = |place| fronts.ground_m(place, site).or_else(|| terrain.height_of_cell_m(place));
         match lowest_part(measures, ends, frames, site, ground_m) {
             Some(part) => {
@@ -100,7 +101,7 @@ impl Foot {
                     VEHICLE => least_area(&whole.hull).middle.map(|value| value * lattice.step_m()),
                     _ => part.middle,
                 };
-                let (place, ground_m) = match fronts.middle(measures, frames, site) {
+                let (place, ground_m) = match fronts.middle(measures, ends, frames, site) {
                     Some(front) => (front.place.map(|value| lattice.metres(value)), front.ground_m),
                     None => (place, terrain.surface_m(place)),
                 };
@@ -127,10 +128,10 @@ struct Front {
 }
 
 impl Fronts {
-    fn new(measures: &Measures, frames: &Frames, site: &Site<'_>) -> Self {
+    fn new(measures: &Measures, ends: Ends, frames: &Frames, site: &Site<'_>) -> Self {
         // Cells of the terrain by metre of chainage: distance from the axis, place, lowest point.
         let mut cells: BTreeMap<[i64; 2], i64> = BTreeMap::new();
-        for (place, lowest) in plan_cells(measures, frames) {
+        for (place, lowest) in plan_cells(measures, ends, frames) {
             let slot = cells.entry(site.terrain.middle(place)).or_insert(lowest);
             *slot = lowest.min(*slot);
         }
@@ -155,11 +156,11 @@ impl Fronts {
 
     /// The front half way between both ends, at the place of the cell of the plan that is the nearest to the
     /// axis. `None` of what is no building.
-    fn middle(&self, measures: &Measures, frames: &Frames, site: &Site<'_>) -> Option<Front> {
+    fn middle(&self, measures: &Measures, ends: Ends, frames: &Frames, site: &Site<'_>) -> Option<Front> {
         let (first, last) = (self.0.keys().next()?, self.0.keys().next_back()?);
         let (_, &front) = self.0.range(i64::midpoint(*first, *last)..).next()?;
-        let cells =
-            plan_cells(measures, frames).filter(|(place, _)| site.terrain.middle(*place) == front.place);
+        let cells = plan_cells(measures, ends, frames)
+            .filter(|(place, _)| site.terrain.middle(*place) == front.place);
         let cells: Vec<([i64; 2], i64)> = cells.collect();
         let bottom = cells.iter().map(|cell| cell.1).min()?;
         let low = cells.into_iter().filter(|cell| cell.1 <= bottom + site.lattice.units(EAVES_M));
@@ -179,14 +180,13 @@ impl Front {
     }
 }
 
-/// The cells of the plan of an object: the middle and the lowest point of each, in lattice units.
-fn plan_cells(measures: &Measures, frames: &Frames) -> impl Iterator<Item = ([i64; 2], i64)> {
+/// The cells of the plan of an object: the middle and the lowest point of each, in lattice units. Detached
+/// points below the object do not count.
+fn plan_cells(measures: &Measures, ends: Ends, frames: &Frames) -> impl Iterator<Item = ([i64; 2], i64)> {
     let middle = |axis, index| frames.plan.doubled_middle(measures.plan.level, axis, index).div_euclid(2);
-    measures
-        .plan
-        .voxels
-        .iter()
-        .map(move |([i, j, _], heights)| ([middle(0, *i), middle(1, *j)], heights.lowest))
+    let lowest = move |heights: &Heights| heights.lowest.max(ends.bottom);
+    let voxels = measures.plan.voxels.iter();
+    voxels.map(move |([i, j, _], heights)| ([middle(0, *i), middle(1, *j)], lowest(heights)))
 }
 
 /// Number of the front of a building that is at the chainage of a place in lattice units, and distance of the
