@@ -1,6 +1,6 @@
 //! What attributes see: one whole object.
 
-use crate::inventory::measures::{Ends, Foot, Frames, Measures, Polygon, outline};
+use crate::inventory::measures::{Ends, Foot, Frames, Measures, Polygon, WIRE, outline};
 use crate::inventory::site::{Site, centre};
 use crate::model::{Kind, ObjectPart};
 
@@ -47,8 +47,8 @@ impl<'a> Object<'a> {
         let ground_m = site.terrain.height_m([centre[0], centre[1]]);
         let frames = Frames::new(part, kind, site.ground_below(part), site.lattice);
         // Without points, as the centre.
-        let ends =
-            Ends::new(&measures.profile, kind.class, site.lattice).unwrap_or(Ends { bottom: 0, top: 0 });
+        let ends = Ends::new(&measures.profile, kind.class == WIRE, site.lattice)
+            .unwrap_or(Ends { bottom: 0, top: 0 });
         let foot = Foot::new(part, ends, kind, measures, &frames, site);
         let outline = outline(&measures.plan, &frames.plan, site.lattice, |_| true);
         Self { id, part, kind, site, centre, ground_m, measures, frames, ends, foot, outline }

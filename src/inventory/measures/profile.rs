@@ -4,7 +4,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::parts::WIRE;
 use super::sketch::{Patch, Sketch};
 use crate::model::Lattice;
 
@@ -49,10 +48,10 @@ pub(crate) struct Ends {
 }
 
 impl Ends {
-    /// The ends of an object of a class with this profile; `None` without points.
-    pub(crate) fn new(profile: &Sketch<Slice>, class: u8, lattice: Lattice) -> Option<Self> {
+    /// The ends of a wire or of another object with this profile; `None` without points.
+    pub(crate) fn new(profile: &Sketch<Slice>, is_wire: bool, lattice: Lattice) -> Option<Self> {
         let mut ends = Self::of(profile, lattice)?;
-        if class == WIRE {
+        if is_wire {
             let slices = || profile.voxels.iter().map(|(_, slice)| slice);
             let most = slices().map(|slice| slice.points).sum::<u64>() / OVER_WIRE;
             let mut above = 0;
@@ -99,16 +98,16 @@ mod tests {
 
     /// The ends of points at these heights in millimetres: from, to, step.
     fn ends(runs: &[(i64, i64, usize)]) -> Ends {
-        ends_of(0, runs)
+        ends_of(false, runs)
     }
 
-    fn ends_of(class: u8, runs: &[(i64, i64, usize)]) -> Ends {
+    fn ends_of(is_wire: bool, runs: &[(i64, i64, usize)]) -> Ends {
         let heights: Vec<i64> = runs.iter().flat_map(|&(from, to, step)| (from..=to).step_by(step)).collect();
         let corners = [heights.iter().min().unwrap(), heights.iter().max().unwrap()].map(|z| [0, 0, *z]);
         let frame = Frame::new(100, corners[0], corners[1]);
         let slice = |&z: &i64| (frame.key([0, 0, z]), Slice { points: 1, lowest: z, highest: z });
         let profile = Sketch::of(&frame, heights.iter().map(slice).collect(), 1 << 10);
-        Ends::new(&profile, class, Lattice::MILLIMETRE).unwrap()
+        Ends::new(&profile, is_wire, Lattice::MILLIMETRE).unwrap()
     }
 
     #[test]
@@ -146,10 +145,10 @@ mod tests {
     fn the_highest_points_of_a_wire_are_not_its_top() {
         // 600 points of a wire, and 3 of the top of its pole.
         let wire = [(7_000, 7_199, 1), (7_200, 7_599, 1), (7_700, 7_900, 100)];
-        assert_eq!(ends_of(WIRE, &wire).top, 7_599);
-        assert_eq!(ends_of(2, &wire).top, 7_900);
+        assert_eq!(ends_of(true, &wire).top, 7_599);
+        assert_eq!(ends_of(false, &wire).top, 7_900);
         assert_eq!(
-            ends_of(WIRE, &[(7_000, 7_599, 1), (7_700, 8_000, 100)]).top,
+            ends_of(true, &[(7_000, 7_599, 1), (7_700, 8_000, 100)]).top,
             7_700,
             "a fourth is the wire's"
         );
