@@ -6,8 +6,8 @@
 DATA is the folder with sim, real-labelled and real (default ../shared/data); what is not there is left out. FOLDER takes
 synthetic drives and one file of figures for each scene and method; what is there is not done again. So delete the files
 of a filter after it has changed. RESULTS takes ground.md: its tables are made anew, the text before the line
-"<!-- tables -->" stays. With METHODs, such as opening, it prints precision and recall of these and writes no page. Needs numpy, scipy and laspy[lazrs]; CSF and pysmrf where cloth-simulation-filter and pysmrf are
-installed.
+"<!-- tables -->" stays. With METHODs of PROGRAM, such as opening, it prints their precision and recall, and writes no page
+and no figures. Needs numpy, scipy and laspy[lazrs]; CSF and pysmrf where cloth-simulation-filter and pysmrf are installed.
 
 Beside the filters of PROGRAM: CSF (Zhang et al. 2016, the authors' package) and SMRF (Pingel et al. 2013) with the defaults
 of PDAL's filters.smrf; they get the points that the program does not call noise. SMRF is there twice: as written in this file, and of the package pysmrf. PDAL itself is in no registry of Debian
@@ -47,6 +47,7 @@ OTHERS = ("suburb", "downtown", "avenue", "highway")
 CHANGES = [("avenue", "grade 15 %"), ("suburb", "hillside 30 %"), ("suburb", "embankment"), ("highway", "cutting"),
            ("downtown", "strays")]
 SPINNING = ["--scanner", "spinning-64", "--sweeps", "20"]
+# Preset and seed of drives of 150 m that see much below the road.
 SPINNING_DRIVES = [("downtown", "972"), ("downtown", "913"), ("suburb", "903")]
 PROGRAM_METHODS = {
     "voxel-column, 1": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=1"],
@@ -340,7 +341,7 @@ def tables(results, methods):
 
 
 def compare(executable, folder, data, methods):
-    """Prints precision and recall of these methods of the program, and writes nothing."""
+    """Prints precision and recall of these methods of the program."""
     for name, source in scenes(executable, folder, data).items():
         cloud = read(source)
         for method in methods:

@@ -19,7 +19,7 @@ pub(super) struct Tile<'a> {
     /// z of the drive that is the local z 0.
     pub(super) bottom: i64,
     /// Number of points of each voxel.
-    pub(super) counts: Vec<u32>,
+    counts: Vec<u32>,
 }
 
 impl<'a> Tile<'a> {

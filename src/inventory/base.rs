@@ -146,6 +146,36 @@ mod tests {
     }
 
     #[test]
+    fn a_building_stands_at_its_wall_on_the_ground_that_rises_to_it() {
+        // Ground rises by 0.1 m per metre from the axis at y = 5 m to the wall at y = 12.05 m. Behind it is a
+        // floor 1 m higher. Eaves overhang the street by 0.6 m, 4 m above it.
+        let wall = (0..3_000_i64).map(|n| [n % 100 * 100 + 50, 12_050, 705 + n / 100 * 200]);
+        let eaves = (0..600_i64).map(|n| [n % 100 * 100 + 50, 11_450 + n / 100 * 100, 4_700]);
+        let points: Vec<[i64; 3]> = wall.chain(eaves).collect();
+        let rise = (0..10).flat_map(|i| (6..12).map(move |j| ([i, j], 100 * i64::from(j) - 450)));
+        let floor = (0..10).flat_map(|i| (12..16).map(move |j| ([i, j], 1_700)));
+        let ground: Vec<_> = rise.chain(floor).collect();
+        let kind = Kind { class: 5, confidence: 255 };
+        let found = as_decimals(&values_of(&Base, &points, kind, &ground, METRES));
+        let away = [(0, 4.5), (1, 12.05), (2, 0.7)].map(|(k, expected)| (found[k].unwrap() - expected).abs());
+        assert!(away[0] < 0.6 && away[1] < 0.06 && away[2] < 0.06, "{found:?}");
+    }
+
+    #[test]
+    fn a_vehicle_stands_in_the_middle_of_its_box() {
+        // A side of 4 m by 1.5 m that begins at the ground, and a roof of 1.8 m that is seen above it.
+        let side = (0..600_i64).map(|n| [1_000 + n % 40 * 100, 3_000, n / 40 * 100]);
+        let roof = (0..720_i64).map(|n| [1_000 + n % 40 * 100, 3_000 + n / 40 * 100, 1_500]);
+        let points: Vec<[i64; 3]> = side.chain(roof).collect();
+        let base = |class: u8| {
+            let kind = Kind { class, confidence: 255 };
+            as_decimals(&values_of(&Base, &points, kind, &[([2, 3], 0)], METRES))
+        };
+        assert!(near(&base(4), &[2.95, 3.85, 0.0]), "{:?}", base(4));
+        assert!(base(7)[1].unwrap() < 3.1, "another object stands where its lowest part is");
+    }
+
+    #[test]
     fn reflections_far_below_a_tree_do_not_hide_its_stem() {
         let stem = (0..2_000_i64).map(|n| {
             let angle = n as f64 * 0.31;

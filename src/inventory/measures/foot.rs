@@ -129,24 +129,20 @@ struct Front {
 
 impl Fronts {
     fn new(measures: &Measures, ends: Ends, frames: &Frames, site: &Site<'_>) -> Self {
-        // Cells of the terrain by metre of chainage: distance from the axis, place, lowest point.
         let mut cells: BTreeMap<[i64; 2], i64> = BTreeMap::new();
         for (place, lowest) in plan_cells(measures, ends, frames) {
             let slot = cells.entry(site.terrain.middle(place)).or_insert(lowest);
             *slot = lowest.min(*slot);
         }
-        let mut by_metre: BTreeMap<i64, Vec<(f64, [i64; 2], i64)>> = BTreeMap::new();
+        let mut by_metre: BTreeMap<i64, Vec<FrontCell>> = BTreeMap::new();
         for (place, lowest) in cells {
             let (metre, offset_m) = front_of(place, site);
-            by_metre.entry(metre).or_default().push((offset_m, place, lowest));
+            by_metre.entry(metre).or_default().push(FrontCell { offset_m, place, lowest });
         }
-        let fronts = by_metre.into_iter().filter_map(|(metre, cells)| {
-            let bottom = cells.iter().map(|cell| cell.2).min()?;
-            let reaches_down = |cell: &&(f64, [i64; 2], i64)| cell.2 <= bottom + site.lattice.units(EAVES_M);
-            let nearest = cells.iter().filter(reaches_down).min_by(|one, other| one.0.total_cmp(&other.0))?;
-            Some((metre, Front::new(nearest.1, site)))
-        });
-        Self(fronts.collect())
+        let front = |(metre, cells): (i64, Vec<FrontCell>)| {
+            Some((metre, Front::new(nearest_to_axis(&cells, site)?, site)))
+        };
+        Self(by_metre.into_iter().filter_map(front).collect())
     }
 
     /// Height of the ground in metres before the front at the chainage of a place in lattice units.
@@ -159,13 +155,10 @@ impl Fronts {
     fn middle(&self, measures: &Measures, ends: Ends, frames: &Frames, site: &Site<'_>) -> Option<Front> {
         let (first, last) = (self.0.keys().next()?, self.0.keys().next_back()?);
         let (_, &front) = self.0.range(i64::midpoint(*first, *last)..).next()?;
-        let cells = plan_cells(measures, ends, frames)
-            .filter(|(place, _)| site.terrain.middle(*place) == front.place);
-        let cells: Vec<([i64; 2], i64)> = cells.collect();
-        let bottom = cells.iter().map(|cell| cell.1).min()?;
-        let low = cells.into_iter().filter(|cell| cell.1 <= bottom + site.lattice.units(EAVES_M));
-        let places = low.map(|(place, _)| (front_of(place, site).1, place));
-        let place = places.min_by(|one, other| one.0.total_cmp(&other.0))?.1;
+        let cells = plan_cells(measures, ends, frames);
+        let cells = cells.filter(|(place, _)| site.terrain.middle(*place) == front.place);
+        let cell = |(place, lowest)| FrontCell { offset_m: front_of(place, site).1, place, lowest };
+        let place = nearest_to_axis(&cells.map(cell).collect::<Vec<_>>(), site)?;
         Some(Front { place, ..front })
     }
 }
@@ -178,6 +171,22 @@ impl Front {
         let ground_m = site.terrain.before_wall_m(wall, before).or_else(|| site.terrain.surface_m(before));
         Self { place, ground_m }
     }
+}
+
+/// A cell of a building: its distance from the axis in metres, its middle and its lowest point in lattice
+/// units.
+struct FrontCell {
+    offset_m: f64,
+    place: [i64; 2],
+    lowest: i64,
+}
+
+/// Place of the cell that is the nearest to the axis, of those that reach down to less than [`EAVES_M`] above
+/// the lowest.
+fn nearest_to_axis(cells: &[FrontCell], site: &Site<'_>) -> Option<[i64; 2]> {
+    let bottom = cells.iter().map(|cell| cell.lowest).min()?;
+    let low = cells.iter().filter(|cell| cell.lowest <= bottom + site.lattice.units(EAVES_M));
+    low.min_by(|one, other| one.offset_m.total_cmp(&other.offset_m)).map(|cell| cell.place)
 }
 
 /// The cells of the plan of an object: the middle and the lowest point of each, in lattice units. Detached

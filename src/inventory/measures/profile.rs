@@ -141,6 +141,7 @@ mod tests {
         assert_eq!(found, Ends { bottom: 0, top: 5_000 });
         assert_eq!(ends(&[(7, 7, 1)]), Ends { bottom: 7, top: 7 });
     }
+
     #[test]
     fn the_highest_points_of_a_wire_are_not_its_top() {
         // 600 points of a wire, and 3 of the top of its pole.
