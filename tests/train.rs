@@ -58,9 +58,9 @@ fn tiles_and_threads_change_no_byte_and_the_model_scores_its_drive() {
     }
     assert!(models[0] == models[1], "tiles or threads change the model");
     assert!(models[2] != models[3] && models[0] != models[3], "seed and thinned copies change nothing");
-    let StreetModel { shapes, context, objects } =
+    let StreetModel { shapes, context, objects, wholes } =
         read_model(&folder.path().join("0.model")).expect("a model");
-    assert!(objects.is_none());
+    assert!(objects.is_none() && wholes.is_none());
     for (model, most) in [(shapes, 100), (context, 400)] {
         let sources = &model.about().trained_on;
         assert_eq!(sources.len(), 2);
@@ -86,7 +86,7 @@ fn tiles_and_threads_change_no_byte_and_the_model_scores_its_drive() {
 
 #[test]
 #[ignore = "long; scripts/check.sh runs it"]
-fn a_second_call_adds_the_model_of_objects_whatever_the_tiles() {
+fn a_second_call_adds_the_models_of_objects_whatever_the_tiles() {
     let folder = tempfile::tempdir().expect("a folder");
     let drive = labelled(folder.path());
     let voxels = folder.path().join("voxels.model");
@@ -100,6 +100,7 @@ fn a_second_call_adds_the_model_of_objects_whatever_the_tiles() {
         assert_eq!(code, 0, "{text}");
         let text = String::from_utf8(output.stdout).expect("text");
         assert!(text.contains("objects that were held out"), "{text}");
+        assert!(text.contains("objects and pieces that were held out"), "{text}");
         models.push(std::fs::read(path).expect("a model"));
     }
     assert!(models[0] == models[1], "tiles or threads change the model");
@@ -111,6 +112,9 @@ fn a_second_call_adds_the_model_of_objects_whatever_the_tiles() {
     let samples = &objects.about().samples;
     // Of both copies of the drive, without those that are held out: trees and buildings among others.
     assert!(samples.iter().sum::<u64>() > 10 && samples[1] > 0 && samples[4] > 0, "{samples:?}");
+    let wholes = model.wholes.as_ref().expect("a model of pieces");
+    let counts = &wholes.about().samples;
+    assert!(counts[0] > 10 && wholes.about().trained_on.len() == 2, "{counts:?}");
     assert_ne!(model.checksum(), before.checksum());
 }
 

@@ -48,6 +48,8 @@ pub struct RecordLayout {
 
 /// Data type of an extra dimension of unsigned bytes (LAS 1.4 R15, table 25).
 const UNSIGNED_BYTE: u8 = 1;
+const UNSIGNED_SHORT: u8 = 3;
+const UNSIGNED_LONG: u8 = 5;
 
 /// Where a field of a point is in its record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,6 +129,13 @@ impl RecordLayout {
                     self.dimension(field.name()).filter(|found| found.data_type == UNSIGNED_BYTE)?;
                 Some(FieldPlace { offset: dimension.offset, wide: false })
             }
+            // Little-endian, so the lower two bytes of a wider number come first.
+            Field::Instance => {
+                let dimension = self.dimension(field.name());
+                let found =
+                    dimension.filter(|found| matches!(found.data_type, UNSIGNED_SHORT | UNSIGNED_LONG))?;
+                Some(FieldPlace { offset: found.offset, wide: true })
+            }
             _ => self.word(field).map(|offset| FieldPlace { offset, wide: true }),
         }
     }
@@ -140,7 +149,7 @@ impl RecordLayout {
             _ => None,
         };
         match field {
-            Field::X | Field::Y | Field::Z | Field::Class | Field::Core => None,
+            Field::X | Field::Y | Field::Z | Field::Class | Field::Core | Field::Instance => None,
             Field::Intensity => Some(self.intensity),
             Field::Red => red,
             Field::Green => red.map(|red| red + 2),

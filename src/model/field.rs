@@ -29,6 +29,9 @@ pub enum Field {
     /// Whether a labelled drive is labelled completely here, the extra dimension `gt_core`. As above.
     #[serde(skip)]
     Core,
+    /// Number of the object in a labelled drive, the extra dimension `gt_instance`: its lower 16 bits. As above.
+    #[serde(skip)]
+    Instance,
 }
 
 impl Field {
@@ -39,9 +42,14 @@ impl Field {
             Self::X => Some(0),
             Self::Y => Some(1),
             Self::Z => Some(2),
-            Self::Intensity | Self::Red | Self::Green | Self::Blue | Self::Nir | Self::Class | Self::Core => {
-                None
-            }
+            Self::Intensity
+            | Self::Red
+            | Self::Green
+            | Self::Blue
+            | Self::Nir
+            | Self::Class
+            | Self::Core
+            | Self::Instance => None,
         }
     }
 
@@ -59,6 +67,7 @@ impl Field {
             Self::Nir => "nir",
             Self::Class => "gt_class",
             Self::Core => "gt_core",
+            Self::Instance => "gt_instance",
         }
     }
 }

@@ -4,8 +4,8 @@
 //! of shapes learn from one half of the drives each, and classify the other half. A single drive has no other
 //! half: it is classified by the model that learned from it.
 //!
-//! The model of objects is learned by another call, from other drives. It must learn from objects as wrong as
-//! those of a new drive, and the models of voxels know the drives that they learned from too well.
+//! The models of objects are learned by another call, from other drives. They must learn from objects as wrong
+//! as those of a new drive, and the models of voxels know the drives that they learned from too well.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -13,11 +13,11 @@ use std::time::Instant;
 use crate::boosting::{self, Confusion, Model, Samples, TrainedOn, learn};
 use crate::cluster::Scene;
 use crate::cluster::street::{
-    self, CLASS_NAMES, CLASSES, CONTEXT_FEATURES, Counts, FEATURES, OBJECT_FEATURES, Purpose, Sample,
-    StreetModel, Training,
+    self, CLASS_NAMES, CONTEXT_FEATURES, Counts, FEATURES, Known, OBJECT_FEATURES, Purpose, Sample,
+    SamplesOfObjects, StreetModel, Training, WHOLE_CLASSES, WHOLE_FEATURES,
 };
 use crate::config::Config;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::input::{Catalog, InputError, InputFile};
 use crate::model::{Field, Lattice};
 use crate::run::chain::{Chain, Registries};
@@ -30,6 +30,7 @@ const LEARN_HALVES: &str = "learn from half of the drives";
 const LEARN_SHAPES: &str = "learn shapes";
 const LEARN_CONTEXT: &str = "learn context";
 const LEARN_OBJECTS: &str = "learn objects";
+const LEARN_WHOLES: &str = "learn pieces";
 
 /// A request to learn from labelled drives.
 #[derive(Debug, Clone)]
@@ -60,6 +61,8 @@ pub struct Trained {
     /// How it classifies voxels of the same drives that it has not learned from. For [`train_objects`]: how
     /// it names objects of them.
     pub held_out: Confusion,
+    /// For [`train_objects`]: how it tells whole objects from pieces.
+    pub wholes: Option<Confusion>,
 }
 
 /// Reads a model that [`train`] gave and a user stored. It is for the features and classes of this program.
@@ -88,13 +91,13 @@ struct Sampled {
 }
 
 impl Sampled {
-    fn new(features: &[&str]) -> Self {
-        let none = || Samples::new(features, &CLASS_NAMES);
+    fn new(features: &[&str], classes: &[&str]) -> Self {
+        let none = || Samples::new(features, classes);
         Self { halves: [none(), none()], held_out: none(), sources: Vec::new() }
     }
 
     fn add(&mut self, half: usize, name: String, samples: &[Sample]) -> Result<()> {
-        let mut counts = vec![0; CLASSES];
+        let mut counts = vec![0; self.held_out.classes().len()];
         for Sample { class, held_out, features, .. } in samples {
             if *held_out {
                 self.held_out.push(features, *class)?;
@@ -138,12 +141,16 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
     let settings =
         boosting::Settings { rounds: request.settings.rounds.div_ceil(2), ..request.settings.clone() };
     let context = learned(LEARN_CONTEXT, &all, &settings, observer)?.trained_on(sources)?;
-    let held_out = confusion(&context, &held_out)?;
-    Ok(Trained { model: StreetModel { shapes, context, objects: None }, held_out })
+    let held_out = confusion::<{ CLASS_NAMES.len() }>(&context, &held_out)?;
+    Ok(Trained {
+        model: StreetModel { shapes, context, objects: None, wholes: None },
+        held_out,
+        wholes: None,
+    })
 }
 
-/// Learns the model of objects of a model whose models of voxels are known. They should have learned from
-/// other drives.
+/// Learns the models of objects of a model whose models of voxels are known. They should have learned from
+/// other drives. Drives that do not say which object a point belongs to teach names only.
 ///
 /// # Errors
 /// As [`train`].
@@ -154,23 +161,60 @@ pub fn train_objects(
     cancel: &CancelToken,
 ) -> Result<Trained> {
     request.settings.validate()?;
-    let purpose = |_| Purpose::objects(StreetModel { objects: None, ..model.clone() });
-    let objects = sample(request, &OBJECT_FEATURES, observer, cancel, &purpose)?;
-    let Sampled { halves: [mut all, other], held_out, sources } = objects;
-    all.append(other)?;
-    let objects = learned(LEARN_OBJECTS, &all, &request.settings, observer)?.trained_on(sources)?;
-    let held_out = confusion(&objects, &held_out)?;
-    Ok(Trained { model: StreetModel { objects: Some(objects), ..model.clone() }, held_out })
+    let voxels = StreetModel { objects: None, wholes: None, ..model.clone() };
+    let mut names = Sampled::new(&OBJECT_FEATURES, &CLASS_NAMES);
+    let mut wholes = Sampled::new(&WHOLE_FEATURES, &WHOLE_CLASSES);
+    each_copy(request, observer, cancel, &mut |work, number, share| {
+        let samples = work.objects(Purpose::objects(voxels.clone())?, share)?;
+        let name = || name_of(work.drive, share);
+        names.add(number % 2, name(), &samples.names)?;
+        wholes.add(number % 2, name(), &samples.wholes)
+    })?;
+    let learn = |pass, sampled: Sampled| {
+        let Sampled { halves: [mut all, other], held_out, sources } = sampled;
+        all.append(other)?;
+        Ok::<_, Error>((learned(pass, &all, &request.settings, observer)?.trained_on(sources)?, held_out))
+    };
+    let (objects, held_out) = learn(LEARN_OBJECTS, names)?;
+    let held_out = confusion::<{ CLASS_NAMES.len() }>(&objects, &held_out)?;
+    if wholes.halves.iter().all(Samples::is_empty) {
+        return Ok(Trained {
+            model: StreetModel { objects: Some(objects), ..voxels },
+            held_out,
+            wholes: None,
+        });
+    }
+    let (wholes, unseen) = learn(LEARN_WHOLES, wholes)?;
+    let unseen = confusion::<{ WHOLE_CLASSES.len() }>(&wholes, &unseen)?;
+    let model = StreetModel { objects: Some(objects), wholes: Some(wholes), ..voxels };
+    Ok(Trained { model, held_out, wholes: Some(unseen) })
 }
 
 /// How a model classifies samples.
-fn confusion(model: &Model, samples: &Samples) -> Result<Confusion> {
+fn confusion<const CLASSES: usize>(model: &Model, samples: &Samples) -> Result<Confusion> {
     let mut confusion = Confusion::new(CLASSES);
     let shares = model.shares::<CLASSES>(samples.values())?;
     for (shares, &class) in shares.iter().zip(samples.class()) {
         confusion.add(usize::from(class), usize::from(street::class(shares)), 1);
     }
     Ok(confusion)
+}
+
+/// Does something with each drive and each share of its points. `what` also gets the number of the drive.
+fn each_copy(
+    request: &TrainRequest<'_>,
+    observer: &dyn Observer,
+    cancel: &CancelToken,
+    what: &mut dyn FnMut(&Work<'_>, usize, f64) -> Result<()>,
+) -> Result<()> {
+    for (number, drive) in request.drives.iter().enumerate() {
+        let work = Work { request, drive, observer, cancel };
+        for share in std::iter::once(1.0).chain(request.thin.iter().copied()) {
+            what(&work, number, share)?;
+        }
+        work.clear();
+    }
+    Ok(())
 }
 
 /// The samples of all drives, every other drive in the second half.
@@ -181,16 +225,12 @@ fn sample(
     cancel: &CancelToken,
     purpose: &dyn Fn(usize) -> Result<Purpose>,
 ) -> Result<Sampled> {
-    let mut sampled = Sampled::new(features);
-    for (number, drive) in request.drives.iter().enumerate() {
+    let mut sampled = Sampled::new(features, &CLASS_NAMES);
+    each_copy(request, observer, cancel, &mut |work, number, share| {
         let half = number % 2;
-        let work = Work { request, drive, observer, cancel };
-        for share in std::iter::once(1.0).chain(request.thin.iter().copied()) {
-            let samples = work.samples(purpose(half)?, share)?;
-            sampled.add(half, name_of(drive, share), &samples)?;
-        }
-        work.clear();
-    }
+        let samples = work.voxels(purpose(half)?, share)?;
+        sampled.add(half, name_of(work.drive, share), &samples)
+    })?;
     Ok(sampled)
 }
 
@@ -236,7 +276,7 @@ pub fn score_model(
     let (payloads, _) = work.payloads(Purpose::Score(Box::new(model.clone())), 1.0)?;
     work.clear();
     let counts: Counts = Training::counts(&payloads)?;
-    let mut confusion = Confusion::new(CLASSES);
+    let mut confusion = Confusion::new(CLASS_NAMES.len());
     for (truth, row) in counts.iter().enumerate() {
         row.iter().enumerate().for_each(|(called, &rows)| confusion.add(truth, called, rows));
     }
@@ -267,11 +307,15 @@ impl Work<'_> {
         let _ = fs_err::remove_dir_all(self.state());
     }
 
-    /// Samples of a share of the points.
-    fn samples(&self, purpose: Purpose, share: f64) -> Result<Vec<Sample>> {
-        let of_objects = matches!(purpose, Purpose::Objects(_));
+    /// Samples of the voxels of a share of the points.
+    fn voxels(&self, purpose: Purpose, share: f64) -> Result<Vec<Sample>> {
+        Training::samples(&self.payloads(purpose, share)?.0)
+    }
+
+    /// Samples of the objects in a share of the points.
+    fn objects(&self, purpose: Purpose, share: f64) -> Result<SamplesOfObjects> {
         let (payloads, lattice) = self.payloads(purpose, share)?;
-        if of_objects { Training::objects(&payloads, lattice) } else { Training::samples(&payloads) }
+        Training::objects(&payloads, lattice)
     }
 
     /// The results of the last step of [`Training`] for a share of the points, and the lattice of the drive.
@@ -285,7 +329,8 @@ impl Work<'_> {
             return Err(InputError::NoLabels { path: file.path().to_owned(), name }.into());
         }
         let lattice = catalog.lattice();
-        let method = Training { purpose, share, has_core: has_core(&catalog) };
+        let known = known(&catalog, matches!(purpose, Purpose::Objects(_)));
+        let method = Training { purpose, share, known };
         let chain =
             Chain::build(config, &self.request.registries, lattice)?.before(Box::new(method), lattice);
         let run_dir = open::lock(&catalog, &self.state(), false)?;
@@ -302,7 +347,8 @@ impl Work<'_> {
     }
 }
 
-/// Whether every file says where its labels are complete.
-fn has_core(catalog: &Catalog) -> bool {
-    catalog.files().iter().all(|file| file.layout().field(Field::Core).is_some())
+/// What every file says of its points.
+fn known(catalog: &Catalog, with_objects: bool) -> Known {
+    let has = |field| catalog.files().iter().all(|file| file.layout().field(field).is_some());
+    Known { has_core: has(Field::Core), has_instance: with_objects && has(Field::Instance) }
 }

@@ -43,8 +43,8 @@ pub(crate) struct TrainArgs {
     /// program
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["drives", "out"], requires = "test")]
     model: Option<PathBuf>,
-    /// Keep the parts of this model that classify voxels, and learn the part that names objects, from drives
-    /// that the model has not learned from
+    /// Keep the parts of this model that classify voxels, and learn the parts that name objects and find pieces
+    /// of them, from drives that the model has not learned from; pieces need drives with gt_instance
     #[arg(long, value_name = "MODEL", conflicts_with = "model")]
     onto: Option<PathBuf>,
     /// Labelled drives to score the model with; nothing is learned from them
@@ -198,7 +198,9 @@ enum Learned<'a> {
 /// The parts of a model with what they are.
 fn parts(model: &StreetModel) -> Vec<(&'static str, &Model)> {
     let voxels = [("shapes", &model.shapes), ("context", &model.context)];
-    voxels.into_iter().chain(model.objects.as_ref().map(|objects| ("objects", objects))).collect()
+    let objects = model.objects.as_ref().map(|objects| ("objects", objects));
+    let wholes = model.wholes.as_ref().map(|wholes| ("pieces", wholes));
+    voxels.into_iter().chain(objects).chain(wholes).collect()
 }
 
 /// What is said at the terminal.
@@ -216,7 +218,12 @@ fn summary(model: &StreetModel, learned: &Learned<'_>, scores: &[(String, Confus
     };
     match learned {
         Learned::Voxels(trained) => text += &right(&trained.held_out, "voxels in squares"),
-        Learned::Objects(trained) => text += &right(&trained.held_out, "objects"),
+        Learned::Objects(trained) => {
+            text += &right(&trained.held_out, "objects");
+            if let Some(wholes) = &trained.wholes {
+                text += &right(wholes, "objects and pieces");
+            }
+        }
         Learned::Nothing => {}
     }
     for (name, confusion) in scores {
@@ -233,7 +240,8 @@ fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(Str
     let counts =
         |counts: &[u64]| -> Vec<String> { counts.iter().map(|&count| print::count(count)).collect() };
     let parts = || {
-        let is_new = |name: &str| name == "objects" || !matches!(learned, Learned::Objects(_));
+        let of_objects = |name: &str| matches!(name, "objects" | "pieces");
+        let is_new = move |name: &str| of_objects(name) || !matches!(learned, Learned::Objects(_));
         parts(model).into_iter().filter(move |(name, _)| is_new(name))
     };
     for (name, model) in parts() {
@@ -261,6 +269,11 @@ fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(Str
             text += "\n## Objects of the drives that the model of objects learned from, held out\n\nEvery fifth one. \
                      The models of voxels learned from other drives.\n\n";
             text += &matrix(classes, &trained.held_out);
+            if let (Some(model), Some(wholes)) = (&model.wholes, &trained.wholes) {
+                text += "\n## Pieces among these objects\n\nEvery fifth object with enough points. A piece has at most half \
+                         of the points of what it belongs to.\n\n";
+                text += &matrix(model.classes(), wholes);
+            }
         }
         Learned::Nothing => {}
     }

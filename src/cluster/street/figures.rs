@@ -20,6 +20,12 @@ use crate::spatial::Cell;
 const BANDS_M: [f64; BANDS - 1] = [0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 const BANDS: usize = 7;
 
+/// Places of some features.
+#[cfg(test)]
+pub(super) const VOXELS: usize = CLASSES + 1;
+pub(super) const POINTS_PER_VOXEL: usize = CLASSES + 2;
+pub(super) const HIGHEST: usize = CLASSES + 10;
+
 /// Names of the features.
 pub(crate) const NAMES: [&str; 28] = [
     "share of none",
@@ -93,6 +99,16 @@ impl Default for Figures {
 }
 
 impl Figures {
+    /// Number of voxels.
+    pub(super) fn voxels(&self) -> u64 {
+        self.voxels
+    }
+
+    /// Number of points in the voxels.
+    pub(super) fn points(&self) -> u64 {
+        self.points
+    }
+
     /// Adds the voxels of another part of the object.
     pub(super) fn merge(&mut self, other: &Self) {
         fn add<T: Copy + std::ops::AddAssign, const N: usize>(sums: &mut [T; N], others: &[T; N]) {

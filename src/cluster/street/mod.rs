@@ -10,7 +10,7 @@
 //! that growth needs to know of them. `growth`: every voxel takes the label of the core with the least path
 //! cost to it, in rounds. `leftovers`: what no core reaches joins an object nearby or is an object of its
 //! own. `objects`: islands and fixtures, the labels of points, and class and confidence of objects, which the
-//! third part of the model names as a whole.
+//! third part of the model names as a whole. The fourth part finds pieces of objects.
 //!
 //! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
 //! eigenvalues and costs follow a fixed sequence of IEEE operations. Ties are broken by the keys of voxels,
@@ -26,6 +26,7 @@ mod axis;
 mod canopy;
 mod chains;
 mod classified;
+mod contacts;
 mod cores;
 mod costs;
 mod crowns;
@@ -67,9 +68,11 @@ mod terrain;
 mod trails;
 mod training;
 mod trunks;
+mod truth;
 mod uniting;
 mod verdict;
 mod voxels;
+mod wholes;
 mod window;
 
 use std::ops::RangeInclusive;
@@ -80,14 +83,15 @@ pub(crate) use self::features::context::NAMES as CONTEXT_FEATURES;
 pub(crate) use self::figures::NAMES as OBJECT_FEATURES;
 pub use self::model::StreetModel;
 pub(crate) use self::model::{CLASS_NAMES, built_in};
-pub(crate) use self::settings::CLASSES;
 use self::settings::{
     NAME, STEP_CHAINS, STEP_CLASSES, STEP_CONTEXT, STEP_CORES, STEP_EDGES, STEP_GROWTH, STEP_LEFTOVERS,
     STEP_OBJECTS, STEP_VOXELS,
 };
 pub use self::settings::{Scene, StreetConfig, WantedClass};
 pub(crate) use self::shares::class;
-pub(crate) use self::training::{Counts, Purpose, Sample, Training};
+pub(crate) use self::training::{Counts, Purpose, Sample, SamplesOfObjects, Training};
+pub(crate) use self::truth::Known;
+pub(crate) use self::wholes::{CLASS_NAMES as WHOLE_CLASSES, NAMES as WHOLE_FEATURES};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
@@ -230,7 +234,7 @@ impl Method for Street {
             STEP_EDGES => edges::map(tile),
             STEP_GROWTH => growth::map(tile),
             STEP_LEFTOVERS => leftovers::map(tile),
-            STEP_OBJECTS => objects::map(tile, self.model()?.objects.is_some()),
+            STEP_OBJECTS => objects::map(tile, &*self.model()?),
             other => Err(no_step(other)),
         }
     }
@@ -250,10 +254,7 @@ impl Method for Street {
                 let cores = cores::count(drive.global(STEP_CORES))?;
                 leftovers::reduce(drive, cores, self.config.min_uncertain()).map(Reduced::Global)
             }
-            STEP_OBJECTS => {
-                let model = self.model()?;
-                objects::reduce(drive, &self.config, model.objects.as_ref()).map(Reduced::Groups)
-            }
+            STEP_OBJECTS => Ok(Reduced::Groups(objects::reduce(drive, &self.config, &*self.model()?)?)),
             other => Err(no_step(other)),
         }
     }

@@ -1,8 +1,8 @@
 //! The model of `street`: how it classifies voxels and names objects, and what a model must be to do so.
 //!
-//! It is up to three models. The first classifies a voxel by the shape of what is around it, the second by
+//! It is up to four models. The first classifies a voxel by the shape of what is around it, the second by
 //! the classes that the first finds around it. The third, if there is one, names an object by the figures of
-//! its voxels.
+//! its voxels. The fourth, if there is one, says whether an object is whole or a piece.
 
 use std::sync::{Arc, OnceLock};
 
@@ -10,9 +10,9 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::classified::Shares;
 use super::features::{self, context};
-use super::figures;
 use super::settings::{CLASSES, Scene};
 use super::shares::{self, GROUND, POLE, TREE, VEHICLE};
+use super::{figures, wholes};
 use crate::boosting::{BoostingError, Model};
 use crate::error::Result;
 
@@ -29,6 +29,8 @@ pub struct StreetModel {
     pub context: Model,
     /// Names objects. Without it, an object has the class of its core.
     pub objects: Option<Model>,
+    /// Finds pieces of objects. Without it, each piece is an object.
+    pub wholes: Option<Model>,
 }
 
 impl StreetModel {
@@ -48,15 +50,23 @@ impl StreetModel {
         let (context, objects) = Model::split(file, context)?;
         let context = Model::decode(file, context)?;
         context.check(file, &context::NAMES, &CLASS_NAMES)?;
-        let objects = match objects {
-            [] => None,
+        let optional = |bytes: &[u8], features: &[&str], classes: &[&str]| {
+            let model = Model::decode(file, bytes)?;
+            model.check(file, features, classes)?;
+            Ok::<_, BoostingError>(Some(model))
+        };
+        let (objects, wholes) = match objects {
+            [] => (None, None),
             objects => {
-                let objects = Model::decode(file, objects)?;
-                objects.check(file, &figures::NAMES, &CLASS_NAMES)?;
-                Some(objects)
+                let (objects, wholes) = Model::split(file, objects)?;
+                let wholes = match wholes {
+                    [] => None,
+                    wholes => optional(wholes, &wholes::NAMES, &wholes::CLASS_NAMES)?,
+                };
+                (optional(objects, &figures::NAMES, &CLASS_NAMES)?, wholes)
             }
         };
-        Ok(Self { shapes, context, objects })
+        Ok(Self { shapes, context, objects, wholes })
     }
 
     /// The bytes of the model.
@@ -66,8 +76,8 @@ impl StreetModel {
     pub fn encode(&self) -> Result<Vec<u8>> {
         let mut bytes = self.shapes.encode()?;
         bytes.extend(self.context.encode()?);
-        if let Some(objects) = &self.objects {
-            bytes.extend(objects.encode()?);
+        for of_objects in self.objects.iter().chain(&self.wholes) {
+            bytes.extend(of_objects.encode()?);
         }
         Ok(bytes)
     }
@@ -75,10 +85,8 @@ impl StreetModel {
     /// A number that tells models apart.
     #[must_use]
     pub fn checksum(&self) -> u64 {
-        match &self.objects {
-            Some(objects) => of_both(self.checksum_of_voxels(), objects.checksum()),
-            None => self.checksum_of_voxels(),
-        }
+        let of_objects = self.objects.iter().chain(&self.wholes);
+        of_objects.fold(self.checksum_of_voxels(), |sum, model| of_both(sum, model.checksum()))
     }
 
     /// A number that tells models apart by how they classify voxels.
@@ -191,7 +199,7 @@ mod tests {
     #[test]
     fn voxels_do_not_depend_on_the_model_of_objects() {
         let whole = (*built_in(Scene::Street).unwrap()).clone();
-        let voxels = StreetModel { objects: None, ..whole.clone() };
+        let voxels = StreetModel { objects: None, wholes: None, ..whole.clone() };
         assert_eq!(whole.checksum_of_voxels(), voxels.checksum());
         assert_ne!(whole.checksum(), voxels.checksum());
         let read = StreetModel::decode("my.model", &voxels.encode().unwrap()).unwrap();

@@ -1,21 +1,23 @@
 //! Step `objects`: the label of every point, from the label of its voxel; class and confidence of objects.
 //!
 //! A model with a part for objects names each object as a whole, from the figures over its voxels
-//! (`figures.rs`). Without it, an object has the class of its core.
+//! (`figures.rs`). Without it, an object has the class of its core. A further part of the model finds pieces of
+//! objects (`wholes.rs`). Without it, each piece is an object.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32, a mean share is at most 255")]
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
+use super::contacts::{self, Contacts};
 use super::figures::{self, Figures};
 use super::fixtures;
 use super::fragments::{self, Counts};
 use super::islands;
 use super::leftovers::Whole;
-use super::model;
+use super::model::{self, StreetModel};
 use super::settings::{NAME, STEP_OBJECTS, StreetConfig, edge};
-use crate::boosting::Model;
+use super::wholes::{Object, Pieces};
 use crate::cluster::columns::{Voxel, global_indices};
 use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
@@ -29,8 +31,10 @@ struct Payload {
     labels: Vec<OfTile>,
     /// Counts over the labels of growth and leftovers.
     counts: Counts,
-    /// Figures of each label over the voxels of the tile, if a model names objects.
+    /// Figures of each label over the voxels of the tile, if a model names objects or finds pieces.
     figures: BTreeMap<u32, Figures>,
+    /// Contacts of the labels of growth and leftovers, if a model finds pieces.
+    contacts: Contacts,
 }
 
 /// A label of a tile.
@@ -44,19 +48,29 @@ struct OfTile {
     points: u64,
 }
 
-/// The objects of the voxels of a tile and of these columns, corrected by what is around them, with the
-/// counts for fragments.
-pub(super) fn settled(tile: &dyn TileWindow, columns: &[Cell]) -> Result<(Whole, Counts)> {
-    let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), columns)?;
-    // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
-    // settled.
-    let counts = fragments::count(&whole);
-    settle(&mut whole, tile.lattice());
-    Ok((whole, counts))
+/// The objects of the voxels of a tile, corrected by what is around them, and what was counted before.
+pub(super) struct Settled {
+    pub(super) whole: Whole,
+    pub(super) fragments: Counts,
+    /// Empty if nobody asks for contacts.
+    pub(super) contacts: Contacts,
 }
 
-/// Labels the points of a tile. `with_figures`: a model names objects.
-pub(super) fn map(tile: &dyn TileWindow, with_figures: bool) -> Result<Mapped> {
+impl Settled {
+    /// The objects of the voxels of a tile and of these columns.
+    pub(super) fn load(tile: &dyn TileWindow, columns: &[Cell], with_contacts: bool) -> Result<Self> {
+        let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), columns)?;
+        // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
+        // settled.
+        let fragments = fragments::count(&whole);
+        let contacts = if with_contacts { contacts::count(&whole) } else { Contacts::default() };
+        settle(&mut whole, tile.lattice());
+        Ok(Self { whole, fragments, contacts })
+    }
+}
+
+/// Labels the points of a tile, with what the model needs to know of objects.
+pub(super) fn map(tile: &dyn TileWindow, model: &StreetModel) -> Result<Mapped> {
     let edge = edge(tile.lattice());
     let points = tile.points(0, true)?;
     let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
@@ -68,7 +82,8 @@ pub(super) fn map(tile: &dyn TileWindow, with_figures: bool) -> Result<Mapped> {
     // Another tile may own the column of a point.
     let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
     columns.dedup();
-    let (whole, counts) = settled(tile, &columns)?;
+    let Settled { whole, fragments, contacts } = Settled::load(tile, &columns, model.wholes.is_some())?;
+    let with_figures = model.objects.is_some() || model.wholes.is_some();
     let figures = if with_figures { figures::find(&whole, tile.lattice()) } else { BTreeMap::new() };
     let voxels = &whole.grown.cored.around.voxels;
     let mut place = vec![u32::MAX; index.len()];
@@ -105,7 +120,7 @@ pub(super) fn map(tile: &dyn TileWindow, with_figures: bool) -> Result<Mapped> {
     let count = of_tile.len() as u32;
     let labelled = Labelled { points, labels, count, with_halo: false };
     Ok(Mapped {
-        payload: codec::encode(&Payload { labels: of_tile, counts, figures })?,
+        payload: codec::encode(&Payload { labels: of_tile, counts: fragments, figures, contacts })?,
         labelled: Some(labelled),
         ..Mapped::default()
     })
@@ -125,57 +140,83 @@ fn settle(whole: &mut Whole, lattice: Lattice) {
     }
 }
 
-/// The objects of the drive that are wanted. `names` is the model that names objects, if there is one.
-pub(super) fn reduce(
-    drive: &dyn DriveWindow,
-    config: &StreetConfig,
-    names: Option<&Model>,
-) -> Result<Grouped> {
+/// Over the points of an object: its class, the sum of the shares of this class, and their number.
+#[derive(Debug, Clone, Copy)]
+struct Sum {
+    class: u8,
+    share: u64,
+    points: u64,
+}
+
+/// The objects of the drive that are wanted.
+pub(super) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &StreetModel) -> Result<Grouped> {
+    let lattice = drive.lattice();
     let mut labels = Vec::new();
     let mut counts = Vec::new();
+    let mut contacts = Vec::new();
     let mut figures = BTreeMap::<u32, Figures>::new();
     for tile in TileId::first(drive.tiles()) {
         let payload: Payload = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
         labels.push(payload.labels);
         counts.push(payload.counts);
+        contacts.push(payload.contacts);
         for (label, of_tile) in payload.figures {
             figures.entry(label).or_default().merge(&of_tile);
         }
     }
-    let fragments = fragments::find(&counts, drive.lattice());
+    let fragments = fragments::find(&counts, lattice);
     // A tree may have become a part of a building.
     let present: BTreeSet<u32> = labels.iter().flatten().map(|one| one.label).collect();
     let whole =
         |label: u32| fragments.get(&label).copied().filter(|tree| present.contains(tree)).unwrap_or(label);
-    // Of the class of the object: sum of the shares, and number of points.
-    let mut sums: BTreeMap<u32, (u8, u64, u64)> = BTreeMap::new();
-    for one in labels.iter().flatten().filter(|one| whole(one.label) == one.label) {
-        let sum = sums.entry(one.label).or_insert((one.class, 0, 0));
-        sum.1 += one.share;
-        sum.2 += one.points;
-    }
-    for one in labels.iter().flatten().filter(|one| whole(one.label) != one.label) {
-        if let Some(sum) = sums.get_mut(&whole(one.label)) {
-            sum.1 += if one.class == sum.0 { one.share } else { 0 };
-            sum.2 += one.points;
-        }
-    }
+    let sums = sums(labels.iter().flatten(), &whole);
     let figures = of_whole(figures, whole);
+    let touched = contacts::of_objects(&contacts, whole);
+    // Of the objects with enough points: class and confidence, and what the model looks at to find pieces.
     let mut kinds = BTreeMap::new();
-    for (label, (class, share, points)) in sums {
-        let (class, confidence) = match (names, figures.get(&label)) {
-            (Some(names), Some(figures)) => {
-                model::name(names, &figures.features(class, drive.lattice()), class)?
-            }
-            _ => (class, (share / points.max(1)) as u8),
+    let mut objects = BTreeMap::new();
+    for (label, Sum { class: before, share, points }) in sums {
+        let (class, confidence) = match (&model.objects, figures.get(&label)) {
+            (Some(names), Some(figures)) => model::name(names, &figures.features(before, lattice), before)?,
+            _ => (before, (share / points.max(1)) as u8),
         };
+        if let (true, Some(figures)) = (config.is_large(class, points), figures.get(&label)) {
+            objects.insert(label, Object { class: before, figures: figures.clone() });
+        }
         if config.keeps(class, points) {
             kinds.insert(label, Kind { class: class + 1, confidence });
         }
     }
-    let group = |one: &OfTile| Some(whole(one.label)).filter(|label| kinds.contains_key(label)).unwrap_or(0);
+    let pieces = match &model.wholes {
+        Some(wholes) => Pieces::find(wholes, &objects, &touched, lattice)?,
+        None => Pieces::default(),
+    };
+    kinds.retain(|label, _| pieces.whole(*label) == Some(*label));
+    let object = |label: u32| pieces.whole(label).filter(|label| kinds.contains_key(label)).unwrap_or(0);
+    let group = |one: &OfTile| object(whole(one.label));
     let groups = labels.iter().map(|of_tile| of_tile.iter().map(group).collect()).collect();
     Ok(Grouped { groups, kinds, ..Grouped::default() })
+}
+
+/// Sums over whole objects, from those of their labels. `whole` is the object of a label. An object has the
+/// class of its own label.
+fn sums<'a>(
+    labels: impl Iterator<Item = &'a OfTile> + Clone,
+    whole: &impl Fn(u32) -> u32,
+) -> BTreeMap<u32, Sum> {
+    let mut sums: BTreeMap<u32, Sum> = BTreeMap::new();
+    for one in labels.clone().filter(|one| whole(one.label) == one.label) {
+        let sum = sums.entry(one.label).or_insert(Sum { class: one.class, share: 0, points: 0 });
+        sum.share += one.share;
+        sum.points += one.points;
+    }
+    for one in labels.filter(|one| whole(one.label) != one.label) {
+        if let Some(sum) = sums.get_mut(&whole(one.label)) {
+            sum.share += if one.class == sum.class { one.share } else { 0 };
+            sum.points += one.points;
+        }
+    }
+    sums
 }
 
 /// Figures of whole objects, from those of their labels. `whole` is the object of a label.

@@ -104,16 +104,20 @@ impl StreetConfig {
         3 * self.min_points
     }
 
-    /// Whether an object of the class with this index and so many points gets an id. On 18 labelled drives,
+    /// Whether an object of the class with this index has enough points for an id. On 18 labelled drives,
     /// 10 of 75 trees, fences and buildings with fewer points were right; on 14, none of 11 vehicles.
-    pub(super) fn keeps(&self, class: u8, points: u64) -> bool {
-        let Some(wanted) = self.classes.iter().find(|wanted| **wanted as u8 == class) else { return false };
-        let times = match wanted {
-            WantedClass::Tree | WantedClass::Vehicle | WantedClass::Building => 3,
-            WantedClass::Fence => 2,
+    pub(super) fn is_large(&self, class: u8, points: u64) -> bool {
+        let times = match WantedClass::ALL.into_iter().find(|of| *of as u8 == class) {
+            Some(WantedClass::Tree | WantedClass::Vehicle | WantedClass::Building) => 3,
+            Some(WantedClass::Fence) => 2,
             _ => 1,
         };
         points >= times * self.min_points
+    }
+
+    /// Whether an object of the class with this index and so many points gets an id.
+    pub(super) fn keeps(&self, class: u8, points: u64) -> bool {
+        self.classes.iter().any(|wanted| *wanted as u8 == class) && self.is_large(class, points)
     }
 
     /// Checks every range.

@@ -23,7 +23,7 @@ pub(super) fn spans(class: u8) -> bool {
 }
 
 /// The class with the largest share. Of equal shares the first class counts.
-pub(crate) fn class(shares: &[u8; CLASSES]) -> u8 {
+pub(crate) fn class<const CLASSES: usize>(shares: &[u8; CLASSES]) -> u8 {
     let mut best = 0;
     for class in 1..CLASSES {
         if shares[class] > shares[best] {

@@ -2,16 +2,13 @@
 //! the points of a labelled drive, in its own steps `voxels`, `classes` (where the model of shapes is known)
 //! and `samples`.
 //!
-//! The label of a voxel is the class of most of its points (ties: the smaller code). Points without a class
-//! (code 0, stray returns and what nobody labelled) and points outside `gt_core` give no label.
-//!
 //! *Which voxels.* The voxels with the smallest hashes of their keys, up to a number: of each class for the
 //! model of shapes, of all classes together for that of the context. So the second one learns how frequent
 //! the classes are. A voxel is chosen whatever the tiles are. One of five squares of 20 m is held out: its
 //! voxels are not learned from, and a model is scored with them. Voxels of one square see each other, so a
 //! choice among single voxels would score the memory of the model.
 //!
-//! *Objects.* For the model of objects, all steps of `street` run with the models of voxels. See
+//! *Objects.* For the models of objects, all steps of `street` run with the models of voxels. See
 //! `object_samples.rs`.
 //!
 //! *Thinning.* A share of the points, chosen by a hash of their ids, is taken before the voxels are made. The
@@ -26,14 +23,16 @@ use xxhash_rust::xxh3::xxh3_64_with_seed;
 use super::Street;
 use super::classified::Classified;
 use super::features::{self, NAMES, context};
+use super::figures;
 use super::model::{self, StreetModel};
-use super::object_samples;
+use super::object_samples::{self, ObjectSample};
 use super::settings::{CLASSES, STEP_CLASSES, STEP_OBJECTS, STEP_VOXELS, StreetConfig};
 use super::shares;
 use super::stage_classes::Classify;
 use super::stage_classes::{self, Around};
 use super::stage_context;
-use super::stage_voxels::{self, Cut};
+use super::stage_voxels;
+use super::truth::{self, Known};
 use super::voxels::{self, Voxels};
 use crate::boosting::Model;
 use crate::cluster::columns::Voxel;
@@ -55,9 +54,6 @@ const STEPS_WITH_OBJECTS: [Step; 9] = super::steps(step("samples"));
 const fn step(name: &'static str) -> Step {
     Step { name, settings: &[], bytes: BytesPer::Point(BYTES_PER_POINT), repeat: Repeat::Once }
 }
-
-/// Section of the labels in the payload of the step `voxels`, behind those of `street`.
-const SECTION_LABELS: usize = 2;
 
 /// Edge of a square that is held out or not, in voxels: 20 m.
 const SQUARE: i32 = 133;
@@ -107,8 +103,8 @@ pub(crate) struct Training {
     pub(crate) purpose: Purpose,
     /// Share of the points that is taken, from 0 to 1.
     pub(crate) share: f64,
-    /// Whether the drive says where it is labelled completely.
-    pub(crate) has_core: bool,
+    /// What the drive says of its points.
+    pub(crate) known: Known,
 }
 
 /// A voxel with a label.
@@ -123,6 +119,15 @@ pub(crate) struct Sample {
     pub(crate) held_out: bool,
     /// Its features.
     pub(crate) features: Vec<f32>,
+}
+
+/// Samples of the objects of a drive.
+#[derive(Debug, Default)]
+pub(crate) struct SamplesOfObjects {
+    /// For the model that names them.
+    pub(crate) names: Vec<Sample>,
+    /// For the model that says whether they are whole.
+    pub(crate) wholes: Vec<Sample>,
 }
 
 /// Voxels of each class (first) and what a model says of them (second).
@@ -153,16 +158,20 @@ impl Training {
     }
 
     /// The samples of objects in the payloads of all tiles, in the order of their labels.
-    pub(crate) fn objects(payloads: &[Vec<u8>], lattice: Lattice) -> Result<Vec<Sample>> {
-        let samples = object_samples::reduce(payloads, lattice)?.into_iter();
-        let sample = |(label, class, features): (u32, u8, Vec<f32>)| Sample {
-            hash: u64::from(label),
-            key: [0; 3],
-            class,
-            held_out: label.is_multiple_of(OBJECTS_HELD_OUT),
-            features,
-        };
-        Ok(samples.map(sample).collect())
+    pub(crate) fn objects(payloads: &[Vec<u8>], lattice: Lattice) -> Result<SamplesOfObjects> {
+        let mut samples = SamplesOfObjects::default();
+        for ObjectSample { label, class, whole, features } in object_samples::reduce(payloads, lattice)? {
+            let sample = |class: u8, features: &[f32]| Sample {
+                hash: u64::from(label),
+                key: [0; 3],
+                class,
+                held_out: label.is_multiple_of(OBJECTS_HELD_OUT),
+                features: features.to_vec(),
+            };
+            samples.names.extend(class.map(|class| sample(class, &features[..figures::NAMES.len()])));
+            samples.wholes.extend(whole.map(|whole| sample(whole, &features)));
+        }
+        Ok(samples)
     }
 
     /// The sums of the counts in the payloads of all tiles.
@@ -181,47 +190,13 @@ impl Training {
     fn voxels(&self, tile: &dyn TileWindow) -> Result<Mapped> {
         let points = tile.points(stage_voxels::points_reach(tile.lattice()), false)?;
         let cut = stage_voxels::cut_of(tile, thinned(points, self.share))?;
-        let labels = self.labels(&cut);
+        let truth = self.known.sections(&cut);
         let payload = cut.payload()?;
         let of_street = |number| codec::section(&payload, number);
-        Ok(Mapped::payload(codec::pack(&[
-            of_street(voxels::SECTION_VOXELS)?,
-            of_street(voxels::SECTION_GROUND)?,
-            &labels,
-        ])))
-    }
-
-    /// The code of the class of each voxel that a tile owns; 0 for none.
-    fn labels(&self, cut: &Cut) -> Vec<u8> {
-        let mut counts = vec![[0_u32; CLASSES]; cut.stored.len()];
-        let cloud = &cut.points.cloud;
-        let class = cloud.field(Field::Class).unwrap_or_default();
-        let core = cloud.field(Field::Core).filter(|_| self.has_core);
-        for (point, (&voxel, &class)) in cut.voxel.iter().zip(class).enumerate() {
-            let complete = core.is_none_or(|core| core[point] > 0);
-            let place = usize::from(class).checked_sub(1).filter(|place| *place < CLASSES && complete);
-            if let (Some(counts), Some(place)) = (counts.get_mut(voxel as usize), place) {
-                counts[place] += 1;
-            }
-        }
-        let label = |counts: &[u32; CLASSES]| {
-            let mut best = (0, 0);
-            for (&count, code) in counts.iter().zip(1..) {
-                if count > best.0 {
-                    best = (count, code);
-                }
-            }
-            best.1
-        };
-        counts.iter().map(label).collect()
-    }
-
-    /// The label and key of the voxels that a tile owns.
-    fn labelled(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<(Voxel, u8)>> {
-        let stored = voxels::read(drive, tile)?;
-        let payload = drive.payload(STEP_VOXELS, tile)?;
-        let labels = codec::section(&payload, SECTION_LABELS)?;
-        Ok(stored.keys().zip(labels.iter().copied()).collect())
+        let [labels, instances] = &truth;
+        let of_both =
+            [of_street(voxels::SECTION_VOXELS)?, of_street(voxels::SECTION_GROUND)?, labels, instances];
+        Ok(Mapped::payload(codec::pack(&of_both)))
     }
 
     /// The largest hashes that are chosen: `most` voxels of each class, or of all together.
@@ -230,7 +205,7 @@ impl Training {
         let mut smallest: [[Smallest; CLASSES]; 2] =
             limits.map(|most| std::array::from_fn(|_| Smallest::new(most)));
         for tile in TileId::first(drive.tiles()) {
-            for (key, label) in Self::labelled(drive, tile)? {
+            for (key, label) in truth::labelled(drive, tile)? {
                 if let Some(place) = usize::from(label).checked_sub(1) {
                     let place = if together { 0 } else { place };
                     smallest[usize::from(held_out(key, seed))][place].add(hash(key, seed));
@@ -244,7 +219,7 @@ impl Training {
     /// The label of each of these voxels (0 for those of other tiles), and which are chosen.
     fn chosen(tile: &dyn TileWindow, voxels: &Voxels, seed: u64) -> Result<(Vec<u8>, Vec<bool>)> {
         let limits: Limits = codec::decode(tile.global(STEP_VOXELS))?;
-        let mut labels = Self::labelled(tile, tile.tile())?.into_iter();
+        let mut labels = truth::labelled(tile, tile.tile())?.into_iter();
         let mut class = vec![0_u8; voxels.len()];
         let mut chosen = vec![false; voxels.len()];
         for voxel in (0..voxels.len()).filter(|&voxel| voxels.owned[voxel]) {
@@ -280,7 +255,7 @@ impl Training {
     }
 
     fn score(tile: &dyn TileWindow, model: &StreetModel) -> Result<Counts> {
-        let labels = Self::labelled(tile, tile.tile())?;
+        let labels = truth::labelled(tile, tile.tile())?;
         let around = stage_context::load(tile)?;
         let classify: Classify<'_> = &|rows, shares| model::classify(&model.context, rows, shares);
         let shares = stage_context::classified(&around, classify)?;
@@ -395,7 +370,7 @@ impl Method for Training {
     }
 
     fn fields(&self) -> &[Field] {
-        if self.has_core { &[Field::Class, Field::Core] } else { &[Field::Class] }
+        self.known.fields()
     }
 
     fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
@@ -433,7 +408,9 @@ impl Method for Training {
         match (step, &self.purpose) {
             (STEP_VOXELS, _) => self.voxels(tile),
             (STEP_OBJECTS, Purpose::Objects(_)) => {
-                Ok(Mapped::payload(object_samples::map(tile, Self::labelled(tile, tile.tile())?)?))
+                let instances = truth::instances(tile, tile.tile())?;
+                let labelled = truth::labelled(tile, tile.tile())?;
+                Ok(Mapped::payload(object_samples::map(tile, labelled, &instances)?))
             }
             (_, Purpose::Objects(street)) => street.map(step, tile),
             (_, Purpose::Shapes { seed, .. }) => samples(Self::samples_of_shapes(tile, *seed)?),
