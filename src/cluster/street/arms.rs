@@ -29,12 +29,16 @@ const ABOVE_M: f64 = 1.5;
 /// What a metre of difference in height costs, in metres of the gap.
 const HEIGHT: i64 = 3;
 
-/// Whether a component hangs and is certainly of a pole.
-pub(super) fn may_be_arm(part: &Part, lattice: Lattice) -> bool {
+/// Whether a component is certainly of a pole.
+pub(super) fn is_sure(part: &Part) -> bool {
     part.class == POLE
         && part.voxels >= VOXELS
         && f64::from(part.sure_pole) >= SURE * f64::from(part.voxels)
-        && i64::from(part.height.0) >= lattice.units(HANGS_M)
+}
+
+/// Whether a component hangs and is certainly of a pole.
+pub(super) fn may_be_arm(part: &Part, lattice: Lattice) -> bool {
+    is_sure(part) && i64::from(part.height.0) >= lattice.units(HANGS_M)
 }
 
 /// The pole of each component that hangs and is a part of one. `keeps` says whether a component is a core.
