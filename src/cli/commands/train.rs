@@ -270,7 +270,7 @@ fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(Str
                      The models of voxels learned from other drives.\n\n";
             text += &matrix(classes, &trained.held_out);
             if let (Some(model), Some(wholes)) = (&model.wholes, &trained.wholes) {
-                text += "\n## Pieces among these objects\n\nEvery fifth object with enough points. A piece has at most half \
+                text += "\n## Pieces among these objects\n\nEvery fifth one. A piece has at most half \
                          of the points of what it belongs to.\n\n";
                 text += &matrix(model.classes(), wholes);
             }

@@ -31,9 +31,7 @@ const HEIGHT: i64 = 3;
 
 /// Whether a component is certainly of a pole.
 pub(super) fn is_sure(part: &Part) -> bool {
-    part.class == POLE
-        && part.voxels >= VOXELS
-        && f64::from(part.sure_pole) >= SURE * f64::from(part.voxels)
+    part.class == POLE && part.voxels >= VOXELS && f64::from(part.sure_pole) >= SURE * f64::from(part.voxels)
 }
 
 /// Whether a component hangs and is certainly of a pole.

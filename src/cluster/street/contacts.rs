@@ -1,5 +1,5 @@
-//! Contacts of objects: how many voxels of one lie beside a voxel of another. Tiles count the voxels that they
-//! own, so the counts of all tiles add up.
+//! Contacts of objects: how many voxels of a small one lie beside or in another. Tiles count the voxels that
+//! they own, so the counts of all tiles add up.
 
 use std::collections::BTreeMap;
 
@@ -9,19 +9,27 @@ use serde::{Deserialize, Serialize};
 use super::leftovers::Whole;
 use super::window::Window;
 
-/// Of two labels, the voxels of the first that have one of the second among the 26 around them.
+/// A voxel lies beside an object that has a voxel within so many voxels, in the plane and in levels: 0.45 m.
+/// Crowns that a scanner sees through others have gaps.
+const BESIDE: i32 = 3;
+
+/// Of two labels, the voxels of the first that lie beside the second.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Contacts(Vec<(u32, u32, u32)>);
 
-/// Counts the voxels that the tile owns. Labels must be right for their neighbours, too.
-pub(super) fn count(whole: &Whole) -> Contacts {
+/// Counts the voxels that the tile owns, of objects with at most so many. Labels must be right for what is
+/// beside them, too.
+pub(super) fn count(whole: &Whole, most: u64) -> Contacts {
     let voxels = &whole.grown.cored.around.voxels;
     let label = &whole.grown.label;
-    let window = Window::square(1);
+    let owned = || (0..label.len()).filter(|&voxel| voxels.owned[voxel] && label[voxel] != 0);
+    let mut sizes = FxHashMap::<u32, u64>::default();
+    owned().for_each(|voxel| *sizes.entry(label[voxel]).or_default() += 1);
+    let window = Window::new(BESIDE, BESIDE);
     let mut finder = voxels.columns.finder();
     let mut counts = FxHashMap::<(u32, u32), u32>::default();
     let mut others = Vec::new();
-    for voxel in (0..label.len()).filter(|&voxel| voxels.owned[voxel] && label[voxel] != 0) {
+    for voxel in owned().filter(|&voxel| sizes[&label[voxel]] <= most) {
         let own = label[voxel];
         let [i, j, k] = voxels.key[voxel];
         window.visit(&voxels.columns, &mut finder, [i, j], k, |other| {
@@ -40,18 +48,11 @@ pub(super) fn count(whole: &Whole) -> Contacts {
     Contacts(counts)
 }
 
-/// The objects that each object touches, with the number of its voxels that do. `whole` is the object of a
-/// label.
-pub(super) fn of_objects(
-    tiles: &[Contacts],
-    whole: impl Fn(u32) -> u32,
-) -> BTreeMap<u32, BTreeMap<u32, u64>> {
+/// The objects that each object touches, with the number of its voxels that do.
+pub(super) fn of_objects(tiles: &[Contacts]) -> BTreeMap<u32, BTreeMap<u32, u64>> {
     let mut found = BTreeMap::<u32, BTreeMap<u32, u64>>::new();
     for &(own, other, count) in tiles.iter().flat_map(|tile| &tile.0) {
-        let [own, other] = [own, other].map(&whole);
-        if own != other {
-            *found.entry(own).or_default().entry(other).or_default() += u64::from(count);
-        }
+        *found.entry(own).or_default().entry(other).or_default() += u64::from(count);
     }
     found
 }
@@ -64,26 +65,29 @@ mod tests {
     #[test]
     fn voxels_beside_those_of_another_object_count_once_per_object() {
         // In decimetres; three voxels on an edge each. The second stands beside the first, the third on both, the
-        // last one is 0.3 m away.
+        // last one is 0.6 m away.
         let cube = [4, 4, 4];
         let blocks = [
             (TREE, [0, 0, 0], cube),
             (SMALL, [5, 0, 0], cube),
             (BUILDING, [0, 0, 5], [9, 4, 4]),
-            (TREE, [0, 9, 0], cube),
+            (TREE, [0, 12, 0], cube),
         ];
-        let tile = count(&Whole::of_blocks(&blocks));
-        let found = of_objects(&[tile], |label| label);
-        assert_eq!(found[&1], BTreeMap::from([(2, 9), (3, 9)]));
-        assert_eq!(found[&2], BTreeMap::from([(1, 9), (3, 9)]));
-        assert_eq!(found[&3].keys().copied().collect::<Vec<_>>(), [1, 2]);
+        let whole = Whole::of_blocks(&blocks);
+        let found = of_objects(&[count(&whole, 27)]);
+        assert_eq!(found[&1], BTreeMap::from([(2, 27), (3, 27)]));
+        assert_eq!(found[&2], BTreeMap::from([(1, 27), (3, 27)]));
         assert!(!found.contains_key(&4));
+        // The third is too large for this question.
+        assert!(!found.contains_key(&3));
+        assert_eq!(of_objects(&[count(&whole, 1_000)])[&3].keys().copied().collect::<Vec<_>>(), [1, 2]);
     }
 
     #[test]
-    fn tiles_add_up_and_parts_of_an_object_do_not_touch_it() {
+    fn tiles_add_up() {
         let tiles = [Contacts(vec![(1, 2, 3), (2, 3, 1)]), Contacts(vec![(1, 2, 4), (3, 1, 5)])];
-        let found = of_objects(&tiles, |label| if label == 3 { 2 } else { label });
-        assert_eq!(found, BTreeMap::from([(1, BTreeMap::from([(2, 7)])), (2, BTreeMap::from([(1, 5)]))]));
+        let found = of_objects(&tiles);
+        assert_eq!(found[&1], BTreeMap::from([(2, 7)]));
+        assert_eq!((found[&2][&3], found[&3][&1]), (1, 5));
     }
 }

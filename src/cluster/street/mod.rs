@@ -35,7 +35,6 @@ mod facades;
 mod features;
 mod figures;
 mod fixtures;
-mod fragments;
 mod graph;
 mod growth;
 mod islands;

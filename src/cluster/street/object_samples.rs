@@ -11,9 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::contacts::{self, Contacts};
 use super::figures::{self, Figures};
-use super::fragments::{self, Counts};
 use super::objects::Settled;
-use super::settings::{CLASSES, StreetConfig};
+use super::settings::CLASSES;
 use super::wholes::{self, Object, PART, STRAY, Seen, WHOLE};
 use crate::cluster::TileWindow;
 use crate::cluster::columns::Voxel;
@@ -28,7 +27,6 @@ const CLEAR: f64 = 0.6;
 #[derive(Debug, Serialize, Deserialize)]
 struct ObjectsOfTile {
     objects: BTreeMap<u32, ObjectPart>,
-    fragments: Counts,
     contacts: Contacts,
     /// Points of the true objects in all voxels that the tile owns; empty if the drive does not know any.
     instances: BTreeMap<u16, u64>,
@@ -81,7 +79,7 @@ pub(super) struct ObjectSample {
     pub(super) label: u32,
     /// Its true class, if that is clear.
     pub(super) class: Option<u8>,
-    /// Whether it is whole, a part or a stray piece, if the drive knows its objects and a run would judge it.
+    /// Whether it is whole, a part or a stray piece, if the drive knows its objects.
     pub(super) whole: Option<u8>,
     /// Features for both models. The first ones are those for names.
     pub(super) features: Vec<f32>,
@@ -90,7 +88,7 @@ pub(super) struct ObjectSample {
 /// The objects of a tile. `labelled` are the keys and codes of the voxels that it owns, and `instances` their
 /// true objects, or empty.
 pub(super) fn map(tile: &dyn TileWindow, labelled: Vec<(Voxel, u8)>, instances: &[u16]) -> Result<Vec<u8>> {
-    let Settled { whole, fragments, contacts } = Settled::load(tile, &[], true)?;
+    let Settled { whole, contacts } = Settled::load(tile, &[], true)?;
     let voxels = &whole.grown.cored.around.voxels;
     let own = (0..voxels.len()).filter(|&voxel| voxels.owned[voxel]);
     let mut truth = BTreeMap::<u32, Truth>::new();
@@ -113,48 +111,36 @@ pub(super) fn map(tile: &dyn TileWindow, labelled: Vec<(Voxel, u8)>, instances: 
         let class = whole.class.get(&label).copied().ok_or_else(unknown)?;
         objects.insert(label, ObjectPart { class, figures, truth: truth.remove(&label).unwrap_or_default() });
     }
-    codec::encode(&ObjectsOfTile { objects, fragments, contacts, instances: points_of })
+    codec::encode(&ObjectsOfTile { objects, contacts, instances: points_of })
 }
 
 /// The objects in the payloads of all tiles, in the order of their labels.
 pub(super) fn reduce(payloads: &[Vec<u8>], lattice: Lattice) -> Result<Vec<ObjectSample>> {
-    let mut counts = Vec::new();
-    let mut parts = Vec::new();
+    let mut objects = BTreeMap::<u32, Object>::new();
+    let mut truths = BTreeMap::<u32, Truth>::new();
     let mut touching = Vec::new();
     let mut points_of = BTreeMap::<u16, u64>::new();
     for payload in payloads {
-        let ObjectsOfTile { objects, fragments, contacts, instances } = codec::decode(payload)?;
-        counts.push(fragments);
-        parts.extend(objects);
+        let ObjectsOfTile { objects: parts, contacts, instances } = codec::decode(payload)?;
+        for (label, ObjectPart { class, figures, truth }) in parts {
+            objects
+                .entry(label)
+                .and_modify(|object| object.figures.merge(&figures))
+                .or_insert_with(|| Object { class, figures });
+            truths.entry(label).or_default().merge(&truth);
+        }
         touching.push(contacts);
         for (instance, points) in instances {
             *points_of.entry(instance).or_default() += points;
         }
     }
-    let fragments = fragments::find(&counts, lattice);
-    let whole = |label: u32| fragments.get(&label).copied().unwrap_or(label);
-    let mut objects = BTreeMap::<u32, Object>::new();
-    let mut truths = BTreeMap::<u32, Truth>::new();
-    // The parts of an object itself come first: they have its class.
-    parts.sort_by_key(|(label, _)| (fragments.contains_key(label), *label));
-    for (label, ObjectPart { class, figures, truth }) in parts {
-        let label = whole(label);
-        objects
-            .entry(label)
-            .and_modify(|object| object.figures.merge(&figures))
-            .or_insert_with(|| Object { class, figures });
-        truths.entry(label).or_default().merge(&truth);
-    }
-    let touched = contacts::of_objects(&touching, whole);
-    let large = StreetConfig::default();
+    let touched = contacts::of_objects(&touching);
     let mut samples = Vec::new();
     for (label, object) in &objects {
         let Seen { features, larger } = wholes::see(object, touched.get(label), &objects, lattice);
         let truth = &truths[label];
-        let is_judged = large.is_large(object.class, object.figures.points());
         let of_larger = larger.and_then(|label| truths.get(&label)?.main());
-        let whole =
-            is_judged.then(|| is_whole(truth, object.figures.points(), of_larger, &points_of)).flatten();
+        let whole = is_whole(truth, object.figures.points(), of_larger, &points_of);
         samples.push(ObjectSample {
             label: *label,
             class: truth.class(),

@@ -5,19 +5,18 @@
 //! objects (`wholes.rs`). Without it, each piece is an object.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32, a mean share is at most 255")]
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
 use super::contacts::{self, Contacts};
 use super::figures::{self, Figures};
 use super::fixtures;
-use super::fragments::{self, Counts};
 use super::islands;
 use super::leftovers::Whole;
 use super::model::{self, StreetModel};
 use super::settings::{NAME, STEP_OBJECTS, StreetConfig, edge};
-use super::wholes::{Object, Pieces};
+use super::wholes::{MOST_VOXELS, Object, Pieces};
 use crate::cluster::columns::{Voxel, global_indices};
 use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
@@ -29,8 +28,6 @@ use crate::spatial::{Cell, VoxelIndex};
 #[derive(Debug, Serialize, Deserialize)]
 struct Payload {
     labels: Vec<OfTile>,
-    /// Counts over the labels of growth and leftovers.
-    counts: Counts,
     /// Figures of each label over the voxels of the tile, if a model names objects or finds pieces.
     figures: BTreeMap<u32, Figures>,
     /// Contacts of the labels of growth and leftovers, if a model finds pieces.
@@ -51,7 +48,6 @@ struct OfTile {
 /// The objects of the voxels of a tile, corrected by what is around them, and what was counted before.
 pub(super) struct Settled {
     pub(super) whole: Whole,
-    pub(super) fragments: Counts,
     /// Empty if nobody asks for contacts.
     pub(super) contacts: Contacts,
 }
@@ -62,10 +58,9 @@ impl Settled {
         let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), columns)?;
         // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
         // settled.
-        let fragments = fragments::count(&whole);
-        let contacts = if with_contacts { contacts::count(&whole) } else { Contacts::default() };
+        let contacts = if with_contacts { contacts::count(&whole, MOST_VOXELS) } else { Contacts::default() };
         settle(&mut whole, tile.lattice());
-        Ok(Self { whole, fragments, contacts })
+        Ok(Self { whole, contacts })
     }
 }
 
@@ -82,7 +77,7 @@ pub(super) fn map(tile: &dyn TileWindow, model: &StreetModel) -> Result<Mapped> 
     // Another tile may own the column of a point.
     let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
     columns.dedup();
-    let Settled { whole, fragments, contacts } = Settled::load(tile, &columns, model.wholes.is_some())?;
+    let Settled { whole, contacts } = Settled::load(tile, &columns, model.wholes.is_some())?;
     let with_figures = model.objects.is_some() || model.wholes.is_some();
     let figures = if with_figures { figures::find(&whole, tile.lattice()) } else { BTreeMap::new() };
     let voxels = &whole.grown.cored.around.voxels;
@@ -120,7 +115,7 @@ pub(super) fn map(tile: &dyn TileWindow, model: &StreetModel) -> Result<Mapped> 
     let count = of_tile.len() as u32;
     let labelled = Labelled { points, labels, count, with_halo: false };
     Ok(Mapped {
-        payload: codec::encode(&Payload { labels: of_tile, counts: fragments, figures, contacts })?,
+        payload: codec::encode(&Payload { labels: of_tile, figures, contacts })?,
         labelled: Some(labelled),
         ..Mapped::default()
     })
@@ -152,78 +147,49 @@ struct Sum {
 pub(super) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &StreetModel) -> Result<Grouped> {
     let lattice = drive.lattice();
     let mut labels = Vec::new();
-    let mut counts = Vec::new();
     let mut contacts = Vec::new();
     let mut figures = BTreeMap::<u32, Figures>::new();
     for tile in TileId::first(drive.tiles()) {
         let payload: Payload = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
         labels.push(payload.labels);
-        counts.push(payload.counts);
         contacts.push(payload.contacts);
         for (label, of_tile) in payload.figures {
             figures.entry(label).or_default().merge(&of_tile);
         }
     }
-    let fragments = fragments::find(&counts, lattice);
-    // A tree may have become a part of a building.
-    let present: BTreeSet<u32> = labels.iter().flatten().map(|one| one.label).collect();
-    let whole =
-        |label: u32| fragments.get(&label).copied().filter(|tree| present.contains(tree)).unwrap_or(label);
-    let sums = sums(labels.iter().flatten(), &whole);
-    let figures = of_whole(figures, whole);
-    let touched = contacts::of_objects(&contacts, whole);
-    // Of the objects with enough points: class and confidence, and what the model looks at to find pieces.
-    let mut kinds = BTreeMap::new();
+    let mut sums = BTreeMap::<u32, Sum>::new();
+    for one in labels.iter().flatten() {
+        let sum = sums.entry(one.label).or_insert(Sum { class: one.class, share: 0, points: 0 });
+        sum.share += one.share;
+        sum.points += one.points;
+    }
+    let touched = contacts::of_objects(&contacts);
+    let mut named = BTreeMap::new();
     let mut objects = BTreeMap::new();
-    for (label, Sum { class: before, share, points }) in sums {
+    for (&label, &Sum { class: before, share, points }) in &sums {
         let (class, confidence) = match (&model.objects, figures.get(&label)) {
             (Some(names), Some(figures)) => model::name(names, &figures.features(before, lattice), before)?,
             _ => (before, (share / points.max(1)) as u8),
         };
-        if let (true, Some(figures)) = (config.is_large(class, points), figures.get(&label)) {
-            objects.insert(label, Object { class: before, figures: figures.clone() });
-        }
-        if config.keeps(class, points) {
-            kinds.insert(label, Kind { class: class + 1, confidence });
+        named.insert(label, Kind { class, confidence });
+        if let Some(figures) = figures.remove(&label) {
+            objects.insert(label, Object { class: before, figures });
         }
     }
     let pieces = match &model.wholes {
         Some(wholes) => Pieces::find(wholes, &objects, &touched, lattice)?,
         None => Pieces::default(),
     };
-    kinds.retain(|label, _| pieces.whole(*label) == Some(*label));
-    let object = |label: u32| pieces.whole(label).filter(|label| kinds.contains_key(label)).unwrap_or(0);
-    let group = |one: &OfTile| object(whole(one.label));
+    let gets_id = |label: u32, class: u8| {
+        let points = sums[&label].points;
+        let is_large =
+            config.is_large(class, points) || (pieces.is_sure(label) && points >= config.min_points);
+        config.wants(class) && is_large && pieces.whole(label) == Some(label)
+    };
+    named.retain(|label, kind| gets_id(*label, kind.class));
+    let kinds: BTreeMap<u32, Kind> =
+        named.into_iter().map(|(label, kind)| (label, Kind { class: kind.class + 1, ..kind })).collect();
+    let group = |one: &OfTile| pieces.whole(one.label).filter(|label| kinds.contains_key(label)).unwrap_or(0);
     let groups = labels.iter().map(|of_tile| of_tile.iter().map(group).collect()).collect();
     Ok(Grouped { groups, kinds, ..Grouped::default() })
-}
-
-/// Sums over whole objects, from those of their labels. `whole` is the object of a label. An object has the
-/// class of its own label.
-fn sums<'a>(
-    labels: impl Iterator<Item = &'a OfTile> + Clone,
-    whole: &impl Fn(u32) -> u32,
-) -> BTreeMap<u32, Sum> {
-    let mut sums: BTreeMap<u32, Sum> = BTreeMap::new();
-    for one in labels.clone().filter(|one| whole(one.label) == one.label) {
-        let sum = sums.entry(one.label).or_insert(Sum { class: one.class, share: 0, points: 0 });
-        sum.share += one.share;
-        sum.points += one.points;
-    }
-    for one in labels.filter(|one| whole(one.label) != one.label) {
-        if let Some(sum) = sums.get_mut(&whole(one.label)) {
-            sum.share += if one.class == sum.class { one.share } else { 0 };
-            sum.points += one.points;
-        }
-    }
-    sums
-}
-
-/// Figures of whole objects, from those of their labels. `whole` is the object of a label.
-fn of_whole(figures: BTreeMap<u32, Figures>, whole: impl Fn(u32) -> u32) -> BTreeMap<u32, Figures> {
-    let mut sums = BTreeMap::<u32, Figures>::new();
-    for (label, part) in figures {
-        sums.entry(whole(label)).or_default().merge(&part);
-    }
-    sums
 }

@@ -73,8 +73,8 @@ pub(super) fn edge(lattice: Lattice) -> u32 {
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
     /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence has at least twice as
-    /// many, a tree, a vehicle, a building and an object without a core three times as many. Smaller ones
-    /// that join no other are left without an id.
+    /// many, a tree, a vehicle, a building and an object without a core three times as many, unless the model is
+    /// sure that it is whole. Smaller ones that join no other are left without an id.
     pub min_points: u64,
     /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
     /// growth needs them, and then left without an id.
@@ -104,8 +104,9 @@ impl StreetConfig {
         3 * self.min_points
     }
 
-    /// Whether an object of the class with this index has enough points for an id. On 18 labelled drives,
-    /// 10 of 75 trees, fences and buildings with fewer points were right; on 14, none of 11 vehicles.
+    /// Whether an object of the class with this index has so many points that it is one without further
+    /// evidence. On 18 labelled drives, 10 of 75 trees, fences and buildings with fewer points were right; on
+    /// 14, none of 11 vehicles.
     pub(super) fn is_large(&self, class: u8, points: u64) -> bool {
         let times = match WantedClass::ALL.into_iter().find(|of| *of as u8 == class) {
             Some(WantedClass::Tree | WantedClass::Vehicle | WantedClass::Building) => 3,
@@ -115,9 +116,9 @@ impl StreetConfig {
         points >= times * self.min_points
     }
 
-    /// Whether an object of the class with this index and so many points gets an id.
-    pub(super) fn keeps(&self, class: u8, points: u64) -> bool {
-        self.classes.iter().any(|wanted| *wanted as u8 == class) && self.is_large(class, points)
+    /// Whether objects of the class with this index get an id.
+    pub(super) fn wants(&self, class: u8) -> bool {
+        self.classes.iter().any(|wanted| *wanted as u8 == class)
     }
 
     /// Checks every range.

@@ -66,11 +66,11 @@ mod tests {
         let names = ["tree", "pole", "vehicle", "building", "fence", "small", "wire"];
         for (name, class) in names.into_iter().zip([TREE, POLE, VEHICLE, BUILDING, FENCE, SMALL, WIRE]) {
             let config = read(&format!("classes = [\"{name}\"]")).unwrap();
-            assert!((GROUND..=WIRE).all(|other| config.keeps(other, 1000) == (other == class)), "{name}");
+            assert!((GROUND..=WIRE).all(|other| config.wants(other) == (other == class)), "{name}");
         }
         let all = read("").unwrap();
-        assert!((TREE..=WIRE).all(|class| all.keeps(class, 120)) && !all.keeps(GROUND, 120));
-        let least = |class| (0..).find(|&points| all.keeps(class, points)).unwrap();
+        assert!((TREE..=WIRE).all(|class| all.wants(class)) && !all.wants(GROUND));
+        let least = |class| (0..).find(|&points| all.is_large(class, points)).unwrap();
         let of_class = [TREE, POLE, VEHICLE, BUILDING, FENCE, SMALL, WIRE].map(least);
         assert_eq!(of_class, [60, 20, 60, 60, 40, 20, 20]);
         let error = read("classes = []").unwrap_err().to_string();

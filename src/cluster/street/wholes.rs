@@ -7,7 +7,7 @@
 //! "Pieces of objects".
 #![expect(clippy::cast_possible_truncation, reason = "features are single numbers")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::figures::{self, Figures};
 use crate::boosting::Model;
@@ -22,8 +22,10 @@ pub(super) const STRAY: u8 = 2;
 
 /// Smallest share of "whole" with which an object stays one, in steps of 1/255: 0.2.
 const LEAST_WHOLE: u8 = 51;
+/// Share from which it is sure, and a few points are enough for an object: 0.9.
+const SURE_WHOLE: u8 = 230;
 /// Objects with more voxels are no pieces.
-const MOST_VOXELS: u64 = 2_000;
+pub(super) const MOST_VOXELS: u64 = 2_000;
 
 const TOUCHING: usize = 8;
 const FEATURES: usize = figures::NAMES.len() + TOUCHING;
@@ -117,6 +119,8 @@ pub(super) fn see(
 pub(super) struct Pieces {
     /// The object that a piece is a part of; `None` for stray pieces.
     of: BTreeMap<u32, Option<u32>>,
+    /// Objects that are certainly whole.
+    sure: BTreeSet<u32>,
 }
 
 impl Pieces {
@@ -128,6 +132,7 @@ impl Pieces {
         lattice: Lattice,
     ) -> Result<Self> {
         let mut of = BTreeMap::new();
+        let mut sure = BTreeSet::new();
         for (label, object) in objects {
             if object.figures.voxels() > MOST_VOXELS {
                 continue;
@@ -137,9 +142,16 @@ impl Pieces {
             let [whole, part, stray] = shares.first().copied().unwrap_or_default();
             if whole < LEAST_WHOLE {
                 of.insert(*label, larger.filter(|_| part >= stray));
+            } else if whole >= SURE_WHOLE {
+                sure.insert(*label);
             }
         }
-        Ok(Self { of })
+        Ok(Self { of, sure })
+    }
+
+    /// Whether the model is sure that an object is whole.
+    pub(super) fn is_sure(&self, label: u32) -> bool {
+        self.sure.contains(&label)
     }
 
     /// The whole object that a label belongs to: itself, a larger one, or none. A larger object may be a part of
@@ -167,7 +179,10 @@ mod tests {
         let whole = Whole::of_blocks(blocks);
         let figures = figures::find(&whole, Lattice::MILLIMETRE);
         let object = |(label, figures)| (label, Object { class: whole.class[&label], figures });
-        (figures.into_iter().map(object).collect(), contacts::of_objects(&[contacts::count(&whole)], |l| l))
+        (
+            figures.into_iter().map(object).collect(),
+            contacts::of_objects(&[contacts::count(&whole, MOST_VOXELS)]),
+        )
     }
 
     fn feature(seen: &Seen, name: &str) -> f32 {
