@@ -191,26 +191,26 @@ mod tests {
 
     #[test]
     fn the_larger_object_is_the_one_that_most_voxels_touch() {
-        // A cube of 4 voxels on an edge. The side of a crown lies beside it, a wall touches its edge below.
+        // A cube of 4 voxels on an edge. Three layers lie beside a crown, and the lowest one near the top of a wall.
         let (objects, touched) = scene(&[
             (TREE, [0, 0, 30], [6, 6, 6]),
             (TREE, [6, 0, 30], [30, 30, 30]),
-            (BUILDING, [0, 0, 0], [6, 1, 30]),
+            (BUILDING, [0, 0, 0], [6, 1, 27]),
         ]);
         let seen = |label| see(&objects[&label], touched.get(&label), &objects, Lattice::MILLIMETRE);
         let cube = seen(1);
         assert_eq!(cube.larger, Some(2));
         assert!((feature(&cube, "objects that it touches") - 2.0).abs() < 1e-6);
-        assert!((feature(&cube, "share that touches the larger object") - 0.25).abs() < 1e-6);
-        assert!((feature(&cube, "share that touches a larger object of its class") - 0.25).abs() < 1e-6);
+        assert!((feature(&cube, "share that touches the larger object") - 0.75).abs() < 1e-6);
+        assert!((feature(&cube, "share that touches a larger object of its class") - 0.75).abs() < 1e-6);
         assert!((feature(&cube, "class of the larger object") - f32::from(TREE)).abs() < 1e-6);
         assert!(feature(&cube, "voxels of the larger object per voxel") > 50.0);
         assert!((feature(&cube, "highest of the larger object, m") - 5.9).abs() < 1e-3);
-        // Nothing is larger than the crown.
+        assert!((feature(&cube, "share that touches others") - 1.0).abs() < 1e-6);
+        // The crown is too large for a piece.
         let crown = seen(2);
         assert_eq!(crown.larger, None);
-        assert!(feature(&crown, "share that touches others") > 0.0);
-        assert_eq!(crown.features[figures::NAMES.len() + 2..], [0.0; 6]);
+        assert_eq!(crown.features[figures::NAMES.len()..], [0.0; TOUCHING]);
     }
 
     #[test]
