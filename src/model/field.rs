@@ -29,7 +29,8 @@ pub enum Field {
     /// Whether a labelled drive is labelled completely here, the extra dimension `gt_core`. As above.
     #[serde(skip)]
     Core,
-    /// Number of the object in a labelled drive, the extra dimension `gt_instance`: its lower 16 bits. As above.
+    /// Number of the object in a labelled drive, the extra dimension `gt_instance`: its lower 16 bits. As
+    /// above.
     #[serde(skip)]
     Instance,
 }

@@ -4,8 +4,8 @@
 //! of shapes learn from one half of the drives each, and classify the other half. A single drive has no other
 //! half: it is classified by the model that learned from it.
 //!
-//! The models of objects are learned by another call, from other drives. They must learn from objects as wrong
-//! as those of a new drive, and the models of voxels know the drives that they learned from too well.
+//! The models of objects are learned by another call, from other drives. They must learn from objects as
+//! wrong as those of a new drive, and the models of voxels know the drives that they learned from too well.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -43,8 +43,8 @@ pub(crate) struct TrainArgs {
     /// program
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["drives", "out"], requires = "test")]
     model: Option<PathBuf>,
-    /// Keep the parts of this model that classify voxels, and learn the parts that name objects and find pieces
-    /// of them, from drives that the model has not learned from; pieces need drives with gt_instance
+    /// Keep the parts of this model that classify voxels, and learn the parts that name objects and find
+    /// pieces of them, from drives that the model has not learned from; pieces need drives with gt_instance
     #[arg(long, value_name = "MODEL", conflicts_with = "model")]
     onto: Option<PathBuf>,
     /// Labelled drives to score the model with; nothing is learned from them

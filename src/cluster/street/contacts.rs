@@ -64,8 +64,8 @@ mod tests {
 
     #[test]
     fn voxels_beside_those_of_another_object_count_once_per_object() {
-        // In decimetres; three voxels on an edge each. The second stands beside the first, the third on both, the
-        // last one is 0.6 m away.
+        // In decimetres; three voxels on an edge each. The second stands beside the first, the third on both,
+        // the last one is 0.6 m away.
         let cube = [4, 4, 4];
         let blocks = [
             (TREE, [0, 0, 0], cube),

@@ -458,8 +458,8 @@ fn keeps(part: &Part, lattice: Lattice) -> bool {
     let fixed = f64::from(part.at_facade) >= AT_FACADE * f64::from(voxels);
     match part.class {
         BUILDING => voxels >= 150 && high > 2.5,
-        // Without a chain that is a pole, an upright piece among leaves is a part of a stem, unless it certainly
-        // looks like a pole: a hedge around its foot leaves no chain.
+        // Without a chain that is a pole, an upright piece among leaves is a part of a stem, unless it
+        // certainly looks like a pole: a hedge around its foot leaves no chain.
         POLE => {
             let free = part.decided > 0 || part.contact <= voxels || arms::is_sure(part);
             tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)) && free && !fixed

@@ -21,8 +21,6 @@ const BANDS_M: [f64; BANDS - 1] = [0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 const BANDS: usize = 7;
 
 /// Places of some features.
-#[cfg(test)]
-pub(super) const VOXELS: usize = CLASSES + 1;
 pub(super) const POINTS_PER_VOXEL: usize = CLASSES + 2;
 pub(super) const HIGHEST: usize = CLASSES + 10;
 

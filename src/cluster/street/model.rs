@@ -10,9 +10,10 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::classified::Shares;
 use super::features::{self, context};
+use super::figures;
 use super::settings::{CLASSES, Scene};
 use super::shares::{self, GROUND, POLE, TREE, VEHICLE};
-use super::{figures, wholes};
+use super::wholes;
 use crate::boosting::{BoostingError, Model};
 use crate::error::Result;
 

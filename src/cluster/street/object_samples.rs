@@ -1,9 +1,9 @@
 //! Samples for the models of objects: what `street` finds in a labelled drive with the models of voxels.
 //!
 //! Each object is a sample. Its class is that of most of its points, if that is the class of at least
-//! [`CLEAR`] of those that have one. It is whole if it has more than half of the points of the true object that
-//! most of its points belong to. Otherwise it is a part, if the larger object that it touches mostly belongs to
-//! the same true object, and a stray piece, if not.
+//! [`CLEAR`] of those that have one. It is whole if it has more than half of the points of the true object
+//! that most of its points belong to. Otherwise it is a part, if the larger object that it touches mostly
+//! belongs to the same true object, and a stray piece, if not.
 
 use std::collections::BTreeMap;
 
@@ -151,8 +151,8 @@ pub(super) fn reduce(payloads: &[Vec<u8>], lattice: Lattice) -> Result<Vec<Objec
     Ok(samples)
 }
 
-/// Whether an object is whole, a part or a stray piece; `None` if half of its `points` have no label. `larger`
-/// is the main true object of the larger object, and `points_of` are the points of the true objects.
+/// Whether an object is whole, a part or a stray piece; `None` if half of its `points` have no label.
+/// `larger` is the main true object of the larger object, and `points_of` are the points of the true objects.
 fn is_whole(
     truth: &Truth,
     points: u64,

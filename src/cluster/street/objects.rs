@@ -1,8 +1,8 @@
 //! Step `objects`: the label of every point, from the label of its voxel; class and confidence of objects.
 //!
 //! A model with a part for objects names each object as a whole, from the figures over its voxels
-//! (`figures.rs`). Without it, an object has the class of its core. A further part of the model finds pieces of
-//! objects (`wholes.rs`). Without it, each piece is an object.
+//! (`figures.rs`). Without it, an object has the class of its core. A further part of the model finds pieces
+//! of objects (`wholes.rs`). Without it, each piece is an object.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32, a mean share is at most 255")]
 
 use std::collections::BTreeMap;

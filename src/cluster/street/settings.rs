@@ -73,8 +73,8 @@ pub(super) fn edge(lattice: Lattice) -> u32 {
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
     /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence has at least twice as
-    /// many, a tree, a vehicle, a building and an object without a core three times as many, unless the model is
-    /// sure that it is whole. Smaller ones that join no other are left without an id.
+    /// many, a tree, a vehicle, a building and an object without a core three times as many, unless the model
+    /// is sure that it is whole. Smaller ones that join no other are left without an id.
     pub min_points: u64,
     /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
     /// growth needs them, and then left without an id.

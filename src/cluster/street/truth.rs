@@ -1,8 +1,8 @@
 //! The true classes and objects of the voxels of a labelled drive.
 //!
 //! The label of a voxel is the class of most of its points (ties: the smaller code). Points without a class
-//! (code 0, stray returns and what nobody labelled) and points outside `gt_core` give no label. The true object
-//! of a voxel is that of most of its labelled points (ties: the smaller number).
+//! (code 0, stray returns and what nobody labelled) and points outside `gt_core` give no label. The true
+//! object of a voxel is that of most of its labelled points (ties: the smaller number).
 
 use super::settings::{CLASSES, STEP_VOXELS};
 use super::stage_voxels::Cut;

@@ -1,5 +1,6 @@
-//! Is what was found a whole object, a part of a larger one that it touches, or a stray piece? The fourth part
-//! of the model says so, by the figures of the object (`figures.rs`) and by what it touches (`contacts.rs`).
+//! Is what was found a whole object, a part of a larger one that it touches, or a stray piece? The fourth
+//! part of the model says so, by the figures of the object (`figures.rs`) and by what it touches
+//! (`contacts.rs`).
 //!
 //! The steps before leave pieces: a branch that no path reached, a balcony, the side of a car seen through a
 //! hedge. Each of them would be an object in the inventory that does not exist. A part goes to the larger
@@ -154,8 +155,8 @@ impl Pieces {
         self.sure.contains(&label)
     }
 
-    /// The whole object that a label belongs to: itself, a larger one, or none. A larger object may be a part of
-    /// one that is larger still.
+    /// The whole object that a label belongs to: itself, a larger one, or none. A larger object may be a part
+    /// of one that is larger still.
     pub(super) fn whole(&self, mut label: u32) -> Option<u32> {
         while let Some(&of) = self.of.get(&label) {
             label = of?;
@@ -185,13 +186,18 @@ mod tests {
         )
     }
 
+    fn place(name: &str) -> usize {
+        NAMES.iter().position(|other| *other == name).unwrap()
+    }
+
     fn feature(seen: &Seen, name: &str) -> f32 {
-        seen.features[NAMES.iter().position(|other| *other == name).unwrap()]
+        seen.features[place(name)]
     }
 
     #[test]
     fn the_larger_object_is_the_one_that_most_voxels_touch() {
-        // A cube of 4 voxels on an edge. Three layers lie beside a crown, and the lowest one near the top of a wall.
+        // A cube of 4 voxels on an edge. Three layers lie beside a crown, and the lowest one near the top of
+        // a wall.
         let (objects, touched) = scene(&[
             (TREE, [0, 0, 30], [6, 6, 6]),
             (TREE, [6, 0, 30], [30, 30, 30]),
@@ -218,7 +224,7 @@ mod tests {
         // Few voxels are a piece: a part, if it touches something.
         let row = |voxels: f32, touches: f32| {
             let mut row = [0.0; FEATURES];
-            row[figures::VOXELS] = voxels;
+            row[place("voxels")] = voxels;
             row[figures::NAMES.len()] = touches;
             row
         };
@@ -231,7 +237,8 @@ mod tests {
         }
         let settings = Settings { rounds: 30, features: 1.0, ..Settings::default() };
         let model = learn(&samples, &settings, &|_| ()).unwrap();
-        // A large crown, a twig at it with a leaf at its end, something far away, and a tree beside the crown.
+        // A large crown, a twig at it with a leaf at its end, something far away, and a tree beside the
+        // crown.
         let (objects, touched) = scene(&[
             (TREE, [0, 0, 30], [30, 30, 30]),
             (TREE, [30, 0, 30], [6, 4, 4]),
