@@ -107,12 +107,14 @@ learn() { # KINDS KINDS-OF-OBJECTS MODEL CARD OPTIONS...
     local voxels=$scratch/voxels.model card=$scratch/voxels.md
     if $only_objects; then
         cp "$3" "$voxels"
-        awk '/^# Model/ && NR > 1 { exit } { print }' "$4" | sed -e :a -e '/^\n*$/{$d;N;ba' -e '}' >"$card"
+        awk '/^# Model/ && NR > 1 { exit } { print }' "$4" >"$card"
     else
         learn_voxels "$1" "$voxels" "$card" "${@:5}"
+        printf '\n' >>"$card"
     fi
     learn_objects "$2" "$voxels" "$3" "$scratch/objects.md"
-    { cat "$card" && printf '\n' && cat "$scratch/objects.md"; } >"$4"
+    cat "$card" "$scratch/objects.md" >"$scratch/whole.md"
+    mv "$scratch/whole.md" "$4"
 }
 
 scenes=("$@")
