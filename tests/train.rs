@@ -10,12 +10,17 @@ use crate::util::program::{ended, program};
 
 /// A short labelled drive.
 fn labelled(folder: &Path) -> PathBuf {
-    let drive = folder.join("drive");
-    let made = program()
-        .args(["synth", "downtown", "--length", "40m", "--pulse-rate", "25kHz", "--seed", "3", "-o"])
-        .arg(&drive)
-        .output()
-        .expect("runs");
+    synth(folder.join("drive"), &["downtown", "--length", "40m", "--pulse-rate", "25kHz"])
+}
+
+/// Sweeps of a spinning scanner. It sees far crowns and facades in pieces.
+fn sweeps(folder: &Path) -> PathBuf {
+    synth(folder.join("sweeps"), &["suburb", "--scanner", "spinning-64-wide", "--sweeps", "4"])
+}
+
+fn synth(drive: PathBuf, options: &[&str]) -> PathBuf {
+    let made =
+        program().arg("synth").args(options).args(["--seed", "3", "-o"]).arg(&drive).output().expect("runs");
     assert_eq!(ended(&made).0, 0, "{made:?}");
     drive
 }
@@ -91,11 +96,12 @@ fn a_second_call_adds_the_models_of_objects_whatever_the_tiles() {
     let drive = labelled(folder.path());
     let voxels = folder.path().join("voxels.model");
     assert_eq!(ended(&train(&drive, &voxels, &[])).0, 0);
+    let sweeps = sweeps(folder.path());
     let onto = ["--onto", voxels.to_str().expect("text"), "--thin", "0.5"];
     let mut models = Vec::new();
     for (number, options) in [&[][..], &["--tile-length", "7", "--threads", "3"]].into_iter().enumerate() {
         let path = folder.path().join(format!("{number}.model"));
-        let output = train(&drive, &path, &[&onto, options].concat());
+        let output = train(&sweeps, &path, &[&onto, options].concat());
         let (code, text) = ended(&output);
         assert_eq!(code, 0, "{text}");
         let text = String::from_utf8(output.stdout).expect("text");
@@ -114,8 +120,15 @@ fn a_second_call_adds_the_models_of_objects_whatever_the_tiles() {
     assert!(samples.iter().sum::<u64>() > 10 && samples[1] > 0 && samples[4] > 0, "{samples:?}");
     let wholes = model.wholes.as_ref().expect("a model of pieces");
     let counts = &wholes.about().samples;
-    assert!(counts[0] > 10 && wholes.about().trained_on.len() == 2, "{counts:?}");
+    assert!(counts[0] > 10 && counts[1..].iter().sum::<u64>() > 2, "{counts:?}");
+    assert_eq!(wholes.about().trained_on.len(), 2);
     assert_ne!(model.checksum(), before.checksum());
+
+    // All objects of this drive are whole, so there is nothing to tell apart.
+    let names = folder.path().join("names.model");
+    assert_eq!(ended(&train(&drive, &names, &onto[..2])).0, 0);
+    let names = read_model(&names).expect("a model");
+    assert!(names.objects.is_some() && names.wholes.is_none());
 }
 
 #[test]

@@ -150,7 +150,8 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
 }
 
 /// Learns the models of objects of a model whose models of voxels are known. They should have learned from
-/// other drives. Drives that do not say which object a point belongs to teach names only.
+/// other drives. Drives that do not say which object a point belongs to teach names only, as do drives of
+/// which all objects were found whole.
 ///
 /// # Errors
 /// As [`train`].
@@ -177,7 +178,9 @@ pub fn train_objects(
     };
     let (objects, held_out) = learn(LEARN_OBJECTS, names)?;
     let held_out = confusion::<{ CLASS_NAMES.len() }>(&objects, &held_out)?;
-    if wholes.halves.iter().all(Samples::is_empty) {
+    // Where all objects are whole, or none is known, there is nothing to tell apart.
+    let [first, second] = wholes.halves.each_ref().map(Samples::counts);
+    if first.iter().zip(second).filter(|(first, second)| **first + second > 0).count() < 2 {
         return Ok(Trained {
             model: StreetModel { objects: Some(objects), ..voxels },
             held_out,
