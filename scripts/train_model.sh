@@ -24,8 +24,8 @@ only_objects=false
 case ${1:-} in objects) only_objects=true && shift ;; esac
 
 # One kind of drive per line: name, preset, seed, and options of chainage synth. Add scanners here. The second drive of a kind has
-# a seed that is 100 higher, the third 200, the fourth 300. With one drive of each kind for the voxels, F1 of a scene changes by up to 0.04 with the
-# seeds (benches/results/street.md).
+# a seed that is 100 higher, the third 200, the fourth 300. With one drive of each kind for the voxels, F1 of a scene changes by up
+# to 0.04 with the seeds (benches/results/street.md).
 street="
 suburb-two-heads    suburb   11 --length 200m --pulse-rate 250kHz
 downtown-two-heads  downtown 12 --length 200m --pulse-rate 250kHz

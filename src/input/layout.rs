@@ -46,7 +46,7 @@ pub struct RecordLayout {
     pub(crate) descriptors: Vec<u8>,
 }
 
-/// Data type of an extra dimension of unsigned bytes (LAS 1.4 R15, table 25).
+/// Data types of extra dimensions of one, two and four bytes without a sign (LAS 1.4 R15, table 25).
 const UNSIGNED_BYTE: u8 = 1;
 const UNSIGNED_SHORT: u8 = 3;
 const UNSIGNED_LONG: u8 = 5;

@@ -180,17 +180,16 @@ pub fn train_objects(
     let held_out = confusion::<{ CLASS_NAMES.len() }>(&objects, &held_out)?;
     // Where all objects are whole, or none is known, there is nothing to tell apart.
     let [first, second] = wholes.halves.each_ref().map(Samples::counts);
-    if first.iter().zip(second).filter(|(first, second)| **first + second > 0).count() < 2 {
-        return Ok(Trained {
-            model: StreetModel { objects: Some(objects), ..voxels },
-            held_out,
-            wholes: None,
-        });
-    }
-    let (wholes, unseen) = learn(LEARN_WHOLES, wholes)?;
-    let unseen = confusion::<{ WHOLE_CLASSES.len() }>(&wholes, &unseen)?;
-    let model = StreetModel { objects: Some(objects), wholes: Some(wholes), ..voxels };
-    Ok(Trained { model, held_out, wholes: Some(unseen) })
+    let differ = first.iter().zip(second).filter(|(first, second)| **first + second > 0).count() > 1;
+    let (wholes, unseen) = if differ {
+        let (wholes, unseen) = learn(LEARN_WHOLES, wholes)?;
+        let unseen = confusion::<{ WHOLE_CLASSES.len() }>(&wholes, &unseen)?;
+        (Some(wholes), Some(unseen))
+    } else {
+        (None, None)
+    };
+    let model = StreetModel { objects: Some(objects), wholes, ..voxels };
+    Ok(Trained { model, held_out, wholes: unseen })
 }
 
 /// How a model classifies samples.

@@ -13,21 +13,26 @@ use super::window::Window;
 /// Crowns that a scanner sees through others have gaps.
 const BESIDE: i32 = 3;
 
-/// Of two labels, the voxels of the first that lie beside the second.
+/// What a tile knows of the contacts of small objects.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Contacts(Vec<(u32, u32, u32)>);
+pub(super) struct Contacts {
+    /// Voxels of each label.
+    sizes: BTreeMap<u32, u64>,
+    /// Of two labels, the voxels of the first that lie beside the second.
+    beside: Vec<(u32, u32, u64)>,
+}
 
-/// Counts the voxels that the tile owns, of objects with at most so many. Labels must be right for what is
-/// beside them, too.
+/// Counts the voxels that the tile owns. What has more than so many in the tile alone is not small, and has no
+/// contacts. Labels must be right for what is beside them, too.
 pub(super) fn count(whole: &Whole, most: u64) -> Contacts {
     let voxels = &whole.grown.cored.around.voxels;
     let label = &whole.grown.label;
     let owned = || (0..label.len()).filter(|&voxel| voxels.owned[voxel] && label[voxel] != 0);
-    let mut sizes = FxHashMap::<u32, u64>::default();
+    let mut sizes = BTreeMap::<u32, u64>::new();
     owned().for_each(|voxel| *sizes.entry(label[voxel]).or_default() += 1);
     let window = Window::new(BESIDE, BESIDE);
     let mut finder = voxels.columns.finder();
-    let mut counts = FxHashMap::<(u32, u32), u32>::default();
+    let mut counts = FxHashMap::<(u32, u32), u64>::default();
     let mut others = Vec::new();
     for voxel in owned().filter(|&voxel| sizes[&label[voxel]] <= most) {
         let own = label[voxel];
@@ -42,17 +47,26 @@ pub(super) fn count(whole: &Whole, most: u64) -> Contacts {
             *counts.entry((own, other)).or_default() += 1;
         }
     }
-    let mut counts: Vec<(u32, u32, u32)> =
+    let mut beside: Vec<(u32, u32, u64)> =
         counts.into_iter().map(|((own, other), count)| (own, other, count)).collect();
-    counts.sort_unstable();
-    Contacts(counts)
+    beside.sort_unstable();
+    Contacts { sizes, beside }
 }
 
-/// The objects that each object touches, with the number of its voxels that do.
-pub(super) fn of_objects(tiles: &[Contacts]) -> BTreeMap<u32, BTreeMap<u32, u64>> {
-    let mut found = BTreeMap::<u32, BTreeMap<u32, u64>>::new();
-    for &(own, other, count) in tiles.iter().flat_map(|tile| &tile.0) {
-        *found.entry(own).or_default().entry(other).or_default() += u64::from(count);
+/// The small objects, each with what it touches and the number of its voxels that do. It has at most so many
+/// voxels in all tiles together: how tiles cut it does not count.
+pub(super) fn of_objects(tiles: &[Contacts], most: u64) -> BTreeMap<u32, BTreeMap<u32, u64>> {
+    let mut sizes = BTreeMap::<u32, u64>::new();
+    for (label, voxels) in tiles.iter().flat_map(|tile| &tile.sizes) {
+        *sizes.entry(*label).or_default() += voxels;
+    }
+    sizes.retain(|_, voxels| *voxels <= most);
+    let mut found: BTreeMap<u32, BTreeMap<u32, u64>> =
+        sizes.into_keys().map(|label| (label, BTreeMap::new())).collect();
+    for &(own, other, count) in tiles.iter().flat_map(|tile| &tile.beside) {
+        if let Some(touched) = found.get_mut(&own) {
+            *touched.entry(other).or_default() += count;
+        }
     }
     found
 }
@@ -74,20 +88,33 @@ mod tests {
             (TREE, [0, 12, 0], cube),
         ];
         let whole = Whole::of_blocks(&blocks);
-        let found = of_objects(&[count(&whole, 27)]);
+        let found = of_objects(&[count(&whole, 27)], 27);
         assert_eq!(found[&1], BTreeMap::from([(2, 27), (3, 27)]));
         assert_eq!(found[&2], BTreeMap::from([(1, 27), (3, 27)]));
-        assert!(!found.contains_key(&4));
+        assert!(found[&4].is_empty());
         // The third is too large for this question.
         assert!(!found.contains_key(&3));
-        assert_eq!(of_objects(&[count(&whole, 1_000)])[&3].keys().copied().collect::<Vec<_>>(), [1, 2]);
+        let found = of_objects(&[count(&whole, 1_000)], 1_000);
+        assert_eq!(found[&3].keys().copied().collect::<Vec<_>>(), [1, 2]);
     }
 
     #[test]
-    fn tiles_add_up() {
-        let tiles = [Contacts(vec![(1, 2, 3), (2, 3, 1)]), Contacts(vec![(1, 2, 4), (3, 1, 5)])];
-        let found = of_objects(&tiles);
-        assert_eq!(found[&1], BTreeMap::from([(2, 7)]));
-        assert_eq!((found[&2][&3], found[&3][&1]), (1, 5));
+    fn tiles_add_up_and_an_object_is_small_as_a_whole() {
+        let cube = |x: i64| (TREE, [x, 0, 0], [4, 4, 4]);
+        let mut whole = Whole::of_blocks(&[cube(0), cube(4), cube(9)]);
+        whole.grown.label.iter_mut().filter(|label| **label == 2).for_each(|label| *label = 1);
+        let voxels = whole.grown.cored.around.voxels.key.clone();
+        // The first object has 45 voxels, and at most 27 in either tile.
+        for (most, small) in [(27, vec![3]), (60, vec![1, 3])] {
+            whole.grown.cored.around.voxels.owned = vec![true; voxels.len()];
+            let untiled = of_objects(&[count(&whole, most)], most);
+            assert_eq!(untiled.keys().copied().collect::<Vec<_>>(), small);
+            let tiles = [false, true].map(|east| {
+                let owned = voxels.iter().map(|key| (key[0] >= 2) == east).collect();
+                whole.grown.cored.around.voxels.owned = owned;
+                count(&whole, most)
+            });
+            assert_eq!(of_objects(&tiles, most), untiled);
+        }
     }
 }

@@ -478,3 +478,21 @@ pub(super) fn count(global: &[u8]) -> Result<u32> {
 }
 
 const _: () = assert!(CLASSES <= 128, "a class leaves a bit for DECIDED");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pole_among_leaves_without_a_chain_is_a_core_if_it_certainly_looks_like_one() {
+        // 40 voxels up to 7.9 m, with 120 leaves around them.
+        let voxel = |step: i32| Part::of_voxel(POLE, NO_BAND, [0, 0, step], 100 + 200 * step, [0; 3]);
+        let mut lamp = voxel(0);
+        (1..40).for_each(|step| lamp.merge(&voxel(step)));
+        lamp.contact = 120;
+        let is_core =
+            |sure_pole, decided| keeps(&Part { sure_pole, decided, ..lamp.clone() }, Lattice::MILLIMETRE);
+        assert!(is_core(32, 0) && !is_core(31, 0));
+        assert!(is_core(0, 1), "a chain decided that it is a pole");
+    }
+}

@@ -20,10 +20,6 @@ use crate::spatial::Cell;
 const BANDS_M: [f64; BANDS - 1] = [0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 const BANDS: usize = 7;
 
-/// Places of some features.
-pub(super) const POINTS_PER_VOXEL: usize = CLASSES + 2;
-pub(super) const HIGHEST: usize = CLASSES + 10;
-
 /// Names of the features.
 pub(crate) const NAMES: [&str; 28] = [
     "share of none",
@@ -107,6 +103,11 @@ impl Figures {
         self.points
     }
 
+    /// Height of its highest voxel above ground, in metres.
+    pub(super) fn highest_m(&self, lattice: Lattice) -> f64 {
+        metres(f64::from(self.high), lattice)
+    }
+
     /// Adds the voxels of another part of the object.
     pub(super) fn merge(&mut self, other: &Self) {
         fn add<T: Copy + std::ops::AddAssign, const N: usize>(sums: &mut [T; N], others: &[T; N]) {
@@ -130,7 +131,7 @@ impl Figures {
     pub(super) fn features(&self, class: u8, lattice: Lattice) -> [f32; NAMES.len()] {
         let count = self.voxels as f64;
         let mean = |sum: u64| sum as f64 / count;
-        let metres = |units: f64| units / lattice.units(1.0) as f64;
+        let metres = |units: f64| metres(units, lattice);
         // Exact, so that only the difference is rounded.
         let voxels = i128::from(self.voxels);
         let moment = |product: i128, one: usize, other: usize| {
@@ -163,7 +164,7 @@ impl Figures {
             width / length,
             self.columns as f64 * EDGE_M * EDGE_M / (length * width),
             metres(f64::from(self.low)),
-            metres(f64::from(self.high)),
+            self.highest_m(lattice),
             metres(self.height as f64 / count),
             metres(variance.max(0.0).sqrt()),
         ];
@@ -171,6 +172,10 @@ impl Figures {
         bands.iter_mut().zip(self.bands).for_each(|(band, sum)| *band = mean(sum) as f32);
         features
     }
+}
+
+fn metres(units: f64, lattice: Lattice) -> f64 {
+    units / lattice.units(1.0) as f64
 }
 
 /// The figures of each object over the voxels that the tile owns.

@@ -41,32 +41,27 @@ impl StreetModel {
     /// # Errors
     /// A [`BoostingError`] that says what is wrong with the file.
     pub fn decode(file: &str, content: &[u8]) -> Result<Self, BoostingError> {
+        let read = |bytes: &[u8], features: &[&str], classes: &[&str]| {
+            let model = Model::decode(file, bytes)?;
+            model.check(file, features, classes)?;
+            Ok::<_, BoostingError>(model)
+        };
+        // What stands at the start of the rest, and what follows. An optional model may be missing.
+        let split = |rest| if <[u8]>::is_empty(rest) { Ok((rest, rest)) } else { Model::split(file, rest) };
+        let optional = |bytes: &[u8], features: &[&str], classes: &[&str]| {
+            if bytes.is_empty() { Ok(None) } else { read(bytes, features, classes).map(Some) }
+        };
         let (shapes, context) = Model::split(file, content)?;
-        let shapes = Model::decode(file, shapes)?;
-        shapes.check(file, &features::NAMES, &CLASS_NAMES)?;
+        let shapes = read(shapes, &features::NAMES, &CLASS_NAMES)?;
         if context.is_empty() {
             let what = "it has no model of the classes around a voxel".to_owned();
             return Err(BoostingError::Unfit { origin: file.to_owned(), what });
         }
-        let (context, objects) = Model::split(file, context)?;
-        let context = Model::decode(file, context)?;
-        context.check(file, &context::NAMES, &CLASS_NAMES)?;
-        let optional = |bytes: &[u8], features: &[&str], classes: &[&str]| {
-            let model = Model::decode(file, bytes)?;
-            model.check(file, features, classes)?;
-            Ok::<_, BoostingError>(Some(model))
-        };
-        let (objects, wholes) = match objects {
-            [] => (None, None),
-            objects => {
-                let (objects, wholes) = Model::split(file, objects)?;
-                let wholes = match wholes {
-                    [] => None,
-                    wholes => optional(wholes, &wholes::NAMES, &wholes::CLASS_NAMES)?,
-                };
-                (optional(objects, &figures::NAMES, &CLASS_NAMES)?, wholes)
-            }
-        };
+        let (context, rest) = Model::split(file, context)?;
+        let context = read(context, &context::NAMES, &CLASS_NAMES)?;
+        let (objects, wholes) = split(rest)?;
+        let objects = optional(objects, &figures::NAMES, &CLASS_NAMES)?;
+        let wholes = optional(wholes, &wholes::NAMES, &wholes::CLASS_NAMES)?;
         Ok(Self { shapes, context, objects, wholes })
     }
 
@@ -198,13 +193,19 @@ mod tests {
     }
 
     #[test]
-    fn voxels_do_not_depend_on_the_model_of_objects() {
+    fn voxels_do_not_depend_on_the_models_of_objects_and_these_may_be_missing() {
         let whole = (*built_in(Scene::Street).unwrap()).clone();
         let voxels = StreetModel { objects: None, wholes: None, ..whole.clone() };
         assert_eq!(whole.checksum_of_voxels(), voxels.checksum());
-        assert_ne!(whole.checksum(), voxels.checksum());
-        let read = StreetModel::decode("my.model", &voxels.encode().unwrap()).unwrap();
-        assert!(read.objects.is_none() && read.checksum() == voxels.checksum());
+        let names = StreetModel { wholes: None, ..whole.clone() };
+        assert_ne!(whole.checksum(), names.checksum());
+        assert_ne!(names.checksum(), voxels.checksum());
+        for model in [whole, names, voxels] {
+            let read = StreetModel::decode("my.model", &model.encode().unwrap()).unwrap();
+            assert_eq!(read.checksum(), model.checksum());
+            assert_eq!(read.objects.is_some(), model.objects.is_some());
+            assert_eq!(read.wholes.is_some(), model.wholes.is_some());
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use super::contacts::{self, Contacts};
 use super::figures::{self, Figures};
 use super::objects::Settled;
 use super::settings::CLASSES;
-use super::wholes::{self, Object, PART, STRAY, Seen, WHOLE};
+use super::wholes::{self, MOST_VOXELS, Object, PART, STRAY, Seen, WHOLE};
 use crate::cluster::TileWindow;
 use crate::cluster::columns::Voxel;
 use crate::codec;
@@ -95,14 +95,19 @@ pub(super) fn map(tile: &dyn TileWindow, labelled: Vec<(Voxel, u8)>, instances: 
     let mut points_of = BTreeMap::<u16, u64>::new();
     for (number, (voxel, (_, code))) in own.zip(labelled).enumerate() {
         let Some(place) = usize::from(code).checked_sub(1) else { continue };
-        let label = whole.grown.label[voxel];
         let points = u64::from(voxels.points[voxel]);
-        let mut none = Truth::default();
-        let truth = if label == 0 { &mut none } else { truth.entry(label).or_default() };
-        truth.classes[place] += points;
-        if let Some(&instance) = instances.get(number) {
-            *truth.instances.entry(instance).or_default() += points;
+        let instance = instances.get(number).copied();
+        if let Some(instance) = instance {
             *points_of.entry(instance).or_default() += points;
+        }
+        let label = whole.grown.label[voxel];
+        if label == 0 {
+            continue;
+        }
+        let truth = truth.entry(label).or_default();
+        truth.classes[place] += points;
+        if let Some(instance) = instance {
+            *truth.instances.entry(instance).or_default() += points;
         }
     }
     let mut objects = BTreeMap::new();
@@ -134,7 +139,7 @@ pub(super) fn reduce(payloads: &[Vec<u8>], lattice: Lattice) -> Result<Vec<Objec
             *points_of.entry(instance).or_default() += points;
         }
     }
-    let touched = contacts::of_objects(&touching);
+    let touched = contacts::of_objects(&touching, MOST_VOXELS);
     let mut samples = Vec::new();
     for (label, object) in &objects {
         let Seen { features, larger } = wholes::see(object, touched.get(label), &objects, lattice);

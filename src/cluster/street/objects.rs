@@ -163,7 +163,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &Str
         sum.share += one.share;
         sum.points += one.points;
     }
-    let touched = contacts::of_objects(&contacts);
+    let touched = contacts::of_objects(&contacts, MOST_VOXELS);
     let mut named = BTreeMap::new();
     let mut objects = BTreeMap::new();
     for (&label, &Sum { class: before, share, points }) in &sums {

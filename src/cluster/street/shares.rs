@@ -23,14 +23,14 @@ pub(super) fn spans(class: u8) -> bool {
 }
 
 /// The class with the largest share. Of equal shares the first class counts.
-pub(crate) fn class<const CLASSES: usize>(shares: &[u8; CLASSES]) -> u8 {
+pub(crate) fn class<const N: usize>(shares: &[u8; N]) -> u8 {
     let mut best = 0;
-    for class in 1..CLASSES {
+    for class in 1..N {
         if shares[class] > shares[best] {
             best = class;
         }
     }
-    #[expect(clippy::cast_possible_truncation, reason = "there are 8 classes")]
+    #[expect(clippy::cast_possible_truncation, reason = "there are at most 8 classes")]
     let best = best as u8;
     best
 }

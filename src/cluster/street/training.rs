@@ -190,12 +190,11 @@ impl Training {
     fn voxels(&self, tile: &dyn TileWindow) -> Result<Mapped> {
         let points = tile.points(stage_voxels::points_reach(tile.lattice()), false)?;
         let cut = stage_voxels::cut_of(tile, thinned(points, self.share))?;
-        let truth = self.known.sections(&cut);
+        let [labels, instances] = self.known.sections(&cut);
         let payload = cut.payload()?;
         let of_street = |number| codec::section(&payload, number);
-        let [labels, instances] = &truth;
         let of_both =
-            [of_street(voxels::SECTION_VOXELS)?, of_street(voxels::SECTION_GROUND)?, labels, instances];
+            [of_street(voxels::SECTION_VOXELS)?, of_street(voxels::SECTION_GROUND)?, &labels, &instances];
         Ok(Mapped::payload(codec::pack(&of_both)))
     }
 

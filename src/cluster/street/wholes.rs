@@ -25,7 +25,7 @@ pub(super) const STRAY: u8 = 2;
 const LEAST_WHOLE: u8 = 51;
 /// Share from which it is sure, and a few points are enough for an object: 0.9.
 const SURE_WHOLE: u8 = 230;
-/// Objects with more voxels are no pieces.
+/// What has more voxels is no piece.
 pub(super) const MOST_VOXELS: u64 = 2_000;
 
 const TOUCHING: usize = 8;
@@ -87,14 +87,13 @@ pub(super) fn see(
     let same = larger().filter(|(.., other)| other.class == object.class).map(|(_, count, _)| count).max();
     // Of two with as many voxels, the smaller label counts.
     let most = larger().rev().max_by_key(|&(_, count, _)| count);
-    let of_most = most.map_or([0.0; 5], |(_, count, other)| {
-        let own = other.figures.features(other.class, lattice);
+    let of_most = most.map_or([0.0; 5], |(_, count, Object { class, figures })| {
         [
             share(count),
-            f64::from(other.class),
-            share(other.figures.voxels()),
-            f64::from(own[figures::POINTS_PER_VOXEL]),
-            f64::from(own[figures::HIGHEST]),
+            f64::from(*class),
+            share(figures.voxels()),
+            figures.points() as f64 / figures.voxels() as f64,
+            figures.highest_m(lattice),
         ]
     });
     let [shared, class, times, density, highest] = of_most;
@@ -125,7 +124,8 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// The pieces among the objects, as `model` sees them. `touched` are the objects that each one touches.
+    /// The pieces among the objects, as `model` sees them. `touched` has the small ones, each with what it
+    /// touches.
     pub(super) fn find(
         model: &Model,
         objects: &BTreeMap<u32, Object>,
@@ -134,11 +134,10 @@ impl Pieces {
     ) -> Result<Self> {
         let mut of = BTreeMap::new();
         let mut sure = BTreeSet::new();
-        for (label, object) in objects {
-            if object.figures.voxels() > MOST_VOXELS {
-                continue;
-            }
-            let Seen { features, larger } = see(object, touched.get(label), objects, lattice);
+        for (label, touched) in touched {
+            // All of its voxels may have become parts of others.
+            let Some(object) = objects.get(label) else { continue };
+            let Seen { features, larger } = see(object, Some(touched), objects, lattice);
             let shares = model.shares::<{ CLASS_NAMES.len() }>(&features)?;
             let [whole, part, stray] = shares.first().copied().unwrap_or_default();
             if whole < LEAST_WHOLE {
@@ -182,7 +181,7 @@ mod tests {
         let object = |(label, figures)| (label, Object { class: whole.class[&label], figures });
         (
             figures.into_iter().map(object).collect(),
-            contacts::of_objects(&[contacts::count(&whole, MOST_VOXELS)]),
+            contacts::of_objects(&[contacts::count(&whole, MOST_VOXELS)], MOST_VOXELS),
         )
     }
 
