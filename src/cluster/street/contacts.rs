@@ -22,8 +22,8 @@ pub(super) struct Contacts {
     beside: Vec<(u32, u32, u64)>,
 }
 
-/// Counts the voxels that the tile owns. What has more than so many in the tile alone is not small, and has no
-/// contacts. Labels must be right for what is beside them, too.
+/// Counts the voxels that the tile owns. What has more than so many in the tile alone is not small, and has
+/// no contacts. Labels must be right for what is beside them, too.
 pub(super) fn count(whole: &Whole, most: u64) -> Contacts {
     let voxels = &whole.grown.cored.around.voxels;
     let label = &whole.grown.label;
