@@ -56,7 +56,10 @@ pub use look::{PassStatus, RunStatus, status};
 pub use request::RunRequest;
 pub use shared::{DueUnits, Reduced, SharedRun, next, open_for_workers, reduce, work};
 pub use summary::{Counts, RunSummary, SectionFacts};
-pub use train::{TrainRequest, Trained, built_in_model, read_model, score_model, train, train_objects};
+pub use train::{
+    TrainRequest, Trained, built_in_model, read_model, read_model_of_voxels, score_model, train,
+    train_objects,
+};
 
 /// Processes a drive. The labelled copies, object table and report are in `request.out`. Resumes from stored
 /// results.

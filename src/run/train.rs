@@ -71,8 +71,20 @@ pub struct Trained {
 /// [`InputError::Read`], or a [`BoostingError`](boosting::BoostingError) that says what is wrong with the
 /// file.
 pub fn read_model(path: &Path) -> Result<StreetModel> {
-    let content = fs_err::read(path).map_err(|source| InputError::Read { path: path.to_owned(), source })?;
-    Ok(StreetModel::decode(&path.display().to_string(), &content)?)
+    Ok(StreetModel::decode(&path.display().to_string(), &content_of(path)?)?)
+}
+
+/// Reads the parts of a model that classify voxels, for [`train_objects`]. What else it contains may be for
+/// another version of the program.
+///
+/// # Errors
+/// Those of [`read_model`].
+pub fn read_model_of_voxels(path: &Path) -> Result<StreetModel> {
+    Ok(StreetModel::decode_of_voxels(&path.display().to_string(), &content_of(path)?)?)
+}
+
+fn content_of(path: &Path) -> Result<Vec<u8>, InputError> {
+    fs_err::read(path).map_err(|source| InputError::Read { path: path.to_owned(), source })
 }
 
 /// The model of a scene that comes with the program.

@@ -8,8 +8,8 @@ use chainage::boosting::{Confusion, Model, Settings as Learning};
 use chainage::cluster::Scene;
 use chainage::config::ConfigError;
 use chainage::run::{
-    CancelToken, Registries, StreetModel, TrainRequest, Trained, built_in_model, read_model, score_model,
-    train, train_objects,
+    CancelToken, Registries, StreetModel, TrainRequest, Trained, built_in_model, read_model,
+    read_model_of_voxels, score_model, train, train_objects,
 };
 
 use crate::cli::drive_args::Settings;
@@ -107,7 +107,9 @@ impl TrainArgs {
         let request = self.request(&scratch)?;
         let trained = match (&self.model, &self.onto) {
             (Some(_), _) => None,
-            (None, Some(voxels)) => Some(train_objects(&read_model(voxels)?, &request, &progress, &cancel)?),
+            (None, Some(voxels)) => {
+                Some(train_objects(&read_model_of_voxels(voxels)?, &request, &progress, &cancel)?)
+            }
             (None, None) => Some(train(&request, &progress, &cancel)?),
         };
         let read = match self.model.as_deref() {

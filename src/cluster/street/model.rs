@@ -41,28 +41,37 @@ impl StreetModel {
     /// # Errors
     /// A [`BoostingError`] that says what is wrong with the file.
     pub fn decode(file: &str, content: &[u8]) -> Result<Self, BoostingError> {
-        let read = |bytes: &[u8], features: &[&str], classes: &[&str]| {
-            let model = Model::decode(file, bytes)?;
-            model.check(file, features, classes)?;
-            Ok::<_, BoostingError>(model)
-        };
+        let (of_voxels, rest) = Self::split(file, content)?;
         // What stands at the start of the rest, and what follows. An optional model may be missing.
         let split = |rest| if <[u8]>::is_empty(rest) { Ok((rest, rest)) } else { Model::split(file, rest) };
         let optional = |bytes: &[u8], features: &[&str], classes: &[&str]| {
-            if bytes.is_empty() { Ok(None) } else { read(bytes, features, classes).map(Some) }
+            if bytes.is_empty() { Ok(None) } else { read(file, bytes, features, classes).map(Some) }
         };
+        let (objects, wholes) = split(rest)?;
+        let objects = optional(objects, &figures::NAMES, &CLASS_NAMES)?;
+        let wholes = optional(wholes, &wholes::NAMES, &wholes::CLASS_NAMES)?;
+        Ok(Self { objects, wholes, ..of_voxels })
+    }
+
+    /// The parts of the model that classify voxels. What it knows of objects is not read: it is learned anew.
+    ///
+    /// # Errors
+    /// A [`BoostingError`] that says what is wrong with the file.
+    pub fn decode_of_voxels(file: &str, content: &[u8]) -> Result<Self, BoostingError> {
+        Self::split(file, content).map(|(of_voxels, _)| of_voxels)
+    }
+
+    /// The parts that classify voxels, and what follows them.
+    fn split<'a>(file: &str, content: &'a [u8]) -> Result<(Self, &'a [u8]), BoostingError> {
         let (shapes, context) = Model::split(file, content)?;
-        let shapes = read(shapes, &features::NAMES, &CLASS_NAMES)?;
+        let shapes = read(file, shapes, &features::NAMES, &CLASS_NAMES)?;
         if context.is_empty() {
             let what = "it has no model of the classes around a voxel".to_owned();
             return Err(BoostingError::Unfit { origin: file.to_owned(), what });
         }
         let (context, rest) = Model::split(file, context)?;
-        let context = read(context, &context::NAMES, &CLASS_NAMES)?;
-        let (objects, wholes) = split(rest)?;
-        let objects = optional(objects, &figures::NAMES, &CLASS_NAMES)?;
-        let wholes = optional(wholes, &wholes::NAMES, &wholes::CLASS_NAMES)?;
-        Ok(Self { shapes, context, objects, wholes })
+        let context = read(file, context, &context::NAMES, &CLASS_NAMES)?;
+        Ok((Self { shapes, context, objects: None, wholes: None }, rest))
     }
 
     /// The bytes of the model.
@@ -90,6 +99,13 @@ impl StreetModel {
     pub(super) fn checksum_of_voxels(&self) -> u64 {
         of_both(self.shapes.checksum(), self.context.checksum())
     }
+}
+
+/// A part of a model of `file`, if it is for these features and classes.
+fn read(file: &str, bytes: &[u8], features: &[&str], classes: &[&str]) -> Result<Model, BoostingError> {
+    let model = Model::decode(file, bytes)?;
+    model.check(file, features, classes)?;
+    Ok(model)
 }
 
 fn of_both(one: u64, other: u64) -> u64 {
@@ -223,6 +239,10 @@ mod tests {
             [&half[..], &built_in(Scene::Street).unwrap().context.encode().unwrap(), &other].concat();
         let error = StreetModel::decode("my.model", &foreign).unwrap_err().to_string();
         assert!(error.contains("it has 1 features"), "{error}");
+        // What a model knows of objects may be for another version. Its parts for voxels can be kept.
+        let voxels = StreetModel::decode_of_voxels("my.model", &foreign).unwrap();
+        assert!(voxels.objects.is_none() && voxels.wholes.is_none());
+        assert_eq!(voxels.checksum(), built_in(Scene::Street).unwrap().checksum_of_voxels());
         let error = StreetModel::decode("my.model", &OF_STREETS[..half.len() + 20]).unwrap_err().to_string();
         assert!(error.contains("damaged"), "{error}");
     }
