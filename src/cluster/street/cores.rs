@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::arms;
 use super::chains::{self, Verdict};
 use super::classified::Classified;
+use super::core_rules::keeps;
 use super::crowns::{self, Crown};
 use super::facades::{self, Near};
 use super::joining;
@@ -28,7 +29,7 @@ use super::remaining::{Components, Pairs, Remaining};
 use super::rows::{self, Row};
 use super::seeds;
 use super::settings::{CLASSES, EDGE_M, STEP_CORES};
-use super::shares::{self, BUILDING, FENCE, GROUND, POLE, SMALL, TREE, VEHICLE, WIRE};
+use super::shares::{self, GROUND, POLE, TREE};
 use super::supports;
 use super::trails;
 use super::uniting;
@@ -52,12 +53,6 @@ const TRUNK_M: f64 = 4.0;
 /// Distance from the centre of a piece within which these voxels are the trunk's core, in metres. Where a
 /// trunk is hidden below its crown, its growth begins in the crown too.
 const STEM_M: f64 = 0.34;
-/// Neighbours in crowns and facades, of 26, that a voxel of a piece has on average, from which the piece lies
-/// in them. Whether one with fewer is whole, the model of pieces says later (`benches/results/street.md`,
-/// "Cutting more").
-const IN_LEAVES: f64 = 3.0;
-/// Share of the voxels of a piece that are within 0.5 m of a facade from which the piece is a part of it.
-const AT_FACADE: f64 = 0.7;
 
 /// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -447,59 +442,9 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     sliced::encode(&(labels.cores.len() as u32), &slices)
 }
 
-/// Whether a component is a core.
-fn keeps(part: &Part, lattice: Lattice) -> bool {
-    let low = lattice.metres(part.height.0.into());
-    let high = lattice.metres(part.height.1.into());
-    let tall = high - low;
-    let extent = lattice.metres(part.extent());
-    let voxels = part.voxels;
-    // A small piece with many neighbours in crowns or facades is foliage or a part of a facade.
-    let in_leaves = f64::from(part.contact) > IN_LEAVES * f64::from(voxels);
-    let free = voxels >= 80 || !in_leaves;
-    let in_vehicle = voxels < 150 && f64::from(part.in_vehicle) >= 0.7 * f64::from(voxels);
-    let stands = low < 0.8;
-    // What is fixed to a facade is a part of it: drain pipes, shop windows, railings of balconies.
-    let fixed = f64::from(part.at_facade) >= AT_FACADE * f64::from(voxels);
-    match part.class {
-        BUILDING => voxels >= 150 && high > 2.5,
-        // Without a chain that is a pole, an upright piece among leaves is a part of a stem, unless it
-        // certainly looks like a pole: a hedge around its foot leaves no chain.
-        POLE => {
-            let free = part.decided > 0 || !in_leaves || arms::is_sure(part);
-            tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)) && free && !fixed
-        }
-        VEHICLE => voxels >= 60 && extent > 1.5 && stands && free,
-        FENCE => voxels >= 12 && stands && free && !in_vehicle && !fixed,
-        SMALL => voxels >= 5 && stands && free && !in_vehicle && !fixed,
-        WIRE => extent >= 3.0,
-        _ => false,
-    }
-}
-
 /// The number of cores of the drive.
 pub(super) fn count(global: &[u8]) -> Result<u32> {
     sliced::head(global)
 }
 
 const _: () = assert!(CLASSES <= 128, "a class leaves a bit for DECIDED");
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_pole_among_leaves_without_a_chain_is_a_core_if_it_certainly_looks_like_one() {
-        // 40 voxels up to 7.9 m, with four leaves around each.
-        let voxel = |step: i32| Part::of_voxel(POLE, NO_BAND, [0, 0, step], 100 + 200 * step, [0; 3]);
-        let mut lamp = voxel(0);
-        (1..40).for_each(|step| lamp.merge(&voxel(step)));
-        lamp.contact = 160;
-        let is_core =
-            |sure_pole, decided| keeps(&Part { sure_pole, decided, ..lamp.clone() }, Lattice::MILLIMETRE);
-        assert!(is_core(32, 0) && !is_core(31, 0));
-        assert!(is_core(0, 1), "a chain decided that it is a pole");
-        lamp.contact = 120;
-        assert!(keeps(&lamp, Lattice::MILLIMETRE), "few leaves");
-    }
-}

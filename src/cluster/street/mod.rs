@@ -27,6 +27,7 @@ mod canopy;
 mod chains;
 mod classified;
 mod contacts;
+mod core_rules;
 mod cores;
 mod costs;
 mod crowns;
