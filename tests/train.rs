@@ -143,3 +143,36 @@ fn a_drive_without_classes_and_a_file_that_is_no_model_are_refused() {
     let (code, text) = ended(&output);
     assert!(code == 4 && text.contains("is not a model of chainage"), "{code}: {text}");
 }
+
+/// Ctrl-C while trees grow: learning ends after the round, and nothing is left.
+#[test]
+#[cfg(unix)]
+#[ignore = "long; scripts/check.sh runs it"]
+fn an_interrupted_training_ends_and_says_that_it_begins_anew() {
+    use std::io::{BufRead, BufReader};
+    use std::process::{Command, Stdio};
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let drive = labelled(folder.path());
+    let model = folder.path().join("model");
+    let scratch = folder.path().join("scratch");
+    let mut child = program()
+        .args(["train", "--rounds", "1000", "--progress", "plain"])
+        .arg(&drive)
+        .arg("-o")
+        .arg(&model)
+        .arg("--scratch")
+        .arg(&scratch)
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.starts_with("learn shapes")), "it learns");
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(sent.success());
+    let rest: Vec<String> = lines.collect();
+    assert_eq!(child.wait().expect("ends").code(), Some(130), "{rest:?}");
+    let has = |text: &str| rest.iter().any(|line| line.contains(text));
+    assert!(has("error: interrupted in pass learn shapes") && has("begins anew"), "{rest:?}");
+    assert!(!model.exists() && scratch.read_dir().expect("the folder").next().is_none());
+}

@@ -2,12 +2,21 @@
 
 use super::samples::Samples;
 
+/// Features whose bins are stored together: half a line of the cache of a processor. The sums over their bins
+/// fit into its first level.
+pub(super) const BLOCK: usize = 32;
+
+/// The bins of the features of a block at a sample.
+pub(super) type Row = [u8; BLOCK];
+
 /// Thresholds of every feature, and the bins of all samples.
 pub(super) struct Binned {
     /// Per feature, ascending. Bin n holds the values above n thresholds.
     pub(super) thresholds: Vec<Vec<f32>>,
-    /// Per feature, the bin of each sample.
-    pub(super) columns: Vec<Vec<u8>>,
+    /// Per block of features, the bins of each sample.
+    pub(super) blocks: Vec<Vec<Row>>,
+    /// The same, per feature: a split needs one feature of many samples.
+    columns: Vec<Vec<u8>>,
 }
 
 impl Binned {
@@ -16,18 +25,26 @@ impl Binned {
         let width = samples.features().len();
         let mut thresholds = Vec::with_capacity(width);
         let mut columns = Vec::with_capacity(width);
+        let mut blocks = vec![vec![[0; BLOCK]; samples.len()]; width.div_ceil(BLOCK)];
         for feature in 0..width {
             let column: Vec<f32> = samples.values().iter().skip(feature).step_by(width).copied().collect();
             let cuts = thresholds_of(&column, most);
-            columns.push(column.iter().map(|&value| bin(&cuts, value)).collect());
+            let bins: Vec<u8> = column.iter().map(|&value| bin(&cuts, value)).collect();
+            blocks[feature / BLOCK].iter_mut().zip(&bins).for_each(|(row, &bin)| row[feature % BLOCK] = bin);
+            columns.push(bins);
             thresholds.push(cuts);
         }
-        Self { thresholds, columns }
+        Self { thresholds, blocks, columns }
+    }
+
+    /// The bin of a sample.
+    pub(super) fn bin(&self, feature: usize, sample: u32) -> u8 {
+        self.columns[feature][sample as usize]
     }
 
     /// Number of samples.
     pub(super) fn samples(&self) -> usize {
-        self.columns.first().map_or(0, Vec::len)
+        self.blocks.first().map_or(0, Vec::len)
     }
 
     /// Drops thresholds that `used` (per feature and threshold) does not name, and returns the new number of

@@ -91,7 +91,7 @@ mod tests {
         }
         let settings = Settings { rounds: 3, leaves: 4, leaf_samples: 5, ..Settings::default() };
         let sources = vec![TrainedOn { name: "one.laz".to_owned(), samples: vec![100, 100] }];
-        learn(&samples, &settings, &|_| ()).unwrap().trained_on(sources).unwrap()
+        learn(&samples, &settings, &|_| Ok(())).unwrap().trained_on(sources).unwrap()
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
-use super::bins::Binned;
+use super::bins::{BLOCK, Binned, Row};
 use super::exponential::UNITS;
 use super::settings::Settings;
 use super::tree::{Split, Tree};
@@ -22,6 +22,9 @@ const LEAST_CURVATURE: f64 = 1e-3;
 
 /// Largest value of a leaf: a factor of nine million between the odds of two classes.
 const LARGEST_VALUE: f64 = 16.0;
+
+/// Samples whose bins are fetched at a time.
+const FETCHED: usize = 256;
 
 /// Gradient and curvature of the loss, summed over the samples of a bin or a leaf, and their number. These
 /// are two words, because most of the time goes into adding them: the number is in the lowest bits of the
@@ -79,7 +82,7 @@ impl Slopes<'_> {
     }
 }
 
-/// Sums of every bin of every feature, one after the other.
+/// Sums of every bin of every feature, one after the other. Each feature has room for as many bins as any.
 type Histogram = Vec<Sum>;
 
 /// A split that a leaf could have.
@@ -92,7 +95,10 @@ struct Candidate {
 
 /// A leaf while the tree grows.
 struct Leaf {
+    /// Samples that the tree learns from.
     samples: Vec<u32>,
+    /// Other samples of the leaf. They only get its value.
+    others: Vec<u32>,
     histogram: Histogram,
     total: Sum,
     best: Option<Candidate>,
@@ -111,26 +117,22 @@ pub(super) struct Grown {
 pub(super) struct Grower<'a> {
     pub(super) binned: &'a Binned,
     pub(super) settings: &'a Settings,
-    /// Start of each feature in a histogram, and the end of the last.
-    starts: Vec<usize>,
+    /// Room for the bins of a feature in a histogram.
+    room: usize,
 }
 
 impl<'a> Grower<'a> {
     pub(super) fn new(binned: &'a Binned, settings: &'a Settings) -> Self {
-        let mut starts = vec![0];
-        let mut end = 0;
-        for thresholds in &binned.thresholds {
-            end += thresholds.len() + 1;
-            starts.push(end);
-        }
-        Self { binned, settings, starts }
+        let room = binned.thresholds.iter().map(|thresholds| thresholds.len() + 1).max().unwrap_or(0);
+        Self { binned, settings, room }
     }
 
     /// Grows the tree of this `number`, by which its seed differs.
     pub(super) fn grow(&self, slopes: Slopes<'_>, number: u64) -> Grown {
-        let all: Vec<u32> = (0..).take(self.binned.samples()).collect();
-        let histogram = self.histogram(&all, slopes);
-        let mut leaves = vec![self.leaf(all, histogram, (number, 0))];
+        let all = (0..).take(self.binned.samples());
+        let parts: [Vec<u32>; 2] = all.partition(|&sample| self.learns_from(number, sample)).into();
+        let histogram = self.histogram(&parts[0], slopes);
+        let mut leaves = vec![self.leaf(parts, histogram, (number, 0))];
         let mut splits = Vec::new();
         let mut gains = Vec::new();
         while leaves.len() < self.settings.leaves {
@@ -155,27 +157,45 @@ impl<'a> Grower<'a> {
         let values = leaves.iter().map(|leaf| self.value(leaf.total)).collect();
         Grown {
             tree: Tree { splits, values },
-            samples: leaves.into_iter().map(|leaf| leaf.samples).collect(),
+            samples: leaves.into_iter().map(|leaf| [leaf.samples, leaf.others].concat()).collect(),
             gains,
         }
     }
 
-    fn leaf(&self, samples: Vec<u32>, histogram: Histogram, key: (u64, usize)) -> Leaf {
-        let mut total = Sum::default();
-        histogram[..self.starts[1]].iter().for_each(|bin| total.add(*bin));
-        let best = self.best(&histogram, total, key);
-        Leaf { samples, histogram, total, best }
+    /// Whether a tree learns from a sample.
+    fn learns_from(&self, tree: u64, sample: u32) -> bool {
+        let share = self.settings.subsample;
+        let key = [tree, u64::from(sample)].map(u64::to_le_bytes);
+        // The upper 32 bits of a hash are a number from 0 to 1 that a double holds exactly.
+        let hash = || xxh3_64_with_seed(key.as_flattened(), self.settings.seed) >> 32;
+        share >= 1.0 || (hash() as f64) < share * 4_294_967_296.0
     }
 
-    /// Sums over samples, feature by feature.
+    fn leaf(&self, [samples, others]: [Vec<u32>; 2], histogram: Histogram, key: (u64, usize)) -> Leaf {
+        let mut total = Sum::default();
+        histogram[..self.room].iter().for_each(|bin| total.add(*bin));
+        let best = self.best(&histogram, total, key);
+        Leaf { samples, others, histogram, total, best }
+    }
+
+    /// Sums over samples. Most of the time of learning goes into this, and most of that into waiting for rows.
+    /// So rows are fetched many at a time before they are added: no fetch waits for the one before.
     fn histogram(&self, samples: &[u32], slopes: Slopes<'_>) -> Histogram {
-        let mut histogram = vec![Sum::default(); self.starts.last().copied().unwrap_or(0)];
-        // In the order of the samples of the leaf: read once per feature, one after the other.
-        let slopes: Vec<Sum> = samples.iter().map(|&sample| slopes.of(sample)).collect();
-        for (column, start) in self.binned.columns.iter().zip(&self.starts) {
-            let bins = &mut histogram[*start..];
-            for (&sample, slope) in samples.iter().zip(&slopes) {
-                bins[usize::from(column[sample as usize])].add(*slope);
+        let mut histogram = vec![Sum::default(); self.binned.thresholds.len() * self.room];
+        let mut rows: Vec<Row> = Vec::with_capacity(FETCHED);
+        let mut values: Vec<Sum> = Vec::with_capacity(FETCHED);
+        for samples in samples.chunks(FETCHED) {
+            values.clear();
+            values.extend(samples.iter().map(|&sample| slopes.of(sample)));
+            for (block, sums) in self.binned.blocks.iter().zip(histogram.chunks_mut(BLOCK * self.room)) {
+                rows.clear();
+                rows.extend(samples.iter().map(|&sample| block[sample as usize]));
+                let features = sums.len() / self.room;
+                for (row, value) in rows.iter().zip(&values) {
+                    for (sums, &bin) in sums.chunks_exact_mut(self.room).zip(&row[..features]) {
+                        sums[usize::from(bin)].add(*value);
+                    }
+                }
             }
         }
         histogram
@@ -189,17 +209,17 @@ impl<'a> Grower<'a> {
         slopes: Slopes<'_>,
         (tree, split): (u64, usize),
     ) -> Leaf {
-        let column = &self.binned.columns[best.feature];
-        let above = |sample: &u32| usize::from(column[*sample as usize]) > best.threshold;
+        let above = |sample: &u32| usize::from(self.binned.bin(best.feature, *sample)) > best.threshold;
         let (right, left): (Vec<u32>, Vec<u32>) = leaf.samples.iter().partition(|sample| above(sample));
+        let (others, others_left) = leaf.others.iter().partition(|sample| above(sample));
         // The sums of the larger part are those of both without those of the smaller part.
         let smaller = self.histogram(if left.len() <= right.len() { &left } else { &right }, slopes);
         let larger: Histogram =
             leaf.histogram.iter().zip(&smaller).map(|(both, one)| both.less(*one)).collect();
         let (on_left, on_right) =
             if left.len() <= right.len() { (smaller, larger) } else { (larger, smaller) };
-        *leaf = self.leaf(left, on_left, (tree, 2 * split + 1));
-        self.leaf(right, on_right, (tree, 2 * split + 2))
+        *leaf = self.leaf([left, others_left], on_left, (tree, 2 * split + 1));
+        self.leaf([right, others], on_right, (tree, 2 * split + 2))
     }
 
     /// The best split of a leaf among the features that its key draws.
@@ -207,9 +227,9 @@ impl<'a> Grower<'a> {
         let whole = total.score(self.settings.l2);
         let mut best: Option<Candidate> = None;
         for feature in self.drawn(tree, node as u64) {
-            let bins = &histogram[self.starts[feature]..self.starts[feature + 1]];
+            let thresholds = self.binned.thresholds[feature].len();
             let mut left = Sum::default();
-            for (threshold, bin) in bins[..bins.len() - 1].iter().enumerate() {
+            for (threshold, bin) in histogram[feature * self.room..].iter().take(thresholds).enumerate() {
                 left.add(*bin);
                 let right = total.less(left);
                 if !self.may_be_leaf(left) || !self.may_be_leaf(right) {
@@ -231,7 +251,7 @@ impl<'a> Grower<'a> {
 
     /// The features among which a split chooses, ascending: those with the smallest hashes.
     fn drawn(&self, tree: u64, node: u64) -> Vec<usize> {
-        let width = self.binned.columns.len();
+        let width = self.binned.thresholds.len();
         let mut hashed: Vec<(u64, usize)> = (0..width)
             .map(|feature| {
                 let key = [tree, node, feature as u64].map(u64::to_le_bytes);

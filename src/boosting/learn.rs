@@ -20,15 +20,15 @@ const LARGEST_WEIGHT: f64 = 64.0;
 /// Least share of a class in the first scores.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// Learns a model. `tell` hears how many rounds are complete.
+/// Learns a model. `tell` hears how many rounds are complete. Its error ends the learning.
 ///
 /// A sample weighs one over the square root of the number of samples of its class, so that rare classes count
 /// more than by their number, and less than as much as frequent ones.
 ///
 /// # Errors
 /// [`BoostingError::Setting`] for a setting out of range, [`BoostingError::Samples`] when there is nothing to
-/// learn.
-pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize)) -> Result<Model> {
+/// learn, and what `tell` returns.
+pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize) -> Result<()>) -> Result<Model> {
     settings.validate()?;
     let counts = samples.counts();
     let wrong = |why: &str| BoostingError::Samples { samples: samples.len(), why: why.to_owned() };
@@ -66,7 +66,7 @@ pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize)) -> Re
             grown.gains.iter().for_each(|&(feature, gain)| importance[feature] += gain);
             trees.push(grown.tree);
         }
-        tell(round + 1);
+        tell(round + 1)?;
     }
     let mut used: Vec<Vec<bool>> = binned.thresholds.iter().map(|cuts| vec![false; cuts.len()]).collect();
     for split in trees.iter().flat_map(|tree| &tree.splits) {
@@ -77,16 +77,12 @@ pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize)) -> Re
         split.threshold = numbers[usize::from(split.feature)][usize::from(split.threshold)];
     }
     let total: f64 = importance.iter().sum();
+    let Settings { rounds, leaves, rate, l2, leaf_samples, features, bins, subsample, seed: _ } = settings;
+    let of_samples = if *subsample < 1.0 { format!(", subsample {subsample}") } else { String::new() };
     let about = About {
         settings: format!(
-            "rounds {}, leaves {}, rate {}, l2 {}, leaf_samples {}, features {}, bins {}",
-            settings.rounds,
-            settings.leaves,
-            settings.rate,
-            settings.l2,
-            settings.leaf_samples,
-            settings.features,
-            settings.bins
+            "rounds {rounds}, leaves {leaves}, rate {rate}, l2 {l2}, leaf_samples {leaf_samples}, \
+             features {features}, bins {bins}{of_samples}"
         ),
         seed: settings.seed,
         samples: counts,
@@ -181,12 +177,12 @@ mod tests {
         let xor = |row: &[f32]| usize::from((row[2] > 0.5) != (row[5] > 0.3));
         let samples = table(4_000, &["same", "different"], xor);
         let (train, test) = (table(2_000, &["same", "different"], xor), &samples);
-        let model = learn(&train, &quick(), &|_| ()).unwrap();
+        let model = learn(&train, &quick(), &|_| Ok(())).unwrap();
         assert!(right::<2>(&model, test) > 0.97, "{}", right::<2>(&model, test));
         let importance = &model.about().importance;
         assert!(importance[2] + importance[5] > 0.9, "{importance:?}");
         // Neither column says anything alone.
-        let alone = learn(&train, &Settings { leaves: 2, ..quick() }, &|_| ()).unwrap();
+        let alone = learn(&train, &Settings { leaves: 2, ..quick() }, &|_| Ok(())).unwrap();
         assert!(right::<2>(&alone, test) < 0.75);
     }
 
@@ -199,7 +195,7 @@ mod tests {
             _ => 4,
         };
         let samples = table(6_000, &["a", "b", "absent", "rare", "e"], class);
-        let model = learn(&samples, &quick(), &|_| ()).unwrap();
+        let model = learn(&samples, &quick(), &|_| Ok(())).unwrap();
         let shares = model.shares::<5>(samples.values()).unwrap();
         for (shares, &class) in shares.iter().zip(samples.class()) {
             assert!(shares[2] == 0 && (class != 3 || shares[3] > 100), "{class} {shares:?}");
@@ -215,7 +211,7 @@ mod tests {
         let settings = Settings { features: 0.5, rounds: 6, ..quick() };
         let bytes = |threads: usize, settings: &Settings| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| learn(&samples, settings, &|_| ()).unwrap().encode().unwrap())
+            pool.install(|| learn(&samples, settings, &|_| Ok(())).unwrap().encode().unwrap())
         };
         let one = bytes(1, &settings);
         assert_eq!(one, bytes(2, &settings));
@@ -226,9 +222,21 @@ mod tests {
     }
 
     #[test]
+    fn trees_of_a_part_of_the_samples_learn_from_all_of_them_together() {
+        let class = |row: &[f32]| usize::from((row[2] > 0.5) != (row[5] > 0.3));
+        let (train, test) = (table(2_000, &["a", "b"], class), table(4_000, &["a", "b"], class));
+        let part = Settings { subsample: 0.3, rounds: 40, ..quick() };
+        let model = learn(&train, &part, &|_| Ok(())).unwrap();
+        assert!(right::<2>(&model, &test) > 0.95, "{}", right::<2>(&model, &test));
+        let bytes = |settings: &Settings| learn(&train, settings, &|_| Ok(())).unwrap().encode().unwrap();
+        assert_eq!(bytes(&part), bytes(&part));
+        assert_ne!(bytes(&part), bytes(&Settings { subsample: 1.0, ..part.clone() }));
+    }
+
+    #[test]
     fn one_class_or_no_sample_teaches_nothing() {
         for samples in [table(0, &["a", "b"], |_| 0), table(50, &["a", "b"], |_| 1)] {
-            let error = learn(&samples, &quick(), &|_| ()).unwrap_err().to_string();
+            let error = learn(&samples, &quick(), &|_| Ok(())).unwrap_err().to_string();
             assert!(error.contains("all of one class"), "{error}");
         }
     }

@@ -28,7 +28,7 @@
 //!     samples.push(&[f32::from(row % 7), signal], u8::from(signal > 9.0))?;
 //! }
 //! let settings = Settings { rounds: 10, ..Settings::default() };
-//! let model = learn(&samples, &settings, &|_| ())?;
+//! let model = learn(&samples, &settings, &|_| Ok(()))?;
 //! let shares = model.shares::<2>(&[3.0, 2.0, 3.0, 15.0])?;
 //! assert!(shares[0][0] > 200 && shares[1][1] > 200);
 //! # Ok::<(), chainage::Error>(())

@@ -18,16 +18,20 @@ pub struct Settings {
     pub leaf_samples: u64,
     /// Share of the features among which a split chooses, above 0 to 1.
     pub features: f64,
+    /// Share of the samples that a tree learns from, above 0 to 1. They are drawn anew for each tree
+    /// (Friedman 2002, doi:10.1016/S0167-9473(01)00065-2).
+    pub subsample: f64,
     /// Largest number of bins of a feature, 2 to 255.
     pub bins: usize,
-    /// Chooses these features.
+    /// Chooses these features and samples.
     pub seed: u64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
         let leaf_samples = 60;
-        Self { rounds: 60, leaves: 24, rate: 0.15, l2: 1.0, leaf_samples, features: 0.5, bins: 64, seed: 0 }
+        let (rate, l2, features, subsample) = (0.15, 1.0, 0.5, 1.0);
+        Self { rounds: 60, leaves: 24, rate, l2, leaf_samples, features, subsample, bins: 64, seed: 0 }
     }
 }
 
@@ -47,6 +51,12 @@ impl Settings {
                 "features",
                 self.features > 0.0 && self.features <= 1.0,
                 self.features.to_string(),
+                "above 0 to 1",
+            ),
+            (
+                "subsample",
+                self.subsample > 0.0 && self.subsample <= 1.0,
+                self.subsample.to_string(),
                 "above 0 to 1",
             ),
             ("bins", (2..=255).contains(&self.bins), self.bins.to_string(), "2 to 255"),
@@ -74,6 +84,7 @@ mod tests {
             (Settings { l2: f64::NAN, ..default() }, "l2 = NaN"),
             (Settings { leaf_samples: 0, ..default() }, "leaf_samples = 0"),
             (Settings { features: 1.5, ..default() }, "features = 1.5"),
+            (Settings { subsample: 0.0, ..default() }, "subsample = 0"),
             (Settings { bins: 256, ..default() }, "bins = 256"),
         ] {
             let error = settings.validate().unwrap_err().to_string();

@@ -19,6 +19,12 @@ pub enum RunError {
         /// Number of its units.
         total: usize,
     },
+    /// The learning of a model was asked to stop.
+    #[error("interrupted in pass {pass}")]
+    TrainingInterrupted {
+        /// Name of the interrupted pass, with that of the drive if it works on one.
+        pass: String,
+    },
     /// A step that repeats until it has settled did not settle.
     #[error("pass {pass} has not settled after {rounds} rounds: {tiles} tiles would run again")]
     NotSettled {
@@ -150,7 +156,7 @@ fn range(from_m: f64, to_m: f64) -> String {
 impl Failure for RunError {
     fn kind(&self) -> ErrorKind {
         match self {
-            Self::Interrupted { .. } => ErrorKind::Interrupted,
+            Self::Interrupted { .. } | Self::TrainingInterrupted { .. } => ErrorKind::Interrupted,
             Self::UnitsFailed { .. } => ErrorKind::UnitsFailed,
             Self::NotSettled { .. } => ErrorKind::Bug,
             Self::NoSuchPass { .. } | Self::NoSuchUnit { .. } => ErrorKind::Config,
@@ -166,6 +172,7 @@ impl Failure for RunError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::Interrupted { .. } => "the same command resumes".into(),
+            Self::TrainingInterrupted { .. } => "the same command begins anew".into(),
             Self::NotSettled { .. } => "please report this with the command line and report.json".into(),
             Self::NoSection { .. } => "chainage info FILES prints the length of the axis".into(),
             Self::EstimatedOverSection { .. } => {

@@ -22,6 +22,7 @@ use crate::input::{Catalog, InputError, InputFile};
 use crate::model::{Field, Lattice};
 use crate::run::chain::{Chain, Registries};
 use crate::run::engine::{CancelToken, Driver, Event, Here, Observer};
+use crate::run::error::RunError;
 use crate::run::open::{self, Opened};
 use crate::run::{computed, flow};
 
@@ -137,11 +138,11 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
     let of_halves = if other.is_empty() {
         None
     } else {
-        let of_first = learned(LEARN_HALVES, &all, &request.settings, observer)?;
-        Some([learned(LEARN_HALVES, &other, &request.settings, observer)?, of_first])
+        let of_first = learned(LEARN_HALVES, &all, &request.settings, observer, cancel)?;
+        Some([learned(LEARN_HALVES, &other, &request.settings, observer, cancel)?, of_first])
     };
     all.append(other)?;
-    let shapes = learned(LEARN_SHAPES, &all, &request.settings, observer)?.trained_on(sources)?;
+    let shapes = learned(LEARN_SHAPES, &all, &request.settings, observer, cancel)?.trained_on(sources)?;
     drop(all);
 
     let classifies = |half: usize| of_halves.as_ref().map_or(&shapes, |halves| &halves[half]);
@@ -152,7 +153,7 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
     all.append(other)?;
     let settings =
         boosting::Settings { rounds: request.settings.rounds.div_ceil(2), ..request.settings.clone() };
-    let context = learned(LEARN_CONTEXT, &all, &settings, observer)?.trained_on(sources)?;
+    let context = learned(LEARN_CONTEXT, &all, &settings, observer, cancel)?.trained_on(sources)?;
     let held_out = confusion::<{ CLASS_NAMES.len() }>(&context, &held_out)?;
     Ok(Trained {
         model: StreetModel { shapes, context, objects: None, wholes: None },
@@ -186,7 +187,10 @@ pub fn train_objects(
     let learn = |pass, sampled: Sampled| {
         let Sampled { halves: [mut all, other], held_out, sources } = sampled;
         all.append(other)?;
-        Ok::<_, Error>((learned(pass, &all, &request.settings, observer)?.trained_on(sources)?, held_out))
+        Ok::<_, Error>((
+            learned(pass, &all, &request.settings, observer, cancel)?.trained_on(sources)?,
+            held_out,
+        ))
     };
     let (objects, held_out) = learn(LEARN_OBJECTS, names)?;
     let held_out = confusion::<{ CLASS_NAMES.len() }>(&objects, &held_out)?;
@@ -254,6 +258,7 @@ fn learned(
     samples: &Samples,
     settings: &boosting::Settings,
     observer: &dyn Observer,
+    cancel: &CancelToken,
 ) -> Result<Model> {
     let units = settings.rounds;
     let points = samples.len() as u64;
@@ -268,6 +273,10 @@ fn learned(
     let tell = |round: usize| {
         let seconds = started.elapsed().as_secs_f64();
         observer.event(&Event::UnitFinished { pass, unit: round - 1, points, seconds });
+        if cancel.is_cancelled() {
+            return Err(RunError::TrainingInterrupted { pass: pass.to_owned() }.into());
+        }
+        Ok(())
     };
     let model = learn(samples, settings, &tell)?;
     observer.event(&Event::PassFinished { pass, seconds: started.elapsed().as_secs_f64() });
@@ -333,7 +342,18 @@ impl Work<'_> {
     }
 
     /// The results of the last step of [`Training`] for a share of the points, and the lattice of the drive.
+    /// The state does not outlive the call of the user, so an interruption is another one than that of a run.
     fn payloads(&self, purpose: Purpose, share: f64) -> Result<(Vec<Vec<u8>>, Lattice)> {
+        self.computed(purpose, share).map_err(|error| match error.cause() {
+            Some(RunError::Interrupted { pass, .. }) => {
+                let pass = format!("{pass} of {}", self.drive.display());
+                RunError::TrainingInterrupted { pass }.into()
+            }
+            _ => error,
+        })
+    }
+
+    fn computed(&self, purpose: Purpose, share: f64) -> Result<(Vec<Vec<u8>>, Lattice)> {
         let config = &self.request.config;
         let inputs = [self.drive.to_owned()];
         let catalog = open::catalog(&inputs, config)?;
@@ -357,7 +377,8 @@ impl Work<'_> {
             driver.tell(&Event::Warning { text });
         }
         let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
-        Ok((computed(flow::payloads_of_last_step(&open, &mut driver, &run_dir, &planned)?)?, lattice))
+        let payloads = flow::payloads_of_last_step(&open, &mut driver, &run_dir, &planned)?;
+        Ok((computed(payloads)?, lattice))
     }
 }
 

@@ -87,6 +87,9 @@ struct LearningArgs {
     /// Share of a step towards the best value of a leaf that is taken
     #[arg(long, value_name = "SHARE", default_value_t = Learning::default().rate)]
     rate: f64,
+    /// Share of the samples that a tree learns from, drawn anew for each tree
+    #[arg(long, value_name = "SHARE", default_value_t = Learning::default().subsample)]
+    subsample: f64,
     /// Weight of the values of leaves against the fit
     #[arg(long, value_name = "WEIGHT", default_value_t = Learning::default().l2)]
     l2: f64,
@@ -140,11 +143,12 @@ impl TrainArgs {
     }
 
     fn request(&self, scratch: &Scratch) -> Result<TrainRequest<'static>, CliError> {
-        let LearningArgs { seed, samples, thin, rounds, leaves, rate, l2 } = &self.learning;
+        let LearningArgs { seed, samples, thin, rounds, leaves, rate, subsample, l2 } = &self.learning;
         let settings = Learning {
             rounds: *rounds,
             leaves: *leaves,
             rate: *rate,
+            subsample: *subsample,
             l2: *l2,
             seed: *seed,
             ..Learning::default()

@@ -196,7 +196,7 @@ mod tests {
             samples.push(&row(2.0), [FENCE, SMALL, BUILDING][usize::from(number % 3)]).unwrap();
         }
         let settings = crate::boosting::Settings { rounds: 30, features: 1.0, ..Default::default() };
-        let model = crate::boosting::learn(&samples, &settings, &|_| ()).unwrap();
+        let model = crate::boosting::learn(&samples, &settings, &|_| Ok(())).unwrap();
         let named = |length, class| name(&model, &row(length), class).unwrap().0;
         assert_eq!([SMALL, BUILDING, TREE, POLE].map(|class| named(4.0, class)), [VEHICLE; 4]);
         assert_eq!([SMALL, VEHICLE, TREE, POLE].map(|class| named(1.0, class)), [FENCE, FENCE, TREE, POLE]);
@@ -229,7 +229,7 @@ mod tests {
         let mut samples = crate::boosting::Samples::new(&["a"], &["low", "high"]);
         (0..200_u8).for_each(|n| samples.push(&[f32::from(n)], u8::from(n > 99)).unwrap());
         let settings = crate::boosting::Settings { rounds: 1, ..crate::boosting::Settings::default() };
-        let other = crate::boosting::learn(&samples, &settings, &|_| ()).unwrap().encode().unwrap();
+        let other = crate::boosting::learn(&samples, &settings, &|_| Ok(())).unwrap().encode().unwrap();
         let error = StreetModel::decode("my.model", &other).unwrap_err().to_string();
         assert!(error.starts_with("my.model does not fit this program: it has 1 features"), "{error}");
         let half = built_in(Scene::Street).unwrap().shapes.encode().unwrap();

@@ -235,7 +235,7 @@ mod tests {
             samples.push(&row(f32::from(number % 70), 0.0), STRAY).unwrap();
         }
         let settings = Settings { rounds: 30, features: 1.0, ..Settings::default() };
-        let model = learn(&samples, &settings, &|_| ()).unwrap();
+        let model = learn(&samples, &settings, &|_| Ok(())).unwrap();
         // A large crown, a twig at it with a leaf at its end, something far away, and a tree beside the
         // crown.
         let (objects, touched) = scene(&[
