@@ -19,7 +19,7 @@ pub enum Preset {
     Suburb,
     /// Facades with shops and balconies, parked cars, signals, passers-by.
     Downtown,
-    /// Palms in the median, dense street trees whose crowns touch, hedges, lawns.
+    /// Palms in the median, street trees whose crowns touch, hedges, lawns.
     Avenue,
     /// Two carriageways with guard rails, gantries, overpasses and slopes.
     Highway,
@@ -33,11 +33,14 @@ pub enum Preset {
     Lane,
     /// A track through a forest: planted rows of timber, then trees of many kinds with undergrowth.
     Forest,
+    /// Two rows of street trees on each side whose crowns grow into each other, with palms, hedges and lamps
+    /// between them.
+    Boulevard,
 }
 
 impl Preset {
     /// All of them, in the order in which help lists them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Suburb,
         Self::Downtown,
         Self::Avenue,
@@ -47,12 +50,13 @@ impl Preset {
         Self::Parkway,
         Self::Lane,
         Self::Forest,
+        Self::Boulevard,
     ];
 
     /// Name on the command line and in file names.
     #[must_use]
     pub fn name(self) -> &'static str {
-        ["suburb", "downtown", "avenue", "highway", "mixed", "loop", "parkway", "lane", "forest"]
+        ["suburb", "downtown", "avenue", "highway", "mixed", "loop", "parkway", "lane", "forest", "boulevard"]
             [self as usize]
     }
 }

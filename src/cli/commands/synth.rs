@@ -119,13 +119,14 @@ impl ValueEnum for PresetArg {
         let help = match self.0 {
             Preset::Suburb => "houses, gardens, two tree rows, poles in the crowns, overhead wires",
             Preset::Downtown => "facades with shops and balconies, parked cars, signals, passers-by",
-            Preset::Avenue => "palms in the median, dense street trees whose crowns touch, hedges",
+            Preset::Avenue => "palms in the median, street trees whose crowns touch, hedges",
             Preset::Highway => "two carriageways, guard rails, gantries, overpasses, slopes",
             Preset::Mixed => "350 m of each of the four above in turn",
             Preset::Loop => "a suburb whose first 300 m are driven again in the other direction",
             Preset::Parkway => "rows of small trees of many shapes close together, hedges, rails, buildings",
             Preset::Lane => "a narrow street between houses, cars that park close to their walls",
             Preset::Forest => "a track through a forest: rows of timber, trees of many kinds, undergrowth",
+            Preset::Boulevard => "two dense rows of trees on each side, crowns that grow into each other",
         };
         Some(clap::builder::PossibleValue::new(self.0.name()).help(help))
     }
