@@ -178,8 +178,8 @@ impl<'a> Grower<'a> {
         Leaf { samples, others, histogram, total, best }
     }
 
-    /// Sums over samples. Most of the time of learning goes into this, and most of that into waiting for rows.
-    /// So rows are fetched many at a time before they are added: no fetch waits for the one before.
+    /// Sums over samples. Most of the time of learning goes into this. Rows are far apart in memory, so they
+    /// are fetched many at a time before they are added: no fetch waits for the one before.
     fn histogram(&self, samples: &[u32], slopes: Slopes<'_>) -> Histogram {
         let mut histogram = vec![Sum::default(); self.binned.thresholds.len() * self.room];
         let mut rows: Vec<Row> = Vec::with_capacity(FETCHED);
