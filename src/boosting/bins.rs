@@ -2,8 +2,8 @@
 
 use super::samples::Samples;
 
-/// Features whose bins are stored together: half a line of the cache of a processor. The sums over their bins
-/// fit into its first level.
+/// Features whose bins are stored together: half a line of the cache of a processor. The sums over 64 bins of
+/// each are 32 KiB, about its first level.
 pub(super) const BLOCK: usize = 32;
 
 /// The bins of the features of a block at a sample.

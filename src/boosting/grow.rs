@@ -155,11 +155,12 @@ impl<'a> Grower<'a> {
             });
         }
         let values = leaves.iter().map(|leaf| self.value(leaf.total)).collect();
-        Grown {
-            tree: Tree { splits, values },
-            samples: leaves.into_iter().map(|leaf| [leaf.samples, leaf.others].concat()).collect(),
-            gains,
-        }
+        let members = |Leaf { mut samples, others, .. }: Leaf| {
+            samples.extend(others);
+            samples
+        };
+        let samples = leaves.into_iter().map(members).collect();
+        Grown { tree: Tree { splits, values }, samples, gains }
     }
 
     /// Whether a tree learns from a sample.
@@ -178,8 +179,8 @@ impl<'a> Grower<'a> {
         Leaf { samples, others, histogram, total, best }
     }
 
-    /// Sums over samples. Most of the time of learning goes into this. Rows are far apart in memory, so they
-    /// are fetched many at a time before they are added: no fetch waits for the one before.
+    /// Sums over samples, the largest part of the time of learning. Rows are far apart in memory, so they are
+    /// fetched many at a time before they are added: no fetch waits for the one before.
     fn histogram(&self, samples: &[u32], slopes: Slopes<'_>) -> Histogram {
         let mut histogram = vec![Sum::default(); self.binned.thresholds.len() * self.room];
         let mut rows: Vec<Row> = Vec::with_capacity(FETCHED);
