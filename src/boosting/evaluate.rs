@@ -1,19 +1,18 @@
-//! Evaluation of trees for blocks of 64 rows.
+//! Evaluation of trees for blocks of 256 rows.
 //!
-//! The rows of a block are the bits of a word. For each threshold, a word says which rows are above it. A
-//! leaf is the word of its rows, and a split divides this word in two. The numbers of the leaves are then
-//! read from five words, one per binary digit. So the time depends on the splits of a tree and not on its
-//! depth, and no branch depends on a value. The idea of trees as bit masks is that of Lucchese et al. 2015
+//! The rows of a block are the bits of four words. For each threshold, the words say which rows are above it.
+//! A leaf is the words of its rows, and a split divides them in two. The numbers of the leaves are then read
+//! from five times four words, one per binary digit. So the time depends on the splits of a tree and not on
+//! its depth, and no branch depends on a value. The idea of trees as bit masks is that of Lucchese et al. 2015
 //! (`QuickScorer`, doi:10.1145/2766462.2767733); ours turns it round and has a bit per row, not per leaf.
+//!
+//! Comparisons are exact and scores are whole numbers. So all processors give the same scores, with AVX2 and
+//! without.
 
+#[cfg(target_arch = "x86_64")]
+use super::avx2;
+use super::portable::{self, BITS, DIGITS, Rows, WORDS};
 use super::tree::{MOST_LEAVES, Tree};
-
-/// Rows of a block: bits of a word.
-const ROWS: usize = 64;
-/// Rows whose bins are searched together.
-const GROUP: usize = 8;
-/// Binary digits of the number of a leaf.
-const DIGITS: usize = 5;
 
 /// A split: the rows of a leaf that are above a threshold go to the next new leaf.
 #[derive(Debug, Clone, Copy)]
@@ -34,25 +33,6 @@ pub(super) struct Forest {
     cuts: Vec<Cut>,
     /// Per tree: the end of its cuts, and the values of its leaves.
     trees: Vec<(usize, [i32; MOST_LEAVES])>,
-}
-
-/// The bytes of a word whose bits are those of the index: byte n is bit n.
-const SPREAD: [u64; 256] = spread();
-
-const fn spread() -> [u64; 256] {
-    let mut table = [0; 256];
-    let mut index = 0;
-    while index < 256 {
-        let mut bit = 0;
-        while bit < 8 {
-            if index & (1 << bit) != 0 {
-                table[index] |= 1 << (8 * bit);
-            }
-            bit += 1;
-        }
-        index += 1;
-    }
-    table
 }
 
 impl Forest {
@@ -100,107 +80,97 @@ impl Forest {
 
     /// Gives `take` the scores of each row in turn. `K` is the number of classes.
     pub(super) fn scores<const K: usize>(&self, rows: &[f32], take: &mut dyn FnMut(&[i32; K])) {
-        let count = self.features.iter().map(|(_, thresholds)| thresholds.len()).sum();
-        let mut above = vec![0_u64; count];
-        let mut scores = vec![[0_i32; ROWS]; K];
-        for block in rows.chunks(ROWS * self.width) {
-            self.compare(block, &mut above);
-            for (scores, &base) in scores.iter_mut().zip(&self.base) {
-                scores.fill(base);
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            #[expect(unsafe_code, reason = "what needs AVX2 can only be called by an unsafe call")]
+            // SAFETY: the processor has AVX2.
+            unsafe {
+                self.scores_with_avx2(rows, take);
             }
+            return;
+        }
+        self.scores_by(rows, portable::compare, portable::add, take);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn scores_with_avx2<const K: usize>(&self, rows: &[f32], take: &mut dyn FnMut(&[i32; K])) {
+        // Closures have the instructions of the function that they are in; a function as a value has not.
+        let compare = |thresholds: &_, values: &_, word, above: &mut _| {
+            avx2::compare(thresholds, values, word, above);
+        };
+        let add = |digits, values: &_, scores: &mut _| avx2::add(digits, values, scores);
+        self.scores_by(rows, compare, add, take);
+    }
+
+    /// The scores, by the inner loops of a processor. It is compiled into its callers, with their instructions.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+    fn scores_by<const K: usize>(
+        &self,
+        rows: &[f32],
+        compare: impl Fn(&[f32], &[f32; BITS], usize, &mut [Rows]),
+        add: impl Fn([u64; DIGITS], &[i32; MOST_LEAVES], &mut [i32; BITS]),
+        take: &mut dyn FnMut(&[i32; K]),
+    ) {
+        let count = self.features.iter().map(|(_, thresholds)| thresholds.len()).sum();
+        let mut above = vec![Rows::default(); count];
+        let mut scores = vec![[[0_i32; BITS]; WORDS]; K];
+        for block in rows.chunks(WORDS * BITS * self.width) {
+            for (word, rows) in block.chunks(BITS * self.width).enumerate() {
+                let mut rest = &mut above[..];
+                for (feature, thresholds) in &self.features {
+                    let (words, after) = rest.split_at_mut(thresholds.len());
+                    rest = after;
+                    let mut values = [f32::NEG_INFINITY; BITS];
+                    let of_rows = rows.iter().skip(*feature).step_by(self.width);
+                    values.iter_mut().zip(of_rows).for_each(|(to, value)| *to = *value);
+                    compare(thresholds, &values, word, words);
+                }
+            }
+            for (scores, &base) in scores.iter_mut().zip(&self.base) {
+                scores.as_flattened_mut().fill(base);
+            }
+            let words = block.len().div_ceil(BITS * self.width);
             let mut from = 0;
             for (tree, (end, values)) in self.trees.iter().enumerate() {
-                let leaves = leaves(&self.cuts[from..*end], &above);
-                add(&leaves, values, &mut scores[tree % K]);
+                let digits = leaves(&self.cuts[from..*end], &above);
+                for (word, scores) in scores[tree % K].iter_mut().enumerate().take(words) {
+                    add(digits.map(|digit| digit[word]), values, scores);
+                }
                 from = *end;
             }
-            let of_row = |row: usize| std::array::from_fn(|class| scores[class][row]);
+            let of_row = |row: usize| std::array::from_fn(|class| scores[class][row / BITS][row % BITS]);
             (0..block.len() / self.width).for_each(|row| take(&of_row(row)));
         }
     }
-
-    /// For every threshold, which rows of a block are above it.
-    fn compare(&self, block: &[f32], above: &mut [u64]) {
-        let mut rest = above;
-        for (feature, thresholds) in &self.features {
-            let Some((words, after)) = rest.split_at_mut_checked(thresholds.len()) else { return };
-            rest = after;
-            // The rows in each bin, then the rows in all bins above a threshold.
-            let mut bins = [0_u64; 256];
-            for (eight, rows) in block.chunks(GROUP * self.width).enumerate() {
-                let values = rows.iter().skip(*feature).step_by(self.width);
-                let count = rows.len() / self.width;
-                let mut group = [f32::NEG_INFINITY; GROUP];
-                group.iter_mut().zip(values).for_each(|(to, value)| *to = *value);
-                let found = search(thresholds, &group);
-                for (row, bin) in found.iter().take(count).enumerate() {
-                    bins[bin & 255] |= 1 << (GROUP * eight + row);
-                }
-            }
-            let mut over = 0;
-            for (word, rows) in words.iter_mut().zip(&bins[1..]).rev() {
-                over |= rows;
-                *word = over;
-            }
-        }
-    }
 }
 
-/// For each value, the number of thresholds below it. There are 2^n - 1 thresholds. The search has no
-/// branches that depend on a value, and does not wait for the step of one value before it begins that of the
-/// next.
-#[inline]
-fn search(thresholds: &[f32], values: &[f32; GROUP]) -> [usize; GROUP] {
-    let mut found = [0; GROUP];
-    let mut step = thresholds.len().div_ceil(2);
-    while step > 0 {
-        for (found, value) in found.iter_mut().zip(values) {
-            let below = *value > thresholds[*found + step - 1];
-            *found += step & usize::from(below).wrapping_neg();
-        }
-        step /= 2;
-    }
-    found
-}
-
-/// The digits of the numbers of the leaves: word n has the bit n of the number of each row.
-#[inline]
-fn leaves(cuts: &[Cut], above: &[u64]) -> [u64; DIGITS] {
-    let mut rows = [0_u64; MOST_LEAVES];
-    rows[0] = u64::MAX;
+/// The digits of the numbers of the leaves: the words n have the bit n of the number of each row.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+fn leaves(cuts: &[Cut], above: &[Rows]) -> [Rows; DIGITS] {
+    let mut rows = [Rows::default(); MOST_LEAVES];
+    rows[0] = [u64::MAX; WORDS];
     for (cut, new) in cuts.iter().zip(1..MOST_LEAVES) {
         let of_leaf = &mut rows[usize::from(cut.leaf) % MOST_LEAVES];
-        let over = above[cut.threshold as usize];
-        let moved = *of_leaf & over;
-        *of_leaf &= !over;
+        let over = &above[cut.threshold as usize];
+        let moved = std::array::from_fn(|word| of_leaf[word] & over[word]);
+        of_leaf.iter_mut().zip(over).for_each(|(rows, over)| *rows &= !over);
         rows[new] = moved;
     }
     // Leaves with an odd number have the last digit; then pairs of leaves are leaves with one digit less.
-    let mut digits = [0; DIGITS];
+    let mut digits = [Rows::default(); DIGITS];
     let mut count = MOST_LEAVES;
     for digit in &mut digits {
         count /= 2;
         for pair in 0..count {
-            *digit |= rows[2 * pair + 1];
-            rows[pair] = rows[2 * pair] | rows[2 * pair + 1];
+            let [even, odd] = [rows[2 * pair], rows[2 * pair + 1]];
+            digit.iter_mut().zip(odd).for_each(|(digit, odd)| *digit |= odd);
+            rows[pair] = std::array::from_fn(|word| even[word] | odd[word]);
         }
     }
     digits
-}
-
-/// Adds the value of each row's leaf to its score.
-#[inline]
-fn add(digits: &[u64; DIGITS], values: &[i32; MOST_LEAVES], scores: &mut [i32; ROWS]) {
-    let bytes = digits.map(u64::to_le_bytes);
-    for (eight, scores) in scores.chunks_exact_mut(8).enumerate() {
-        let mut numbers = 0;
-        for (digit, bytes) in bytes.iter().enumerate() {
-            numbers |= SPREAD[usize::from(bytes[eight])] << digit;
-        }
-        for (score, number) in scores.iter_mut().zip(numbers.to_le_bytes()) {
-            *score += values[usize::from(number) % MOST_LEAVES];
-        }
-    }
 }
 
 #[cfg(test)]
@@ -252,11 +222,16 @@ mod tests {
             })
             .collect();
         let forest = Forest::new(&thresholds, &[7, -7, 3], &trees).unwrap();
-        for count in [1, 63, 64, 65, 200] {
+        for count in [1, 63, 64, 65, 200, 256, 257, 600] {
             let rows: Vec<f32> =
                 (0..count * 6).map(|_| below(&mut state, 2600) as f32 / 10.0 - 2.0).collect();
             let mut found = Vec::new();
             forest.scores::<3>(&rows, &mut |scores| found.push(*scores));
+            let mut portable = Vec::new();
+            forest.scores_by::<3>(&rows, portable::compare, portable::add, &mut |scores| {
+                portable.push(*scores)
+            });
+            assert_eq!(found, portable);
             assert_eq!(found.len(), count);
             for (row, found) in rows.chunks_exact(6).zip(found) {
                 let mut expected = [7, -7, 3];

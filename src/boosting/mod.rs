@@ -34,6 +34,8 @@
 //! # Ok::<(), chainage::Error>(())
 //! ```
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod bins;
 mod confusion;
 mod content;
@@ -44,6 +46,7 @@ mod file;
 mod grow;
 mod learn;
 mod model;
+mod portable;
 mod samples;
 mod settings;
 mod tree;

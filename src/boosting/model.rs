@@ -140,7 +140,7 @@ impl Model {
 
     /// Shares of the `K` classes for each row. The shares of a row add up to 255.
     ///
-    /// A row depends on no other row. Rows are evaluated in blocks of 64: a comparison with a threshold is
+    /// A row depends on no other row. Rows are evaluated in blocks of 256: a comparison with a threshold is
     /// one bit per row, so that a split of a tree is two operations on words for all of them.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! The bytes of a read-only file, mapped or read. The only place with `unsafe` in the library.
+//! The bytes of a read-only file, mapped or read.
 
 use std::fs::File;
 use std::io::{self, Error, ErrorKind, Read, Seek, SeekFrom};
