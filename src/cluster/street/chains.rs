@@ -183,8 +183,7 @@ pub(super) fn map(tile: &dyn TileWindow, scene: Scene) -> Result<Mapped> {
 /// apart.
 fn parts(around: &Classified, inside: impl Fn(usize) -> bool) -> Vec<Part> {
     let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
-    let window = Window::new(2, 2);
+    let mut near = Window::new(2, 2).over(columns);
     let chosen: Vec<usize> = (0..columns.len()).filter(|&voxel| inside(voxel)).collect();
     let mut place = vec![u32::MAX; columns.len()];
     for (number, &voxel) in (0_u32..).zip(&chosen) {
@@ -193,7 +192,7 @@ fn parts(around: &Classified, inside: impl Fn(usize) -> bool) -> Vec<Part> {
     let mut sets = DisjointSets::new(chosen.len() as u32);
     for (number, &voxel) in (0_u32..).zip(&chosen) {
         let [i, j, k] = around.voxels.key[voxel];
-        window.visit(columns, &mut finder, [i, j], k, |other| {
+        near.visit([i, j], k, |other| {
             if other > voxel && place[other] != u32::MAX {
                 sets.union(number, place[other]);
             }
@@ -277,12 +276,10 @@ fn piece(
 
 /// The occupied levels around the axis of a piece, and the crown around it.
 fn look_up(around: &Classified, class: &[u8], units: &Units, piece: &mut Piece) {
-    let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
     // Half the width of a piece and the radius of the ring.
-    let steps = Window::new(15, i32::MAX / 4);
+    let mut near = Window::new(15, i32::MAX / 4).over(&around.voxels.columns);
     let [i, j, k] = piece.first;
-    steps.visit(columns, &mut finder, [i, j], k, |voxel| {
+    near.visit([i, j], k, |voxel| {
         let of = class[voxel];
         if of != TREE && of != POLE {
             return;

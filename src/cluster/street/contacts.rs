@@ -30,14 +30,13 @@ pub(super) fn count(whole: &Whole, most: u64) -> Contacts {
     let owned = || (0..label.len()).filter(|&voxel| voxels.owned[voxel] && label[voxel] != 0);
     let mut sizes = BTreeMap::<u32, u64>::new();
     owned().for_each(|voxel| *sizes.entry(label[voxel]).or_default() += 1);
-    let window = Window::new(BESIDE, BESIDE);
-    let mut finder = voxels.columns.finder();
+    let mut near = Window::new(BESIDE, BESIDE).over(&voxels.columns);
     let mut counts = FxHashMap::<(u32, u32), u64>::default();
     let mut others = Vec::new();
     for voxel in owned().filter(|&voxel| sizes[&label[voxel]] <= most) {
         let own = label[voxel];
         let [i, j, k] = voxels.key[voxel];
-        window.visit(&voxels.columns, &mut finder, [i, j], k, |other| {
+        near.visit([i, j], k, |other| {
             let other = label[other];
             if other != own && other != 0 && !others.contains(&other) {
                 others.push(other);

@@ -246,13 +246,11 @@ fn take_chains(
     let top = lattice.units(TRUNK_M) as i32;
     // Nearest piece of each voxel that takes it: squared distance, slice and first voxel.
     let mut taken: Vec<Option<(i64, u8, Voxel, usize)>> = vec![None; class.len()];
-    let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
-    let window = Window::new(4, i32::MAX / 4);
+    let mut near = Window::new(4, i32::MAX / 4).over(&around.voxels.columns);
     let edge = lattice.units(EDGE_M);
     for (number, (piece, verdict)) in pieces.iter().enumerate() {
         let cell = piece.centre.map(|value| value.div_euclid(edge) as i32);
-        window.visit(columns, &mut finder, cell, 0, |voxel| {
+        near.visit(cell, 0, |voxel| {
             let of = class[voxel];
             if !chains::may_be_upright(of) {
                 return;

@@ -8,8 +8,7 @@ use super::cores::Cored;
 use super::graph;
 use super::settings::EDGE_M;
 use super::voxels::Voxels;
-use super::window::Window;
-use crate::cluster::columns::Finder;
+use super::window::{Visitor, Window};
 use crate::cluster::{Mapped, TileWindow};
 use crate::error::Result;
 use crate::model::Lattice;
@@ -53,8 +52,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
 /// The neighbours of a voxel: those that touch it or, where these are few, the nearest ones further away.
 struct Search<'a> {
     voxels: &'a Voxels,
-    finder: Finder<'a>,
-    windows: Vec<Window>,
+    windows: Vec<Visitor<'a>>,
     most: i64,
     found: Vec<(i64, u32)>,
 }
@@ -64,19 +62,19 @@ impl<'a> Search<'a> {
         let edge = lattice.units(EDGE_M);
         let most = lattice.units(MOST_M);
         let farthest = (most / edge) as i32 + 1;
-        let windows = [1, 2, 3, 5].into_iter().chain([farthest]).map(Window::square).collect();
-        let finder = voxels.columns.finder();
-        Self { voxels, finder, windows, most: most * most, found: Vec::new() }
+        let window = |steps| Window::square(steps).over(&voxels.columns);
+        let windows = [1, 2, 3, 5].into_iter().chain([farthest]).map(window).collect();
+        Self { voxels, windows, most: most * most, found: Vec::new() }
     }
 
     /// Squared distance and number of each neighbour.
     fn neighbours(&mut self, voxel: usize) -> &[(i64, u32)] {
-        let Self { voxels, finder, windows, most, found } = self;
+        let Self { voxels, windows, most, found } = self;
         let [i, j, k] = voxels.key[voxel];
         let [x, y, z] = voxels.centre[voxel];
         for window in windows {
             found.clear();
-            window.visit(&voxels.columns, finder, [i, j], k, |other| {
+            window.visit([i, j], k, |other| {
                 let [u, v, w] = voxels.centre[other];
                 let distance = (u - x).pow(2) + (v - y).pow(2) + (w - z).pow(2);
                 if distance <= *most && other != voxel {

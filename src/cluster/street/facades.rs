@@ -8,6 +8,7 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
+use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::classified::Classified;
@@ -94,11 +95,10 @@ pub(super) fn touch(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let owned = |voxel: usize| around.voxels.owned[voxel];
     let side = |([i, j], voxel, _): (Cell, usize, bool)| [i, j, i32::from(owned(voxel))];
     let sides = numbered(cells(around, class, 0).map(side).collect());
-    let window = Window::new(NEAR_CELLS, 0);
-    let mut finder = sides.finder();
+    let mut near = Window::new(NEAR_CELLS, 0).over(&sides);
     for (cell, voxel, _) in cells(around, class, 0) {
         let mut crosses = false;
-        window.visit(&sides, &mut finder, cell, i32::from(!owned(voxel)), |_| crosses = true);
+        near.visit(cell, i32::from(!owned(voxel)), |_| crosses = true);
         if crosses {
             links.cross(voxel);
         }
@@ -117,7 +117,7 @@ pub(super) fn near(around: &Classified, class: &[u8], parts: &Parts, high: i32) 
     let window = Window::new(NEAR_CELLS, 0);
     let most = FACADE_CELLS * FACADE_CELLS + FACADE_CELLS;
     let mut finder = components.finder();
-    let mut pairs = BTreeMap::<(u32, u32), Option<u8>>::new();
+    let mut pairs = FxHashMap::<(u32, u32), Option<u8>>::default();
     for (column, &[i, j]) in components.cells().iter().enumerate() {
         for [di, dj] in window.steps() {
             let others = finder.column([i + di, j + dj]);
@@ -136,7 +136,9 @@ pub(super) fn near(around: &Classified, class: &[u8], parts: &Parts, high: i32) 
             }
         }
     }
-    pairs.into_iter().map(|(of, apart)| Near { of, apart }).collect()
+    let mut near: Vec<Near> = pairs.into_iter().map(|(of, apart)| Near { of, apart }).collect();
+    near.sort_unstable_by_key(|near| near.of);
+    near
 }
 
 /// The smaller of two distances, where both may be unknown.

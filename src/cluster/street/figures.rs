@@ -183,8 +183,7 @@ pub(super) fn find(whole: &Whole, lattice: Lattice) -> BTreeMap<u32, Figures> {
     let around = &whole.grown.cored.around;
     let voxels = &around.voxels;
     let borders = BANDS_M.map(|metres| lattice.units(metres));
-    let window = Window::new(1, 1);
-    let mut finder = voxels.columns.finder();
+    let mut near = Window::new(1, 1).over(&voxels.columns);
     let mut found = BTreeMap::<u32, (Figures, Option<Cell>)>::new();
     for (voxel, &label) in whole.grown.label.iter().enumerate() {
         if label == 0 || !voxels.owned[voxel] {
@@ -196,7 +195,7 @@ pub(super) fn find(whole: &Whole, lattice: Lattice) -> BTreeMap<u32, Figures> {
         figures.columns += u64::from(last.replace([i, j]) != Some([i, j]));
         figures.voxels += 1;
         figures.points += u64::from(voxels.points[voxel]);
-        window.visit(&voxels.columns, &mut finder, [i, j], k, |_| figures.occupied += 1);
+        near.visit([i, j], k, |_| figures.occupied += 1);
         for (sum, share) in figures.shares.iter_mut().zip(around.shares[voxel]) {
             *sum += u64::from(share);
         }

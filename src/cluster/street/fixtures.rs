@@ -41,9 +41,8 @@ pub(super) fn find(whole: &Whole) -> BTreeMap<u32, u32> {
     let label = &whole.grown.label;
     let class = |label: u32| whole.class.get(&label).copied();
     let share = |label: u32| SHARES.iter().find(|(of, _)| class(label) == Some(*of)).map(|(_, share)| *share);
-    let window = Window::new(ON_WALL, ON_WALL);
-    let roof = Window::new(1, ABOVE);
-    let mut finder = voxels.columns.finder();
+    let mut wall = Window::new(ON_WALL, ON_WALL).over(&voxels.columns);
+    let mut roof = Window::new(1, ABOVE).over(&voxels.columns);
     let mut fixtures = BTreeMap::new();
     for (object, of_object) in small(whole, |label| share(label).is_some()) {
         let Some(share) = share(object) else { continue };
@@ -53,7 +52,7 @@ pub(super) fn find(whole: &Whole) -> BTreeMap<u32, u32> {
         for &voxel in &of_object {
             let [i, j, k] = voxels.key[voxel];
             let mut building = u32::MAX;
-            window.visit(&voxels.columns, &mut finder, [i, j], k, |other| {
+            wall.visit([i, j], k, |other| {
                 if label[other] < building && class(label[other]) == Some(BUILDING) {
                     building = label[other];
                 }
@@ -62,7 +61,7 @@ pub(super) fn find(whole: &Whole) -> BTreeMap<u32, u32> {
                 *on.entry(building).or_default() += 1;
             }
             let mut is_below = false;
-            roof.visit(&voxels.columns, &mut finder, [i, j], k + ROOF_LEVELS + ABOVE, |other| {
+            roof.visit([i, j], k + ROOF_LEVELS + ABOVE, |other| {
                 is_below |= class(label[other]) == Some(BUILDING);
             });
             below += usize::from(is_below);

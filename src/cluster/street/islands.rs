@@ -52,11 +52,10 @@ pub(super) fn settle(whole: &mut Whole, lattice: Lattice) {
 fn groups(voxels: &Voxels, open: impl Fn(usize) -> bool) -> Vec<Option<u32>> {
     let count = voxels.len();
     let mut sets = DisjointSets::new(count as u32);
-    let window = Window::new(GAP, GAP);
-    let mut finder = voxels.columns.finder();
+    let mut near = Window::new(GAP, GAP).over(&voxels.columns);
     for voxel in (0..count).filter(|&voxel| open(voxel)) {
         let [i, j, k] = voxels.key[voxel];
-        window.visit(&voxels.columns, &mut finder, [i, j], k, |other| {
+        near.visit([i, j], k, |other| {
             if other > voxel && open(other) {
                 sets.union(voxel as u32, other as u32);
             }

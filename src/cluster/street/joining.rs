@@ -57,23 +57,22 @@ pub(super) fn bands(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<
 /// in lines within a longer one.
 pub(super) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
-    let far = Window::new(FENCE_LINES_REACH, FENCE_LEVELS);
-    let upright = Window::new(1, 2);
+    let mut far = Window::new(FENCE_LINES_REACH, FENCE_LEVELS).over(columns);
+    let mut upright = Window::new(1, 2).over(columns);
     let mut in_line = vec![false; class.len()];
     for voxel in (0..class.len()).filter(|&voxel| class[voxel] == FENCE) {
         let [i, j, k] = around.voxels.key[voxel];
         let mut stacked = 0;
-        upright.visit(columns, &mut finder, [i, j], k, |other| {
+        upright.visit([i, j], k, |other| {
             stacked += usize::from(class[other] == FENCE && around.voxels.key[other][2] != k);
         });
         in_line[voxel] = stacked <= LINE_STACKED;
     }
     for (of, radius, levels) in REACHES {
-        let window = Window::new(radius, levels);
+        let mut near = Window::new(radius, levels).over(columns);
         for voxel in (0..class.len()).filter(|&voxel| class[voxel] == of && around.voxels.owned[voxel]) {
             let [i, j, k] = around.voxels.key[voxel];
-            window.visit(columns, &mut finder, [i, j], k, |other| {
+            near.visit([i, j], k, |other| {
                 if class[other] == of && other != voxel {
                     links.join(voxel, other);
                 }
@@ -82,7 +81,7 @@ pub(super) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<
     }
     for voxel in (0..class.len()).filter(|&voxel| in_line[voxel] && around.voxels.owned[voxel]) {
         let [i, j, k] = around.voxels.key[voxel];
-        far.visit(columns, &mut finder, [i, j], k, |other| {
+        far.visit([i, j], k, |other| {
             if in_line[other] && other != voxel {
                 links.join(voxel, other);
             }
@@ -119,13 +118,11 @@ pub(super) fn join_buildings(around: &Classified, class: &[u8], links: &mut Link
 
 /// Joins low tree voxels of the same band, and returns voxels of adjacent bands that touch, the lower first.
 pub(super) fn join_bands(around: &Classified, band: &[u8], links: &mut Links<'_>) -> Vec<(usize, usize)> {
-    let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
-    let window = Window::new(2, 2);
+    let mut near = Window::new(2, 2).over(&around.voxels.columns);
     let mut rising = Vec::new();
     for voxel in (0..band.len()).filter(|&voxel| band[voxel] != NO_BAND && around.voxels.owned[voxel]) {
         let [i, j, k] = around.voxels.key[voxel];
-        window.visit(columns, &mut finder, [i, j], k, |other| {
+        near.visit([i, j], k, |other| {
             if other == voxel || band[other] == NO_BAND {
                 return;
             }
@@ -151,9 +148,9 @@ pub(super) fn figures(
 ) -> Vec<Option<Part>> {
     let columns = &around.voxels.columns;
     let mut finder = columns.finder();
-    let touching = Window::new(1, 1);
-    let beside = Window::new(2, 12);
-    let facade = Window::new(3, 1);
+    let mut touching = Window::new(1, 1).over(columns);
+    let mut beside = Window::new(2, 12).over(columns);
+    let mut facade = Window::new(3, 1).over(columns);
     let canopy = canopies(around, class);
     let below_canopy = Window::new(CANOPY_REACH, 0);
     let mut figures: Vec<Option<Part>> = vec![None; parts.border.count as usize];
@@ -167,17 +164,17 @@ pub(super) fn figures(
             one.sure_pole = u32::from(around.shares[voxel][usize::from(POLE)] >= SURE_SHARE);
         }
         if matches!(class[voxel], POLE | FENCE | SMALL | VEHICLE) {
-            touching.visit(columns, &mut finder, [i, j], k, |other| {
+            touching.visit([i, j], k, |other| {
                 one.contact += u32::from(matches!(class[other], TREE | BUILDING));
             });
         }
         if matches!(class[voxel], POLE | FENCE | SMALL) {
-            facade.visit(columns, &mut finder, [i, j], k, |other| {
+            facade.visit([i, j], k, |other| {
                 one.at_facade |= u32::from(class[other] == BUILDING);
             });
         }
         if matches!(class[voxel], FENCE | SMALL) {
-            beside.visit(columns, &mut finder, [i, j], k, |other| {
+            beside.visit([i, j], k, |other| {
                 one.in_vehicle |= u32::from(class[other] == VEHICLE);
             });
         }

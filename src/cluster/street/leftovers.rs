@@ -11,7 +11,7 @@ use super::growth::Grown;
 use super::parts::Links;
 use super::settings::{CLASSES, EDGE_M, STEP_LEFTOVERS};
 use super::shares::{BUILDING, FENCE, GROUND, TREE};
-use super::window::Window;
+use super::window::{Visitor, Window};
 use crate::cluster::columns::{Border, Voxel, join};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
@@ -129,11 +129,10 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         .map(|voxel| grown.label[voxel] == 0 && around.shares[voxel][usize::from(GROUND)] <= 127)
         .collect();
     let mut links = Links::new(voxels);
-    let mut finder = voxels.columns.finder();
-    let window = Window::new(JOIN.0, JOIN.1);
+    let mut near = Window::new(JOIN.0, JOIN.1).over(&voxels.columns);
     for voxel in (0..left.len()).filter(|&voxel| left[voxel] && voxels.owned[voxel]) {
         let [i, j, k] = voxels.key[voxel];
-        window.visit(&voxels.columns, &mut finder, [i, j], k, |other| {
+        near.visit([i, j], k, |other| {
             if left[other] && other != voxel {
                 links.join(voxel, other);
             }
@@ -146,7 +145,9 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         ..Payload::default()
     };
     let far = lattice.units(FAR_M);
-    let search = Nearest { windows: rings(far, lattice), grown: &grown };
+    let rings =
+        rings(far, lattice).into_iter().map(|(window, certain)| (window.over(&voxels.columns), certain));
+    let mut search = Nearest { windows: rings.collect(), grown: &grown };
     for voxel in (0..left.len()).filter(|&voxel| voxels.owned[voxel]) {
         payload.part.push(parts.of[voxel].wrapping_add(1));
         let Some(part) = payload.parts.get_mut(parts.of[voxel] as usize) else { continue };
@@ -180,19 +181,18 @@ fn rings(far: i64, lattice: Lattice) -> Vec<(Window, i64)> {
 
 /// Finds objects near a voxel.
 struct Nearest<'a> {
-    windows: Vec<(Window, i64)>,
+    windows: Vec<(Visitor<'a>, i64)>,
     grown: &'a Grown,
 }
 
 impl Nearest<'_> {
     /// The nearest object of each class in the first window with an object.
-    fn objects(&self, voxel: usize, near: &mut [Option<Near>; CLASSES]) {
+    fn objects(&mut self, voxel: usize, near: &mut [Option<Near>; CLASSES]) {
         let voxels = &self.grown.cored.around.voxels;
-        let mut finder = voxels.columns.finder();
         let [i, j, k] = voxels.key[voxel];
         let [x, y, z] = voxels.centre[voxel];
-        for (window, certain) in &self.windows {
-            window.visit(&voxels.columns, &mut finder, [i, j], k, |other| {
+        for (window, certain) in &mut self.windows {
+            window.visit([i, j], k, |other| {
                 let label = self.grown.label[other];
                 let Some(core) = self.grown.cored.cores.get(&label) else { return };
                 let [u, v, w] = voxels.centre[other];

@@ -22,23 +22,22 @@ const CUT_M: f64 = 1.0;
 /// For each voxel whether it is a wire at a pole that carries it.
 pub(super) fn cut(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<bool> {
     let columns = &around.voxels.columns;
-    let mut finder = columns.finder();
     let steps =
         |metres: f64| i32::try_from(lattice.units(metres) / lattice.units(EDGE_M)).unwrap_or(i32::MAX);
-    let beside = Window::new(steps(BESIDE_M), 2 * LEVELS.1);
-    let around_carried = Window::new(steps(CUT_M), steps(CUT_M));
+    let mut beside = Window::new(steps(BESIDE_M), 2 * LEVELS.1).over(columns);
+    let mut around_carried = Window::new(steps(CUT_M), steps(CUT_M)).over(columns);
     let mut cut = vec![false; class.len()];
     for wire in (0..class.len()).filter(|&voxel| class[voxel] == WIRE) {
         let [i, j, k] = around.voxels.key[wire];
         let mut levels = 0_u32;
-        beside.visit(columns, &mut finder, [i, j], k, |voxel| {
+        beside.visit([i, j], k, |voxel| {
             let below = (k + 1 - around.voxels.key[voxel][2]).div_euclid(2);
             if class[voxel] == POLE && (0..LEVELS.1).contains(&below) {
                 levels |= 1 << below;
             }
         });
         if levels.count_ones() >= LEVELS.0 {
-            around_carried.visit(columns, &mut finder, [i, j], k, |voxel| cut[voxel] |= class[voxel] == WIRE);
+            around_carried.visit([i, j], k, |voxel| cut[voxel] |= class[voxel] == WIRE);
         }
     }
     cut

@@ -1,5 +1,7 @@
 //! Windows of voxels: which voxels lie near a voxel.
 
+use std::ops::Range;
+
 use crate::cluster::columns::{Columns, Finder};
 use crate::spatial::Cell;
 
@@ -32,25 +34,43 @@ impl Window {
         &self.steps
     }
 
+    /// The window over these columns.
+    pub(super) fn over(self, columns: &Columns) -> Visitor<'_> {
+        Visitor { window: self, columns, finder: columns.finder(), last: None, ranges: Vec::new() }
+    }
+}
+
+/// Visits the voxels around one voxel after the other. Voxels of a column that follow each other, from the
+/// lowest up, are visited fastest: they have the same columns around them, and what lies below one lies below
+/// the next.
+pub(super) struct Visitor<'a> {
+    window: Window,
+    columns: &'a Columns,
+    finder: Finder<'a>,
+    /// Where the last voxel was.
+    last: Option<(Cell, i32)>,
+    /// The voxels of each column around it that is not empty, without those that are too low.
+    ranges: Vec<Range<usize>>,
+}
+
+impl Visitor<'_> {
     /// Visits every voxel in the window around voxel (i, j, k), the voxel itself included.
     #[inline]
-    pub(super) fn visit(
-        &self,
-        columns: &Columns,
-        finder: &mut Finder<'_>,
-        [i, j]: Cell,
-        k: i32,
-        mut visit: impl FnMut(usize),
-    ) {
-        let heights = columns.heights();
-        for [di, dj] in &self.steps {
-            let column = finder.column([i + di, j + dj]);
-            if column.is_empty() {
-                continue;
+    pub(super) fn visit(&mut self, cell @ [i, j]: Cell, k: i32, mut visit: impl FnMut(usize)) {
+        if self.last.is_none_or(|(last, below)| last != cell || k < below) {
+            let Self { window, finder, ranges, .. } = self;
+            ranges.clear();
+            let around = window.steps.iter().map(|[di, dj]| finder.column([i + di, j + dj]));
+            ranges.extend(around.filter(|column| !column.is_empty()));
+        }
+        self.last = Some((cell, k));
+        let heights = self.columns.heights();
+        let levels = self.window.levels;
+        for range in &mut self.ranges {
+            while range.start < range.end && heights[range.start] < k - levels {
+                range.start += 1;
             }
-            let low =
-                column.start + heights[column.clone()].partition_point(|&height| height < k - self.levels);
-            for voxel in (low..column.end).take_while(|&voxel| heights[voxel] <= k + self.levels) {
+            for voxel in range.clone().take_while(|&voxel| heights[voxel] <= k + levels) {
                 visit(voxel);
             }
         }
