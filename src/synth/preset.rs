@@ -36,11 +36,13 @@ pub enum Preset {
     /// Two rows of street trees on each side whose crowns grow into each other, with palms, hedges and lamps
     /// between them.
     Boulevard,
+    /// Small trees of many shapes with lamps, signals, masts and signs of many kinds between them.
+    Promenade,
 }
 
 impl Preset {
     /// All of them, in the order in which help lists them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Suburb,
         Self::Downtown,
         Self::Avenue,
@@ -51,13 +53,25 @@ impl Preset {
         Self::Lane,
         Self::Forest,
         Self::Boulevard,
+        Self::Promenade,
     ];
 
     /// Name on the command line and in file names.
     #[must_use]
     pub fn name(self) -> &'static str {
-        ["suburb", "downtown", "avenue", "highway", "mixed", "loop", "parkway", "lane", "forest", "boulevard"]
-            [self as usize]
+        [
+            "suburb",
+            "downtown",
+            "avenue",
+            "highway",
+            "mixed",
+            "loop",
+            "parkway",
+            "lane",
+            "forest",
+            "boulevard",
+            "promenade",
+        ][self as usize]
     }
 }
 

@@ -127,6 +127,9 @@ impl ValueEnum for PresetArg {
             Preset::Lane => "a narrow street between houses, cars that park close to their walls",
             Preset::Forest => "a track through a forest: rows of timber, trees of many kinds, undergrowth",
             Preset::Boulevard => "two dense rows of trees on each side, crowns that grow into each other",
+            Preset::Promenade => {
+                "small trees with lamps, signals, masts and signs of many kinds between them"
+            }
         };
         Some(clap::builder::PossibleValue::new(self.0.name()).help(help))
     }
