@@ -17,24 +17,37 @@ const TERMS: i32 = 13;
 /// Arguments below this give 0: the result is smaller than 1e-300.
 const LOWEST: f64 = -690.0;
 
+/// Adding and subtracting it rounds a number below 2^51 to a whole one: doubles of its size have no fractions
+/// (1.5 * 2^52). The function of the platform is a call for each number.
+const TO_WHOLE: f64 = 6_755_399_441_055_744.0;
+
+/// e to the power of each `x`, for `x` up to 690. The numbers take each step together, so that no division
+/// waits for another one.
+#[inline]
+fn exps<const N: usize>(x: [f64; N]) -> [f64; N] {
+    let power = x.map(|x| (x.clamp(LOWEST, -LOWEST) * std::f64::consts::LOG2_E + TO_WHOLE) - TO_WHOLE);
+    let rest: [f64; N] = std::array::from_fn(|n| (x[n] - power[n] * LN2_HIGH) - power[n] * LN2_LOW);
+    let mut sum = [1.0; N];
+    for term in (1..=TERMS).rev() {
+        for (sum, rest) in sum.iter_mut().zip(rest) {
+            *sum = 1.0 + rest * *sum / f64::from(term);
+        }
+    }
+    std::array::from_fn(|n| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a whole number from 23 to 2023"
+        )]
+        let exponent = (power[n] + 1023.0) as u64;
+        if x[n] < LOWEST { 0.0 } else { sum[n] * f64::from_bits(exponent << 52) }
+    })
+}
+
 /// e to the power of `x`, for `x` up to 690.
 pub(super) fn exp(x: f64) -> f64 {
-    if x < LOWEST {
-        return 0.0;
-    }
-    let power = (x.min(-LOWEST) * std::f64::consts::LOG2_E).round();
-    let rest = (x - power * LN2_HIGH) - power * LN2_LOW;
-    let mut sum = 1.0;
-    for term in (1..=TERMS).rev() {
-        sum = 1.0 + rest * sum / f64::from(term);
-    }
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a whole number from 23 to 2023"
-    )]
-    let exponent = (power + 1023.0) as u64;
-    sum * f64::from_bits(exponent << 52)
+    let [exp] = exps([x]);
+    exp
 }
 
 /// The natural logarithm of `x`, which is from 1e-12 to 1: Halley's method on [`exp`].
@@ -52,11 +65,12 @@ pub(super) fn ln(x: f64) -> f64 {
 #[inline]
 pub(super) fn softmax(scores: &[i32], probabilities: &mut [f64]) {
     let most = scores.iter().copied().max().unwrap_or(0);
-    let mut sum = 0.0;
-    for (probability, &score) in probabilities.iter_mut().zip(scores) {
-        *probability = exp((f64::from(score) - f64::from(most)) / UNITS);
-        sum += *probability;
-    }
+    let below = |score: i32| (f64::from(score) - f64::from(most)) / UNITS;
+    let (fours, rest) = scores.as_chunks::<4>();
+    let (of_fours, of_rest) = probabilities.as_chunks_mut::<4>();
+    of_fours.iter_mut().zip(fours).for_each(|(exp, &scores)| *exp = exps(scores.map(below)));
+    of_rest.iter_mut().zip(rest).for_each(|(one, &score)| *one = exp(below(score)));
+    let sum = probabilities.iter().fold(0.0, |sum, exp| sum + exp);
     probabilities.iter_mut().for_each(|probability| *probability /= sum);
 }
 
@@ -102,6 +116,7 @@ mod tests {
         }
         assert_eq!(exp(0.0).to_bits(), 1.0_f64.to_bits());
         assert_eq!(exp(-1e9).to_bits(), 0.0_f64.to_bits());
+        assert_eq!(exps([-700.0, -0.1, 0.0, -3.0]), [0.0, exp(-0.1), 1.0, exp(-3.0)]);
         // Bits that were computed once: a platform or compiler that contracts operations would change them.
         assert_eq!(exp(-1.0).to_bits(), (-1.0_f64).exp().to_bits());
         for x in [1e-12, 1e-6, 0.01, 0.125, 0.5, 0.999, 1.0] {
