@@ -44,8 +44,9 @@ pub(super) fn compare(thresholds: &[f32], values: &[f32; BITS], word: usize, abo
 #[inline]
 pub(super) fn add(digits: [u64; DIGITS], values: &[i32; MOST_LEAVES], scores: &mut [i32; BITS]) {
     let eights: [__m256i; MOST_LEAVES / LANES] = bytemuck::cast(*values);
+    let halves: [[i32; 2]; DIGITS] = bytemuck::cast(digits);
     for (half, scores) in scores.as_chunks_mut::<32>().0.iter_mut().enumerate() {
-        let numbers = numbers(digits.map(|digit| (digit >> (32 * half)) as i32));
+        let numbers = numbers(halves.map(|halves| halves[half]));
         let (low, high) = (_mm256_castsi256_si128(numbers), _mm256_extracti128_si256::<1>(numbers));
         let groups = [low, _mm_srli_si128::<8>(low), high, _mm_srli_si128::<8>(high)];
         for (group, scores) in groups.into_iter().zip(scores.as_chunks_mut::<LANES>().0) {

@@ -1,10 +1,11 @@
 //! Evaluation of trees for blocks of 256 rows.
 //!
-//! The rows of a block are the bits of four words. For each threshold, the words say which rows are above it.
-//! A leaf is the words of its rows, and a split divides them in two. The numbers of the leaves are then read
-//! from five times four words, one per binary digit. So the time depends on the splits of a tree and not on
-//! its depth, and no branch depends on a value. The idea of trees as bit masks is that of Lucchese et al. 2015
-//! (`QuickScorer`, doi:10.1145/2766462.2767733); ours turns it round and has a bit per row, not per leaf.
+//! The rows of a block are the bits of four words. For each threshold, the words say which rows are above
+//! it. A leaf is the words of its rows, and a split divides them in two. The numbers of the leaves are then
+//! read from five times four words, one per binary digit. So the time depends on the splits of a tree and not
+//! on its depth, and no branch depends on a value. The idea of trees as bit masks is that of Lucchese et al.
+//! 2015 (`QuickScorer`, doi:10.1145/2766462.2767733); ours turns it round and has a bit per row, not per
+//! leaf.
 //!
 //! Comparisons are exact and scores are whole numbers. So all processors give the same scores, with AVX2 and
 //! without.
