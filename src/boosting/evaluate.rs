@@ -104,7 +104,8 @@ impl Forest {
         self.scores_by(rows, compare, add, take);
     }
 
-    /// The scores, by the inner loops of a processor. It is compiled into its callers, with their instructions.
+    /// The scores, by the inner loops of a processor. It is compiled into its callers, with their
+    /// instructions.
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     fn scores_by<const K: usize>(
