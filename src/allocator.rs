@@ -45,6 +45,10 @@ pub(crate) fn return_free_memory() {}
 mod tests {
     use std::hint::black_box;
     use std::ops::Range;
+    use std::sync::{Mutex, PoisonError};
+
+    /// The tests measure the memory of the whole process. So one waits for the other.
+    static ALONE: Mutex<()> = Mutex::new(());
 
     const MIB: usize = 1 << 20;
 
@@ -75,6 +79,7 @@ mod tests {
 
     #[test]
     fn free_memory_between_blocks_in_use_returns_to_the_system() {
+        let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         // Every second one of 2,000 blocks of 32 KiB: 31 MiB.
         let pages: Vec<Vec<u8>> = (0..2_000).map(|_| black_box(vec![1_u8; MIB / 32])).collect();
         let (stay, go): (Vec<_>, Vec<_>) = pages.into_iter().enumerate().partition(|(n, _)| n % 2 == 0);
@@ -88,6 +93,7 @@ mod tests {
 
     #[test]
     fn a_large_block_returns_to_the_system_even_below_a_small_one_in_use() {
+        let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         super::return_large_blocks();
         // A worker has its own heap. Freeing a large block is what raises the limit.
         let worker = std::thread::spawn(|| {
