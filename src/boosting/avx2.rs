@@ -20,8 +20,9 @@ const LANES: usize = 8;
 #[target_feature(enable = "avx2")]
 #[inline]
 pub(super) fn compare(thresholds: &[f32], values: &[f32; BITS], word: usize, above: &mut [Rows]) {
-    // The vectors are packed in halves of 128 bits. So the values are put in the order in which the bits of a
-    // packed comparison then are those of the rows: four values of a vector, then the same four of the next.
+    // Packing joins four vectors, first their lower halves in turn, then their upper ones. So vector v of the
+    // four has rows 4 v to 4 v + 3 in its lower half and those 16 further on in its upper one. Then bit n of
+    // the packed comparisons is that of row n.
     let vectors: [__m256; LANES] = std::array::from_fn(|vector| {
         let lane = |lane| 32 * (vector / 4) + 16 * (lane / 4) + 4 * (vector % 4) + lane % 4;
         bytemuck::cast::<[f32; LANES], __m256>(std::array::from_fn(|number| values[lane(number)]))

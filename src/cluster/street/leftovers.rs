@@ -12,7 +12,7 @@ use super::parts::Links;
 use super::settings::{CLASSES, EDGE_M, STEP_LEFTOVERS};
 use super::shares::{BUILDING, FENCE, GROUND, TREE};
 use super::window::{Visitor, Window};
-use crate::cluster::columns::{Border, Voxel, join};
+use crate::cluster::columns::{Border, Columns, Voxel, join};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::Result;
@@ -145,9 +145,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         ..Payload::default()
     };
     let far = lattice.units(FAR_M);
-    let rings =
-        rings(far, lattice).into_iter().map(|(window, certain)| (window.over(&voxels.columns), certain));
-    let mut search = Nearest { windows: rings.collect(), grown: &grown };
+    let mut search = Nearest { rings: rings(&voxels.columns, far, lattice), grown: &grown };
     for voxel in (0..left.len()).filter(|&voxel| voxels.owned[voxel]) {
         payload.part.push(parts.of[voxel].wrapping_add(1));
         let Some(part) = payload.parts.get_mut(parts.of[voxel] as usize) else { continue };
@@ -166,22 +164,22 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
 }
 
 /// Windows of growing size, each with the distance up to which it contains all voxels.
-fn rings(far: i64, lattice: Lattice) -> Vec<(Window, i64)> {
+fn rings(columns: &Columns, far: i64, lattice: Lattice) -> Vec<(Visitor<'_>, i64)> {
     let edge = lattice.units(EDGE_M);
     let most = (far / edge) as i32 + 1;
     let mut rings = Vec::new();
     let mut steps = 2;
     while steps < most {
-        rings.push((Window::square(steps), i64::from(steps - 1) * edge));
+        rings.push((Window::square(steps).over(columns), i64::from(steps - 1) * edge));
         steps *= 2;
     }
-    rings.push((Window::square(most), far));
+    rings.push((Window::square(most).over(columns), far));
     rings
 }
 
 /// Finds objects near a voxel.
 struct Nearest<'a> {
-    windows: Vec<(Visitor<'a>, i64)>,
+    rings: Vec<(Visitor<'a>, i64)>,
     grown: &'a Grown,
 }
 
@@ -191,7 +189,7 @@ impl Nearest<'_> {
         let voxels = &self.grown.cored.around.voxels;
         let [i, j, k] = voxels.key[voxel];
         let [x, y, z] = voxels.centre[voxel];
-        for (window, certain) in &mut self.windows {
+        for (window, certain) in &mut self.rings {
             window.visit([i, j], k, |other| {
                 let label = self.grown.label[other];
                 let Some(core) = self.grown.cored.cores.get(&label) else { return };
