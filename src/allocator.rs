@@ -5,26 +5,60 @@
 //! up to 32 MiB (mallopt(3), `M_MMAP_THRESHOLD`). After the first tiles, columns therefore come from the heap
 //! of the worker, and freed memory stays there as long as any block above it is in use. The memory of one
 //! worker grew from tile to tile in this way: from 50 to 105 MiB over a drive of 4 km with tiles of 30 to 70
-//! MiB. A limit that is set explicitly does not rise.
+//! MiB. A limit that is set explicitly does not rise. It follows the memory budget, because a block that
+//! returned to the system must be faulted in anew when it is needed again.
 
-/// Blocks of at least this many bytes are mapped separately. Chosen, because only the columns of cells of a
-/// tile are smaller, and because the buffers for a block of records (about 1 MB and more) are few.
+/// Blocks of at least this many bytes are mapped separately where memory is scarce. Chosen, because only the
+/// columns of cells of a tile are smaller, and because the buffers for a block of records (about 1 MB and
+/// more) are few.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-const MAPPED_BYTES: libc::c_int = 1 << 20;
+const LEAST_MAPPED_BYTES: libc::c_int = 1 << 20;
+/// The largest limit that glibc takes: half of the largest heap of a thread (mallopt(3)).
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const MOST_MAPPED_BYTES: libc::c_int = 32 << 20;
+/// Share of the memory budget that a block must have to be mapped separately (chosen: with this share, runs
+/// within 400 MB to 4 GB take as much memory as with the least limit, to some percent).
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const MAPPED_SHARE: u64 = 256;
 
 /// Makes large blocks return to the system when they are freed. Must be called while there is one thread.
-#[cfg(all(target_os = "linux", target_env = "gnu"))]
-#[expect(unsafe_code, reason = "a setting of the C library can only be made by an unsafe call")]
 pub(crate) fn return_large_blocks() {
-    // SAFETY: mallopt takes two numbers and no pointer. It changes how later blocks are allocated, and no
-    // block that exists. It is not safe while other threads allocate (mallopt(3), "MT-Unsafe init"), so the
-    // program calls it first. A refusal (0) changes nothing, and only memory is at stake.
-    let _accepted = unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_BYTES) };
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    set(libc::M_MMAP_THRESHOLD, LEAST_MAPPED_BYTES);
 }
 
-/// Other C libraries: nothing to set.
-#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
-pub(crate) fn return_large_blocks() {}
+/// Keeps blocks for the next use that are small compared with the memory budget in bytes. To map a block anew
+/// for each use costs a page fault for every 4 KiB. The free memory at the end of a heap may be twice as large
+/// as such a block, as where glibc raises the limit itself. Must be called while no other thread allocates.
+pub(crate) fn keep_blocks_within(budget: u64) {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        let bytes = limit_within(budget);
+        if bytes > LEAST_MAPPED_BYTES {
+            set(libc::M_MMAP_THRESHOLD, bytes);
+            set(libc::M_TRIM_THRESHOLD, 2 * bytes);
+        }
+    }
+    #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+    let _nothing_to_set = budget;
+}
+
+/// The limit for a memory budget.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn limit_within(budget: u64) -> libc::c_int {
+    let share = libc::c_int::try_from(budget / MAPPED_SHARE).unwrap_or(MOST_MAPPED_BYTES);
+    share.clamp(LEAST_MAPPED_BYTES, MOST_MAPPED_BYTES)
+}
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[expect(unsafe_code, reason = "a setting of the C library can only be made by an unsafe call")]
+fn set(parameter: libc::c_int, bytes: libc::c_int) {
+    // SAFETY: mallopt takes two numbers and no pointer. It changes how later blocks are allocated, and no
+    // block that exists. It is not safe while other threads allocate (mallopt(3), "MT-Unsafe init"), so the
+    // program calls it before it starts any that do. A refusal (0) changes nothing, and only memory is at
+    // stake.
+    let _accepted = unsafe { libc::mallopt(parameter, bytes) };
+}
 
 /// Returns free memory to the system, including the memory between blocks in use. The counts of the survey
 /// before packing lie between blocks that remain: 4 MiB for 16 km of street.
@@ -89,6 +123,12 @@ mod tests {
         let after = resident();
         assert!(after + 24 * MIB < before, "{after} of {before} bytes left");
         drop(black_box(stay));
+    }
+
+    #[test]
+    fn the_limit_is_a_share_of_the_budget_within_what_the_c_library_takes() {
+        let mebibytes = |budget: u64| super::limit_within(budget << 20) >> 20;
+        assert_eq!([16, 300, 1024, 4096, 8192, 1 << 20].map(mebibytes), [1, 1, 4, 16, 32, 32]);
     }
 
     #[test]

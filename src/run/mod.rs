@@ -36,6 +36,7 @@ mod shared;
 mod summary;
 mod train;
 
+use crate::config::RunConfig;
 use crate::error::{Error, Result};
 
 use engine::{Driver, Here};
@@ -81,6 +82,12 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
     let course = Course { started, warnings, passes: driver.figures };
     outputs::finish(&run_dir, &open, &planned, outcome, &copies, course)
+}
+
+/// The memory budget of a run in bytes: the given one, or half of the memory that is free now.
+#[must_use]
+pub fn memory_budget(config: &RunConfig) -> u64 {
+    plan::Budget::resolve(config).memory
 }
 
 /// The result of a driver that computes every pass.

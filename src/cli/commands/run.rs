@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use chainage::config::{Config, OutputConfig};
 use chainage::output::objects;
-use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, plan_of, run};
+use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, memory_budget, plan_of, run};
 
+use crate::allocator;
 use crate::cli::commands::plan;
 use crate::cli::drive_args::{Inputs, SectionArgs, Settings};
 use crate::cli::exit::{CliError, Outcome};
@@ -155,6 +156,7 @@ pub(super) fn process(
     fresh: bool,
     progress: ProgressChoice,
 ) -> Result<RunSummary, CliError> {
+    allocator::keep_blocks_within(memory_budget(&config.run));
     let cancel = Arc::new(CancelToken::default());
     interrupt::listen(&cancel)?;
     let progress = Progress::new(progress);

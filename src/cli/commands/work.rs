@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use chainage::run::{CancelToken, PassFigures, Units, work};
+use chainage::run::{CancelToken, PassFigures, Units, memory_budget, work};
 
+use crate::allocator;
 use crate::cli::commands::next;
 use crate::cli::drive_args::Settings;
 use crate::cli::exit::Outcome;
@@ -45,7 +46,12 @@ impl WorkArgs {
         let units = self.units.clone().map_or(Units::All, |numbers| Units::Some(numbers.0));
         let progress = Progress::new(self.progress);
         // The settings of the run, and how this machine is used.
-        let resolve = |of_run: &Path| self.settings.resolve_over(of_run);
+        let resolve = |of_run: &Path| {
+            let config = self.settings.resolve_over(of_run)?;
+            // The only other thread waits for Ctrl-C.
+            allocator::keep_blocks_within(memory_budget(&config.run));
+            Ok(config)
+        };
         let shared = next::shared(&self.out, self.wait);
         let figures = work(&shared, (&self.pass, &units), resolve, &progress, &cancel)?;
         self.json.show(&figures, || page(&figures))?;
