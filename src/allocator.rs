@@ -28,8 +28,9 @@ pub(crate) fn return_large_blocks() {
 }
 
 /// Keeps blocks for the next use that are small compared with the memory budget in bytes. To map a block anew
-/// for each use costs a page fault for every 4 KiB. The free memory at the end of a heap may be twice as large
-/// as such a block, as where glibc raises the limit itself. Must be called while no other thread allocates.
+/// for each use costs a page fault for every 4 KiB. The free memory at the end of a heap may be twice as
+/// large as such a block, as where glibc raises the limit itself. Must be called while no other thread
+/// allocates.
 pub(crate) fn keep_blocks_within(budget: u64) {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {

@@ -2,15 +2,21 @@
 //! classifier, trained on labelled drives, gives each voxel probabilities of classes. Objects are then
 //! separated class by class, from the ground up.
 //!
-//! Steps. `voxels`: points to voxels of 0.15 m and a ground raster. `classes`: features of each voxel from
-//! the voxels within 5.4 m (the corner of the largest window) and the ground 12 m around them, probabilities
-//! of classes, smoothed. `context`: probabilities of classes from those of the voxels around. `chains`:
-//! upright chains near the ground, each a trunk or a pole as a whole. `cores`: the parts of the drive that
-//! are certainly one object each, and the stems of trees. `edges`: which voxels are neighbours, and all else
-//! that growth needs to know of them. `growth`: every voxel takes the label of the core with the least path
-//! cost to it, in rounds. `leftovers`: what no core reaches joins an object nearby or is an object of its
-//! own. `objects`: islands and fixtures, the labels of points, and class and confidence of objects, which the
-//! third part of the model names as a whole. The fourth part finds pieces of objects.
+//! Steps, by folder, in the order of the flow:
+//!
+//! - `voxels`: points to voxels of 0.15 m and a ground raster.
+//! - `classes`: features of each voxel from the voxels within 5.4 m (the corner of the largest window) and
+//!   the ground 12 m around them, probabilities of classes, smoothed. Step `context`: probabilities of classes
+//!   from those of the voxels around.
+//! - `chains`: upright chains near the ground, each a trunk or a pole as a whole.
+//! - `cores`: the parts of the drive that are certainly one object each, and the stems of trees.
+//! - `growth`: step `edges` finds which voxels are neighbours, and all else that growth needs to know of them.
+//!   Step `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
+//! - `objects`: step `leftovers` joins what no core reaches to an object nearby, or makes it an object of its
+//!   own. Step `objects`: islands and fixtures, the labels of points, and class and confidence of objects,
+//!   which the third part of the model names as a whole. The fourth part finds pieces of objects.
+//!
+//! `learning` makes samples for the models from labelled drives.
 //!
 //! Points are read by the first and the last step only. The other steps read voxels. Sums are integers, and
 //! eigenvalues and costs follow a fixed sequence of IEEE operations. Ties are broken by the keys of voxels,
@@ -21,77 +27,42 @@
 //! data by exploring ecological theories", ISPRS Journal 110, 66-76 (2015),
 //! doi:10.1016/j.isprsjprs.2015.10.007.
 
-mod arms;
-mod axis;
-mod canopy;
 mod chains;
-mod classified;
-mod contacts;
-mod core_rules;
+mod classes;
 mod cores;
-mod costs;
-mod crowns;
-mod edges;
-mod facades;
-mod features;
-mod figures;
-mod fixtures;
-mod graph;
 mod growth;
-mod islands;
-mod joining;
-mod lanes;
-mod leftovers;
+mod learning;
 mod model;
-mod nearby;
-mod object_samples;
 mod objects;
-mod part;
-mod parts;
-mod paths;
-mod piece;
-mod plane;
-mod remaining;
-mod rows;
-mod seeds;
 mod settings;
 mod shares;
 mod spans;
-mod sparse;
-mod stage_classes;
-mod stage_context;
-mod stage_voxels;
-mod stripes;
-mod suits;
-mod supports;
-mod terrain;
-mod trails;
-mod training;
-mod trunks;
-mod truth;
-mod uniting;
-mod verdict;
 mod voxels;
-mod wholes;
 mod window;
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-pub(crate) use self::features::NAMES as FEATURES;
-pub(crate) use self::features::context::NAMES as CONTEXT_FEATURES;
-pub(crate) use self::figures::NAMES as OBJECT_FEATURES;
+use self::chains::stage_chains;
+pub(crate) use self::classes::features::NAMES as FEATURES;
+pub(crate) use self::classes::features::context::NAMES as CONTEXT_FEATURES;
+use self::classes::{stage_classes, stage_context};
+use self::cores::stage_cores;
+use self::growth::{stage_edges, stage_growth};
+pub(crate) use self::learning::training::{Counts, Purpose, Sample, SamplesOfObjects, Training};
+pub(crate) use self::learning::truth::Known;
 pub use self::model::StreetModel;
 pub(crate) use self::model::{CLASS_NAMES, built_in};
+pub(crate) use self::objects::figures::NAMES as OBJECT_FEATURES;
+pub(crate) use self::objects::wholes::{CLASS_NAMES as WHOLE_CLASSES, NAMES as WHOLE_FEATURES};
+use self::objects::{stage_leftovers, stage_objects};
 use self::settings::{
     NAME, STEP_CHAINS, STEP_CLASSES, STEP_CONTEXT, STEP_CORES, STEP_EDGES, STEP_GROWTH, STEP_LEFTOVERS,
     STEP_OBJECTS, STEP_VOXELS,
 };
 pub use self::settings::{Scene, StreetConfig, WantedClass};
 pub(crate) use self::shares::class;
-pub(crate) use self::training::{Counts, Purpose, Sample, SamplesOfObjects, Training};
-pub(crate) use self::truth::Known;
-pub(crate) use self::wholes::{CLASS_NAMES as WHOLE_CLASSES, NAMES as WHOLE_FEATURES};
+use self::voxels::{stage_voxels, suits};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
@@ -125,7 +96,7 @@ const fn steps(last: Step) -> [Step; 9] {
         step("chains", &["street.scene"], Repeat::Once),
         step("cores", &[], Repeat::Once),
         step("edges", &[], Repeat::Once),
-        step("growth", &["street.min_points"], Repeat::UntilSettled { most: growth::MOST_ROUNDS }),
+        step("growth", &["street.min_points"], Repeat::UntilSettled { most: stage_growth::MOST_ROUNDS }),
         step("leftovers", &["street.min_points"], Repeat::Once),
         last,
     ]
@@ -215,7 +186,7 @@ impl Method for Street {
     }
 
     fn border_reach(&self, _step: usize, lattice: Lattice) -> i64 {
-        growth::border_reach(lattice)
+        stage_growth::border_reach(lattice)
     }
 
     fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
@@ -229,12 +200,12 @@ impl Method for Street {
                 let model = self.model()?;
                 stage_context::map(tile, &|rows, shares| model::classify(&model.context, rows, shares))
             }
-            STEP_CHAINS => chains::map(tile, self.config.scene),
-            STEP_CORES => cores::map(tile),
-            STEP_EDGES => edges::map(tile),
-            STEP_GROWTH => growth::map(tile),
-            STEP_LEFTOVERS => leftovers::map(tile),
-            STEP_OBJECTS => objects::map(tile, &*self.model()?),
+            STEP_CHAINS => stage_chains::map(tile, self.config.scene),
+            STEP_CORES => stage_cores::map(tile),
+            STEP_EDGES => stage_edges::map(tile),
+            STEP_GROWTH => stage_growth::map(tile),
+            STEP_LEFTOVERS => stage_leftovers::map(tile),
+            STEP_OBJECTS => stage_objects::map(tile, &*self.model()?),
             other => Err(no_step(other)),
         }
     }
@@ -247,14 +218,14 @@ impl Method for Street {
         match step {
             STEP_VOXELS => suits::reduce(drive).map(Reduced::Global),
             STEP_CLASSES | STEP_CONTEXT | STEP_EDGES => Ok(Reduced::Global(Vec::new())),
-            STEP_GROWTH => growth::reduce(drive, self.config.min_uncertain()).map(Reduced::Global),
-            STEP_CHAINS => chains::reduce(drive).map(Reduced::Global),
-            STEP_CORES => cores::reduce(drive).map(Reduced::Global),
+            STEP_GROWTH => stage_growth::reduce(drive, self.config.min_uncertain()).map(Reduced::Global),
+            STEP_CHAINS => stage_chains::reduce(drive).map(Reduced::Global),
+            STEP_CORES => stage_cores::reduce(drive).map(Reduced::Global),
             STEP_LEFTOVERS => {
-                let cores = cores::count(drive.global(STEP_CORES))?;
-                leftovers::reduce(drive, cores, self.config.min_uncertain()).map(Reduced::Global)
+                let cores = stage_cores::count(drive.global(STEP_CORES))?;
+                stage_leftovers::reduce(drive, cores, self.config.min_uncertain()).map(Reduced::Global)
             }
-            STEP_OBJECTS => Ok(Reduced::Groups(objects::reduce(drive, &self.config, &*self.model()?)?)),
+            STEP_OBJECTS => Ok(Reduced::Groups(stage_objects::reduce(drive, &self.config, &*self.model()?)?)),
             other => Err(no_step(other)),
         }
     }

@@ -8,13 +8,13 @@ use std::sync::{Arc, OnceLock};
 
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::classified::Shares;
-use super::features::{self, context};
-use super::figures;
 use super::settings::{CLASSES, Scene};
 use super::shares::{self, GROUND, POLE, TREE, VEHICLE};
-use super::wholes;
 use crate::boosting::{BoostingError, Model};
+use crate::cluster::street::classes::classified::Shares;
+use crate::cluster::street::classes::features::{self, context};
+use crate::cluster::street::objects::figures;
+use crate::cluster::street::objects::wholes;
 use crate::error::Result;
 
 /// Names of the classes. The code of a class is its place plus one.
@@ -96,7 +96,7 @@ impl StreetModel {
 
     /// A number that tells models apart by how they classify voxels.
     #[must_use]
-    pub(super) fn checksum_of_voxels(&self) -> u64 {
+    pub(crate) fn checksum_of_voxels(&self) -> u64 {
         of_both(self.shapes.checksum(), self.context.checksum())
     }
 }
@@ -131,7 +131,7 @@ pub(crate) fn built_in(scene: Scene) -> Result<Arc<StreetModel>, BoostingError> 
 }
 
 /// Classifies voxels by their features: one set of probabilities per row.
-pub(super) fn classify(model: &Model, rows: &[f32], shares: &mut [Shares]) -> Result<()> {
+pub(crate) fn classify(model: &Model, rows: &[f32], shares: &mut [Shares]) -> Result<()> {
     shares.copy_from_slice(&model.shares(rows)?);
     Ok(())
 }
@@ -141,7 +141,7 @@ pub(super) fn classify(model: &Model, rows: &[f32], shares: &mut [Shares]) -> Re
 /// An object gets another class only if that has more than half of the shares, and is not none. Trees and
 /// poles only become vehicles, because they were decided as a whole before, by their stems. The study is in
 /// `benches/results/street.md`.
-pub(super) fn name(model: &Model, features: &[f32], class: u8) -> Result<(u8, u8)> {
+pub(crate) fn name(model: &Model, features: &[f32], class: u8) -> Result<(u8, u8)> {
     let shares = model.shares::<CLASSES>(features)?;
     let shares = shares.first().copied().unwrap_or_default();
     let named = shares::class(&shares);

@@ -6,18 +6,18 @@ use crate::config::ConfigError;
 use crate::model::Lattice;
 
 /// Name of the method and of its section.
-pub(super) const NAME: &str = "street";
+pub(crate) const NAME: &str = "street";
 
 /// Numbers of the steps, in their order.
-pub(super) const STEP_VOXELS: usize = 0;
-pub(super) const STEP_CLASSES: usize = 1;
-pub(super) const STEP_CONTEXT: usize = 2;
-pub(super) const STEP_CHAINS: usize = 3;
-pub(super) const STEP_CORES: usize = 4;
-pub(super) const STEP_EDGES: usize = 5;
-pub(super) const STEP_GROWTH: usize = 6;
-pub(super) const STEP_LEFTOVERS: usize = 7;
-pub(super) const STEP_OBJECTS: usize = 8;
+pub(crate) const STEP_VOXELS: usize = 0;
+pub(crate) const STEP_CLASSES: usize = 1;
+pub(crate) const STEP_CONTEXT: usize = 2;
+pub(crate) const STEP_CHAINS: usize = 3;
+pub(crate) const STEP_CORES: usize = 4;
+pub(crate) const STEP_EDGES: usize = 5;
+pub(crate) const STEP_GROWTH: usize = 6;
+pub(crate) const STEP_LEFTOVERS: usize = 7;
+pub(crate) const STEP_OBJECTS: usize = 8;
 
 /// Edge of a voxel in metres. Not a setting: the model was trained with it. The thinnest objects (signs,
 /// stems, rails) are about 0.1 m, and the spacing of points is mostly below 0.1 m.
@@ -64,7 +64,7 @@ impl WantedClass {
 }
 
 /// Edge of a voxel in lattice units.
-pub(super) fn edge(lattice: Lattice) -> u32 {
+pub(crate) fn edge(lattice: Lattice) -> u32 {
     u32::try_from(lattice.units(EDGE_M)).unwrap_or(u32::MAX)
 }
 
@@ -100,14 +100,14 @@ impl Default for StreetConfig {
 impl StreetConfig {
     /// Smallest number of points of a tree, and of an object without a core. Most of those with fewer points
     /// are pieces of other objects (benches/results/street.md).
-    pub(super) fn min_uncertain(&self) -> u64 {
+    pub(crate) fn min_uncertain(&self) -> u64 {
         3 * self.min_points
     }
 
     /// Whether an object of the class with this index has so many points that it is one without further
     /// evidence. On 18 labelled drives, 10 of 75 trees, fences and buildings with fewer points were right; on
     /// 14, none of 11 vehicles.
-    pub(super) fn is_large(&self, class: u8, points: u64) -> bool {
+    pub(crate) fn is_large(&self, class: u8, points: u64) -> bool {
         let times = match WantedClass::ALL.into_iter().find(|of| *of as u8 == class) {
             Some(WantedClass::Tree | WantedClass::Vehicle | WantedClass::Building) => 3,
             Some(WantedClass::Fence) => 2,
@@ -117,7 +117,7 @@ impl StreetConfig {
     }
 
     /// Whether objects of the class with this index get an id.
-    pub(super) fn wants(&self, class: u8) -> bool {
+    pub(crate) fn wants(&self, class: u8) -> bool {
         self.classes.iter().any(|wanted| *wanted as u8 == class)
     }
 

@@ -3,22 +3,22 @@
 use super::settings::CLASSES;
 
 /// Index of a class in the shares of a voxel: its code minus one, see `config/classes.toml`.
-pub(super) const GROUND: u8 = 0;
-pub(super) const TREE: u8 = 1;
-pub(super) const POLE: u8 = 2;
-pub(super) const VEHICLE: u8 = 3;
-pub(super) const BUILDING: u8 = 4;
-pub(super) const FENCE: u8 = 5;
-pub(super) const SMALL: u8 = 6;
-pub(super) const WIRE: u8 = 7;
+pub(crate) const GROUND: u8 = 0;
+pub(crate) const TREE: u8 = 1;
+pub(crate) const POLE: u8 = 2;
+pub(crate) const VEHICLE: u8 = 3;
+pub(crate) const BUILDING: u8 = 4;
+pub(crate) const FENCE: u8 = 5;
+pub(crate) const SMALL: u8 = 6;
+pub(crate) const WIRE: u8 = 7;
 
 /// Whether pieces of this class may be one object although they do not touch.
-pub(super) fn unites(class: u8) -> bool {
+pub(crate) fn unites(class: u8) -> bool {
     matches!(class, VEHICLE | FENCE | WIRE)
 }
 
 /// Whether it counts how far components of this class reach in the plane.
-pub(super) fn spans(class: u8) -> bool {
+pub(crate) fn spans(class: u8) -> bool {
     unites(class) || class == BUILDING
 }
 
@@ -36,13 +36,13 @@ pub(crate) fn class<const N: usize>(shares: &[u8; N]) -> u8 {
 }
 
 /// The class of every voxel.
-pub(super) fn classes(shares: &[[u8; CLASSES]]) -> Vec<u8> {
+pub(crate) fn classes(shares: &[[u8; CLASSES]]) -> Vec<u8> {
     shares.iter().map(class).collect()
 }
 
 /// The shares of a voxel whose class was decided by the object that it is a part of: 95 % for this class, and
 /// a twentieth of what it had for the others.
-pub(super) fn decided(shares: &[u8; CLASSES], class: u8) -> [u8; CLASSES] {
+pub(crate) fn decided(shares: &[u8; CLASSES], class: u8) -> [u8; CLASSES] {
     let mut changed = shares.map(|share| share / 20);
     let rest: u8 = changed.iter().sum();
     changed[usize::from(class)] += 255 - rest;

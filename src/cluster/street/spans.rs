@@ -11,18 +11,18 @@ const DIRECTIONS: usize = 32;
 /// Length of [`VECTORS`], a power of two.
 const SCALE: f64 = 1024.0;
 /// The same as an integer.
-pub(super) const SCALE_UNITS: i64 = 1024;
+pub(crate) const SCALE_UNITS: i64 = 1024;
 
 /// The smallest and the largest coordinate in each direction, in lattice units times [`SCALE`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Spans([(i64, i64); DIRECTIONS]);
+pub(crate) struct Spans([(i64, i64); DIRECTIONS]);
 
 /// A box around a set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Extent {
+pub(crate) struct Extent {
     /// Its shorter and its longer side, in lattice units.
-    pub(super) width: i64,
-    pub(super) length: i64,
+    pub(crate) width: i64,
+    pub(crate) length: i64,
     /// Number of the direction of the shorter side.
     across: usize,
 }
@@ -37,31 +37,31 @@ static VECTORS: LazyLock<[[i64; 2]; DIRECTIONS]> = LazyLock::new(|| {
 });
 
 /// Coordinate of a place in a direction, in lattice units times [`SCALE`].
-pub(super) fn position([x, y]: [i64; 2], number: usize) -> i64 {
+pub(crate) fn position([x, y]: [i64; 2], number: usize) -> i64 {
     let [u, v] = VECTORS[number];
     x * u + y * v
 }
 
 impl Extent {
     /// Number of the direction of the longer side.
-    pub(super) fn along(&self) -> usize {
+    pub(crate) fn along(&self) -> usize {
         (self.across + DIRECTIONS / 2) % DIRECTIONS
     }
 
     /// Number of the direction of the shorter side.
-    pub(super) fn across(&self) -> usize {
+    pub(crate) fn across(&self) -> usize {
         self.across
     }
 
     /// Whether the longer sides of two boxes have an angle of at most 45 degrees.
-    pub(super) fn is_parallel(&self, other: &Self) -> bool {
+    pub(crate) fn is_parallel(&self, other: &Self) -> bool {
         let apart = self.across.abs_diff(other.across);
         apart.min(DIRECTIONS - apart) <= DIRECTIONS / 4
     }
 }
 
 impl Spans {
-    pub(super) fn of_place(place: [i64; 2]) -> Self {
+    pub(crate) fn of_place(place: [i64; 2]) -> Self {
         Self(std::array::from_fn(|number| {
             let along = position(place, number);
             (along, along)
@@ -69,35 +69,35 @@ impl Spans {
     }
 
     /// The smallest coordinate in a direction, as [`position`] gives it.
-    pub(super) fn from(&self, number: usize) -> i64 {
+    pub(crate) fn from(&self, number: usize) -> i64 {
         self.0[number].0
     }
 
     /// The largest coordinate in a direction.
-    pub(super) fn to(&self, number: usize) -> i64 {
+    pub(crate) fn to(&self, number: usize) -> i64 {
         self.0[number].1
     }
 
     /// The length in a direction, in lattice units.
-    pub(super) fn length(&self, number: usize) -> i64 {
+    pub(crate) fn length(&self, number: usize) -> i64 {
         (self.0[number].1 - self.0[number].0) / SCALE_UNITS
     }
 
-    pub(super) fn merge(&mut self, other: &Self) {
+    pub(crate) fn merge(&mut self, other: &Self) {
         for (one, other) in self.0.iter_mut().zip(&other.0) {
             *one = (one.0.min(other.0), one.1.max(other.1));
         }
     }
 
     /// Both together.
-    pub(super) fn union(&self, other: &Self) -> Self {
+    pub(crate) fn union(&self, other: &Self) -> Self {
         let mut union = self.clone();
         union.merge(other);
         union
     }
 
     /// The box whose shorter side is shortest. Of equal ones the first direction counts.
-    pub(super) fn narrowest(&self) -> Extent {
+    pub(crate) fn narrowest(&self) -> Extent {
         let around = (0..DIRECTIONS).map(|across| Extent {
             width: self.length(across),
             length: self.length((across + DIRECTIONS / 2) % DIRECTIONS),
@@ -108,7 +108,7 @@ impl Spans {
 
     /// The gap between two sets along the longer side of a box around both, in lattice units; negative where
     /// they overlap.
-    pub(super) fn gap(&self, other: &Self, around: Extent) -> i64 {
+    pub(crate) fn gap(&self, other: &Self, around: Extent) -> i64 {
         let along = around.along();
         let (one, other) = (self.0[along], other.0[along]);
         (one.0.max(other.0) - one.1.min(other.1)) / SCALE_UNITS

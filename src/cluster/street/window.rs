@@ -7,7 +7,7 @@ use crate::spatial::Cell;
 
 /// A window around a voxel: the columns within a radius in the plane, and as many levels below as above.
 #[derive(Debug)]
-pub(super) struct Window {
+pub(crate) struct Window {
     steps: Vec<[i32; 2]>,
     levels: i32,
 }
@@ -15,7 +15,7 @@ pub(super) struct Window {
 impl Window {
     /// The window with this radius in voxels and this number of levels below and above. A column is in the
     /// window if its squared distance is at most r² + r, which rounds the disc to whole voxels.
-    pub(super) fn new(radius: i32, levels: i32) -> Self {
+    pub(crate) fn new(radius: i32, levels: i32) -> Self {
         let steps = (-radius..=radius)
             .flat_map(|di| (-radius..=radius).map(move |dj| [di, dj]))
             .filter(|[di, dj]| di * di + dj * dj <= radius * radius + radius)
@@ -24,18 +24,18 @@ impl Window {
     }
 
     /// The window of all voxels at most `steps` away on every axis.
-    pub(super) fn square(steps: i32) -> Self {
+    pub(crate) fn square(steps: i32) -> Self {
         let all = (-steps..=steps).flat_map(|di| (-steps..=steps).map(move |dj| [di, dj])).collect();
         Self { steps: all, levels: steps }
     }
 
     /// Steps to the columns of the window.
-    pub(super) fn steps(&self) -> &[[i32; 2]] {
+    pub(crate) fn steps(&self) -> &[[i32; 2]] {
         &self.steps
     }
 
     /// The window over these columns.
-    pub(super) fn over(self, columns: &Columns) -> Visitor<'_> {
+    pub(crate) fn over(self, columns: &Columns) -> Visitor<'_> {
         Visitor { window: self, columns, finder: columns.finder(), last: None, ranges: Vec::new() }
     }
 }
@@ -43,7 +43,7 @@ impl Window {
 /// Visits the voxels around one voxel after the other. Voxels of a column that follow each other, from the
 /// lowest up, are visited fastest: they have the same columns around them, and what lies below one lies below
 /// the next.
-pub(super) struct Visitor<'a> {
+pub(crate) struct Visitor<'a> {
     window: Window,
     columns: &'a Columns,
     finder: Finder<'a>,
@@ -56,7 +56,7 @@ pub(super) struct Visitor<'a> {
 impl Visitor<'_> {
     /// Visits every voxel in the window around voxel (i, j, k), the voxel itself included.
     #[inline]
-    pub(super) fn visit(&mut self, cell @ [i, j]: Cell, k: i32, mut visit: impl FnMut(usize)) {
+    pub(crate) fn visit(&mut self, cell @ [i, j]: Cell, k: i32, mut visit: impl FnMut(usize)) {
         if self.last.is_none_or(|(last, below)| last != cell || k < below) {
             let Self { window, finder, ranges, .. } = self;
             ranges.clear();

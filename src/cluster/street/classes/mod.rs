@@ -1,0 +1,6 @@
+//! Steps `classes` and `context`: the probabilities of classes of each voxel.
+
+pub(crate) mod classified;
+pub(crate) mod features;
+pub(crate) mod stage_classes;
+pub(crate) mod stage_context;

@@ -1,0 +1,33 @@
+//! Step `context`: the probabilities of each voxel that a tile owns, from those of the voxels around it. It
+//! reads no points.
+
+use super::classified::{self, Classified, Shares};
+use super::features::context::{self, REACH_EDGES};
+use super::stage_classes::{Classify, classified_by};
+use crate::cluster::street::settings::edge;
+use crate::cluster::{Mapped, TileWindow};
+use crate::error::Result;
+
+/// Voxels around a tile with what step `classes` found, so many that the features of its own are those of the
+/// drive.
+pub(crate) fn load(tile: &dyn TileWindow) -> Result<Classified> {
+    Classified::at_first(tile, REACH_EDGES * i64::from(edge(tile.lattice())))
+}
+
+/// Computes the payload of a tile.
+pub(crate) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mapped> {
+    let around = load(tile)?;
+    let shares = classified(&around, classify)?;
+    let own = (0..shares.len()).filter(|&voxel| around.voxels.owned[voxel]);
+    let (heights, shares): (Vec<i32>, Vec<Shares>) =
+        own.map(|voxel| (around.height[voxel], shares[voxel])).unzip();
+    Ok(Mapped::payload(classified::encode(&heights, &shares)?))
+}
+
+/// The probabilities of the voxels that the tile owns. Those of others are 0.
+pub(crate) fn classified(around: &Classified, classify: Classify<'_>) -> Result<Vec<Shares>> {
+    let Classified { voxels, height, shares } = around;
+    classified_by(classify, voxels.len(), |rows| {
+        context::compute(voxels, height, shares, &voxels.owned, rows);
+    })
+}

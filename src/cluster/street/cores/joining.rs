@@ -1,0 +1,204 @@
+//! Which voxels are joined to components: by class, with a reach of this class, and low tree voxels by bands
+//! of height.
+//!
+//! Distances in voxels of 0.15 m are those of the prototype, but for fences. `benches/results/street.md` has
+//! their study.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "voxels of a tile fit u32; heights above ground in lattice units fit i32"
+)]
+
+use super::arms::SURE_SHARE;
+use super::part::{BANDS, NO_BAND, Part};
+use super::parts::{Links, Parts};
+use crate::cluster::street::classes::classified::Classified;
+use crate::cluster::street::shares::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE, WIRE};
+use crate::cluster::street::window::Window;
+use crate::model::Lattice;
+
+/// Lowest height and height of a band of low tree voxels.
+const LOW_M: f64 = 0.15;
+const BAND_M: f64 = 0.25;
+/// Voxels of a class are joined within so many voxels in the plane and so many levels.
+const REACHES: [(u8, i32, i32); 5] =
+    [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 3, FENCE_LEVELS), (SMALL, 3, 3), (WIRE, 4, 4)];
+const FENCE_LEVELS: i32 = 8;
+/// Voxels of fences that are in lines are joined within so many voxels in the plane: few profiles or beams
+/// reached them, and what is between the lines was not seen. Such a voxel has at most so many others above
+/// and below it, within two levels and the eight columns around. A dense hedge and the bush before it stay
+/// apart.
+const FENCE_LINES_REACH: i32 = 6;
+const LINE_STACKED: usize = 3;
+/// Columns of buildings are joined within so many voxels on either axis of the plane, whatever their height:
+/// 0.3 m. `facades` joins high columns that are further apart.
+const BUILDING_REACH: i32 = 2;
+/// Columns of buildings that end below this height in metres are low. Parts of cars and fences look like
+/// walls, and would lead from one facade over the car in front of it to the next.
+const LOW_WALL_M: f64 = 1.8;
+/// Canopy is looked for within so many voxels of a low tree voxel.
+const CANOPY_REACH: i32 = 5;
+
+/// The band of height of each low tree voxel.
+pub(crate) fn bands(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<u8> {
+    let low = lattice.units(LOW_M) as i32;
+    let band = lattice.units(BAND_M) as i32;
+    let of = |voxel: usize| {
+        let above = around.height[voxel] - low;
+        if class[voxel] != TREE || above < 0 || above >= band * i32::from(BANDS) {
+            return NO_BAND;
+        }
+        (above / band) as u8
+    };
+    (0..class.len()).map(of).collect()
+}
+
+/// Joins the voxels of each class of [`REACHES`] within the reach of the class, and voxels of fences that are
+/// in lines within a longer one.
+pub(crate) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<'_>) {
+    let columns = &around.voxels.columns;
+    let mut far = Window::new(FENCE_LINES_REACH, FENCE_LEVELS).over(columns);
+    let mut upright = Window::new(1, 2).over(columns);
+    let mut in_line = vec![false; class.len()];
+    for voxel in (0..class.len()).filter(|&voxel| class[voxel] == FENCE) {
+        let [i, j, k] = around.voxels.key[voxel];
+        let mut stacked = 0;
+        upright.visit([i, j], k, |other| {
+            stacked += usize::from(class[other] == FENCE && around.voxels.key[other][2] != k);
+        });
+        in_line[voxel] = stacked <= LINE_STACKED;
+    }
+    for (of, radius, levels) in REACHES {
+        let mut near = Window::new(radius, levels).over(columns);
+        for voxel in (0..class.len()).filter(|&voxel| class[voxel] == of && around.voxels.owned[voxel]) {
+            let [i, j, k] = around.voxels.key[voxel];
+            near.visit([i, j], k, |other| {
+                if class[other] == of && other != voxel {
+                    links.join(voxel, other);
+                }
+            });
+        }
+    }
+    for voxel in (0..class.len()).filter(|&voxel| in_line[voxel] && around.voxels.owned[voxel]) {
+        let [i, j, k] = around.voxels.key[voxel];
+        far.visit([i, j], k, |other| {
+            if in_line[other] && other != voxel {
+                links.join(voxel, other);
+            }
+        });
+    }
+}
+
+/// Height above ground in lattice units from which a column of a building is no low wall.
+pub(crate) fn low_wall(lattice: Lattice) -> i32 {
+    lattice.units(LOW_WALL_M) as i32
+}
+
+/// Joins the columns with building voxels that are near each other in the plane.
+pub(crate) fn join_buildings(around: &Classified, class: &[u8], links: &mut Links<'_>) {
+    let columns = &around.voxels.columns;
+    let window = Window::square(BUILDING_REACH);
+    let mut finder = columns.finder();
+    let buildings = |column: usize| columns.voxels(column).filter(|&voxel| class[voxel] == BUILDING);
+    for (column, &[i, j]) in columns.cells().iter().enumerate() {
+        let Some(voxel) = buildings(column).next().filter(|&voxel| around.voxels.owned[voxel]) else {
+            continue;
+        };
+        for other in buildings(column) {
+            links.join(voxel, other);
+        }
+        for [di, dj] in window.steps() {
+            let other = finder.number([i + di, j + dj]);
+            if let Some(other) = other.and_then(|other| buildings(other).next()) {
+                links.join(voxel, other);
+            }
+        }
+    }
+}
+
+/// Joins low tree voxels of the same band, and returns voxels of adjacent bands that touch, the lower first.
+pub(crate) fn join_bands(around: &Classified, band: &[u8], links: &mut Links<'_>) -> Vec<(usize, usize)> {
+    let mut near = Window::new(2, 2).over(&around.voxels.columns);
+    let mut rising = Vec::new();
+    for voxel in (0..band.len()).filter(|&voxel| band[voxel] != NO_BAND && around.voxels.owned[voxel]) {
+        let [i, j, k] = around.voxels.key[voxel];
+        near.visit([i, j], k, |other| {
+            if other == voxel || band[other] == NO_BAND {
+                return;
+            }
+            if band[other] == band[voxel] {
+                links.join(voxel, other);
+            } else if band[other].abs_diff(band[voxel]) == 1 {
+                links.touch(voxel, other);
+                let low_first = band[voxel] < band[other];
+                rising.push(if low_first { (voxel, other) } else { (other, voxel) });
+            }
+        });
+    }
+    rising
+}
+
+/// The figures of the components, over the voxels of the tile. `decided` says which voxels a chain decided.
+pub(crate) fn figures(
+    around: &Classified,
+    class: &[u8],
+    band: &[u8],
+    decided: &dyn Fn(usize) -> bool,
+    parts: &Parts,
+) -> Vec<Option<Part>> {
+    let columns = &around.voxels.columns;
+    let mut finder = columns.finder();
+    let mut touching = Window::new(1, 1).over(columns);
+    let mut beside = Window::new(2, 12).over(columns);
+    let mut facade = Window::new(3, 1).over(columns);
+    let canopy = canopies(around, class);
+    let below_canopy = Window::new(CANOPY_REACH, 0);
+    let mut figures: Vec<Option<Part>> = vec![None; parts.border.count as usize];
+    for voxel in (0..class.len()).filter(|&voxel| around.voxels.owned[voxel]) {
+        let Some(figure) = figures.get_mut(parts.of[voxel] as usize) else { continue };
+        let key @ [i, j, k] = around.voxels.key[voxel];
+        let mut one =
+            Part::of_voxel(class[voxel], band[voxel], key, around.height[voxel], around.voxels.centre[voxel]);
+        one.decided = u32::from(decided(voxel));
+        if class[voxel] == POLE {
+            one.sure_pole = u32::from(around.shares[voxel][usize::from(POLE)] >= SURE_SHARE);
+        }
+        if matches!(class[voxel], POLE | FENCE | SMALL | VEHICLE) {
+            touching.visit([i, j], k, |other| {
+                one.contact += u32::from(matches!(class[other], TREE | BUILDING));
+            });
+        }
+        if matches!(class[voxel], POLE | FENCE | SMALL) {
+            facade.visit([i, j], k, |other| {
+                one.at_facade |= u32::from(class[other] == BUILDING);
+            });
+        }
+        if matches!(class[voxel], FENCE | SMALL) {
+            beside.visit([i, j], k, |other| {
+                one.in_vehicle |= u32::from(class[other] == VEHICLE);
+            });
+        }
+        if band[voxel] != NO_BAND {
+            for [di, dj] in below_canopy.steps() {
+                if let Some(column) = finder.number([i + di, j + dj]) {
+                    one.canopy = one.canopy.max(canopy[column]);
+                }
+            }
+        }
+        match figure {
+            Some(figure) => figure.merge(&one),
+            None => *figure = Some(one),
+        }
+    }
+    figures
+}
+
+/// The height above ground of the highest tree voxel of each column, in lattice units.
+fn canopies(around: &Classified, class: &[u8]) -> Vec<i32> {
+    let columns = &around.voxels.columns;
+    let highest = |column: usize| {
+        let trees = columns.voxels(column).filter(|&voxel| class[voxel] == TREE);
+        trees.map(|voxel| around.height[voxel]).max().unwrap_or(i32::MIN)
+    };
+    (0..columns.cells().len()).map(highest).collect()
+}

@@ -1,0 +1,448 @@
+//! Step `cores`: the parts of the drive that are certainly one object each, class by class.
+//!
+//! Chains are decided before: their voxels take the class of the chain. Then the voxels of one class are
+//! joined with a reach of this class, over all tiles. Wires are cut at the poles that carry them
+//! (`supports`), and what hangs joins its pole (`arms`). Components that are large enough, stand on the
+//! ground (not buildings and wires) and do not hang in foliage are cores. Trees are different, because crowns
+//! touch: their voxels near the ground are cut into bands of height, and `seeds` finds the stems in them.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "voxels of a tile fit u32; heights above ground in lattice units fit i32"
+)]
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
+
+use super::arms;
+use super::facades::{self, Near};
+use super::joining;
+use super::part::{NO_BAND, Part};
+use super::parts::Links;
+use super::remaining::{Components, Pairs, Remaining};
+use super::rules::keeps;
+use super::supports;
+use super::uniting;
+use crate::cluster::columns::{Border, Joining, Voxel};
+use crate::cluster::street::chains::piece::Piece;
+use crate::cluster::street::chains::stage_chains::{self, Verdict};
+use crate::cluster::street::classes::classified::Classified;
+use crate::cluster::street::cores::trees::crowns::{self, Crown};
+use crate::cluster::street::cores::trees::seeds;
+use crate::cluster::street::cores::vehicles::rows::{self, Row};
+use crate::cluster::street::cores::vehicles::trails;
+use crate::cluster::street::settings::{CLASSES, EDGE_M, STEP_CORES};
+use crate::cluster::street::shares::{self, GROUND, POLE, TREE};
+use crate::cluster::street::window::Window;
+use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
+use crate::codec;
+use crate::error::Result;
+use crate::model::{Lattice, TileId};
+use crate::spatial::Cell;
+
+/// Distance around a tile within which voxels are read, in metres. Crowns reach farthest. Buildings that
+/// are near each other are at most 3.6 m apart.
+const REACH_M: f64 = crowns::REACH_M;
+/// Distance around these voxels within which pieces of chains change their class, in metres.
+const PIECES_M: f64 = 1.6;
+/// Distance from the centre of a piece within which its chain takes voxels above and below it, in metres.
+const AXIS_M: f64 = 0.45;
+/// Height up to which a trunk takes the voxels around its axis, in metres.
+const TRUNK_M: f64 = 4.0;
+/// Distance from the centre of a piece within which these voxels are the trunk's core, in metres. Where a
+/// trunk is hidden below its crown, its growth begins in the crown too.
+const STEM_M: f64 = 0.34;
+
+/// The payload of a tile.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Payload {
+    /// Class of each voxel of the tile, plus [`DECIDED`] where a chain decided it.
+    class: Vec<u8>,
+    /// Component of each voxel of the tile plus one, or 0.
+    part: Vec<u32>,
+    /// Voxels of trunks: number of the voxel in the tile, and chain.
+    pub(crate) trunks: Vec<(u32, u32)>,
+    /// Figures of the components. Empty for those without voxels of the tile.
+    pub(crate) parts: Vec<Option<Part>>,
+    pub(crate) border: Border,
+    /// Components of low tree voxels in adjacent bands that touch, the lower first.
+    pub(crate) rising: Vec<(u32, u32)>,
+    /// Components of buildings that are near each other.
+    near: Vec<Near>,
+    /// Crowns that the tile owns.
+    crowns: Vec<Crown>,
+    /// Voxels in the cores of crowns: number of the voxel in the tile, and cell of the crown.
+    in_crowns: Vec<(u32, Cell)>,
+}
+
+const DECIDED: u8 = 0x80;
+
+/// A core: an object whose other voxels are yet to be found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Core {
+    /// Number from 1 in an order that does not depend on tiles.
+    pub(crate) label: u32,
+    pub(crate) class: u8,
+    /// Where it stands, in lattice units. Of a vehicle in a row: the middle of the row.
+    pub(crate) place: [i64; 2],
+}
+
+/// The slice of a tile of the global.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(crate) struct OfTile {
+    /// Label of each component, or 0.
+    labels: Vec<u32>,
+    /// Rows of vehicles that have a voxel in the tile: the component, where it is cut, and the labels of the
+    /// vehicles.
+    rows: Vec<(u32, Row, Vec<u32>)>,
+    /// Label of each chain that has a trunk voxel in the tile.
+    chains: Vec<(u32, u32)>,
+    /// Label of each crown that is a tree of its own and has a voxel in the tile.
+    crowns: Vec<(Cell, u32)>,
+    /// The cores of these labels, ascending.
+    pub(crate) cores: Vec<Core>,
+}
+
+/// The voxels around a tile with class, shares and label.
+pub(crate) struct Cored {
+    pub(crate) around: Classified,
+    /// Class of each voxel.
+    pub(crate) class: Vec<u8>,
+    /// Label of each voxel of a core, or 0.
+    pub(crate) label: Vec<u32>,
+    /// The cores of the labels.
+    pub(crate) cores: BTreeMap<u32, Core>,
+}
+
+impl Cored {
+    /// Loads the voxels within `reach` of a tile, and those of the columns `also`.
+    pub(crate) fn load(tile: &dyn TileWindow, reach: i64, also: &[Cell]) -> Result<Self> {
+        let mut around = Classified::load_with(tile, reach, also)?;
+        let count = around.voxels.key.len();
+        let mut class = vec![GROUND; count];
+        let mut label = vec![0; count];
+        let mut cores = BTreeMap::new();
+        for (near, places) in around.voxels.by_tile() {
+            let payload: Payload = codec::decode(&tile.payload(STEP_CORES, near)?)?;
+            let of_tile: OfTile = sliced::slice(tile.global(STEP_CORES), near)?;
+            let rows: BTreeMap<u32, (Row, Vec<u32>)> =
+                of_tile.rows.into_iter().map(|(part, row, labels)| (part, (row, labels))).collect();
+            for &(voxel, at) in &places {
+                let (voxel, at) = (voxel as usize, at as usize);
+                class[at] = payload.class[voxel] & !DECIDED;
+                if payload.class[voxel] & DECIDED != 0 {
+                    around.shares[at] = shares::decided(&around.shares[at], class[at]);
+                }
+                if let Some(part) = payload.part[voxel].checked_sub(1) {
+                    let [x, y, _] = around.voxels.centre[at];
+                    label[at] = match rows.get(&part) {
+                        Some((row, labels)) => labels[row.vehicle([x, y])],
+                        None => of_tile.labels[part as usize],
+                    };
+                }
+            }
+            let chains: BTreeMap<u32, u32> = of_tile.chains.into_iter().collect();
+            let trunks: BTreeMap<u32, u32> = payload.trunks.into_iter().collect();
+            for &(voxel, at) in &places {
+                if let Some(&trunk) = trunks.get(&voxel).and_then(|chain| chains.get(chain)) {
+                    label[at as usize] = trunk;
+                }
+            }
+            let crowns: BTreeMap<Cell, u32> = of_tile.crowns.into_iter().collect();
+            let in_crowns: BTreeMap<u32, Cell> = payload.in_crowns.into_iter().collect();
+            for &(voxel, at) in &places {
+                if let Some(&crown) = in_crowns.get(&voxel).and_then(|cell| crowns.get(cell))
+                    && label[at as usize] == 0
+                {
+                    label[at as usize] = crown;
+                }
+            }
+            cores.extend(of_tile.cores.into_iter().map(|core| (core.label, core)));
+        }
+        Ok(Self { around, class, label, cores })
+    }
+
+    /// The cores of these labels, ascending.
+    pub(crate) fn cores_of(&self, labels: Vec<u32>) -> Vec<Core> {
+        named(labels, |label| self.cores.get(&label).copied())
+    }
+}
+
+/// The cores of these labels, ascending. `core` finds the core of a label.
+pub(crate) fn named(mut labels: Vec<u32>, core: impl Fn(u32) -> Option<Core>) -> Vec<Core> {
+    labels.sort_unstable();
+    labels.dedup();
+    labels.into_iter().filter_map(core).collect()
+}
+
+/// The components that a tile sees.
+pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
+    let lattice = tile.lattice();
+    let mut around = Classified::load(tile, lattice.units_up(REACH_M))?;
+    let near = tile.near(lattice.units_up(REACH_M + PIECES_M + 4.0 * EDGE_M));
+    let pieces = stage_chains::load(tile, &near)?;
+    let mut class = shares::classes(&around.shares);
+    let trunk = take_chains(&mut around, &mut class, &pieces, lattice);
+    let band = joining::bands(&around, &class, lattice);
+    let mut joined = class.clone();
+    let cut = supports::cut(&around, &class, lattice);
+    joined.iter_mut().zip(cut).filter(|(_, cut)| *cut).for_each(|(class, _)| *class = GROUND);
+    let mut links = Links::new(&around.voxels);
+    joining::join_classes(&around, &joined, &mut links);
+    joining::join_buildings(&around, &class, &mut links);
+    facades::touch(&around, &class, &mut links);
+    let rising = joining::join_bands(&around, &band, &mut links);
+    let chosen = |voxel: usize| band[voxel] != NO_BAND || joined[voxel] > TREE;
+    let parts = links.finish(&around.voxels, chosen);
+    let mut figures = joining::figures(&around, &class, &band, &|voxel| trunk[voxel].0, &parts);
+    keep_rows(&mut figures, &parts.border, lattice);
+    let mut rising: Vec<(u32, u32)> =
+        rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
+    rising.sort_unstable();
+    rising.dedup();
+    let near = facades::near(&around, &class, &parts, joining::low_wall(lattice));
+    let crowns = crowns::find(&around, &class, lattice);
+    let in_crown: BTreeMap<usize, Cell> =
+        crowns::cores(&around, &class, &crowns, lattice).into_iter().collect();
+    let crowns = crowns.into_iter().filter(|(_, owned)| *owned).map(|(crown, _)| crown).collect();
+    let mut payload =
+        Payload { parts: figures, border: parts.border, rising, near, crowns, ..Payload::default() };
+    for (number, voxel) in (0_u32..).zip((0..class.len()).filter(|&voxel| around.voxels.owned[voxel])) {
+        let (decided, chain) = trunk[voxel];
+        payload.class.push(class[voxel] | if decided { DECIDED } else { 0 });
+        payload.part.push(parts.of[voxel].wrapping_add(1));
+        if chain != 0 {
+            payload.trunks.push((number, chain));
+        }
+        if let Some(cell) = in_crown.get(&voxel) {
+            payload.in_crowns.push((number, *cell));
+        }
+    }
+    Ok(Mapped::payload(codec::encode(&payload)?))
+}
+
+/// Drops the footprints of components that end in the tile and are no rows.
+fn keep_rows(figures: &mut [Option<Part>], border: &Border, lattice: Lattice) {
+    let shared: BTreeSet<u32> = border.shared.iter().map(|(_, component)| *component).collect();
+    for (component, part) in (0_u32..).zip(figures) {
+        let Some(part) = part.as_mut().filter(|_| !shared.contains(&component)) else { continue };
+        if !part.spans.as_ref().is_some_and(|spans| rows::may_be_row(spans, lattice)) {
+            part.footprint = None;
+        }
+    }
+}
+
+/// Gives the voxels of chains the class of their chain. Returns for each voxel whether a chain decided its
+/// class, and the chain if it is a part of a trunk.
+fn take_chains(
+    around: &mut Classified,
+    class: &mut [u8],
+    pieces: &[(Piece, Verdict)],
+    lattice: Lattice,
+) -> Vec<(bool, u32)> {
+    let axis = lattice.units(AXIS_M);
+    let stem = lattice.units(STEM_M);
+    let top = lattice.units(TRUNK_M) as i32;
+    // Nearest piece of each voxel that takes it: squared distance, slice and first voxel.
+    let mut taken: Vec<Option<(i64, u8, Voxel, usize)>> = vec![None; class.len()];
+    let mut near = Window::new(4, i32::MAX / 4).over(&around.voxels.columns);
+    let edge = lattice.units(EDGE_M);
+    for (number, (piece, verdict)) in pieces.iter().enumerate() {
+        let cell = piece.centre.map(|value| value.div_euclid(edge) as i32);
+        near.visit(cell, 0, |voxel| {
+            let of = class[voxel];
+            if !stage_chains::may_be_upright(of) {
+                return;
+            }
+            let [x, y, _] = around.voxels.centre[voxel];
+            let distance = (x - piece.centre[0]).pow(2) + (y - piece.centre[1]).pow(2);
+            let height = around.height[voxel];
+            let inside =
+                distance <= piece.radius.pow(2) && height >= piece.height.0 && height <= piece.height.1;
+            let along = if verdict.pole { of == POLE } else { height < top && (of == TREE || of == POLE) };
+            if inside || (along && distance <= axis.pow(2)) {
+                let found = (distance, piece.slice, piece.first, number);
+                taken[voxel] = Some(taken[voxel].map_or(found, |best| best.min(found)));
+            }
+        });
+    }
+    let tops: FxHashMap<u32, &Piece> = pieces
+        .iter()
+        .filter(|(_, verdict)| verdict.top)
+        .map(|(piece, verdict)| (verdict.chain, piece))
+        .collect();
+    let mut trunk = vec![(false, 0); class.len()];
+    for (voxel, found) in taken.into_iter().enumerate() {
+        let Some((distance, .., number)) = found else { continue };
+        let (piece, verdict) = &pieces[number];
+        class[voxel] = if verdict.pole { POLE } else { TREE };
+        around.shares[voxel] = shares::decided(&around.shares[voxel], class[voxel]);
+        let height = around.height[voxel];
+        let inside = distance <= piece.radius.pow(2) && height >= piece.height.0 && height <= piece.height.1;
+        let above = tops.get(&verdict.chain).is_some_and(|top: &&Piece| {
+            let [x, y, _] = around.voxels.centre[voxel];
+            let distance = (x - top.centre[0]).pow(2) + (y - top.centre[1]).pow(2);
+            height > top.height.1 && distance <= stem.pow(2)
+        });
+        trunk[voxel] = (true, if (inside || above) && !verdict.pole { verdict.chain } else { 0 });
+    }
+    trunk
+}
+
+/// What the tiles found.
+#[derive(Debug, Default)]
+struct Found {
+    joining: Joining,
+    remaining: Vec<Remaining>,
+    /// Chains of trunks and the components, plus one, in which they have voxels. This tells which chain rises
+    /// from which piece near the ground.
+    trunks: Vec<BTreeSet<(u32, u32)>>,
+    crowns: Vec<Crown>,
+    in_crowns: Vec<BTreeSet<Cell>>,
+}
+
+impl Found {
+    /// A component that cannot become a core is left out at once. There are 13,000 of them per kilometre of
+    /// street.
+    fn of(drive: &dyn DriveWindow) -> Result<Self> {
+        let lattice = drive.lattice();
+        let mut found = Self::default();
+        for tile in TileId::first(drive.tiles()) {
+            let payload: Payload = codec::decode(&drive.payload(STEP_CORES, tile)?)?;
+            let part = |&(voxel, chain): &(u32, u32)| (chain, payload.part[voxel as usize]);
+            let trunks: BTreeSet<(u32, u32)> = payload.trunks.iter().map(part).collect();
+            found.joining.add(&payload.border);
+            let in_trunks = trunks.iter().filter_map(|(_, part)| part.checked_sub(1));
+            let open = payload.border.shared.iter().map(|(_, component)| *component).chain(in_trunks);
+            let pairs = Pairs { rising: &payload.rising, near: &payload.near };
+            found.remaining.push(Remaining::of(payload.parts, pairs, open, lattice, keeps));
+            found.trunks.push(trunks);
+            found.crowns.extend(payload.crowns);
+            found.in_crowns.push(payload.in_crowns.into_iter().map(|(_, cell)| cell).collect());
+        }
+        Ok(found)
+    }
+}
+
+/// Where a core comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Source {
+    Component(u32),
+    /// A vehicle of a row: the component, and the number of the vehicle in the row.
+    Vehicle(u32, usize),
+    Stem(usize),
+    Crown(Cell),
+}
+
+/// The labels of the cores, by where they come from.
+#[derive(Debug, Default)]
+struct Labels {
+    of: BTreeMap<Source, u32>,
+    /// The core of each label from 1.
+    cores: Vec<Core>,
+}
+
+impl Labels {
+    /// Numbers the cores in the order of their first voxels.
+    fn number(mut found: Vec<(Voxel, u8, Source, [i64; 2])>) -> Self {
+        found.sort_unstable();
+        let mut labels = Self::default();
+        for (label, (_, class, source, place)) in (1..).zip(found) {
+            labels.of.insert(source, label);
+            labels.cores.push(Core { label, class, place });
+        }
+        labels
+    }
+
+    fn get(&self, source: Source) -> Option<u32> {
+        self.of.get(&source).copied()
+    }
+
+    /// The slice of a tile, with the cores that it names.
+    fn with_cores(&self, of_tile: OfTile) -> OfTile {
+        let OfTile { labels, rows, chains, crowns, .. } = &of_tile;
+        let of_trees = chains.iter().map(|chain| chain.1).chain(crowns.iter().map(|crown| crown.1));
+        let of_rows = rows.iter().flat_map(|row| row.2.iter().copied());
+        let named: BTreeSet<u32> =
+            labels.iter().copied().chain(of_rows).chain(of_trees).filter(|&label| label != 0).collect();
+        let cores = named.into_iter().map(|label| self.cores[label as usize - 1]).collect();
+        OfTile { cores, ..of_tile }
+    }
+}
+
+/// The cores of the drive.
+pub(crate) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
+    let lattice = drive.lattice();
+    let found = Found::of(drive)?;
+    let component = found.joining.finish();
+    let Components { mut whole, low, rising, near } = Components::merge(&component, found.remaining);
+    let chains = component.iter().zip(&found.trunks).flat_map(|(component, trunks)| {
+        trunks.iter().map(|&(chain, part)| (chain, part.checked_sub(1).map(|part| component[part as usize])))
+    });
+    let places = stage_chains::places(drive)?;
+    let stems = seeds::find(&low, rising.into_iter(), chains, &places, lattice);
+    drop(low);
+    let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
+    // Between the stripes of a trail is nothing, which would be a valley. So rows are found before.
+    let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);
+    let rows: BTreeMap<u32, Row> =
+        whole.iter().filter_map(|(&component, part)| Some((component, row(part)?))).collect();
+    let mut united = trails::unite(&mut whole, &rows, lattice);
+    uniting::go_on(&mut united, uniting::unite(&mut whole, |part| keeps(part, lattice), lattice));
+    let rows: BTreeMap<u32, Row> =
+        rows.into_iter().map(|(component, row)| (uniting::by_name(&united, component), row)).collect();
+    united.extend(facades::unite(&mut whole, near, |part| keeps(part, lattice), lattice));
+    united.extend(arms::join(&whole, |part| keeps(part, lattice), lattice));
+
+    let kept = whole.iter().filter(|(_, part)| keeps(part, lattice));
+    let cores = kept.flat_map(|(&component, part)| {
+        let sources = match rows.get(&component) {
+            Some(row) => (0..row.count()).map(|vehicle| Source::Vehicle(component, vehicle)).collect(),
+            None => vec![Source::Component(component)],
+        };
+        sources.into_iter().map(|source| (part.first, part.class, source, part.centre()))
+    });
+    let of_stems = stems.seeds.iter().enumerate();
+    let of_stems = of_stems.map(|(number, stem)| (stem.first, TREE, Source::Stem(number), stem.place));
+    let of_crowns = crowns.iter().map(|crown| (crown.first, TREE, Source::Crown(crown.cell), crown.place));
+    let labels = Labels::number(cores.chain(of_stems).chain(of_crowns).collect());
+
+    let stem = |stem: &u32| labels.get(Source::Stem(*stem as usize));
+    let of_component = |component: &u32| match stems.components.get(component) {
+        Some(number) => stem(number),
+        None => labels.get(Source::Component(uniting::by_name(&united, *component))),
+    };
+    let slices: Vec<OfTile> = (0..component.len())
+        .map(|tile| {
+            let of_parts = component[tile].iter().map(|component| of_component(component).unwrap_or(0));
+            let trunks = found.trunks[tile].iter().map(|(chain, _)| chain);
+            let chains: BTreeMap<u32, u32> =
+                trunks.filter_map(|chain| Some((*chain, stem(stems.chains.get(chain)?)?))).collect();
+            let cells = found.in_crowns[tile].iter();
+            let crowns = cells.filter_map(|cell| Some((*cell, labels.get(Source::Crown(*cell))?)));
+            let vehicle = |component, vehicle| labels.get(Source::Vehicle(component, vehicle)).unwrap_or(0);
+            let of_rows = (0..).zip(&component[tile]).filter_map(|(part, component)| {
+                let component = uniting::by_name(&united, *component);
+                let row = rows.get(&component)?;
+                let labels = (0..row.count()).map(|number| vehicle(component, number)).collect();
+                Some((part, row.clone(), labels))
+            });
+            labels.with_cores(OfTile {
+                labels: of_parts.collect(),
+                rows: of_rows.collect(),
+                chains: chains.into_iter().collect(),
+                crowns: crowns.collect(),
+                cores: Vec::new(),
+            })
+        })
+        .collect();
+    sliced::encode(&(labels.cores.len() as u32), &slices)
+}
+
+/// The number of cores of the drive.
+pub(crate) fn count(global: &[u8]) -> Result<u32> {
+    sliced::head(global)
+}
+
+const _: () = assert!(CLASSES <= 128, "a class leaves a bit for DECIDED");

@@ -1,0 +1,110 @@
+//! The true classes and objects of the voxels of a labelled drive.
+//!
+//! The label of a voxel is the class of most of its points (ties: the smaller code). Points without a class
+//! (code 0, stray returns and what nobody labelled) and points outside `gt_core` give no label. The true
+//! object of a voxel is that of most of its labelled points (ties: the smaller number).
+
+use crate::cluster::DriveWindow;
+use crate::cluster::columns::Voxel;
+use crate::cluster::street::settings::{CLASSES, STEP_VOXELS};
+use crate::cluster::street::voxels::stage_voxels::Cut;
+use crate::cluster::street::voxels::stored;
+use crate::codec;
+use crate::error::Result;
+use crate::model::{Field, TileId};
+
+/// Section of the labels in the payload of the step `voxels`, behind those of `street`.
+const SECTION_LABELS: usize = 2;
+/// Section of the true objects of the voxels, two bytes each. Empty if they are not known.
+const SECTION_INSTANCES: usize = 3;
+
+/// What a labelled drive says of its points, beside their classes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Known {
+    /// Whether it says where it is labelled completely.
+    pub(crate) has_core: bool,
+    /// Whether it says which object a point belongs to.
+    pub(crate) has_instance: bool,
+}
+
+impl Known {
+    pub(crate) fn fields(self) -> &'static [Field] {
+        match (self.has_core, self.has_instance) {
+            (false, false) => &[Field::Class],
+            (true, false) => &[Field::Class, Field::Core],
+            (false, true) => &[Field::Class, Field::Instance],
+            (true, true) => &[Field::Class, Field::Core, Field::Instance],
+        }
+    }
+
+    /// The sections of the labels and of the true objects.
+    pub(crate) fn sections(self, cut: &Cut) -> [Vec<u8>; 2] {
+        let instances = self.instances(cut).into_iter().flat_map(u16::to_le_bytes);
+        [self.labels(cut), instances.collect()]
+    }
+
+    /// The code of the class of each voxel that a tile owns; 0 for none.
+    fn labels(self, cut: &Cut) -> Vec<u8> {
+        let mut counts = vec![[0_u32; CLASSES]; cut.stored.len()];
+        for (_, voxel, place) in self.labelled_points(cut) {
+            counts[voxel][place] += 1;
+        }
+        let label = |counts: &[u32; CLASSES]| {
+            let mut best = (0, 0);
+            for (&count, code) in counts.iter().zip(1..) {
+                if count > best.0 {
+                    best = (count, code);
+                }
+            }
+            best.1
+        };
+        counts.iter().map(label).collect()
+    }
+
+    /// The points with a class: each with its number, its voxel and the place of its class.
+    fn labelled_points<'a>(self, cut: &'a Cut) -> impl Iterator<Item = (usize, usize, usize)> + 'a {
+        let cloud = &cut.points.cloud;
+        let class = cloud.field(Field::Class).unwrap_or_default();
+        let core = cloud.field(Field::Core).filter(|_| self.has_core);
+        let of_voxels = cut.voxel.iter().zip(class).enumerate();
+        of_voxels.filter_map(move |(point, (&voxel, &class))| {
+            let complete = core.is_none_or(|core| core[point] > 0);
+            let place = usize::from(class).checked_sub(1).filter(|place| *place < CLASSES && complete)?;
+            let voxel = voxel as usize;
+            (voxel < cut.stored.len()).then_some((point, voxel, place))
+        })
+    }
+
+    /// The true object of each voxel that a tile owns; 0 for none. Empty if the drive does not know any.
+    fn instances(self, cut: &Cut) -> Vec<u16> {
+        let Some(instance) = cut.points.cloud.field(Field::Instance).filter(|_| self.has_instance) else {
+            return Vec::new();
+        };
+        let of_point = |(point, voxel, _)| (voxel, instance[point]);
+        let mut pairs: Vec<(usize, u16)> = self.labelled_points(cut).map(of_point).collect();
+        pairs.sort_unstable();
+        let mut best = vec![(0, 0); cut.stored.len()];
+        for same in pairs.chunk_by(|one, other| one == other) {
+            let (voxel, instance) = same[0];
+            if same.len() > best[voxel].0 {
+                best[voxel] = (same.len(), instance);
+            }
+        }
+        best.into_iter().map(|(_, instance)| instance).collect()
+    }
+}
+
+/// The true objects of the voxels that a tile owns, in the payload of the step `voxels`.
+pub(crate) fn instances(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<u16>> {
+    let payload = drive.payload(STEP_VOXELS, tile)?;
+    let bytes = codec::section(&payload, SECTION_INSTANCES)?.chunks_exact(2);
+    Ok(bytes.map(|two| u16::from_le_bytes([two[0], two[1]])).collect())
+}
+
+/// The label and key of the voxels that a tile owns.
+pub(crate) fn labelled(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<(Voxel, u8)>> {
+    let stored = stored::read(drive, tile)?;
+    let payload = drive.payload(STEP_VOXELS, tile)?;
+    let labels = codec::section(&payload, SECTION_LABELS)?;
+    Ok(stored.keys().zip(labels.iter().copied()).collect())
+}

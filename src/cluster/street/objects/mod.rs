@@ -1,0 +1,9 @@
+//! Steps `leftovers` and `objects`: what no core reaches, the labels of points, and the names of objects.
+
+pub(crate) mod contacts;
+pub(crate) mod figures;
+pub(crate) mod fixtures;
+pub(crate) mod islands;
+pub(crate) mod stage_leftovers;
+pub(crate) mod stage_objects;
+pub(crate) mod wholes;

@@ -1,0 +1,195 @@
+//! Step `objects`: the label of every point, from the label of its voxel; class and confidence of objects.
+//!
+//! A model with a part for objects names each object as a whole, from the figures over its voxels
+//! (`figures.rs`). Without it, an object has the class of its core. A further part of the model finds pieces
+//! of objects (`wholes.rs`). Without it, each piece is an object.
+#![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32, a mean share is at most 255")]
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::contacts::{self, Contacts};
+use super::figures::{self, Figures};
+use super::fixtures;
+use super::islands;
+use super::stage_leftovers::Whole;
+use super::wholes::{MOST_VOXELS, Object, Pieces};
+use crate::cluster::columns::{Voxel, global_indices};
+use crate::cluster::street::model::{self, StreetModel};
+use crate::cluster::street::settings::{NAME, STEP_OBJECTS, StreetConfig, edge};
+use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
+use crate::codec;
+use crate::error::{Error, Result};
+use crate::model::{Kind, Lattice, TileId};
+use crate::spatial::{Cell, VoxelIndex};
+
+/// The payload of a tile.
+#[derive(Debug, Serialize, Deserialize)]
+struct Payload {
+    labels: Vec<OfTile>,
+    /// Figures of each label over the voxels of the tile, if a model names objects or finds pieces.
+    figures: BTreeMap<u32, Figures>,
+    /// Contacts of the labels of growth and leftovers, if a model finds pieces.
+    contacts: Contacts,
+}
+
+/// A label of a tile.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct OfTile {
+    /// Label in the drive.
+    label: u32,
+    class: u8,
+    /// Sum of the shares of its class over the points that the tile owns, and their number.
+    share: u64,
+    points: u64,
+}
+
+/// The objects of the voxels of a tile, corrected by what is around them, and what was counted before.
+pub(crate) struct Settled {
+    pub(crate) whole: Whole,
+    /// Empty if nobody asks for contacts.
+    pub(crate) contacts: Contacts,
+}
+
+impl Settled {
+    /// The objects of the voxels of a tile and of these columns.
+    pub(crate) fn load(tile: &dyn TileWindow, columns: &[Cell], with_contacts: bool) -> Result<Self> {
+        let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), columns)?;
+        // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
+        // settled.
+        let contacts = if with_contacts { contacts::count(&whole, MOST_VOXELS) } else { Contacts::default() };
+        settle(&mut whole, tile.lattice());
+        Ok(Self { whole, contacts })
+    }
+}
+
+/// Labels the points of a tile, with what the model needs to know of objects.
+pub(crate) fn map(tile: &dyn TileWindow, model: &StreetModel) -> Result<Mapped> {
+    let edge = edge(tile.lattice());
+    let points = tile.points(0, true)?;
+    let index = VoxelIndex::build(NAME, &points.cloud, edge)?;
+    let mut core = vec![false; index.len()];
+    for (range, voxel) in index.streaks() {
+        core[voxel] |= points.core[range].contains(&true);
+    }
+    let indices = global_indices(NAME, &index, |voxel| core[voxel])?;
+    // Another tile may own the column of a point.
+    let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
+    columns.dedup();
+    let Settled { whole, contacts } = Settled::load(tile, &columns, model.wholes.is_some())?;
+    let with_figures = model.objects.is_some() || model.wholes.is_some();
+    let figures = if with_figures { figures::find(&whole, tile.lattice()) } else { BTreeMap::new() };
+    let voxels = &whole.grown.cored.around.voxels;
+    let mut place = vec![u32::MAX; index.len()];
+    for (key, number) in indices {
+        let lost = |key: Voxel| Error::bug(format!("voxel {key:?} has points and no tile"));
+        place[number as usize] = voxels.find(key).ok_or_else(|| lost(key))? as u32;
+    }
+    let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
+    let mut labels = vec![0; points.cloud.len()];
+    let mut of_tile: Vec<OfTile> = Vec::new();
+    for (range, voxel) in index.streaks().filter(|(_, voxel)| core[*voxel]) {
+        let voxel = place[voxel] as usize;
+        let label = whole.grown.label[voxel];
+        if label == 0 {
+            continue;
+        }
+        let unknown = || Error::bug(format!("object {label} has points and no class"));
+        let class = whole.class.get(&label).copied().ok_or_else(unknown)?;
+        for point in range {
+            if !points.core[point] {
+                continue;
+            }
+            let next = of_tile.len() as u32;
+            let number = *numbers.entry(label).or_insert(next);
+            if number == next {
+                of_tile.push(OfTile { label, class, share: 0, points: 0 });
+            }
+            let entry = &mut of_tile[number as usize];
+            entry.points += 1;
+            entry.share += u64::from(whole.shares(voxel)[usize::from(class)]);
+            labels[point] = number + 1;
+        }
+    }
+    let count = of_tile.len() as u32;
+    let labelled = Labelled { points, labels, count, with_halo: false };
+    Ok(Mapped {
+        payload: codec::encode(&Payload { labels: of_tile, figures, contacts })?,
+        labelled: Some(labelled),
+        ..Mapped::default()
+    })
+}
+
+/// Corrects labels by what is around an object. Both rules see the labels of growth and leftovers, because
+/// these are right for all voxels that were read. Free space around a group counts more than a wall beside an
+/// object.
+fn settle(whole: &mut Whole, lattice: Lattice) {
+    let fixtures = fixtures::find(whole);
+    let before = whole.grown.label.clone();
+    islands::settle(whole, lattice);
+    for (label, before) in whole.grown.label.iter_mut().zip(before) {
+        if let Some(building) = fixtures.get(&before).filter(|_| *label == before) {
+            *label = *building;
+        }
+    }
+}
+
+/// Over the points of an object: its class, the sum of the shares of this class, and their number.
+#[derive(Debug, Clone, Copy)]
+struct Sum {
+    class: u8,
+    share: u64,
+    points: u64,
+}
+
+/// The objects of the drive that are wanted.
+pub(crate) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &StreetModel) -> Result<Grouped> {
+    let lattice = drive.lattice();
+    let mut labels = Vec::new();
+    let mut contacts = Vec::new();
+    let mut figures = BTreeMap::<u32, Figures>::new();
+    for tile in TileId::first(drive.tiles()) {
+        let payload: Payload = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
+        labels.push(payload.labels);
+        contacts.push(payload.contacts);
+        for (label, of_tile) in payload.figures {
+            figures.entry(label).or_default().merge(&of_tile);
+        }
+    }
+    let mut sums = BTreeMap::<u32, Sum>::new();
+    for one in labels.iter().flatten() {
+        let sum = sums.entry(one.label).or_insert(Sum { class: one.class, share: 0, points: 0 });
+        sum.share += one.share;
+        sum.points += one.points;
+    }
+    let touched = contacts::of_objects(&contacts, MOST_VOXELS);
+    let mut named = BTreeMap::new();
+    let mut objects = BTreeMap::new();
+    for (&label, &Sum { class: before, share, points }) in &sums {
+        let (class, confidence) = match (&model.objects, figures.get(&label)) {
+            (Some(names), Some(figures)) => model::name(names, &figures.features(before, lattice), before)?,
+            _ => (before, (share / points.max(1)) as u8),
+        };
+        named.insert(label, Kind { class, confidence });
+        if let Some(figures) = figures.remove(&label) {
+            objects.insert(label, Object { class: before, figures });
+        }
+    }
+    let pieces = match &model.wholes {
+        Some(wholes) => Pieces::find(wholes, &objects, &touched, lattice)?,
+        None => Pieces::default(),
+    };
+    let gets_id = |label: u32, class: u8| {
+        let points = sums[&label].points;
+        let is_large =
+            config.is_large(class, points) || (pieces.is_sure(label) && points >= config.min_points);
+        config.wants(class) && is_large && pieces.whole(label) == Some(label)
+    };
+    named.retain(|label, kind| gets_id(*label, kind.class));
+    let kinds: BTreeMap<u32, Kind> =
+        named.into_iter().map(|(label, kind)| (label, Kind { class: kind.class + 1, ..kind })).collect();
+    let group = |one: &OfTile| pieces.whole(one.label).filter(|label| kinds.contains_key(label)).unwrap_or(0);
+    let groups = labels.iter().map(|of_tile| of_tile.iter().map(group).collect()).collect();
+    Ok(Grouped { groups, kinds, ..Grouped::default() })
+}

@@ -1,0 +1,252 @@
+//! Is what was found a whole object, a part of a larger one that it touches, or a stray piece? The fourth
+//! part of the model says so, by the figures of the object (`figures.rs`) and by what it touches
+//! (`contacts.rs`).
+//!
+//! The steps before leave pieces: a branch that no path reached, a balcony, the side of a car seen through a
+//! hedge. Each of them would be an object in the inventory that does not exist. A part goes to the larger
+//! object, and the points of a stray piece go to none. The study is in `benches/results/street.md`, section
+//! "Pieces of objects".
+#![expect(clippy::cast_possible_truncation, reason = "features are single numbers")]
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::figures::{self, Figures};
+use crate::boosting::Model;
+use crate::error::Result;
+use crate::model::Lattice;
+
+/// Names of the classes, in their order.
+pub(crate) const CLASS_NAMES: [&str; 3] = ["whole", "part", "stray"];
+pub(crate) const WHOLE: u8 = 0;
+pub(crate) const PART: u8 = 1;
+pub(crate) const STRAY: u8 = 2;
+
+/// Smallest share of "whole" with which an object stays one, in steps of 1/255: 0.2.
+const LEAST_WHOLE: u8 = 51;
+/// Share from which it is sure, and a few points are enough for an object: 0.9.
+const SURE_WHOLE: u8 = 230;
+/// What has more voxels is no piece.
+pub(crate) const MOST_VOXELS: u64 = 2_000;
+
+const TOUCHING: usize = 8;
+const FEATURES: usize = figures::NAMES.len() + TOUCHING;
+/// What an object touches. The larger object is the one with more voxels that most of its voxels touch.
+const TOUCHING_NAMES: [&str; TOUCHING] = [
+    "objects that it touches",
+    "share that touches others",
+    "share that touches the larger object",
+    "share that touches a larger object of its class",
+    "class of the larger object",
+    "voxels of the larger object per voxel",
+    "points per voxel of the larger object",
+    "highest of the larger object, m",
+];
+
+/// Names of the features: those of the figures, then those of what the object touches.
+pub(crate) const NAMES: [&str; FEATURES] = {
+    let mut names = [""; FEATURES];
+    let mut at = 0;
+    while at < FEATURES {
+        let of_figures = figures::NAMES.len();
+        names[at] = if at < of_figures { figures::NAMES[at] } else { TOUCHING_NAMES[at - of_figures] };
+        at += 1;
+    }
+    names
+};
+
+/// An object of the drive: what the steps before call it, and its figures.
+#[derive(Debug, Clone)]
+pub(crate) struct Object {
+    pub(crate) class: u8,
+    pub(crate) figures: Figures,
+}
+
+/// What is known of an object among the others.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Seen {
+    pub(crate) features: [f32; FEATURES],
+    /// The label of the larger object.
+    pub(crate) larger: Option<u32>,
+}
+
+/// What is known of an object. `touched` are the objects that it touches, each with the number of its voxels
+/// that do.
+pub(crate) fn see(
+    object: &Object,
+    touched: Option<&BTreeMap<u32, u64>>,
+    objects: &BTreeMap<u32, Object>,
+    lattice: Lattice,
+) -> Seen {
+    let voxels = object.figures.voxels();
+    let share = |count: u64| count as f64 / voxels as f64;
+    let touched = || touched.into_iter().flatten().map(|(label, count)| (*label, *count));
+    let larger = || {
+        let of = touched().filter_map(|(label, count)| Some((label, count, objects.get(&label)?)));
+        of.filter(|(.., other)| other.figures.voxels() > voxels)
+    };
+    let same = larger().filter(|(.., other)| other.class == object.class).map(|(_, count, _)| count).max();
+    // Of two with as many voxels, the smaller label counts.
+    let most = larger().rev().max_by_key(|&(_, count, _)| count);
+    let of_most = most.map_or([0.0; 5], |(_, count, Object { class, figures })| {
+        [
+            share(count),
+            f64::from(*class),
+            share(figures.voxels()),
+            figures.points() as f64 / figures.voxels() as f64,
+            figures.highest_m(lattice),
+        ]
+    });
+    let [shared, class, times, density, highest] = of_most;
+    let touching = [
+        touched().count() as f64,
+        share(touched().map(|(_, count)| count).sum()),
+        shared,
+        same.map_or(0.0, share),
+        class,
+        times,
+        density,
+        highest,
+    ];
+    let mut features = [0.0; FEATURES];
+    let (own, others) = features.split_at_mut(figures::NAMES.len());
+    own.copy_from_slice(&object.figures.features(object.class, lattice));
+    others.iter_mut().zip(touching).for_each(|(feature, value)| *feature = value as f32);
+    Seen { features, larger: most.map(|(label, ..)| label) }
+}
+
+/// What becomes of pieces.
+#[derive(Debug, Default)]
+pub(crate) struct Pieces {
+    /// The object that a piece is a part of; `None` for stray pieces.
+    of: BTreeMap<u32, Option<u32>>,
+    /// Objects that are certainly whole.
+    sure: BTreeSet<u32>,
+}
+
+impl Pieces {
+    /// The pieces among the objects, as `model` sees them. `touched` has the small ones, each with what it
+    /// touches.
+    pub(crate) fn find(
+        model: &Model,
+        objects: &BTreeMap<u32, Object>,
+        touched: &BTreeMap<u32, BTreeMap<u32, u64>>,
+        lattice: Lattice,
+    ) -> Result<Self> {
+        let mut of = BTreeMap::new();
+        let mut sure = BTreeSet::new();
+        for (label, touched) in touched {
+            // All of its voxels may have become parts of others.
+            let Some(object) = objects.get(label) else { continue };
+            let Seen { features, larger } = see(object, Some(touched), objects, lattice);
+            let shares = model.shares::<{ CLASS_NAMES.len() }>(&features)?;
+            let [whole, part, stray] = shares.first().copied().unwrap_or_default();
+            if whole < LEAST_WHOLE {
+                of.insert(*label, larger.filter(|_| part >= stray));
+            } else if whole >= SURE_WHOLE {
+                sure.insert(*label);
+            }
+        }
+        Ok(Self { of, sure })
+    }
+
+    /// Whether the model is sure that an object is whole.
+    pub(crate) fn is_sure(&self, label: u32) -> bool {
+        self.sure.contains(&label)
+    }
+
+    /// The whole object that a label belongs to: itself, a larger one, or none. A larger object may be a part
+    /// of one that is larger still.
+    pub(crate) fn whole(&self, mut label: u32) -> Option<u32> {
+        while let Some(&of) = self.of.get(&label) {
+            label = of?;
+        }
+        Some(label)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::boosting::{Samples, Settings, learn};
+    use crate::cluster::street::objects::stage_leftovers::Whole;
+    use crate::cluster::street::objects::{contacts, figures};
+    use crate::cluster::street::shares::{BUILDING, TREE};
+
+    /// The objects of these blocks, in decimetres, and what each touches.
+    fn scene(
+        blocks: &[(u8, [i64; 3], [i64; 3])],
+    ) -> (BTreeMap<u32, Object>, BTreeMap<u32, BTreeMap<u32, u64>>) {
+        let whole = Whole::of_blocks(blocks);
+        let figures = figures::find(&whole, Lattice::MILLIMETRE);
+        let object = |(label, figures)| (label, Object { class: whole.class[&label], figures });
+        (
+            figures.into_iter().map(object).collect(),
+            contacts::of_objects(&[contacts::count(&whole, MOST_VOXELS)], MOST_VOXELS),
+        )
+    }
+
+    fn place(name: &str) -> usize {
+        NAMES.iter().position(|other| *other == name).unwrap()
+    }
+
+    fn feature(seen: &Seen, name: &str) -> f32 {
+        seen.features[place(name)]
+    }
+
+    #[test]
+    fn the_larger_object_is_the_one_that_most_voxels_touch() {
+        // A cube of 4 voxels on an edge. Three layers lie beside a crown, and the lowest one near the top of
+        // a wall.
+        let (objects, touched) = scene(&[
+            (TREE, [0, 0, 30], [6, 6, 6]),
+            (TREE, [6, 0, 30], [30, 30, 30]),
+            (BUILDING, [0, 0, 0], [6, 1, 27]),
+        ]);
+        let seen = |label| see(&objects[&label], touched.get(&label), &objects, Lattice::MILLIMETRE);
+        let cube = seen(1);
+        assert_eq!(cube.larger, Some(2));
+        assert!((feature(&cube, "objects that it touches") - 2.0).abs() < 1e-6);
+        assert!((feature(&cube, "share that touches the larger object") - 0.75).abs() < 1e-6);
+        assert!((feature(&cube, "share that touches a larger object of its class") - 0.75).abs() < 1e-6);
+        assert!((feature(&cube, "class of the larger object") - f32::from(TREE)).abs() < 1e-6);
+        assert!(feature(&cube, "voxels of the larger object per voxel") > 50.0);
+        assert!((feature(&cube, "highest of the larger object, m") - 5.9).abs() < 1e-3);
+        assert!((feature(&cube, "share that touches others") - 1.0).abs() < 1e-6);
+        // The crown is too large for a piece.
+        let crown = seen(2);
+        assert_eq!(crown.larger, None);
+        assert_eq!(crown.features[figures::NAMES.len()..], [0.0; TOUCHING]);
+    }
+
+    #[test]
+    fn parts_go_to_the_larger_object_and_strays_to_none() {
+        // Few voxels are a piece: a part, if it touches something.
+        let row = |voxels: f32, touches: f32| {
+            let mut row = [0.0; FEATURES];
+            row[place("voxels")] = voxels;
+            row[figures::NAMES.len()] = touches;
+            row
+        };
+        let mut samples = Samples::new(&NAMES, &CLASS_NAMES);
+        for number in 0..600_u16 {
+            let touches = f32::from(number % 2);
+            samples.push(&row(f32::from(100 + number), touches), WHOLE).unwrap();
+            samples.push(&row(f32::from(number % 70), 1.0), PART).unwrap();
+            samples.push(&row(f32::from(number % 70), 0.0), STRAY).unwrap();
+        }
+        let settings = Settings { rounds: 30, features: 1.0, ..Settings::default() };
+        let model = learn(&samples, &settings, &|_| Ok(())).unwrap();
+        // A large crown, a twig at it with a leaf at its end, something far away, and a tree beside the
+        // crown.
+        let (objects, touched) = scene(&[
+            (TREE, [0, 0, 30], [30, 30, 30]),
+            (TREE, [30, 0, 30], [6, 4, 4]),
+            (BUILDING, [36, 0, 30], [3, 3, 3]),
+            (TREE, [90, 0, 0], [3, 3, 6]),
+            (TREE, [0, 30, 30], [30, 30, 30]),
+        ]);
+        let pieces = Pieces::find(&model, &objects, &touched, Lattice::MILLIMETRE).unwrap();
+        let whole: Vec<Option<u32>> = (1..=5).map(|label| pieces.whole(label)).collect();
+        assert_eq!(whole, [Some(1), Some(1), Some(1), None, Some(5)]);
+    }
+}
