@@ -1,43 +1,23 @@
 //! The inventory: the attributes of each object in the table of objects.
 //!
-//! An attribute is one file here and one line in [`REGISTRY`]. It sees the summary of a whole object, the
-//! terrain, the axis and the frame of the input; no files, no paths, no threads, no clock. Every format of
-//! the table writes every column. The table of columns in README.md is generated from the registry.
+//! An attribute is one file in `attributes` and one line in [`REGISTRY`]. It sees the summary of a whole
+//! object, the terrain, the axis and the frame of the input; no files, no paths, no threads, no clock. Every
+//! format of the table writes every column. The table of columns in README.md is generated from the registry.
 
 mod among;
-mod attribute;
-mod base;
-mod centroid;
-mod class;
-mod clearance;
-mod crown_size;
-mod cut;
-mod extent;
-mod files;
-mod footprint;
-mod ground_height;
-mod height;
-mod id;
-mod inclination;
+mod attributes;
 mod measures;
 mod object;
-mod points;
-mod raised;
 mod site;
-mod size;
-mod station;
-mod stem_diameter;
-mod surface;
 mod surfaces;
 mod terrain;
-mod touches;
 mod touching;
-mod uid;
 
 use crate::model::{Column, Value};
 
 pub use among::{Among, Place};
-pub use attribute::Attribute;
+pub use attributes::REGISTRY;
+pub use attributes::attribute::Attribute;
 pub use measures::{Face, Measures, around_cells};
 pub use object::Object;
 pub use site::{Site, Station};
@@ -47,29 +27,6 @@ pub use touching::{reach as touching_reach, touching};
 
 /// Raised when an attribute has other values for the same objects, so that a run computes its rows again.
 pub const EPOCH: u32 = 4;
-
-/// Every attribute, in the order of its columns.
-pub static REGISTRY: &[&dyn Attribute] = &[
-    &id::Id,
-    &uid::Uid,
-    &class::Class,
-    &points::Points,
-    &base::Base,
-    &station::StationOnAxis,
-    &height::Height,
-    &size::Size,
-    &footprint::Footprint,
-    &crown_size::CrownSize,
-    &stem_diameter::StemDiameter,
-    &inclination::Inclination,
-    &clearance::Clearance,
-    &touches::Touches,
-    &cut::Cut,
-    &extent::Extent,
-    &centroid::Centroid,
-    &ground_height::GroundHeight,
-    &files::Files,
-];
 
 /// The columns of all attributes.
 ///

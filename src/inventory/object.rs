@@ -81,7 +81,7 @@ impl<'a> Object<'a> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::inventory::attribute::Attribute;
+    use crate::inventory::attributes::attribute::Attribute;
     use crate::inventory::site::Station;
     use crate::inventory::terrain::{Terrain, TerrainSums};
     use crate::model::{FileId, Lattice, TileCloud, Value};

@@ -6,8 +6,8 @@
 //!
 //! - `voxels`: points to voxels of 0.15 m and a ground raster.
 //! - `classes`: features of each voxel from the voxels within 5.4 m (the corner of the largest window) and
-//!   the ground 12 m around them, probabilities of classes, smoothed. Step `context`: probabilities of classes
-//!   from those of the voxels around.
+//!   the ground 12 m around them, probabilities of classes, smoothed. Step `context`: probabilities of
+//!   classes from those of the voxels around.
 //! - `chains`: upright chains near the ground, each a trunk or a pole as a whole.
 //! - `cores`: the parts of the drive that are certainly one object each, and the stems of trees.
 //! - `growth`: step `edges` finds which voxels are neighbours, and all else that growth needs to know of them.

@@ -1,13 +1,13 @@
 //! Attribute `size`: the box of least area in the plane.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::measures::{Rectangle, least_area};
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Size;
+pub(crate) struct Size;
 
 impl Attribute for Size {
     fn columns(&self) -> &'static [Column] {

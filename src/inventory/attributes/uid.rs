@@ -3,13 +3,13 @@
 use std::fmt::Write;
 
 use crate::inventory::among::{Among, Place};
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Uid;
+pub(crate) struct Uid;
 
 impl Attribute for Uid {
     fn columns(&self) -> &'static [Column] {

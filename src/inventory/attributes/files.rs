@@ -2,13 +2,13 @@
 
 use std::borrow::Cow;
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, FileId, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Files;
+pub(crate) struct Files;
 
 impl Attribute for Files {
     fn columns(&self) -> &'static [Column] {

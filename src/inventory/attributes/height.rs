@@ -1,13 +1,13 @@
 //! Attribute `height`: how far above the ground the object begins and ends.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::measures::crest_m;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Height;
+pub(crate) struct Height;
 
 impl Attribute for Height {
     fn columns(&self) -> &'static [Column] {

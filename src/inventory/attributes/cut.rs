@@ -1,12 +1,12 @@
 //! Attribute `cut`: whether the object reaches the end of the data.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Cut;
+pub(crate) struct Cut;
 
 impl Attribute for Cut {
     fn columns(&self) -> &'static [Column] {

@@ -1,13 +1,13 @@
 //! Attribute `footprint`: the area of the outline in the plane.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::measures::Polygon;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Footprint;
+pub(crate) struct Footprint;
 
 impl Attribute for Footprint {
     fn columns(&self) -> &'static [Column] {

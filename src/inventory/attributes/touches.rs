@@ -1,13 +1,13 @@
 //! Attribute `touches`: the objects that the object touches.
 
 use crate::inventory::among::Among;
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Touches;
+pub(crate) struct Touches;
 
 impl Attribute for Touches {
     fn columns(&self) -> &'static [Column] {

@@ -1,12 +1,12 @@
 //! Attribute `class`: what the object is, and how certain it is.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Class;
+pub(crate) struct Class;
 
 impl Attribute for Class {
     fn columns(&self) -> &'static [Column] {

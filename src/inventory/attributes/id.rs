@@ -1,25 +1,25 @@
-//! Attribute `points`: how many points the object has.
+//! Attribute `id`: the number of the object, as in the labelled files.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Points;
+pub(crate) struct Id;
 
-impl Attribute for Points {
+impl Attribute for Id {
     fn columns(&self) -> &'static [Column] {
         &[Column {
-            name: "points",
+            name: "id",
             column_type: ColumnType::Count,
             unit: ColumnUnit::None,
-            definition: "number of points",
+            definition: "object id, from 1, as `cluster_id` of the points",
         }]
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        values.push(Value::Count(object.part.points));
+        values.push(Value::Count(object.id.into()));
     }
 }
 
@@ -29,8 +29,7 @@ mod tests {
     use crate::inventory::object::tests::{BOX, METRES, NO_KIND, values_of};
 
     #[test]
-    fn points_are_those_of_all_parts() {
-        let twice = [BOX, BOX].concat();
-        assert_eq!(values_of(&Points, &twice, NO_KIND, &[], METRES), [Value::Count(8)]);
+    fn the_id_is_the_one_given() {
+        assert_eq!(values_of(&Id, &BOX, NO_KIND, &[], METRES), [Value::Count(7)]);
     }
 }

@@ -1,6 +1,6 @@
 //! Attribute `stem diameter`: the diameter of the stem of a tree at breast height.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::measures::{Circle, TREE};
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
@@ -10,7 +10,7 @@ const BREAST_HEIGHT_M: f64 = 1.3;
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct StemDiameter;
+pub(crate) struct StemDiameter;
 
 impl Attribute for StemDiameter {
     fn columns(&self) -> &'static [Column] {

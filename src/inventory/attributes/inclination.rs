@@ -1,12 +1,12 @@
 //! Attribute `inclination`: how far a pole or the stem of a tree leans, and where to.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Inclination;
+pub(crate) struct Inclination;
 
 impl Attribute for Inclination {
     fn columns(&self) -> &'static [Column] {

@@ -1,13 +1,13 @@
 //! Attribute `station`: where the base of the object is along the axis of the drive.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::inventory::site::Station;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct StationOnAxis;
+pub(crate) struct StationOnAxis;
 
 impl Attribute for StationOnAxis {
     fn columns(&self) -> &'static [Column] {

@@ -1,12 +1,12 @@
 //! Attribute `extent`: the box along the axes of the coordinate system.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Extent;
+pub(crate) struct Extent;
 
 const fn coordinate(name: &'static str, definition: &'static str) -> Column {
     let column_type = ColumnType::Decimal { places: 3 };

@@ -1,13 +1,13 @@
 //! Attribute `crown size`: extent, area and lower end of the crown of a tree.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::measures::{TREE, crown};
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct CrownSize;
+pub(crate) struct CrownSize;
 
 impl Attribute for CrownSize {
     fn columns(&self) -> &'static [Column] {

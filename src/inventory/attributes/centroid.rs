@@ -1,12 +1,12 @@
 //! Attribute `centroid`: the mean of the points.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Centroid;
+pub(crate) struct Centroid;
 
 const fn coordinate(name: &'static str, definition: &'static str) -> Column {
     let column_type = ColumnType::Decimal { places: 3 };

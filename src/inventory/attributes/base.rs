@@ -1,12 +1,12 @@
 //! Attribute `base`: where the object stands.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Base;
+pub(crate) struct Base;
 
 const fn coordinate(name: &'static str, definition: &'static str) -> Column {
     let column_type = ColumnType::Decimal { places: 3 };

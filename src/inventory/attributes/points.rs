@@ -1,25 +1,25 @@
-//! Attribute `id`: the number of the object, as in the labelled files.
+//! Attribute `points`: how many points the object has.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Id;
+pub(crate) struct Points;
 
-impl Attribute for Id {
+impl Attribute for Points {
     fn columns(&self) -> &'static [Column] {
         &[Column {
-            name: "id",
+            name: "points",
             column_type: ColumnType::Count,
             unit: ColumnUnit::None,
-            definition: "object id, from 1, as `cluster_id` of the points",
+            definition: "number of points",
         }]
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        values.push(Value::Count(object.id.into()));
+        values.push(Value::Count(object.part.points));
     }
 }
 
@@ -29,7 +29,8 @@ mod tests {
     use crate::inventory::object::tests::{BOX, METRES, NO_KIND, values_of};
 
     #[test]
-    fn the_id_is_the_one_given() {
-        assert_eq!(values_of(&Id, &BOX, NO_KIND, &[], METRES), [Value::Count(7)]);
+    fn points_are_those_of_all_parts() {
+        let twice = [BOX, BOX].concat();
+        assert_eq!(values_of(&Points, &twice, NO_KIND, &[], METRES), [Value::Count(8)]);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::measures::{SMALL, VEHICLE};
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
@@ -15,7 +15,7 @@ const LEAST_M: f64 = 2.0;
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct Clearance;
+pub(crate) struct Clearance;
 
 impl Attribute for Clearance {
     fn columns(&self) -> &'static [Column] {

@@ -1,7 +1,10 @@
 //! Height of the ground by cell of the raster, and between cells, for heights of objects above ground.
 
-use crate::inventory::raised::without_raised;
-use crate::inventory::surface::{Near, height_amid, plane_amid};
+mod raised;
+mod surface;
+
+use self::raised::without_raised;
+use self::surface::{Near, height_amid, plane_amid};
 use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 

@@ -1,12 +1,12 @@
 //! Attribute `ground height`: the height of the ground that the object stands on.
 
-use crate::inventory::attribute::Attribute;
+use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// The attribute.
 #[derive(Debug)]
-pub(super) struct GroundHeight;
+pub(crate) struct GroundHeight;
 
 impl Attribute for GroundHeight {
     fn columns(&self) -> &'static [Column] {
