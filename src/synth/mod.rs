@@ -1,12 +1,14 @@
 //! A labelled synthetic drive of any length: a street, a vehicle that drives along it, and a scanner. Every
 //! pulse of the scanner is traced.
 //!
-//! `preset` chooses the kind of street at every place. `street` builds it cell by cell from `axis`, `ground`
-//! and `things`. `traffic` moves along it. `scene` finds the closest hit. `drive`, `scanner` and `aim` turn
-//! time into pulses, `scan` turns pulses into echoes. `sink` writes, with what
-//! `roadway` and `truth` say of objects. Every cell and every slice of time is a
-//! pure function of settings and seed, so the bytes do not depend on the number of threads. Memory does not
-//! depend on the length, except for 56 bytes per arc of the axis and some 300 per moving thing that was seen.
+//! `street` is built cell by cell: `preset` chooses the kind of street at every place, `axis`, `section` and
+//! `ground` shape it, and `traffic` moves along it. `things` stand on it, and know their `truth`. `scene`
+//! finds the closest hit of a ray. In `scan`, `drive`, `scanner` and `aim` turn time into pulses, and pulses
+//! become echoes. `sink` writes them.
+//!
+//! Every cell and every slice of time is a pure function of settings and seed, so the bytes do not depend on
+//! the number of threads. Memory does not depend on the length, except for 56 bytes per arc of the axis and
+//! some 300 per moving thing that was seen.
 //! The rest of the crate does not use this module.
 //!
 //! ```
@@ -29,29 +31,14 @@
     reason = "geometry of metres and counts below 2^24: chosen here, not read from anywhere"
 )]
 
-mod aim;
-mod axis;
-mod drive;
-mod ground;
-mod material;
-mod model;
-mod object;
-mod preset;
 mod random;
-mod roadway;
 mod scan;
-mod scanner;
 mod scene;
-mod section;
 mod settings;
-mod shape;
 mod shipped;
 mod sink;
 mod street;
 mod things;
-mod traffic;
-mod tree;
-mod truth;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -62,18 +49,18 @@ use rayon::prelude::*;
 
 use crate::error::Error;
 
-use axis::{Axis, CELL};
-use drive::Drive;
-use preset::Plan;
-use roadway::Roadway;
 use scan::Slice;
+use scan::drive::Drive;
+use scan::roadway::Roadway;
 use scene::{Moving, Placed, Window};
 use sink::Sink;
+use street::axis::{Axis, CELL};
+use street::preset::Plan;
 use street::{IDS, Library};
 
-pub use preset::Preset;
-pub use scanner::{Scanner, Sensor, Spinning};
+pub use scan::scanner::{Scanner, Sensor, Spinning};
 pub use settings::{Settings, Summary};
+pub use street::preset::Preset;
 
 /// Slices per round. A drive of any length takes the memory of two rounds.
 const ROUND: u64 = 24;
@@ -167,7 +154,7 @@ impl<'a> Run<'a> {
     fn traffic(&self, t: f64, half: f64) -> Vec<Moving> {
         let (s, _) = self.drive.place(t);
         let place = (s, self.axis.line.at(s).point, self.settings.scanner.range_m + LANES);
-        traffic::moving(&self.plan, &self.axis.line, &self.library, (t, half), place)
+        street::traffic::moving(&self.plan, &self.axis.line, &self.library, (t, half), place)
     }
 
     /// Metres driven when a pulse is fired.

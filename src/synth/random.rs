@@ -9,52 +9,52 @@ use rand_distr::{StandardNormal, UnitSphere};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// A short sequence of pseudo-random numbers. Not for cryptography.
-pub(super) type Random = rand_xoshiro::SplitMix64;
+pub(crate) type Random = rand_xoshiro::SplitMix64;
 
 /// The sequence that belongs to `index` of `stream`.
-pub(super) fn sequence(seed: u64, stream: u64, index: u64) -> Random {
+pub(crate) fn sequence(seed: u64, stream: u64, index: u64) -> Random {
     Random::seed_from_u64(xxh3_64(bytemuck::bytes_of(&[seed, stream, index])))
 }
 
 /// The sequence that belongs to a name. No other name has an influence on it.
-pub(super) fn named(seed: u64, name: &str) -> Random {
+pub(crate) fn named(seed: u64, name: &str) -> Random {
     sequence(seed, xxh3_64(name.as_bytes()), 0)
 }
 
 /// Normal, mean 0 and variance 1.
-pub(super) fn gauss(random: &mut Random) -> f32 {
+pub(crate) fn gauss(random: &mut Random) -> f32 {
     random.sample(StandardNormal)
 }
 
 /// A unit vector, each as likely.
-pub(super) fn direction(random: &mut Random) -> Vec3 {
+pub(crate) fn direction(random: &mut Random) -> Vec3 {
     random.sample::<[f32; 3], _>(UnitSphere).into()
 }
 
 /// One of `items`, each as likely; `items` is not empty.
-pub(super) fn pick<'a, T>(items: &'a [T], random: &mut Random) -> &'a T {
+pub(crate) fn pick<'a, T>(items: &'a [T], random: &mut Random) -> &'a T {
     &items[random.random_range(0..items.len())]
 }
 
 /// A sum of sine waves over time, a line or the plane: chance without corners. Amplitude, angular frequency,
 /// phase and direction in the plane of each.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Waves<const N: usize>([(f64, f64, f64, DVec2); N]);
+pub(crate) struct Waves<const N: usize>([(f64, f64, f64, DVec2); N]);
 
 impl<const N: usize> Waves<N> {
     /// Waves of these amplitudes and lengths.
-    pub(super) fn new(parts: [(f64, f64); N], random: &mut Random) -> Self {
+    pub(crate) fn new(parts: [(f64, f64); N], random: &mut Random) -> Self {
         Self(parts.map(|(amplitude, length)| {
             let [phase, way] = [0; 2].map(|_| random.random_range(0.0..TAU));
             (amplitude, TAU / length, phase, DVec2::from_angle(way))
         }))
     }
 
-    pub(super) fn along(&self, x: f64) -> f64 {
+    pub(crate) fn along(&self, x: f64) -> f64 {
         self.0.iter().map(|(amplitude, frequency, phase, _)| amplitude * (x * frequency + phase).sin()).sum()
     }
 
-    pub(super) fn over(&self, point: DVec2) -> f64 {
+    pub(crate) fn over(&self, point: DVec2) -> f64 {
         self.0.iter().map(|wave| Waves([*wave]).along(point.dot(wave.3))).sum()
     }
 }

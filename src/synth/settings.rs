@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use crate::config::ConfigError;
 
-use super::axis::STEM;
-use super::preset::Preset;
-use super::scanner::Scanner;
+use super::scan::scanner::Scanner;
+use super::street::axis::STEM;
+use super::street::preset::Preset;
 
 /// Shortest drive with a loop, metres.
 const LEAST_LOOP: f64 = 2.0 * STEM + 500.0;
@@ -56,7 +56,7 @@ impl Settings {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
         let Self { scanner, speed_kmh: (slow, fast), .. } = self;
         let spins = scanner.spinning.is_some();
         if let Some(sweeps) = self.sweeps.filter(|_| !spins) {
@@ -97,7 +97,7 @@ impl Settings {
 
     /// Metres after which the drive ends at the latest. The length of a loop follows from the number of
     /// points asked for.
-    pub(super) fn length(&self) -> f64 {
+    pub(crate) fn length(&self) -> f64 {
         let enough = |points: u64| {
             // About this many points are measured per pulse in a suburb.
             let rate = self.scanner.pulse_rate_hz * f64::from(self.scanner.heads) * 0.62;
@@ -109,7 +109,7 @@ impl Settings {
     }
 
     /// Pulses of every head after which the drive ends at the latest.
-    pub(super) fn pulses(&self) -> u64 {
+    pub(crate) fn pulses(&self) -> u64 {
         self.sweeps.map_or(u64::MAX, |sweeps| sweeps * self.scanner.pulses())
     }
 }

@@ -7,6 +7,6 @@ use serde::de::DeserializeOwned;
     clippy::expect_used,
     reason = "the text is part of the program, and every test of a drive parses it"
 )]
-pub(super) fn shipped<T: DeserializeOwned>(text: &str) -> T {
+pub(crate) fn shipped<T: DeserializeOwned>(text: &str) -> T {
     toml::from_str(text).expect("the shipped tables are valid")
 }

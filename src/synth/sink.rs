@@ -13,14 +13,14 @@ use crate::output::points::new_file::{ExtraDimension, NewFile, NewFileSchema};
 use crate::output::{OutputError, save};
 use crate::whole_file::WholeFile;
 
-use super::axis::LEAD;
-use super::drive::Pose;
-use super::object::{Object, Place};
-use super::roadway::{Above, Roadway};
+use super::scan::drive::Pose;
+use super::scan::roadway::{Above, Roadway};
 use super::scan::{Record, START_TIME, Slice};
 use super::scene::Window;
 use super::settings::{Settings, Summary};
-use super::traffic::whose;
+use super::street::axis::LEAD;
+use super::street::traffic::whose;
+use super::things::object::{Object, Place};
 
 /// World coordinates of the street's origin: UTM zone 32 north, in the south of Germany.
 const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);
@@ -44,7 +44,7 @@ struct Tally {
 
 /// The output folder while it is filled.
 #[derive(Debug)]
-pub(super) struct Sink<'a> {
+pub(crate) struct Sink<'a> {
     folder: &'a Path,
     settings: &'a Settings,
     file: Option<(u16, NewFile)>,
@@ -59,7 +59,7 @@ pub(super) struct Sink<'a> {
 }
 
 /// Makes sure `folder` is there and empty.
-pub(super) fn prepare(folder: &Path) -> Result<(), OutputError> {
+pub(crate) fn prepare(folder: &Path) -> Result<(), OutputError> {
     let entries = fs_err::create_dir_all(folder).and_then(|()| fs_err::read_dir(folder));
     match entries.map(|mut entries| entries.next()) {
         Ok(None) => Ok(()),
@@ -69,7 +69,7 @@ pub(super) fn prepare(folder: &Path) -> Result<(), OutputError> {
 }
 
 impl<'a> Sink<'a> {
-    pub(super) fn create(folder: &'a Path, settings: &'a Settings) -> Result<Self, OutputError> {
+    pub(crate) fn create(folder: &'a Path, settings: &'a Settings) -> Result<Self, OutputError> {
         let table = |name: &str, columns: &str| {
             let path = folder.join(name);
             let begun = WholeFile::create(&path).and_then(|mut to| writeln!(to, "{columns}").map(|()| to));
@@ -91,7 +91,7 @@ impl<'a> Sink<'a> {
     }
 
     /// Writes slices. After them, objects with numbers below `lowest` get no more points.
-    pub(super) fn write(&mut self, slices: Vec<Slice>, lowest: u32) -> Result<(), OutputError> {
+    pub(crate) fn write(&mut self, slices: Vec<Slice>, lowest: u32) -> Result<(), OutputError> {
         let folder = self.folder;
         let failed = |source| OutputError::Write { path: folder.to_owned(), source };
         for Slice { window, track, roadway, records, .. } in slices {
@@ -190,7 +190,7 @@ impl<'a> Sink<'a> {
     }
 
     /// Completes all files and writes the settings they were made from. `length_m` is the length driven.
-    pub(super) fn finish(mut self, length_m: f64) -> Result<Summary, OutputError> {
+    pub(crate) fn finish(mut self, length_m: f64) -> Result<Summary, OutputError> {
         self.summary.length_m = length_m;
         self.write(Vec::new(), u32::MAX)?;
         if let Some((_, file)) = self.file.take() {

@@ -10,11 +10,11 @@
 //!   classes from those of the voxels around.
 //! - `chains`: upright chains near the ground, each a trunk or a pole as a whole.
 //! - `cores`: the parts of the drive that are certainly one object each, and the stems of trees.
-//! - `growth`: step `edges` finds which voxels are neighbours, and all else that growth needs to know of them.
-//!   Step `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
-//! - `objects`: step `leftovers` joins what no core reaches to an object nearby, or makes it an object of its
-//!   own. Step `objects`: islands and fixtures, the labels of points, and class and confidence of objects,
-//!   which the third part of the model names as a whole. The fourth part finds pieces of objects.
+//! - `growth`: step `edges` finds which voxels are neighbours, and all else that growth needs to know of
+//!   them. Step `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
+//! - `objects`: step `leftovers` joins what no core reaches to an object nearby, or makes it an object of
+//!   its own. Step `objects`: islands and fixtures, the labels of points, and class and confidence of
+//!   objects, which the third part of the model names as a whole. The fourth part finds pieces of objects.
 //!
 //! `learning` makes samples for the models from labelled drives.
 //!

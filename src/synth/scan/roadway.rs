@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, IVec3};
 
-use super::axis::Line;
 use super::drive::Drive;
-use super::preset::Plan;
+use crate::synth::street::axis::Line;
+use crate::synth::street::preset::Plan;
 
 /// Distance from the path of the vehicle up to which a place is on the roadway, metres (outputs, section 2).
 const HALF: f64 = 3.5;
@@ -17,11 +17,11 @@ const COLUMN: i32 = 100;
 
 /// The roadway around a place of the drive.
 #[derive(Debug)]
-pub(super) struct Roadway {
-    pub(super) plan: Plan,
-    pub(super) drive: Drive,
+pub(crate) struct Roadway {
+    pub(crate) plan: Plan,
+    pub(crate) drive: Drive,
     /// The axis of the street within the range of the scanner.
-    pub(super) line: Line,
+    pub(crate) line: Line,
 }
 
 impl Roadway {
@@ -37,11 +37,11 @@ impl Roadway {
 
 /// The part of an object that is above the roadway: the least height over the ground in every column.
 #[derive(Debug, Default)]
-pub(super) struct Above(BTreeMap<[i32; 2], f64>);
+pub(crate) struct Above(BTreeMap<[i32; 2], f64>);
 
 impl Above {
     /// Adds a point, in millimetres from the street's origin.
-    pub(super) fn add(&mut self, steps: IVec3, roadway: &Roadway) {
+    pub(crate) fn add(&mut self, steps: IVec3, roadway: &Roadway) {
         if let Some(over) = roadway.over(steps.as_dvec3() * 0.001) {
             let lowest = self.0.entry([steps.x, steps.y].map(|v| v.div_euclid(COLUMN))).or_insert(over);
             *lowest = lowest.min(over);
@@ -49,16 +49,16 @@ impl Above {
     }
 
     /// The least height over the ground of the columns that do not stand on it, metres.
-    pub(super) fn clearance(&self) -> Option<f64> {
+    pub(crate) fn clearance(&self) -> Option<f64> {
         self.0.values().copied().filter(|over| *over >= LEAST).min_by(f64::total_cmp)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::axis::{Axis, LEAD};
-    use super::super::preset::Preset;
     use super::*;
+    use crate::synth::street::axis::{Axis, LEAD};
+    use crate::synth::street::preset::Preset;
 
     #[test]
     fn an_arm_over_the_path_has_a_clearance_and_its_mast_has_none() {

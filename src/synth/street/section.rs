@@ -4,52 +4,52 @@ use bytemuck::{Pod, Zeroable};
 use serde::Deserialize;
 
 /// Width of a kerb's face or of another step, metres.
-pub(super) const FACE: f64 = 0.03;
+pub(crate) const FACE: f64 = 0.03;
 
 /// Half of a cross-section. All widths are distances from the axis in metres; none is smaller than the one
 /// before.
 #[derive(Debug, Clone, Copy, Default, Deserialize, Pod, Zeroable)]
 #[repr(C)]
 #[serde(default, deny_unknown_fields)]
-pub(super) struct Section {
+pub(crate) struct Section {
     /// Edge of the raised median; 0 for none.
-    pub(super) median: f64,
+    pub(crate) median: f64,
     /// Edge of the outermost lane.
-    pub(super) lanes: f64,
+    pub(crate) lanes: f64,
     /// Kerb, beyond parked cars or the hard shoulder.
-    pub(super) kerb: f64,
+    pub(crate) kerb: f64,
     /// Edge of the planted strip.
-    pub(super) verge: f64,
+    pub(crate) verge: f64,
     /// Edge of the pavement.
-    pub(super) walk: f64,
+    pub(crate) walk: f64,
     /// Height of the kerbs.
-    pub(super) kerb_height: f64,
+    pub(crate) kerb_height: f64,
     /// Amplitude of the slopes beside the street.
-    pub(super) slopes: f64,
+    pub(crate) slopes: f64,
     /// Width of a lane.
-    pub(super) lane: f64,
+    pub(crate) lane: f64,
 }
 
 impl Section {
     /// All fields, in order.
-    pub(super) fn widths(&self) -> &[f64; 8] {
+    pub(crate) fn widths(&self) -> &[f64; 8] {
         bytemuck::cast_ref(self)
     }
 
     /// The section between two others, with weight `w` from 0 to 1.
-    pub(super) fn between(&self, other: &Self, w: f64) -> Self {
+    pub(crate) fn between(&self, other: &Self, w: f64) -> Self {
         let a = self.widths();
         let b = other.widths();
         bytemuck::cast::<[f64; 8], _>(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * w))
     }
 
     /// Middle of the outermost lane: where the vehicle drives.
-    pub(super) fn driving_line(&self) -> f64 {
+    pub(crate) fn driving_line(&self) -> f64 {
         self.lanes - self.lane * 0.5
     }
 
     /// Offsets from the axis at which the profile bends, from right to left.
-    pub(super) fn breaks(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn breaks(&self) -> impl Iterator<Item = f64> {
         let m = self.median;
         let k = self.kerb;
         let w = self.walk;
@@ -61,7 +61,7 @@ impl Section {
 
     /// Height over the axis at distance `d`, without land, dips and slopes: a camber of 2.5 %, kerbs, and a
     /// pavement that falls towards the road by 2 %.
-    pub(super) fn profile(&self, d: f64) -> f64 {
+    pub(crate) fn profile(&self, d: f64) -> f64 {
         let road = -0.025 * d.min(self.kerb);
         // A median narrower than a kerb stone has no height, so that sections blend into each other.
         if d <= self.median {

@@ -2,6 +2,11 @@
 //!
 //! A slice is a pure function of (settings, seed, window, pulses): slices may be traced by any thread.
 
+pub(crate) mod aim;
+pub(crate) mod drive;
+pub(crate) mod roadway;
+pub(crate) mod scanner;
+
 use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,19 +16,19 @@ use glam::{DVec2, Vec3, Vec3A};
 use obvhs::ray::RayHit;
 use rand::RngExt;
 
-use super::aim::{Aim, Shot};
-use super::drive::Track;
-use super::material::Material;
-use super::random::{Random, gauss, sequence};
-use super::roadway::Roadway;
-use super::scanner::Scanner;
-use super::scene::{Beam, Owner, Window};
-use super::settings::Settings;
-use super::shape::Surface;
-use super::traffic::seen_by;
+use self::aim::{Aim, Shot};
+use self::drive::Track;
+use self::roadway::Roadway;
+use self::scanner::Scanner;
+use crate::synth::random::{Random, gauss, sequence};
+use crate::synth::scene::material::Material;
+use crate::synth::scene::shape::Surface;
+use crate::synth::scene::{Beam, Owner, Window};
+use crate::synth::settings::Settings;
+use crate::synth::street::traffic::seen_by;
 
 /// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
-pub(super) const START_TIME: f64 = 465_552_000.0;
+pub(crate) const START_TIME: f64 = 465_552_000.0;
 /// Two echoes of one pulse that are closer than this merge into one between them, metres (pulse length of
 /// some nanoseconds).
 const SEPARATION: f32 = 0.6;
@@ -55,9 +60,9 @@ struct Echo {
 /// machine.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
-pub(super) struct Record {
+pub(crate) struct Record {
     /// Millimetres from the street's origin.
-    pub(super) steps: [i32; 3],
+    pub(crate) steps: [i32; 3],
     intensity: u16,
     /// Return number and number of returns.
     returns: u8,
@@ -69,32 +74,32 @@ pub(super) struct Record {
     /// Scan angle, or azimuth of a spinning head, in steps of 0.006 degrees.
     angle: i16,
     /// Point source: the number of the file.
-    pub(super) file: u16,
+    pub(crate) file: u16,
     gps_time: f64,
-    pub(super) instance: u32,
+    pub(crate) instance: u32,
     class: u8,
 }
 
 const _: () = assert!(cfg!(target_endian = "little"), "records are written as they are in memory");
 
 /// A slice of time, before and after tracing.
-pub(super) struct Slice {
+pub(crate) struct Slice {
     /// The scene around it.
-    pub(super) window: Window,
+    pub(crate) window: Window,
     /// Seconds since the start at its middle.
-    pub(super) middle: f64,
+    pub(crate) middle: f64,
     /// The poses within it and around it.
-    pub(super) track: Track,
+    pub(crate) track: Track,
     /// The roadway within range.
-    pub(super) roadway: Arc<Roadway>,
+    pub(crate) roadway: Arc<Roadway>,
     /// Pulses of every head.
-    pub(super) pulses: Range<u64>,
-    pub(super) records: Vec<Record>,
+    pub(crate) pulses: Range<u64>,
+    pub(crate) records: Vec<Record>,
 }
 
 impl Slice {
     /// Traces its pulses.
-    pub(super) fn trace(&mut self, settings: &Settings) {
+    pub(crate) fn trace(&mut self, settings: &Settings) {
         let Self { window, middle: time, track, pulses, records, .. } = self;
         let scanner = &settings.scanner;
         let aim = Aim::new(scanner);
@@ -357,12 +362,12 @@ mod tests {
 
     use glam::{DVec3, Mat3A, vec3};
 
-    use super::super::model::Model;
-    use super::super::object::{Object, Place};
-    use super::super::scene::Placed;
-    use super::super::shape::Shape;
-    use super::super::truth::Truth;
     use super::*;
+    use crate::synth::scene::Placed;
+    use crate::synth::scene::model::Model;
+    use crate::synth::scene::shape::Shape;
+    use crate::synth::things::object::{Object, Place};
+    use crate::synth::things::truth::Truth;
 
     /// Echoes of 16,000 pulses by 45 degrees onto an upright pane of this material, 14.14 m away. Where it
     /// mirrors the pulses, they hit a wall after 28.28 m more.

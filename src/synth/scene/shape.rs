@@ -13,12 +13,12 @@ use serde::Deserialize;
 use super::material::{Material, material};
 
 /// No hit.
-pub(super) const MISS: f32 = f32::INFINITY;
+pub(crate) const MISS: f32 = f32::INFINITY;
 
 /// A primitive: models consist of them, in code and in `things.toml`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Shape {
+pub(crate) enum Shape {
     /// Three corners.
     Triangle([Vec3; 3]),
     /// Axis-aligned box: low and high corner.
@@ -33,29 +33,29 @@ pub(super) enum Shape {
 
 /// A primitive and what it is made of.
 #[derive(Debug, Clone)]
-pub(super) struct Primitive {
-    pub(super) shape: Shape,
-    pub(super) material: &'static Material,
+pub(crate) struct Primitive {
+    pub(crate) shape: Shape,
+    pub(crate) material: &'static Material,
 }
 
 /// The surface at a hit.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Surface {
+pub(crate) struct Surface {
     /// Unit normal, on either side.
-    pub(super) normal: Vec3,
-    pub(super) material: &'static Material,
+    pub(crate) normal: Vec3,
+    pub(crate) material: &'static Material,
     /// Distance to the rim of a leaf, metres; infinite for other shapes.
-    pub(super) rim: f32,
+    pub(crate) rim: f32,
 }
 
 impl Shape {
     /// The shape, of the material of this name.
-    pub(super) fn of(self, name: &str) -> Primitive {
+    pub(crate) fn of(self, name: &str) -> Primitive {
         Primitive { shape: self, material: material(name) }
     }
 
     /// The same with its points elsewhere.
-    pub(super) fn map(&self, to: impl Fn(Vec3) -> Vec3) -> Self {
+    pub(crate) fn map(&self, to: impl Fn(Vec3) -> Vec3) -> Self {
         match *self {
             Self::Triangle(corners) => Self::Triangle(corners.map(to)),
             Self::Block(low, high) => Self::Block(to(low), to(high)),
@@ -67,7 +67,7 @@ impl Shape {
 
     /// Where `ray` first meets the surface.
     #[inline]
-    pub(super) fn hit(&self, ray: &Ray) -> f32 {
+    pub(crate) fn hit(&self, ray: &Ray) -> f32 {
         let o = ray.origin;
         let d = ray.direction;
         let t = match *self {
@@ -89,7 +89,7 @@ impl Shape {
     }
 
     /// The box around the shape.
-    pub(super) fn bounds(&self) -> Aabb {
+    pub(crate) fn bounds(&self) -> Aabb {
         match *self {
             Self::Triangle(corners) => around(corners),
             Self::Block(low, high) => around([low, high]),
@@ -114,7 +114,7 @@ fn around_disc(centre: Vec3, normal: Vec3, radius: f32) -> Aabb {
 
 impl Primitive {
     /// The surface at `point`, which is on it.
-    pub(super) fn surface(&self, point: Vec3) -> Surface {
+    pub(crate) fn surface(&self, point: Vec3) -> Surface {
         let mut rim = MISS;
         let normal = match self.shape {
             Shape::Triangle([a, b, c]) => (b - a).cross(c - a).normalize(),

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 use serde::{Deserialize, Serialize};
 
 use super::axis::{CELL, LEAD, cell_at};
-use super::random::{Waves, sequence};
-use super::scanner::{Scanner, Sensor};
 use super::section::Section;
-use super::shipped::shipped;
+use crate::synth::random::{Waves, sequence};
+use crate::synth::scan::scanner::{Scanner, Sensor};
+use crate::synth::shipped::shipped;
 
 /// A kind of street.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -78,59 +78,59 @@ impl Preset {
 /// Properties of all things of a kind. The kind is the part of a name before the underscore.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(super) struct Kind {
+pub(crate) struct Kind {
     /// Class code, as in the labelled scenes.
-    pub(super) class: u8,
+    pub(crate) class: u8,
     /// Distance kept from other things, metres.
-    pub(super) radius: f64,
+    pub(crate) radius: f64,
     /// Range of the angle by which models are turned from facing away from the road, degrees.
-    pub(super) turn: (f64, f64),
+    pub(crate) turn: (f64, f64),
     /// Relative variation of the width and the height of models.
-    pub(super) varies: f32,
+    pub(crate) varies: f32,
     /// Span along the street, metres: the thing leads from end to end of it in plan and height. 0: it stands
     /// level.
-    pub(super) span: f64,
+    pub(crate) span: f64,
     /// Whether it must not stand on a bridge.
-    pub(super) rooted: bool,
+    pub(crate) rooted: bool,
 }
 
 /// A row of things along the street.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Row {
+pub(crate) struct Row {
     /// Names to choose from.
-    pub(super) names: Vec<String>,
+    pub(crate) names: Vec<String>,
     /// The line of the cross-section along which it stands, as shares of the section's widths.
     #[serde(default)]
     at: Section,
     /// Distance from there outwards, metres.
     out: f64,
     /// Distance between the places along the axis, metres; where they begin; the largest random shift.
-    pub(super) every: f64,
+    pub(crate) every: f64,
     #[serde(default)]
-    pub(super) from: f64,
+    pub(crate) from: f64,
     #[serde(default)]
-    pub(super) jitter: f64,
+    pub(crate) jitter: f64,
     /// Share of the places that are taken.
-    pub(super) share: f64,
+    pub(crate) share: f64,
     /// How many successive places are either all taken or all empty.
-    pub(super) together: Option<u64>,
+    pub(crate) together: Option<u64>,
     /// If those places form one object: share of its pieces that may be missing at its end. At least an
     /// opening is.
-    pub(super) joined: Option<f64>,
+    pub(crate) joined: Option<f64>,
     /// Whether it stands on the left only.
     #[serde(default)]
-    pub(super) once: bool,
+    pub(crate) once: bool,
     /// Whether it stands on bridges only.
     #[serde(default)]
-    pub(super) bridge: bool,
+    pub(crate) bridge: bool,
     /// For buildings: how they stand on their lots.
-    pub(super) lot: Option<Lot>,
+    pub(crate) lot: Option<Lot>,
 }
 
 impl Row {
     /// Distance from the axis, metres.
-    pub(super) fn out(&self, section: &Section) -> f64 {
+    pub(crate) fn out(&self, section: &Section) -> f64 {
         along(&self.at, self.out, section)
     }
 }
@@ -138,25 +138,25 @@ impl Row {
 /// A lane in which things move along the street. It has one side of the street: traffic keeps to the right.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Lane {
+pub(crate) struct Lane {
     /// Names to choose from.
-    pub(super) names: Vec<String>,
+    pub(crate) names: Vec<String>,
     /// The line along which they move, as for rows.
     at: Section,
     #[serde(default)]
     out: f64,
     /// Distance between the places along the axis, metres, and the largest random shift.
-    pub(super) every: f64,
-    pub(super) jitter: f64,
+    pub(crate) every: f64,
+    pub(crate) jitter: f64,
     /// Share of the places that are taken.
-    pub(super) share: f64,
+    pub(crate) share: f64,
     /// Range from which the lane's speed is drawn; negative against the direction of the drive.
-    pub(super) speed_kmh: (f64, f64),
+    pub(crate) speed_kmh: (f64, f64),
 }
 
 impl Lane {
     /// Distance from the axis, metres.
-    pub(super) fn out(&self, section: &Section) -> f64 {
+    pub(crate) fn out(&self, section: &Section) -> f64 {
         along(&self.at, self.out, section)
     }
 }
@@ -169,25 +169,25 @@ fn along(at: &Section, out: f64, section: &Section) -> f64 {
 /// How buildings stand in the middle of their lots. A lot is as long as the places of its row are apart.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Lot {
+pub(crate) struct Lot {
     /// How much further back than its row a front may stand, metres.
-    pub(super) setback: f64,
+    pub(crate) setback: f64,
     /// Share of a lot's length that the front takes.
-    pub(super) front: (f64, f64),
-    pub(super) depth: f64,
+    pub(crate) front: (f64, f64),
+    pub(crate) depth: f64,
 }
 
 /// One kind of street, all in metres.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Layout {
+pub(crate) struct Layout {
     /// Amplitude and wave length of the bends (radians; metres) and of the hills (metres).
     bends: (f64, f64),
     hills: (f64, f64),
-    pub(super) section: Section,
+    pub(crate) section: Section,
     /// Whether everything beside the road is paved, too.
-    pub(super) paved: bool,
-    pub(super) rows: Vec<Row>,
+    pub(crate) paved: bool,
+    pub(crate) rows: Vec<Row>,
     #[serde(default)]
     traffic: Vec<Lane>,
     bridge_every: Option<f64>,
@@ -196,13 +196,13 @@ pub(super) struct Layout {
 /// The tables of `presets.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Tables {
+pub(crate) struct Tables {
     scanners: BTreeMap<Sensor, Scanner>,
     kinds: BTreeMap<String, Kind>,
     streets: BTreeMap<Preset, Layout>,
 }
 
-pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(|| shipped(include_str!("presets.toml")));
+pub(crate) static TABLES: LazyLock<Tables> = LazyLock::new(|| shipped(include_str!("presets.toml")));
 
 // They are here and not in the scanner's module, which uses no table.
 impl Scanner {
@@ -220,7 +220,7 @@ impl Default for Scanner {
 }
 
 /// Properties of all things of a kind.
-pub(super) fn kind(name: &str) -> &'static Kind {
+pub(crate) fn kind(name: &str) -> &'static Kind {
     &TABLES.kinds[name.split('_').next().unwrap_or(name)]
 }
 
@@ -231,20 +231,20 @@ const DIP: (f64, f64) = (32.0, 5.5);
 
 /// The kind of street at every chainage; a pure function of preset and seed.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Plan {
+pub(crate) struct Plan {
     preset: Preset,
-    pub(super) seed: u64,
-    pub(super) bends: (f64, f64),
+    pub(crate) seed: u64,
+    pub(crate) bends: (f64, f64),
     /// Height of the land before anything was built on it.
-    pub(super) land: Waves<3>,
+    pub(crate) land: Waves<3>,
     /// Amplitude of the slopes beside the street, as a share of the section's amplitude.
-    pub(super) slopes: Waves<2>,
+    pub(crate) slopes: Waves<2>,
     /// Where the road is wet, this is above a limit.
-    pub(super) wet: Waves<3>,
+    pub(crate) wet: Waves<3>,
 }
 
 impl Plan {
-    pub(super) fn new(preset: Preset, seed: u64) -> Self {
+    pub(crate) fn new(preset: Preset, seed: u64) -> Self {
         // Where streets change, the land is that of a suburb.
         let land = if matches!(preset, Preset::Mixed | Preset::Loop) { Preset::Suburb } else { preset };
         let Layout { bends, hills: (height, length), .. } = TABLES.streets[&land];
@@ -258,7 +258,7 @@ impl Plan {
 
     /// The lanes of moving traffic. Where streets change, they are those of a suburb, because what moves goes
     /// on from one street to the next. A loop has none: the vehicle drives in both lanes of its stem.
-    pub(super) fn traffic(&self) -> &'static [Lane] {
+    pub(crate) fn traffic(&self) -> &'static [Lane] {
         match self.preset {
             Preset::Loop => &[],
             Preset::Mixed => &TABLES.streets[&Preset::Suburb].traffic,
@@ -267,7 +267,7 @@ impl Plan {
     }
 
     /// The layout of a cell.
-    pub(super) fn layout(&self, cell: usize) -> &'static Layout {
+    pub(crate) fn layout(&self, cell: usize) -> &'static Layout {
         let street = match self.preset {
             // The first four in turn. The seed chooses which begins.
             Preset::Mixed => Preset::ALL[(cell / STRETCH + (self.seed % 4) as usize) % 4],
@@ -279,7 +279,7 @@ impl Plan {
 
     /// The cross-section at chainage `s`: that of the cell. In the first half of the cell it is blended from
     /// that of the cell before.
-    pub(super) fn section(&self, s: f64) -> Section {
+    pub(crate) fn section(&self, s: f64) -> Section {
         let cell = cell_at(s);
         let [before, here] = [cell.saturating_sub(1), cell].map(|cell| &self.layout(cell).section);
         before.between(here, ((s / CELL - cell as f64) * 2.0).clamp(0.0, 1.0))
@@ -287,7 +287,7 @@ impl Plan {
 
     /// How far the land beside the pavement is below the pavement at chainage `s`, metres: 0 except near
     /// bridges.
-    pub(super) fn dip(&self, s: f64) -> f64 {
+    pub(crate) fn dip(&self, s: f64) -> f64 {
         // The first bridge stands well within the drive. In a loop it stands within the stem, which is driven
         // twice.
         let off = |every: f64| (s - LEAD + every * 0.3).rem_euclid(every) - every * 0.5;
@@ -298,8 +298,8 @@ impl Plan {
 
 #[cfg(test)]
 mod tests {
-    use super::super::things;
     use super::*;
+    use crate::synth::things;
 
     #[test]
     fn whatever_rows_name_has_models_and_is_of_a_kind() {

@@ -5,26 +5,26 @@ use std::ops::Range;
 
 use glam::{DMat4, DVec3};
 
-use super::axis::{LEAD, Line, STEM};
-use super::preset::Plan;
-use super::random::{Waves, sequence};
+use crate::synth::random::{Waves, sequence};
+use crate::synth::street::axis::{LEAD, Line, STEM};
+use crate::synth::street::preset::Plan;
 
 /// Poses per second. Poses in between are interpolated, so that the trajectory file is complete.
 const POSES_HZ: f64 = 100.0;
 
 /// Position and attitude at a time; angles in radians.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pose {
+pub(crate) struct Pose {
     /// Seconds since the start of the drive.
-    pub(super) t: f64,
+    pub(crate) t: f64,
     /// Metres east, north, up of the street's origin.
-    pub(super) position: DVec3,
+    pub(crate) position: DVec3,
     /// Right side down positive.
-    pub(super) roll: f64,
+    pub(crate) roll: f64,
     /// Nose up positive.
-    pub(super) pitch: f64,
+    pub(crate) pitch: f64,
     /// Clockwise from north.
-    pub(super) heading: f64,
+    pub(crate) heading: f64,
 }
 
 impl Pose {
@@ -39,15 +39,15 @@ impl Pose {
 
 /// The poses of a stretch of time, with the ones just before and after it.
 #[derive(Debug)]
-pub(super) struct Track {
-    pub(super) time: Range<f64>,
-    pub(super) poses: Vec<Pose>,
+pub(crate) struct Track {
+    pub(crate) time: Range<f64>,
+    pub(crate) poses: Vec<Pose>,
     maps: Vec<DMat4>,
 }
 
 impl Track {
     /// The transform of the vehicle's frame at time `t`, interpolated between the poses before and after it.
-    pub(super) fn at(&self, t: f64) -> DMat4 {
+    pub(crate) fn at(&self, t: f64) -> DMat4 {
         let along = (t - self.poses[0].t) * POSES_HZ;
         let index = (along as usize).min(self.maps.len() - 2);
         let w = along - index as f64;
@@ -57,7 +57,7 @@ impl Track {
 
 /// The drive as a function of time, seconds since its start.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Drive {
+pub(crate) struct Drive {
     plan: Plan,
     /// Chainage at which the street returns to its stem.
     end: f64,
@@ -77,7 +77,7 @@ pub(super) struct Drive {
 impl Drive {
     /// A drive with speeds between the two of `speed_kmh` along a street that ends at chainage `end`,
     /// `height` metres over the road.
-    pub(super) fn new(plan: Plan, end: f64, height: f64, (low, high): (f64, f64)) -> Self {
+    pub(crate) fn new(plan: Plan, end: f64, height: f64, (low, high): (f64, f64)) -> Self {
         let mut random = sequence(plan.seed, 4, 0);
         let half = (high - low) / 7.2;
         Self {
@@ -95,19 +95,19 @@ impl Drive {
     }
 
     /// Metres driven at time `t`.
-    pub(super) fn distance(&self, t: f64) -> f64 {
+    pub(crate) fn distance(&self, t: f64) -> f64 {
         self.speed * t + self.ahead.along(t) - self.ahead.along(0.0)
     }
 
     /// Chainage at time `t`, and 1 where it grows along the drive, -1 where it falls.
-    pub(super) fn place(&self, t: f64) -> (f64, f64) {
+    pub(crate) fn place(&self, t: f64) -> (f64, f64) {
         let s = LEAD + self.distance(t);
         if s > self.end { (LEAD + STEM - (s - self.end), -1.0) } else { (s, 1.0) }
     }
 
     /// Offsets (left positive) of the path from the axis at chainage `s`: on the way out and, where the
     /// street is driven twice, on the way back. Metres.
-    pub(super) fn offsets(&self, s: f64) -> [Option<f64>; 2] {
+    pub(crate) fn offsets(&self, s: f64) -> [Option<f64>; 2] {
         let back = self.end + STEM - s;
         let returns = s <= LEAD + STEM && back.is_finite();
         [Some(self.offset(s, s - LEAD, 1.0)), returns.then(|| self.offset(s, back, -1.0))]
@@ -120,7 +120,7 @@ impl Drive {
     }
 
     /// The poses from the last one before `time` to the first ones after it.
-    pub(super) fn track(&self, axis: &Line, time: Range<f64>) -> Track {
+    pub(crate) fn track(&self, axis: &Line, time: Range<f64>) -> Track {
         let [first, last] = [time.start, time.end].map(|t| (t * POSES_HZ).floor() as u64);
         let poses: Vec<Pose> = (first..last + 3).map(|n| self.pose(axis, n as f64 / POSES_HZ)).collect();
         Track { time, maps: poses.iter().map(Pose::map).collect(), poses }

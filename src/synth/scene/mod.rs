@@ -1,6 +1,10 @@
 //! Placed copies of models and the closest hit of a ray among them: a hierarchy of bounding boxes over the
 //! copies, and one inside every model.
 
+pub(crate) mod material;
+pub(crate) mod model;
+pub(crate) mod shape;
+
 use std::sync::Arc;
 
 use glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
@@ -8,35 +12,35 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::ray::{Ray, RayHit};
 
-use super::ground::Ground;
-use super::model::{Model, hierarchy};
-use super::object::Object;
-use super::shape::Surface;
+use self::model::{Model, hierarchy};
+use self::shape::Surface;
+use crate::synth::street::ground::Ground;
+use crate::synth::things::object::Object;
 
 /// A copy of a model.
 #[derive(Clone)]
-pub(super) struct Placed {
-    pub(super) model: Arc<Model>,
+pub(crate) struct Placed {
+    pub(crate) model: Arc<Model>,
     /// Where the model's origin is, metres from the street's origin.
-    pub(super) at: DVec3,
+    pub(crate) at: DVec3,
     /// How it is turned and stretched.
-    pub(super) turn: Mat3A,
-    pub(super) owner: Owner,
+    pub(crate) turn: Mat3A,
+    pub(crate) owner: Owner,
 }
 
 /// What a copy is a part of.
 #[derive(Debug, Clone)]
-pub(super) enum Owner {
+pub(crate) enum Owner {
     Ground(Arc<Ground>),
     Object(Arc<Object>),
 }
 
 /// A copy that moves in a straight line for a moment.
-pub(super) struct Moving {
+pub(crate) struct Moving {
     /// Where it is in the middle of this moment.
-    pub(super) placed: Placed,
+    pub(crate) placed: Placed,
     /// Metres per second.
-    pub(super) velocity: DVec3,
+    pub(crate) velocity: DVec3,
 }
 
 /// A copy within a window.
@@ -51,17 +55,17 @@ struct Item {
 
 /// A ray, in the frame of a window.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Beam {
-    pub(super) origin: Vec3A,
+pub(crate) struct Beam {
+    pub(crate) origin: Vec3A,
     /// Unit vector.
-    pub(super) direction: Vec3A,
+    pub(crate) direction: Vec3A,
     /// Seconds since the middle of the moment of the window. Before it, negative.
-    pub(super) late: f32,
+    pub(crate) late: f32,
 }
 
 impl Beam {
     /// The point at a range.
-    pub(super) fn at(&self, range: f32) -> Vec3A {
+    pub(crate) fn at(&self, range: f32) -> Vec3A {
         self.origin + self.direction * range
     }
 }
@@ -77,9 +81,9 @@ struct Still {
 
 /// Everything within range of the scanner: what stands, and what moves for a moment.
 #[derive(Clone)]
-pub(super) struct Window {
+pub(crate) struct Window {
     /// World coordinates of the window's origin, relative to the street's.
-    pub(super) origin: DVec3,
+    pub(crate) origin: DVec3,
     still: Arc<Still>,
     /// What moves, with a box around all places where rays of this moment may meet it. Its indices follow
     /// those of what stands.
@@ -105,7 +109,7 @@ impl Item {
 impl Window {
     /// The scene of all copies that stand, about `origin`. Rays that are traced together are nowhere more
     /// than `wider` metres from the middle one.
-    pub(super) fn new<'a>(origin: DVec3, wider: f32, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
+    pub(crate) fn new<'a>(origin: DVec3, wider: f32, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
         let item = |placed: &Placed| Item::new(origin, placed.clone(), DVec3::ZERO);
         let items: Vec<Item> = placed.into_iter().map(item).collect();
         let boxes: Vec<Aabb> = items.iter().map(|item| item.enlarged(Vec3A::splat(wider))).collect();
@@ -114,7 +118,7 @@ impl Window {
     }
 
     /// The same with what moves. Its rays are at most `half` seconds from the middle of this moment.
-    pub(super) fn with(&self, moving: Vec<Moving>, half: f64) -> Self {
+    pub(crate) fn with(&self, moving: Vec<Moving>, half: f64) -> Self {
         let item = |Moving { placed, velocity }| {
             let item = Item::new(self.origin, placed, velocity);
             let bounds = item.enlarged(Vec3A::splat(self.still.wider) + item.velocity.abs() * half as f32);
@@ -130,12 +134,12 @@ impl Window {
     }
 
     /// What was hit is a part of this.
-    pub(super) fn owner(&self, hit: &RayHit) -> &Owner {
+    pub(crate) fn owner(&self, hit: &RayHit) -> &Owner {
         &self.item(hit.instance_id).owner
     }
 
     /// The items that the rays traced together with this one may hit, roughly from near to far.
-    pub(super) fn about(&self, beam: &Beam, far: f32) -> Vec<u32> {
+    pub(crate) fn about(&self, beam: &Beam, far: f32) -> Vec<u32> {
         let mut about = Vec::new();
         let Still { items, bvh, .. } = &*self.still;
         let ray = Ray::new(beam.origin, beam.direction, 0.0, far);
@@ -153,7 +157,7 @@ impl Window {
     }
 
     /// The object with a number, if it is here.
-    pub(super) fn object(&self, id: u32) -> Option<Arc<Object>> {
+    pub(crate) fn object(&self, id: u32) -> Option<Arc<Object>> {
         let moving = self.moving.iter().map(|(item, _)| item);
         self.still.items.iter().chain(moving).find_map(|item| match &item.owner {
             Owner::Object(object) if object.id == id => Some(Arc::clone(object)),
@@ -163,7 +167,7 @@ impl Window {
 
     /// The closest hit on the given items along the beam from `near` to `far`, if any. Its instance is the
     /// index of the item.
-    pub(super) fn hit(&self, about: &[u32], beam: &Beam, near: f32, far: f32) -> Option<RayHit> {
+    pub(crate) fn hit(&self, about: &[u32], beam: &Beam, near: f32, far: f32) -> Option<RayHit> {
         // The ray starts at `near`: the hierarchy skips boxes behind a ray, but not boxes before its tmin.
         let start = beam.at(near);
         let mut ray = Ray::new(start, beam.direction, 0.0, far - near);
@@ -193,7 +197,7 @@ impl Window {
     }
 
     /// The surface at a hit, with its normal in the window's frame and its point in the model's.
-    pub(super) fn surface(&self, hit: &RayHit, beam: &Beam) -> (Surface, Vec3) {
+    pub(crate) fn surface(&self, hit: &RayHit, beam: &Beam) -> (Surface, Vec3) {
         let item = self.item(hit.instance_id);
         let point = beam.at(hit.t) - item.velocity * beam.late;
         let point = Vec3::from(item.to_model.transform_point3a(point));
@@ -209,11 +213,11 @@ impl Window {
 mod tests {
     use rand::RngExt;
 
-    use super::super::object::Place;
-    use super::super::random::sequence;
-    use super::super::shape::Shape;
-    use super::super::truth::Truth;
     use super::*;
+    use crate::synth::random::sequence;
+    use crate::synth::scene::shape::Shape;
+    use crate::synth::things::object::Place;
+    use crate::synth::things::truth::Truth;
 
     #[test]
     fn a_placed_and_stretched_copy_is_hit_where_it_stands() {

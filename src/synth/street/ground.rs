@@ -3,11 +3,11 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::axis::{Axis, CELL, Line, Node};
-use super::material::{Material, material};
-use super::model::Model;
 use super::preset::Plan;
 use super::section::FACE;
-use super::shape::Shape;
+use crate::synth::scene::material::{Material, material};
+use crate::synth::scene::model::Model;
+use crate::synth::scene::shape::Shape;
 
 /// Distance between rows of the mesh, metres.
 const ROW: f64 = 2.0;
@@ -21,7 +21,7 @@ const WET: f64 = 2.4;
 impl Plan {
     /// Height of the ground at `offset` (left positive) from the axis at chainage `s`; there the axis passes
     /// through `node`.
-    pub(super) fn height(&self, node: Node, s: f64, offset: f64) -> f64 {
+    pub(crate) fn height(&self, node: Node, s: f64, offset: f64) -> f64 {
         let section = self.section(s);
         let d = offset.abs();
         let beyond = d - section.walk;
@@ -44,25 +44,25 @@ fn smooth(x: f64) -> f64 {
 
 /// The ground of one cell, and its position relative to other parts of the street.
 #[derive(Debug)]
-pub(super) struct Ground {
-    pub(super) plan: Plan,
-    pub(super) cell: usize,
+pub(crate) struct Ground {
+    pub(crate) plan: Plan,
+    pub(crate) cell: usize,
     /// Chainage of the start of the cell, and of the end of the whole street.
-    pub(super) start: f64,
-    pub(super) end: f64,
+    pub(crate) start: f64,
+    pub(crate) end: f64,
     /// The axis in this cell and its neighbours, and the axis in cells further away, which may return to this
     /// cell.
-    pub(super) line: Line,
+    pub(crate) line: Line,
     foreign: Line,
     /// Middle of the cell, metres from the street's origin, and direction of the axis there. They are the
     /// frame of the mesh, so that boxes are tight around its rows.
-    pub(super) origin: DVec3,
-    pub(super) turn: DVec2,
+    pub(crate) origin: DVec3,
+    pub(crate) turn: DVec2,
 }
 
 impl Ground {
     /// The ground of a cell; the axis is laid beyond it.
-    pub(super) fn new(plan: Plan, axis: &Axis, cell: usize) -> Self {
+    pub(crate) fn new(plan: Plan, axis: &Axis, cell: usize) -> Self {
         let start = cell as f64 * CELL;
         let end = axis.end;
         let Node { point, way } = axis.line.at(start + CELL * 0.5);
@@ -80,14 +80,14 @@ impl Ground {
     }
 
     /// The point of the ground at a chainage and offset (left positive), metres from the street's origin.
-    pub(super) fn at(&self, place: DVec2) -> DVec3 {
+    pub(crate) fn at(&self, place: DVec2) -> DVec3 {
         let node = self.line.at(place.x);
         node.left(place.y).extend(self.plan.height(node, place.x, place.y))
     }
 
     /// Chainage and offset of a point relative to another part of the street, if that part is nearer than
     /// `offset`.
-    pub(super) fn elsewhere(&self, point: DVec2, offset: f64) -> Option<(f64, f64)> {
+    pub(crate) fn elsewhere(&self, point: DVec2, offset: f64) -> Option<(f64, f64)> {
         self.foreign.nearest(point).filter(|(_, other)| other.abs() < offset.abs())
     }
 
@@ -106,7 +106,7 @@ impl Ground {
     }
 
     /// The surface.
-    pub(super) fn mesh(&self) -> Model {
+    pub(crate) fn mesh(&self) -> Model {
         let rows = ((self.end - self.start).min(CELL) / ROW).ceil() as usize;
         let row = |row: usize| {
             let s = self.start + row as f64 * ROW;
@@ -134,12 +134,12 @@ impl Ground {
     }
 
     /// Whether the ground is wet at a point of the mesh, in its frame.
-    pub(super) fn wet(&self, point: Vec3) -> bool {
+    pub(crate) fn wet(&self, point: Vec3) -> bool {
         self.plan.wet.over(self.plane(point)) > WET
     }
 
     /// The material at a point of the mesh, in its frame.
-    pub(super) fn material(&self, point: Vec3) -> &'static Material {
+    pub(crate) fn material(&self, point: Vec3) -> &'static Material {
         let (s, offset) = self.line.nearest(self.plane(point)).unwrap_or_default();
         let section = self.plan.section(s);
         let d = offset.abs();

@@ -9,12 +9,12 @@ use glam::{DMat3, DVec2, DVec3, Mat3A, vec3};
 use rand::RngExt;
 
 use super::axis::Line;
-use super::object::{Object, Place};
 use super::preset::{Lane, Plan, kind};
-use super::random::{Random, pick, sequence};
-use super::scene::{Moving, Owner, Placed};
-use super::street::Library;
-use super::truth::Truth;
+use crate::synth::random::{Random, pick, sequence};
+use crate::synth::scene::{Moving, Owner, Placed};
+use crate::synth::street::Library;
+use crate::synth::things::object::{Object, Place};
+use crate::synth::things::truth::Truth;
 
 /// Numbers of moving objects: the first one, and how many a lane has. A street of 2,000 km has 40 million
 /// numbers for what stands.
@@ -30,7 +30,7 @@ const PLACES: u64 = 3_000;
 const STEP: f64 = 1.0;
 
 /// The number of an object as a head sees it.
-pub(super) fn seen_by(object: &Object, head: usize) -> u32 {
+pub(crate) fn seen_by(object: &Object, head: usize) -> u32 {
     match object.place {
         Place::Stands { .. } => object.id,
         Place::Moves { .. } => object.id + head as u32 * IDS_OF_HEAD,
@@ -38,14 +38,14 @@ pub(super) fn seen_by(object: &Object, head: usize) -> u32 {
 }
 
 /// The number of the object that a head sees as this number.
-pub(super) fn whose(seen: u32) -> u32 {
+pub(crate) fn whose(seen: u32) -> u32 {
     let first = FIRST_ID as u32;
     if seen < first { seen } else { first + (seen - first) % IDS_OF_HEAD }
 }
 
 /// What moves at a time within a distance of a point of the plane. The axis is laid there. Velocities are
 /// those within `half` seconds before and after that time. `s` is the chainage of the point.
-pub(super) fn moving(
+pub(crate) fn moving(
     plan: &Plan,
     axis: &Line,
     library: &Library,
@@ -144,10 +144,10 @@ impl Way<'_> {
 mod tests {
     use std::collections::BTreeMap;
 
-    use super::super::axis::Axis;
-    use super::super::preset::Preset;
-    use super::super::things;
     use super::*;
+    use crate::synth::street::axis::Axis;
+    use crate::synth::street::preset::Preset;
+    use crate::synth::things;
 
     /// Number, position and velocity of what moves around chainage 500 at a time.
     fn around(preset: Preset, seed: u64, t: f64) -> BTreeMap<u32, (DVec3, DVec3)> {

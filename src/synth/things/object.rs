@@ -6,7 +6,7 @@ use super::truth::Truth;
 
 /// Where an object is.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Place {
+pub(crate) enum Place {
     /// Its foot, metres from the street's origin, at a chainage.
     Stands { base: DVec3, s: f64 },
     /// It is in another place at any time. Its speed is in km/h.
@@ -15,13 +15,13 @@ pub(super) enum Place {
 
 /// Properties of an object besides its points.
 #[derive(Debug)]
-pub(super) struct Object {
+pub(crate) struct Object {
     /// Number in the drive, from 1.
-    pub(super) id: u32,
-    pub(super) class: u8,
-    pub(super) kind: &'static str,
-    pub(super) place: Place,
-    pub(super) height: f64,
+    pub(crate) id: u32,
+    pub(crate) class: u8,
+    pub(crate) kind: &'static str,
+    pub(crate) place: Place,
+    pub(crate) height: f64,
     /// What an inventory should find.
-    pub(super) truth: Truth,
+    pub(crate) truth: Truth,
 }

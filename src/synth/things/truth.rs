@@ -2,9 +2,9 @@
 
 use glam::{Mat3A, Vec3, Vec3A};
 
-use super::model::Model;
-use super::shape::Shape;
 use crate::model::convex_hull;
+use crate::synth::scene::model::Model;
+use crate::synth::scene::shape::Shape;
 
 /// Classes of which stems are known.
 const TREE: u8 = 2;
@@ -18,19 +18,19 @@ const JOINT: f32 = 1e-4;
 
 /// What is true of a tree or a pole; `None` where it has no such thing.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Truth {
+pub(crate) struct Truth {
     /// Mean of the longest extent of leaves and branches in the plane and that across it, metres.
-    pub(super) crown_diameter: Option<f64>,
+    pub(crate) crown_diameter: Option<f64>,
     /// Diameter of the stem at breast height, metres.
-    pub(super) dbh: Option<f64>,
+    pub(crate) dbh: Option<f64>,
     /// Angle of the stem or pole from the vertical, and direction in which it leans, clockwise from north,
     /// degrees.
-    pub(super) inclination: Option<[f64; 2]>,
+    pub(crate) inclination: Option<[f64; 2]>,
 }
 
 impl Truth {
     /// Of a model that is turned and stretched so. Its foot is its origin.
-    pub(super) fn of(class: u8, model: &Model, turn: Mat3A) -> Self {
+    pub(crate) fn of(class: u8, model: &Model, turn: Mat3A) -> Self {
         if ![TREE, POLE].contains(&class) {
             return Self::default();
         }

@@ -13,20 +13,20 @@ use obvhs::bvh2::builder::build_bvh2;
 use super::shape::Primitive;
 
 /// Primitives in a frame of their own, built once and placed often.
-pub(super) struct Model {
-    pub(super) primitives: Vec<Primitive>,
-    pub(super) bvh: Bvh2,
+pub(crate) struct Model {
+    pub(crate) primitives: Vec<Primitive>,
+    pub(crate) bvh: Bvh2,
 }
 
 /// A hierarchy over boxes.
-pub(super) fn hierarchy(boxes: &[Aabb], max_prims_per_leaf: u32) -> Bvh2 {
+pub(crate) fn hierarchy(boxes: &[Aabb], max_prims_per_leaf: u32) -> Bvh2 {
     let params = BvhBuildParams { max_prims_per_leaf, ..BvhBuildParams::fast_build() };
     build_bvh2(boxes, params, &mut Duration::default())
 }
 
 impl Model {
     /// A model of at least one primitive.
-    pub(super) fn new(primitives: Vec<Primitive>) -> Self {
+    pub(crate) fn new(primitives: Vec<Primitive>) -> Self {
         let boxes: Vec<Aabb> = primitives.iter().map(|primitive| primitive.shape.bounds()).collect();
         let bvh = hierarchy(&boxes, 8);
         // In leaf order, so that the primitives of a leaf are adjacent in memory.
@@ -36,12 +36,12 @@ impl Model {
     }
 
     /// The box around all primitives.
-    pub(super) fn bounds(&self) -> &Aabb {
+    pub(crate) fn bounds(&self) -> &Aabb {
         self.bvh.nodes[0].aabb()
     }
 
     /// Height of the highest point over the model's origin.
-    pub(super) fn height(&self) -> f32 {
+    pub(crate) fn height(&self) -> f32 {
         self.bounds().max.z
     }
 }

@@ -1,5 +1,11 @@
 //! The street, cell by cell: its objects and their places. A cell is a pure function of (preset, seed, cell).
 
+pub(crate) mod axis;
+pub(crate) mod ground;
+pub(crate) mod preset;
+pub(crate) mod section;
+pub(crate) mod traffic;
+
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -7,24 +13,24 @@ use std::sync::Arc;
 use glam::{DMat3, DVec2, DVec3, Mat3A, Vec3, vec3};
 use rand::RngExt;
 
-use super::axis::{Axis, CELL, cell_at};
-use super::ground::Ground;
-use super::model::Model;
-use super::object::{Object, Place};
-use super::preset::{Lot, Plan, Row, kind};
-use super::random::{Random, pick, sequence};
-use super::scene::{Owner, Placed};
-use super::truth::Truth;
+use self::axis::{Axis, CELL, cell_at};
+use self::ground::Ground;
+use self::preset::{Lot, Plan, Row, kind};
+use crate::synth::random::{Random, pick, sequence};
+use crate::synth::scene::model::Model;
+use crate::synth::scene::{Owner, Placed};
+use crate::synth::things::object::{Object, Place};
+use crate::synth::things::truth::Truth;
 
 /// Object numbers that each cell has for itself.
-pub(super) const IDS: u32 = 1_000;
+pub(crate) const IDS: u32 = 1_000;
 
 /// Opening behind the pieces of an object along the street, metres: access for a vehicle. Without it, rails
 /// and hedges that touch each other would look like one object but have several numbers.
 const OPENING: f64 = 5.0;
 
 /// Models by kind.
-pub(super) type Library = BTreeMap<String, Vec<Arc<Model>>>;
+pub(crate) type Library = BTreeMap<String, Vec<Arc<Model>>>;
 
 /// A cell under construction. Places are chainage and offset to the left of the axis.
 struct Site<'a> {
@@ -37,7 +43,7 @@ struct Site<'a> {
 }
 
 /// The objects in cell `index` of a plan, and its ground. The axis is laid beyond it.
-pub(super) fn cell(plan: Plan, axis: &Axis, library: &Library, index: usize) -> Vec<Placed> {
+pub(crate) fn cell(plan: Plan, axis: &Axis, library: &Library, index: usize) -> Vec<Placed> {
     let ground = Arc::new(Ground::new(plan, axis, index));
     let model = Arc::new(ground.mesh());
     let owner = Owner::Ground(Arc::clone(&ground));
@@ -148,9 +154,9 @@ impl Site<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::preset::Preset;
-    use super::super::things;
     use super::*;
+    use crate::synth::street::preset::Preset;
+    use crate::synth::things;
 
     /// Number, place and direction of every piece of what is led along the street, without cars and wires.
     fn pieces(preset: Preset) -> Vec<(u32, DVec3, DVec2)> {

@@ -16,7 +16,7 @@ const ELEVATION: f64 = 22.0;
 const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
 
 /// The heads of a scanner and their beams.
-pub(super) struct Aim<'a> {
+pub(crate) struct Aim<'a> {
     scanner: &'a Scanner,
     /// From the frame of every head to that of the vehicle.
     mounts: Vec<DMat4>,
@@ -28,18 +28,18 @@ pub(super) struct Aim<'a> {
 }
 
 /// A pulse that is fired.
-pub(super) struct Shot {
+pub(crate) struct Shot {
     /// Seconds since the start.
-    pub(super) t: f64,
+    pub(crate) t: f64,
     /// Scan angle, or azimuth of a spinning head, radians from -pi to pi.
-    pub(super) angle: f64,
+    pub(crate) angle: f64,
     /// Metres from the street's origin, and unit vector.
-    pub(super) origin: DVec3,
-    pub(super) direction: DVec3,
+    pub(crate) origin: DVec3,
+    pub(crate) direction: DVec3,
 }
 
 impl<'a> Aim<'a> {
-    pub(super) fn new(scanner: &'a Scanner) -> Self {
+    pub(crate) fn new(scanner: &'a Scanner) -> Self {
         let elevations = scanner.spinning.as_ref().map(|spinning| spinning.elevations()).unwrap_or_default();
         let level = |elevation: &f64| {
             let (up, out) = elevation.to_radians().sin_cos();
@@ -55,17 +55,17 @@ impl<'a> Aim<'a> {
     }
 
     /// Number of heads.
-    pub(super) fn heads(&self) -> usize {
+    pub(crate) fn heads(&self) -> usize {
         self.mounts.len()
     }
 
     /// Number of beams of all heads.
-    pub(super) fn beams(&self) -> usize {
+    pub(crate) fn beams(&self) -> usize {
         self.mounts.len() * self.beams.len().max(1)
     }
 
     /// The beam of all heads that fires pulse number `count` of a head.
-    pub(super) fn beam(&self, count: u64, head: usize) -> usize {
+    pub(crate) fn beam(&self, count: u64, head: usize) -> usize {
         match self.beams.len() {
             0 => head,
             beams => (count % beams as u64) as usize,
@@ -74,7 +74,7 @@ impl<'a> Aim<'a> {
 
     /// If pulse number `count` is the first one of its beam that is traced together with others, the pulse in
     /// their middle.
-    pub(super) fn middle(&self, count: u64) -> Option<u64> {
+    pub(crate) fn middle(&self, count: u64) -> Option<u64> {
         let beams = self.beams.len().max(1) as u64;
         let nth = if self.beams.is_empty() { count % self.pulses } else { count / beams };
         nth.is_multiple_of(self.together).then(|| count + self.together / 2 * beams)
@@ -82,7 +82,7 @@ impl<'a> Aim<'a> {
 
     /// Aims pulse number `count` of a head. `within` is a pulse of the same profile, to which `count` may lie
     /// just beyond the end.
-    pub(super) fn shot(&self, track: &Track, count: u64, within: u64, head: usize) -> Shot {
+    pub(crate) fn shot(&self, track: &Track, count: u64, within: u64, head: usize) -> Shot {
         let t = self.scanner.time(count, head);
         let frame = track.at(t) * self.mounts[head];
         let (angle, direction) = if self.beams.is_empty() {

@@ -9,13 +9,13 @@ use obvhs::aabb::Aabb;
 use rand::RngExt;
 use serde::Deserialize;
 
-use super::random::{Random, direction, gauss};
-use super::shape::{Primitive, Shape};
+use crate::synth::random::{Random, direction, gauss};
+use crate::synth::scene::shape::{Primitive, Shape};
 
 /// The stems of one level of growth, and the leaves around their ends; explained in `things.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Level {
+pub(crate) struct Level {
     of: String,
     count: u16,
     along: [f32; 2],
@@ -46,7 +46,7 @@ fn leaf(at: Vec3, size: f32, random: &mut Random) -> Primitive {
 }
 
 /// `count` leaves within a box.
-pub(super) fn strew(within: &Aabb, count: u16, random: &mut Random) -> Vec<Primitive> {
+pub(crate) fn strew(within: &Aabb, count: u16, random: &mut Random) -> Vec<Primitive> {
     let low = Vec3::from(within.min);
     let size = Vec3::from(within.diagonal());
     (0..count).map(|_| leaf(low + size * random.random::<Vec3>(), 0.04, random)).collect()
@@ -54,7 +54,7 @@ pub(super) fn strew(within: &Aabb, count: u16, random: &mut Random) -> Vec<Primi
 
 /// The parts that grow on a stem through these points, which are equally spaced: the stems of the first
 /// level, and the other levels on them.
-pub(super) fn grow(levels: &[Level], parent: &[Vec3], random: &mut Random) -> Vec<Primitive> {
+pub(crate) fn grow(levels: &[Level], parent: &[Vec3], random: &mut Random) -> Vec<Primitive> {
     let Some((level, further)) = levels.split_first() else { return Vec::new() };
     let pieces = parent.len() - 1;
     let span = parent[0].distance(parent[1]) * pieces as f32;
@@ -94,8 +94,8 @@ pub(super) fn grow(levels: &[Level], parent: &[Vec3], random: &mut Random) -> Ve
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::sequence;
     use super::*;
+    use crate::synth::random::sequence;
 
     #[test]
     fn stems_stand_on_stems_and_leaves_about_their_ends() {

@@ -1,5 +1,9 @@
 //! The things of `things.toml`, from lamps to trees and buildings, as models.
 
+pub(crate) mod object;
+pub(crate) mod tree;
+pub(crate) mod truth;
+
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
 
@@ -7,11 +11,11 @@ use glam::{Affine3A, Vec3, vec3};
 use rand::RngExt;
 use serde::Deserialize;
 
-use super::model::Model;
-use super::random::{Random, named, pick};
-use super::shape::{Primitive, Shape};
-use super::shipped::shipped;
-use super::tree::{self, Level};
+use self::tree::Level;
+use crate::synth::random::{Random, named, pick};
+use crate::synth::scene::model::Model;
+use crate::synth::scene::shape::{Primitive, Shape};
+use crate::synth::shipped::shipped;
 
 static THINGS: LazyLock<BTreeMap<String, Vec<Thing>>> =
     LazyLock::new(|| shipped(include_str!("things.toml")));
@@ -19,7 +23,7 @@ static THINGS: LazyLock<BTreeMap<String, Vec<Thing>>> =
 /// An entry of `things.toml`. That file explains its keys.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Thing {
+pub(crate) struct Thing {
     models: Option<u8>,
     #[serde(default)]
     parts: Vec<Part>,
@@ -58,7 +62,7 @@ struct Storeys {
 }
 
 /// One or more models of every kind; x along the street, y away from the road.
-pub(super) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
+pub(crate) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
     models_of(&THINGS, seed)
 }
 
@@ -134,12 +138,12 @@ impl Hull {
 mod tests {
     use glam::{DVec3, Mat3A, Vec3A};
 
-    use super::super::material::material;
-    use super::super::object::{Object, Place};
-    use super::super::random::sequence;
-    use super::super::scene::{Beam, Owner, Placed, Window};
-    use super::super::truth::Truth;
     use super::*;
+    use crate::synth::random::sequence;
+    use crate::synth::scene::material::material;
+    use crate::synth::scene::{Beam, Owner, Placed, Window};
+    use crate::synth::things::object::{Object, Place};
+    use crate::synth::things::truth::Truth;
 
     #[test]
     fn a_new_name_changes_the_models_of_no_other() {

@@ -7,29 +7,29 @@ use std::f64::consts::FRAC_PI_6;
 
 use glam::DVec2;
 
-use super::random::{Waves, sequence};
+use crate::synth::random::{Waves, sequence};
 
 /// Length of a cell of the street, and of an arc of an open street, metres.
-pub(super) const CELL: f64 = 50.0;
+pub(crate) const CELL: f64 = 50.0;
 /// Length of the street before the start of the drive, metres. It gives the scanner something to see behind
 /// it.
-pub(super) const LEAD: f64 = 100.0;
+pub(crate) const LEAD: f64 = 100.0;
 /// Length of the stretch that the `loop` preset drives twice, metres.
-pub(super) const STEM: f64 = 300.0;
+pub(crate) const STEM: f64 = 300.0;
 /// Least curvature of an arc, 1/m: its radius is so large that the arc is straight in practice.
 const STRAIGHT: f64 = 1e-9;
 
 /// A point of the axis.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Node {
-    pub(super) point: DVec2,
+pub(crate) struct Node {
+    pub(crate) point: DVec2,
     /// Unit vector of growing chainage.
-    pub(super) way: DVec2,
+    pub(crate) way: DVec2,
 }
 
 impl Node {
     /// The point `offset` metres to the left.
-    pub(super) fn left(&self, offset: f64) -> DVec2 {
+    pub(crate) fn left(&self, offset: f64) -> DVec2 {
         self.point + self.way.perp() * offset
     }
 
@@ -75,22 +75,22 @@ impl Arc {
 
 /// Arcs in the order of chainage.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Line(Vec<Arc>);
+pub(crate) struct Line(Vec<Arc>);
 
 impl Line {
     /// The axis at chainage `s`, which is on the line or close to it.
-    pub(super) fn at(&self, s: f64) -> Node {
+    pub(crate) fn at(&self, s: f64) -> Node {
         self.0[self.0.partition_point(|arc| arc.to < s).min(self.0.len() - 1)].at(s)
     }
 
     /// Chainage and signed offset of the nearest place on the line, if there is any line.
-    pub(super) fn nearest(&self, point: DVec2) -> Option<(f64, f64)> {
+    pub(crate) fn nearest(&self, point: DVec2) -> Option<(f64, f64)> {
         let places = self.0.iter().map(|arc| arc.nearest(point));
         places.min_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))
     }
 
     /// The part of this line within a range of chainage.
-    pub(super) fn part(&self, from: f64, to: f64) -> Self {
+    pub(crate) fn part(&self, from: f64, to: f64) -> Self {
         let cut = |arc: &Arc| {
             let from = arc.from.max(from);
             let to = arc.to.min(to);
@@ -100,7 +100,7 @@ impl Line {
     }
 
     /// This line and, after a gap, another one.
-    pub(super) fn and(mut self, other: Self) -> Self {
+    pub(crate) fn and(mut self, other: Self) -> Self {
         self.0.extend(other.0);
         self
     }
@@ -121,19 +121,19 @@ impl Line {
 
 /// The axis of the whole street.
 #[derive(Debug)]
-pub(super) struct Axis {
+pub(crate) struct Axis {
     /// The part that is laid already.
-    pub(super) line: Line,
+    pub(crate) line: Line,
     /// Heading of an open street.
     heading: Waves<2>,
     /// Chainage at which the street returns to its stem; infinite if it does not.
-    pub(super) end: f64,
+    pub(crate) end: f64,
 }
 
 impl Axis {
     /// An open street with bends of this amplitude (radians) and wave length, or a street that returns to its
     /// stem after `loop_drive` metres in all.
-    pub(super) fn new(seed: u64, (turn, length): (f64, f64), loop_drive: Option<f64>) -> Self {
+    pub(crate) fn new(seed: u64, (turn, length): (f64, f64), loop_drive: Option<f64>) -> Self {
         let parts = [(turn, length), (0.15 * turn, 0.37 * length)];
         let heading = Waves::new(parts, &mut sequence(seed, 1, 0));
         let mut axis = Self { line: Line::default(), heading, end: f64::INFINITY };
@@ -151,7 +151,7 @@ impl Axis {
     }
 
     /// Lays an open street up to chainage `s`.
-    pub(super) fn reach(&mut self, s: f64) {
+    pub(crate) fn reach(&mut self, s: f64) {
         while self.line.end() < s.min(self.end) {
             let [here, next] = [0.0, CELL].map(|ahead| self.heading.along(self.line.end() + ahead));
             self.line.extend(CELL, (next - here) / CELL);
@@ -160,7 +160,7 @@ impl Axis {
 
     /// The cells whose middles are within `reach` of the axis at chainage `s`, in order. The street is laid
     /// beyond them.
-    pub(super) fn near(&mut self, s: f64, reach: f64) -> Vec<usize> {
+    pub(crate) fn near(&mut self, s: f64, reach: f64) -> Vec<usize> {
         self.reach(s + reach + 3.0 * CELL);
         let place = self.line.at(s).point;
         let middle = |cell: &usize| self.line.at((*cell as f64 + 0.5) * CELL).point;
@@ -172,7 +172,7 @@ impl Axis {
 }
 
 /// The cell of a chainage. A chainage before the start of the street is in the first cell.
-pub(super) fn cell_at(s: f64) -> usize {
+pub(crate) fn cell_at(s: f64) -> usize {
     (s / CELL).max(0.0) as usize
 }
 

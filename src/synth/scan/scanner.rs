@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::random::{gauss, sequence};
+use crate::synth::random::{gauss, sequence};
 
 /// Pulses that are traced together: their minimum number, the range of their angle in radians, their longest
 /// time in seconds.
@@ -109,31 +109,31 @@ impl Spinning {
 impl Scanner {
     /// Pulses of one profile, or of one rotation, of one head. The pulse rate is exact; the profile rate is
     /// adjusted to it.
-    pub(super) fn pulses(&self) -> u64 {
+    pub(crate) fn pulses(&self) -> u64 {
         (self.pulse_rate_hz / self.profiles_hz).round().max(1.0) as u64
     }
 
     /// Beams of a head, which fire in turn.
-    pub(super) fn beams(&self) -> u64 {
+    pub(crate) fn beams(&self) -> u64 {
         let count = |spinning: &Spinning| spinning.beams.iter().map(|(_, _, count)| u64::from(*count)).sum();
         self.spinning.as_ref().map_or(1, count).max(1)
     }
 
     /// Pulses of one beam in a profile or a rotation.
-    pub(super) fn columns(&self) -> f64 {
+    pub(crate) fn columns(&self) -> f64 {
         self.pulses() as f64 / self.beams() as f64
     }
 
     /// Number of pulses of a beam that are traced together: consecutive ones, or a single one if they are far
     /// apart.
-    pub(super) fn together(&self) -> u64 {
+    pub(crate) fn together(&self) -> u64 {
         let rate = self.pulse_rate_hz / self.beams() as f64;
         (self.fan() * self.columns() / TAU).min(FAN_S * rate).max(1.0) as u64
     }
 
     /// Number of pulses of a slice of time. A slice has whole profiles, or whole groups of pulses that are
     /// traced together.
-    pub(super) fn slice(&self) -> u64 {
+    pub(crate) fn slice(&self) -> u64 {
         if self.spinning.is_some() {
             let group = self.beams() * self.together();
             return (self.pulse_rate_hz / SLICES_HZ / group as f64).ceil() as u64 * group;
@@ -149,19 +149,19 @@ impl Scanner {
 
     /// Largest distance of a beam from the middle beam of its group, metres. In half a millisecond the
     /// vehicle moves 2 cm and, at 150 km/h in a bend of 50 m, turns by 0.4 mrad.
-    pub(super) fn spread(&self) -> f32 {
+    pub(crate) fn spread(&self) -> f32 {
         (self.range_m * (self.fan() * 0.5 + 0.001) + 0.1) as f32
     }
 
     /// Time of pulse number `count` of a head, seconds since the start; the second head fires half a pulse
     /// later.
-    pub(super) fn time(&self, count: u64, head: usize) -> f64 {
+    pub(crate) fn time(&self, count: u64, head: usize) -> f64 {
         (count as f64 + head as f64 / f64::from(self.heads)) / self.pulse_rate_hz
     }
 
     /// How the sweep of pulse number `count` is registered wrongly: shift in metres, and turn of its heading
     /// in radians.
-    pub(super) fn drift(&self, seed: u64, count: u64) -> (DVec3, f64) {
+    pub(crate) fn drift(&self, seed: u64, count: u64) -> (DVec3, f64) {
         if self.drift_m <= 0.0 {
             return (DVec3::ZERO, 0.0);
         }
@@ -171,12 +171,12 @@ impl Scanner {
     }
 
     /// Diameter of the beam at a range, metres.
-    pub(super) fn beam(&self, range: f32) -> f32 {
+    pub(crate) fn beam(&self, range: f32) -> f32 {
         0.004 + range * self.divergence_mrad as f32 * 1e-3
     }
 
     /// Height of the trajectory's reference point over the road, metres. A spinning head is at this point.
-    pub(super) fn height(&self) -> f64 {
+    pub(crate) fn height(&self) -> f64 {
         self.spinning.as_ref().map_or(PROFILER_HEIGHT, |spinning| spinning.height_m)
     }
 }
