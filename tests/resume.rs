@@ -235,7 +235,7 @@ fn a_refused_input_leaves_no_trace_in_the_state() {
     let (code, errors) = ended(&output);
     assert!(code == 6 && errors.contains("the points of street.laz have changed"), "{code}: {errors}");
     put(&right, 0);
-    let more = [long[0], long[1], "--set", "noise.min_component_points=5"];
+    let more = [long[0], long[1], "--set", "noise.min_component_points=6"];
     run_to_the_end(&inputs.list("street.laz"), &out, &more);
     let direct = inputs.path("direct");
     run_to_the_end(&inputs.list("street.laz"), &direct, &more);
