@@ -128,7 +128,7 @@ fn the_curve_is_that_of_the_whole_cloud_however_it_is_cut() {
         );
         let kept = kept(&points, case.ground);
         let estimate = |name: &str, tile_m: f64, threads: usize| {
-            let mut list = settings(&["noise.min_component_points=4", "noise.high=0.9"]);
+            let mut list = settings(&["noise.voxel=0.3", "noise.min_component_points=4", "noise.high=0.9"]);
             if !case.ground {
                 list.extend(settings(&["ground.method=none", "noise.enabled=false"]));
             }

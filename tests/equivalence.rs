@@ -22,8 +22,13 @@ use crate::util::oracle;
 use crate::util::street::{COURSES, Course, Street, number, permutation};
 
 /// Isolated noise in small scenes: fewer points already form an object.
-const SMALL: [&str; 4] =
-    ["noise.min_component_points=4", "noise.high=0.9", "euclidean.min_points=3", "run.memory_mib=256"];
+const SMALL: [&str; 5] = [
+    "noise.voxel=0.3",
+    "noise.min_component_points=4",
+    "noise.high=0.9",
+    "euclidean.min_points=3",
+    "run.memory_mib=256",
+];
 
 /// Settings for small scenes, with tiles of this many metres, this many threads, and more.
 fn small(tile_m: f64, threads: usize, more: &[String]) -> Vec<String> {
