@@ -240,9 +240,11 @@ impl<'a> TileView<'a> {
     /// # Errors
     /// Those of [`VoxelIndex::build`].
     pub fn voxels(&mut self, method: &'static str, edge: u32) -> Result<&VoxelIndex, AlgorithmError> {
-        let index = match self.voxels.take() {
-            Some(index) if index.grid.edge == edge => index,
-            _ => VoxelIndex::build(method, self.cloud, edge)?,
+        // Others are freed before new ones are built.
+        let same = self.voxels.take().filter(|index| index.grid.edge == edge);
+        let index = match same {
+            Some(index) => index,
+            None => VoxelIndex::build(method, self.cloud, edge)?,
         };
         Ok(self.voxels.insert(index))
     }
