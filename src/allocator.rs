@@ -51,6 +51,7 @@ fn limit_within(budget: u64) -> libc::c_int {
     share.clamp(LEAST_MAPPED_BYTES, MOST_MAPPED_BYTES)
 }
 
+/// Sets a parameter of the allocator, in bytes.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[expect(unsafe_code, reason = "a setting of the C library can only be made by an unsafe call")]
 fn set(parameter: libc::c_int, bytes: libc::c_int) {
