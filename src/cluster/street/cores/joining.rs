@@ -149,7 +149,6 @@ pub(crate) fn figures(
     let columns = &around.voxels.columns;
     let mut finder = columns.finder();
     let mut touching = Window::new(1, 1).over(columns);
-    let mut beside = Window::new(2, 12).over(columns);
     let mut facade = Window::new(3, 1).over(columns);
     let canopy = canopies(around, class);
     let below_canopy = Window::new(CANOPY_REACH, 0);
@@ -168,14 +167,9 @@ pub(crate) fn figures(
                 one.contact += u32::from(matches!(class[other], TREE | BUILDING));
             });
         }
-        if matches!(class[voxel], POLE | FENCE | SMALL) {
+        if class[voxel] == POLE {
             facade.visit([i, j], k, |other| {
                 one.at_facade |= u32::from(class[other] == BUILDING);
-            });
-        }
-        if matches!(class[voxel], FENCE | SMALL) {
-            beside.visit([i, j], k, |other| {
-                one.in_vehicle |= u32::from(class[other] == VEHICLE);
             });
         }
         if band[voxel] != NO_BAND {

@@ -34,9 +34,7 @@ pub(crate) struct Part {
     pub(crate) decided: u32,
     /// Voxels that are certainly of a pole, if the class is that of poles.
     pub(crate) sure_pole: u32,
-    /// Voxels with a vehicle above, below or beside them, if the class is another.
-    pub(crate) in_vehicle: u32,
-    /// Voxels beside a facade, if the class is not that of buildings.
+    /// Voxels beside a facade, if the class is that of poles.
     pub(crate) at_facade: u32,
     /// Highest tree voxel around low tree voxels, in lattice units above ground.
     pub(crate) canopy: i32,
@@ -61,7 +59,6 @@ impl Part {
             contact: 0,
             decided: 0,
             sure_pole: 0,
-            in_vehicle: 0,
             at_facade: 0,
             canopy: i32::MIN,
             spans: shares::spans(class).then(|| Box::new(Spans::of_place(place))),
@@ -82,7 +79,6 @@ impl Part {
         self.contact += other.contact;
         self.decided += other.decided;
         self.sure_pole += other.sure_pole;
-        self.in_vehicle += other.in_vehicle;
         self.at_facade += other.at_facade;
         self.canopy = self.canopy.max(other.canopy);
         if let (Some(spans), Some(other)) = (&mut self.spans, &other.spans) {

@@ -10,7 +10,9 @@ use crate::model::Lattice;
 /// in them. Whether one with fewer is whole, the model of pieces says later (`benches/results/street.md`,
 /// "Cutting more").
 const EMBEDDED: f64 = 3.0;
-/// Share of the voxels of a piece that are within 0.5 m of a facade from which the piece is a part of it.
+/// Share of the voxels of an upright piece that are within 0.5 m of a facade from which it is a part of it. Bins,
+/// fences and people do stand at facades and in front of cars. Whether one of them is whole, the model of
+/// pieces says later (`benches/results/street.md`, "What stands at facades").
 const AT_FACADE: f64 = 0.7;
 
 /// Whether a component is a core.
@@ -23,9 +25,8 @@ pub(crate) fn keeps(part: &Part, lattice: Lattice) -> bool {
     // A small piece with many neighbours in crowns or facades is foliage or a part of a facade.
     let embedded = f64::from(part.contact) > EMBEDDED * f64::from(voxels);
     let free = voxels >= 80 || !embedded;
-    let in_vehicle = voxels < 150 && f64::from(part.in_vehicle) >= 0.7 * f64::from(voxels);
     let stands = low < 0.8;
-    // What is fixed to a facade is a part of it: drain pipes, shop windows, railings of balconies.
+    // What is fixed to a facade is a part of it: drain pipes.
     let fixed = f64::from(part.at_facade) >= AT_FACADE * f64::from(voxels);
     match part.class {
         BUILDING => voxels >= 150 && high > 2.5,
@@ -36,8 +37,8 @@ pub(crate) fn keeps(part: &Part, lattice: Lattice) -> bool {
             tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)) && free && !fixed
         }
         VEHICLE => voxels >= 60 && extent > 1.5 && stands && free,
-        FENCE => voxels >= 12 && stands && free && !in_vehicle && !fixed,
-        SMALL => voxels >= 5 && stands && free && !in_vehicle && !fixed,
+        FENCE => voxels >= 12 && stands && free,
+        SMALL => voxels >= 5 && stands && free,
         WIRE => extent >= 3.0,
         _ => false,
     }
