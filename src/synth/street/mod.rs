@@ -42,9 +42,9 @@ struct Site<'a> {
     placed: Vec<Placed>,
 }
 
-/// What a thing takes of the ground: a rectangle along the street, and what is within a distance of it. Things whose
-/// footprints meet would be inside each other. In a bend, the metres along the street are those of the axis. Things of
-/// two cells do not know each other.
+/// What a thing takes of the ground: a rectangle along the street, and what is within a distance of it.
+/// Things whose footprints meet would be inside each other. In a bend, the metres along the street are those
+/// of the axis. Things of two cells do not know each other.
 #[derive(Clone, Copy)]
 struct Footprint {
     /// Chainage and offset of the middle, and half of the lengths along and across the street, metres.
@@ -166,7 +166,8 @@ impl Site<'_> {
         }
     }
 
-    /// Whether a thing of radius `r` at a place is in this cell, on the ground and off other parts of the street.
+    /// Whether a thing of radius `r` at a place is in this cell, on the ground and off other parts of the
+    /// street.
     fn inside(&self, place: DVec2, r: f64) -> bool {
         let ground = &self.ground;
         let walk = self.ground.plan.section(place.x).walk;
@@ -181,8 +182,8 @@ impl Site<'_> {
         !self.taken.iter().any(|(other, id)| Some(*id) != own && other.meets(footprint))
     }
 
-    /// Place of the front of a building on a lot of length `length` around a place, size of the building, and its
-    /// footprint; `None` if there is no room.
+    /// Place of the front of a building on a lot of length `length` around a place, size of the building, and
+    /// its footprint; `None` if there is no room.
     fn front(
         &self,
         lot: &Lot,

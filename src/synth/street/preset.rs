@@ -81,8 +81,8 @@ impl Preset {
 pub(crate) struct Kind {
     /// Class code, as in the labelled scenes.
     pub(crate) class: u8,
-    /// Distance kept from other things, metres: from its middle, or from the line along its span. `None`: it hangs, and
-    /// things stand below it.
+    /// Distance kept from other things, metres: from its middle, or from the line along its span. `None`: it
+    /// hangs, and things stand below it.
     pub(crate) radius: Option<f64>,
     /// Range of the angle by which models are turned from facing away from the road, degrees.
     pub(crate) turn: (f64, f64),

@@ -10,9 +10,9 @@ use crate::model::Lattice;
 /// in them. Whether one with fewer is whole, the model of pieces says later (`benches/results/street.md`,
 /// "Cutting more").
 const EMBEDDED: f64 = 3.0;
-/// Share of the voxels of an upright piece that are within 0.5 m of a facade from which it is a part of it. Bins,
-/// fences and people do stand at facades and in front of cars. Whether one of them is whole, the model of
-/// pieces says later (`benches/results/street.md`, "What stands at facades").
+/// Share of the voxels of an upright piece that are within 0.5 m of a facade from which it is a part of it.
+/// Bins, fences and people do stand at facades and in front of cars. Whether one of them is whole, the model
+/// of pieces says later (`benches/results/street.md`, "What stands at facades").
 const AT_FACADE: f64 = 0.7;
 
 /// Whether a component is a core.

@@ -27,8 +27,8 @@ const LEAST_WHOLE: u8 = 51;
 const SURE_WHOLE: u8 = 230;
 /// What has more voxels is no piece.
 pub(crate) const MOST_VOXELS: u64 = 2_000;
-/// What has more voxels is no stray piece. A user would miss an object of some square metres, however unsure it is.
-/// Of the objects above this that the model called stray on half of 51 drives, one was whole and three were not.
+/// What has more voxels is no stray piece. A user would miss an object of some square metres, however unsure
+/// it is. It adds one object that is right and three that are not on 29 drives (`benches/results/street.md`).
 const MOST_STRAY: u64 = 600;
 
 const TOUCHING: usize = 8;
