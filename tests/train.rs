@@ -120,14 +120,14 @@ fn a_second_call_adds_the_models_of_objects_whatever_the_tiles() {
     assert!(samples.iter().sum::<u64>() > 10 && samples[1] > 0 && samples[4] > 0, "{samples:?}");
     let wholes = model.wholes.as_ref().expect("a model of pieces");
     let counts = &wholes.about().samples;
-    assert!(counts[0] > 10 && counts[1..].iter().sum::<u64>() > 2, "{counts:?}");
+    assert!(counts[0] > 10 && counts[1..].iter().sum::<u64>() > 0, "{counts:?}");
     assert_eq!(wholes.about().trained_on.len(), 2);
     assert_ne!(model.checksum(), before.checksum());
 
     // Where the points are denser, all objects are whole, so there is nothing to tell apart.
     let names = folder.path().join("names.model");
     let denser =
-        synth(folder.path().join("denser"), &["downtown", "--length", "40m", "--pulse-rate", "60kHz"]);
+        synth(folder.path().join("denser"), &["downtown", "--length", "40m", "--pulse-rate", "120kHz"]);
     assert_eq!(ended(&train(&denser, &names, &onto[..2])).0, 0);
     let names = read_model(&names).expect("a model");
     assert!(names.objects.is_some() && names.wholes.is_none());
