@@ -15,7 +15,7 @@ fn labelled(folder: &Path) -> PathBuf {
 
 /// Sweeps of a spinning scanner. It sees far crowns and facades in pieces.
 fn sweeps(folder: &Path) -> PathBuf {
-    synth(folder.join("sweeps"), &["suburb", "--scanner", "spinning-64-wide", "--sweeps", "4"])
+    synth(folder.join("sweeps"), &["downtown", "--scanner", "spinning-64-wide", "--sweeps", "4"])
 }
 
 fn synth(drive: PathBuf, options: &[&str]) -> PathBuf {
@@ -120,7 +120,7 @@ fn a_second_call_adds_the_models_of_objects_whatever_the_tiles() {
     assert!(samples.iter().sum::<u64>() > 10 && samples[1] > 0 && samples[4] > 0, "{samples:?}");
     let wholes = model.wholes.as_ref().expect("a model of pieces");
     let counts = &wholes.about().samples;
-    assert!(counts[0] > 10 && counts[1..].iter().sum::<u64>() > 0, "{counts:?}");
+    assert!(counts[0] > 10 && counts[1..].iter().sum::<u64>() > 2, "{counts:?}");
     assert_eq!(wholes.about().trained_on.len(), 2);
     assert_ne!(model.checksum(), before.checksum());
 

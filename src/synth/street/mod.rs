@@ -129,7 +129,7 @@ impl Site<'_> {
             let stand = match &row.lot {
                 Some(lot) => self.front(lot, row.every, line(s), &mut random),
                 None => Some((line(s), Vec3::ONE, Footprint::of(kind, line(s))))
-                    .filter(|(place, ..)| self.inside(*place, kind.radius.unwrap_or(0.0)))
+                    .filter(|(place, ..)| self.on_ground(*place, kind.radius.unwrap_or(0.0)))
                     .filter(|(_, _, footprint)| footprint.is_none_or(|footprint| self.free(&footprint, own))),
             };
             let Some((place, size, footprint)) = stand else { continue };
@@ -166,9 +166,9 @@ impl Site<'_> {
         }
     }
 
-    /// Whether a thing of radius `r` at a place is in this cell, on the ground and off other parts of the
-    /// street.
-    fn inside(&self, place: DVec2, r: f64) -> bool {
+    /// Whether a place is on ground for a thing of radius `r`: before the end of the street, not beside a
+    /// bridge, and off other parts of the street.
+    fn on_ground(&self, place: DVec2, r: f64) -> bool {
         let ground = &self.ground;
         let walk = self.ground.plan.section(place.x).walk;
         let over_dip = place.y.abs() > walk && ground.plan.dip(place.x) > 0.2;
@@ -201,8 +201,8 @@ impl Site<'_> {
         let outwards = DVec2::new(width, lot.depth.copysign(place.y));
         let corners = [(-0.5, 0.0), (0.5, 0.0), (-0.5, 1.0), (0.5, 1.0)].map(DVec2::from);
         let footprint = Footprint::of_building(place, width, lot.depth);
-        let inside = corners.iter().all(|corner| self.inside(place + *corner * outwards, 0.0));
-        let stands = width >= 6.0 && inside && self.free(&footprint, None);
+        let on_ground = corners.iter().all(|corner| self.on_ground(place + *corner * outwards, 0.0));
+        let stands = width >= 6.0 && on_ground && self.free(&footprint, None);
         stands.then(|| (place, vec3(width as f32, lot.depth as f32, 1.0), Some(footprint)))
     }
 }

@@ -82,7 +82,7 @@ pub(crate) struct Kind {
     /// Class code, as in the labelled scenes.
     pub(crate) class: u8,
     /// Distance kept from other things, metres: from its middle, or from the line along its span. `None`: it
-    /// hangs, and things stand below it.
+    /// hangs, and things stand below it, or it is a building, which keeps off with its lot.
     pub(crate) radius: Option<f64>,
     /// Range of the angle by which models are turned from facing away from the road, degrees.
     pub(crate) turn: (f64, f64),
