@@ -1,7 +1,10 @@
 //! Step `cores`: the parts of the drive that are certainly one object each.
 
 pub(crate) mod arms;
+pub(crate) mod beside;
+pub(crate) mod cuts;
 pub(crate) mod facades;
+pub(crate) mod footprint;
 pub(crate) mod joining;
 pub(crate) mod nearby;
 pub(crate) mod part;

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::footprint::Footprint;
 use crate::cluster::columns::Voxel;
-use crate::cluster::street::cores::vehicles::rows::Footprint;
-use crate::cluster::street::shares::{self, VEHICLE};
+use crate::cluster::street::shares::{self, FENCE, VEHICLE};
 use crate::cluster::street::spans::Spans;
 
 /// Number of bands of height of low tree voxels.
@@ -40,7 +40,7 @@ pub(crate) struct Part {
     pub(crate) canopy: i32,
     /// How far it reaches in the plane, where [`shares::spans`] says that it counts.
     pub(crate) spans: Option<Box<Spans>>,
-    /// Where it stands, for vehicles that may be a row.
+    /// Where it stands, for what may be several objects (`cuts`).
     pub(crate) footprint: Option<Box<Footprint>>,
 }
 
@@ -62,7 +62,7 @@ impl Part {
             at_facade: 0,
             canopy: i32::MIN,
             spans: shares::spans(class).then(|| Box::new(Spans::of_place(place))),
-            footprint: (class == VEHICLE)
+            footprint: matches!(class, VEHICLE | FENCE)
                 .then(|| Box::new(Footprint::of_voxel([first[0], first[1]], height))),
         }
     }

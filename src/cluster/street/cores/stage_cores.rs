@@ -16,6 +16,7 @@ use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::arms;
+use super::cuts::{self, Cut};
 use super::facades::{self, Near};
 use super::joining;
 use super::part::{NO_BAND, Part};
@@ -30,7 +31,6 @@ use crate::cluster::street::chains::stage_chains::{self, Verdict};
 use crate::cluster::street::classes::classified::Classified;
 use crate::cluster::street::cores::trees::crowns::{self, Crown};
 use crate::cluster::street::cores::trees::seeds;
-use crate::cluster::street::cores::vehicles::rows::{self, Row};
 use crate::cluster::street::cores::vehicles::trails;
 use crate::cluster::street::settings::{CLASSES, EDGE_M, STEP_CORES};
 use crate::cluster::street::shares::{self, GROUND, POLE, TREE};
@@ -93,9 +93,9 @@ pub(crate) struct Core {
 pub(crate) struct OfTile {
     /// Label of each component, or 0.
     labels: Vec<u32>,
-    /// Rows of vehicles that have a voxel in the tile: the component, where it is cut, and the labels of the
-    /// vehicles.
-    rows: Vec<(u32, Row, Vec<u32>)>,
+    /// Components with a voxel in the tile that are several objects: the component, how it is cut, and the
+    /// labels of the objects.
+    cuts: Vec<(u32, Cut, Vec<u32>)>,
     /// Label of each chain that has a trunk voxel in the tile.
     chains: Vec<(u32, u32)>,
     /// Label of each crown that is a tree of its own and has a voxel in the tile.
@@ -126,8 +126,8 @@ impl Cored {
         for (near, places) in around.voxels.by_tile() {
             let payload: Payload = codec::decode(&tile.payload(STEP_CORES, near)?)?;
             let of_tile: OfTile = sliced::slice(tile.global(STEP_CORES), near)?;
-            let rows: BTreeMap<u32, (Row, Vec<u32>)> =
-                of_tile.rows.into_iter().map(|(part, row, labels)| (part, (row, labels))).collect();
+            let cuts: BTreeMap<u32, (Cut, Vec<u32>)> =
+                of_tile.cuts.into_iter().map(|(part, cut, labels)| (part, (cut, labels))).collect();
             for &(voxel, at) in &places {
                 let (voxel, at) = (voxel as usize, at as usize);
                 class[at] = payload.class[voxel] & !DECIDED;
@@ -136,8 +136,8 @@ impl Cored {
                 }
                 if let Some(part) = payload.part[voxel].checked_sub(1) {
                     let [x, y, _] = around.voxels.centre[at];
-                    label[at] = match rows.get(&part) {
-                        Some((row, labels)) => labels[row.vehicle([x, y])],
+                    label[at] = match cuts.get(&part) {
+                        Some((cut, labels)) => labels[cut.number([x, y])],
                         None => of_tile.labels[part as usize],
                     };
                 }
@@ -196,7 +196,7 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let chosen = |voxel: usize| band[voxel] != NO_BAND || joined[voxel] > TREE;
     let parts = links.finish(&around.voxels, chosen);
     let mut figures = joining::figures(&around, &class, &band, &|voxel| trunk[voxel].0, &parts);
-    keep_rows(&mut figures, &parts.border, lattice);
+    keep_footprints(&mut figures, &parts.border, lattice);
     let mut rising: Vec<(u32, u32)> =
         rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
     rising.sort_unstable();
@@ -222,12 +222,12 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     Ok(Mapped::payload(codec::encode(&payload)?))
 }
 
-/// Drops the footprints of components that end in the tile and are no rows.
-fn keep_rows(figures: &mut [Option<Part>], border: &Border, lattice: Lattice) {
+/// Drops the footprints of components that end in the tile and are not cut.
+fn keep_footprints(figures: &mut [Option<Part>], border: &Border, lattice: Lattice) {
     let shared: BTreeSet<u32> = border.shared.iter().map(|(_, component)| *component).collect();
     for (component, part) in (0_u32..).zip(figures) {
         let Some(part) = part.as_mut().filter(|_| !shared.contains(&component)) else { continue };
-        if !part.spans.as_ref().is_some_and(|spans| rows::may_be_row(spans, lattice)) {
+        if !cuts::may_be_cut(part, lattice) {
             part.footprint = None;
         }
     }
@@ -329,8 +329,8 @@ impl Found {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Source {
     Component(u32),
-    /// A vehicle of a row: the component, and the number of the vehicle in the row.
-    Vehicle(u32, usize),
+    /// An object of a component that is cut: the component, and the number of the object.
+    Piece(u32, usize),
     Stem(usize),
     Crown(Cell),
 }
@@ -361,11 +361,11 @@ impl Labels {
 
     /// The slice of a tile, with the cores that it names.
     fn with_cores(&self, of_tile: OfTile) -> OfTile {
-        let OfTile { labels, rows, chains, crowns, .. } = &of_tile;
+        let OfTile { labels, cuts, chains, crowns, .. } = &of_tile;
         let of_trees = chains.iter().map(|chain| chain.1).chain(crowns.iter().map(|crown| crown.1));
-        let of_rows = rows.iter().flat_map(|row| row.2.iter().copied());
+        let of_cuts = cuts.iter().flat_map(|cut| cut.2.iter().copied());
         let named: BTreeSet<u32> =
-            labels.iter().copied().chain(of_rows).chain(of_trees).filter(|&label| label != 0).collect();
+            labels.iter().copied().chain(of_cuts).chain(of_trees).filter(|&label| label != 0).collect();
         let cores = named.into_iter().map(|label| self.cores[label as usize - 1]).collect();
         OfTile { cores, ..of_tile }
     }
@@ -385,23 +385,22 @@ pub(crate) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
     // Between the stripes of a trail is nothing, which would be a valley. So rows are found before.
-    let row = |part: &Part| Row::of(part.spans.as_deref()?, part.footprint.as_deref()?, lattice);
-    let rows: BTreeMap<u32, Row> =
-        whole.iter().filter_map(|(&component, part)| Some((component, row(part)?))).collect();
+    let rows = cuts::rows(&whole, lattice);
+    let beside = cuts::take_beside(&mut whole, lattice);
     let mut united = trails::unite(&mut whole, &rows, lattice);
     uniting::go_on(&mut united, uniting::unite(&mut whole, |part| keeps(part, lattice), lattice));
-    let rows: BTreeMap<u32, Row> =
-        rows.into_iter().map(|(component, row)| (uniting::by_name(&united, component), row)).collect();
+    let cuts = cuts::by_name(rows, beside, &united);
     united.extend(facades::unite(&mut whole, near, |part| keeps(part, lattice), lattice));
     united.extend(arms::join(&whole, |part| keeps(part, lattice), lattice));
 
     let kept = whole.iter().filter(|(_, part)| keeps(part, lattice));
     let cores = kept.flat_map(|(&component, part)| {
-        let sources = match rows.get(&component) {
-            Some(row) => (0..row.count()).map(|vehicle| Source::Vehicle(component, vehicle)).collect(),
-            None => vec![Source::Component(component)],
+        let places = match cuts.get(&component) {
+            Some(cut) => cut.places(part.centre()).into_iter().enumerate(),
+            None => return vec![(part.first, part.class, Source::Component(component), part.centre())],
         };
-        sources.into_iter().map(|source| (part.first, part.class, source, part.centre()))
+        let piece = |(number, place)| (part.first, part.class, Source::Piece(component, number), place);
+        places.map(piece).collect()
     });
     let of_stems = stems.seeds.iter().enumerate();
     let of_stems = of_stems.map(|(number, stem)| (stem.first, TREE, Source::Stem(number), stem.place));
@@ -421,16 +420,16 @@ pub(crate) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
                 trunks.filter_map(|chain| Some((*chain, stem(stems.chains.get(chain)?)?))).collect();
             let cells = found.in_crowns[tile].iter();
             let crowns = cells.filter_map(|cell| Some((*cell, labels.get(Source::Crown(*cell))?)));
-            let vehicle = |component, vehicle| labels.get(Source::Vehicle(component, vehicle)).unwrap_or(0);
-            let of_rows = (0..).zip(&component[tile]).filter_map(|(part, component)| {
+            let piece = |component, number| labels.get(Source::Piece(component, number)).unwrap_or(0);
+            let of_cuts = (0..).zip(&component[tile]).filter_map(|(part, component)| {
                 let component = uniting::by_name(&united, *component);
-                let row = rows.get(&component)?;
-                let labels = (0..row.count()).map(|number| vehicle(component, number)).collect();
-                Some((part, row.clone(), labels))
+                let cut = cuts.get(&component)?;
+                let labels = (0..cut.count()).map(|number| piece(component, number)).collect();
+                Some((part, cut.clone(), labels))
             });
             labels.with_cores(OfTile {
                 labels: of_parts.collect(),
-                rows: of_rows.collect(),
+                cuts: of_cuts.collect(),
                 chains: chains.into_iter().collect(),
                 crowns: crowns.collect(),
                 cores: Vec::new(),

@@ -10,11 +10,10 @@
 //! outlines stand out, and a trail has valleys there. They have fewer voxels than a vehicle that stands, and
 //! are not cut off.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
 use super::lanes;
+use crate::cluster::street::cores::footprint::{Columns, Footprint, centre};
 use crate::cluster::street::settings::EDGE_M;
 use crate::cluster::street::spans::{self, Spans};
 use crate::model::Lattice;
@@ -41,23 +40,6 @@ const LONG_OUTLINE: f64 = 0.75;
 /// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both
 /// sides.
 const VALLEY: f64 = 0.75;
-
-/// The top of each column of voxels of a component, in lattice units above ground, and its number of voxels.
-#[derive(Debug, Default, Clone, Serialize, Deserialize)]
-pub(crate) struct Footprint(BTreeMap<Cell, (i32, u32)>);
-
-impl Footprint {
-    pub(crate) fn of_voxel(column: Cell, height: i32) -> Self {
-        Self(BTreeMap::from([(column, (height, 1))]))
-    }
-
-    pub(crate) fn merge(&mut self, other: &Self) {
-        for (&column, &(top, count)) in &other.0 {
-            let entry = self.0.entry(column).or_insert((i32::MIN, 0));
-            *entry = (entry.0.max(top), entry.1 + count);
-        }
-    }
-}
 
 /// Whether a component of vehicles may be a row.
 pub(crate) fn may_be_row(spans: &Spans, lattice: Lattice) -> bool {
@@ -89,8 +71,8 @@ impl Row {
         }
         let edge = lattice.units(EDGE_M);
         let is_wide = spans.narrowest().width > lattice.units(WIDEST_M);
-        let Some(lanes) = is_wide.then(|| lanes::of(&footprint.0, lattice)).flatten() else {
-            let lane = Lane::of(spans, &footprint.0, lattice);
+        let Some(lanes) = is_wide.then(|| lanes::of(footprint.columns(), lattice)).flatten() else {
+            let lane = Lane::of(spans, footprint.columns(), lattice);
             return (!lane.cuts.is_empty()).then(|| Self { lanes: vec![lane], columns: Vec::new(), edge });
         };
         let mut columns: Vec<(Cell, u32)> =
@@ -131,14 +113,6 @@ impl Row {
         before + self.lanes[lane].vehicle(place)
     }
 }
-
-/// The middle of a column of voxels, in lattice units.
-fn centre(column: Cell, edge: i64) -> [i64; 2] {
-    column.map(|index| i64::from(index) * edge + edge / 2)
-}
-
-/// The columns of a row: see [`Footprint`].
-type Columns = BTreeMap<Cell, (i32, u32)>;
 
 /// Where the vehicles of a lane are cut from each other.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

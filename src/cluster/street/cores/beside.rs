@@ -1,0 +1,197 @@
+//! What stands before or behind a fence or hedge and was joined with it: bushes, bins, benches.
+//!
+//! A fence is a line. Its two sides are followed along it, as medians over some metres, so that it may bend.
+//! What sticks out of a side over a short piece of the line is an object of its own. A line that turns off is
+//! thin where it does, and long pieces that stick out are lines beside each other.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use super::footprint::{Footprint, centre};
+use super::part::Part;
+use crate::cluster::street::settings::EDGE_M;
+use crate::cluster::street::spans::{self, Spans};
+use crate::model::Lattice;
+use crate::spatial::Cell;
+
+/// Shortest and narrowest box of a component beside whose line something may stand, in metres.
+const LINE_M: f64 = 3.0;
+const WIDE_M: f64 = 1.0;
+/// Length along the line, before and behind a place, over which its sides there are medians, in metres.
+const AROUND_M: f64 = 4.0;
+/// How far what stands beside it sticks out of the line, in metres: each column of voxels at the outside,
+/// the farthest one, and those that belong to it.
+const EACH_M: f64 = 0.3;
+const FARTHEST_M: f64 = 0.6;
+const BESIDE_M: f64 = 0.15;
+/// The farthest one also sticks out so many times as far as the side varies by itself (median). Hedges that
+/// were clipped vary by 0.05 to 0.25 m, rows of shrubs by 0.3 to 0.8 m.
+const TIMES_ITSELF: i64 = 3;
+/// Shortest and longest piece of the line that it takes, in metres, and the longest gap in it, in voxels.
+const PIECE_M: (f64, f64) = (0.45, 4.0);
+const GAP: usize = 2;
+/// Least length of this piece, as a part of how far it sticks out. Otherwise a line turns off.
+const STOUT: f64 = 0.4;
+/// Smallest number of voxels.
+const VOXELS: u32 = 12;
+
+/// Whether something may stand beside the line of a component.
+pub(crate) fn may_be_beside(spans: &Spans, lattice: Lattice) -> bool {
+    let around = spans.narrowest();
+    around.length > lattice.units(LINE_M) && around.width > lattice.units(WIDE_M)
+}
+
+/// What stands beside the line of a component.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Beside {
+    /// The columns of voxels of each object, ascending, and its number from 1.
+    columns: Vec<(Cell, u32)>,
+    /// The middle of each object, in lattice units.
+    places: Vec<[i64; 2]>,
+    /// Edge of a column, in lattice units.
+    edge: i64,
+}
+
+/// A step along a line, and what is in it.
+#[derive(Debug, Clone, Default)]
+struct Step {
+    /// Columns with their positions across the line and their numbers of voxels.
+    columns: Vec<(i64, Cell, u32)>,
+}
+
+impl Beside {
+    /// What stands beside the line of a component with these spans and columns, if anything does.
+    pub(crate) fn of(spans: &Spans, footprint: &Footprint, lattice: Lattice) -> Option<Self> {
+        if !may_be_beside(spans, lattice) {
+            return None;
+        }
+        let edge = lattice.units(EDGE_M);
+        let around = spans.narrowest();
+        let start = spans.from(around.along());
+        let mut steps: Vec<Step> = Vec::new();
+        for (&column, &(_, count)) in footprint.columns() {
+            let place = centre(column, edge);
+            let along = (spans::position(place, around.along()) - start).max(0);
+            let at = usize::try_from(along / (spans::SCALE_UNITS * edge)).unwrap_or(0);
+            if steps.len() <= at {
+                steps.resize(at + 1, Step::default());
+            }
+            steps[at].columns.push((spans::position(place, around.across()), column, count));
+        }
+        let mut objects: Vec<Vec<Cell>> = Vec::new();
+        for _ in 0..2 {
+            objects.extend(out_of(&steps, lattice));
+            steps.iter_mut().flat_map(|step| &mut step.columns).for_each(|column| column.0 = -column.0);
+        }
+        if objects.is_empty() {
+            return None;
+        }
+        let middle = |columns: &Vec<Cell>| {
+            let count = i64::try_from(columns.len()).unwrap_or(i64::MAX);
+            let sum = |axis: usize| columns.iter().map(|&column| centre(column, edge)[axis]).sum::<i64>();
+            [sum(0) / count, sum(1) / count]
+        };
+        let places = objects.iter().map(middle).collect();
+        let numbered =
+            (1..).zip(&objects).flat_map(|(number, columns)| columns.iter().map(move |&at| (at, number)));
+        let mut columns: Vec<(Cell, u32)> = numbered.collect();
+        columns.sort_unstable();
+        columns.dedup_by_key(|column| column.0);
+        Some(Self { columns, places, edge })
+    }
+
+    /// Makes the figures of a component those of its line.
+    pub(crate) fn leave_line(&self, part: &mut Part, footprint: &Footprint) {
+        let line =
+            footprint.columns().iter().filter(|(column, _)| self.number(centre(**column, self.edge)) == 0);
+        let of_column = |(&column, &(top, count)): (&Cell, &(i32, u32))| {
+            let [x, y] = centre(column, self.edge);
+            let one = Part::of_voxel(part.class, part.band, part.first, top, [x, y, 0]);
+            let times = |value: i64| value * i64::from(count);
+            Part { voxels: count, sum: [times(x), times(y)], footprint: None, ..one }
+        };
+        let merged = line.map(of_column).reduce(|mut whole, one| {
+            whole.merge(&one);
+            whole
+        });
+        let Some(line) = merged else { return };
+        let share =
+            |figure: u32| (u64::from(figure) * u64::from(line.voxels) / u64::from(part.voxels)) as u32;
+        *part = Part {
+            height: (part.height.0, line.height.1),
+            contact: share(part.contact),
+            decided: share(part.decided),
+            ..line
+        };
+    }
+
+    /// Adds what stands beside another line that is united with this one.
+    pub(crate) fn merge(&mut self, other: Self) {
+        let before = u32::try_from(self.places.len()).unwrap_or(u32::MAX);
+        self.columns.extend(other.columns.into_iter().map(|(column, number)| (column, before + number)));
+        self.columns.sort_unstable();
+        self.columns.dedup_by_key(|column| column.0);
+        self.places.extend(other.places);
+    }
+
+    /// The middles of the objects beside the line.
+    pub(crate) fn places(&self) -> &[[i64; 2]] {
+        &self.places
+    }
+
+    /// Number of the object at a place, from 1; 0 for the line.
+    pub(crate) fn number(&self, place: [i64; 2]) -> usize {
+        let column = place.map(|at| i32::try_from(at.div_euclid(self.edge)).unwrap_or(i32::MAX));
+        let found = self.columns.binary_search_by_key(&column, |&(column, _)| column);
+        found.map_or(0, |at| self.columns[at].1 as usize)
+    }
+}
+
+/// The columns of each object that sticks out of the upper side of a line.
+fn out_of(steps: &[Step], lattice: Lattice) -> Vec<Vec<Cell>> {
+    let units = |metres: f64| lattice.units(metres) * spans::SCALE_UNITS;
+    let edge = lattice.units(EDGE_M);
+    let around = usize::try_from(lattice.units(AROUND_M) / edge).unwrap_or(0);
+    let top: Vec<Option<i64>> =
+        steps.iter().map(|step| step.columns.iter().map(|column| column.0).max()).collect();
+    let side = |at: usize| {
+        let mut near: Vec<i64> = top[at.saturating_sub(around)..(at + around + 1).min(top.len())]
+            .iter()
+            .flatten()
+            .copied()
+            .collect();
+        near.sort_unstable();
+        near.get(near.len() / 2).copied().unwrap_or(0)
+    };
+    let sides: Vec<i64> = (0..steps.len()).map(side).collect();
+    let out = |at: usize| top[at].map_or(0, |top| top - sides[at]);
+    let mut pieces: Vec<Range<usize>> = Vec::new();
+    for at in (0..steps.len()).filter(|&at| out(at) >= units(EACH_M)) {
+        match pieces.last_mut() {
+            Some(piece) if at <= piece.end + GAP => piece.end = at + 1,
+            _ => pieces.push(at..at + 1),
+        }
+    }
+    let mut varies: Vec<i64> =
+        (0..top.len()).filter(|&at| top[at].is_some()).map(|at| out(at).abs()).collect();
+    varies.sort_unstable();
+    let itself = varies.get(varies.len() / 2).copied().unwrap_or(0);
+    let sticks_out = units(FARTHEST_M) + TIMES_ITSELF * itself;
+    let object = |piece: Range<usize>| {
+        let farthest = piece.clone().map(out).max().unwrap_or(0);
+        let length = i64::try_from(piece.len()).unwrap_or(i64::MAX) * edge * spans::SCALE_UNITS;
+        let is_stout = length as f64 >= STOUT * farthest as f64;
+        if farthest < sticks_out || length < units(PIECE_M.0) || length > units(PIECE_M.1) || !is_stout {
+            return None;
+        }
+        let beside = piece.flat_map(|at| {
+            let limit = sides[at] + units(BESIDE_M);
+            steps[at].columns.iter().filter(move |column| column.0 > limit)
+        });
+        let (columns, counts): (Vec<Cell>, Vec<u32>) =
+            beside.map(|&(_, column, count)| (column, count)).unzip();
+        (counts.iter().sum::<u32>() >= VOXELS).then_some(columns)
+    };
+    pieces.into_iter().filter_map(object).collect()
+}
