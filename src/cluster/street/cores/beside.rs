@@ -23,7 +23,7 @@ const AROUND_M: f64 = 4.0;
 /// How far what stands beside it sticks out of the line, in metres: each column of voxels at the outside,
 /// the farthest one, and those that belong to it.
 const EACH_M: f64 = 0.3;
-const FARTHEST_M: f64 = 0.6;
+const FARTHEST_M: f64 = 0.45;
 const BESIDE_M: f64 = 0.15;
 /// The farthest one also sticks out so many times as far as the side varies by itself (median). Hedges that
 /// were clipped vary by 0.05 to 0.25 m, rows of shrubs by 0.3 to 0.8 m.
