@@ -195,3 +195,121 @@ fn out_of(steps: &[Step], lattice: Lattice) -> Vec<Vec<Cell>> {
     };
     pieces.into_iter().filter_map(object).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::cluster::street::cores::part::NO_BAND;
+    use crate::cluster::street::shares::FENCE;
+
+    const LATTICE: Lattice = Lattice::MILLIMETRE;
+
+    /// A component with these columns, each as many voxels high as said, and 0.15 m a voxel.
+    fn component(columns: impl IntoIterator<Item = (Cell, u32)>) -> Part {
+        let edge = LATTICE.units(EDGE_M);
+        let voxel = |(column, level): (Cell, u32)| {
+            let [x, y] = centre(column, edge);
+            let z = i64::from(level) * edge + edge / 2;
+            let level = i32::try_from(level).unwrap();
+            Part::of_voxel(
+                FENCE,
+                NO_BAND,
+                [column[0], column[1], level],
+                i32::try_from(z).unwrap(),
+                [x, y, z],
+            )
+        };
+        let columns: BTreeSet<(Cell, u32)> = columns.into_iter().collect();
+        let voxels =
+            columns.into_iter().flat_map(|(column, high)| (0..high).map(move |level| (column, level)));
+        let merged = voxels.map(voxel).reduce(|mut whole, one| {
+            whole.merge(&one);
+            whole
+        });
+        merged.unwrap()
+    }
+
+    fn beside(part: &Part) -> Option<Beside> {
+        Beside::of(part.spans.as_ref().unwrap(), part.footprint.as_ref().unwrap(), LATTICE)
+    }
+
+    /// 15 m of a hedge of 0.45 m, 1.2 m high, along a curve.
+    fn hedge(side: impl Fn(i32) -> i32) -> impl Iterator<Item = (Cell, u32)> {
+        (0..100).flat_map(move |i| {
+            let from = side(i);
+            (from..from + 3).map(move |j| ([i, j], 8))
+        })
+    }
+
+    /// The columns of a bush of 1.3 m around a column, 1.8 m high.
+    fn bush([i, j]: Cell) -> impl Iterator<Item = (Cell, u32)> {
+        let around = (-4..=4).flat_map(|di: i32| (-4..=4).map(move |dj: i32| (di, dj)));
+        around.filter(|(di, dj)| di * di + dj * dj < 20).map(move |(di, dj)| ([i + di, j + dj], 12))
+    }
+
+    fn at([i, j]: Cell) -> [i64; 2] {
+        centre([i, j], LATTICE.units(EDGE_M))
+    }
+
+    #[test]
+    fn a_bush_before_a_hedge_is_an_object_and_the_hedge_is_what_it_is_without_it() {
+        for bends in [0, 1500, 500] {
+            let side = |i: i32| if bends == 0 { 0 } else { i * i / bends };
+            let alone = component(hedge(side));
+            assert_eq!(beside(&alone), None, "bends {bends}");
+            let places = [[30, side(30) + 9], [70, side(70) - 8]];
+            let mut part = component(hedge(side).chain(bush(places[0])).chain(bush(places[1])));
+            let found = beside(&part).unwrap();
+            assert_eq!(found.places().len(), 2);
+            let mut numbers = places.map(|place| found.number(at(place)));
+            numbers.sort_unstable();
+            assert_eq!(numbers, [1, 2]);
+            let on_line = (0..100).filter(|&i| found.number(at([i, side(i) + 1])) == 0).count();
+            assert_eq!(on_line, 100);
+            for place in places {
+                let [x, y] = found.places()[found.number(at(place)) - 1];
+                let [u, v] = at(place);
+                assert!((x - u).abs().max((y - v).abs()) < 200, "{x} {y} {u} {v}");
+            }
+            let footprint = part.footprint.clone().unwrap();
+            found.leave_line(&mut part, &footprint);
+            assert!(part.voxels.abs_diff(alone.voxels) < 30, "{} {}", part.voxels, alone.voxels);
+            assert_eq!(part.height, alone.height);
+            let width = |part: &Part| part.spans.as_ref().unwrap().narrowest().width;
+            assert!((width(&part) - width(&alone)).abs() <= 300);
+        }
+    }
+
+    #[test]
+    fn what_turns_off_or_goes_on_beside_a_line_is_a_part_of_it() {
+        let turn = (3..20).flat_map(|j| (97..100).map(move |i| ([i, j], 8)));
+        assert_eq!(beside(&component(hedge(|_| 0).chain(turn))), None, "a corner");
+        let second = (20..60).flat_map(|i| (8..10).map(move |j| ([i, j], 8)));
+        assert_eq!(beside(&component(hedge(|_| 0).chain(second))), None, "6 m of a second line");
+        assert_eq!(
+            beside(&component(hedge(|_| 0).chain([([50, 6], 8), ([51, 6], 3)]))),
+            None,
+            "a few voxels"
+        );
+    }
+
+    #[test]
+    fn of_a_row_of_shrubs_only_what_sticks_out_far_is_cut() {
+        let row = |i: i32| [0, 2, -3, 1, -1, 4, 0, -2][usize::try_from(i / 5 % 8).unwrap()];
+        let with = |j: i32| beside(&component(hedge(row).chain(bush([50, j]))));
+        assert_eq!(with(4), None);
+        assert_eq!(with(13).map(|found| found.places().len()), Some(1));
+    }
+
+    #[test]
+    fn two_lines_that_are_one_have_the_objects_of_both() {
+        let mut first = beside(&component(hedge(|_| 0).chain(bush([30, 8])))).unwrap();
+        let second = component(hedge(|_| 0).chain(bush([60, 8]))).footprint.unwrap();
+        let moved = second.columns().iter().map(|(&[i, j], &(_, count))| ([i + 200, j], count));
+        first.merge(beside(&component(moved)).unwrap());
+        assert_eq!([[30, 8], [260, 8], [260, 1]].map(|place| first.number(at(place))), [1, 2, 0]);
+        assert_eq!(first.places().len(), 2);
+    }
+}
