@@ -23,6 +23,10 @@ use crate::spatial::Cell;
 const ROW_M: f64 = 6.2;
 /// Length of the shortest car, in metres.
 const SHORTEST_M: f64 = 3.0;
+/// The same two lengths for a component up to the third one: a car that moves and that two heads saw one
+/// after the other. Each of them sees it shorter than it is, 2.9 to 3.5 m long, because it comes or drives
+/// away while the head passes it.
+const TWICE_M: (f64, f64, f64) = (5.4, 2.6, 7.0);
 /// Length from which a vehicle is the trail of one that moves, by the height of its top, in metres. Cars and
 /// vans are lower than 2.4 m and at most 6 m long, lorries and buses at most 12 m.
 const TRAIL_M: [(f64, f64); 2] = [(2.4, LOW_TRAIL_M), (f64::INFINITY, 13.0)];
@@ -43,7 +47,7 @@ const VALLEY: f64 = 0.75;
 
 /// Whether a component of vehicles may be a row.
 pub(crate) fn may_be_row(spans: &Spans, lattice: Lattice) -> bool {
-    spans.narrowest().length > lattice.units(ROW_M)
+    spans.narrowest().length > lattice.units(TWICE_M.0)
 }
 
 /// Whether a vehicle of this length is a trail. `top` is above ground; both are in lattice units.
@@ -147,7 +151,9 @@ impl Lane {
         }
         let bins = |metres: f64| usize::try_from(lattice.units(metres) / edge).unwrap_or(usize::MAX);
         let mut cuts = Vec::new();
-        profile.cut(0, profile.0.len(), (bins(ROW_M), bins(SHORTEST_M)), &mut cuts);
+        let (row, shortest) =
+            if profile.0.len() <= bins(TWICE_M.2) { (TWICE_M.0, TWICE_M.1) } else { (ROW_M, SHORTEST_M) };
+        profile.cut(0, profile.0.len(), (bins(row), bins(shortest)), &mut cuts);
         cuts.sort_unstable();
         #[expect(clippy::cast_possible_wrap, reason = "bins of a row of vehicles")]
         let outline = |vehicle: &Vehicle| {
@@ -366,7 +372,17 @@ mod tests {
     }
 
     #[test]
+    fn a_car_that_two_heads_saw_one_after_the_other_is_two() {
+        let row = found(&[(2.9, 1.5), (3.2, 1.5)]).unwrap();
+        let at = |metres: f64| row.vehicle([Lattice::MILLIMETRE.units(metres), 800]);
+        assert_eq!([0.1, 2.7, 3.3, 6.0].map(at), [0, 0, 1, 1]);
+        // Two halves of a small car are no cars.
+        assert_eq!(found(&[(2.5, 1.5), (2.6, 1.5)]), None);
+    }
+
+    #[test]
     fn one_vehicle_is_not_cut_however_long_it_is() {
+        assert_eq!(found(&[(5.9, 2.0)]), None);
         assert_eq!(found(&[(5.0, 1.5)]), None);
         assert_eq!(found(&[(7.0, 2.6)]), None);
         assert_eq!(found(&[(18.0, 3.2)]), None);
