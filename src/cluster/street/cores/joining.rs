@@ -33,6 +33,8 @@ const LINE_STACKED: usize = 3;
 /// Columns of buildings are joined within so many voxels on either axis of the plane, whatever their height:
 /// 0.3 m. `facades` joins high columns that are further apart.
 const BUILDING_REACH: i32 = 2;
+/// A column that has so many times fewer voxels of buildings than one near it is sparse.
+const SPARSE_WALL: usize = 8;
 /// Columns of buildings that end below this height in metres are low. Parts of cars and fences look like
 /// walls, and would lead from one facade over the car in front of it to the next.
 const LOW_WALL_M: f64 = 1.8;
@@ -95,12 +97,36 @@ pub(crate) fn low_wall(lattice: Lattice) -> i32 {
 }
 
 /// Joins the columns with building voxels that are near each other in the plane.
+///
+/// A column with few of them may be a reflection between two houses. It joins the nearest column with more,
+/// and no second one. Where all columns around have few, the scan is sparse, and they join each other.
 pub(crate) fn join_buildings(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let columns = &around.voxels.columns;
     let window = Window::square(BUILDING_REACH);
     let mut finder = columns.finder();
     let buildings = |column: usize| columns.voxels(column).filter(|&voxel| class[voxel] == BUILDING);
-    for (column, &[i, j]) in columns.cells().iter().enumerate() {
+    let cells = columns.cells();
+    let voxels: Vec<usize> = (0..cells.len()).map(|column| buildings(column).count()).collect();
+    let mut is_dense = vec![true; cells.len()];
+    for (column, &[i, j]) in cells.iter().enumerate().filter(|&(column, _)| voxels[column] > 0) {
+        let near = window.steps().iter().filter_map(|&[di, dj]| finder.number([i + di, j + dj]));
+        let most = near.map(|other| voxels[other]).max().unwrap_or(0);
+        is_dense[column] = voxels[column] * SPARSE_WALL >= most;
+    }
+    // The dense column that a sparse one joins.
+    let mut joins: Vec<Option<usize>> = vec![None; cells.len()];
+    for (column, &[i, j]) in cells.iter().enumerate() {
+        if is_dense[column] {
+            continue;
+        }
+        let near = window.steps().iter().filter_map(|&[di, dj]| {
+            let other =
+                finder.number([i + di, j + dj]).filter(|&other| voxels[other] > 0 && is_dense[other])?;
+            Some((di * di + dj * dj, di, dj, other))
+        });
+        joins[column] = near.min().map(|(.., other)| other);
+    }
+    for (column, &[i, j]) in cells.iter().enumerate() {
         let Some(voxel) = buildings(column).next().filter(|&voxel| around.voxels.owned[voxel]) else {
             continue;
         };
@@ -108,8 +134,14 @@ pub(crate) fn join_buildings(around: &Classified, class: &[u8], links: &mut Link
             links.join(voxel, other);
         }
         for [di, dj] in window.steps() {
-            let other = finder.number([i + di, j + dj]);
-            if let Some(other) = other.and_then(|other| buildings(other).next()) {
+            let Some(other) = finder.number([i + di, j + dj]) else { continue };
+            let may_join = match (is_dense[column], is_dense[other]) {
+                (true, true) => true,
+                (true, false) => joins[other] == Some(column),
+                (false, true) => joins[column] == Some(other),
+                (false, false) => joins[column].is_none() && joins[other].is_none(),
+            };
+            if let Some(other) = buildings(other).next().filter(|_| may_join) {
                 links.join(voxel, other);
             }
         }
@@ -195,4 +227,40 @@ fn canopies(around: &Classified, class: &[u8]) -> Vec<i32> {
         trees.map(|voxel| around.height[voxel]).max().unwrap_or(i32::MIN)
     };
     (0..columns.cells().len()).map(highest).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster::street::voxels::stored::Voxels;
+
+    /// The number of components of buildings, of columns with so many voxels in steps of 0.15 m.
+    fn components(row: &[usize]) -> u32 {
+        let levels =
+            |column: usize| (0..i64::try_from(row[column]).unwrap()).map(move |level| (column, level));
+        let point = |(column, level): (usize, i64)| {
+            [i64::try_from(column).unwrap(), 0, level].map(|at| 150 * at + 75)
+        };
+        let points: Vec<[i64; 3]> = (0..row.len()).flat_map(levels).map(point).collect();
+        let voxels = Voxels::of_points(Lattice::MILLIMETRE, &points);
+        let count = voxels.len();
+        let around = Classified { voxels, height: vec![0; count], shares: vec![[0; 8]; count] };
+        let mut links = Links::new(&around.voxels);
+        join_buildings(&around, &vec![BUILDING; count], &mut links);
+        links.finish(&around.voxels, |_| true).border.count
+    }
+
+    #[test]
+    fn reflections_between_two_houses_join_none_to_the_other() {
+        assert_eq!(components(&[20, 20, 0, 20, 20]), 1, "0.3 m apart");
+        assert_eq!(components(&[20, 20, 0, 0, 20, 20]), 2, "0.45 m apart");
+        assert_eq!(components(&[20, 20, 0, 1, 0, 20, 20]), 2);
+        assert_eq!(components(&[20, 20, 0, 2, 1, 0, 20, 20]), 2);
+        assert_eq!(components(&[20, 20, 0, 3, 0, 20, 20]), 1, "three voxels are no reflection");
+    }
+
+    #[test]
+    fn a_wall_of_which_little_is_seen_is_one() {
+        assert_eq!(components(&[1, 0, 2, 0, 1, 1, 0, 3, 0, 1]), 1);
+    }
 }
