@@ -116,6 +116,7 @@ impl Beside {
             whole
         });
         let Some(line) = merged else { return };
+        #[expect(clippy::cast_possible_truncation, reason = "at most the figure")]
         let share =
             |figure: u32| (u64::from(figure) * u64::from(line.voxels) / u64::from(part.voxels)) as u32;
         *part = Part {
