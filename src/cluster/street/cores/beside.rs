@@ -25,8 +25,9 @@ const AROUND_M: f64 = 4.0;
 const EACH_M: f64 = 0.3;
 const FARTHEST_M: f64 = 0.45;
 const BESIDE_M: f64 = 0.15;
-/// The farthest one also sticks out so many times as far as the side varies by itself (median). Hedges that
-/// were clipped vary by 0.05 to 0.25 m, rows of shrubs by 0.3 to 0.8 m.
+/// The farthest one also sticks out so many times as far as the side varies by itself (median). Most fences
+/// and clipped hedges vary by at most 0.25 m, rows of shrubs by up to 0.8 m. `benches/results/street.md` has
+/// the study.
 const TIMES_ITSELF: i64 = 3;
 /// Shortest and longest piece of the line that it takes, in metres, and the longest gap in it, in voxels.
 const PIECE_M: (f64, f64) = (0.45, 4.0);
