@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::footprint::{Footprint, centre};
+use super::footprint::{self, Columns, Footprint, centre};
 use super::part::Part;
 use crate::cluster::street::settings::EDGE_M;
 use crate::cluster::street::spans::{self, Spans};
@@ -54,13 +54,6 @@ pub(crate) struct Beside {
     edge: i64,
 }
 
-/// A step along a line, and what is in it.
-#[derive(Debug, Clone, Default)]
-struct Step {
-    /// Columns with their positions across the line and their numbers of voxels.
-    columns: Vec<(i64, Cell, u32)>,
-}
-
 impl Beside {
     /// What stands beside the line of a component with these spans and columns, if anything does.
     pub(crate) fn of(spans: &Spans, footprint: &Footprint, lattice: Lattice) -> Option<Self> {
@@ -68,23 +61,11 @@ impl Beside {
             return None;
         }
         let edge = lattice.units(EDGE_M);
-        let around = spans.narrowest();
-        let start = spans.from(around.along());
-        let mut steps: Vec<Step> = Vec::new();
-        for (&column, &(_, count)) in footprint.columns() {
-            let place = centre(column, edge);
-            let along = (spans::position(place, around.along()) - start).max(0);
-            let at = usize::try_from(along / (spans::SCALE_UNITS * edge)).unwrap_or(0);
-            if steps.len() <= at {
-                steps.resize(at + 1, Step::default());
-            }
-            steps[at].columns.push((spans::position(place, around.across()), column, count));
-        }
-        let mut objects: Vec<Vec<Cell>> = Vec::new();
-        for _ in 0..2 {
-            objects.extend(out_of(&steps, lattice));
-            steps.iter_mut().flat_map(|step| &mut step.columns).for_each(|column| column.0 = -column.0);
-        }
+        let mut steps = footprint::along(footprint.columns(), spans, edge);
+        let mut objects = out_of(&steps, footprint.columns(), lattice);
+        // The lower side is the upper one of the mirrored line.
+        steps.iter_mut().flatten().for_each(|(position, _)| *position = -*position);
+        objects.extend(out_of(&steps, footprint.columns(), lattice));
         if objects.is_empty() {
             return None;
         }
@@ -98,21 +79,19 @@ impl Beside {
             (1..).zip(&objects).flat_map(|(number, columns)| columns.iter().map(move |&at| (at, number)));
         let mut columns: Vec<(Cell, u32)> = numbered.collect();
         columns.sort_unstable();
-        columns.dedup_by_key(|column| column.0);
         Some(Self { columns, places, edge })
     }
 
     /// Makes the figures of a component those of its line.
     pub(crate) fn leave_line(&self, part: &mut Part, footprint: &Footprint) {
-        let line =
-            footprint.columns().iter().filter(|(column, _)| self.number(centre(**column, self.edge)) == 0);
-        let of_column = |(&column, &(top, count)): (&Cell, &(i32, u32))| {
+        let line = footprint.columns().iter().filter(|(column, _)| self.of_column(**column) == 0);
+        let figures = |(&column, &(top, count)): (&Cell, &(i32, u32))| {
             let [x, y] = centre(column, self.edge);
             let one = Part::of_voxel(part.class, part.band, part.first, top, [x, y, 0]);
             let times = |value: i64| value * i64::from(count);
             Part { voxels: count, sum: [times(x), times(y)], footprint: None, ..one }
         };
-        let merged = line.map(of_column).reduce(|mut whole, one| {
+        let merged = line.map(figures).reduce(|mut whole, one| {
             whole.merge(&one);
             whole
         });
@@ -144,19 +123,23 @@ impl Beside {
 
     /// Number of the object at a place, from 1; 0 for the line.
     pub(crate) fn number(&self, place: [i64; 2]) -> usize {
-        let column = place.map(|at| i32::try_from(at.div_euclid(self.edge)).unwrap_or(i32::MAX));
+        self.of_column(footprint::column(place, self.edge))
+    }
+
+    fn of_column(&self, column: Cell) -> usize {
         let found = self.columns.binary_search_by_key(&column, |&(column, _)| column);
         found.map_or(0, |at| self.columns[at].1 as usize)
     }
 }
 
-/// The columns of each object that sticks out of the upper side of a line.
-fn out_of(steps: &[Step], lattice: Lattice) -> Vec<Vec<Cell>> {
+/// The columns of each object that sticks out of the upper side of a line. `steps` are those of
+/// [`footprint::along`].
+fn out_of(steps: &[Vec<(i64, Cell)>], columns: &Columns, lattice: Lattice) -> Vec<Vec<Cell>> {
     let units = |metres: f64| lattice.units(metres) * spans::SCALE_UNITS;
     let edge = lattice.units(EDGE_M);
     let around = usize::try_from(lattice.units(AROUND_M) / edge).unwrap_or(0);
     let top: Vec<Option<i64>> =
-        steps.iter().map(|step| step.columns.iter().map(|column| column.0).max()).collect();
+        steps.iter().map(|step| step.iter().map(|(position, _)| *position).max()).collect();
     let side = |at: usize| {
         let mut near: Vec<i64> = top[at.saturating_sub(around)..(at + around + 1).min(top.len())]
             .iter()
@@ -189,11 +172,11 @@ fn out_of(steps: &[Step], lattice: Lattice) -> Vec<Vec<Cell>> {
         }
         let beside = piece.flat_map(|at| {
             let limit = sides[at] + units(BESIDE_M);
-            steps[at].columns.iter().filter(move |column| column.0 > limit)
+            steps[at].iter().filter(move |(position, _)| *position > limit).map(|(_, column)| *column)
         });
-        let (columns, counts): (Vec<Cell>, Vec<u32>) =
-            beside.map(|&(_, column, count)| (column, count)).unzip();
-        (counts.iter().sum::<u32>() >= VOXELS).then_some(columns)
+        let beside: Vec<Cell> = beside.collect();
+        let voxels: u32 = beside.iter().map(|column| columns[column].1).sum();
+        (voxels >= VOXELS).then_some(beside)
     };
     pieces.into_iter().filter_map(object).collect()
 }

@@ -28,7 +28,8 @@ const SURE_WHOLE: u8 = 230;
 /// What has more voxels is no piece.
 pub(crate) const MOST_VOXELS: u64 = 2_000;
 /// What has more voxels is no stray piece. A user would miss an object of some square metres, however unsure
-/// it is. It adds 2 objects that are right and 13 that are not on 51 drives (`benches/results/street.md`).
+/// it is. When this was chosen, it added 2 objects that are right and 13 that are not on 51 drives
+/// (`benches/results/street.md`, "What stands at facades").
 const MOST_STRAY: u64 = 600;
 
 const TOUCHING: usize = 8;

@@ -6,6 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::cluster::street::cores::footprint::centre;
 use crate::cluster::street::settings::EDGE_M;
 use crate::cluster::street::spans::{Extent, Spans};
 use crate::model::Lattice;
@@ -78,7 +79,7 @@ fn follow_each_other(body: &mut BTreeMap<Cell, usize>, lattice: Lattice) -> usiz
     let edge = lattice.units(EDGE_M);
     let mut boxes: Vec<Option<Spans>> = Vec::new();
     for (&cell, &number) in &*body {
-        let place = Spans::of_place(cell.map(|index| i64::from(index) * edge + edge / 2));
+        let place = Spans::of_place(centre(cell, edge));
         boxes.resize(boxes.len().max(number + 1), None);
         match &mut boxes[number] {
             Some(whole) => whole.merge(&place),

@@ -13,7 +13,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::lanes;
-use crate::cluster::street::cores::footprint::{Columns, Footprint, centre};
+use crate::cluster::street::cores::footprint::{self, Columns, Footprint, centre};
 use crate::cluster::street::settings::EDGE_M;
 use crate::cluster::street::spans::{self, Spans};
 use crate::model::Lattice;
@@ -105,7 +105,7 @@ impl Row {
 
     /// Number of the vehicle at a place. What was united with the row is in the lane that it is nearest to.
     pub(crate) fn vehicle(&self, place: [i64; 2]) -> usize {
-        let column = place.map(|at| i32::try_from(at.div_euclid(self.edge)).unwrap_or(i32::MAX));
+        let column = footprint::column(place, self.edge);
         let lane = match self.columns.binary_search_by_key(&column, |&(column, _)| column) {
             Ok(at) => self.columns[at].1 as usize,
             Err(_) => {
@@ -134,21 +134,20 @@ struct Lane {
 
 impl Lane {
     /// `spans` are those of the columns.
-    fn of(spans: &Spans, columns: &Columns, lattice: Lattice) -> Self {
+    fn of(spans: &Spans, columns_of_lane: &Columns, lattice: Lattice) -> Self {
         let narrowest = spans.narrowest();
         let (along, across) = (narrowest.along(), narrowest.across());
         let edge = lattice.units(EDGE_M);
         let step = spans::SCALE_UNITS * edge;
         let start = spans.from(along);
-        let mut profile = Profile(Vec::new());
-        for (&column, &(top, count)) in columns {
-            let place = centre(column, edge);
-            let at = usize::try_from((spans::position(place, along) - start).div_euclid(step)).unwrap_or(0);
-            if profile.0.len() <= at {
-                profile.0.resize(at + 1, Bin::default());
-            }
-            profile.0[at].add(top, count, spans::position(place, across));
-        }
+        let bin = |columns: Vec<(i64, Cell)>| {
+            columns.iter().fold(Bin::default(), |mut bin, (position, column)| {
+                let (top, count) = columns_of_lane[column];
+                bin.add(top, count, *position);
+                bin
+            })
+        };
+        let profile = Profile(footprint::along(columns_of_lane, spans, edge).into_iter().map(bin).collect());
         let bins = |metres: f64| usize::try_from(lattice.units(metres) / edge).unwrap_or(usize::MAX);
         let mut cuts = Vec::new();
         let (row, shortest) =
