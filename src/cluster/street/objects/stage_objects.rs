@@ -164,29 +164,36 @@ pub(crate) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &Str
         sum.points += one.points;
     }
     let touched = contacts::of_objects(&contacts, MOST_VOXELS);
-    let mut named = BTreeMap::new();
-    let mut objects = BTreeMap::new();
-    for (&label, &Sum { class: before, share, points }) in &sums {
-        let (class, confidence) = match (&model.objects, figures.get(&label)) {
-            (Some(names), Some(figures)) => model::name(names, &figures.features(before, lattice), before)?,
-            _ => (before, (share / points.max(1)) as u8),
-        };
-        named.insert(label, Kind { class, confidence });
-        if let Some(figures) = figures.remove(&label) {
-            objects.insert(label, Object { class: before, figures });
-        }
-    }
+    let of = |(&label, sum): (&u32, &Sum)| {
+        Some((label, Object { class: sum.class, figures: figures.remove(&label)? }))
+    };
+    let objects: BTreeMap<u32, Object> = sums.iter().filter_map(of).collect();
     let pieces = match &model.wholes {
         Some(wholes) => Pieces::find(wholes, &objects, &touched, lattice)?,
         None => Pieces::default(),
     };
-    let gets_id = |label: u32, class: u8| {
-        let points = sums[&label].points;
+    let mut points = BTreeMap::<u32, u64>::new();
+    for (label, sum) in &sums {
+        if let Some(whole) = pieces.whole(*label) {
+            *points.entry(whole).or_default() += sum.points;
+        }
+    }
+    let mut named = BTreeMap::new();
+    for (&label, &points) in &points {
+        let Sum { class: before, share, points: own } = sums[&label];
+        let (class, confidence) = match (&model.objects, objects.get(&label)) {
+            (Some(names), Some(object)) => {
+                let figures = pieces.figures(label, &object.figures);
+                model::name(names, &figures.features(before, lattice), before)?
+            }
+            _ => (before, (share / own.max(1)) as u8),
+        };
         let is_large =
             config.is_large(class, points) || (pieces.is_sure(label) && points >= config.min_points);
-        config.wants(class) && is_large && pieces.whole(label) == Some(label)
-    };
-    named.retain(|label, kind| gets_id(*label, kind.class));
+        if config.wants(class) && is_large {
+            named.insert(label, Kind { class, confidence });
+        }
+    }
     let kinds: BTreeMap<u32, Kind> =
         named.into_iter().map(|(label, kind)| (label, Kind { class: kind.class + 1, ..kind })).collect();
     let group = |one: &OfTile| pieces.whole(one.label).filter(|label| kinds.contains_key(label)).unwrap_or(0);
