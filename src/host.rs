@@ -14,9 +14,20 @@ pub(crate) fn name() -> &'static str {
         let told = rustix::system::uname();
         let told = told.nodename().to_string_lossy();
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-        let name: String = told.chars().map(plain).take(LONGEST_NAME).collect();
-        if name.is_empty() { "host".to_owned() } else { name }
+        short(&told.chars().map(plain).collect::<String>())
     })
+}
+
+/// A name that is not too long. A long one ends with a digest, because names of many hosts often differ at
+/// their ends only (pods: `job-name-x7k2p`).
+fn short(name: &str) -> String {
+    match name.len() {
+        0 => "host".to_owned(),
+        1..=LONGEST_NAME => name.to_owned(),
+        _ => {
+            format!("{}-{:08x}", &name[..LONGEST_NAME - 9], xxhash_rust::xxh3::xxh3_64(name.as_bytes()) >> 32)
+        }
+    }
 }
 
 /// Whether a process of this host is alive. Also one of another user.
@@ -80,6 +91,16 @@ mod tests {
         child.wait().unwrap();
         assert!(!is_alive(ended));
         assert!(!is_alive(0) && !is_alive(u32::MAX));
+    }
+
+    #[test]
+    fn long_names_that_differ_at_their_ends_stay_apart() {
+        let [one, other] = ["a", "b"].map(|end| short(&format!("{}{end}", "x".repeat(62))));
+        assert!(one.len() == LONGEST_NAME && other.len() == LONGEST_NAME && one != other, "{one} {other}");
+        assert_eq!(
+            [short("node-7"), short(&"y".repeat(LONGEST_NAME)), short("")],
+            ["node-7".to_owned(), "y".repeat(LONGEST_NAME), "host".to_owned()]
+        );
     }
 
     #[test]

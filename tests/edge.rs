@@ -210,6 +210,44 @@ fn a_cut_file_degrees_and_equal_names_are_refused() {
     assert!(matches!(error.cause(), Some(OutputError::NameClash { .. })), "{error}");
 }
 
+/// The settings say feet. Points, tables, page and cloud-optimised file agree on it, and a file that does not
+/// name its system has the units of those that do.
+#[test]
+fn every_output_has_the_units_of_the_points() {
+    let scratch = Scratch::new();
+    let points: Vec<Point> =
+        row().into_iter().map(|point| Point { mm: point.mm.map(|mm| mm + 4_000_000), ..point }).collect();
+    let feet = vec![scratch.file("feet.las", &Shape::default(), &points)];
+    let out = scratch.out("feet");
+    let asked = ["input.unit=foot", "output.files=[\"points\",\"csv\",\"copc\"]"];
+    let summary = drive(&feet, &out, &list(5.0, &asked)).unwrap();
+    assert!(summary.objects > 0);
+    let range = |axis: usize| {
+        let values = || points.iter().map(|point| point.mm[axis] as f64 / 1_000.0);
+        values().fold(f64::INFINITY, f64::min) - 0.01..values().fold(f64::NEG_INFINITY, f64::max) + 0.01
+    };
+    let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
+    let mut lines = table.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    for line in lines {
+        for (name, value) in names.iter().zip(line.split(',')) {
+            for (axis, of) in ["base_x", "base_y", "base_z"].iter().enumerate() {
+                let inside = || range(axis).contains(&value.parse::<f64>().unwrap());
+                assert!(name != of || inside(), "{name} {value} is not in {:?}", range(axis));
+            }
+        }
+    }
+    assert!(["base_x", "base_y", "base_z"].iter().all(|name| names.contains(name)), "{names:?}");
+    // The record of COPC follows the header: centre and half of the edge of the octree (COPC 1.0).
+    let cloud = std::fs::read(out.join("drive.copc.laz")).unwrap();
+    let number = |at: usize| f64::from_le_bytes(*cloud[375 + 54 + at..].first_chunk().unwrap());
+    for axis in 0..3 {
+        let (centre, half) = (number(8 * axis), number(24));
+        let range = range(axis);
+        assert!(centre - half <= range.start + 0.02 && centre + half >= range.end - 0.02, "{centre} {half}");
+    }
+}
+
 #[test]
 fn two_hundred_tiny_files_are_one_drive() {
     let scratch = Scratch::new();

@@ -203,6 +203,21 @@ fn another_input_is_refused_and_a_touched_one_is_not() {
     run_to_the_end(&inputs.list("street.las"), &out, &options(&["--fresh"]));
 }
 
+/// Where x starts is in the header: the points are the same, and yet they lie elsewhere.
+#[test]
+fn another_header_is_refused() {
+    const X_OFFSET: u64 = 155;
+    let inputs = Inputs::new();
+    for name in ["street.las", "street.laz"] {
+        let out = inputs.undisturbed(name, &[]);
+        let bytes = outputs(&out);
+        overwrite(&inputs.path(name), X_OFFSET, &1_000_f64.to_le_bytes(), false);
+        let text = format!("the header of {name} is another one than before");
+        refused(&inputs.list(name), &out, &[], 6, &[&text, "--fresh"]);
+        assert!(outputs(&out) == bytes, "the outputs of the other {name} changed");
+    }
+}
+
 /// A compressed file is changed, refused, and restored with its old time. The data unpacked from the wrong
 /// file must not be used.
 #[test]
@@ -386,6 +401,51 @@ fn fresh_starts_over_in_the_same_directory() {
     run_to_the_end(&inputs.list("street.laz"), &out, &options(&["--fresh"]));
     assert!(before > 0 && finished(&events(&out), "ground") > 15, "nothing was computed again");
     assert!(outputs(&out) == bytes);
+}
+
+/// What refuses a request comes before the earlier run is given up.
+#[test]
+fn fresh_gives_nothing_up_for_a_request_that_is_refused() {
+    let inputs = Inputs::new();
+    let list = inputs.list("street.las");
+    let out = inputs.undisturbed("street.las", &[]);
+    let bytes = outputs(&out);
+    let cloud = out.join("drive.copc.laz");
+    std::fs::write(&cloud, b"mine").expect("written");
+    for (more, code, text) in [
+        (["--set", "output.files=[\"bogus\"]"], 3, "output.files = bogus"),
+        (
+            ["--set", "output.dimension=object_class"],
+            3,
+            "must be a name other than original_classification and",
+        ),
+        (["--set", "output.files=[\"points\",\"copc\"]"], 5, "drive.copc.laz would be overwritten"),
+    ] {
+        refused(&list, &out, &["--fresh", more[0], more[1]], code, &[text]);
+    }
+    std::fs::remove_file(&cloud).expect("removed");
+    let before = events(&out).len();
+    run_to_the_end(&list, &out, &options(&[]));
+    assert_eq!(finished(&events(&out)[before..], "ground"), 0, "the state of the earlier run was lost");
+    assert!(outputs(&out) == bytes);
+    // Where there was no run, none seems to be there afterwards.
+    let new = inputs.path("new");
+    refused(&list, &new, &["--set", "output.files=[\"bogus\"]"], 3, &["output.files = bogus"]);
+    assert!(!new.exists(), "a folder for a run that was refused");
+}
+
+/// The files of the export are as large as the drive.
+#[test]
+fn what_only_unfinished_outputs_need_does_not_outlive_a_kill_after_the_mark() {
+    let inputs = Inputs::new();
+    let out = inputs.undisturbed("street.las", &[]);
+    let bytes = outputs(&out);
+    let left = out.join(".chainage/export");
+    assert!(!left.exists());
+    std::fs::create_dir(&left).expect("a folder");
+    std::fs::write(left.join("street.las.part"), [0; 1_000]).expect("written");
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
+    assert!(!left.exists() && outputs(&out) == bytes);
 }
 
 /// A limit of file sizes simulates a full disk. The signal that comes with it is ignored.

@@ -264,6 +264,30 @@ fn one_process_and_workers_go_on_where_the_other_was() {
     assert_same_outputs(&alone, &out, "one process, then workers");
 }
 
+/// A host with less memory reduces the passes of others. It works by their plan.
+#[test]
+fn a_reduction_keeps_the_plan_however_little_memory_its_host_has() {
+    let folder = scratch();
+    let inputs = Inputs { folder, name: "sweep.laz" };
+    std::fs::copy(shipped("tests/data/tree_road_sweep.laz"), inputs.path(inputs.name)).expect("copied");
+    let options = ["--memory", "2G", "--threads", "1"];
+    let alone = inputs.alone(&options);
+    let out = inputs.path("shared");
+    let due = inputs.open(&out, &options);
+    let configuration = out.join(".chainage/run.toml");
+    let text = std::fs::read_to_string(&configuration).expect("settings");
+    assert!(text.contains("memory_mib = 2048"), "{text}");
+    std::fs::write(&configuration, text.replace("memory_mib = 2048", "memory_mib = 16")).expect("written");
+    let plan = std::fs::read(out.join(".chainage/plan.json")).expect("a plan");
+    let passes = to_the_end(&out, due, |pass, units| {
+        let (code, errors) = ended(&worker(&out, pass, units).wait_with_output().expect("ends"));
+        assert_eq!(code, 0, "{pass}: {errors}");
+    });
+    assert!(!passes.contains(&"scatter".to_owned()), "{passes:?}");
+    assert!(std::fs::read(out.join(".chainage/plan.json")).expect("a plan") == plan, "another plan");
+    assert_same_outputs(&alone, &out, "with little memory");
+}
+
 #[test]
 fn workers_that_do_not_belong_to_the_run_are_refused() {
     let inputs = Inputs::new("street.las");

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use chainage::config::Config;
+use chainage::config::{Config, MEMORY_MIB};
 use chainage::input::InputError;
 use chainage::run::Registries;
 
@@ -262,13 +262,14 @@ fn mebibytes(text: &str) -> Result<u64, String> {
         _ => return Err(format!("{text} is not a size like 800M or 4G")),
     };
     let number: f64 = digits.parse().map_err(|_| format!("{text} is not a size like 800M or 4G"))?;
-    let mib = number * factor;
-    if !(16.0..=1e9).contains(&mib) {
-        return Err(format!("{text} is {mib} MiB, at least 16 MiB are needed"));
+    // The cast saturates, so numbers beyond the range stay beyond it.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked below")]
+    let mib = (number * factor) as u64;
+    if !MEMORY_MIB.contains(&mib) {
+        let (least, most) = (MEMORY_MIB.start(), MEMORY_MIB.end() >> 10);
+        return Err(format!("{text} is not a memory budget: {least}M to {most}G are possible"));
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
-    let whole = mib as u64;
-    Ok(whole)
+    Ok(mib)
 }
 
 #[cfg(test)]
@@ -280,7 +281,7 @@ mod tests {
         for (text, mib) in [("800M", 800), ("4G", 4096), ("0.5GiB", 512), ("64", 64)] {
             assert_eq!(mebibytes(text), Ok(mib), "{text}");
         }
-        for text in ["4T", "1M", "lots", "-3G"] {
+        for text in ["4T", "1M", "lots", "-3G", "99999999999999G"] {
             assert!(mebibytes(text).is_err(), "{text}");
         }
     }

@@ -101,6 +101,9 @@ impl OutputConfig {
     }
 }
 
+/// Memory budgets that are accepted, in MiB: 16 MiB to 16 TiB.
+pub const MEMORY_MIB: std::ops::RangeInclusive<u64> = 16..=1 << 24;
+
 /// Section `[run]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -222,6 +225,13 @@ impl Config {
         }
         if self.run.threads > 1_024 {
             return Err(ConfigError::value("run.threads", self.run.threads, "0 to 1024"));
+        }
+        if self.run.memory_mib != 0 && !MEMORY_MIB.contains(&self.run.memory_mib) {
+            return Err(ConfigError::value(
+                "run.memory_mib",
+                self.run.memory_mib,
+                "0, or 16 to 16777216 (MiB)",
+            ));
         }
         if !(1.0..=200.0).contains(&self.output.report_mb) {
             return Err(ConfigError::value(
@@ -395,6 +405,8 @@ mod tests {
             ("run.fail_fast=3", "run.fail_fast = 3: must be true or false"),
             ("tiling.cell=wide", "tiling.cell = \"wide\": must be a number"),
             ("tiling.cell=auto", "tiling.cell = \"auto\": must be a number"),
+            ("run.memory_mib=8", "run.memory_mib = 8: must be 0, or 16 to 16777216 (MiB)"),
+            ("run.memory_mib=17592186044416", "run.memory_mib = 17592186044416: must be 0, or 16 to"),
             ("run.threads=2.5", "run.threads = 2.5: must be a whole number"),
             ("run.threads=-3", "run.threads = -3: must be a whole number, at least 0"),
             ("output.dimension=3", "output.dimension = 3: must be text"),

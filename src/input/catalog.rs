@@ -18,6 +18,7 @@ pub struct Catalog {
     point_count: u64,
     lattice: Lattice,
     crs: Crs,
+    units_m: [f64; 3],
     warnings: Vec<String>,
 }
 
@@ -37,7 +38,12 @@ impl Catalog {
             warnings.extend(file.warnings().iter().map(|warning| format!("{}: {warning}", file.name())));
         }
         let crs = common_crs(&files, options.unit, &mut warnings)?;
-        note_units(&files, &mut warnings);
+        let units_m = match options.unit.metres() {
+            Some(metres) => [metres; 3],
+            None => [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
+        };
+        files.iter_mut().for_each(|file| file.set_units(units_m));
+        note_units(units_m, &mut warnings);
         let finest_m = files.iter().map(InputFile::finest_scale_m).fold(f64::INFINITY, f64::min);
         let lattice = Lattice::for_scale(finest_m);
         for file in &mut files {
@@ -49,7 +55,7 @@ impl Catalog {
             first_ids.push(PointId::new(point_count));
             point_count += file.point_count();
         }
-        Ok(Self { files, first_ids, point_count, lattice, crs, warnings })
+        Ok(Self { files, first_ids, point_count, lattice, crs, units_m, warnings })
     }
 
     /// The files in order.
@@ -89,6 +95,14 @@ impl Catalog {
     #[must_use]
     pub fn crs(&self) -> &Crs {
         &self.crs
+    }
+
+    /// One unit of x, y and z of the input in metres: as `input.unit` says, otherwise as the system of the
+    /// drive says. Everything that converts coordinates takes the units from here, so that points, tables,
+    /// trajectories and pages agree.
+    #[must_use]
+    pub fn units_m(&self) -> [f64; 3] {
+        self.units_m
     }
 }
 
@@ -185,7 +199,7 @@ fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>)
             first.crs().description
         ));
     }
-    Ok(first.map_or_else(Crs::unknown, |first| first.crs().clone()))
+    Ok(first.map_or_else(|| Crs::unknown(unit), |first| first.crs().clone()))
 }
 
 /// A system, with its unit unless this is the metre.
@@ -197,17 +211,11 @@ fn describe(crs: &Crs) -> String {
     }
 }
 
-/// Warns that coordinates are converted, because the table of objects will differ from the input.
-fn note_units(files: &[InputFile], warnings: &mut Vec<String>) {
-    for file in files {
-        let units = file.units_m();
-        if units.iter().any(|unit| (unit - 1.0).abs() > 1e-9) {
-            warnings.push(format!(
-                "{}: coordinates are in units of {:.7} m (height {:.7} m); lengths and object tables are in metres",
-                file.name(),
-                units[0],
-                units[2]
-            ));
-        }
+/// Warns that lengths are not in the units of the coordinates.
+fn note_units([plan_m, _, height_m]: [f64; 3], warnings: &mut Vec<String>) {
+    if [plan_m, height_m].iter().any(|unit| (unit - 1.0).abs() > 1e-9) {
+        warnings.push(format!(
+            "coordinates are in units of {plan_m:.7} m (height {height_m:.7} m); tables have coordinates in these units and lengths in metres"
+        ));
     }
 }

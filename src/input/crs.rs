@@ -6,7 +6,7 @@ use super::header::Header;
 use super::mapped::ByteSource;
 use super::vlr;
 use super::wkt::Node;
-use crate::config::{FOOT, US_SURVEY_FOOT};
+use crate::config::{FOOT, LengthUnit, US_SURVEY_FOOT};
 
 /// User id of the records of the coordinate reference system.
 const PROJECTION_USER: &str = "LASF_Projection";
@@ -48,10 +48,16 @@ pub struct Crs {
 }
 
 impl Crs {
-    /// The system of a file without any record of one.
+    /// The system of a drive without any record of one, whose coordinates are in this unit.
     #[must_use]
-    pub fn unknown() -> Self {
-        Claim::default().into_crs(None)
+    pub fn unknown(unit: LengthUnit) -> Self {
+        let crs = Claim::default().into_crs(None);
+        match unit {
+            LengthUnit::Auto => crs,
+            _ => {
+                Self { description: format!("not given in the files (input.unit is {})", unit.name()), ..crs }
+            }
+        }
     }
 
     /// Whether the file describes its system at all.
@@ -404,7 +410,7 @@ mod tests {
         };
         let utm = crs(CrsKind::Projected, Some(25_832), 1.0);
         assert!(!utm.contradicts(&utm));
-        assert!(!utm.contradicts(&Crs::unknown()));
+        assert!(!utm.contradicts(&Crs::unknown(LengthUnit::Auto)));
         assert!(!utm.contradicts(&crs(CrsKind::Projected, None, 1.0)));
         assert!(utm.contradicts(&crs(CrsKind::Projected, Some(25_833), 1.0)));
         assert!(utm.contradicts(&crs(CrsKind::Projected, None, FOOT)));

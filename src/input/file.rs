@@ -36,7 +36,8 @@ pub struct InputFile {
 }
 
 impl InputFile {
-    /// Opens and checks a file. Its transform uses the millimetre lattice until the catalog sets another.
+    /// Opens and checks a file. Its units are metres, and its transform uses the millimetre lattice, until the
+    /// catalog sets others.
     pub(crate) fn open(path: &Path, options: &InputOptions) -> Result<Self, InputError> {
         let read_error = |source| InputError::Read { path: path.to_owned(), source };
         let metadata = std::fs::metadata(path).map_err(read_error)?;
@@ -54,10 +55,6 @@ impl InputFile {
             None => chunks::las_blocks(path, &header, source.len())?,
         };
         let crs = Crs::read(&header, &source, &mut warnings);
-        let units_m = match options.unit.metres() {
-            Some(metres) => [metres; 3],
-            None => [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
-        };
         let mut file = Self {
             path: path.to_owned(),
             name: path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
@@ -69,7 +66,7 @@ impl InputFile {
             layout,
             blocks,
             crs,
-            units_m,
+            units_m: [1.0; 3],
             transform: LatticeTransform { axes: [AxisTransform::Integer { factor: 1, shift: 0 }; 3] },
             warnings,
         };
@@ -143,10 +140,15 @@ impl InputFile {
         &self.crs
     }
 
-    /// One unit of x, y and z in metres, from the system of the file or from the settings.
+    /// One unit of x, y and z in metres, the same for all files of a drive.
     #[must_use]
     pub fn units_m(&self) -> [f64; 3] {
         self.units_m
+    }
+
+    /// Sets the units of the drive. The transform follows with [`Self::set_lattice`].
+    pub(crate) fn set_units(&mut self, units_m: [f64; 3]) {
+        self.units_m = units_m;
     }
 
     /// Minimum and maximum of x, y and z from the header, in units of the file. They are not checked.
@@ -253,6 +255,29 @@ impl InputFile {
         self.coding.is_none() && matches!(self.source, ByteSource::Mapped(_))
     }
 
+    /// A number for everything before the points and for what follows them but is no point: scale, offset,
+    /// coordinate reference system. Of a record after the points that is longer than a mebibyte, as waveforms
+    /// are, only the head counts.
+    ///
+    /// # Errors
+    /// [`InputError::Read`].
+    pub(crate) fn header_digest(&self) -> Result<u64, InputError> {
+        let failed = |source| InputError::Read { path: self.path.clone(), source };
+        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+        let mut buffer = Vec::new();
+        let mut add = |range: std::ops::Range<u64>| {
+            hasher.update(self.source.slice(range, &mut buffer).map_err(failed)?);
+            Ok::<(), InputError>(())
+        };
+        add(0..self.header.points_start)?;
+        for record in &self.header.evlrs.records {
+            let payload = record.payload.clone();
+            let is_short = payload.end - payload.start <= LONG_RECORD;
+            add(record.start..if is_short { payload.end } else { payload.start })?;
+        }
+        Ok(hasher.digest())
+    }
+
     /// The coding of the points, for the writers of labelled copies.
     pub(crate) fn coding(&self) -> Option<&Coding> {
         self.coding.as_ref()
@@ -307,6 +332,8 @@ impl InputFile {
     }
 }
 
+/// Longest record after the points that counts as a whole in a digest, in bytes.
+const LONG_RECORD: u64 = 1 << 20;
 /// Finest accepted step of coordinates. Files of survey scanners have 1e-3 to 1e-6 m.
 const MIN_SCALE_M: f64 = 1e-9;
 /// Coarsest accepted step of coordinates.

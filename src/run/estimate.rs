@@ -40,7 +40,8 @@ pub fn estimate_epsilon(
         let expected = "a method whose epsilon is \"auto\", as in dbscan";
         return Err(ConfigError::value("cluster.method", &config.cluster.method, expected).into());
     };
-    let run_dir = open::lock(&catalog, &request.out, false)?;
+    let run_dir = open::lock(&catalog, &request.out)?;
+    run_dir.begin(false)?;
     let mut warnings = config.warnings().to_vec();
     warnings.extend(catalog.warnings().iter().cloned());
     let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;

@@ -47,9 +47,10 @@ pub(crate) struct Planned {
 pub(crate) struct Outcome {
     pub(crate) counts: Counts,
     pub(crate) objects: usize,
-    /// What is marked as finished once the report is written, with the outline of the export. `None` if it
-    /// was finished before.
-    pub(crate) unmarked: Option<(Outline, Finished)>,
+    /// What is marked as finished once the report is written. `None` if it was finished before.
+    pub(crate) unmarked: Option<Finished>,
+    /// The outline of the export.
+    pub(crate) export: Outline,
     /// What the clustering method reports about its steps.
     pub(crate) figures: Figures,
     /// What the page shows. `None` if it is not written.
@@ -249,6 +250,7 @@ pub(crate) fn to_files<D: Driver>(
                 counts,
                 objects: finished.objects,
                 unmarked: None,
+                export: list.export.clone(),
                 figures,
                 page: None,
                 warnings,
@@ -306,7 +308,8 @@ pub(crate) fn to_files<D: Driver>(
         tables::write_charts(run_dir, &objects.charts)?;
         figures.extend(objects.figures);
         let count = objects.objects.len();
-        let unmarked = Some((list.export.clone(), Finished { objects: count, files: exported.names }));
-        Ok(Some(Outcome { counts, objects: count, unmarked, figures, page, warnings }))
+        let unmarked = Some(Finished { objects: count, files: exported.names });
+        let export = list.export.clone();
+        Ok(Some(Outcome { counts, objects: count, unmarked, export, figures, page, warnings }))
     })
 }

@@ -10,7 +10,7 @@ use crate::input::{Catalog, InputOptions};
 use crate::run::chain::{Chain, Registries};
 use crate::run::drive::{Drive, identity};
 use crate::run::plan::Budget;
-use crate::store::RunDir;
+use crate::store::{RunDir, StoreError};
 
 /// A drive with the methods and the settings of a run.
 pub(crate) struct Opened<'a> {
@@ -106,11 +106,14 @@ fn record(run_dir: &RunDir, inputs: &[PathBuf], config: &Config) -> Result<()> {
 
 /// The input paths of the last call, and the path of its settings.
 pub(crate) fn recorded(run_dir: &RunDir) -> Result<(Vec<PathBuf>, PathBuf)> {
-    Ok((run_dir.await_json(REQUEST)?.unwrap_or_default(), run_dir.path(CONFIGURATION)))
+    let inputs =
+        run_dir.await_json(REQUEST)?.ok_or_else(|| StoreError::NoRun { path: run_dir.out().to_owned() })?;
+    Ok((inputs, run_dir.path(CONFIGURATION)))
 }
 
-/// Locks the run directory `out`. It must not contain input files.
-pub(crate) fn lock(catalog: &Catalog, out: &Path, fresh: bool) -> Result<RunDir> {
+/// Locks the run directory `out`. It must not contain input files. Its state is not looked at before
+/// [`RunDir::begin`].
+pub(crate) fn lock(catalog: &Catalog, out: &Path) -> Result<RunDir> {
     identity::check_apart(catalog, out)?;
-    Ok(RunDir::open(out, fresh)?)
+    Ok(RunDir::lock(out)?)
 }

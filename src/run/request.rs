@@ -39,10 +39,13 @@ impl<'a> Begun<'a> {
     pub(crate) fn from(request: &'a RunRequest<'_>) -> Result<Self> {
         let config = &request.config;
         let catalog = open::catalog(&request.inputs, config)?;
-        let run_dir = open::lock(&catalog, &request.out, request.fresh)?;
         let chain = Chain::build(config, &request.registries, catalog.lattice())?;
         let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
         let surfaces = chain.method.finds_surfaces();
+        // Everything that can refuse the request comes before the state of an earlier run is discarded.
+        let run_dir = open::lock(&catalog, &request.out)?;
+        names::refuse_foreign(&run_dir, config, surfaces, &labelled)?;
+        run_dir.begin(request.fresh)?;
         names::claim(&run_dir, config, surfaces, &labelled)?;
         let mut warnings = config.warnings().to_vec();
         warnings.extend(catalog.warnings().iter().cloned());

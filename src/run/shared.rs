@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use crate::config::Config;
+use crate::config::{Config, OutputConfig};
 use crate::error::{Error, ErrorKind, Result};
 use crate::run::chain::Registries;
 use crate::run::computed;
@@ -64,8 +64,8 @@ impl DueUnits {
 pub struct Reduced {
     /// The pass that workers may begin with.
     pub next: DueUnits,
-    /// The result of the run, if this was its last pass.
-    pub finished: Option<RunSummary>,
+    /// The result of the run, if this was its last pass, and which outputs it has.
+    pub finished: Option<(RunSummary, OutputConfig)>,
 }
 
 /// Opens a run for workers: surveys the drive, divides it into tiles, and opens the first pass after that.
@@ -181,7 +181,7 @@ pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> R
     let course = Course { started, warnings, passes: driver.figures };
     let copies = outputs::names_of(&copies);
     let summary = outputs::finish(&run_dir, &open, &planned, outcome, &copies, course)?;
-    Ok(Reduced { next: DueUnits::of(None), finished: Some(summary) })
+    Ok(Reduced { next: DueUnits::of(None), finished: Some((summary, config.output)) })
 }
 
 /// Which pass and which units are due. Changes nothing.

@@ -367,7 +367,8 @@ impl Work<'_> {
         let method = Training { purpose, share, known };
         let chain =
             Chain::build(config, &self.request.registries, lattice)?.before(Box::new(method), lattice);
-        let run_dir = open::lock(&catalog, &self.state(), false)?;
+        let run_dir = open::lock(&catalog, &self.state())?;
+        run_dir.begin(false)?;
         let warnings = catalog.warnings().to_vec();
         let open = Opened::to_run(&inputs, catalog, chain, config, &run_dir)?;
         let limits = open.budget.limits();

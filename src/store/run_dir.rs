@@ -56,21 +56,32 @@ impl RunDir {
     /// # Errors
     /// When another process holds the lock, the state is of another version, or the file system refuses.
     pub fn open(out: &Path, fresh: bool) -> Result<Self, StoreError> {
+        let run = Self::lock(out)?;
+        run.begin(fresh)?;
+        Ok(run)
+    }
+
+    /// Creates the folder of the state in `out` if there is none, and locks it. Nothing that is in it changes
+    /// before [`Self::begin`].
+    pub(crate) fn lock(out: &Path) -> Result<Self, StoreError> {
         let state = out.join(STATE_FOLDER);
         fs_err::create_dir_all(&state).map_err(StoreError::io("create", &state))?;
         let lock = lock(out, &state.join("lock"))?;
         let events = EVENTS.to_owned();
-        let run = Self { out: out.to_owned(), state, _lock: Some(lock), events, wait: Duration::ZERO };
+        Ok(Self { out: out.to_owned(), state, _lock: Some(lock), events, wait: Duration::ZERO })
+    }
+
+    /// Begins with the state that is there, or, if `fresh`, discards it.
+    pub(crate) fn begin(&self, fresh: bool) -> Result<(), StoreError> {
         if fresh {
-            run.discard()?;
+            self.discard()?;
         }
-        match run.read_json::<Identity>(VERSION)? {
-            Some(old) if old == identity() => {}
+        match self.read_json::<Identity>(VERSION)? {
+            Some(old) if old == identity() => Ok(()),
             // Another program with the same state goes on, and from now on its workers may.
-            Some(old) => run.check_version(old).and_then(|()| run.write_json(VERSION, &identity()))?,
-            None => run.write_json(VERSION, &identity())?,
+            Some(old) => self.check_version(old).and_then(|()| self.write_json(VERSION, &identity())),
+            None => self.write_json(VERSION, &identity()),
         }
-        Ok(run)
     }
 
     /// Opens the state in `out` as a worker, which adds units and holds no lock. What is missing is looked

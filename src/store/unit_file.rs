@@ -22,7 +22,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::store::Fingerprint;
 
 /// Version of the state on disk. A change of any payload raises it.
-pub const FORMAT_VERSION: u32 = 20;
+pub const FORMAT_VERSION: u32 = 21;
 
 const MAGIC: &[u8; 8] = b"CHAINAGE";
 const TRAILER: &[u8; 8] = b"COMMITED";
@@ -181,5 +181,12 @@ mod tests {
         let whole = encode(3, Fingerprint(77), b"x");
         assert_eq!(decode(&whole, 3, Fingerprint(78)), Err(Refusal::Stale));
         assert!(matches!(decode(&whole, 4, Fingerprint(77)), Err(Refusal::Damaged(_))));
+        let mut later = whole.clone();
+        later[8..12].copy_from_slice(&(FORMAT_VERSION + 1).to_le_bytes());
+        let end = later.len() - FOOTER_LEN;
+        let mut checksum = Xxh3::new();
+        checksum.update(&later[..end]);
+        later[end..end + 8].copy_from_slice(&checksum.digest().to_le_bytes());
+        assert_eq!(decode(&later, 3, Fingerprint(77)), Err(Refusal::OtherVersion(FORMAT_VERSION + 1)));
     }
 }

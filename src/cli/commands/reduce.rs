@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use chainage::config::Config;
 use chainage::run::reduce;
 
 use crate::cli::commands::{next, run};
@@ -29,12 +28,11 @@ impl ReduceArgs {
     pub(crate) fn run(&self) -> Outcome {
         let progress = Progress::new(ProgressChoice::None);
         let reduced = reduce(&next::shared(&self.out, self.wait), &self.after, &progress)?;
-        let output = Config::resolve(None, &[]).map_err(chainage::Error::from)?.output;
         self.json.show(&reduced.next, || {
             let mut text = reduced
                 .finished
                 .as_ref()
-                .map_or_else(String::new, |summary| run::page(summary, &self.out, &output));
+                .map_or_else(String::new, |(summary, output)| run::page(summary, &self.out, output));
             text.push_str(&next::page(&reduced.next));
             text
         })?;

@@ -26,6 +26,12 @@ submit() {
         echo "finished: $out"
         return
     fi
+    if [ "$of" = 0 ]; then
+        sbatch --parsable --requeue --job-name="chainage-reduce" --output="$out/slurm.log" --open-mode=append \
+            "${options[@]}" "$self" reduce "$self" "$pass" >/dev/null
+        echo "pass $pass: no units"
+        return
+    fi
     chunk=$(((of + array - 1) / array))
     tasks=$(((of + chunk - 1) / chunk))
     before=$(sbatch --parsable --requeue --job-name="chainage-$pass" --array="0-$((tasks - 1))" --output=/dev/null \

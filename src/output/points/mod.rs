@@ -12,3 +12,4 @@ mod tail;
 
 pub use labelled::{LabelledFile, check_names};
 pub use options::LabelOptions;
+pub(crate) use record::RESERVED;

@@ -12,6 +12,8 @@ const MAX_RECORD: usize = u16::MAX as usize;
 const ORIGINAL_CLASS: &str = "original_classification";
 /// Name of the dimension with the class of the object.
 pub(super) const OBJECT_CLASS: &str = "object_class";
+/// Names of dimensions that have their own meaning: the dimension of the objects has another one.
+pub(crate) const RESERVED: [&str; 2] = [ORIGINAL_CLASS, OBJECT_CLASS];
 /// LAS classes of our classes (LAS 1.4 R15, tables 9 and 17).
 const GROUND: u8 = 2;
 const HIGH_VEGETATION: u8 = 5;

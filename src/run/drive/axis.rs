@@ -35,10 +35,9 @@ pub(super) fn find_axis(
 ) -> Result<Axis> {
     let path = &config.axis.trajectory;
     if !path.as_os_str().is_empty() {
-        let units_m = drive.catalog.crs().horizontal_unit_m;
+        let [unit_m, ..] = drive.catalog.units_m();
         let track = read_trajectory(path)?;
-        let track: Vec<[f64; 2]> =
-            track.into_iter().map(|place| place.map(|value| value * units_m)).collect();
+        let track: Vec<[f64; 2]> = track.into_iter().map(|place| place.map(|value| value * unit_m)).collect();
         if let Some(axis) = Axis::from_positions(AxisSource::Trajectory, &track) {
             return Ok(axis);
         }

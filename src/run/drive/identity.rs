@@ -18,15 +18,18 @@ struct FileIdentity {
     name: String,
     bytes: u64,
     records: u64,
+    /// Digest of what is in the file besides points.
+    header: u64,
     /// Nanoseconds since 1970.
     modified_ns: u128,
 }
 
 impl FileIdentity {
-    fn of(file: &InputFile) -> Self {
+    fn of(file: &InputFile) -> Result<Self> {
         let modified_ns = file.modified().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos());
         let name = file.name().to_owned();
-        Self { name, bytes: file.size_bytes(), records: file.point_count(), modified_ns }
+        let (bytes, records, header) = (file.size_bytes(), file.point_count(), file.header_digest()?);
+        Ok(Self { name, bytes, records, header, modified_ns })
     }
 }
 
@@ -45,20 +48,20 @@ pub(crate) fn check_apart(catalog: &Catalog, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses files whose names, sizes or record counts differ from those at the start of the run. At the start,
+/// Refuses files whose names, sizes, record counts or headers differ from those at the start of the run. At the start,
 /// it records them.
 pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     if run_dir.read_json::<Vec<FileIdentity>>(NAME)?.is_none() {
-        let now: Vec<FileIdentity> = catalog.files().iter().map(FileIdentity::of).collect();
+        let now = catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
         run_dir.write_json(NAME, &now)?;
     }
     check_recorded(run_dir, catalog)
 }
 
-/// Refuses files whose names, sizes or record counts differ from those that the start of the run has
+/// Refuses files whose names, sizes, record counts or headers differ from those that the start of the run has
 /// recorded.
 pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
-    let now: Vec<FileIdentity> = catalog.files().iter().map(FileIdentity::of).collect();
+    let now = catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
     let Some(stored) = run_dir.await_json::<Vec<FileIdentity>>(NAME)? else {
         return Err(StoreError::NoRun { path: run_dir.out().to_owned() }.into());
     };
@@ -76,6 +79,12 @@ pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> 
                 old.name, old.bytes, old.records, new.bytes, new.records
             ));
         }
+        if old.header != new.header {
+            return other(format!(
+                "the header of {} is another one than before (scale, offset or coordinate reference system)",
+                old.name
+            ));
+        }
     }
     Ok(())
 }
@@ -91,7 +100,7 @@ pub(crate) fn check_content(
     stored_part: &dyn Fn(usize) -> Result<SurveyPart>,
     survey: &dyn Fn(usize) -> Result<SurveyPart>,
 ) -> Result<()> {
-    let now: Vec<FileIdentity> = drive.catalog.files().iter().map(FileIdentity::of).collect();
+    let now = drive.catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
     let stored = run_dir.read_json::<Vec<FileIdentity>>(NAME)?.unwrap_or_default();
     if stored == now {
         return Ok(());

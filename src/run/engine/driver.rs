@@ -24,6 +24,12 @@ pub(crate) trait Driver {
     /// Whether this driver may change the run directory beyond adding units.
     fn computes(&self) -> bool;
 
+    /// Whether a plan that is stored is used as it is, however much memory this host has, because other hosts
+    /// work by it.
+    fn keeps_plan(&self) -> bool {
+        false
+    }
+
     /// Whether this driver walks on to the passes that write files.
     fn walks_to_files(&self) -> bool {
         true

@@ -242,6 +242,10 @@ impl Driver for Barrier<'_> {
         true
     }
 
+    fn keeps_plan(&self) -> bool {
+        true
+    }
+
     fn tell(&self, event: &Event<'_>) {
         self.observer.event(event);
         self.run_dir.log_event(&event.to_json().to_string());

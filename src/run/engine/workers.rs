@@ -133,13 +133,14 @@ impl Keeper<'_> {
                     }
                 }
             });
+            let mut lost = false;
             // One sync covers all units that have arrived during the previous sync.
             for first in &results {
                 let batch: Vec<Computed> = std::iter::once(first).chain(results.try_iter()).collect();
-                for (unit, error) in self.keep(pass, batch) {
+                for (unit, error) in self.keep(pass, batch, &mut lost) {
                     let reason = error.to_string();
                     self.tell(&Event::UnitFailed { pass: name, unit, reason: &reason });
-                    if self.fail_fast || error.stops_all() {
+                    if self.fail_fast || error.stops_all() || lost {
                         stop.store(true, Ordering::Relaxed);
                     }
                     failures.push((unit, error));
@@ -150,8 +151,9 @@ impl Keeper<'_> {
     }
 
     /// Commits computed units. The files beside their payloads are synced first, then the payloads are
-    /// stored.
-    fn keep<P: Pass>(&self, pass: &P, batch: Vec<Computed>) -> Vec<(usize, Error)> {
+    /// stored. If a sync fails, what was written is `lost`: the system may drop it and report success at the
+    /// next sync (`fsync(2)`), so no unit of this call is committed from then on.
+    fn keep<P: Pass>(&self, pass: &P, batch: Vec<Computed>, lost: &mut bool) -> Vec<(usize, Error)> {
         let mut failures = Vec::new();
         let mut done = Vec::new();
         for Computed { unit, seconds, payload } in batch {
@@ -160,9 +162,13 @@ impl Keeper<'_> {
                 Err(error) => failures.push((unit, error)),
             }
         }
+        if *lost {
+            return failures;
+        }
         if let Some(&(unit, ..)) = done.first()
             && let Err(error) = pass.sync()
         {
+            *lost = true;
             failures.push((unit, error));
             return failures;
         }
@@ -301,4 +307,84 @@ pub(crate) fn compute<P: Pass>(pass: &P, limits: Limits) -> Result<Vec<Vec<u8>>>
     });
     let missing = |unit| Error::bug(format!("pass {}, unit {unit} was lost", pass.outline().name));
     found.into_iter().enumerate().map(|(unit, found)| found.unwrap_or_else(|| Err(missing(unit)))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicUsize;
+
+    use super::*;
+    use crate::run::engine::Silent;
+    use crate::run::engine::folders::Outline;
+    use crate::run::engine::pass::Payloads;
+    use crate::store::Inputs;
+
+    /// A pass of units that write beside their payloads, and whose first sync fails.
+    struct Failing {
+        outline: Outline,
+        syncs: AtomicUsize,
+    }
+
+    impl Pass for Failing {
+        type Global = ();
+
+        fn outline(&self) -> &Outline {
+            &self.outline
+        }
+
+        fn units(&self) -> usize {
+            8
+        }
+
+        fn points(&self, _unit: usize) -> u64 {
+            1
+        }
+
+        fn bytes(&self, _unit: usize) -> u64 {
+            1
+        }
+
+        fn run(&self, unit: usize) -> Result<Vec<u8>> {
+            Ok(vec![unit as u8])
+        }
+
+        fn sync(&self) -> Result<()> {
+            match self.syncs.fetch_add(1, Ordering::Relaxed) {
+                0 => Err(Error::bug("the disk lost what was written")),
+                _ => Ok(()),
+            }
+        }
+
+        fn reduce(&self, _payloads: &Payloads) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn after_a_failed_sync_no_unit_of_the_call_is_committed() {
+        let out = tempfile::tempdir().unwrap();
+        let run_dir = RunDir::open(out.path(), false).unwrap();
+        let pass = Failing { outline: Outline::new(1, "failing", Inputs::new()), syncs: AtomicUsize::new(0) };
+        let dir = run_dir.pass(&pass.outline.folder, pass.outline.depends.clone());
+        dir.prepare().unwrap();
+        let limits = Limits { threads: 3, memory: 3 };
+        let cancel = CancelToken::default();
+        let keeper = Keeper {
+            run_dir: &run_dir,
+            dir: &dir,
+            limits,
+            fail_fast: false,
+            drives: true,
+            observer: &Silent,
+            cancel: &cancel,
+        };
+        let units: Vec<usize> = (0..8).collect();
+        let error = keeper.execute(&pass, &units).unwrap_err().to_string();
+        assert!(error.contains("failing"), "{error}");
+        let committed = units.iter().filter(|&&unit| dir.state(unit).unwrap() == UnitState::Done).count();
+        assert_eq!(committed, 0);
+        // The next call computes all of them.
+        assert_eq!(keeper.execute(&pass, &units).unwrap().resumed, 0);
+        assert!(units.iter().all(|&unit| dir.state(unit).unwrap() == UnitState::Done));
+    }
 }

@@ -1,6 +1,5 @@
 //! Where the page counts coordinates from.
 
-use crate::input::InputFile;
 use crate::output::report::{PageCloud, PageFrame};
 use crate::run::drive::{Drive, Surveyed};
 use crate::run::finish::names::CLOUD;
@@ -16,7 +15,7 @@ pub(super) fn origin(drive: &Drive, surveyed: &Surveyed) -> [i64; 3] {
 /// The frame of the page.
 pub(super) fn frame(drive: &Drive, surveyed: &Surveyed) -> PageFrame {
     let origin = origin(drive, surveyed);
-    let unit_m = drive.catalog.crs().horizontal_unit_m;
+    let [unit_m, ..] = drive.catalog.units_m();
     PageFrame {
         origin_m: [origin[0], origin[1]].map(|units| drive.lattice().metres(units)),
         units_m: [unit_m; 2],
@@ -26,6 +25,5 @@ pub(super) fn frame(drive: &Drive, surveyed: &Surveyed) -> PageFrame {
 /// The cloud-optimised file in the frame of the page.
 pub(super) fn cloud(drive: &Drive, surveyed: &Surveyed) -> PageCloud {
     let origin_m = origin(drive, surveyed).map(|units| drive.lattice().metres(units));
-    let units_m = drive.catalog.files().first().map_or([1.0; 3], InputFile::units_m);
-    PageCloud { file: CLOUD, origin_m, units_m }
+    PageCloud { file: CLOUD, origin_m, units_m: drive.catalog.units_m() }
 }

@@ -68,6 +68,12 @@ pub(crate) fn mark_finished(
     let objects = finished.objects;
     let files = finished.files.clone();
     run_dir.write_json(FINISHED, &Mark { fingerprint, objects, files, bytes })?;
+    clear(run_dir, export, cloud)
+}
+
+/// Removes what only unfinished outputs need. A run that was killed between the mark and this does it at the
+/// next call.
+pub(crate) fn clear(run_dir: &RunDir, export: &PassDir, cloud: &[PassDir]) -> Result<()> {
     export.clear()?;
     cloud.iter().try_for_each(PassDir::clear)?;
     let folder = run_dir.path("export");

@@ -4,6 +4,7 @@ use crate::config::{ClassificationChoice, Config, ConfigError};
 use crate::error::Result;
 use crate::input::Catalog;
 use crate::output::objects;
+use crate::output::points::RESERVED;
 use crate::output::{LabelOptions, LabelledFile, check_names};
 use crate::store::{RunDir, StoreError};
 
@@ -44,8 +45,12 @@ fn planned(config: &Config, surfaces: bool, files: &[LabelledFile]) -> Vec<Strin
     points.chain(beside(config, surfaces)).map(str::to_owned).collect()
 }
 
-/// Whether the settings name only outputs that exist.
-fn check_files(config: &Config) -> Result<(), ConfigError> {
+/// Whether the settings name only outputs that exist, and a dimension that is free.
+fn check_settings(config: &Config) -> Result<(), ConfigError> {
+    if RESERVED.contains(&config.output.dimension.as_str()) {
+        let expected = format!("a name other than {}", RESERVED.join(" and "));
+        return Err(ConfigError::value("output.dimension", &config.output.dimension, expected));
+    }
     let mut known = vec!["points"];
     known.extend(objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name));
     let of_surfaces: Vec<&str> = objects::SURFACES.iter().map(objects::ObjectFormatEntry::name).collect();
@@ -63,7 +68,7 @@ pub(crate) fn copies(
     config: &Config,
     object_class: bool,
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
-    check_files(config)?;
+    check_settings(config)?;
     let options = LabelOptions {
         format: config.output.format,
         dimension: config.output.dimension.clone(),
@@ -82,17 +87,26 @@ pub(crate) fn copies(
     Ok((files, warnings))
 }
 
-/// Claims the names of all outputs. No foreign file may have one of them.
-pub(crate) fn claim(run_dir: &RunDir, config: &Config, surfaces: bool, files: &[LabelledFile]) -> Result<()> {
+/// Refuses a folder in which a foreign file has the name of an output.
+pub(crate) fn refuse_foreign(
+    run_dir: &RunDir,
+    config: &Config,
+    surfaces: bool,
+    files: &[LabelledFile],
+) -> Result<()> {
     let ours = run_dir.own_outputs()?;
-    let names = planned(config, surfaces, files);
-    for name in names.iter().filter(|name| !ours.contains(name)) {
+    for name in planned(config, surfaces, files).iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
         if path.exists() {
             return Err(StoreError::InTheWay { path }.into());
         }
     }
-    Ok(run_dir.claim_outputs(&names)?)
+    Ok(())
+}
+
+/// Claims the names of all outputs.
+pub(crate) fn claim(run_dir: &RunDir, config: &Config, surfaces: bool, files: &[LabelledFile]) -> Result<()> {
+    Ok(run_dir.claim_outputs(&planned(config, surfaces, files))?)
 }
 
 /// Removes the outputs of an earlier run that this run will not write, and names them. Only files that

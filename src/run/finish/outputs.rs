@@ -50,15 +50,18 @@ pub(crate) fn finish(
         warnings,
         peak_resident_bytes: peak_resident_bytes(),
     };
-    if let Some((export, finished)) = outcome.unmarked {
-        let report = report::report(&open.drive, open.config, &planned.surveyed, &summary);
-        report::write_report(run_dir, &report)?;
-        page::write_page(run_dir, open, &planned.surveyed, &planned.plan, outcome.page, report)?;
-        let surfaces = open.chain.method.finds_surfaces();
-        names::remove_left_out(run_dir, open.config, surfaces, copies, &finished.files)?;
-        let cloud = Cloud::outlines(&export).map(|pass| run_dir.pass(&pass.folder, pass.depends));
-        let export = run_dir.pass(&export.folder, export.depends);
-        mark::mark_finished(run_dir, &export, &cloud, &finished, &names::beside(open.config, surfaces))?;
-    }
+    let cloud = Cloud::outlines(&outcome.export).map(|pass| run_dir.pass(&pass.folder, pass.depends));
+    let export = run_dir.pass(&outcome.export.folder, outcome.export.depends);
+    let Some(finished) = outcome.unmarked else {
+        // An earlier call may have been killed after the mark.
+        mark::clear(run_dir, &export, &cloud)?;
+        return Ok(summary);
+    };
+    let report = report::report(&open.drive, open.config, &planned.surveyed, &summary);
+    report::write_report(run_dir, &report)?;
+    page::write_page(run_dir, open, &planned.surveyed, &planned.plan, outcome.page, report)?;
+    let surfaces = open.chain.method.finds_surfaces();
+    names::remove_left_out(run_dir, open.config, surfaces, copies, &finished.files)?;
+    mark::mark_finished(run_dir, &export, &cloud, &finished, &names::beside(open.config, surfaces))?;
     Ok(summary)
 }

@@ -81,7 +81,7 @@ fn write_formats(
 /// The axis and the tiles in the units of the input.
 fn shape<'a>(drive: &'a Drive, surveyed: &Surveyed, plan: &Plan) -> DriveShape<'a> {
     let crs = drive.catalog.crs();
-    let unit_m = crs.horizontal_unit_m;
+    let [unit_m, ..] = drive.catalog.units_m();
     let in_units = |(place, chainage_m): ([f64; 2], f64)| [place[0] / unit_m, place[1] / unit_m, chainage_m];
     let axis = processed_stretches(surveyed)
         .into_iter()

@@ -126,7 +126,7 @@ impl CopcNodesPass<'_> {
     fn schema<'b>(&'b self, totals: &'b Totals) -> CopcSchema<'b> {
         let crs = self.drive.catalog.crs();
         let lattice = self.drive.lattice();
-        let unit_m = crs.horizontal_unit_m;
+        let [unit_m, ..] = self.drive.catalog.units_m();
         let cube = self.columns.cube;
         let halfsize = lattice.metres(cube.side) / unit_m / 2.0;
         let centre = cube.origin.map(|value| lattice.metres(value) / unit_m + halfsize);

@@ -375,9 +375,12 @@ impl Pass for ExportPass<'_> {
 
     fn sync(&self) -> Result<()> {
         for target in self.targets.iter().filter(|target| target.unsynced.swap(false, Ordering::Acquire)) {
-            open_part(target)?
-                .sync_data()
-                .map_err(|source| OutputError::Write { path: target.part.clone(), source })?;
+            let failed = |source| OutputError::Write { path: target.part.clone(), source };
+            let synced = open_part(target).and_then(|part| part.sync_data().map_err(failed));
+            if let Err(error) = synced {
+                target.unsynced.store(true, Ordering::Release);
+                return Err(error.into());
+            }
         }
         Ok(())
     }

@@ -189,7 +189,6 @@ fn with_pass<T>(
     let Sources { progress, objects, columns, terrain } = sources;
     let tiled = progress.over.classified.tiled;
     let (drive, surveyed) = (tiled.drive, tiled.surveyed);
-    let crs = drive.catalog.crs();
     let file_names: Vec<&str> = drive.catalog.files().iter().map(|file| file.name()).collect();
     let locate = |place| {
         let (chainage_m, offset_m) = surveyed.axis.locate(place);
@@ -204,7 +203,7 @@ fn with_pass<T>(
     let at_end = |place| edge.is_near(place) || is_cut_off(place);
     let site = Site {
         lattice: drive.lattice(),
-        units_m: [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
+        units_m: drive.catalog.units_m(),
         terrain,
         locate: &locate,
         at_end: &at_end,

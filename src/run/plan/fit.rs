@@ -140,16 +140,19 @@ pub(crate) fn settle<D: Driver>(
         Some(run_dir) => run_dir.await_json(&name)?,
         None => None,
     };
+    let length_m = config.tiling.tile_length;
+    let asked = |size| if length_m > 0.0 { TileSize::Metres(length_m) } else { size };
     if !driver.computes() {
-        let length_m = config.tiling.tile_length;
-        let asked = |size| if length_m > 0.0 { TileSize::Metres(length_m) } else { size };
         return Ok(stored.map(|size| street.plan(&asked(size))));
     }
     let kept = match &stored {
-        Some(size @ TileSize::Equal { .. }) if config.tiling.tile_length <= 0.0 => Some(street.plan(size)),
+        Some(size) if driver.keeps_plan() => Some(street.plan(&asked(size.clone()))),
+        Some(size @ TileSize::Equal { .. }) if length_m <= 0.0 => {
+            Some(street.plan(size)).filter(|plan| budget.keeps(needs::largest(chain, plan)))
+        }
         _ => None,
     };
-    let plan = match kept.filter(|plan| budget.keeps(needs::largest(chain, plan))) {
+    let plan = match kept {
         Some(plan) => plan,
         None => {
             let (size, plan) = street.fit(config, chain, budget);
