@@ -77,7 +77,7 @@ pub struct OutputConfig {
     pub classification: ClassificationChoice,
     /// Whether the original class is kept in a dimension of its own.
     pub original_classification: bool,
-    /// What is written, by the names of [`Self::writes`]; everything if it is empty.
+    /// What is written, by the names of [`Self::writes`]; all but `copc` if it is empty.
     pub files: Vec<String>,
     /// Whether the cloud-optimised file of the whole drive is written.
     pub copc: bool,

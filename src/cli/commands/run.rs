@@ -93,7 +93,8 @@ struct OutputSettings {
 fn outputs() -> String {
     let tables: Vec<&str> = objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name).collect();
     format!(
-        "Write only these: points (labelled copies), {}, copc, report [default: all but copc]",
+        "Write only these: points (labelled copies), {}, ply (only p-linkage writes it), copc, report \
+         [default: all but copc]",
         tables.join(", ")
     )
 }

@@ -72,9 +72,10 @@ pub(crate) fn edge(lattice: Lattice) -> u32 {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
-    /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence has at least twice as
-    /// many, a tree, a vehicle, a building and an object without a core three times as many, unless the model
-    /// is sure that it is whole. Smaller ones that join no other are left without an id.
+    /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence needs twice as many, a
+    /// tree, a vehicle, a building and an object without a core three times as many. A fence, a vehicle or a
+    /// building needs only this number if the model is sure that it is whole. Smaller ones that join no other
+    /// are left without an id.
     pub min_points: u64,
     /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
     /// growth needs them, and then left without an id.
