@@ -217,7 +217,7 @@ fn a_fresh_run_removes_and_names_what_the_earlier_one_wrote() {
     std::fs::write(folder.path().join("out/notes.txt"), "mine").expect("written");
     let fresh = call(folder.path(), &["run", SWEEP, "-o", "out", "--fresh", "-q"]);
     assert_eq!(code(&fresh), 0, "{}", text(&fresh.stderr));
-    let removed = "removed mls_profiles.las: the earlier run wrote it, and this one does not";
+    let removed = "removed mls_profiles.las: an earlier call wrote it, and this one does not";
     assert!(text(&fresh.stderr).contains(removed), "{}", text(&fresh.stderr));
     let there = |name: &str| folder.path().join("out").join(name).exists();
     assert!(!there(SAMPLE) && there(SWEEP) && there("objects.csv"));

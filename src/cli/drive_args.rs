@@ -86,7 +86,7 @@ pub(crate) struct Choices {
     /// Configuration file with the settings that differ from `chainage config`
     #[arg(short = 'c', long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Change a setting, for example --set euclidean.max_gap_m=0.4; may be repeated
+    /// Change a setting, for example --set street.min_points=10; may be repeated
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) assignments: Vec<String>,
     #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), "street"))]
@@ -99,6 +99,20 @@ pub(crate) struct Choices {
     /// Trajectory: CSV with the columns gps_time,x,y,z [default: the axis is derived from the points]
     #[arg(long, value_name = "FILE")]
     trajectory: Option<PathBuf>,
+}
+
+impl Choices {
+    /// Whether any option was given.
+    pub(crate) fn is_any_given(&self) -> bool {
+        let Self { preset, config, assignments, method, ground, tile_length, trajectory } = self;
+        preset.is_some()
+            || config.is_some()
+            || !assignments.is_empty()
+            || method.is_some()
+            || ground.is_some()
+            || tile_length.is_some()
+            || trajectory.is_some()
+    }
 }
 
 /// A section of a drive, for `run` and `plan`.

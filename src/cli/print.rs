@@ -3,9 +3,10 @@
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use chainage::output::save;
+use chainage::output::{check_target, save};
 use chainage::run::SectionFacts;
 pub(crate) use chainage::words::{counted, separated as count};
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde::Serialize;
 
 use crate::cli::exit::CliError;
@@ -29,7 +30,14 @@ pub(crate) fn text(text: &str) -> Result<(), CliError> {
 #[derive(Debug, clap::Args)]
 pub(crate) struct JsonOutput {
     /// Print JSON instead of text; with =FILE, print text and write JSON to the file
-    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "-",
+        value_parser = target()
+    )]
     json: Option<PathBuf>,
 }
 
@@ -63,6 +71,23 @@ pub(crate) fn deliver(
         Err(error) if !error.is_broken_pipe() => Err(error),
         _ => Ok(true),
     }
+}
+
+/// Reads the name of a file for a result. A name that cannot be written, or that is the name of a scan, is
+/// refused before anything is computed.
+pub(crate) fn target() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        if is_standard_output(&path) {
+            return Ok(path);
+        }
+        check_target(&path).map(|()| path).map_err(|error| {
+            let hint = chainage::Failure::hint(&error).map_or_else(String::new, |hint| format!("; {hint}"));
+            format!(
+                "{error}{}{hint}",
+                std::error::Error::source(&error).map_or_else(String::new, |source| format!(": {source}"))
+            )
+        })
+    })
 }
 
 /// Whether a result is to go to standard output.

@@ -103,10 +103,8 @@ impl Crs {
         let claim = claim.dismissed_by(header.extent, warnings);
         let text = text.filter(|_| claim != Claim::default());
         if claim == Claim::default() && looks_like_degrees(header.scaling.scale, header.extent) {
-            warnings.push(
-                "there is no coordinate system, and the coordinates look like degrees; metres are assumed"
-                    .into(),
-            );
+            let name = "no record names a system, but the coordinates look like degrees";
+            return Claim { kind: CrsKind::Geographic, name: Some(name.into()), ..claim }.into_crs(None);
         }
         claim.warn_about_unit(warnings);
         claim.into_crs(text)

@@ -17,6 +17,12 @@ pub enum OutputError {
         /// Why.
         source: std::io::Error,
     },
+    /// A result would replace points.
+    #[error("{path} contains points (LAS or LAZ) and is not replaced", path = path.display())]
+    HoldsPoints {
+        /// The file.
+        path: PathBuf,
+    },
     /// The output folder is not empty.
     #[error("{path} is not empty", path = path.display())]
     NotEmpty {
@@ -139,6 +145,9 @@ impl Failure for OutputError {
                 "free some space and type the same command again: run resumes, synth needs an empty folder"
                     .into(),
             ),
+            Self::HoldsPoints { .. } => {
+                Some("choose another file for the result; with --json=FILE the name follows directly".into())
+            }
             Self::NotEmpty { .. } => Some("choose another folder, or empty this one first".into()),
             Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 Some("choose another name with output.dimension".into())

@@ -23,4 +23,4 @@ pub use crate::config::OutputFormat;
 pub use error::OutputError;
 pub use points::{LabelOptions, LabelledFile, check_names};
 pub use report::{ChartError, PointStream, chart_svg};
-pub use save::save;
+pub use save::{check_target, save};

@@ -70,7 +70,6 @@ pub use train::{
 pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<RunSummary> {
     let started = std::time::Instant::now();
     let Begun { run_dir, open, labelled, mut warnings } = Begun::from(request)?;
-    let copies = outputs::names_of(&labelled);
     let mut driver = Here::new(&run_dir, open.budget.limits(), open.config.run.fail_fast, observer, cancel);
 
     let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
@@ -81,7 +80,7 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
     let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
     let course = Course { started, warnings, passes: driver.figures };
-    outputs::finish(&run_dir, &open, &planned, outcome, &copies, course)
+    outputs::finish(&run_dir, &open, &planned, outcome, course, observer)
 }
 
 /// The memory budget of a run in bytes: the given one, or half of the memory that is free now.

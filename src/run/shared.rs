@@ -176,11 +176,9 @@ pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> R
         let known = driver.figures.iter().map(|figures| figures.pass.to_owned()).collect();
         return Err(RunError::NoSuchPass { pass: after.to_owned(), known }.into());
     }
-    let (copies, _) = names::copies(&open.drive.catalog, &config, open.chain.method.classifies())?;
     let warnings = planned.surveyed.warnings.clone();
     let course = Course { started, warnings, passes: driver.figures };
-    let copies = outputs::names_of(&copies);
-    let summary = outputs::finish(&run_dir, &open, &planned, outcome, &copies, course)?;
+    let summary = outputs::finish(&run_dir, &open, &planned, outcome, course, observer)?;
     Ok(Reduced { next: DueUnits::of(None), finished: Some((summary, config.output)) })
 }
 

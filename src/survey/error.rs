@@ -48,6 +48,14 @@ pub enum SurveyError {
         /// Positions in it.
         positions: usize,
     },
+    /// No scanner reaches from the trajectory to the points.
+    #[error("the trajectory {path} is {kilometres:.0} km away from the points", path = path.display())]
+    Elsewhere {
+        /// The file.
+        path: PathBuf,
+        /// Distance between the boxes around both.
+        kilometres: f64,
+    },
     /// A record whose position is too far from the origin.
     #[error("record {record} of {path} has the coordinates {xyz:?}, too far from the origin for any position on earth", path = path.display())]
     Position {
@@ -92,10 +100,14 @@ impl Failure for SurveyError {
             Self::Column { .. } | Self::Number { .. } => {
                 Some("a trajectory is a CSV file whose first line is gps_time,x,y,z".into())
             }
-            Self::Position { .. } | Self::Heights { .. } => Some(
-                "chainage info FILES... shows scale and offset of every file; remove records that are not positions"
+            Self::Position { .. } => Some(
+                "these are the integers of the record: if all records are like it, scale or offset in the header are wrong; otherwise remove it"
                     .into(),
             ),
+            Self::Heights { .. } => Some("remove records that are not positions".into()),
+            Self::Elsewhere { .. } => {
+                Some("the trajectory must be of this drive, in the coordinate system and the unit of the points".into())
+            }
             Self::Read { .. } | Self::TooShort { .. } | Self::Empty { .. } => None,
         }
     }

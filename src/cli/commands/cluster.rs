@@ -26,7 +26,7 @@ pub(crate) struct ClusterArgs {
     #[arg(value_name = "TABLE")]
     table: PathBuf,
     /// File for the labelled table (-: standard output)
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = print::target())]
     out: PathBuf,
     /// Clustering method
     #[arg(long, value_enum, value_name = "NAME")]
@@ -51,7 +51,7 @@ pub(crate) struct ClusterArgs {
     #[command(flatten)]
     p_linkage: PLinkageArgs,
     /// Write settings, counts and the estimate as JSON (-: to standard output)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = print::target())]
     json: Option<PathBuf>,
 }
 
@@ -83,7 +83,7 @@ struct DbscanArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     max_points: u64,
     /// Write a drawing of the curve of the estimation as SVG (-: to standard output)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = print::target())]
     svg: Option<PathBuf>,
 }
 

@@ -18,7 +18,7 @@ pub(crate) struct ConfigArgs {
     /// List the presets and what they are for
     #[arg(long, conflicts_with_all = ["effective", "check"])]
     presets: bool,
-    /// Print the settings that a run with these options would use
+    /// Print the settings that a run with these options would use; other options imply it
     #[arg(long, conflicts_with = "check")]
     effective: bool,
     /// Check a configuration file, and list the settings that differ from the defaults
@@ -32,7 +32,7 @@ impl ConfigArgs {
     pub(crate) fn run(&self) -> Outcome {
         let text = if self.presets {
             presets()
-        } else if self.effective {
+        } else if self.effective || (self.check.is_none() && self.choices.is_any_given()) {
             self.effective()?
         } else if let Some(path) = &self.check {
             let config = self.choices.resolve_over(Some(path), &[])?;

@@ -14,6 +14,9 @@ use crate::cli::progress::ProgressChoice;
 pub(super) const SAMPLE: &[u8] = include_bytes!("../../../tests/data/tree_road_sweep.laz");
 pub(super) const SAMPLE_NAME: &str = "tree_road_sweep.laz";
 
+/// One sweep has about a hundredth of the points of a drive: objects may be smaller.
+const SETTING: &str = "street.min_points=10";
+
 #[derive(Debug, clap::Args)]
 pub(crate) struct DemoArgs {
     /// Output directory
@@ -32,15 +35,13 @@ impl DemoArgs {
             std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&input, SAMPLE)).map_err(failed)?;
         }
         let out = self.out.join("output");
-        // One sweep has about a hundredth of the points of a drive: objects may be smaller.
-        let config =
-            Config::resolve(None, &["street.min_points=10".to_owned()]).map_err(chainage::Error::from)?;
+        let config = Config::resolve(None, &[SETTING.to_owned()]).map_err(chainage::Error::from)?;
         let output = config.output.clone();
         let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
         let open = |out: &Path| {
             let name = out.join(SAMPLE_NAME);
             format!(
-                "  to see it: open {} in a browser, or {} in a viewer of point clouds and colour it by cluster_id\n",
+                "  the same from your own files: chainage run FILES... -o OUT (here with --set {SETTING})\n  to see it: open {} in a browser, or {} in a viewer of point clouds and colour it by cluster_id\n",
                 out.join("report.html").display(),
                 name.display()
             )

@@ -43,10 +43,10 @@ pub(crate) struct EstimateArgs {
     #[arg(long, value_name = "N", value_parser = count)]
     max_queries: Option<u64>,
     /// Write a drawing of the curve, the fit and the result as SVG (-: to standard output)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = print::target())]
     svg: Option<PathBuf>,
     /// Write the curve, the fit, the result and its cost as JSON (-: to standard output)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = print::target())]
     json: Option<PathBuf>,
     /// Keep the state in this directory. The same command resumes, and `chainage run` with the same settings
     /// continues from there [default: a folder in --scratch that is removed at the end]

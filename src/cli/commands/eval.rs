@@ -93,11 +93,11 @@ pub(crate) struct EvalArgs {
     hoover: Vec<Tolerance>,
 
     /// Write every figure and the objects that lower it as JSON (-: to standard output)
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    #[arg(long, value_name = "FILE", help_heading = "Output", value_parser = print::target())]
     json: Option<PathBuf>,
 
     /// Write every reference object with its result in each metric as CSV (-: to standard output)
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    #[arg(long, value_name = "FILE", help_heading = "Output", value_parser = print::target())]
     objects: Option<PathBuf>,
 
     /// Number of objects without a match that are listed below the table

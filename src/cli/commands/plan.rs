@@ -21,7 +21,7 @@ pub(crate) struct PlanArgs {
     #[command(flatten)]
     json: JsonOutput,
     /// Write a drawing of tiles, axis and chainage marks as SVG (-: to standard output)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = print::target())]
     svg: Option<PathBuf>,
     #[command(flatten)]
     section: SectionArgs,

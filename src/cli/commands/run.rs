@@ -180,7 +180,7 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
         text.push_str(&format!("  {}\n", print::section(&section)));
     }
     text.push_str(&format!(
-        "  ground {:.1} %, noise {:.2} %, objects {:.1} %\n",
+        "  ground {:.1} %, noise {:.2} %, above the ground {:.1} %\n",
         share(counts.ground),
         share(counts.low_noise + counts.high_noise),
         share(counts.object)

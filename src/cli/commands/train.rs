@@ -37,7 +37,7 @@ pub(crate) struct TrainArgs {
     #[arg(value_name = "DRIVES", required_unless_present = "model")]
     drives: Vec<PathBuf>,
     /// Write the model here
-    #[arg(short, long, value_name = "MODEL", required_unless_present = "model")]
+    #[arg(short, long, value_name = "MODEL", required_unless_present = "model", value_parser = print::target())]
     out: Option<PathBuf>,
     /// Score this model with --test, and learn nothing; `built-in` and `built-in-forest` come with the
     /// program
@@ -51,7 +51,7 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "DRIVES", num_args = 1..)]
     test: Vec<PathBuf>,
     /// Write the card of the model, in Markdown (- for standard output)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = print::target())]
     card: Option<PathBuf>,
     /// Folder for the state of one drive at a time [default: the system's folder for temporary files]
     #[arg(long, value_name = "DIRECTORY")]

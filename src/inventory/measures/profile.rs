@@ -10,6 +10,9 @@ use crate::model::Lattice;
 /// Shortest gap in metres. Measured on three drives of `synth` and one labelled scene: at 0.25 m, the top of
 /// a tree was lost; at 0.4 m, leaves stayed on hedges.
 const SHORTEST_GAP_M: f64 = 0.3;
+/// A gap is at least so many times as long as half of the gaps between the slices of the object. The rings of
+/// a spinning head are half a metre apart on a tree: the gap above one of them is not the end of the tree.
+const TYPICAL_GAPS: i64 = 2;
 /// Share of the points that a gap detaches at most, per metre of the gap. Measured there: what was not of the
 /// object had up to 0.17 of its points per metre, and no object lost a part.
 const SHARE_PER_M: f64 = 1.0 / 6.0;
@@ -66,6 +69,10 @@ impl Ends {
 
     fn of(profile: &Sketch<Slice>, lattice: Lattice) -> Option<Self> {
         let slices: Vec<Slice> = profile.voxels.iter().map(|(_, slice)| *slice).collect();
+        let mut gaps: Vec<i64> =
+            slices.windows(2).map(|pair| (pair[1].lowest - pair[0].highest).max(0)).collect();
+        gaps.sort_unstable();
+        let typical = gaps.get(gaps.len() / 2).copied().unwrap_or(0);
         let all = slices.iter().map(|slice| slice.points).sum::<u64>() as f64;
         let (first, last) = (slices.first()?, slices.last()?);
         let mut ends = Self { bottom: first.lowest, top: last.highest };
@@ -73,8 +80,9 @@ impl Ends {
         let mut top_found = false;
         for pair in slices.windows(2) {
             below += pair[0].points;
-            let gap_m = lattice.metres(pair[1].lowest - pair[0].highest);
-            if gap_m < SHORTEST_GAP_M {
+            let gap = pair[1].lowest - pair[0].highest;
+            let gap_m = lattice.metres(gap);
+            if gap_m < SHORTEST_GAP_M || gap < TYPICAL_GAPS * typical {
                 continue;
             }
             let most = all * (gap_m * SHARE_PER_M).min(LARGEST_SHARE);
@@ -108,6 +116,15 @@ mod tests {
         let slice = |&z: &i64| (frame.key([0, 0, z]), Slice { points: 1, lowest: z, highest: z });
         let profile = Sketch::of(&frame, heights.iter().map(slice).collect(), 1 << 10);
         Ends::new(&profile, is_wire, Lattice::MILLIMETRE).unwrap()
+    }
+
+    #[test]
+    fn the_highest_ring_of_a_tree_is_its_top() {
+        // Rings of a spinning head: the gaps grow with the height, and few points are in the highest ring.
+        let rings = [(400, 460, 1), (900, 960, 1), (1_480, 1_540, 1), (2_120, 2_180, 1), (2_900, 2_910, 1)];
+        assert_eq!(ends(&rings), Ends { bottom: 400, top: 2_910 });
+        // What is far above them is something else.
+        assert_eq!(ends(&[&rings[..], &[(6_000, 6_010, 1)]].concat()), Ends { bottom: 400, top: 2_910 });
     }
 
     #[test]

@@ -1,12 +1,14 @@
 //! Selects the axis: from a trajectory, from GPS time, or from the points.
 
+use std::path::Path;
+
 use serde::Serialize;
 
 use crate::config::{AxisChoice, Config};
 use crate::error::Result;
 use crate::run::drive::Drive;
 use crate::spatial::PackedCells;
-use crate::survey::{Axis, AxisSource, Survey, read_trajectory};
+use crate::survey::{Axis, AxisSource, Survey, SurveyError, read_trajectory};
 
 /// The source and the length of the axis, for reports.
 #[derive(Debug, Clone, Serialize)]
@@ -25,6 +27,27 @@ impl AxisFacts {
     }
 }
 
+/// Distance in metres from the box around a trajectory to that around the points, from which they do not belong
+/// together. Scanners reach some hundred metres.
+const ELSEWHERE_M: f64 = 1_000.0;
+
+/// Refuses a trajectory that is in another coordinate system, or of another drive.
+fn check_near(path: &Path, track: &[[f64; 2]], drive: &Drive, survey: &Survey) -> Result<()> {
+    let Some((low, high)) = survey.extent else { return Ok(()) };
+    let apart = |axis: usize| {
+        let values = || track.iter().map(|place| place[axis]);
+        let (least, most) =
+            (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+        let metres = |units: i64| drive.lattice().metres(units);
+        (least - metres(high[axis])).max(metres(low[axis]) - most).max(0.0)
+    };
+    let metres = apart(0).hypot(apart(1));
+    if metres > ELSEWHERE_M {
+        return Err(SurveyError::Elsewhere { path: path.to_owned(), kilometres: metres / 1_000.0 }.into());
+    }
+    Ok(())
+}
+
 /// The axis of a drive according to the settings.
 pub(super) fn find_axis(
     drive: &Drive,
@@ -38,6 +61,7 @@ pub(super) fn find_axis(
         let [unit_m, ..] = drive.catalog.units_m();
         let track = read_trajectory(path)?;
         let track: Vec<[f64; 2]> = track.into_iter().map(|place| place.map(|value| value * unit_m)).collect();
+        check_near(path, &track, drive, survey)?;
         if let Some(axis) = Axis::from_positions(AxisSource::Trajectory, &track) {
             return Ok(axis);
         }

@@ -11,6 +11,7 @@ use crate::run::drive::axis::find_axis;
 use crate::run::drive::warnings::{warn_of_files_apart, warn_of_header_boxes, warn_of_strays};
 use crate::spatial::{BlockZone, PackedCells};
 use crate::survey::{Axis, Survey, SurveyError};
+use crate::words::counted;
 
 /// Largest extent of heights in lattice units, so that they fit local coordinates.
 const HEIGHT_LIMIT_UNITS: i64 = i32::MAX as i64;
@@ -38,7 +39,9 @@ impl Surveyed {
         let cells = Arc::new(PackedCells::from(std::mem::take(&mut survey.occupancy)));
         let axis = find_axis(drive, &survey, &cells, config, &mut warnings)?;
         if survey.bad_times > 0 {
-            warnings.push(format!("{} points have no finite GPS time", survey.bad_times));
+            let times = counted(survey.bad_times, "point");
+            let verb = if survey.bad_times == 1 { "has" } else { "have" };
+            warnings.push(format!("{times} {verb} no finite GPS time"));
         }
         survey.time_bins.clear();
         warn_of_strays(&survey, &cells, drive.lattice().metres(drive.grid.edge()), &mut warnings);

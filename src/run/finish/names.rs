@@ -109,48 +109,42 @@ pub(crate) fn claim(run_dir: &RunDir, config: &Config, surfaces: bool, files: &[
     Ok(run_dir.claim_outputs(&planned(config, surfaces, files))?)
 }
 
-/// Removes the outputs of an earlier run that this run will not write, and names them. Only files that
-/// chainage wrote are removed.
+/// Before a run that starts over: removes the outputs of the earlier run that it will not write, and names
+/// them.
 pub(crate) fn remove_superseded(
     run_dir: &RunDir,
     config: &Config,
     surfaces: bool,
     files: &[LabelledFile],
 ) -> Result<Vec<String>> {
-    let names = planned(config, surfaces, files);
+    remove_except(run_dir, &planned(config, surfaces, files))
+}
+
+/// After a run: removes outputs of earlier calls that it does not have, because they would show other
+/// objects, and names them. Of labelled copies, those in `written` stay.
+pub(crate) fn remove_left_out(
+    run_dir: &RunDir,
+    config: &Config,
+    surfaces: bool,
+    written: &[String],
+) -> Result<Vec<String>> {
+    let names: Vec<String> =
+        beside(config, surfaces).into_iter().map(str::to_owned).chain(written.iter().cloned()).collect();
+    remove_except(run_dir, &names)
+}
+
+/// Removes the outputs without one of these names, and names them. Only files that chainage wrote are removed.
+fn remove_except(run_dir: &RunDir, names: &[String]) -> Result<Vec<String>> {
     let mut removed = Vec::new();
     for name in run_dir.own_outputs()?.into_iter().filter(|name| !names.contains(name)) {
         let path = run_dir.out().join(&name);
         if path.is_file() {
             fs_err::remove_file(&path).map_err(StoreError::io("remove", &path))?;
-            removed.push(format!("removed {name}: the earlier run wrote it, and this one does not"));
+            removed.push(format!("removed {name}: an earlier call wrote it, and this one does not"));
         }
     }
-    run_dir.replace_outputs(&names)?;
+    run_dir.replace_outputs(names)?;
     Ok(removed)
-}
-
-/// Removes outputs of an earlier call that this one leaves out, because they would show other objects. Of the
-/// labelled copies `files`, those in `written` stay.
-pub(crate) fn remove_left_out(
-    run_dir: &RunDir,
-    config: &Config,
-    surfaces: bool,
-    files: &[String],
-    written: &[String],
-) -> Result<()> {
-    let tables = objects::REGISTRY.iter().chain(objects::SURFACES).map(|entry| entry.file_name);
-    let mut left_out: Vec<&str> = tables.chain([PAGE, CLOUD]).collect();
-    left_out.retain(|name| !beside(config, surfaces).contains(name));
-    left_out.extend(files.iter().filter(|name| !written.contains(name)).map(String::as_str));
-    let ours = run_dir.own_outputs()?;
-    for name in left_out.into_iter().filter(|name| ours.iter().any(|ours| ours == name)) {
-        let path = run_dir.out().join(name);
-        if path.is_file() {
-            fs_err::remove_file(&path).map_err(StoreError::io("remove", &path))?;
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

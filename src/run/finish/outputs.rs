@@ -3,9 +3,8 @@
 use std::time::Instant;
 
 use crate::error::Result;
-use crate::output::LabelledFile;
 use crate::run::cloud::Cloud;
-use crate::run::engine::{PassFigures, peak_resident_bytes};
+use crate::run::engine::{Event, Observer, PassFigures, peak_resident_bytes};
 use crate::run::finish::{mark, names, page, report};
 use crate::run::flow::{Outcome, Planned};
 use crate::run::open::Opened;
@@ -19,23 +18,27 @@ pub(crate) struct Course {
     pub(crate) passes: Vec<PassFigures>,
 }
 
-/// Names of labelled copies.
-pub(crate) fn names_of(labelled: &[LabelledFile]) -> Vec<String> {
-    labelled.iter().map(|file| file.name().to_owned()).collect()
-}
-
-/// Writes what is left after the last pass, unless it was written before. `copies` are the names of the
-/// labelled copies.
+/// Writes what is left after the last pass, and removes outputs of earlier calls that this one does not have,
+/// unless this was done before.
 pub(crate) fn finish(
     run_dir: &RunDir,
     open: &Opened<'_>,
     planned: &Planned,
     outcome: Outcome,
-    copies: &[String],
     course: Course,
+    observer: &dyn Observer,
 ) -> Result<RunSummary> {
     let Course { started, mut warnings, passes } = course;
     warnings.extend(outcome.warnings);
+    let surfaces = open.chain.method.finds_surfaces();
+    if let Some(finished) = &outcome.unmarked {
+        for text in names::remove_left_out(run_dir, open.config, surfaces, &finished.files)? {
+            let event = Event::Warning { text: &text };
+            observer.event(&event);
+            run_dir.log_event(&event.to_json().to_string());
+            warnings.push(text);
+        }
+    }
     let summary = RunSummary {
         points: planned.plan.points_inside(),
         section: SectionFacts::of(&planned.surveyed),
@@ -43,7 +46,7 @@ pub(crate) fn finish(
         objects: outcome.objects,
         tiles: planned.plan.tiles.iter().filter(|tile| tile.inside).count(),
         seconds: started.elapsed().as_secs_f64(),
-        surfaces: open.chain.method.finds_surfaces(),
+        surfaces,
         nothing_to_do: outcome.unmarked.is_none(),
         figures: outcome.figures,
         passes,
@@ -60,8 +63,6 @@ pub(crate) fn finish(
     let report = report::report(&open.drive, open.config, &planned.surveyed, &summary);
     report::write_report(run_dir, &report)?;
     page::write_page(run_dir, open, &planned.surveyed, &planned.plan, outcome.page, report)?;
-    let surfaces = open.chain.method.finds_surfaces();
-    names::remove_left_out(run_dir, open.config, surfaces, copies, &finished.files)?;
     mark::mark_finished(run_dir, &export, &cloud, &finished, &names::beside(open.config, surfaces))?;
     Ok(summary)
 }

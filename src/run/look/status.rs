@@ -45,7 +45,7 @@ pub struct RunStatus {
 /// `resolve` returns for the path of that configuration.
 ///
 /// # Errors
-/// When there is no run, or its input can no longer be opened.
+/// When there is no run, or its input can no longer be opened or is another one.
 pub fn status(
     out: &Path,
     registries: &Registries<'_>,
@@ -54,7 +54,7 @@ pub fn status(
     let run_dir = RunDir::inspect(out)?;
     let (inputs, configuration) = open::recorded(&run_dir)?;
     let config = resolve(&configuration)?;
-    let open = Opened::to_look(&inputs, &config, registries)?;
+    let open = Opened::to_share(&inputs, &config, registries, &run_dir)?;
     let mut driver = Nobody::new(&run_dir);
     let outcome = walk(&open, &mut driver, &run_dir)?;
     let finished = outcome.is_some_and(|outcome| outcome.unmarked.is_none());
