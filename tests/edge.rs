@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use chainage::cluster::{ClusterEntry, Clusterer, OneStep};
 use chainage::ground::{GroundEntry, GroundFilter};
-use chainage::input::InputError;
+use chainage::input::{Catalog, InputError, InputOptions, LengthUnit};
 use chainage::model::{AlgorithmError, Lattice, PointClass, Reach, TileCloud};
 use chainage::output::OutputError;
 use chainage::run::{CancelToken, Event, Observer, Registries, RunError, RunRequest, RunSummary, run};
@@ -15,6 +15,7 @@ use chainage::{Error, ErrorKind, cluster, ground};
 
 use crate::util::drive::{Labelled, assert_same_outputs, config, drive, run_with, scratch, settings};
 use crate::util::las::{Point, Shape, geographic};
+use crate::util::shipped;
 use crate::util::street::{Course, Street, number};
 
 /// A drive in a folder of its own.
@@ -215,17 +216,14 @@ fn a_cut_file_degrees_and_equal_names_are_refused() {
 #[test]
 fn every_output_has_the_units_of_the_points() {
     let scratch = Scratch::new();
-    let points: Vec<Point> =
-        row().into_iter().map(|point| Point { mm: point.mm.map(|mm| mm + 4_000_000), ..point }).collect();
-    let feet = vec![scratch.file("feet.las", &Shape::default(), &points)];
+    let sample = vec![shipped("tests/data/mls_profiles.las")];
     let out = scratch.out("feet");
-    let asked = ["input.unit=foot", "output.files=[\"points\",\"csv\",\"copc\"]"];
-    let summary = drive(&feet, &out, &list(5.0, &asked)).unwrap();
+    let asked = ["input.unit=foot", "output.files=[\"points\",\"csv\",\"copc\"]", "euclidean.min_points=5"];
+    let summary = drive(&sample, &out, &list(5.0, &asked)).unwrap();
     assert!(summary.objects > 0);
-    let range = |axis: usize| {
-        let values = || points.iter().map(|point| point.mm[axis] as f64 / 1_000.0);
-        values().fold(f64::INFINITY, f64::min) - 0.01..values().fold(f64::NEG_INFINITY, f64::max) + 0.01
-    };
+    let catalog = Catalog::open(&sample, &InputOptions { mmap: true, unit: LengthUnit::Foot }).unwrap();
+    let extent = catalog.files()[0].header_extent();
+    let range = |axis: usize| extent[0][axis] - 0.01..extent[1][axis] + 0.01;
     let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
     let mut lines = table.lines().filter(|line| !line.starts_with('#'));
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -245,6 +243,60 @@ fn every_output_has_the_units_of_the_points() {
         let (centre, half) = (number(8 * axis), number(24));
         let range = range(axis);
         assert!(centre - half <= range.start + 0.02 && centre + half >= range.end - 0.02, "{centre} {half}");
+    }
+}
+
+/// A file that does not name its system is in that of the others, and so in its unit.
+#[test]
+fn files_without_a_system_have_the_unit_of_those_with_one() {
+    let scratch = Scratch::new();
+    // EPSG:2263, New York Long Island in US survey feet, as a key of GeoTIFF.
+    let keys: Vec<u8> = [1_u16, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2263].map(u16::to_le_bytes).concat();
+    let with = Shape { format: 1, records: vec![("LASF_Projection", 34_735, keys)], ..Shape::default() };
+    let files = vec![
+        scratch.file("with.las", &with, &row()),
+        scratch.file("without.las", &Shape { format: 1, ..Shape::default() }, &row()),
+    ];
+    let catalog = Catalog::open(&files, &InputOptions { mmap: true, unit: LengthUnit::Auto }).unwrap();
+    let units: Vec<f64> = catalog.files().iter().map(|file| file.units_m()[0]).collect();
+    assert!(units.iter().all(|unit| (unit - 1_200.0 / 3_937.0).abs() < 1e-9), "{units:?}");
+    assert!((catalog.units_m()[0] - units[0]).abs() < 1e-12);
+}
+
+#[test]
+fn degrees_without_a_system_are_refused_unless_the_unit_is_stated() {
+    let scratch = Scratch::new();
+    let path = scratch.file("degrees.las", &Shape { scale_tenths: 1, ..Shape::default() }, &row());
+    let mut bytes = std::fs::read(&path).unwrap();
+    // Scales of x and y: 1e-7 degrees.
+    for at in [131, 139] {
+        bytes[at..at + 8].copy_from_slice(&1e-7_f64.to_le_bytes());
+    }
+    std::fs::write(&path, bytes).unwrap();
+    let open = |unit| Catalog::open(std::slice::from_ref(&path), &InputOptions { mmap: true, unit });
+    let error = open(LengthUnit::Auto).unwrap_err();
+    assert!(matches!(&error, InputError::Geographic { .. }), "{error}");
+    assert!(error.to_string().contains("look like degrees"), "{error}");
+    assert!(open(LengthUnit::Metre).is_ok());
+}
+
+#[test]
+fn a_trajectory_of_elsewhere_is_refused() {
+    let scratch = Scratch::new();
+    let files = vec![scratch.file("a.las", &Shape::default(), &row())];
+    let track = scratch.out("track.csv");
+    for (place, km) in [("500000,5400000", Some("km away from the points")), ("900,0", None)] {
+        let moved = place.replacen("00,", "01,", 1);
+        std::fs::write(&track, format!("gps_time,x,y,z\n0,{place},0\n1,{moved},0\n")).unwrap();
+        let assignment = format!("axis.trajectory={}", track.display());
+        let found = drive(&files, &scratch.out("out"), &list(5.0, &[&assignment]));
+        match km {
+            Some(text) => {
+                let error = found.unwrap_err();
+                assert!(error.to_string().contains(text), "{error}");
+            }
+            None => assert!(found.is_ok(), "{found:?}"),
+        }
     }
 }
 

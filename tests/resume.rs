@@ -218,6 +218,9 @@ fn another_header_is_refused() {
     }
 }
 
+/// Bytes of the header of LAS 1.4.
+const HEADER_BYTES: usize = 375;
+
 /// A compressed file is changed, refused, and restored with its old time. The data unpacked from the wrong
 /// file must not be used.
 #[test]
@@ -228,7 +231,9 @@ fn a_refused_input_leaves_no_trace_in_the_state() {
     let right = Shape::default().compressed(&points, 500);
     points[2_000].mm[0] += 50_000;
     points[2_001].mm[1] -= 50_000;
-    let wrong = Shape::default().compressed(&points, 500);
+    let mut wrong = Shape::default().compressed(&points, 500);
+    // Another header would be refused for itself.
+    wrong[..HEADER_BYTES].copy_from_slice(&right[..HEADER_BYTES]);
     // Both get the same size, because a file may have anything after its points.
     let size = right.len().max(wrong.len());
     let time = std::time::SystemTime::now() - Duration::from_secs(100);
@@ -432,6 +437,37 @@ fn fresh_gives_nothing_up_for_a_request_that_is_refused() {
     let new = inputs.path("new");
     refused(&list, &new, &["--set", "output.files=[\"bogus\"]"], 3, &["output.files = bogus"]);
     assert!(!new.exists(), "a folder for a run that was refused");
+}
+
+/// Copies of another format would be scored and shown beside those of this call.
+#[test]
+fn outputs_of_an_earlier_call_are_removed_and_named() {
+    let inputs = Inputs::new();
+    let out = inputs.undisturbed("street.laz", &["--output-format", "las"]);
+    assert!(out.join("street.las").exists() && out.join("objects.csv").exists());
+    let more = ["--outputs", "points", "--set", "noise.min_component_points=6"];
+    let output = run_command(&inputs.list("street.laz"), &out, &options(&more)).output().expect("starts");
+    let (code, errors) = ended(&output);
+    assert_eq!(code, 0, "{errors}");
+    for name in ["street.las", "objects.csv", "report.html"] {
+        let text = format!("removed {name}: an earlier call wrote it, and this one does not");
+        assert!(errors.contains(&text) && !out.join(name).exists(), "{text:?} is not in:\n{errors}");
+    }
+    assert!(out.join("street.laz").exists());
+    assert!(errors.contains("removed objects.geojson"), "{errors}");
+}
+
+#[test]
+fn a_setting_of_another_method_is_told_to_have_no_effect() {
+    let inputs = Inputs::new();
+    let more = ["--set", "dbscan.epsilon=1", "--set", "euclidean.min_points=12"];
+    let out = inputs.path("out");
+    let output = run_command(&inputs.list("street.las"), &out, &options(&more)).output().expect("starts");
+    let (code, errors) = ended(&output);
+    assert_eq!(code, 0, "{errors}");
+    assert!(errors.contains("dbscan.epsilon = 1"), "{errors}");
+    assert!(errors.contains("has no effect: the methods are"), "{errors}");
+    assert!(!errors.contains("euclidean.min_points"), "{errors}");
 }
 
 /// The files of the export are as large as the drive.

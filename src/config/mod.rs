@@ -247,6 +247,12 @@ impl Config {
         Ok(())
     }
 
+    /// Whether a section has the settings of a method or a filter, and not those of the program.
+    pub(crate) fn is_of_method(&self, section: &str) -> bool {
+        let of_program = ["input", "axis", "tiling", "ground", "cluster", "output", "run"];
+        self.table.contains_key(section) && !of_program.contains(&section)
+    }
+
     /// The section of a method; empty if there is none.
     #[must_use]
     pub fn method_table(&self, name: &str) -> toml::Table {

@@ -36,8 +36,8 @@ pub struct InputFile {
 }
 
 impl InputFile {
-    /// Opens and checks a file. Its units are metres, and its transform uses the millimetre lattice, until the
-    /// catalog sets others.
+    /// Opens and checks a file. Its units are metres, and its transform uses the millimetre lattice, until
+    /// the catalog sets others.
     pub(crate) fn open(path: &Path, options: &InputOptions) -> Result<Self, InputError> {
         let read_error = |source| InputError::Read { path: path.to_owned(), source };
         let metadata = std::fs::metadata(path).map_err(read_error)?;

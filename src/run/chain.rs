@@ -1,6 +1,8 @@
 //! The chain of methods of a run (noise, ground filter, clustering), with their reach and the values that
 //! they depend on.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use crate::cluster::{self, ClusterEntry, Method};
@@ -36,6 +38,8 @@ pub(crate) struct Chain {
     pub(crate) ground_reach: i64,
     /// Reach with which the plan allows for the clustering method, in lattice units.
     pub(crate) cluster_reach: i64,
+    /// Settings of methods that are not in the chain.
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Chain {
@@ -49,7 +53,12 @@ impl Chain {
             let known = registries.cluster.iter().map(|entry| entry.name.to_owned()).collect();
             ConfigError::UnknownMethod { kind: "clustering method", name: name.clone(), known }
         })?;
-        let mut method = (entry.build)(&|section| config.method_table(section))?;
+        let asked = RefCell::new(BTreeSet::from(["noise".to_owned(), config.ground.method.clone()]));
+        let mut method = (entry.build)(&|section| {
+            asked.borrow_mut().insert(section.to_owned());
+            config.method_table(section)
+        })?;
+        let warnings = without_effect(config, &asked.into_inner())?;
         if let Some(file) = method.model_file().map(str::to_owned) {
             let content = fs_err::read(&file)
                 .map_err(|source| InputError::Read { path: PathBuf::from(&file), source })?;
@@ -58,7 +67,8 @@ impl Chain {
         let verdicts = noise.height_reach(lattice).metres().max(filter.reach(lattice).metres());
         let ground_reach = lattice.units_up(noise.reach(lattice).metres()) + lattice.units_up(verdicts);
         let cluster_reach = lattice.units_up(method.planning_reach(lattice).metres());
-        Ok(Self { noise: noise_config.enabled.then_some(noise), filter, method, ground_reach, cluster_reach })
+        let noise = noise_config.enabled.then_some(noise);
+        Ok(Self { noise, filter, method, ground_reach, cluster_reach, warnings })
     }
 
     /// Distance within which points decide on an object, in lattice units: its ground, and what the method
@@ -73,6 +83,17 @@ impl Chain {
         self.method = method;
         self
     }
+}
+
+/// Warnings about settings that were changed and that nobody has `asked` for: they are of other methods.
+fn without_effect(config: &Config, asked: &BTreeSet<String>) -> Result<Vec<String>, ConfigError> {
+    let of_method = |line: &String| {
+        let section = line.split_once('.').map_or("", |(section, _)| section);
+        config.is_of_method(section) && !asked.contains(section)
+    };
+    let (ground, cluster) = (&config.ground.method, &config.cluster.method);
+    let told = |line: String| format!("{line} has no effect: the methods are {ground} and {cluster}");
+    Ok(config.differences()?.into_iter().filter(of_method).map(told).collect())
 }
 
 /// The ground filter that the configuration names.

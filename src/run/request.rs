@@ -48,6 +48,7 @@ impl<'a> Begun<'a> {
         run_dir.begin(request.fresh)?;
         names::claim(&run_dir, config, surfaces, &labelled)?;
         let mut warnings = config.warnings().to_vec();
+        warnings.extend(chain.warnings.iter().cloned());
         warnings.extend(catalog.warnings().iter().cloned());
         warnings.extend(open::file_system_warning(&request.inputs, config));
         warnings.extend(file_warnings);

@@ -48,8 +48,8 @@ pub(crate) fn check_apart(catalog: &Catalog, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses files whose names, sizes, record counts or headers differ from those at the start of the run. At the start,
-/// it records them.
+/// Refuses files whose names, sizes, record counts or headers differ from those at the start of the run. At
+/// the start, it records them.
 pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     if run_dir.read_json::<Vec<FileIdentity>>(NAME)?.is_none() {
         let now = catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
@@ -81,7 +81,7 @@ pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> 
         }
         if old.header != new.header {
             return other(format!(
-                "the header of {} is another one than before (scale, offset or coordinate reference system)",
+                "the header of {} is another one than before (scale, offset, extent or coordinate reference system)",
                 old.name
             ));
         }

@@ -133,7 +133,8 @@ pub(crate) fn remove_left_out(
     remove_except(run_dir, &names)
 }
 
-/// Removes the outputs without one of these names, and names them. Only files that chainage wrote are removed.
+/// Removes the outputs without one of these names, and names them. Only files that chainage wrote are
+/// removed.
 fn remove_except(run_dir: &RunDir, names: &[String]) -> Result<Vec<String>> {
     let mut removed = Vec::new();
     for name in run_dir.own_outputs()?.into_iter().filter(|name| !names.contains(name)) {

@@ -22,9 +22,9 @@ pub(crate) const WHOLE: u8 = 0;
 pub(crate) const PART: u8 = 1;
 pub(crate) const STRAY: u8 = 2;
 
-/// Smallest share of "whole" with which an object stays one, in steps of 1/255: 0.25. With 0.2, 51 drives have
-/// 29 objects more that are right and 77 more that are not; from 0.25 to 0.37 F1 over all objects is the same
-/// within 0.001 (`benches/results/street.md`, "Stray pieces that are an object together").
+/// Smallest share of "whole" with which an object stays one, in steps of 1/255: 0.25. With 0.2, 51 drives
+/// have 29 objects more that are right and 77 more that are not; from 0.25 to 0.37 F1 over all objects is the
+/// same within 0.001 (`benches/results/street.md`, "Stray pieces that are an object together").
 const LEAST_WHOLE: u8 = 64;
 /// Share from which it is sure, and a few points are enough for an object: 0.9.
 const SURE_WHOLE: u8 = 230;
