@@ -226,6 +226,62 @@ fn a_fresh_run_removes_and_names_what_the_earlier_one_wrote() {
 }
 
 #[test]
+fn results_never_replace_scans() {
+    let folder = samples();
+    let scan = || std::fs::read(folder.path().join(SAMPLE)).expect("the scan");
+    let before = scan();
+    let json = format!("--json={SAMPLE}");
+    for arguments in [
+        &["plan", "--svg", SAMPLE, SWEEP][..],
+        &["info", SWEEP, &json],
+        &["eval", SWEEP, "--json", SAMPLE],
+        &["run", SWEEP, "-o", "out", &json],
+        &["train", SWEEP, "-o", SAMPLE],
+        &["train", SWEEP, "-o", "no-folder/a.model"],
+    ] {
+        let refused = call(folder.path(), arguments);
+        assert_eq!(code(&refused), 2, "{arguments:?}: {}", text(&refused.stderr));
+        let errors = text(&refused.stderr);
+        let told = errors.contains("contains points (LAS or LAZ) and is not replaced")
+            || errors.contains("cannot write no-folder/a.model");
+        assert!(told, "{arguments:?}: {errors}");
+    }
+    assert!(scan() == before && !folder.path().join("out").exists());
+}
+
+#[test]
+fn errors_are_lines_of_json_where_progress_is() {
+    let folder = samples();
+    let failed = call(folder.path(), &["run", "none.las", "-o", "out", "--progress", "json"]);
+    assert_eq!(code(&failed), 4);
+    let errors = text(&failed.stderr);
+    let lines: Vec<serde_json::Value> =
+        errors.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
+    let last = lines.last().expect("a line");
+    assert_eq!((&last["event"], &last["exit_code"]), (&"error".into(), &4.into()), "{errors}");
+    assert!(last["error"].as_str().is_some_and(|error| error.contains("none.las")), "{errors}");
+    assert!(last["hint"].is_string() && last["causes"].is_array(), "{errors}");
+}
+
+#[test]
+fn a_section_that_is_scored_is_told_apart() {
+    let folder = samples();
+    assert_eq!(
+        code(&call(
+            folder.path(),
+            &["synth", "lane", "-o", "drive", "--length", "40m", "--pulse-rate", "20kHz"]
+        )),
+        0
+    );
+    let section = ["run", "drive", "-o", "part", "--from", "10", "--to", "20", "--outputs", "points", "-q"];
+    assert_eq!(code(&call(folder.path(), &section)), 0);
+    let scored = call(folder.path(), &["eval", "part"]);
+    assert_eq!(code(&scored), 0, "{}", text(&scored.stderr));
+    let warned = text(&scored.stderr);
+    assert!(warned.contains("part is the result of chainage 10 to 20 m of"), "{warned}");
+}
+
+#[test]
 fn files_far_apart_are_asked_about() {
     let folder = scratch();
     for (name, x) in [("near.las", 0), ("far.las", 20_000_000)] {

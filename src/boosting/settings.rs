@@ -44,20 +44,20 @@ impl Settings {
         let checks = [
             ("rounds", (1..=1000).contains(&self.rounds), self.rounds.to_string(), "1 to 1000"),
             ("leaves", (2..=MOST_LEAVES).contains(&self.leaves), self.leaves.to_string(), "2 to 32"),
-            ("rate", self.rate > 0.0 && self.rate <= 1.0, self.rate.to_string(), "above 0 to 1"),
+            ("rate", self.rate > 0.0 && self.rate <= 1.0, self.rate.to_string(), "above 0 and at most 1"),
             ("l2", (0.0..=1e6).contains(&self.l2), self.l2.to_string(), "0 to 1,000,000"),
             ("leaf_samples", self.leaf_samples > 0, self.leaf_samples.to_string(), "at least 1"),
             (
                 "features",
                 self.features > 0.0 && self.features <= 1.0,
                 self.features.to_string(),
-                "above 0 to 1",
+                "above 0 and at most 1",
             ),
             (
                 "subsample",
                 self.subsample > 0.0 && self.subsample <= 1.0,
                 self.subsample.to_string(),
-                "above 0 to 1",
+                "above 0 and at most 1",
             ),
             ("bins", (2..=255).contains(&self.bins), self.bins.to_string(), "2 to 255"),
         ];

@@ -3,8 +3,10 @@
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use chainage::{Error, ErrorKind};
+use serde_json::json;
 
 use crate::cli::colour;
 
@@ -87,20 +89,43 @@ impl CliError {
         }
     }
 
-    /// Reports the error on standard error.
+    /// Reports the error on standard error: as text, or where standard error is lines of JSON, as one of them.
     pub(crate) fn print(&self) {
-        let mut text = format!("{} {self}\n", colour::coloured("error:", colour::RED));
-        let mut cause = std::error::Error::source(self);
-        while let Some(source) = cause {
-            text.push_str(&format!("caused by: {source}\n"));
-            cause = source.source();
-        }
-        if let Some(hint) = self.hint() {
-            text.push_str(&format!("hint: {hint}\n"));
-        }
+        let text = if IS_JSON.load(Ordering::Relaxed) { self.line() } else { self.text() };
         // If standard error is closed, nothing can be reported.
         let _ = io::stderr().write_all(text.as_bytes());
     }
+
+    fn causes(&self) -> impl Iterator<Item = String> {
+        let first = std::error::Error::source(self);
+        std::iter::successors(first, |cause| cause.source()).map(ToString::to_string)
+    }
+
+    fn text(&self) -> String {
+        let mut text = format!("{} {self}\n", colour::coloured("error:", colour::RED));
+        self.causes().for_each(|cause| text.push_str(&format!("caused by: {cause}\n")));
+        if let Some(hint) = self.hint() {
+            text.push_str(&format!("hint: {hint}\n"));
+        }
+        text
+    }
+
+    fn line(&self) -> String {
+        let causes: Vec<String> = self.causes().collect();
+        let (error, code) = (self.to_string(), self.code());
+        let event = json!({
+            "event": "error", "error": error, "causes": causes, "hint": self.hint(), "exit_code": code,
+        });
+        format!("{event}\n")
+    }
+}
+
+/// Whether standard error is lines of JSON.
+static IS_JSON: AtomicBool = AtomicBool::new(false);
+
+/// From now on, errors are reported as lines of JSON.
+pub(crate) fn report_as_json() {
+    IS_JSON.store(true, Ordering::Relaxed);
 }
 
 /// Makes a panic outside a tile end with exit code 1 and a text that asks for a report.
@@ -130,6 +155,13 @@ mod tests {
         for (error, code) in [(Error::bug("no"), 1), (units(), 8), (interrupted, 130)] {
             assert_eq!(CliError::from(error).code(), code);
         }
-        assert_eq!(CliError::stdout(io::Error::other("no")).code(), 5);
+        let closed = CliError::stdout(io::Error::other("no"));
+        assert_eq!(closed.code(), 5);
+        let line: serde_json::Value = serde_json::from_str(&closed.line()).unwrap();
+        let expected = json!({
+            "event": "error", "error": "cannot write to standard output", "causes": ["no"], "hint": null,
+            "exit_code": 5,
+        });
+        assert_eq!(line, expected);
     }
 }

@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::allocator;
 use crate::cli::colour;
+use crate::cli::exit;
 use crate::cli::print::{self, note};
 
 /// How progress is shown.
@@ -141,6 +142,9 @@ impl Progress {
             ProgressChoice::Auto => ProgressChoice::Plain,
             other => other,
         };
+        if matches!(kind, ProgressChoice::Json) {
+            exit::report_as_json();
+        }
         Self { kind, state: Mutex::new(State::new()) }
     }
 

@@ -1,6 +1,6 @@
 //! `chainage eval`: arguments to settings, and results to files and terminal. Not: any figure.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use chainage::config::ConfigError;
 use chainage::eval::metrics::hoover::Tolerance;
@@ -110,6 +110,18 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
     text.parse().map_err(|error: ConfigError| error.to_string())
 }
 
+/// What the user should know if a folder has the result of a section: it is scored like a whole drive.
+fn section_warning(folder: &Path) -> Option<String> {
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.join("report.json")).ok()?).ok()?;
+    let metres = |key: &str| report.pointer(&format!("/result/section/{key}"))?.as_f64();
+    let (from, to, length) = (metres("from_m")?, metres("to_m")?, metres("length_m")?);
+    Some(format!(
+        "{} is the result of chainage {from:.0} to {to:.0} m of {length:.0} m: objects outside count as lost",
+        folder.display()
+    ))
+}
+
 impl EvalArgs {
     /// Compares, and shows or writes what was asked for.
     pub(crate) fn run(&self) -> Outcome {
@@ -138,6 +150,11 @@ impl EvalArgs {
             [Some(&prediction), reference.as_ref()].into_iter().flatten().flat_map(Catalog::warnings)
         {
             note(&progress::warning(warning));
+        }
+        for folder in self.prediction.iter().filter(|path| path.is_dir()) {
+            if let Some(text) = section_warning(folder) {
+                note(&progress::warning(&text));
+            }
         }
         let counted = eval::count(&prediction, reference.as_ref(), &self.comparison(), &note)?;
         let provenance = self.provenance(&prediction, reference.as_ref().unwrap_or(&prediction), &counted);
