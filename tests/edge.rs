@@ -250,8 +250,9 @@ fn every_output_has_the_units_of_the_points() {
 #[test]
 fn files_without_a_system_have_the_unit_of_those_with_one() {
     let scratch = Scratch::new();
-    // EPSG:2263, New York Long Island in US survey feet, as a key of GeoTIFF.
-    let keys: Vec<u8> = [1_u16, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2263].map(u16::to_le_bytes).concat();
+    // New York Long Island (EPSG:2263) in US survey feet (9003), as keys of GeoTIFF.
+    let keys = [[1_u16, 1, 0, 3], [1_024, 0, 1, 1], [3_072, 0, 1, 2_263], [3_076, 0, 1, 9_003]].concat();
+    let keys: Vec<u8> = keys.into_iter().flat_map(u16::to_le_bytes).collect();
     let with = Shape { format: 1, records: vec![("LASF_Projection", 34_735, keys)], ..Shape::default() };
     let files = vec![
         scratch.file("with.las", &with, &row()),

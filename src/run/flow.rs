@@ -51,6 +51,8 @@ pub(crate) struct Outcome {
     pub(crate) unmarked: Option<Finished>,
     /// The outline of the export.
     pub(crate) export: Outline,
+    /// Names of the charts that were written.
+    pub(crate) charts: Vec<String>,
     /// What the clustering method reports about its steps.
     pub(crate) figures: Figures,
     /// What the page shows. `None` if it is not written.
@@ -251,6 +253,7 @@ pub(crate) fn to_files<D: Driver>(
                 objects: finished.objects,
                 unmarked: None,
                 export: list.export.clone(),
+                charts: Vec::new(),
                 figures,
                 page: None,
                 warnings,
@@ -305,11 +308,11 @@ pub(crate) fn to_files<D: Driver>(
             )?;
         }
         let page = table.map(|table| PageContent { table, points: exported.points });
-        tables::write_charts(run_dir, &objects.charts)?;
+        let charts = tables::write_charts(run_dir, &objects.charts)?;
         figures.extend(objects.figures);
         let count = objects.objects.len();
         let unmarked = Some(Finished { objects: count, files: exported.names });
         let export = list.export.clone();
-        Ok(Some(Outcome { counts, objects: count, unmarked, export, figures, page, warnings }))
+        Ok(Some(Outcome { counts, objects: count, unmarked, export, charts, figures, page, warnings }))
     })
 }

@@ -121,7 +121,7 @@ pub(crate) fn remove_superseded(
 }
 
 /// After a run: removes outputs of earlier calls that it does not have, because they would show other
-/// objects, and names them. Of labelled copies, those in `written` stay.
+/// objects, and names them. Of labelled copies and charts, those in `written` stay.
 pub(crate) fn remove_left_out(
     run_dir: &RunDir,
     config: &Config,

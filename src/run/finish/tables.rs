@@ -115,18 +115,9 @@ pub(super) fn processed_stretches(surveyed: &Surveyed) -> Vec<Vec<([f64; 2], f64
     stretches.filter(|stretch| !stretch.is_empty()).collect()
 }
 
-/// Writes every chart as `NAME.svg`, and removes the charts of an earlier call with another method.
-pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<()> {
+/// Writes every chart as `NAME.svg`, and returns the names of the files.
+pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<Vec<String>> {
     let names: Vec<String> = charts.iter().map(|chart| format!("{}.svg", chart.name)).collect();
-    for name in run_dir.own_outputs()?.iter().filter(|name| name.ends_with(".svg") && !names.contains(name)) {
-        let path = run_dir.out().join(name);
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                return Err(OutputError::Write { path, source: error }.into());
-            }
-            _ => {}
-        }
-    }
     let ours = run_dir.own_outputs()?;
     for name in names.iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
@@ -135,15 +126,14 @@ pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<()> {
         }
     }
     run_dir.claim_outputs(&names)?;
-    for chart in charts {
+    for (chart, name) in charts.iter().zip(&names) {
         let svg = chart_svg(chart).map_err(|error| Error::bug(error.to_string()))?;
-        let name = format!("{}.svg", chart.name);
-        write_whole(run_dir, &name, |out| {
-            let path = run_dir.out().join(&name);
+        write_whole(run_dir, name, |out| {
+            let path = run_dir.out().join(name);
             out.write_all(svg.as_bytes()).map_err(|source| OutputError::Write { path, source })
         })?;
     }
-    Ok(())
+    Ok(names)
 }
 
 /// Writes an output file. It gets its final name when it is complete.
