@@ -10,9 +10,11 @@ use crate::model::Lattice;
 /// Shortest gap in metres. Measured on three drives of `synth` and one labelled scene: at 0.25 m, the top of
 /// a tree was lost; at 0.4 m, leaves stayed on hedges.
 const SHORTEST_GAP_M: f64 = 0.3;
-/// A gap is at least so many times as long as half of the gaps between the slices of the object. The rings of
-/// a spinning head are half a metre apart on a tree: the gap above one of them is not the end of the tree.
-const TYPICAL_GAPS: i64 = 2;
+/// A gap is at least so many times as long as the longest one beside it in the object, within this height in
+/// metres. The rings of a spinning head are half a metre apart on a tree, and farther apart the higher they
+/// are: the gap below the highest of them is not the end of the tree.
+const TIMES_BESIDE: i64 = 2;
+const BESIDE_M: f64 = 2.0;
 /// Share of the points that a gap detaches at most, per metre of the gap. Measured there: what was not of the
 /// object had up to 0.17 of its points per metre, and no object lost a part.
 const SHARE_PER_M: f64 = 1.0 / 6.0;
@@ -69,28 +71,38 @@ impl Ends {
 
     fn of(profile: &Sketch<Slice>, lattice: Lattice) -> Option<Self> {
         let slices: Vec<Slice> = profile.voxels.iter().map(|(_, slice)| *slice).collect();
-        let mut gaps: Vec<i64> =
-            slices.windows(2).map(|pair| (pair[1].lowest - pair[0].highest).max(0)).collect();
-        gaps.sort_unstable();
-        let typical = gaps.get(gaps.len() / 2).copied().unwrap_or(0);
+        let gaps: Vec<i64> = slices.windows(2).map(|pair| pair[1].lowest - pair[0].highest).collect();
+        let near = lattice.units(BESIDE_M);
+        // Of these gaps, from the one beside a place outwards, the longest within reach.
+        let longest = |within: &mut dyn Iterator<Item = usize>, place: i64| {
+            let reached = within.take_while(|&gap| {
+                (slices[gap].highest - place).abs().min((slices[gap + 1].lowest - place).abs()) <= near
+            });
+            reached.map(|gap| gaps[gap]).max().unwrap_or(0)
+        };
         let all = slices.iter().map(|slice| slice.points).sum::<u64>() as f64;
         let (first, last) = (slices.first()?, slices.last()?);
         let mut ends = Self { bottom: first.lowest, top: last.highest };
         let mut below = 0;
         let mut top_found = false;
-        for pair in slices.windows(2) {
+        for (number, pair) in slices.windows(2).enumerate() {
             below += pair[0].points;
-            let gap = pair[1].lowest - pair[0].highest;
+            let gap = gaps[number];
             let gap_m = lattice.metres(gap);
-            if gap_m < SHORTEST_GAP_M || gap < TYPICAL_GAPS * typical {
+            if gap_m < SHORTEST_GAP_M {
                 continue;
             }
             let most = all * (gap_m * SHARE_PER_M).min(LARGEST_SHARE);
             // The highest gap with few points below it, and the lowest one with few points above it. Both
             // shares are below a half, so they are different gaps.
             if below as f64 <= most {
-                ends.bottom = pair[1].lowest;
-            } else if !top_found && all - below as f64 <= most {
+                if gap >= TIMES_BESIDE * longest(&mut (number + 1..gaps.len()), pair[1].lowest) {
+                    ends.bottom = pair[1].lowest;
+                }
+            } else if !top_found
+                && all - below as f64 <= most
+                && gap >= TIMES_BESIDE * longest(&mut (0..number).rev(), pair[0].highest)
+            {
                 ends.top = pair[0].highest;
                 top_found = true;
             }
