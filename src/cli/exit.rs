@@ -89,7 +89,8 @@ impl CliError {
         }
     }
 
-    /// Reports the error on standard error: as text, or where standard error is lines of JSON, as one of them.
+    /// Reports the error on standard error: as text, or where standard error is lines of JSON, as one of
+    /// them.
     pub(crate) fn print(&self) {
         let text = if IS_JSON.load(Ordering::Relaxed) { self.line() } else { self.text() };
         // If standard error is closed, nothing can be reported.

@@ -345,7 +345,7 @@ mod tests {
         }
 
         fn run(&self, unit: usize) -> Result<Vec<u8>> {
-            Ok(vec![unit as u8])
+            Ok(unit.to_le_bytes().to_vec())
         }
 
         fn sync(&self) -> Result<()> {
