@@ -106,14 +106,9 @@ pub(crate) fn publish(temporary: &Path, path: &Path) -> io::Result<()> {
 
 /// Makes the directory entry of `path` durable.
 pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
-    match path.parent() {
-        // Only Unix can open and sync a folder. Elsewhere the rename has to suffice.
-        Some(folder) if cfg!(unix) => {
-            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-            fs_err::File::open(folder)?.sync_all()
-        }
-        _ => Ok(()),
-    }
+    let Some(folder) = path.parent() else { return Ok(()) };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    fs_err::File::open(folder)?.sync_all()
 }
 
 #[cfg(test)]

@@ -83,6 +83,9 @@ pub enum OutputFormat {
 
 /// What serde expected, in the words of a user: `a number` instead of `f64`.
 pub(super) fn expected(message: &str) -> String {
+    if let Some(missing) = message.trim().strip_prefix("missing field ") {
+        return format!("a table with {}", missing.replace('`', ""));
+    }
     let expected = message.trim().rsplit_once("expected ").map_or(message, |(_, expected)| expected);
     match expected {
         "f32" | "f64" => "a number".to_owned(),

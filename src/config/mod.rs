@@ -334,7 +334,7 @@ pub fn section<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
             (Some(word), Some(words)) => ConfigError::value(key, word, words),
             _ => {
                 let expected = choices::expected(error.message());
-                ConfigError::value(key, value.map_or_else(String::new, ToString::to_string), expected)
+                ConfigError::value(key, value.map_or_else(|| "...".to_owned(), ToString::to_string), expected)
             }
         }
     })

@@ -19,11 +19,9 @@ pub const PRESETS: &[Preset] = &[
 ];
 
 impl Preset {
-    /// The comment at the top, without its comment signs.
-    #[must_use]
-    pub fn summary(&self) -> String {
-        let lines = self.text.lines().map_while(|line| line.strip_prefix('#'));
-        lines.map(str::trim).collect::<Vec<_>>().join(" ")
+    /// The lines of the comment at the top, without its comment signs.
+    pub fn summary(&self) -> impl Iterator<Item = &'static str> {
+        self.text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim)
     }
 
     /// The preset with a name.
@@ -44,7 +42,7 @@ mod tests {
     fn every_preset_is_accepted_and_says_what_it_is_for() {
         for preset in PRESETS {
             Config::with_preset(Some(preset.name), None, &[]).unwrap();
-            assert!(preset.summary().len() > 40, "{}", preset.name);
+            assert!(preset.summary().map(str::len).sum::<usize>() > 40, "{}", preset.name);
         }
         let error = Config::with_preset(Some("dense-tree"), None, &[]).unwrap_err().to_string();
         assert_eq!(error, "there is no preset dense-tree: did you mean dense-trees?");

@@ -1,7 +1,7 @@
 //! Errors of input files.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::error::{ErrorKind, Failure};
 
@@ -414,6 +414,11 @@ pub enum ChunkProblem {
     },
 }
 
+/// Whether a path may name scans: LAS, LAZ, a folder or a pattern. Models and tables are read, too.
+fn is_scan(path: &Path) -> bool {
+    path.extension().is_none_or(|ending| ["las", "laz"].iter().any(|scan| ending.eq_ignore_ascii_case(scan)))
+}
+
 impl Failure for InputError {
     fn kind(&self) -> ErrorKind {
         ErrorKind::Input
@@ -425,7 +430,7 @@ impl Failure for InputError {
 
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(Cow::Borrowed(match self {
-            Self::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+            Self::Read { path, source } if source.kind() == std::io::ErrorKind::NotFound && is_scan(path) => {
                 "give files, folders with *.las or *.laz, or patterns in quotes"
             }
             Self::Read { .. } => return None,

@@ -107,7 +107,6 @@ fn map(file: &File) -> io::Result<Mmap> {
     unsafe { MmapOptions::new().map(file) }
 }
 
-#[cfg(unix)]
 #[expect(unsafe_code, reason = "memmap2 lets DONTNEED be given only as unchecked advice")]
 fn drop_pages(map: &Mmap, range: Range<usize>) {
     // SAFETY: DONTNEED can discard the content of private or anonymous memory. This is a shared, read-only
@@ -117,36 +116,12 @@ fn drop_pages(map: &Mmap, range: Range<usize>) {
         unsafe { map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, range.start, range.len()) };
 }
 
-#[cfg(not(unix))]
-fn drop_pages(_map: &Mmap, _range: Range<usize>) {}
-
-#[cfg(unix)]
 fn want_pages(map: &Mmap, range: Range<usize>) {
     let _only_advice = map.advise_range(memmap2::Advice::WillNeed, range.start, range.len());
 }
 
-#[cfg(not(unix))]
-fn want_pages(_map: &Mmap, _range: Range<usize>) {}
-
-#[cfg(unix)]
 fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset)
-}
-
-#[cfg(windows)]
-fn read_exact_at(file: &File, mut buffer: &mut [u8], mut offset: u64) -> io::Result<()> {
-    while !buffer.is_empty() {
-        match std::os::windows::fs::FileExt::seek_read(file, buffer, offset) {
-            Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
-            Ok(count) => {
-                buffer = &mut buffer[count..];
-                offset += count as u64;
-            }
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(())
 }
 
 /// A cursor over a range of a [`ByteSource`], for decoders that need a stream.

@@ -19,8 +19,8 @@ pub(crate) struct BenchArgs {
     #[arg(value_name = "FILES")]
     files: Vec<PathBuf>,
     /// Number of measurements; the medians are shown
-    #[arg(long, default_value_t = 3, value_name = "N")]
-    rounds: usize,
+    #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    rounds: u16,
     /// Folder for the outputs, which are removed afterwards [default: the system's temporary folder]
     #[arg(long, value_name = "FOLDER")]
     scratch: Option<PathBuf>,
@@ -73,7 +73,7 @@ impl BenchArgs {
         let input_bytes: u64 = files.iter().map(|file| file.1).sum();
         let mut output_bytes = input_bytes;
         // One more round comes first and is not counted: it brings the input into the page cache.
-        for round in 0..=self.rounds.max(1) {
+        for round in 0..=self.rounds {
             settle(&paths, output_bytes, scratch)?;
             let floor = copy_floor(&paths, output_bytes, scratch, false)?;
             settle(&paths, output_bytes, scratch)?;
@@ -209,12 +209,12 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 fn page(report: &Value) -> String {
     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
     let mut text = format!(
-        "  copy floor {:.3} s, {:.3} s with the output synced to disk ({:.1} MB in, {:.1} MB out), medians of {} rounds\n",
+        "  copy floor {:.3} s, {:.3} s with the output synced to disk ({:.1} MB in, {:.1} MB out), medians of {}\n",
         number(&report["copy_floor_seconds"]),
         number(&report["durable_copy_floor_seconds"]),
         number(&report["input_bytes"]) / 1e6,
         number(&report["output_bytes"]) / 1e6,
-        report["rounds"]
+        print::counted(report["rounds"].as_u64().unwrap_or_default(), "round")
     );
     for run in report["runs"].as_array().into_iter().flatten() {
         text.push_str(&format!(

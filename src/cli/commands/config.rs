@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use chainage::config::{self, Config};
+use chainage::config::{self, Config, Preset};
 use chainage::run::{Registries, check_settings};
 use chainage::words::counted;
 
@@ -66,5 +66,7 @@ impl ConfigArgs {
 
 /// The presets with their comments.
 fn presets() -> String {
-    config::PRESETS.iter().map(|preset| format!("  {:<14} {}\n", preset.name, preset.summary())).collect()
+    let line = |line: &str| if line.is_empty() { "\n".to_owned() } else { format!("    {line}\n") };
+    let page = |preset: &Preset| preset.summary().map(line).collect::<String>();
+    config::PRESETS.iter().map(|preset| format!("  {}\n{}", preset.name, page(preset))).collect()
 }

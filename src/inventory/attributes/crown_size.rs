@@ -42,7 +42,9 @@ impl Attribute for CrownSize {
             .flatten();
         values.push(found.map(|crown| crown.diameter_m).into());
         values.push(found.map(|crown| crown.area_m2).into());
-        let base_m = found.zip(object.foot.ground_m).map(|(crown, ground_m)| crown.base_m - ground_m);
+        // On a slope, leaves may hang lower than the ground at the stem.
+        let above_m = |crown_m: f64, ground_m: f64| (crown_m - ground_m).max(0.0);
+        let base_m = found.zip(object.foot.ground_m).map(|(crown, ground_m)| above_m(crown.base_m, ground_m));
         values.push(base_m.into());
     }
 }
