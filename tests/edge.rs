@@ -278,7 +278,8 @@ fn degrees_without_a_system_are_refused_unless_the_unit_is_stated() {
     let error = open(LengthUnit::Auto).unwrap_err();
     assert!(matches!(&error, InputError::Geographic { .. }), "{error}");
     assert!(error.to_string().contains("look like degrees"), "{error}");
-    assert!(open(LengthUnit::Metre).is_ok());
+    let stated = open(LengthUnit::Metre).unwrap();
+    assert_eq!(stated.crs().description, "not given in the files (input.unit is metre)");
 }
 
 #[test]
@@ -286,12 +287,12 @@ fn a_trajectory_of_elsewhere_is_refused() {
     let scratch = Scratch::new();
     let files = vec![scratch.file("a.las", &Shape::default(), &row())];
     let track = scratch.out("track.csv");
-    for (place, km) in [("500000,5400000", Some("km away from the points")), ("900,0", None)] {
+    for (place, refusal) in [("500000,5400000", Some("km away from the points")), ("900,0", None)] {
         let moved = place.replacen("00,", "01,", 1);
         std::fs::write(&track, format!("gps_time,x,y,z\n0,{place},0\n1,{moved},0\n")).unwrap();
         let assignment = format!("axis.trajectory={}", track.display());
         let found = drive(&files, &scratch.out("out"), &list(5.0, &[&assignment]));
-        match km {
+        match refusal {
             Some(text) => {
                 let error = found.unwrap_err();
                 assert!(error.to_string().contains(text), "{error}");

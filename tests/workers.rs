@@ -518,6 +518,59 @@ fn a_reduction_waits_for_nobody_who_drives_the_run() {
     due_after("reduce", &out, &reduce);
 }
 
+/// Runs every job at once, the tasks of an array one after the other. Options are `--name=value` or switches.
+const SBATCH: &str = r#"#!/bin/bash
+last="" words=()
+for word in "$@"; do
+    case $word in
+    --array=0-*) last=${word#--array=0-} ;;
+    --*) ;;
+    *) words+=("$word") ;;
+    esac
+done
+for task in $(seq 0 "${last:-0}"); do SLURM_ARRAY_TASK_ID=$task bash "${words[@]}" >&2; done
+echo 1
+"#;
+
+/// With tables alone, the pass `export` has no units: its reduction is submitted without an array.
+#[test]
+fn the_script_for_slurm_ends_with_and_without_labelled_copies() {
+    use std::os::unix::fs::PermissionsExt;
+    let inputs = Inputs::new("street.las");
+    let bin = inputs.path("bin");
+    std::fs::create_dir(&bin).expect("a folder");
+    std::fs::write(bin.join("sbatch"), SBATCH).expect("written");
+    std::fs::set_permissions(bin.join("sbatch"), PermissionsExt::from_mode(0o755)).expect("executable");
+    let search = format!("{}:{}", bin.display(), std::env::var("PATH").expect("a path"));
+    for (files, names) in
+        [("[\"csv\"]", &["objects.csv"][..]), ("[\"points\",\"csv\"]", &["objects.csv", "street.las"])]
+    {
+        let files = format!("output.files={files}");
+        let options = ["--method", "euclidean", "--ground", "voxel-column", "--set", &files];
+        let alone = inputs.alone(&options);
+        let out = inputs.path("by-slurm");
+        let printed = program()
+            .arg("slurm")
+            .args(inputs.list())
+            .arg("-o")
+            .arg(&out)
+            .args(options)
+            .output()
+            .expect("starts");
+        let script = inputs.path("job.sh");
+        std::fs::write(&script, printed.stdout).expect("written");
+        let ran = Command::new("bash").arg(&script).env("PATH", &search).output().expect("starts");
+        assert!(ran.status.success(), "{files}: {}", ended(&ran).1);
+        for name in names {
+            let read = |folder: &Path| std::fs::read(folder.join(name)).expect(name);
+            assert!(read(&alone) == read(&out), "{name} with {files}");
+        }
+        for folder in [alone, out] {
+            std::fs::remove_dir_all(folder).expect("removed");
+        }
+    }
+}
+
 #[test]
 fn the_sample_is_shared_in_its_own_folder() {
     // Paths are recorded as they are on disk, so workers may start anywhere.

@@ -80,12 +80,9 @@ pub(crate) fn target() -> impl TypedValueParser<Value = PathBuf> {
         if is_standard_output(&path) {
             return Ok(path);
         }
-        check_target(&path).map(|()| path).map_err(|error| {
-            let hint = chainage::Failure::hint(&error).map_or_else(String::new, |hint| format!("; {hint}"));
-            format!(
-                "{error}{}{hint}",
-                std::error::Error::source(&error).map_or_else(String::new, |source| format!(": {source}"))
-            )
+        check_target(&path).map(|()| path).map_err(|error| match std::error::Error::source(&error) {
+            Some(cause) => format!("{error}: {cause}"),
+            None => error.to_string(),
         })
     })
 }

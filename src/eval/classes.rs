@@ -131,6 +131,7 @@ mod tests {
             ("ground = [1]\nnoise = [0]\ncolour = 3\n[names]\n", "colour"),
             ("ground = [-1]\nnoise = [0]\n[names]\n", "ground"),
             ("ground = ", "not valid TOML"),
+            ("", "classes = ...: must be a table with ground"),
         ] {
             let message = ClassTable::parse("mine.toml", text).unwrap_err().to_string();
             assert!(message.contains(says), "{message} should name {says}");

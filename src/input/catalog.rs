@@ -169,6 +169,11 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
 
 /// The common system of the files. An error if they contradict each other, or if it is not projected.
 fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>) -> Result<Crs, InputError> {
+    // A unit in the settings means that coordinates are lengths, whatever they look like.
+    if let Some(file) = files.iter().find(|file| unit == LengthUnit::Auto && file.seems_geographic()) {
+        let description = "no record names a system, but the coordinates look like degrees".to_owned();
+        return Err(InputError::Geographic { path: file.path().to_owned(), description });
+    }
     let known = files.iter().filter(|file| file.crs().is_known());
     let first = known.clone().next();
     for file in known {

@@ -102,10 +102,6 @@ impl Crs {
         };
         let claim = claim.dismissed_by(header.extent, warnings);
         let text = text.filter(|_| claim != Claim::default());
-        if claim == Claim::default() && looks_like_degrees(header.scaling.scale, header.extent) {
-            let name = "no record names a system, but the coordinates look like degrees";
-            return Claim { kind: CrsKind::Geographic, name: Some(name.into()), ..claim }.into_crs(None);
-        }
         claim.warn_about_unit(warnings);
         claim.into_crs(text)
     }
@@ -203,7 +199,7 @@ impl Claim {
 
 /// Whether x and y could be longitude and latitude: small numbers in steps far below the resolution of a
 /// scanner in metres (1e-7 degrees are a centimetre).
-fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool {
+pub(super) fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool {
     let inside = |axis: usize, limit: f64| extent.iter().all(|corner| corner[axis].abs() <= limit);
     scale[0] <= 2e-7 && scale[1] <= 2e-7 && inside(0, 180.0) && inside(1, 90.0)
 }

@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use super::Fields;
 use super::chunks::{self, Block};
-use super::crs::Crs;
+use super::crs::{Crs, looks_like_degrees};
 use super::decode::Coding;
 use super::error::{ChunkProblem, InputError};
 use super::header::{Header, Scaling};
@@ -138,6 +138,11 @@ impl InputFile {
     #[must_use]
     pub fn crs(&self) -> &Crs {
         &self.crs
+    }
+
+    /// Whether no record names a system, and the coordinates look like degrees.
+    pub(crate) fn seems_geographic(&self) -> bool {
+        !self.crs.is_known() && looks_like_degrees(self.header.scaling.scale, self.header.extent)
     }
 
     /// One unit of x, y and z in metres, the same for all files of a drive.

@@ -145,9 +145,7 @@ impl Failure for OutputError {
                 "free some space and type the same command again: run resumes, synth needs an empty folder"
                     .into(),
             ),
-            Self::HoldsPoints { .. } => {
-                Some("choose another file for the result; with --json=FILE the name follows directly".into())
-            }
+            Self::HoldsPoints { .. } => Some("choose another file for the result".into()),
             Self::NotEmpty { .. } => Some("choose another folder, or empty this one first".into()),
             Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 Some("choose another name with output.dimension".into())

@@ -41,7 +41,7 @@ impl DemoArgs {
         let open = |out: &Path| {
             let name = out.join(SAMPLE_NAME);
             format!(
-                "  the same from your own files: chainage run FILES... -o OUT (here with --set {SETTING})\n  to see it: open {} in a browser, or {} in a viewer of point clouds and colour it by cluster_id\n",
+                "  for your own files: chainage run FILES... -o OUT (the demo adds --set {SETTING})\n  to see it: open {} in a browser, or {} in a viewer of point clouds and colour it by cluster_id\n",
                 out.join("report.html").display(),
                 name.display()
             )

@@ -12,7 +12,8 @@ use crate::model::Lattice;
 const SHORTEST_GAP_M: f64 = 0.3;
 /// A gap is at least so many times as long as the longest one beside it in the object, within this height in
 /// metres. The rings of a spinning head are half a metre apart on a tree, and farther apart the higher they
-/// are: the gap below the highest of them is not the end of the tree.
+/// are: the gap below the highest of them is not the end of the tree. Both are chosen; what the rule changes
+/// is in `benches/results/attributes.md`.
 const TIMES_BESIDE: i64 = 2;
 const BESIDE_M: f64 = 2.0;
 /// Share of the points that a gap detaches at most, per metre of the gap. Measured there: what was not of the

@@ -231,6 +231,12 @@ mod tests {
         )
     }
 
+    /// A small model of these samples.
+    fn learned(samples: &Samples) -> Model {
+        let settings = Settings { rounds: 30, features: 1.0, ..Settings::default() };
+        learn(samples, &settings, &|_| Ok(())).unwrap()
+    }
+
     fn place(name: &str) -> usize {
         NAMES.iter().position(|other| *other == name).unwrap()
     }
@@ -280,8 +286,7 @@ mod tests {
             samples.push(&row(f32::from(number % 70), 1.0), PART).unwrap();
             samples.push(&row(f32::from(number % 70), 0.0), STRAY).unwrap();
         }
-        let settings = Settings { rounds: 30, features: 1.0, ..Settings::default() };
-        let model = learn(&samples, &settings, &|_| Ok(())).unwrap();
+        let model = learned(&samples);
         // A large crown, a twig at it with a leaf at its end, something far away, and a tree beside the
         // crown.
         let (objects, touched) = scene(&[
@@ -308,8 +313,7 @@ mod tests {
             samples.push(&row(1.0), WHOLE).unwrap();
             samples.push(&row(0.0), STRAY).unwrap();
         }
-        let settings = Settings { rounds: 30, features: 1.0, ..Settings::default() };
-        let model = learn(&samples, &settings, &|_| Ok(())).unwrap();
+        let model = learned(&samples);
         // Cubes of 8 and 9 voxels on an edge, far from each other.
         let (objects, touched) = scene(&[(TREE, [0, 0, 0], [12, 12, 12]), (TREE, [90, 0, 0], [13, 13, 13])]);
         let voxels = |label| objects[&label].figures.voxels();
@@ -330,8 +334,7 @@ mod tests {
             row[place("voxels")] = f32::from(number);
             samples.push(&row, STRAY).unwrap();
         }
-        let settings = Settings { rounds: 30, features: 1.0, ..Settings::default() };
-        let model = learn(&samples, &settings, &|_| Ok(())).unwrap();
+        let model = learned(&samples);
         // A row of three cubes, the middle one larger; two far from it, with fewer voxels than a large
         // object.
         let (objects, touched) = scene(&[
