@@ -98,6 +98,18 @@ pub(crate) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Res
     file.finish()
 }
 
+/// Lets `content` create the file `part`, syncs it, and gives it the name `path`. For files that are not a
+/// stream of bytes, and for folders in which nothing temporary may stay behind after a kill.
+pub(crate) fn write_from(
+    part: &Path,
+    path: &Path,
+    content: impl FnOnce(&Path) -> io::Result<()>,
+) -> io::Result<()> {
+    content(part)?;
+    fs_err::File::options().write(true).open(part)?.sync_all()?;
+    publish(part, path)
+}
+
 /// Gives a complete and synced file its final name.
 pub(crate) fn publish(temporary: &Path, path: &Path) -> io::Result<()> {
     fs_err::rename(temporary, path)?;

@@ -460,7 +460,7 @@ fn outputs_of_an_earlier_call_are_removed_and_named() {
 #[test]
 fn a_setting_of_another_method_is_told_to_have_no_effect() {
     let inputs = Inputs::new();
-    let more = ["--set", "dbscan.epsilon=1", "--set", "euclidean.min_points=12"];
+    let more = ["--set", "dbscan.epsilon=1", "--set", "euclidean.min_points=12", "--outputs", "csv,ply"];
     let out = inputs.path("out");
     let output = run_command(&inputs.list("street.las"), &out, &options(&more)).output().expect("starts");
     let (code, errors) = ended(&output);
@@ -468,6 +468,7 @@ fn a_setting_of_another_method_is_told_to_have_no_effect() {
     assert!(errors.contains("dbscan.epsilon = 1"), "{errors}");
     assert!(errors.contains("has no effect: the methods are"), "{errors}");
     assert!(!errors.contains("euclidean.min_points"), "{errors}");
+    assert!(errors.contains("the output ply is of surfaces, and euclidean finds none"), "{errors}");
 }
 
 /// The files of the export are as large as the drive.

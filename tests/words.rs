@@ -422,6 +422,11 @@ fn a_section_of_the_drive_is_planned_and_processed() {
     let folder = samples();
     let plan = told(folder.path(), &["plan", SAMPLE, "--from", "60", "--to", "90", "--tile-length", "50"]);
     assert!(plan.contains("  section   chainage 60 to 90 m of "), "{plan}");
+    // Tiles beside it only complete its objects: they are told apart, and not counted.
+    let rows: Vec<&str> = plan.lines().skip(1).take_while(|line| !line.is_empty()).collect();
+    let beside = rows.iter().filter(|row| row.ends_with("beside the section")).count();
+    assert!(beside > 0 && beside < rows.len(), "{plan}");
+    assert!(plan.contains(&format!(" in {} tile", rows.len() - beside)), "{plan}");
     let page = told(folder.path(), &["run", SAMPLE, "-o", "out", "--from", "60", "--to", "90", "-q"]);
     assert!(page.contains("  chainage 60 to 90 m of ") && page.contains("1 tile\n"), "{page}");
     // To the end of the drive, and from its beginning.
@@ -438,7 +443,7 @@ fn a_section_of_the_drive_is_planned_and_processed() {
     );
     assert!(beyond.contains("hint: chainage info FILES"), "{beyond}");
     let turned = refused(&["--from", "90", "--to", "60"], 3);
-    assert!(turned.contains("tiling.to = 60: must be above tiling.from, which is 90 m"), "{turned}");
+    assert!(turned.contains("--to = 60: must be above --from, which is 90 m"), "{turned}");
     let typed = refused(&["--from", "-3"], 2);
     assert!(typed.contains("must be a chainage in metres, 0 or more, for example 250"), "{typed}");
     let over = refused(&["--to", "40", "--method", "dbscan", "--set", "dbscan.epsilon=auto"], 3);

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use chainage::config::{Config, MEMORY_MIB};
+use chainage::config::{Config, ConfigError, MEMORY_MIB};
 use chainage::input::InputError;
 use chainage::run::Registries;
 
@@ -128,10 +128,17 @@ pub(crate) struct SectionArgs {
 }
 
 impl SectionArgs {
-    /// The section as settings.
-    pub(crate) fn assignments(&self) -> impl Iterator<Item = (&'static str, String)> {
+    /// The section as settings. It is checked here, so that the message names the options.
+    pub(crate) fn assignments(&self) -> chainage::Result<impl Iterator<Item = (&'static str, String)>> {
+        if let (Some(from), Some(to)) = (self.from, self.to)
+            && to != 0.0
+            && to <= from
+        {
+            let expected = format!("above --from, which is {from} m; 0 is the end of the drive");
+            return Err(ConfigError::value("--to", to, expected).into());
+        }
         let value = |key, metres: Option<f64>| metres.map(|metres| (key, metres.to_string()));
-        [value("tiling.from", self.from), value("tiling.to", self.to)].into_iter().flatten()
+        Ok([value("tiling.from", self.from), value("tiling.to", self.to)].into_iter().flatten())
     }
 }
 

@@ -136,6 +136,11 @@ impl RecordLayout {
                     dimension.filter(|found| matches!(found.data_type, UNSIGNED_SHORT | UNSIGNED_LONG))?;
                 Some(FieldPlace { offset: found.offset, wide: true })
             }
+            Field::InstanceUpper => {
+                let found =
+                    self.dimension(field.name()).filter(|found| found.data_type == UNSIGNED_LONG)?;
+                Some(FieldPlace { offset: found.offset + 2, wide: true })
+            }
             _ => self.word(field).map(|offset| FieldPlace { offset, wide: true }),
         }
     }
@@ -149,7 +154,13 @@ impl RecordLayout {
             _ => None,
         };
         match field {
-            Field::X | Field::Y | Field::Z | Field::Class | Field::Core | Field::Instance => None,
+            Field::X
+            | Field::Y
+            | Field::Z
+            | Field::Class
+            | Field::Core
+            | Field::Instance
+            | Field::InstanceUpper => None,
             Field::Intensity => Some(self.intensity),
             Field::Red => red,
             Field::Green => red.map(|red| red + 2),

@@ -33,6 +33,9 @@ pub enum Field {
     /// above.
     #[serde(skip)]
     Instance,
+    /// Its upper 16 bits, where the dimension has four bytes.
+    #[serde(skip)]
+    InstanceUpper,
 }
 
 impl Field {
@@ -50,7 +53,8 @@ impl Field {
             | Self::Nir
             | Self::Class
             | Self::Core
-            | Self::Instance => None,
+            | Self::Instance
+            | Self::InstanceUpper => None,
         }
     }
 
@@ -68,7 +72,7 @@ impl Field {
             Self::Nir => "nir",
             Self::Class => "gt_class",
             Self::Core => "gt_core",
-            Self::Instance => "gt_instance",
+            Self::Instance | Self::InstanceUpper => "gt_instance",
         }
     }
 }

@@ -38,7 +38,7 @@ pub(crate) struct Chain {
     pub(crate) ground_reach: i64,
     /// Reach with which the plan allows for the clustering method, in lattice units.
     pub(crate) cluster_reach: i64,
-    /// Settings of methods that are not in the chain.
+    /// Settings and outputs that the methods of the chain have no use for.
     pub(crate) warnings: Vec<String>,
 }
 
@@ -58,7 +58,10 @@ impl Chain {
             asked.borrow_mut().insert(section.to_owned());
             config.method_table(section)
         })?;
-        let warnings = without_effect(config, &asked.into_inner())?;
+        let mut warnings = without_effect(config, &asked.into_inner())?;
+        if config.output.files.iter().any(|name| name == "ply") && !method.finds_surfaces() {
+            warnings.push(format!("the output ply is of surfaces, and {name} finds none: it is not written"));
+        }
         if let Some(file) = method.model_file().map(str::to_owned) {
             let content = fs_err::read(&file)
                 .map_err(|source| InputError::Read { path: PathBuf::from(&file), source })?;

@@ -386,5 +386,10 @@ impl Work<'_> {
 /// What every file says of its points.
 fn known(catalog: &Catalog, with_objects: bool) -> Known {
     let has = |field| catalog.files().iter().all(|file| file.layout().field(field).is_some());
-    Known { has_core: has(Field::Core), has_instance: with_objects && has(Field::Instance) }
+    let instance_bytes = match with_objects {
+        true if has(Field::InstanceUpper) => 4,
+        true if has(Field::Instance) => 2,
+        _ => 0,
+    };
+    Known { has_core: has(Field::Core), instance_bytes }
 }

@@ -73,6 +73,21 @@ pub enum TableError {
         /// The field.
         found: String,
     },
+    /// A column that holds a number in some rows only.
+    #[error(
+        "line {line} of {path}, column {column}: {found:?} is not a finite number, but other rows have one",
+        path = path.display()
+    )]
+    Mixed {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// Name or number of the column.
+        column: String,
+        /// The field.
+        found: String,
+    },
     /// The table already has a column with the name of the new one.
     #[error("{path} already has a column {name}", path = path.display())]
     Taken {
@@ -92,6 +107,7 @@ impl Failure for TableError {
         match self {
             Self::NoHeader { .. } => Some("if it is the first row, add --no-header".into()),
             Self::Number { .. } => Some("choose columns of numbers with --columns".into()),
+            Self::Mixed { .. } => Some("mend the cell, or choose the columns to use with --columns".into()),
             Self::Taken { .. } => Some("name the new column with --id-column".into()),
             _ => None,
         }

@@ -139,19 +139,40 @@ impl Table {
         wanted.iter().map(find).collect()
     }
 
-    /// Indices of the columns that hold a finite number in every row.
+    /// Indices of the columns that hold a finite number in every row. Columns without any number are not among
+    /// them.
     ///
     /// # Errors
-    /// When a row has other fields than the first line.
+    /// [`TableError::Mixed`] when a column holds a number in some rows only, because leaving it out would change
+    /// the result without a word. Or when a row has other fields than the first line.
     pub fn numeric_columns(&self) -> Result<Vec<usize>, TableError> {
-        let mut numeric = vec![true; self.names.len()];
-        self.each_row(|_, fields| {
-            for (flag, field) in numeric.iter_mut().zip(fields) {
-                *flag &= number(field).is_some();
+        let mut numbers = vec![0; self.names.len()];
+        // The first cell of each column that is not a number.
+        let mut other: Vec<Option<(usize, String)>> = vec![None; self.names.len()];
+        self.each_row(|line, fields| {
+            for (column, field) in fields.iter().enumerate() {
+                match number(field) {
+                    Some(_) => numbers[column] += 1,
+                    None if other[column].is_none() => {
+                        other[column] = Some((line, field.chars().take(SHOWN).collect()));
+                    }
+                    None => {}
+                }
             }
             Ok(())
         })?;
-        Ok((0..numeric.len()).filter(|&column| numeric[column]).collect())
+        let mut numeric = Vec::new();
+        for (column, other) in other.into_iter().enumerate() {
+            match other {
+                None => numeric.push(column),
+                Some((line, found)) if numbers[column] > 0 => {
+                    let (path, column) = (self.path.clone(), self.names[column].clone());
+                    return Err(TableError::Mixed { path, line, column, found });
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(numeric)
     }
 
     /// The numbers of some columns, row by row.
@@ -212,6 +233,8 @@ mod tests {
         let table = table("\u{feff}x,name,y\r\n1,a,2\r\n\r\n3,b,4e1\r\n", true).unwrap();
         assert_eq!((table.len(), table.name(2)), (2, "y"));
         assert_eq!(table.numeric_columns().unwrap(), [0, 2]);
+        let mixed = self::table("x,y\n1,2\n3,?\n5,6", true).unwrap().numeric_columns().unwrap_err().to_string();
+        assert_eq!(mixed, "line 3 of t.csv, column y: \"?\" is not a finite number, but other rows have one");
         assert_eq!(table.columns(&["y".to_owned(), "1".to_owned()]).unwrap(), [2, 0]);
         assert_eq!(table.values(&[2, 0]).unwrap(), [2.0, 1.0, 40.0, 3.0]);
         let error = table.columns(&["z".to_owned()]).unwrap_err().to_string();

@@ -54,7 +54,7 @@ impl PlanArgs {
             let refused = ConfigError::value("--svg", "-", "a file when --json is given");
             return Err(chainage::Error::from(refused).into());
         }
-        let config = self.settings.resolve(&self.section.assignments().collect::<Vec<_>>())?;
+        let config = self.settings.resolve(&self.section.assignments()?.collect::<Vec<_>>())?;
         if let Some(out) = &self.shared.out {
             return self.open(out, config);
         }
@@ -108,15 +108,17 @@ pub(super) fn page(plan: &PlanFacts) -> String {
                 print::count(tile.points),
                 print::count(tile.points_read),
                 print::bytes(tile.bytes),
+                if tile.inside { "" } else { "beside the section" }.to_owned(),
             ]
         })
         .collect();
-    let header = ["tile", "from m", "to m", "points", "with halo", "memory"];
+    let header = ["tile", "from m", "to m", "points", "with halo", "memory", ""];
+    let inside = plan.tiles.iter().filter(|tile| tile.inside).count();
     let mut text = print::table(&header, &rows);
     text.push_str(&format!(
         "\n  {} in {} along {:.0} m of axis ({})\n",
         print::counted(plan.points, "point"),
-        print::counted(plan.tiles.len() as u64, "tile"),
+        print::counted(inside as u64, "tile"),
         plan.axis.length_m,
         info::axis_source(&plan.axis)
     ));
@@ -134,7 +136,7 @@ pub(super) fn page(plan: &PlanFacts) -> String {
         print::counted(plan.threads as u64, "thread")
     ));
     text.push_str(&format!(
-        "  disk      {} of state, and the labelled copies\n  reading   every record {:.1} times for the tiles\n",
+        "  disk      {} of state, and the labelled copies\n  reading   {:.1} records for each point\n",
         print::bytes(plan.state_bytes),
         plan.read_amplification
     ));

@@ -41,7 +41,7 @@ fn page(state: &RunStatus, why: bool) -> String {
         .iter()
         .map(|pass| {
             let units = pass.units.map_or_else(|| "-".to_owned(), |units| units.to_string());
-            vec![pass.pass.to_owned(), units, pass.done.to_string(), pass.stale.to_string()]
+            vec![pass.pass.clone(), units, pass.done.to_string(), pass.stale.to_string()]
         })
         .collect();
     let mut text = print::table(&["pass", "units", "done", "stale"], &rows);
@@ -65,7 +65,7 @@ fn reasons(passes: &[PassStatus]) -> String {
     for pass in passes.iter().filter(|pass| !pass.why.is_empty()) {
         let causes = pass.causes();
         if causes.is_empty() {
-            following.push(pass.pass);
+            following.push(pass.pass.as_str());
         }
         for cause in causes {
             text.push_str(&format!("  {} must be redone: {cause}\n", pass.pass));

@@ -28,8 +28,8 @@ impl Attribute for CrownSize {
                 name: "crown_base_m",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::Metre,
-                definition: "height above the ground from which on the layers of 0.2 m have 15 % of the area of the largest; only \
-                             of trees",
+                definition: "height above the ground from which on the layers of 0.2 m have 15 % of the area of the largest, \
+                             at least 0; only of trees",
             },
         ]
     }

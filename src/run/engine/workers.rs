@@ -95,56 +95,18 @@ impl Keeper<'_> {
     /// Hands units to workers until all are done, one fails fatally, or the run is cancelled.
     fn work<P: Pass>(&self, pass: &P, todo: &[usize]) -> Vec<(usize, Error)> {
         let name = pass.outline().name;
-        let workers = self.limits.threads.min(todo.len()).max(1);
         let stop = AtomicBool::new(false);
-        let flight = InFlight::default();
-        // The channel has no buffer, so a unit that was handed over is in progress.
-        let (jobs, inbox) = bounded::<(usize, u64)>(0);
-        let (report, results) = bounded(workers);
         let mut failures = Vec::new();
-        std::thread::scope(|scope| {
-            for _ in 0..workers {
-                let inbox = inbox.clone();
-                let report = report.clone();
-                let flight = &flight;
-                scope.spawn(move || {
-                    for (unit, bytes) in inbox {
-                        let began = Instant::now();
-                        let payload = compute_unit(pass, unit);
-                        flight.land(bytes);
-                        let seconds = began.elapsed().as_secs_f64();
-                        if report.send(Computed { unit, seconds, payload }).is_err() {
-                            break;
-                        }
-                    }
-                });
-            }
-            drop((inbox, report));
-            let stop = &stop;
-            let flight = &flight;
-            scope.spawn(move || {
-                for &unit in todo {
-                    pass.prefetch(unit);
-                    let bytes = pass.bytes(unit);
-                    flight.start(bytes, self.limits.memory);
-                    let stopped = stop.load(Ordering::Relaxed) || self.cancel.is_cancelled();
-                    if stopped || jobs.send((unit, bytes)).is_err() {
-                        break;
-                    }
+        let mut lost = false;
+        let stopped = || stop.load(Ordering::Relaxed) || self.cancel.is_cancelled();
+        on_workers(pass, todo, self.limits, &stopped, |batch| {
+            for (unit, error) in self.keep(pass, batch, &mut lost) {
+                let reason = error.to_string();
+                self.tell(&Event::UnitFailed { pass: name, unit, reason: &reason });
+                if self.fail_fast || error.stops_all() || lost {
+                    stop.store(true, Ordering::Relaxed);
                 }
-            });
-            let mut lost = false;
-            // One sync covers all units that have arrived during the previous sync.
-            for first in &results {
-                let batch: Vec<Computed> = std::iter::once(first).chain(results.try_iter()).collect();
-                for (unit, error) in self.keep(pass, batch, &mut lost) {
-                    let reason = error.to_string();
-                    self.tell(&Event::UnitFailed { pass: name, unit, reason: &reason });
-                    if self.fail_fast || error.stops_all() || lost {
-                        stop.store(true, Ordering::Relaxed);
-                    }
-                    failures.push((unit, error));
-                }
+                failures.push((unit, error));
             }
         });
         failures
@@ -197,6 +159,56 @@ struct Computed {
     unit: usize,
     seconds: f64,
     payload: Result<Vec<u8>>,
+}
+
+/// Computes `units` on worker threads, in order and as memory allows, until `stopped` says so. This thread
+/// calls `receive` with what has arrived since the last call.
+fn on_workers<P: Pass>(
+    pass: &P,
+    units: &[usize],
+    limits: Limits,
+    stopped: &(dyn Fn() -> bool + Sync),
+    mut receive: impl FnMut(Vec<Computed>),
+) {
+    let workers = limits.threads.min(units.len()).max(1);
+    let flight = InFlight::default();
+    // The channel has no buffer, so a unit that was handed over is in progress.
+    let (jobs, inbox) = bounded::<(usize, u64)>(0);
+    let (report, results) = bounded(workers);
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            let inbox = inbox.clone();
+            let report = report.clone();
+            let flight = &flight;
+            scope.spawn(move || {
+                for (unit, bytes) in inbox {
+                    let began = Instant::now();
+                    let payload = compute_unit(pass, unit);
+                    flight.land(bytes);
+                    let seconds = began.elapsed().as_secs_f64();
+                    if report.send(Computed { unit, seconds, payload }).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop((inbox, report));
+        let flight = &flight;
+        scope.spawn(move || {
+            for &unit in units {
+                pass.prefetch(unit);
+                let bytes = pass.bytes(unit);
+                flight.start(bytes, limits.memory);
+                if stopped() || jobs.send((unit, bytes)).is_err() {
+                    break;
+                }
+            }
+        });
+        for first in &results {
+            // One sync covers all units that have arrived during the previous sync.
+            receive(std::iter::once(first).chain(results.try_iter()).collect());
+        }
+    });
 }
 
 /// Computes one unit. A panic is caught here and counts as a bug in this unit.
@@ -268,40 +280,11 @@ fn log_refusal(run_dir: &RunDir, pass: &str, unit: usize, refusal: &Refusal) {
 /// The payloads of all units, computed on threads and kept in memory. If units failed, the error of the first
 /// one.
 pub(crate) fn compute<P: Pass>(pass: &P, limits: Limits) -> Result<Vec<Vec<u8>>> {
-    let workers = limits.threads.min(pass.units()).max(1);
-    let flight = InFlight::default();
-    let (jobs, inbox) = bounded::<(usize, u64)>(0);
-    let (report, results) = bounded(workers);
+    let units: Vec<usize> = (0..pass.units()).collect();
     let mut found: Vec<Option<Result<Vec<u8>>>> = Vec::new();
-    found.resize_with(pass.units(), || None);
-    std::thread::scope(|scope| {
-        for _ in 0..workers {
-            let inbox = inbox.clone();
-            let report = report.clone();
-            let flight = &flight;
-            scope.spawn(move || {
-                for (unit, bytes) in inbox {
-                    let payload = compute_unit(pass, unit);
-                    flight.land(bytes);
-                    if report.send((unit, payload)).is_err() {
-                        break;
-                    }
-                }
-            });
-        }
-        drop((inbox, report));
-        let flight = &flight;
-        scope.spawn(move || {
-            for unit in 0..pass.units() {
-                pass.prefetch(unit);
-                let bytes = pass.bytes(unit);
-                flight.start(bytes, limits.memory);
-                if jobs.send((unit, bytes)).is_err() {
-                    break;
-                }
-            }
-        });
-        for (unit, payload) in &results {
+    found.resize_with(units.len(), || None);
+    on_workers(pass, &units, limits, &|| false, |batch| {
+        for Computed { unit, payload, .. } in batch {
             found[unit] = Some(payload);
         }
     });

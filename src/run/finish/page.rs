@@ -1,11 +1,9 @@
 //! The page of a run: which points are sampled for it, what it says of the drive, and when it is written.
 
-use std::io::Write;
 
 use serde_json::{Value, json};
 
 use crate::error::Result;
-use crate::output::OutputError;
 use crate::output::report::{
     Page, PageFrame, PageStretch, PageTable, SamplePoint, SampledDrive, Sampling, point_budget,
 };
@@ -59,8 +57,6 @@ pub(crate) fn write_page(
     content: Option<PageContent>,
     report: Value,
 ) -> Result<()> {
-    let path = run_dir.out().join(PAGE);
-    let failed = |source| OutputError::Write { path: path.clone(), source };
     let (Some(content), Some(limit_bytes)) = (content, page_limit_bytes(open.config)) else {
         return Ok(());
     };
@@ -84,7 +80,7 @@ pub(crate) fn write_page(
         run: &run,
         limit_bytes,
     };
-    write_whole(run_dir, PAGE, |out: &mut dyn Write| page.write(out).map_err(failed))?;
+    write_whole(run_dir, PAGE, |out| page.write(out))?;
     Ok(())
 }
 

@@ -4,7 +4,6 @@ use serde_json::{Value, json};
 
 use crate::config::Config;
 use crate::error::Result;
-use crate::output::OutputError;
 use crate::run::drive::{AxisFacts, Drive, Surveyed};
 use crate::run::finish::names::REPORT;
 use crate::run::finish::tables::write_whole;
@@ -33,10 +32,8 @@ pub(crate) fn report(drive: &Drive, config: &Config, surveyed: &Surveyed, summar
 /// Writes `report.json`.
 pub(crate) fn write_report(run_dir: &RunDir, report: &Value) -> Result<()> {
     write_whole(run_dir, REPORT, |out| {
-        serde_json::to_writer_pretty(&mut *out, report)
-            .map_err(std::io::Error::from)
-            .and_then(|()| out.write_all(b"\n"))
-            .map_err(|source| OutputError::Write { path: run_dir.out().join(REPORT), source })
+        serde_json::to_writer_pretty(&mut *out, report)?;
+        out.write_all(b"\n")
     })?;
     Ok(())
 }

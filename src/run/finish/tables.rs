@@ -17,7 +17,7 @@ use crate::run::passes::inventory::Inventory;
 use crate::run::passes::stitch::Objects;
 use crate::store::{RunDir, StoreError};
 use crate::tiling::Plan;
-use crate::whole_file::publish;
+use crate::whole_file::write_from;
 
 /// Writes the table of objects in the formats of the settings, and that of surfaces if the method finds some.
 /// Returns the first for the page, if that is written.
@@ -66,14 +66,7 @@ fn write_formats(
     config: &Config,
 ) -> Result<()> {
     for entry in formats.iter().filter(|entry| config.output.writes(entry.name())) {
-        let name = entry.file_name;
-        let path = run_dir.out().join(name);
-        let part = run_dir.path(&format!("{name}.part"));
-        let failed = |source| OutputError::Write { path: path.clone(), source };
-        entry.format.write(table, &part).map_err(failed)?;
-        let whole = std::fs::File::options().write(true).open(&part).map_err(failed)?;
-        whole.sync_all().map_err(failed)?;
-        publish(&part, &path).map_err(failed)?;
+        write_output(run_dir, entry.file_name, |part| entry.format.write(table, part))?;
     }
     Ok(())
 }
@@ -128,10 +121,7 @@ pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<Vec<Str
     run_dir.claim_outputs(&names)?;
     for (chart, name) in charts.iter().zip(&names) {
         let svg = chart_svg(chart).map_err(|error| Error::bug(error.to_string()))?;
-        write_whole(run_dir, name, |out| {
-            let path = run_dir.out().join(name);
-            out.write_all(svg.as_bytes()).map_err(|source| OutputError::Write { path, source })
-        })?;
+        write_whole(run_dir, name, |out| out.write_all(svg.as_bytes()))?;
     }
     Ok(names)
 }
@@ -140,17 +130,22 @@ pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<Vec<Str
 pub(super) fn write_whole(
     run_dir: &RunDir,
     name: &str,
-    write: impl FnOnce(&mut dyn Write) -> Result<(), OutputError>,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), OutputError> {
+    write_output(run_dir, name, |part| {
+        let mut out = io::BufWriter::new(fs_err::File::create(part)?);
+        write(&mut out)?;
+        out.flush()
+    })
+}
+
+/// Lets `write` create an output file in the state directory, and gives it its final name when it is complete.
+fn write_output(
+    run_dir: &RunDir,
+    name: &str,
+    write: impl FnOnce(&Path) -> io::Result<()>,
 ) -> Result<(), OutputError> {
     let path = run_dir.out().join(name);
     let part = run_dir.path(&format!("{name}.part"));
-    let failed = |path: &Path| {
-        let path = path.to_owned();
-        move |source| OutputError::Write { path, source }
-    };
-    let mut out = io::BufWriter::new(std::fs::File::create(&part).map_err(failed(&part))?);
-    write(&mut out)?;
-    let file = out.into_inner().map_err(|error| failed(&part)(error.into_error()))?;
-    file.sync_all().map_err(failed(&part))?;
-    publish(&part, &path).map_err(failed(&path))
+    write_from(&part, &path, write).map_err(|source| OutputError::Write { path, source })
 }

@@ -25,6 +25,8 @@ pub struct TileFacts {
     pub from_m: f64,
     /// Chainage of its last cell in metres.
     pub to_m: f64,
+    /// Whether it is inside the section. The other tiles only complete the objects of the section.
+    pub inside: bool,
     /// Points it owns.
     pub points: u64,
     /// Points it reads, halo included.
@@ -53,7 +55,7 @@ pub struct PlanFacts {
     pub ground_reach_m: f64,
     /// Reach of the clustering in metres.
     pub cluster_reach_m: f64,
-    /// Records read per point of the drive by the ground pass.
+    /// Records that the ground pass reads, per point of the drive or of its section.
     pub read_amplification: f64,
     /// Bytes of state on disk.
     pub state_bytes: u64,
@@ -91,6 +93,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
             TileFacts {
                 from_m: tile.from_m,
                 to_m: tile.to_m,
+                inside: tile.inside,
                 points: tile.points,
                 points_read: region.points,
                 bytes: tile_bytes(chain, &plan, number),

@@ -29,7 +29,7 @@ struct ObjectsOfTile {
     objects: BTreeMap<u32, ObjectPart>,
     contacts: Contacts,
     /// Points of the true objects in all voxels that the tile owns; empty if the drive does not know any.
-    instances: BTreeMap<u16, u64>,
+    instances: BTreeMap<u32, u64>,
 }
 
 /// An object over the voxels of a tile: what the steps before call it, its figures, and its points of each
@@ -44,7 +44,7 @@ struct ObjectPart {
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Truth {
     classes: [u64; CLASSES],
-    instances: BTreeMap<u16, u64>,
+    instances: BTreeMap<u32, u64>,
 }
 
 impl Truth {
@@ -64,7 +64,7 @@ impl Truth {
     }
 
     /// The true object that most of the points belong to, and their number.
-    fn main(&self) -> Option<(u16, u64)> {
+    fn main(&self) -> Option<(u32, u64)> {
         self.instances
             .iter()
             .rev()
@@ -87,12 +87,12 @@ pub(crate) struct ObjectSample {
 
 /// The objects of a tile. `labelled` are the keys and codes of the voxels that it owns, and `instances` their
 /// true objects, or empty.
-pub(crate) fn map(tile: &dyn TileWindow, labelled: Vec<(Voxel, u8)>, instances: &[u16]) -> Result<Vec<u8>> {
+pub(crate) fn map(tile: &dyn TileWindow, labelled: Vec<(Voxel, u8)>, instances: &[u32]) -> Result<Vec<u8>> {
     let Settled { whole, contacts } = Settled::load(tile, &[], true)?;
     let voxels = &whole.grown.cored.around.voxels;
     let own = (0..voxels.len()).filter(|&voxel| voxels.owned[voxel]);
     let mut truth = BTreeMap::<u32, Truth>::new();
-    let mut points_of = BTreeMap::<u16, u64>::new();
+    let mut points_of = BTreeMap::<u32, u64>::new();
     for (number, (voxel, (_, code))) in own.zip(labelled).enumerate() {
         let Some(place) = usize::from(code).checked_sub(1) else { continue };
         let points = u64::from(voxels.points[voxel]);
@@ -124,7 +124,7 @@ pub(crate) fn reduce(payloads: &[Vec<u8>], lattice: Lattice) -> Result<Vec<Objec
     let mut objects = BTreeMap::<u32, Object>::new();
     let mut truths = BTreeMap::<u32, Truth>::new();
     let mut touching = Vec::new();
-    let mut points_of = BTreeMap::<u16, u64>::new();
+    let mut points_of = BTreeMap::<u32, u64>::new();
     for payload in payloads {
         let ObjectsOfTile { objects: parts, contacts, instances } = codec::decode(payload)?;
         for (label, ObjectPart { class, figures, truth }) in parts {
@@ -161,8 +161,8 @@ pub(crate) fn reduce(payloads: &[Vec<u8>], lattice: Lattice) -> Result<Vec<Objec
 fn is_whole(
     truth: &Truth,
     points: u64,
-    larger: Option<(u16, u64)>,
-    points_of: &BTreeMap<u16, u64>,
+    larger: Option<(u32, u64)>,
+    points_of: &BTreeMap<u32, u64>,
 ) -> Option<u8> {
     let labelled: u64 = truth.instances.values().sum();
     let (instance, count) = truth.main().filter(|_| 2 * labelled > points)?;
@@ -181,12 +181,12 @@ mod tests {
 
     #[test]
     fn an_object_with_most_of_a_true_one_is_whole() {
-        let truth = |counts: &[(u16, u64)]| Truth {
+        let truth = |counts: &[(u32, u64)]| Truth {
             classes: [0; CLASSES],
             instances: counts.iter().copied().collect(),
         };
         let points_of = BTreeMap::from([(0, 1000), (1, 100), (2, 30)]);
-        let of = |counts: &[(u16, u64)], larger| is_whole(&truth(counts), 60, larger, &points_of);
+        let of = |counts: &[(u32, u64)], larger| is_whole(&truth(counts), 60, larger, &points_of);
         assert_eq!(of(&[(1, 51)], None), Some(WHOLE));
         assert_eq!(of(&[(1, 50)], Some((2, 9))), Some(STRAY));
         assert_eq!(of(&[(1, 50)], Some((1, 9))), Some(PART));

@@ -15,7 +15,7 @@ use crate::model::{Field, TileId};
 
 /// Section of the labels in the payload of the step `voxels`, behind those of `street`.
 const SECTION_LABELS: usize = 2;
-/// Section of the true objects of the voxels, two bytes each. Empty if they are not known.
+/// Section of the true objects of the voxels, four bytes each. Empty if they are not known.
 const SECTION_INSTANCES: usize = 3;
 
 /// What a labelled drive says of its points, beside their classes.
@@ -23,23 +23,19 @@ const SECTION_INSTANCES: usize = 3;
 pub(crate) struct Known {
     /// Whether it says where it is labelled completely.
     pub(crate) has_core: bool,
-    /// Whether it says which object a point belongs to.
-    pub(crate) has_instance: bool,
+    /// Bytes of the number of the object that a point belongs to, 2 or 4; 0 if it does not say.
+    pub(crate) instance_bytes: usize,
 }
 
 impl Known {
     pub(crate) fn fields(self) -> &'static [Field] {
-        match (self.has_core, self.has_instance) {
-            (false, false) => &[Field::Class],
-            (true, false) => &[Field::Class, Field::Core],
-            (false, true) => &[Field::Class, Field::Instance],
-            (true, true) => &[Field::Class, Field::Core, Field::Instance],
-        }
+        const ALL: [Field; 4] = [Field::Core, Field::Class, Field::Instance, Field::InstanceUpper];
+        &ALL[usize::from(!self.has_core)..2 + self.instance_bytes / 2]
     }
 
     /// The sections of the labels and of the true objects.
     pub(crate) fn sections(self, cut: &Cut) -> [Vec<u8>; 2] {
-        let instances = self.instances(cut).into_iter().flat_map(u16::to_le_bytes);
+        let instances = self.instances(cut).into_iter().flat_map(u32::to_le_bytes);
         [self.labels(cut), instances.collect()]
     }
 
@@ -76,12 +72,14 @@ impl Known {
     }
 
     /// The true object of each voxel that a tile owns; 0 for none. Empty if the drive does not know any.
-    fn instances(self, cut: &Cut) -> Vec<u16> {
-        let Some(instance) = cut.points.cloud.field(Field::Instance).filter(|_| self.has_instance) else {
-            return Vec::new();
-        };
-        let of_point = |(point, voxel, _)| (voxel, instance[point]);
-        let mut pairs: Vec<(usize, u16)> = self.labelled_points(cut).map(of_point).collect();
+    fn instances(self, cut: &Cut) -> Vec<u32> {
+        let cloud = &cut.points.cloud;
+        let Some(lower) = cloud.field(Field::Instance) else { return Vec::new() };
+        let upper = cloud.field(Field::InstanceUpper);
+        let instance =
+            |point: usize| u32::from(lower[point]) | upper.map_or(0, |upper| u32::from(upper[point]) << 16);
+        let of_point = |(point, voxel, _)| (voxel, instance(point));
+        let mut pairs: Vec<(usize, u32)> = self.labelled_points(cut).map(of_point).collect();
         pairs.sort_unstable();
         let mut best = vec![(0, 0); cut.stored.len()];
         for same in pairs.chunk_by(|one, other| one == other) {
@@ -95,10 +93,10 @@ impl Known {
 }
 
 /// The true objects of the voxels that a tile owns, in the payload of the step `voxels`.
-pub(crate) fn instances(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<u16>> {
+pub(crate) fn instances(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<u32>> {
     let payload = drive.payload(STEP_VOXELS, tile)?;
-    let bytes = codec::section(&payload, SECTION_INSTANCES)?.chunks_exact(2);
-    Ok(bytes.map(|two| u16::from_le_bytes([two[0], two[1]])).collect())
+    let bytes = codec::section(&payload, SECTION_INSTANCES)?.chunks_exact(4);
+    Ok(bytes.map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect())
 }
 
 /// The label and key of the voxels that a tile owns.
