@@ -137,8 +137,7 @@ impl RecordLayout {
                 Some(FieldPlace { offset: found.offset, wide: true })
             }
             Field::InstanceUpper => {
-                let found =
-                    self.dimension(field.name()).filter(|found| found.data_type == UNSIGNED_LONG)?;
+                let found = self.dimension(field.name()).filter(|found| found.data_type == UNSIGNED_LONG)?;
                 Some(FieldPlace { offset: found.offset + 2, wide: true })
             }
             _ => self.word(field).map(|offset| FieldPlace { offset, wide: true }),

@@ -233,7 +233,8 @@ mod tests {
         let table = table("\u{feff}x,name,y\r\n1,a,2\r\n\r\n3,b,4e1\r\n", true).unwrap();
         assert_eq!((table.len(), table.name(2)), (2, "y"));
         assert_eq!(table.numeric_columns().unwrap(), [0, 2]);
-        let mixed = self::table("x,y\n1,2\n3,?\n5,6", true).unwrap().numeric_columns().unwrap_err().to_string();
+        let mixed =
+            self::table("x,y\n1,2\n3,?\n5,6", true).unwrap().numeric_columns().unwrap_err().to_string();
         assert_eq!(mixed, "line 3 of t.csv, column y: \"?\" is not a finite number, but other rows have one");
         assert_eq!(table.columns(&["y".to_owned(), "1".to_owned()]).unwrap(), [2, 0]);
         assert_eq!(table.values(&[2, 0]).unwrap(), [2.0, 1.0, 40.0, 3.0]);

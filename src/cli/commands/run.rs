@@ -129,7 +129,8 @@ impl OutputSettings {
 
 impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
-        let extra: Vec<_> = self.output.assignments().into_iter().chain(self.section.assignments()?).collect();
+        let extra: Vec<_> =
+            self.output.assignments().into_iter().chain(self.section.assignments()?).collect();
         let config = self.settings.resolve(&extra)?;
         let inputs = self.inputs.files()?;
         if self.dry_run {

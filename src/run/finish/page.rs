@@ -1,6 +1,5 @@
 //! The page of a run: which points are sampled for it, what it says of the drive, and when it is written.
 
-
 use serde_json::{Value, json};
 
 use crate::error::Result;
