@@ -104,7 +104,32 @@ fn it_serves_the_page_files_and_ranges() {
     assert!(part.headers.contains("content-range: bytes 10-12/256"), "{}", part.headers);
     let end = server.ask("GET", "/drive.laz", "Range: bytes=-2\r\n");
     assert_eq!((end.status, end.body.as_slice()), (206, &[254, 255][..]));
-    assert_eq!(server.ask("GET", "/drive.laz", "Range: bytes=256-\r\n").status, 416);
+    let beyond = server.ask("GET", "/drive.laz", "Range: bytes=256-\r\n");
+    assert_eq!(beyond.status, 416);
+    assert!(beyond.headers.contains("content-range: bytes */256"), "{}", beyond.headers);
+    assert_eq!(server.ask("HEAD", "/drive.laz", "Range: bytes=0-1\r\n").status, 200);
+}
+
+/// A paused download keeps its connection. Others are answered all the same.
+#[test]
+fn readers_that_pause_do_not_stop_it() {
+    let folder = folder();
+    let out = folder.path().join("out");
+    // More than the buffers of a connection hold.
+    std::fs::File::create(out.join("large.laz")).and_then(|file| file.set_len(1 << 28)).expect("a file");
+    let server = Server::start(&out);
+    let paused: Vec<TcpStream> = (0..20)
+        .map(|_| {
+            let mut stream = TcpStream::connect(("127.0.0.1", server.port)).expect("connects");
+            let asked = format!("GET /large.laz HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n", server.port);
+            stream.write_all(asked.as_bytes()).expect("sent");
+            let mut begin = [0; 12];
+            stream.read_exact(&mut begin).expect("an answer begins");
+            stream
+        })
+        .collect();
+    assert_eq!(server.ask("GET", "/", "").status, 200);
+    drop(paused);
 }
 
 #[test]

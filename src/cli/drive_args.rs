@@ -102,6 +102,13 @@ pub(crate) struct Choices {
 }
 
 impl Choices {
+    /// The settings of a call that resumes a run: those of the last call with these options, or those that a
+    /// call with this preset or file would have.
+    pub(crate) fn resolve_after(&self, last: &Path) -> chainage::Result<Config> {
+        let begins_anew = self.preset.is_some() || self.config.is_some();
+        self.resolve_over(if begins_anew { self.config.as_deref() } else { Some(last) }, &[])
+    }
+
     /// Whether any option was given.
     pub(crate) fn is_any_given(&self) -> bool {
         let Self { preset, config, assignments, method, ground, tile_length, trajectory } = self;
@@ -238,8 +245,13 @@ impl Settings {
         self.choices.resolve_over(self.choices.config.as_deref(), &all)
     }
 
-    /// The same over another file than the defaults, unless a file is given.
+    /// The same over the settings of a run, unless a file is given. These are all settings, so that nothing of
+    /// a preset would be left.
     pub(crate) fn resolve_over(&self, file: &Path) -> chainage::Result<Config> {
+        if let Some(preset) = &self.choices.preset {
+            let refused = ConfigError::value("--preset", preset, "left out: the run has settings of its own");
+            return Err(refused.into());
+        }
         let file = self.choices.config.as_deref().unwrap_or(file);
         self.choices.resolve_over(Some(file), &self.machine.assignments())
     }

@@ -71,6 +71,15 @@ pub(crate) fn label(clusterer: &dyn Clusterer, tile: &dyn TileWindow, reach: i64
     let TilePoints { cloud, core, .. } = &points;
     let mut labels = vec![0; cloud.len()];
     let count = clusterer.cluster_tile(cloud, core, &mut labels)?;
+    // A clusterer may come from another crate.
+    let largest = labels.iter().copied().max().unwrap_or(0);
+    if largest > count || labels.len() != cloud.len() || count as usize > cloud.len() {
+        let name = clusterer.name();
+        let points = cloud.len();
+        return Err(Error::bug(format!(
+            "method {name} says that there are {count} clusters, and its largest label is {largest}, for {points} points"
+        )));
+    }
     Ok(Mapped { labelled: Some(Labelled { points, labels, count, with_halo: true }), ..Mapped::default() })
 }
 

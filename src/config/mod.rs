@@ -148,6 +148,9 @@ pub struct Config {
     warnings: Vec<String>,
 }
 
+/// Settings that are paths. They are made absolute, because workers and later calls start in other folders.
+const PATHS: [(&str, &str); 2] = [("axis", "trajectory"), ("street", "model")];
+
 impl Config {
     /// The defaults, overridden by a configuration file and then by assignments `section.key=value`, in this
     /// order.
@@ -184,7 +187,17 @@ impl Config {
         Self::from_table(table, warnings)
     }
 
-    fn from_table(table: toml::Table, warnings: Vec<String>) -> Result<Self, ConfigError> {
+    fn from_table(mut table: toml::Table, warnings: Vec<String>) -> Result<Self, ConfigError> {
+        for (section, key) in PATHS {
+            let value = table.get_mut(section).and_then(|section| section.get_mut(key));
+            if let Some(toml::Value::String(path)) = value
+                && !path.is_empty()
+                && let Ok(absolute) = std::path::absolute(&*path)
+                && let Some(text) = absolute.to_str()
+            {
+                text.clone_into(path);
+            }
+        }
         let config = Self {
             input: typed(&table, "input")?,
             axis: typed(&table, "axis")?,
@@ -200,7 +213,7 @@ impl Config {
         Ok(config)
     }
 
-    fn validate(&self) -> Result<(), ConfigError> {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
         let TilingConfig { cell, tile_length, from, to, beyond } = self.tiling;
         if !(0.5..=10.0).contains(&cell) {
             return Err(ConfigError::value("tiling.cell", cell, "0.5 to 10 (metres)"));

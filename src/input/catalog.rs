@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::crs::{Crs, CrsKind};
+use super::crs::{Crs, CrsKind, unit_in_words};
 use super::error::InputError;
 use super::file::InputFile;
 use super::options::InputOptions;
@@ -212,15 +212,17 @@ fn describe(crs: &Crs) -> String {
     if (crs.horizontal_unit_m - 1.0).abs() < 1e-9 {
         crs.description.clone()
     } else {
-        format!("{} in units of {} m", crs.description, crs.horizontal_unit_m)
+        format!("{} in {}", crs.description, unit_in_words(crs.horizontal_unit_m))
     }
 }
 
 /// Warns that lengths are not in the units of the coordinates.
 fn note_units([plan_m, _, height_m]: [f64; 3], warnings: &mut Vec<String>) {
     if [plan_m, height_m].iter().any(|unit| (unit - 1.0).abs() > 1e-9) {
+        let (plan, height) = (unit_in_words(plan_m), unit_in_words(height_m));
+        let unit = if plan == height { plan } else { format!("{plan}, heights in {height}") };
         warnings.push(format!(
-            "coordinates are in units of {plan_m:.7} m (height {height_m:.7} m); tables have coordinates in these units and lengths in metres"
+            "coordinates are in {unit}; tables have coordinates in these units and lengths in metres"
         ));
     }
 }

@@ -79,6 +79,12 @@ impl Crs {
         codes || self.kind != other.kind || units
     }
 
+    /// Well-known text for an output: that of the file, or that of the EPSG dataset for its code.
+    #[must_use]
+    pub fn text(&self) -> Option<&str> {
+        self.wkt.as_deref().or_else(|| definition(self.epsg?))
+    }
+
     /// The system named by the records of a file. Unreadable records become warnings.
     pub(crate) fn read(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Self {
         let text = wkt_text(header, source, warnings);
@@ -100,7 +106,7 @@ impl Crs {
             (Some(first), Some(second)) => first.completed_by(&second),
             (first, second) => first.or(second).unwrap_or_default(),
         };
-        let claim = claim.dismissed_by(header.extent, warnings);
+        let claim = claim.dismissed_by(header.extent, warnings).compared_with_epsg(warnings);
         let text = text.filter(|_| claim != Claim::default());
         claim.warn_about_unit(warnings);
         claim.into_crs(text)
@@ -164,8 +170,30 @@ impl Claim {
         Self::default()
     }
 
+    /// Completes the unit from the definition of the code. A projected system with another unit is not that of
+    /// its code: coordinates in feet under the code of a system in metres lie elsewhere.
+    fn compared_with_epsg(mut self, warnings: &mut Vec<String>) -> Self {
+        let Some(code) = self.epsg.filter(|_| self.kind == CrsKind::Projected) else { return self };
+        let defined = definition(code).and_then(Node::parse).as_ref().and_then(length_unit);
+        match (self.horizontal, defined) {
+            (Some(unit), Some(defined)) if (unit / defined - 1.0).abs() > 1e-6 => {
+                warnings.push(format!(
+                    "coordinates are in {}, but those of EPSG:{code} are in {}: the outputs do not name this code",
+                    unit_in_words(unit),
+                    unit_in_words(defined)
+                ));
+                let name = self.name.unwrap_or_else(|| format!("EPSG:{code}"));
+                Self { epsg: None, name: Some(format!("{name}, but in {}", unit_in_words(unit))), ..self }
+            }
+            (unit, defined) => {
+                self.horizontal = unit.or(defined);
+                self
+            }
+        }
+    }
+
     fn warn_about_unit(&self, warnings: &mut Vec<String>) {
-        if self.kind == CrsKind::Projected && self.horizontal.is_none() && !self.epsg.is_some_and(is_utm) {
+        if self.kind == CrsKind::Projected && self.horizontal.is_none() {
             warnings.push(
                 "the coordinate system does not say its unit of length; metres are assumed (if that is wrong, set input.unit)"
                     .into(),
@@ -197,6 +225,14 @@ impl Claim {
     }
 }
 
+/// A unit of length, by its metres, in words.
+#[must_use]
+pub fn unit_in_words(metres: f64) -> String {
+    let known = [(1.0, "metres"), (FOOT, "feet"), (US_SURVEY_FOOT, "US survey feet")];
+    let name = known.into_iter().find(|(unit, _)| (metres / unit - 1.0).abs() < 1e-9);
+    name.map_or_else(|| format!("units of {metres} m"), |(_, name)| name.to_owned())
+}
+
 /// Whether x and y could be longitude and latitude: small numbers in steps far below the resolution of a
 /// scanner in metres (1e-7 degrees are a centimetre).
 pub(super) fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool {
@@ -204,9 +240,9 @@ pub(super) fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool
     scale[0] <= 2e-7 && scale[1] <= 2e-7 && inside(0, 180.0) && inside(1, 90.0)
 }
 
-/// Codes of UTM zones (WGS 84 north and south, ETRS89, NAD83, NAD27): always metres.
-fn is_utm(code: u32) -> bool {
-    matches!(code, 32_601..=32_660 | 32_701..=32_760 | 25_828..=25_838 | 26_901..=26_923 | 26_701..=26_722)
+/// The well-known text (version 1) of a code in the EPSG dataset.
+fn definition(code: u32) -> Option<&'static str> {
+    Some(crs_definitions::from_code(u16::try_from(code).ok()?)?.wkt)
 }
 
 /// A length unit with a plausible number of metres. Common units are made exact, because files contain them
@@ -349,6 +385,33 @@ mod tests {
             assert_eq!(of(text).map(|claim| claim.kind), Some(kind), "{text}");
         }
         assert_eq!(of("VERT_CS[\"v\"]"), None);
+    }
+
+    #[test]
+    fn the_unit_of_a_code_completes_the_keys_or_contradicts_them() {
+        let compared = |entries: &[(u16, u16)]| {
+            let mut warnings = Vec::new();
+            let claim = keys(entries).expect("a system").compared_with_epsg(&mut warnings);
+            (claim.epsg, claim.horizontal, warnings.join(" "))
+        };
+        let none = String::new();
+        // Mississippi West: in US survey feet and in metres.
+        assert_eq!(compared(&[(1024, 1), (3072, 2_255)]), (Some(2_255), Some(US_SURVEY_FOOT), none.clone()));
+        assert_eq!(compared(&[(1024, 1), (3072, 26_995)]), (Some(26_995), Some(1.0), none.clone()));
+        let both = compared(&[(1024, 1), (3072, 2_255), (3076, 9_003)]);
+        assert_eq!(both, (Some(2_255), Some(US_SURVEY_FOOT), none));
+        let (epsg, unit, warning) = compared(&[(1024, 1), (3072, 26_995), (3076, 9_003)]);
+        assert_eq!((epsg, unit), (None, Some(US_SURVEY_FOOT)));
+        assert!(warning.contains("in US survey feet, but those of EPSG:26995 are in metres"), "{warning}");
+    }
+
+    #[test]
+    fn a_code_without_text_has_that_of_the_epsg_dataset() {
+        let claim = Claim { epsg: Some(32_632), kind: CrsKind::Projected, ..Claim::default() };
+        let text = claim.clone().into_crs(None).text().map(str::to_owned).expect("a text");
+        assert!(text.starts_with("PROJCS[\"WGS 84 / UTM zone 32N\""), "{text}");
+        assert_eq!(claim.clone().into_crs(Some("its own".to_owned())).text(), Some("its own"));
+        assert_eq!(Claim { epsg: Some(999_999), ..claim }.into_crs(None).text(), None);
     }
 
     fn keys(entries: &[(u16, u16)]) -> Option<Claim> {

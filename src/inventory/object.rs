@@ -133,6 +133,7 @@ pub(crate) mod tests {
             units_m,
             terrain,
             locate: &|place| Station { chainage_m: place[0], offset_m: place[1] - 5.0 },
+            is_driven: true,
             at_end: &|place| place[0] == 0,
             file_names: &["a.las", "b.las", "c.las"],
         }

@@ -24,6 +24,8 @@ pub struct Site<'a> {
     /// Finds where a place, in metres, is along the axis. A function, so that attributes do not depend on how
     /// the axis is found.
     pub locate: &'a (dyn Fn([f64; 2]) -> Station + Sync),
+    /// Whether the axis is a driven path. An axis that was guessed from the points has no roadway around it.
+    pub is_driven: bool,
     /// Whether a place, in lattice units, is at the end of the data.
     pub at_end: &'a (dyn Fn([i64; 2]) -> bool + Sync),
     /// Names of the input files, in their order.
@@ -59,8 +61,9 @@ impl Site<'_> {
     }
 }
 
-/// Mean of the points of an object on the lattice. Sums are exact integers.
+/// Mean of the points of an object, rounded to the lattice. Sums are exact integers.
 #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
 pub(super) fn centre(part: &ObjectPart) -> [i64; 3] {
-    part.sum.map(|sum| (sum / i128::from(part.points.max(1))) as i64)
+    let points = i128::from(part.points.max(1));
+    part.sum.map(|sum| (sum + points / 2).div_euclid(points) as i64)
 }

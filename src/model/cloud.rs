@@ -80,7 +80,8 @@ impl TileCloud {
         }
         for (index, point) in points.iter().enumerate() {
             let local = |axis: usize| {
-                i32::try_from(point[axis] - cloud.origin[axis]).expect("the extent fits 31 bits")
+                let local = i128::from(point[axis]) - i128::from(cloud.origin[axis]);
+                i32::try_from(local).expect("the extent fits 31 bits")
             };
             let x = local(0);
             let y = local(1);

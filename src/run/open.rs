@@ -3,6 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use crate::config::Config;
 use crate::error::Result;
 use crate::host;
@@ -20,7 +22,7 @@ pub(crate) struct Opened<'a> {
     pub(crate) budget: Budget,
 }
 
-/// File with the input paths of the last call.
+/// File with the input paths of the last call, and the digest of its settings.
 const REQUEST: &str = "request.json";
 /// File with the settings of the last call.
 const CONFIGURATION: &str = "run.toml";
@@ -94,21 +96,47 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// Records the input paths and the settings of a run, for `status`.
+/// What the last call asked for.
+#[derive(Debug, Serialize, Deserialize)]
+struct Recorded {
+    inputs: Vec<PathBuf>,
+    /// XXH3 of the text of the settings. A text that was cut off would be settings with defaults at its end.
+    configuration: String,
+}
+
+/// Records the input paths and the settings of a run, for `status`, workers and reductions.
 fn record(run_dir: &RunDir, inputs: &[PathBuf], config: &Config) -> Result<()> {
     let paths: Vec<PathBuf> =
         inputs.iter().map(|path| fs_err::canonicalize(path).unwrap_or_else(|_| path.clone())).collect();
-    run_dir.write_json(REQUEST, &paths)?;
     let version = env!("CARGO_PKG_VERSION");
     let text = format!("# configuration of the last call, chainage {version}\n{}", config.to_toml());
-    Ok(run_dir.write_text(CONFIGURATION, &text)?)
+    run_dir.write_text(CONFIGURATION, &text)?;
+    Ok(run_dir.write_json(REQUEST, &Recorded { inputs: paths, configuration: digest(text.as_bytes()) })?)
+}
+
+fn digest(text: &[u8]) -> String {
+    format!("{:016x}", xxhash_rust::xxh3::xxh3_64(text))
 }
 
 /// The input paths of the last call, and the path of its settings.
 pub(crate) fn recorded(run_dir: &RunDir) -> Result<(Vec<PathBuf>, PathBuf)> {
-    let inputs =
-        run_dir.await_json(REQUEST)?.ok_or_else(|| StoreError::NoRun { path: run_dir.out().to_owned() })?;
-    Ok((inputs, run_dir.path(CONFIGURATION)))
+    let path = run_dir.path(CONFIGURATION);
+    let mut recorded = false;
+    // Another process may have written one of the two files.
+    let found = run_dir.awaited(|| {
+        let Some(request) = run_dir.read_json::<Recorded>(REQUEST)? else { return Ok(None) };
+        recorded = true;
+        let text = fs_err::read(&path).map_err(StoreError::io("read", &path))?;
+        Ok((digest(&text) == request.configuration).then_some(request.inputs))
+    })?;
+    match found {
+        Some(inputs) => Ok((inputs, path)),
+        None if recorded => {
+            let what = "its content is not what the last call has written".to_owned();
+            Err(StoreError::Damaged { path, what }.into())
+        }
+        None => Err(StoreError::NoRun { path: run_dir.out().to_owned() }.into()),
+    }
 }
 
 /// Locks the run directory `out`. It must not contain input files. Its state is not looked at before

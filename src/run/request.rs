@@ -38,6 +38,7 @@ impl<'a> Begun<'a> {
     /// Locks the run directory of a request, and opens its drive.
     pub(crate) fn from(request: &'a RunRequest<'_>) -> Result<Self> {
         let config = &request.config;
+        config.validate()?;
         let catalog = open::catalog(&request.inputs, config)?;
         let chain = Chain::build(config, &request.registries, catalog.lattice())?;
         let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
@@ -52,6 +53,15 @@ impl<'a> Begun<'a> {
         warnings.extend(catalog.warnings().iter().cloned());
         warnings.extend(open::file_system_warning(&request.inputs, config));
         warnings.extend(file_warnings);
+        let crs = catalog.crs();
+        if config.output.writes("copc") && crs.is_known() && crs.text().is_none() {
+            warnings.push(format!(
+                "{} names no coordinate system: COPC holds it as well-known text, and the files have none \
+                 ({})",
+                names::CLOUD,
+                crs.description
+            ));
+        }
         if request.fresh {
             warnings.extend(names::remove_superseded(&run_dir, config, surfaces, &labelled)?);
         }

@@ -153,8 +153,13 @@ impl PassDir {
 
     /// Whether the pass was prepared for the values that it depends on. Workers may add units then.
     pub(crate) fn is_prepared(&self) -> Result<bool, StoreError> {
-        let same = || Ok((self.stored_inputs()?.as_ref() == Some(&self.inputs)).then_some(()));
+        let same = || Ok(self.is_prepared_now()?.then_some(()));
         Ok(waited_for(&self.folder, self.wait, same)?.is_some())
+    }
+
+    /// The same at this moment: what another process is writing is not waited for.
+    pub(crate) fn is_prepared_now(&self) -> Result<bool, StoreError> {
+        Ok(self.stored_inputs()?.as_ref() == Some(&self.inputs))
     }
 
     /// Marks that all units exist and were checked, and that their reduction is stored. What processes left
@@ -169,14 +174,18 @@ impl PassDir {
 
     /// Whether the pass is marked as complete for the values that it depends on.
     pub(crate) fn is_complete(&self, units: usize) -> Result<bool, StoreError> {
-        let path = self.folder.join(COMPLETE);
-        let expected = self.complete(units);
-        let marked = || match fs_err::read(&path) {
-            Ok(bytes) => Ok((serde_json::from_slice(&bytes).ok().as_ref() == Some(&expected)).then_some(())),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(source) => Err(StoreError::Io { action: "read", path: path.clone(), source }),
-        };
+        let marked = || Ok(self.is_complete_now(units)?.then_some(()));
         Ok(waited_for(&self.folder, self.wait, marked)?.is_some())
+    }
+
+    /// The same at this moment: a mark that another process is writing is not waited for.
+    pub(crate) fn is_complete_now(&self, units: usize) -> Result<bool, StoreError> {
+        let path = self.folder.join(COMPLETE);
+        match fs_err::read(&path) {
+            Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok() == Some(self.complete(units))),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
+            Err(source) => Err(StoreError::Io { action: "read", path, source }),
+        }
     }
 
     /// Removes the mark before units are computed again.

@@ -195,7 +195,15 @@ impl RunDir {
     /// # Errors
     /// As [`Self::read_json`].
     pub fn await_json<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, StoreError> {
-        waited_for(&self.state, self.wait, || self.read_json(name))
+        self.awaited(|| self.read_json(name))
+    }
+
+    /// Looks for something that another process may be writing, until it is found or the time to wait is over.
+    pub(crate) fn awaited<T>(
+        &self,
+        look: impl FnMut() -> Result<Option<T>, StoreError>,
+    ) -> Result<Option<T>, StoreError> {
+        waited_for(&self.state, self.wait, look)
     }
 
     /// Reads a small JSON file of the state; `None` when there is none.

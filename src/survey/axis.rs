@@ -19,6 +19,14 @@ const OWN_STRETCH_M: f64 = 40.0;
 /// Time bins averaged on each side: two seconds, because the mean of the scanned points wobbles within that
 /// time.
 const SMOOTHING_BINS: usize = 4;
+/// A longer gap in the clock means that what was scanned between was cut away, in time bins: four seconds.
+const GAP_BINS: i64 = 8;
+/// Time bins at each end of the data that may be incomplete: four seconds. Where a box was cut out of a drive,
+/// the last profiles reach into it from outside, on one side of the road. The mean of their points moves
+/// there, up to 16 m on a scene that was cut.
+const INCOMPLETE_BINS: usize = 8;
+/// Share of the median of points below which such a bin is incomplete.
+const INCOMPLETE_SHARE: f64 = 0.5;
 /// A shorter track means that the scanner did not move, in metres.
 const SHORTEST_TRACK_M: f64 = 10.0;
 /// Longest axis in metres. A longer one comes from absurd positions.
@@ -64,20 +72,14 @@ impl Axis {
     /// no clock.
     #[must_use]
     pub fn from_time_bins(bins: &BTreeMap<i64, TimeBin>, lattice: Lattice) -> Option<Self> {
-        #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
-        let mean = |sum: i128, count: u64| lattice.metres((sum / i128::from(count.max(1))) as i64);
-        let track: Vec<[f64; 2]> =
-            bins.values().map(|bin| [mean(bin.sum_x, bin.count), mean(bin.sum_y, bin.count)]).collect();
-        let smooth: Vec<[f64; 2]> = (0..track.len())
-            .map(|k| {
-                let reach = SMOOTHING_BINS.min(k).min(track.len() - 1 - k);
-                let window = &track[k - reach..=k + reach];
-                let share = 1.0 / window.len() as f64;
-                [0, 1].map(|axis| window.iter().map(|place| place[axis]).sum::<f64>() * share)
-            })
-            .collect();
-        let length: f64 = smooth.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
-        if length < SHORTEST_TRACK_M { None } else { Self::from_positions(AxisSource::GpsTime, &smooth) }
+        let mut counts: Vec<u64> = bins.values().map(|bin| bin.count).collect();
+        counts.sort_unstable();
+        let least = counts.get(counts.len() / 2).map_or(0.0, |median| INCOMPLETE_SHARE * *median as f64);
+        let bins: Vec<(i64, &TimeBin)> = bins.iter().map(|(number, bin)| (*number, bin)).collect();
+        let runs = bins.chunk_by(|one, next| next.0 - one.0 <= GAP_BINS);
+        let track: Vec<[f64; 2]> = runs.flat_map(|run| path(run, least, lattice)).collect();
+        let length: f64 = track.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
+        if length < SHORTEST_TRACK_M { None } else { Self::from_positions(AxisSource::GpsTime, &track) }
     }
 
     /// The principal axis of the occupied cells. All cells have the same weight, so that dense spots do not
@@ -296,6 +298,47 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
     Axis::assemble(AxisSource::Trajectory, vertices, chainage, joined)
 }
 
+/// The smoothed mean positions of time bins without a gap. Bins with fewer than `least` points at the ends are
+/// left out, and the path goes straight on as far as their points are.
+fn path(run: &[(i64, &TimeBin)], least: f64, lattice: Lattice) -> Vec<[f64; 2]> {
+    #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
+    let mean = |sum: i128, count: u64| lattice.metres((sum / i128::from(count.max(1))) as i64);
+    let place = |bin: &TimeBin| [mean(bin.sum_x, bin.count), mean(bin.sum_y, bin.count)];
+    let all: Vec<[f64; 2]> = run.iter().map(|(_, bin)| place(bin)).collect();
+    let is_whole = |(_, bin): &&(i64, &TimeBin)| bin.count as f64 >= least;
+    let most = INCOMPLETE_BINS.min(run.len() / 4);
+    let first = run.iter().take(most).take_while(|bin| !is_whole(bin)).count();
+    let last = run.iter().rev().take(most).take_while(|bin| !is_whole(bin)).count();
+    let (before, rest) = all.split_at(first);
+    let (whole, after) = rest.split_at(rest.len() - last);
+    let mut path: Vec<[f64; 2]> = (0..whole.len())
+        .map(|k| {
+            let reach = SMOOTHING_BINS.min(k).min(whole.len() - 1 - k);
+            let window = &whole[k - reach..=k + reach];
+            let share = 1.0 / window.len() as f64;
+            [0, 1].map(|axis| window.iter().map(|place| place[axis]).sum::<f64>() * share)
+        })
+        .collect();
+    let beyond_start = straight_on(path.iter(), before);
+    let beyond_end = straight_on(path.iter().rev(), after);
+    path.splice(0..0, beyond_start);
+    path.extend(beyond_end);
+    path
+}
+
+/// The place straight on before the first vertices of a path, as far as `places` are. `None` if there is none.
+fn straight_on<'a>(path: impl Iterator<Item = &'a [f64; 2]>, places: &[[f64; 2]]) -> Option<[f64; 2]> {
+    let path: Vec<[f64; 2]> = path.take(INCOMPLETE_BINS + 1).copied().collect();
+    let (end, inner) = (*path.first()?, *path.last()?);
+    let length = distance(inner, end);
+    let along = |place: &[f64; 2]| {
+        ((place[0] - end[0]) * (end[0] - inner[0]) + (place[1] - end[1]) * (end[1] - inner[1])) / length
+    };
+    let farthest = places.iter().map(along).fold(0.0, f64::max);
+    let on = |axis: usize| end[axis] + farthest * (end[axis] - inner[axis]) / length;
+    (farthest > 0.0).then(|| [on(0), on(1)])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -333,6 +376,36 @@ mod tests {
         let axis = Axis::from_positions(AxisSource::Trajectory, &drive).unwrap();
         assert!(axis.stretches().count() >= 2);
         assert!(axis.chainage.windows(2).all(|pair| pair[0] < pair[1]));
+    }
+
+    /// The drive goes east at 5 m per bin. In its first and last three bins most points are missing, and the
+    /// others are beside the road.
+    #[test]
+    fn the_axis_goes_straight_on_where_a_drive_was_cut_off() {
+        let bin = |x: i128, y: i128, count: u64| TimeBin {
+            count,
+            sum_x: x * i128::from(count) * 1_000,
+            sum_y: y * i128::from(count) * 1_000,
+        };
+        let bins: BTreeMap<i64, TimeBin> = (0..40_i64)
+            .map(|k| {
+                let x = i128::from(k) * 5;
+                let cut = match k {
+                    0..3 => bin(x, -12, 40),
+                    37.. => bin(x, 9, 300),
+                    _ => bin(x, 0, 1_000),
+                };
+                (k, cut)
+            })
+            .collect();
+        let axis = Axis::from_time_bins(&bins, Lattice::MILLIMETRE).unwrap();
+        let beside = axis.vertices().iter().map(|vertex| vertex[1].abs()).fold(0.0, f64::max);
+        assert!(beside < 1e-6, "{beside} m");
+        assert!((axis.length_m() - 195.0).abs() < 0.01, "{}", axis.length_m());
+        assert!(axis.vertices()[0][0].abs() < 1e-6);
+        // What was cut out of the middle ends there, too.
+        let cut_out = bins.into_iter().map(|(k, bin)| (if k < 20 { k } else { k + 100 }, bin));
+        assert!(Axis::from_time_bins(&cut_out.collect(), Lattice::MILLIMETRE).is_some());
     }
 
     #[test]

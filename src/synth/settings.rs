@@ -67,6 +67,9 @@ impl Settings {
             let expected = "left out, because only the sweeps of spinning heads are registered one by one";
             return Err(ConfigError::value("drift", scanner.drift_m, expected));
         }
+        if self.length_m.is_none() && self.points.is_none() && self.sweeps.is_none() {
+            return Err(ConfigError::value("length", "none", "given, or points or sweeps"));
+        }
         // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
         let least = if self.preset == Preset::Loop { LEAST_LOOP } else { 1.0 };
         let ranges = [
@@ -83,6 +86,7 @@ impl Settings {
             ("drift", scanner.drift_m, 0.0..=1.0, " m"),
             ("speed", *slow, 1.0..=150.0, " km/h"),
             ("speed", *fast, *slow..=150.0, " km/h"),
+            ("threads", self.threads as f64, 0.0..=1024.0, ""),
             ("files-every", self.files_every_s.unwrap_or(1.0), 0.1..=1e6, " s"),
             ("length", self.length_m.unwrap_or(least), least..=2e6, " m"),
             ("sweeps", self.sweeps.unwrap_or(1) as f64, 1.0..=1e9, ""),

@@ -179,7 +179,7 @@ impl<'a> Sink<'a> {
         let speed = field(speed);
         let crown = field(truth.crown_diameter);
         let dbh = field(truth.dbh);
-        let clearance = field(above.clearance());
+        let clearance = field(above.clearance(class));
         let [lean, azimuth] = [0, 1].map(|k| field(truth.inclination.map(|both| both[k])));
         self.summary.objects += 1;
         writeln!(

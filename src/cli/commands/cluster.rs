@@ -55,6 +55,11 @@ pub(crate) struct ClusterArgs {
     json: Option<PathBuf>,
 }
 
+/// Default of --min-points.
+const MIN_POINTS: u64 = 5;
+/// Default of --scale.
+const SCALE: f64 = 5.0;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Method {
     /// Wang et al. 2019 (doi:10.3390/s19010172) and Ester et al. 1996; epsilon is given or estimated
@@ -77,7 +82,7 @@ struct DbscanArgs {
     k: u64,
     /// size: number of rows of the smallest cluster; core: number of rows around a core point, itself
     /// included
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = MIN_POINTS, value_parser = clap::value_parser!(u64).range(1..))]
     min_points: u64,
     /// Number of rows of the largest cluster; 0: no limit
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -91,7 +96,7 @@ struct DbscanArgs {
 #[command(next_help_heading = "p-linkage")]
 struct PLinkageArgs {
     /// Cut-off distance as a multiple of the median distance to the nearest neighbour
-    #[arg(long, value_name = "NUMBER", default_value_t = 5.0, value_parser = positive)]
+    #[arg(long, value_name = "NUMBER", default_value_t = SCALE, value_parser = positive)]
     scale: f64,
     /// Merge neighbouring clusters of similar density; for points of uniform density
     #[arg(long)]
@@ -192,8 +197,24 @@ impl ClusterArgs {
         Ok(())
     }
 
-    /// A drawing of the estimate is refused if nothing is estimated.
+    /// Options of the other method are refused, and a drawing of the estimate if nothing is estimated.
     fn nothing_in_vain(&self) -> Result<(), ConfigError> {
+        let DbscanArgs { variant, epsilon, k, min_points, max_points, svg: _ } = &self.dbscan;
+        let PLinkageArgs { scale, merge } = &self.p_linkage;
+        let of_other: &[(&str, bool)] = match self.method {
+            Method::Dbscan => &[("--scale", *scale != SCALE), ("--merge", *merge)],
+            Method::PLinkage => &[
+                ("--variant", matches!(variant, Variant::Core)),
+                ("--epsilon", matches!(epsilon, EpsilonChoice::Given(_))),
+                ("--k", *k != epsilon::FIRST_K as u64),
+                ("--min-points", *min_points != MIN_POINTS),
+                ("--max-points", *max_points != 0),
+            ],
+        };
+        if let Some((option, _)) = of_other.iter().find(|(_, changed)| *changed) {
+            let expected = format!("left out: --method {} does not use it", self.method.name());
+            return Err(ConfigError::value(*option, "given", expected));
+        }
         let estimated = self.method == Method::Dbscan && matches!(self.dbscan.epsilon, EpsilonChoice::Auto);
         match &self.dbscan.svg {
             Some(path) if !estimated => {

@@ -41,7 +41,8 @@ impl DemoArgs {
         let open = |out: &Path| {
             let name = out.join(SAMPLE_NAME);
             format!(
-                "  for your own files: chainage run FILES... -o OUT (the demo adds --set {SETTING})\n  to see it: open {} in a browser, or {} in a viewer of point clouds and colour it by cluster_id\n",
+                "  for your own files: chainage run FILES... -o OUT (the demo adds --set {SETTING})\n  to see it: chainage view {}, or open {} in a browser, or {} in a viewer of point clouds and colour it by cluster_id\n",
+                out.display(),
                 out.join("report.html").display(),
                 name.display()
             )

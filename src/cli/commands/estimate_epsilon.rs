@@ -55,6 +55,9 @@ pub(crate) struct EstimateArgs {
     /// Folder for the temporary state [default: the system's temporary folder]
     #[arg(long, value_name = "DIRECTORY", conflicts_with = "out")]
     scratch: Option<PathBuf>,
+    /// The table has no header; name columns by number
+    #[arg(long)]
+    no_header: bool,
     /// How progress is shown on standard error
     #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
     progress: ProgressChoice,
@@ -146,7 +149,8 @@ impl EstimateArgs {
             }
         }
         let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
-        let TablePoints { table, columns, points } = TablePoints::read(path, true, &self.fields, weights)?;
+        let TablePoints { table, columns, points } =
+            TablePoints::read(path, !self.no_header, &self.fields, weights)?;
         let first = self.k.map_or(epsilon::FIRST_K, |k| usize::try_from(k).unwrap_or(usize::MAX));
         let estimate = table_points::estimate(&points, first)?;
         let names: Vec<&str> = columns.iter().map(|&column| table.name(column)).collect();

@@ -1,5 +1,6 @@
 //! `chainage info`.
 
+use chainage::input::unit_in_words;
 use chainage::run::{DriveFacts, look_at};
 
 use crate::cli::drive_args::{Inputs, Settings};
@@ -57,12 +58,14 @@ fn page(facts: &DriveFacts) -> String {
         print::bytes(facts.bytes)
     ));
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        text.push_str(&format!(
-            "  {name}         {:.3} to {:.3} m ({:.1} m)\n",
-            facts.min_m[axis],
-            facts.max_m[axis],
-            span(axis)
-        ));
+        // In the unit of the files, as every other program shows them.
+        let unit_m = facts.units_m[axis];
+        let unit = match unit_in_words(unit_m).as_str() {
+            "metres" => "m".to_owned(),
+            other => other.to_owned(),
+        };
+        let (low, high) = (facts.min_m[axis] / unit_m, facts.max_m[axis] / unit_m);
+        text.push_str(&format!("  {name}         {low:.3} to {high:.3} {unit} ({:.1} m)\n", span(axis)));
     }
     text.push_str(&format!(
         "  density   {:.0} points/m² on {:.0} occupied m²; median {:.0}, densest {:.0}\n",

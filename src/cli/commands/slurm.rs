@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use chainage::input::InputError;
+use chainage::config::{Config, ConfigError};
+use chainage::input::{Catalog, InputError, InputOptions};
 
 use crate::cli::drive_args::{Inputs, Settings};
 use crate::cli::exit::{CliError, Outcome};
@@ -30,23 +31,35 @@ pub(crate) struct SlurmArgs {
 
 impl SlurmArgs {
     pub(crate) fn run(&self) -> Outcome {
-        // Wrong settings are refused here, and not in a job.
-        self.settings.resolve(&[])?;
+        // Wrong settings and inputs are refused here, and not in a job.
+        let config = self.settings.resolve(&[])?;
+        check_inputs(&self.inputs.files()?, &config)?;
         let mut plan: Vec<String> = Vec::new();
         for file in self.inputs.files()? {
             plan.push(quoted(&absolute(&file)?.to_string_lossy()));
         }
         plan.extend(self.settings.as_arguments(&[]).iter().map(|word| quoted(&word.to_string_lossy())));
+        let sbatch = shlex::split(&self.sbatch).ok_or_else(|| {
+            let refused = ConfigError::value("--sbatch", &self.sbatch, "options with every quote closed");
+            CliError::from(chainage::Error::from(refused))
+        })?;
         let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("chainage"));
         let script = SCRIPT
             .replace("@PROGRAM@", &quoted(&program.to_string_lossy()))
             .replace("@OUT@", &quoted(&absolute(&self.out)?.to_string_lossy()))
             .replace("@ARRAY@", &self.array_size.to_string())
-            .replace("@SBATCH@", &self.sbatch.split_whitespace().map(quoted).collect::<Vec<_>>().join(" "))
+            .replace("@SBATCH@", &sbatch.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" "))
+            .replace("@FOLDER@", &quoted(&absolute(Path::new("."))?.to_string_lossy()))
             .replace("@PLAN@", &plan.join(" "));
         print::text(&script)?;
         Ok(exit::DONE)
     }
+}
+
+/// Refuses files that do not exist and folders without points.
+fn check_inputs(inputs: &[PathBuf], config: &Config) -> Result<(), CliError> {
+    let options = InputOptions { mmap: false, unit: config.input.unit };
+    Ok(Catalog::open(inputs, &options).map(|_| ()).map_err(chainage::Error::from)?)
 }
 
 /// A path that holds in any working directory.

@@ -45,6 +45,8 @@ case ${1:-open} in
 open)
     self=$(readlink -f "$0")
     mkdir -p "$out"
+    # Settings may name files relative to the folder in which this script was made.
+    cd @FOLDER@
     due=$("$program" plan "${plan[@]}" -o "$out" --units --leave-survey --json)
     submit
     ;;

@@ -24,11 +24,7 @@ pub(crate) struct StatusArgs {
 
 impl StatusArgs {
     pub(crate) fn run(&self) -> Outcome {
-        // It has no settings of its own and uses those of the last call.
-        let resolve = |last: &std::path::Path| {
-            let file = self.choices.config.as_deref().or(Some(last));
-            self.choices.resolve_over(file, &[])
-        };
+        let resolve = |last: &std::path::Path| self.choices.resolve_after(last);
         let state = status(&self.out, &Registries::default(), resolve)?;
         self.json.show(&state, || page(&state, self.why))?;
         Ok(exit::DONE)

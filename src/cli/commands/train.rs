@@ -105,6 +105,7 @@ impl TrainArgs {
     pub(crate) fn run(&self) -> Outcome {
         let cancel = Arc::new(CancelToken::default());
         interrupt::listen(&cancel)?;
+        self.learns_from_no_test()?;
         let progress = Progress::new(self.progress);
         let scratch = Scratch::inside(self.scratch.as_deref());
         let request = self.request(&scratch)?;
@@ -140,6 +141,19 @@ impl TrainArgs {
             print::text(&summary(model, &learned, &scores))?;
         }
         Ok(exit::DONE)
+    }
+
+    /// Refuses to score a model with what it learns from: such scores are too good.
+    fn learns_from_no_test(&self) -> Result<(), CliError> {
+        let real = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
+        let learned: Vec<PathBuf> = self.drives.iter().map(real).collect();
+        match self.test.iter().find(|drive| learned.contains(&real(drive))) {
+            Some(drive) => {
+                let found = format!("--test {}", drive.display());
+                Err(refused(&found, "a drive that the model does not learn from").into())
+            }
+            None => Ok(()),
+        }
     }
 
     fn request(&self, scratch: &Scratch) -> Result<TrainRequest<'static>, CliError> {

@@ -17,8 +17,9 @@ use crate::cli::{exit, interrupt, print};
 
 /// How often the server looks whether it is to stop.
 const PATIENCE: Duration = Duration::from_millis(200);
-/// Requests that are answered at the same time. A browser opens six connections to a host.
-const WORKERS: usize = 6;
+/// Requests that are answered at the same time, one thread each. A download that its reader pauses keeps its
+/// thread, so there are many more than the six connections that a browser opens.
+const REQUESTS: usize = 128;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ViewArgs {
@@ -54,12 +55,7 @@ impl ViewArgs {
             print::note("no browser could be opened: open the address yourself");
         }
         print::note("Ctrl-C ends the server");
-        let shown = Shown { root, port, cloud: Cloud::default() };
-        std::thread::scope(|scope| {
-            for _ in 0..WORKERS {
-                scope.spawn(|| serve(&server, &shown, &cancel));
-            }
-        });
+        serve(&server, &Arc::new(Shown { root, port, cloud: Cloud::default() }), &cancel);
         Ok(exit::DONE)
     }
 }
@@ -71,19 +67,30 @@ struct Shown {
     cloud: Cloud,
 }
 
-/// Answers requests until Ctrl-C.
-fn serve(server: &Server, shown: &Shown, cancel: &CancelToken) {
+/// Answers requests until Ctrl-C. Answers that are still being sent end with the process.
+fn serve(server: &Server, shown: &Arc<Shown>, cancel: &CancelToken) {
+    let answering = Arc::new(());
     while !cancel.is_cancelled() {
-        // A client that goes away is no failure of the server.
-        if let Ok(Some(request)) = server.recv_timeout(PATIENCE) {
-            let _ = answer(request, shown);
+        let Ok(Some(request)) = server.recv_timeout(PATIENCE) else { continue };
+        if Arc::strong_count(&answering) > REQUESTS {
+            let text = format!("{REQUESTS} requests are being answered\n");
+            let _ = send_text(request, StatusCode(503), text, None);
+            continue;
         }
+        let (shown, mine) = (Arc::clone(shown), Arc::clone(&answering));
+        std::thread::spawn(move || {
+            // A client that goes away is no failure of the server.
+            let _ = answer(request, &shown);
+            drop(mine);
+        });
     }
 }
 
 /// Why a request is not answered with what it asks for.
 enum Failed {
     Refused(Refusal),
+    /// The range is beyond a file of this length.
+    Beyond(Refusal, u64),
     /// The file with all points cannot be read.
     Cloud(InputError),
 }
@@ -103,10 +110,11 @@ fn answer(request: Request, shown: &Shown) -> io::Result<()> {
             request.respond(response)
         }
         Err(Failed::Refused(refusal)) => {
-            let status = StatusCode(refusal as u16);
-            let text = format!("{} {}\n", status.0, status.default_reason_phrase());
             let allowed = (refusal == Refusal::MethodNotAllowed).then(|| header("Allow", "GET, HEAD"));
-            send_text(request, status, text, allowed.into_iter().flatten())
+            refuse(request, refusal, allowed.flatten())
+        }
+        Err(Failed::Beyond(refusal, length)) => {
+            refuse(request, refusal, header("Content-Range", &format!("bytes */{length}")))
         }
         Err(Failed::Cloud(error)) => {
             let mut text = error.to_string();
@@ -118,6 +126,11 @@ fn answer(request: Request, shown: &Shown) -> io::Result<()> {
             send_text(request, StatusCode(500), format!("{text}\n"), None)
         }
     }
+}
+
+fn refuse(request: Request, refusal: Refusal, more: Option<Header>) -> io::Result<()> {
+    let status = StatusCode(refusal as u16);
+    send_text(request, status, format!("{} {}\n", status.0, status.default_reason_phrase()), more)
 }
 
 fn send_text(
@@ -165,7 +178,9 @@ fn found(request: &Request, shown: &Shown) -> Result<Reply, Failed> {
     }
     let file = fs_err::File::open(&path).map_err(|_| Refusal::NotFound)?;
     let length = file.metadata().map_err(|_| Refusal::NotFound)?.len();
-    let range = range_of(values("Range").next(), length)?;
+    // Range is defined for GET only (RFC 9110, section 14.2).
+    let asked = values("Range").next().filter(|_| *request.method() == Method::Get);
+    let range = range_of(asked, length).map_err(|refusal| Failed::Beyond(refusal, length))?;
     Ok(Reply::File(Found { path, file, length, range }))
 }
 

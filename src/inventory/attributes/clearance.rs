@@ -3,15 +3,17 @@
 use std::collections::BTreeMap;
 
 use crate::inventory::attributes::attribute::Attribute;
-use crate::inventory::measures::{SMALL, VEHICLE};
+use crate::inventory::measures::{POLE, SMALL, TREE, VEHICLE, WIRE};
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// Distance from the axis up to which a place is in the roadway, in metres.
 const ROADWAY_M: f64 = 3.5;
-/// What is lower than this over the ground stands on the roadway and is not above it, in metres (chosen:
-/// below the height of a passenger car's occupants there is no clearance to speak of).
-const LEAST_M: f64 = 2.0;
+/// A cell of the plan in which a tree, a pole or a wire begins lower than this over the ground stands on the
+/// roadway and is not above it, in metres (chosen: a branch above it hits a vehicle, what is lower is a foot).
+const LEAST_M: f64 = 0.5;
+/// The same for everything else, in metres. What stands before a wall or fence hides its foot.
+const LEAST_OF_OTHERS_M: f64 = 2.0;
 
 /// The attribute.
 #[derive(Debug)]
@@ -23,13 +25,14 @@ impl Attribute for Clearance {
             name: "clearance_m",
             column_type: ColumnType::Decimal { places: 2 },
             unit: ColumnUnit::Metre,
-            definition: "least height above the ground of what begins at least 2 m above it, within 3.5 m of the axis; empty where \
-                         nothing does, and of vehicles and persons (classes 4 and 7)",
+            definition: "least height above the ground within 3.5 m of the axis, of what begins at least 0.5 m above it (trees, \
+                         poles, wires) or 2 m (others); empty where nothing does, of vehicles and persons (classes 4 and \
+                         7), and where the axis is no driven path",
         }]
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        let stands_there = matches!(object.kind.class, VEHICLE | SMALL);
+        let stands_there = matches!(object.kind.class, VEHICLE | SMALL) || !object.site.is_driven;
         values.push(if stands_there { None } else { least(object) }.into());
     }
 }
@@ -42,6 +45,10 @@ fn least(object: &Object<'_>) -> Option<f64> {
     // Ground, and distance of the middle from the axis, by cell of the terrain.
     let mut around = BTreeMap::new();
     let mut least = None::<f64>;
+    let lowest_m = match object.kind.class {
+        TREE | POLE | WIRE => LEAST_M,
+        _ => LEAST_OF_OTHERS_M,
+    };
     let diagonal_m = site.terrain.diagonal_m();
     for ([i, j, _], heights) in &plan.voxels {
         let place = [(0, *i), (1, *j)]
@@ -54,7 +61,7 @@ fn least(object: &Object<'_>) -> Option<f64> {
         });
         let Some(ground_m) = ground_m else { continue };
         let over_m = site.lattice.metres(heights.lowest) - ground_m;
-        let lower = over_m >= LEAST_M && least.is_none_or(|least| over_m < least);
+        let lower = over_m >= lowest_m && least.is_none_or(|least| over_m < least);
         // A cell of the terrain that is too far away has no place that is near enough.
         if lower && middle_offset_m <= ROADWAY_M + diagonal_m && offset_m(place) <= ROADWAY_M {
             least = Some(over_m);
@@ -84,5 +91,14 @@ mod tests {
         assert_eq!(found(NO_KIND, &[]), [None], "no ground");
         let beside: Vec<[i64; 3]> = points.iter().map(|[x, y, z]| [*x, y + 6_000, *z]).collect();
         assert_eq!(as_decimals(&values_of(&Clearance, &beside, NO_KIND, &ground, METRES)), [None]);
+        // A branch at 1.2 m over the ground is what a vehicle meets first. Before a wall it may be hidden.
+        let low: Vec<[i64; 3]> =
+            points.into_iter().chain((0..20).map(|k| [1_050, 4_000 + k * 50, 1_700])).collect();
+        let least = |class| {
+            let kind = Kind { class, confidence: 1 };
+            as_decimals(&values_of(&Clearance, &low, kind, &ground, METRES))[0].unwrap()
+        };
+        assert!((least(TREE) - 1.2).abs() < 1e-9 && (least(POLE) - 1.2).abs() < 1e-9);
+        assert!((least(5) - 4.11).abs() < 1e-9, "a building");
     }
 }

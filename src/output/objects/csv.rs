@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use crate::model::{Column, Value};
-use crate::output::objects::number::{places, rounded};
+use crate::output::objects::number::{listed, places, rounded};
 use crate::output::objects::table::{ObjectFormat, ObjectTable, stream};
 
 /// The format.
@@ -49,11 +49,8 @@ fn write_field(column: &Column, value: &Value<'_>, line: &mut Vec<u8>) -> io::Re
             }
         }
         Value::Text(text) => write_text(text, line),
-        Value::Texts(texts) => write_text(&texts.join(";"), line),
-        Value::Counts(counts) => {
-            let texts: Vec<String> = counts.iter().map(u64::to_string).collect();
-            write_text(&texts.join(";"), line)
-        }
+        Value::Texts(texts) => write_text(&listed(texts), line),
+        Value::Counts(counts) => write_text(&listed(counts), line),
         Value::Flag(flag) => write!(line, "{flag}"),
     }
 }

@@ -2,7 +2,8 @@
 //! outline is the geometry: a polygon, or a line or a point where the outline has no area.
 //!
 //! RFC 7946 allows geographic coordinates only, but ours are projected. Therefore a member `crs` of the older
-//! GeoJSON specification (2008, section 3) names the EPSG code if it is known. QGIS and GDAL honour it.
+//! GeoJSON specification (2008, section 3) names the EPSG code. Where none is known it is null, so that nobody
+//! takes the coordinates for longitude and latitude. QGIS and GDAL honour both.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -29,10 +30,11 @@ impl ObjectFormat for GeoJson {
 // after a foreign member if no feature follows.
 fn collection(table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, r#"{{"type":"FeatureCollection","#)?;
-    if let Some(epsg) = table.drive.epsg {
+    let crs = table.drive.epsg.map(|epsg| {
         let name = format!("urn:ogc:def:crs:EPSG::{epsg}");
-        writeln!(out, r#""crs":{},"#, json!({"type": "name", "properties": {"name": name}}))?;
-    }
+        json!({"type": "name", "properties": {"name": name}})
+    });
+    writeln!(out, r#""crs":{},"#, json!(crs))?;
     write!(out, r#""features":["#)?;
     // A line is built in memory, so that `out` is called once per row and not once per token.
     let mut line = Vec::new();

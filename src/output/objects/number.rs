@@ -1,4 +1,5 @@
-//! Numbers of the table, rounded so that the bytes of every format depend on the values only.
+//! Numbers of the table, rounded so that the bytes of every format depend on the values only, and lists in one
+//! field.
 
 use crate::model::ColumnType;
 
@@ -21,9 +22,23 @@ pub(crate) fn rounded(value: f64, places: u8) -> Option<f64> {
     value.is_finite().then(|| (value * scale).round() / scale + 0.0)
 }
 
+/// A list in one field, joined by `;`. Where an item has this character or `%`, it is percent-encoded (RFC
+/// 3986, section 2.1), so that the list can be split again.
+pub(super) fn listed(items: &[impl ToString]) -> String {
+    let encoded = |item: String| item.replace('%', "%25").replace(';', "%3B");
+    items.iter().map(|item| encoded(item.to_string())).collect::<Vec<_>>().join(";")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_list_can_be_split_again() {
+        assert_eq!(listed(&[3, 14, 15]), "3;14;15");
+        assert_eq!(listed(&["a.laz", "b;c 50%.laz"]), "a.laz;b%3Bc 50%25.laz");
+        assert_eq!(listed(&[0_u64; 0]), "");
+    }
 
     #[test]
     fn numbers_are_rounded_to_the_places_of_their_column() {

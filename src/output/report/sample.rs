@@ -26,8 +26,11 @@ const SURPLUS: f64 = 2.0;
 const LEAST_OF_OBJECT: f64 = 24.0;
 /// Thinning where every point is planned, a quarter: such points are shown before all others.
 const FIRST: u64 = 1 << 14;
-/// Candidates that one unit collects before it drops the worse ones.
-const UNIT_CANDIDATES: usize = 1 << 17;
+/// Candidates that one unit of a million points keeps, at least and at most. Of a long drive every unit shows
+/// few points; a short one, with few units, may show a quarter of its points.
+const UNIT_CANDIDATES: (usize, usize) = (1 << 17, 1 << 18);
+/// Points of a unit, as the pass `export` divides the drive.
+const UNIT_POINTS: u64 = 1_000_000;
 /// Slots for the voxels that were seen last, a power of two. Neighbouring records are mostly in the same
 /// voxels.
 const SLOTS: usize = 1 << 14;
@@ -116,6 +119,8 @@ pub(crate) struct Sampling {
     first_points: Vec<u64>,
     origin: [i64; 3],
     steps_per_unit: f64,
+    /// Candidates that one unit keeps.
+    candidates: usize,
 }
 
 impl Sampling {
@@ -136,13 +141,22 @@ impl Sampling {
         rules.extend(drive.objects.iter().zip(&quotas).map(|(object, &quota)| {
             Rule::of(object.points as f64, quota, surface_m2(object, drive.lattice) * square_m)
         }));
+        let units = (drive.ground_points + drive.object_points) / UNIT_POINTS + 1;
+        let (least, most) = UNIT_CANDIDATES;
+        let candidates = usize::try_from(2 * budget as u64 / units).unwrap_or(most).clamp(least, most);
         Self {
+            candidates,
             budget,
             rules,
             first_points: drive.objects.iter().map(|object| object.first_id.number()).collect(),
             origin: drive.origin,
             steps_per_unit: STEPS_PER_M / f64::from(drive.lattice.units_per_m()),
         }
+    }
+
+    /// Bytes that the sampler of one unit needs at most.
+    pub(crate) fn unit_bytes(&self) -> u64 {
+        ((SLOTS + 4 * self.candidates) * size_of::<SamplePoint>()) as u64
     }
 
     /// Number of points to be shown at most.
@@ -223,9 +237,6 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Bytes that a sampler needs at most.
-    pub(crate) const BYTES: u64 = ((SLOTS + 4 * UNIT_CANDIDATES) * size_of::<SamplePoint>()) as u64;
-
     /// Adds a point by its number in the drive, its place on the lattice, its class and object, and its
     /// intensity.
     #[inline]
@@ -288,8 +299,8 @@ impl<'a> Sampler<'a> {
         let before = std::mem::replace(slot, sample);
         if before.rank != u32::MAX {
             self.found.push(before);
-            if self.found.len() >= 2 * UNIT_CANDIDATES {
-                self.limit = keep_best(&mut self.found, UNIT_CANDIDATES);
+            if self.found.len() >= 2 * self.sampling.candidates {
+                self.limit = keep_best(&mut self.found, self.sampling.candidates);
             }
         }
     }
@@ -297,7 +308,7 @@ impl<'a> Sampler<'a> {
     /// The candidates, best first.
     pub(crate) fn finish(mut self) -> Vec<SamplePoint> {
         self.found.extend(self.recent.iter().filter(|sample| sample.rank != u32::MAX));
-        keep_best(&mut self.found, UNIT_CANDIDATES);
+        keep_best(&mut self.found, self.sampling.candidates);
         self.found
     }
 }
@@ -325,7 +336,7 @@ impl Choice {
     /// No points yet; at most `budget` are taken.
     pub(crate) fn new(budget: usize) -> Self {
         // With its room at once: a list that grows is in memory twice while it grows.
-        Self { budget, best: Vec::with_capacity(budget + budget / 2 + UNIT_CANDIDATES) }
+        Self { budget, best: Vec::with_capacity(budget + budget / 2 + UNIT_CANDIDATES.1) }
     }
 
     /// Adds the candidates of a unit.

@@ -89,8 +89,19 @@ pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> 
     Ok(())
 }
 
+/// Name of the record that files with these modification times were compared.
+fn compared(files: &[FileIdentity]) -> String {
+    let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+    for file in files {
+        hasher.update(file.name.as_bytes());
+        hasher.update(&file.modified_ns.to_le_bytes());
+    }
+    format!("input-{:016x}.json", hasher.digest())
+}
+
 /// For files with another modification time, compares their content with that at the survey. Other content is
-/// refused. A file that was only copied or touched is accepted. `runs` are the units of the survey in `dir`,
+/// refused. A file that was only copied or touched is accepted, and the comparison is recorded: nodes with
+/// copies of the input would repeat it in every process. `runs` are the units of the survey in `dir`,
 /// `stored_part` reads one of them, and `survey` surveys one and stores nothing.
 pub(crate) fn check_content(
     run_dir: &RunDir,
@@ -102,7 +113,8 @@ pub(crate) fn check_content(
 ) -> Result<()> {
     let now = drive.catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
     let stored = run_dir.read_json::<Vec<FileIdentity>>(NAME)?.unwrap_or_default();
-    if stored == now {
+    let record = compared(&now);
+    if stored == now || run_dir.read_json::<Vec<FileIdentity>>(&record)?.as_ref() == Some(&now) {
         return Ok(());
     }
     for (unit, run) in runs.iter().enumerate() {
@@ -114,5 +126,5 @@ pub(crate) fn check_content(
             return Err(StoreError::OtherInput { path: run_dir.out().to_owned(), what }.into());
         }
     }
-    Ok(run_dir.write_json(NAME, &now)?)
+    Ok(run_dir.write_json(&record, &now)?)
 }

@@ -7,7 +7,7 @@ use crate::run::engine::folders::Outline;
 use crate::run::engine::pass::{Pass, Payloads};
 use crate::run::engine::workers::{self, Keeper, Limits, PassFigures};
 use crate::run::engine::{CancelToken, Event, Observer};
-use crate::store::{PassDir, RunDir};
+use crate::store::{PassDir, RunDir, StoreError};
 
 /// Walks the list of passes.
 pub(crate) trait Driver {
@@ -95,7 +95,17 @@ impl Driver for Here<'_> {
         let all: Vec<usize> = (0..pass.units()).collect();
         self.figures.push(keeper.execute(pass, &all)?);
         self.unmarked = Some((dir.clone(), pass.units()));
-        pass.reduce(&Payloads::Stored(dir)).map(Some)
+        match pass.reduce(&Payloads::Stored(dir.clone())) {
+            // A worker of an earlier call may have replaced a unit by one for its own settings.
+            Err(error)
+                if matches!(error.cause(), Some(StoreError::Damaged { .. }))
+                    && !dir.not_done_now(&all)?.is_empty() =>
+            {
+                keeper.execute(pass, &all)?;
+                pass.reduce(&Payloads::Stored(dir)).map(Some)
+            }
+            reduced => reduced.map(Some),
+        }
     }
 
     fn run_dir(&self) -> Option<&RunDir> {

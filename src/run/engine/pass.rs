@@ -29,6 +29,12 @@ pub(crate) trait Pass: Sync {
         Ok(())
     }
 
+    /// Checks that what its stored units were computed from is still the same, before a worker goes on from
+    /// them.
+    fn verify(&self, _dir: &PassDir) -> Result<()> {
+        Ok(())
+    }
+
     /// Asks the system to read ahead the data of `unit`.
     fn prefetch(&self, _unit: usize) {}
 

@@ -111,6 +111,7 @@ impl Driver for Share<'_> {
         if !dir.is_complete(pass.units())? {
             return Err(RunError::NotReduced { pass: outline.title(), asked: self.pass.to_owned() }.into());
         }
+        pass.verify(&dir)?;
         pass.reduce(&Payloads::Stored(dir)).map(Some)
     }
 
@@ -210,7 +211,9 @@ impl Driver for Barrier<'_> {
             return Err(RunError::NoSuchPass { pass: after.to_owned(), known: self.known.clone() }.into());
         }
         pass.prepare(&dir)?;
-        if self.reached {
+        // Earlier calls may have computed more than the first pass.
+        let is_behind = self.reached && !(self.unmarked.is_none() && dir.is_complete_now(units)?);
+        if is_behind {
             dir.prepare()?;
             // Workers may begin with this pass as soon as the one before is marked.
             if let Some((before, units)) = self.unmarked.take() {
@@ -226,7 +229,7 @@ impl Driver for Barrier<'_> {
             self.check(pass, &dir)?;
             self.reached = true;
             self.unmarked = Some((dir.clone(), units));
-        } else if !dir.is_complete(units)? {
+        } else if !self.reached && !dir.is_complete(units)? {
             let asked = self.after.unwrap_or_default().to_owned();
             return Err(RunError::NotReduced { pass: title, asked }.into());
         }

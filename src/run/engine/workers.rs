@@ -114,7 +114,8 @@ impl Keeper<'_> {
 
     /// Commits computed units. The files beside their payloads are synced first, then the payloads are
     /// stored. If a sync fails, what was written is `lost`: the system may drop it and report success at the
-    /// next sync (`fsync(2)`), so no unit of this call is committed from then on.
+    /// next sync (`fsync(2)`), so no unit of this call is committed from then on. The same holds for what
+    /// belongs to other settings.
     fn keep<P: Pass>(&self, pass: &P, batch: Vec<Computed>, lost: &mut bool) -> Vec<(usize, Error)> {
         let mut failures = Vec::new();
         let mut done = Vec::new();
@@ -126,6 +127,19 @@ impl Keeper<'_> {
         }
         if *lost {
             return failures;
+        }
+        // Another process may have opened the pass anew with other settings since this worker began. What it
+        // computes then does not belong there.
+        if let Some(&(unit, ..)) = done.first()
+            && !self.drives
+        {
+            let opened = self.dir.is_prepared_now();
+            if !opened.as_ref().is_ok_and(|opened| *opened) {
+                *lost = true;
+                let reopened = RunError::NotOpened { pass: pass.outline().title() };
+                failures.push((unit, opened.map_or_else(Error::from, |_| reopened.into())));
+                return failures;
+            }
         }
         if let Some(&(unit, ..)) = done.first()
             && let Err(error) = pass.sync()

@@ -46,6 +46,8 @@ pub struct DriveFacts {
     pub crs: String,
     /// EPSG code, if known.
     pub epsg: Option<u32>,
+    /// Metres per unit of the coordinates of the files: x, y and z.
+    pub units_m: [f64; 3],
     /// Smallest coordinates in metres, from the points.
     pub min_m: [f64; 3],
     /// Largest coordinates in metres, from the points.
@@ -106,6 +108,7 @@ pub fn look_at(inputs: &[PathBuf], config: &Config) -> Result<DriveFacts> {
         files,
         crs: drive.catalog.crs().description.clone(),
         epsg: drive.catalog.crs().epsg,
+        units_m: drive.catalog.units_m(),
         min_m: lo.map(|value| lattice.metres(value)),
         max_m: hi.map(|value| lattice.metres(value)),
         gps_time_s: surveyed.survey.time,

@@ -327,7 +327,7 @@ impl Pass for ExportPass<'_> {
     fn bytes(&self, unit: usize) -> u64 {
         let unit = &self.units[unit];
         // Records as read, as labelled, and (if compressed) as a payload.
-        let sampler = self.sampling.map_or(0, |_| Sampler::BYTES);
+        let sampler = self.sampling.map_or(0, Sampling::unit_bytes);
         unit.points * (self.drive.file(unit.file).layout().record_len as u64 * 3 + 16) + sampler
     }
 

@@ -20,6 +20,7 @@ use crate::run::passes::stitch::Objects;
 use crate::run::passes::window::Progress;
 use crate::spill::{Spill, Spilled};
 use crate::store::{Inputs, PassDir};
+use crate::survey::AxisSource;
 use crate::tiling::Wanted;
 
 const NUMBER: u32 = 6;
@@ -206,6 +207,7 @@ fn with_pass<T>(
         units_m: drive.catalog.units_m(),
         terrain,
         locate: &locate,
+        is_driven: surveyed.axis.source != AxisSource::Principal,
         at_end: &at_end,
         file_names: &file_names,
     };

@@ -86,8 +86,12 @@ impl Pass for SurveyPass<'_> {
         self.drive.largest_block_bytes(run, 12) + unpacked + (16 << 20)
     }
 
-    /// For files that were touched since the survey, compares their content with that at the survey.
     fn prepare(&self, dir: &PassDir) -> Result<()> {
+        self.verify(dir)
+    }
+
+    /// For files that were touched since the survey, compares their content with that at the survey.
+    fn verify(&self, dir: &PassDir) -> Result<()> {
         let Some(run_dir) = self.run_dir else { return Ok(()) };
         // Without unpacking: positions of the input that the run was started with must stay.
         let stored = |unit| codec::decode(&dir.reader(unit)?.read_section(PART)?);

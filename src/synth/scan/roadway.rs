@@ -10,8 +10,11 @@ use crate::synth::street::preset::Plan;
 
 /// Distance from the path of the vehicle up to which a place is on the roadway, metres (outputs, section 2).
 const HALF: f64 = 3.5;
-/// A column of an object that begins lower than this stands on the roadway and is not above it, metres.
-const LEAST: f64 = 2.0;
+/// A column of a tree, a pole or a wire that begins lower than this stands on the roadway and is not above it,
+/// metres; of anything else, the second value.
+const LEAST: (f64, f64) = (0.5, 2.0);
+/// Class codes of trees, poles and wires.
+const HANGING: [u8; 3] = [2, 3, 8];
 /// Edge of a column, millimetres.
 const COLUMN: i32 = 100;
 
@@ -48,9 +51,11 @@ impl Above {
         }
     }
 
-    /// The least height over the ground of the columns that do not stand on it, metres.
-    pub(crate) fn clearance(&self) -> Option<f64> {
-        self.0.values().copied().filter(|over| *over >= LEAST).min_by(f64::total_cmp)
+    /// The least height over the ground of the columns that do not stand on it, metres, of an object of this
+    /// class.
+    pub(crate) fn clearance(&self, class: u8) -> Option<f64> {
+        let least = if HANGING.contains(&class) { LEAST.0 } else { LEAST.1 };
+        self.0.values().copied().filter(|over| *over >= least).min_by(f64::total_cmp)
     }
 }
 
@@ -79,10 +84,11 @@ mod tests {
         };
         (0..500).for_each(|k| above.add(steps(path - 1.0 - 0.01 * f64::from(k), 5.5), &roadway));
         (0..400).for_each(|k| above.add(steps(path - 3.2, 0.015 * f64::from(k)), &roadway));
-        assert!((above.clearance().unwrap() - 5.5).abs() < 2e-3, "{:?}", above.clearance());
+        assert!((above.clearance(3).unwrap() - 5.5).abs() < 2e-3, "{:?}", above.clearance(3));
         let mut beside = Above::default();
         beside.add(steps(path + 3.6, 4.0), &roadway);
         beside.add(steps(path + 1.0, 1.9), &roadway);
-        assert_eq!(beside.clearance(), None);
+        assert_eq!(beside.clearance(5), None);
+        assert!((beside.clearance(2).unwrap() - 1.9).abs() < 2e-3, "a low branch");
     }
 }

@@ -18,7 +18,7 @@ use self::geometry::Geometry;
 use self::schema::{Layer, Srs};
 use self::style::Drawn;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
-use crate::output::objects::number::{places, rounded};
+use crate::output::objects::number::{listed, places, rounded};
 use crate::output::objects::table::{DriveShape, ObjectFormat, ObjectTable};
 
 /// The column that colours follow, where a table has it.
@@ -166,10 +166,8 @@ impl Cell {
                 rounded(*value, places(column.column_type)).map_or(Self::Null, Self::Real)
             }
             Value::Text(text) => Self::Text(text.to_string()),
-            Value::Texts(texts) => Self::Text(texts.join(";")),
-            Value::Counts(counts) => {
-                Self::Text(counts.iter().map(u64::to_string).collect::<Vec<_>>().join(";"))
-            }
+            Value::Texts(texts) => Self::Text(listed(texts)),
+            Value::Counts(counts) => Self::Text(listed(counts)),
             Value::Flag(flag) => Self::Integer((*flag).into()),
         }
     }

@@ -3,7 +3,7 @@
 
 use rusqlite::{Connection, Result, params};
 
-use crate::model::{Column, ColumnType};
+use crate::model::{Column, ColumnType, ColumnUnit};
 
 /// `GPKG`, and version 1.3: readers since 2019 know it.
 const MARK: &str = "PRAGMA application_id = 1196444487; PRAGMA user_version = 10300;";
@@ -14,11 +14,12 @@ const OWN_SRS: i32 = 100_000;
 /// Number of an unknown coordinate system in a plane (clause 1.1.2.1.2).
 const UNKNOWN_SRS: i32 = -1;
 
-/// The tables of clause 1.1 and 2.1, and of the extensions of the spatial index. Styles are as QGIS creates
-/// them.
+/// The tables of clause 1.1 and 2.1, and of the extensions of the spatial index, of texts of the second
+/// generation (annex F.10) and of the descriptions of columns (annex F.9). Styles are as QGIS creates them.
 const TABLES: &str = "
 CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY,
-  organization TEXT NOT NULL, organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
+  organization TEXT NOT NULL, organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT,
+  definition_12_063 TEXT NOT NULL DEFAULT 'undefined');
 CREATE TABLE gpkg_contents (table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE,
   description TEXT DEFAULT '', last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
   min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
@@ -30,6 +31,16 @@ CREATE TABLE gpkg_geometry_columns (table_name TEXT NOT NULL, column_name TEXT N
   CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
 CREATE TABLE gpkg_extensions (table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, definition TEXT NOT NULL,
   scope TEXT NOT NULL, CONSTRAINT ge_tce UNIQUE (table_name, column_name, extension_name));
+CREATE TABLE gpkg_data_columns (table_name TEXT NOT NULL, column_name TEXT NOT NULL, name TEXT, title TEXT,
+  description TEXT, mime_type TEXT, constraint_name TEXT, CONSTRAINT pk_gdc PRIMARY KEY (table_name, column_name),
+  CONSTRAINT gdc_tn UNIQUE (table_name, name));
+CREATE TABLE gpkg_data_column_constraints (constraint_name TEXT NOT NULL, constraint_type TEXT NOT NULL, value TEXT,
+  min NUMERIC, min_is_inclusive BOOLEAN, max NUMERIC, max_is_inclusive BOOLEAN, description TEXT,
+  CONSTRAINT gdcc_ntv UNIQUE (constraint_name, constraint_type, value));
+INSERT INTO gpkg_extensions VALUES
+  ('gpkg_spatial_ref_sys', 'definition_12_063', 'gpkg_crs_wkt', 'http://www.geopackage.org/spec120/#extension_crs_wkt', 'read-write'),
+  ('gpkg_data_columns', NULL, 'gpkg_schema', 'http://www.geopackage.org/spec120/#extension_schema', 'read-write'),
+  ('gpkg_data_column_constraints', NULL, 'gpkg_schema', 'http://www.geopackage.org/spec120/#extension_schema', 'read-write');
 CREATE TABLE layer_styles (id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256), f_table_schema TEXT(256),
   f_table_name TEXT(256), f_geometry_column TEXT(256), styleName TEXT(30), styleQML TEXT, styleSLD TEXT,
   useAsDefault BOOLEAN, description TEXT, owner TEXT(30), ui TEXT(30),
@@ -64,19 +75,24 @@ impl<'a> Srs<'a> {
 pub(super) fn begin(database: &Connection, srs: &Srs<'_>) -> Result<()> {
     database.execute_batch(MARK)?;
     database.execute_batch(TABLES)?;
-    let mut insert = database.prepare("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)")?;
+    let mut insert = database.prepare("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?, ?)")?;
     let nothing = "undefined";
-    insert.execute(params!["Undefined Cartesian SRS", -1, "NONE", -1, nothing, "coordinates in a plane"])?;
-    insert.execute(params!["Undefined geographic SRS", 0, "NONE", 0, nothing, "longitude and latitude"])?;
-    insert.execute(params!["WGS 84 geodetic", 4326, "EPSG", 4326, WGS84, "longitude and latitude"])?;
+    let (plane, angles) = ("coordinates in a plane", "longitude and latitude");
+    insert.execute(params!["Undefined Cartesian SRS", -1, "NONE", -1, nothing, plane, nothing])?;
+    insert.execute(params!["Undefined geographic SRS", 0, "NONE", 0, nothing, angles, nothing])?;
+    insert.execute(params!["WGS 84 geodetic", 4326, "EPSG", 4326, WGS84, angles, nothing])?;
     if ![UNKNOWN_SRS, 0, 4326].contains(&srs.id) {
-        let definition = srs.wkt.unwrap_or(nothing);
+        // Only the second generation (ISO 19162) has keywords that end so.
+        let is_new =
+            |wkt: &&str| wkt.split('[').next().is_some_and(|keyword| keyword.trim().ends_with("CRS"));
+        let new = srs.wkt.filter(is_new).unwrap_or(nothing);
+        let old = srs.wkt.filter(|wkt| !is_new(wkt)).unwrap_or(nothing);
         let (name, organization) = match srs.epsg {
             Some(epsg) => (format!("EPSG:{epsg}"), "EPSG"),
             None => ("of the point files".to_owned(), "NONE"),
         };
-        let description = "the text of the point files, unchanged";
-        insert.execute(params![name, srs.id, organization, srs.id, definition, description])?;
+        let description = "the text of the point files, or that of the EPSG dataset if they have a code only";
+        insert.execute(params![name, srs.id, organization, srs.id, old, description, new])?;
     }
     let styles = "INSERT INTO gpkg_contents (table_name, data_type, identifier, last_change) VALUES ('layer_styles', 'attributes', 'layer_styles', ?)";
     database.execute(styles, [CHANGED])?;
@@ -117,7 +133,19 @@ impl Layer<'_> {
         database.execute_batch(&format!(
             "CREATE TABLE \"{name}\" (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom {geometry}{columns});
              CREATE VIRTUAL TABLE \"rtree_{name}_geom\" USING rtree(id, minx, maxx, miny, maxy);"
-        ))
+        ))?;
+        let describe =
+            "INSERT INTO gpkg_data_columns (table_name, column_name, description) VALUES (?, ?, ?)";
+        let mut describe = database.prepare(describe)?;
+        for column in self.columns {
+            let text = match column.unit {
+                ColumnUnit::None => column.definition.to_owned(),
+                ColumnUnit::Input => format!("{} (unit of the coordinates)", column.definition),
+                unit => format!("{} ({})", column.definition, unit.label()),
+            };
+            describe.execute(params![name, column.name, text])?;
+        }
+        Ok(())
     }
 
     /// The statement that adds a row: number, geometry, values.
@@ -160,7 +188,7 @@ impl Layer<'_> {
             database.execute(
                 "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, styleName,
                  styleQML, styleSLD, useAsDefault, description, owner, ui, update_time)
-                 VALUES ('', '', ?1, 'geom', 'chainage', ?2, '', 1, 'colour by class', '', NULL, ?3)",
+                 VALUES ('', '', ?1, 'geom', 'chainage', ?2, '', 1, '', '', NULL, ?3)",
                 params![name, style, CHANGED],
             )?;
         }

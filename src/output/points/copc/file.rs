@@ -138,7 +138,7 @@ impl CopcSchema<'_> {
             descriptor::vlr(SPEC_USER, EXTRA_BYTES, "Extra Bytes Record", &extra),
         ];
         let mut extended = Vec::new();
-        if let Some(wkt) = &self.crs.wkt {
+        if let Some(wkt) = self.crs.text() {
             let text = [wkt.as_bytes(), &[0]].concat();
             let (user, number, what) = ("LASF_Projection", 2112, "OGC Coordinate System WKT");
             if text.len() <= LONGEST_VLR {

@@ -53,7 +53,7 @@ impl<'a> CopcFormat<'a> {
         let refused = |reason: &str| OutputError::Copc { reason: reason.to_owned() };
         let first = files.first().ok_or_else(|| refused("there are no files"))?;
         let [plan_unit_m, _, height_unit_m] = first.units_m();
-        let offset = first.header().scaling.offset;
+        let offset = first.header().scaling.offset.map(|offset| offset + 0.0);
         let standard_time = first.header().global_encoding & 1 == 1;
         let scale = [0, 1, 2].map(|axis| {
             files.iter().map(|file| file.header().scaling.scale[axis]).fold(f64::INFINITY, f64::min)
