@@ -277,7 +277,13 @@ fn a_reduction_keeps_the_plan_however_little_memory_its_host_has() {
     let configuration = out.join(".chainage/run.toml");
     let text = std::fs::read_to_string(&configuration).expect("settings");
     assert!(text.contains("memory_mib = 2048"), "{text}");
-    std::fs::write(&configuration, text.replace("memory_mib = 2048", "memory_mib = 16")).expect("written");
+    let little = text.replace("memory_mib = 2048", "memory_mib = 16");
+    std::fs::write(&configuration, &little).expect("written");
+    let request = out.join(".chainage/request.json");
+    let digest = |text: &str| format!("{:016x}", xxhash_rust::xxh3::xxh3_64(text.as_bytes()));
+    let recorded = std::fs::read_to_string(&request).expect("a request");
+    assert!(recorded.contains(&digest(&text)), "{recorded}");
+    std::fs::write(&request, recorded.replace(&digest(&text), &digest(&little))).expect("written");
     let plan = std::fs::read(out.join(".chainage/plan.json")).expect("a plan");
     let passes = to_the_end(&out, due, |pass, units| {
         let (code, errors) = ended(&worker(&out, pass, units).wait_with_output().expect("ends"));
@@ -286,6 +292,76 @@ fn a_reduction_keeps_the_plan_however_little_memory_its_host_has() {
     assert!(!passes.contains(&"scatter".to_owned()), "{passes:?}");
     assert!(std::fs::read(out.join(".chainage/plan.json")).expect("a plan") == plan, "another plan");
     assert_same_outputs(&alone, &out, "with little memory");
+}
+
+/// What a worker computes from other points must not wait for the right file to come back.
+#[test]
+fn a_worker_refuses_a_file_with_other_points_and_accepts_a_copy() {
+    let inputs = Inputs::new("street.las");
+    let out = inputs.path("out");
+    let due = inputs.open(&out, &["--tile-length", "8"]);
+    let input = inputs.path("street.las");
+    let whole = std::fs::read(&input).expect("read");
+    // The lowest byte of one z near the end: size, count and header stay.
+    let mut other = whole.clone();
+    let at = other.len() - 50;
+    other[at] ^= 1;
+    let put = |bytes: &[u8]| {
+        std::fs::remove_file(&input).expect("removed");
+        std::fs::write(&input, bytes).expect("written");
+    };
+    put(&other);
+    let (code, errors) = ended(&worker(&out, due.pass(), &due.units).wait_with_output().expect("ends"));
+    assert_eq!(code, 6, "{errors}");
+    assert!(errors.contains("the points of street.las have changed"), "{errors}");
+    assert!(!unit_file(&out, due.pass(), 0).exists(), "a unit of other points");
+    put(&whole);
+    let (code, errors) = ended(&worker(&out, due.pass(), &due.units).wait_with_output().expect("ends"));
+    assert_eq!(code, 0, "{errors}");
+}
+
+#[test]
+fn settings_of_a_run_that_are_damaged_are_refused() {
+    let inputs = Inputs::new("street.las");
+    let out = inputs.path("out");
+    let due = inputs.open(&out, &["--method", "euclidean"]);
+    let settings = out.join(".chainage/run.toml");
+    let text = std::fs::read_to_string(&settings).expect("settings");
+    for damaged in ["", &text[..text.len() / 2], &text.replace("euclidean\"", "street\"")] {
+        std::fs::write(&settings, damaged).expect("written");
+        let pass = due.pass();
+        refused("reduce", &out, &["--after", pass, "--wait", "0"], 6, &["run.toml is damaged"]);
+        refused("work", &out, &["--pass", pass, "--wait", "0"], 6, &["run.toml is damaged"]);
+        refused("next", &out, &[], 6, &["run.toml is damaged"]);
+    }
+    // The same command as before writes them again.
+    inputs.open(&out, &["--method", "euclidean"]);
+    assert_eq!(due_after("next", &out, &[]).pass.as_deref(), due.pass.as_deref());
+}
+
+#[test]
+fn workers_repair_a_copy_that_was_removed() {
+    let inputs = Inputs::new("street.las");
+    let out = inputs.alone(&["--method", "euclidean"]);
+    let copy = out.join("street.las");
+    let before = std::fs::read(&copy).expect("a copy");
+    std::fs::remove_file(&copy).expect("removed");
+    let due = inputs.open(&out, &["--method", "euclidean"]);
+    assert_eq!(due.pass.as_deref(), Some("export"));
+    to_the_end(&out, due, |pass, units| {
+        let (code, errors) = ended(&worker(&out, pass, units).wait_with_output().expect("ends"));
+        assert_eq!(code, 0, "{pass}: {errors}");
+    });
+    assert!(std::fs::read(&copy).expect("a copy") == before);
+}
+
+#[test]
+fn a_preset_is_no_setting_of_a_worker() {
+    let inputs = Inputs::new("street.las");
+    let out = inputs.path("out");
+    let due = inputs.open(&out, &[]);
+    let arguments = ["--pass", due.pass(), "--preset", "forest"];
+    refused("work", &out, &arguments, 3, &["--preset = forest: must be left out"]);
 }
 
 #[test]

@@ -212,13 +212,17 @@ impl Driver for Barrier<'_> {
         }
         pass.prepare(&dir)?;
         // Earlier calls may have computed more than the first pass.
-        let is_behind = self.reached && !(self.unmarked.is_none() && dir.is_complete_now(units)?);
-        if is_behind {
-            dir.prepare()?;
+        let is_done = self.reached && dir.is_complete_now(units)?;
+        if self.reached {
+            if !is_done {
+                dir.prepare()?;
+            }
             // Workers may begin with this pass as soon as the one before is marked.
             if let Some((before, units)) = self.unmarked.take() {
                 before.mark_complete(units)?;
             }
+        }
+        if self.reached && !is_done {
             let all: Vec<usize> = (0..units).collect();
             let left = dir.not_done_now(&all)?;
             let missing = left.into_iter().map(|(unit, _)| unit).collect();
