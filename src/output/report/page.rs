@@ -11,24 +11,29 @@ use super::packed::{Compressed, Compressor, json, source_of};
 use super::rows::{self, PageFrame};
 use super::sample::{STEPS_PER_M, SamplePoint};
 use crate::output::objects::ObjectTable;
+use crate::output::palette::CLASS_COLOURS;
 use crate::spill::Spill;
 use crate::words::{counted, separated};
 
 const MARKUP: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/style.css");
 /// The files of the script, in the order in which they use one another.
-const SCRIPT: [&str; 12] = [
+const SCRIPT: [&str; 16] = [
     include_str!("page/data.js"),
     include_str!("page/colours.js"),
     include_str!("page/cloud.js"),
     include_str!("page/scene.js"),
     include_str!("page/camera.js"),
+    include_str!("page/poses.js"),
     include_str!("page/octree.js"),
     include_str!("page/stream.js"),
     include_str!("page/plan.js"),
     include_str!("page/table.js"),
     include_str!("page/statistics.js"),
     include_str!("page/run.js"),
+    include_str!("page/head.js"),
+    include_str!("page/legend.js"),
+    include_str!("page/link.js"),
     include_str!("page/app.js"),
 ];
 
@@ -114,6 +119,8 @@ pub(crate) struct Page<'a> {
     pub(crate) title: String,
     /// A few words on the files.
     pub(crate) files: String,
+    /// The units of coordinates in the plane, and of heights.
+    pub(crate) units: [String; 2],
     pub(crate) axis: Vec<PageStretch>,
     pub(crate) table: &'a PageTable,
     pub(crate) points: Vec<SamplePoint>,
@@ -177,7 +184,9 @@ impl Page<'_> {
         json!({
             "title": self.title,
             "files": self.files,
+            "units": self.units,
             "classes": class_names(),
+            "colours": class_colours(),
             "axis": self.axis,
             "points": self.all_points,
             "cloud": self.cloud,
@@ -192,11 +201,12 @@ impl Page<'_> {
 
     /// What is shown, and what was left out.
     fn sentence(&self, count: usize) -> String {
+        let what = if self.run["result"]["surfaces"] == true { "surface" } else { "object" };
         let mut text = if count as u64 >= self.all_points {
             format!("The 3D view shows all {}.", counted(self.all_points, "point"))
         } else {
             let (shown, all) = (separated(count as u64), counted(self.all_points, "point"));
-            format!("The 3D view shows {shown} of {all}: at most one of a voxel, and some of every object.")
+            format!("The 3D view shows {shown} of {all}: at most one of a voxel, and some of every {what}.")
         };
         let PageTable { shown, all, .. } = *self.table;
         if shown < all {
@@ -204,7 +214,7 @@ impl Page<'_> {
             text.push_str(&format!(
                 " The page is limited to {limit:.0} MB: the table has the {} of {} with most points, objects.csv has all.",
                 separated(shown as u64),
-                counted(all as u64, "object")
+                counted(all as u64, what)
             ));
         }
         text
@@ -238,6 +248,12 @@ fn class_names() -> Value {
     }
     names.insert("0".to_owned(), json!("no class"));
     names.into()
+}
+
+/// Colours of the classes by code, as a style sheet writes them.
+fn class_colours() -> Value {
+    let written = |[red, green, blue]: [u8; 3]| json!(format!("#{red:02x}{green:02x}{blue:02x}"));
+    CLASS_COLOURS.iter().map(|(code, colour)| (code.to_string(), written(*colour))).collect::<serde_json::Map<_, _>>().into()
 }
 
 #[cfg(test)]
@@ -289,6 +305,7 @@ mod tests {
             cloud,
             title: "a <b> & c".to_owned(),
             files: String::new(),
+            units: ["m", "m"].map(str::to_owned),
             axis: Vec::new(),
             table,
             points,
@@ -349,5 +366,7 @@ mod tests {
     fn classes_have_their_names() {
         let names = class_names();
         assert_eq!((names["2"].as_str(), names["0"].as_str()), (Some("tree"), Some("no class")));
+        let colours = class_colours();
+        assert_eq!((colours["2"].as_str(), colours["9"].as_str()), (Some("#009e73"), Some("#5c5c5c")));
     }
 }
