@@ -15,7 +15,7 @@ class App {
     this.unfold = bindFold();
     bindTheme((theme) => {
       this.theme = theme;
-      if (this.legend) this.paint();
+      if (this.legend) this.recolour();
       this.plan?.draw();
     });
     const { warnings = [] } = this.run.result;
@@ -46,9 +46,9 @@ class App {
     } catch (error) {
       this.goWithoutScene(error);
     }
-    this.legend = new Legend(this.table, this.classified, Boolean(this.scene), { painted: () => this.paint(), switched: () => this.table.update() });
+    this.legend = new Legend(this.table, this.classified, Boolean(this.scene), { recoloured: () => this.recolour(), switched: () => this.table.update() });
     this.bind();
-    this.paint();
+    this.recolour();
     const sizes = new ResizeObserver(() => { this.plan.draw(); this.render(); });
     for (const id of ["view", "plan"]) sizes.observe($(id));
     this.followLink();
@@ -173,10 +173,15 @@ class App {
     this.paint();
   }
 
+  /** Called when the mode or the theme changes. */
+  recolour() {
+    this.legend.fill(this.theme.name);
+    this.paint();
+  }
+
   /** Colours every point for the mode: the sample now, and streamed points while pictures are drawn. */
   paint() {
     const { theme, ground, legend: { mode, hidden } } = this;
-    this.legend.fill(theme.name);
     this.plan.draw();
     if (!this.scene) return;
     this.colour = colouring({ mode, theme, ground, hidden, rowOf: (id) => this.rowOf.get(id), classOf: (row) => this.classOf(row), isShown: (row, code) => this.isShown(row, code) });

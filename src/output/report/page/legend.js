@@ -5,7 +5,7 @@ const MODES = [["object", "Object"], ["class", "Class"], ["height", "Height"], [
 class Legend {
   /**
    * `classified`: whether objects have classes. `points`: whether points are shown, and not the plan alone.
-   * `on.painted()` is called when the colours change, and `on.switched()` when something is shown or hidden.
+   * `on.recoloured()` is called when the mode changes, and `on.switched()` when something is shown or hidden.
    */
   constructor(table, classified, points, on) {
     Object.assign(this, { table, classified, points, on, hidden: new Set(), mode: classified ? "class" : "object", switches: new Map() });
@@ -16,7 +16,7 @@ class Legend {
 
   fillModes() {
     $("modes").append(...MODES.filter(([mode]) => this.classified || mode !== "class").map(([mode, text]) => {
-      const input = el("input", { type: "radio", name: "mode", value: mode, id: `mode-${mode}`, onchange: () => { this.mode = mode; this.on.painted(); } });
+      const input = el("input", { type: "radio", name: "mode", value: mode, id: `mode-${mode}`, onchange: () => { this.mode = mode; this.on.recoloured(); } });
       input.checked = mode === this.mode;
       return el("label", {}, input, el("span", {}, mode === "object" ? capital(THINGS.one) : text));
     }));

@@ -227,6 +227,9 @@ class Plan {
     pen.moveTo(x, y - 4); pen.lineTo(x, y); pen.lineTo(x + length, y); pen.lineTo(x + length, y - 4);
     pen.stroke();
     pen.textAlign = "left";
+    pen.lineWidth = 3.5;
+    pen.strokeStyle = card;
+    pen.strokeText(`${shown(metres)} m`, x + length + 6, y);
     pen.fillText(`${shown(metres)} m`, x + length + 6, y);
     pen.save();
     pen.translate(30, 34);

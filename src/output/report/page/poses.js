@@ -62,16 +62,13 @@ class Poses {
     return found;
   }
 
-  /** What the card leaves of the canvas: shares of width and height, and the middle of it in clip coordinates. */
+  /** What the card and the controls leave of the canvas: shares of width and height, and the middle of it in clip coordinates. */
   room(card) {
     const all = this.canvas.getBoundingClientRect(), taken = card.getBoundingClientRect();
-    if (card.hidden || taken.width === 0) return { wide: 1, tall: 0.85, shift: [0, 0] };
-    if (taken.width > 0.6 * all.width) {
-      const share = (all.bottom - taken.top) / all.height;
-      return { wide: 1, tall: Math.max(0.3, 0.85 - share), shift: [0, share] };
-    }
-    const share = Math.min(0.6, (all.right - taken.left) / all.width);
-    return { wide: 1 - share, tall: 0.85, shift: [-share, 0] };
+    const above = ($("modes").getBoundingClientRect().bottom - all.top) / all.height;
+    const isBelow = taken.width > 0.6 * all.width;
+    const below = isBelow ? (all.bottom - taken.top) / all.height : 0, beside = isBelow || taken.width === 0 ? 0 : (all.right - taken.left) / all.width;
+    return { wide: Math.max(0.3, 1 - beside), tall: Math.max(0.3, 0.95 - above - below), shift: [-beside, below - above] };
   }
 
   /**

@@ -70,7 +70,7 @@ class ObjectTable {
         parts.push(el("label", {}, text, this.filter[name]));
       }
     }
-    this.filter.text = el("input", { type: "search", oninput: changed, id: "filter-text", placeholder: "id, class, file", title: "A whole number finds the id; other texts find the begin of a uid, and parts of the names of classes and files" });
+    this.filter.text = el("input", { type: "search", oninput: changed, id: "filter-text", placeholder: codes.some((code) => code !== 0) ? "id, class, file" : "id, file", title: "A whole number finds the id. Other words find the beginning of a uid, and parts of the names of classes and files." });
     parts.push(el("label", {}, "Find", this.filter.text));
     parts.push(el("button", { type: "button", class: "plain", id: "csv", onclick: () => this.download() }, "Download CSV"));
     $("filters").replaceChildren(...parts);
@@ -142,7 +142,7 @@ class ObjectTable {
       const words = this.count ? `No ${THINGS.one} passes the filters.` : `The drive has no ${THINGS.many}.`;
       $("table").tBodies[0].append(el("tr", {}, el("td", { colspan: this.order.length, class: "empty" }, words)));
     }
-    const turn = (by, text) => el("button", { type: "button", class: "plain", disabled: this.page + by < 0 || this.page + by >= pages, onclick: () => { this.page += by; this.show(); } }, text);
+    const turn = (by, text) => pages === 1 ? null : el("button", { type: "button", class: "plain", disabled: this.page + by < 0 || this.page + by >= pages, onclick: () => { this.page += by; this.show(); } }, text);
     const range = this.rows.length ? `${shown(first + 1)} to ${shown(first + rows.length)} of ${shown(this.rows.length)}` : "0 rows";
     const hidden = Array.from({ length: this.count }, (_, row) => row).filter((row) => this.on.isHidden(this.codeOf(row))).length;
     const all = this.rows.length < this.count ? ` (${shown(this.count)} in all${hidden ? `, ${shown(hidden)} hidden in the legend` : ""})` : "";
@@ -195,7 +195,7 @@ const isCoordinate = (name) => /(^|_)[xyz]$/.test(name);
 
 /** How the cells of a column look: words are on the left, and a printed page leaves out what does not fit. */
 function kindOf(column, words) {
-  const extra = isText(column) || (isCoordinate(column.name) && !/^base_/.test(column.name));
+  const extra = isText(column) || isCoordinate(column.name);
   return [words && "words", extra && "extra"].filter(Boolean).join(" ") || null;
 }
 
