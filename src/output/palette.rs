@@ -1,16 +1,17 @@
 //! The colours of the classes of objects: one list for the page and for the layers that QGIS opens.
 
-/// Classes that can be told apart by readers of every colour vision: the colours of Okabe and Ito, "Color
-/// Universal Design" (2008), without black, which a dark page hides. Vermilion is near the colour of what is
-/// chosen on the page, so a class of small objects has it. What has no certain kind is grey.
+/// Colours that readers of every colour vision can tell apart: those of Okabe and Ito, "Color Universal Design"
+/// (2008), without black, which a dark page hides. The two blues are of classes that differ in shape and place.
+/// Vermilion is near the colour of what is chosen on the page, so small objects have it. The greys are of other
+/// objects and of those without a class.
 pub(crate) const CLASS_COLOURS: [(u8, [u8; 3]); 9] = [
     (2, [0, 158, 115]),
     (3, [230, 159, 0]),
-    (4, [0, 114, 178]),
+    (4, [204, 121, 167]),
     (5, [86, 180, 233]),
     (6, [240, 228, 66]),
     (7, [213, 94, 0]),
-    (8, [204, 121, 167]),
+    (8, [0, 114, 178]),
     (9, [92, 92, 92]),
     (0, [190, 190, 190]),
 ];

@@ -253,7 +253,11 @@ fn class_names() -> Value {
 /// Colours of the classes by code, as a style sheet writes them.
 fn class_colours() -> Value {
     let written = |[red, green, blue]: [u8; 3]| json!(format!("#{red:02x}{green:02x}{blue:02x}"));
-    CLASS_COLOURS.iter().map(|(code, colour)| (code.to_string(), written(*colour))).collect::<serde_json::Map<_, _>>().into()
+    CLASS_COLOURS
+        .iter()
+        .map(|(code, colour)| (code.to_string(), written(*colour)))
+        .collect::<serde_json::Map<_, _>>()
+        .into()
 }
 
 #[cfg(test)]

@@ -25,8 +25,8 @@ class App {
   showWarnings() {
     this.showTab($("tab-run"));
     $("run-panel").scrollTop = 0;
-    $("run-panel").scrollIntoView({ block: "nearest" });
-    $("run-panel").focus();
+    $("run-panel").scrollIntoView();
+    $("run-panel").focus({ preventScroll: true });
   }
 
   async start() {
@@ -165,7 +165,7 @@ class App {
     return row === undefined || this.isShown(row);
   }
 
-  /** Called when the rows of the table change, by its filters or by the legend: other objects are hidden, and not chosen. */
+  /** Called when the filters or the legend change the rows of the table. Other objects are hidden and not chosen. */
   filtered(rows) {
     this.passing = rows.length === this.table?.count || !this.table ? null : new Set(rows);
     if (!this.legend) return;
@@ -309,7 +309,7 @@ class App {
 
   tellStation(s) {
     const { section } = this.run.result;
-    const text = section ? `${shown(s, 0)} m (${shown(section.from_m, 0)} to ${shown(section.to_m, 0)} of ${shown(section.length_m, 0)} m)` : `${shown(s, 0)} of ${shown(this.axis.to, 0)} m`;
+    const text = section ? `${shown(s, 0)} m (${shown(section.from_m, 0)} to ${shown(section.to_m, 0)} m)` : `${shown(s, 0)} of ${shown(this.axis.to, 0)} m`;
     $("station").textContent = text;
     $("chainage").setAttribute("aria-valuetext", text);
   }
@@ -367,9 +367,10 @@ class App {
     $("chainage").addEventListener("input", (event) => { this.stop(); this.driveTo(Number(event.target.value)); });
     $("plan").addEventListener("keydown", (event) => this.act(event));
     document.addEventListener("keydown", (event) => {
-      // Where Escape closes the help, empties a field or a list, it does only that.
-      if (event.key !== "Escape" || $("help").open || event.target.value && event.target.matches("input[type=search]")) return;
-      this.choose(-1);
+      // Where Escape closes the help or empties the field to find, it does only that.
+      if (event.key !== "Escape" || $("help").open) return;
+      if (event.target === this.table.filter.text && event.target.value) this.table.find("");
+      else this.choose(-1);
     });
     if (this.scene) this.bindScene();
   }

@@ -1,4 +1,4 @@
-// The head of the page: which drive it is, its figures, notices, the tabs, and the choice between light and dark.
+// The head of the page: the drive and its figures, notices; and the tabs, light and dark, folding the view.
 
 /** The units of coordinates in words. */
 function unitWords() {
@@ -58,7 +58,7 @@ function bindTabs() {
   return show;
 }
 
-/** Binds the button for light and dark. `changed` gets the theme: its name, and colours as shares of red, green, blue. */
+/** Binds the button for light and dark. `changed` gets the theme: its name and colours (shares of red, green, blue). */
 function bindTheme(changed) {
   const system = matchMedia("(prefers-color-scheme: dark)");
   let isDark = system.matches;

@@ -1,11 +1,11 @@
-// Places of the eye: the whole drive, the top view, the driver, and the side from which an object is seen best.
+// Poses of the camera: the whole drive, from above, the driver, and the side from which an object is seen best.
 
 /** Points of an object that are looked at to find out whether it is seen. */
 const LOOKS = 48;
 /** Share of an object from which on it counts as seen (chosen). */
 const SEEN_ENOUGH = 0.85;
 
-/** Which cubes of one metre have points of which object, to find out what hides what. Ground hides nothing. */
+/** Which cubes of one metre have points of which object, to find out what hides it. Ground hides nothing. */
 class Sight {
   constructor(points) {
     this.cells = new Map();
@@ -21,7 +21,10 @@ class Sight {
     return ((Math.floor(x) + 0x20000) * 0x40000 + Math.floor(y) + 0x20000) * 0x1000 + Math.floor(z) + 0x800;
   }
 
-  /** Share of places of an object that is seen. What is within 1.5 m of a place does not hide it. `shows(key)`: whether a key is shown. */
+  /**
+   * Share of the places of a key that are seen from an eye. What is within 1.5 m of a place does not hide it.
+   * `shows(key)`: whether the points of a key are shown.
+   */
   share(eye, places, key, shows) {
     const free = (place) => {
       const way = place.map((value, axis) => value - eye[axis]), length = Math.hypot(...way);
@@ -62,7 +65,10 @@ class Poses {
     return found;
   }
 
-  /** What the card and the controls leave of the canvas: shares of width and height, and the middle of it in clip coordinates. */
+  /**
+   * What the card and the controls leave of the canvas: the shares `wide` and `tall`, and its middle in clip
+   * coordinates.
+   */
   room(card) {
     const all = this.canvas.getBoundingClientRect(), taken = card.getBoundingClientRect();
     const above = ($("modes").getBoundingClientRect().bottom - all.top) / all.height;
@@ -72,8 +78,8 @@ class Poses {
   }
 
   /**
-   * A pose that shows the box of a key, beside the card: from the axis if it is seen from there, else from further
-   * around or from above. `shows(key)`: whether the points of a key are shown.
+   * A pose that shows the box of a key beside the card: from the axis if it is seen from there, else from another
+   * side or from above. `shows(key)`: whether the points of a key are shown.
    */
   of(box, key, card, shows) {
     const centre = [0, 1, 2].map((axis) => (box[axis] + box[axis + 3]) / 2);

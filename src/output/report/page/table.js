@@ -82,6 +82,12 @@ class ObjectTable {
     this.update();
   }
 
+  find(text) {
+    this.filter.text.value = text;
+    this.page = 0;
+    this.update();
+  }
+
   sort(column) {
     this.descending = column === this.sorted && !this.descending;
     this.sorted = column;
@@ -102,7 +108,10 @@ class ObjectTable {
     return this.matches(row, text.value.trim().toLowerCase());
   }
 
-  /** Whether the text to find is in a row. A whole number is an id, and part of the name of a file only if there is no such id. */
+  /**
+   * Whether the text to find is in a row. A whole number is an id. It is searched in names of files only if no
+   * object has this id.
+   */
   matches(row, wanted) {
     if (!wanted) return true;
     if (this.ids.has(wanted)) return String(this.id(row)) === wanted;
