@@ -1,9 +1,9 @@
 //! The colours of the classes of objects: one list for the page and for the layers that QGIS opens.
 
-/// Colours that readers of every colour vision can tell apart: those of Okabe and Ito, "Color Universal Design"
-/// (2008), without black, which a dark page hides. The two blues are of classes that differ in shape and place.
-/// Vermilion is near the colour of what is chosen on the page, so small objects have it. The greys are of other
-/// objects and of those without a class.
+/// Colours that readers of every colour vision can tell apart: those of Okabe and Ito, "Color Universal
+/// Design" (2008), without black, which a dark page hides. The two blues are of classes that differ in shape
+/// and place. Vermilion is near the colour of what is chosen on the page, so small objects have it. The greys
+/// are of other objects and of those without a class.
 pub(crate) const CLASS_COLOURS: [(u8, [u8; 3]); 9] = [
     (2, [0, 158, 115]),
     (3, [230, 159, 0]),
