@@ -141,7 +141,17 @@ impl Page<'_> {
     pub(crate) fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
         let script = format!("\"use strict\";\n{}", SCRIPT.join("\n"));
         let run = json(self.run)?;
-        let fixed = MARKUP.len() + STYLE.len() + script.len() + run.len() + self.table.packed.len();
+        // Only a page whose points can be streamed may ask its own server, and no page any other.
+        let connect = if self.cloud.is_some() { " connect-src 'self';" } else { "" };
+        let policy = format!(
+            "default-src 'none'; script-src {}; style-src {};{connect} img-src data:; base-uri 'none'; form-action 'none'",
+            source_of(&script),
+            source_of(STYLE)
+        );
+        let title = format!("chainage: {}", self.title).replace('&', "&amp;").replace('<', "&lt;");
+        let fixed = MARKUP.len()
+            + STYLE.len()
+            + [&script, &run, &self.table.packed, &policy, &title].map(String::len).iter().sum::<usize>();
         // Sorted in place, because a million points are 24 MB.
         let mut points = std::mem::take(&mut self.points);
         let (page, points) = loop {
@@ -158,14 +168,6 @@ impl Page<'_> {
             points.sort_unstable();
             points.truncate(count.min(count * (room / 100 * 97) / packed.text_len()));
         };
-        // Only a page whose points can be streamed may ask its own server, and no page any other.
-        let connect = if self.cloud.is_some() { " connect-src 'self';" } else { "" };
-        let policy = format!(
-            "default-src 'none'; script-src {}; style-src {};{connect} img-src data:; base-uri 'none'; form-action 'none'",
-            source_of(&script),
-            source_of(STYLE)
-        );
-        let title = format!("chainage: {}", self.title).replace('&', "&amp;").replace('<', "&lt;");
         let parts = [
             ("policy", policy.as_str()),
             ("title", &title),
