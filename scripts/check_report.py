@@ -5,165 +5,32 @@
 
 Without OUT, the shipped sample is processed first, under a name that would be markup if the page took it for that. It
 checks: no message on the console, no request, no error of WebGL; the colours of objects; that a click, a row, a key and
-the slider do what they say; sorting, filters and CSV; that texts are texts; that the page fits a phone; and, if OUT has
-drive.copc.laz, that `chainage view` streams its points. OUT is left as it was.
+the slider do what they say; sorting, filters and CSV; what is hidden, and the address of an object; that texts are
+texts; that the page fits a phone and a sheet of paper, and works without WebGL; units and warnings of a drive in feet;
+and, if OUT has drive.copc.laz, that `chainage view` streams its points. OUT is left as it was.
 `--pictures` keeps screenshots. Needs the program (target/release/chainage, or CHAINAGE), Chromium (CHAINAGE_BROWSER, or
 chromium on the PATH) and Python 3 without further packages. Without a browser it says that it skips.
 """
 
 import argparse
-import base64
 import contextlib
 import json
 import os
 import pathlib
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
 import time
-import zlib
+
+from chromium import BROWSERS, DRAWS_NOT, WAIT_S, Browser, pixels
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PROGRAM = os.path.abspath(os.environ.get("CHAINAGE", ROOT / "target/release/chainage"))
 SAMPLE = ROOT / "tests/data/tree_road_sweep.laz"
-BROWSERS = ["chromium", "chromium-browser", "google-chrome"]
-# SwiftShader draws without a graphics card.
-FLAGS = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"]
-DESK, PHONE = (1440, 900, 1), (390, 844, 2)
-WAIT_S = 60
-
-
-class Browser:
-    """Chromium, driven through its DevTools protocol over two pipes."""
-
-    def __init__(self, path, profile):
-        ours_in, theirs_out = os.pipe()
-        theirs_in, ours_out = os.pipe()
-
-        def place():
-            # The protocol wants its pipes as descriptors 3 and 4. Copies first, because one may be at the other's place.
-            first, second = os.dup(theirs_in), os.dup(theirs_out)
-            os.dup2(first, 3)
-            os.dup2(second, 4)
-
-        command = [path, *FLAGS, f"--user-data-dir={profile}", "--remote-debugging-pipe", "about:blank"]
-        self.process = subprocess.Popen(command, preexec_fn=place, close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        os.close(theirs_in)
-        os.close(theirs_out)
-        self.to, self.of = os.fdopen(ours_out, "wb", 0), ours_in
-        self.rest, self.number, self.events, self.session = b"", 0, [], None
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        for domain in ["Page", "Runtime", "Network", "Log"]:
-            self.call(f"{domain}.enable")
-
-    def message(self):
-        while b"\0" not in self.rest:
-            part = os.read(self.of, 1 << 16)
-            if not part:
-                sys.exit("the browser ended")
-            self.rest += part
-        text, self.rest = self.rest.split(b"\0", 1)
-        return json.loads(text)
-
-    def call(self, method, **parameters):
-        self.number += 1
-        message = {"id": self.number, "method": method, "params": parameters}
-        if self.session:
-            message["sessionId"] = self.session
-        self.to.write(json.dumps(message).encode() + b"\0")
-        while True:
-            answer = self.message()
-            if answer.get("id") == self.number:
-                if "error" in answer:
-                    sys.exit(f"{method}: {answer['error']['message']}")
-                return answer["result"]
-            self.events.append(answer)
-
-    def js(self, expression):
-        """The value of an expression in the page."""
-        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        if "exceptionDetails" in answer:
-            sys.exit(f"{expression}: {answer['exceptionDetails']['exception'].get('description')}")
-        return answer["result"].get("value")
-
-    def size(self, width, height, scale):
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=scale > 1)
-
-    def theme(self, name):
-        features = [{"name": "prefers-color-scheme", "value": name}, {"name": "prefers-reduced-motion", "value": "reduce"}]
-        self.call("Emulation.setEmulatedMedia", features=features)
-
-    def open(self, page):
-        """Opens an address. Returns the seconds until it can be used."""
-        self.events.clear()
-        began = time.monotonic()
-        self.call("Page.navigate", url=page)
-        while self.js("document.documentElement?.dataset.ready") != "true":
-            if time.monotonic() - began > WAIT_S:
-                sys.exit(f"not ready after {WAIT_S} s: {self.js('document.body.innerText')[:300]}")
-            time.sleep(0.02)
-        return time.monotonic() - began
-
-    def settle(self):
-        """Waits until the page has drawn."""
-        self.js("new Promise((done) => requestAnimationFrame(() => setTimeout(() => requestAnimationFrame(done), 250)))")
-
-    def picture(self):
-        self.settle()
-        return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
-
-    def click(self, x, y):
-        for kind in ["mousePressed", "mouseReleased"]:
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
-
-    def key(self, name, code=None):
-        text = {"text": name} if len(name) == 1 else {}
-        for kind in ["keyDown", "keyUp"]:
-            self.call("Input.dispatchKeyEvent", type=kind, key=name, code=code or name, windowsVirtualKeyCode={"ArrowRight": 39, "ArrowUp": 38, "End": 35, "Tab": 9}.get(name, 0), **(text if kind == "keyDown" else {}))
-
-    def close(self):
-        self.process.terminate()
-        self.process.wait()
-
-
-def pixels(png):
-    """Width and rows of red, green, blue of a PNG with 8 bits and no interlace (RFC 2083)."""
-    at, data = 8, b""
-    while at < len(png):
-        length, kind = struct.unpack(">I4s", png[at : at + 8])
-        content = png[at + 8 : at + 8 + length]
-        if kind == b"IHDR":
-            width, height, depth, colour = struct.unpack(">IIBB", content[:10])
-            step = {2: 3, 6: 4}[colour]
-            assert depth == 8
-        elif kind == b"IDAT":
-            data += content
-        at += 12 + length
-    data = zlib.decompress(data)
-    rows, before = [], bytes(width * step)
-    for number in range(height):
-        start = number * (width * step + 1)
-        way, row = data[start], bytearray(data[start + 1 : start + 1 + width * step])
-        for k in range(len(row)):
-            left = row[k - step] if k >= step else 0
-            up, corner = before[k], before[k - step] if k >= step else 0
-            if way == 1:
-                row[k] = (row[k] + left) & 255
-            elif way == 2:
-                row[k] = (row[k] + up) & 255
-            elif way == 3:
-                row[k] = (row[k] + (left + up) // 2) & 255
-            elif way == 4:
-                guess = left + up - corner
-                ways = [(abs(guess - left), 0, left), (abs(guess - up), 1, up), (abs(guess - corner), 2, corner)]
-                row[k] = (row[k] + min(ways)[2]) & 255
-        rows.append(row)
-        before = bytes(row)
-    return lambda x, y: tuple(rows[y][x * step : x * step + 3])
-
+DESK, SMALL_DESK, PHONE = (1440, 900, 1), (1024, 800, 1), (390, 844, 2)
+# What is left of a landscape sheet of A4 within margins of 1 cm, at 96 pixels an inch.
+SHEET_PX = 1047
 
 FAILED = []
 
@@ -183,7 +50,7 @@ def quiet(browser, page, allowed=()):
     urls = {event["params"]["request"]["url"] for event in browser.events if event["method"] == "Network.requestWillBeSent"}
     other = [url for url in urls if url != page and not url.startswith(("data:", "blob:", *allowed))]
     check("no other request" if allowed else "no request", not other, other[:5])
-    error = browser.js("app.scene.gl.getError()")
+    error = browser.js("app.scene?.gl.getError() ?? 0")
     check("no error of WebGL", error == 0, error)
 
 
@@ -193,7 +60,7 @@ SEEN_OBJECT = """((first) => {
   document.getElementById("mode-object").click();
   for (let row = first; row < app.table.count; row++) {
     if (!app.boxes[row]) continue;
-    app.camera.take(app.poseOf(app.boxes[row]));
+    app.camera.take(app.poses.of(app.boxes[row], app.table.id(row) + 1, document.getElementById("card"), () => true));
     const middle = [0, 1, 2].map((axis) => (app.boxes[row][axis] + app.boxes[row][axis + 3]) / 2);
     const [x, y] = app.camera.project(middle, canvas.clientWidth, canvas.clientHeight);
     if (app.scene.pick(app.camera, x, y) !== app.table.id(row) + 1) continue;
@@ -283,6 +150,112 @@ def check_keys(browser):
         check(f"the tab key reaches {name}", name in reached)
 
 
+def find(browser, text):
+    """The ids of the rows in which a text is found."""
+    browser.js(f"app.table.find({json.dumps(text)})")
+    return browser.js("app.table.rows.map((row) => app.table.id(row))")
+
+
+def check_find(browser):
+    count, file = browser.js("app.table.count"), browser.js("app.run.input[0].name")
+    check("find: an id finds its object", find(browser, "5") == [5])
+    check("find: a uid finds its object", find(browser, browser.js("linkName(app.table, 4)")) == [browser.js("app.table.id(4)")])
+    check("find: part of the name of a file finds all", len(find(browser, file[1:-2])) == count)
+    check("find: true is no word of the table", find(browser, "true") == [])
+    if browser.js("app.classified"):
+        kind = browser.js("className(app.classes, app.classOf(0))")
+        check("find: the name of a class finds its objects", browser.js("app.classOf(0)") == browser.js(f"(() => {{ const rows = {json.dumps(find(browser, kind))}; return new Set(rows.map((id) => app.classOf(app.rowOf.get(id)))).values().next().value; }})()"))
+    check("find: without a text there are all", len(find(browser, "")) == count)
+
+
+def check_hidden(browser):
+    """Filters and the legend: what is hidden is hidden everywhere, is said, can be shown again, and is not chosen."""
+    browser.js("app.choose(0)")
+    browser.js("(() => { const field = document.getElementById('filter-from'); field.value = 1e6; field.dispatchEvent(new Event('input')); })()")
+    check("what a filter hides is not chosen", browser.js("app.chosen === -1 && document.getElementById('card').hidden && location.hash === ''"))
+    browser.js("app.table.clearFilters()")
+    first = "document.querySelector('#legend [aria-pressed]')"
+    browser.js(f"{first}.focus()")
+    browser.key("Enter")
+    check("a switch of the legend keeps the keyboard", browser.js(f"document.activeElement === {first} && {first}.getAttribute('aria-pressed') === 'false'"))
+    for mode in browser.js("[...document.querySelectorAll('#modes input')].map((input) => input.value)"):
+        browser.js(f"document.getElementById('mode-{mode}').click()")
+        check(f"what is hidden can be shown again, {mode}", browser.js(f"!document.getElementById('show-all').hidden && {first}.getAttribute('aria-pressed') === 'false'"))
+        if mode in ("height", "intensity"):
+            check(f"no colour that is not in the view, {mode}", browser.js("document.querySelectorAll('#legend .dot').length") == 0)
+    if browser.js("app.classified"):
+        code = browser.js("Math.min(...app.table.values[app.table.classColumn])")
+        left = browser.js(f"app.table.values[app.table.classColumn].filter((code) => code !== {code}).length")
+        check("the table leaves out what the legend hides", browser.js("app.table.rows.length") == left)
+        check("and says so", "hidden in the legend" in browser.js("document.getElementById('pager').textContent"))
+    browser.js("document.getElementById('show-all').click()")
+    check("all is shown again", browser.js("app.table.rows.length === app.table.count && document.getElementById('show-all').hidden"))
+
+
+def check_escape(browser):
+    for place in ["scene", "chainage", "table-scroll", "filter-text"]:
+        browser.js(f"app.choose(1), document.getElementById('{place}').focus()")
+        browser.key("Escape")
+        check(f"Escape chooses nothing, in {place}", browser.js("app.chosen") == -1)
+    browser.js("app.choose(1), app.table.find('l'), app.choose(app.table.rows[0] ?? 0), document.getElementById('filter-text').focus()")
+    browser.key("Escape")
+    check("Escape first empties the field to find", browser.js("app.chosen >= 0 && app.table.filter.text.value === ''"))
+    browser.js("app.choose(1), document.getElementById('keys').click()")
+    browser.key("Escape")
+    check("Escape only closes the help", browser.js("app.chosen === 1 && !document.getElementById('help').open"))
+
+
+def check_link(browser, page):
+    browser.js("app.choose(2)")
+    link = browser.js("location.hash")
+    check("the address names what is chosen", link == "#object=" + browser.js("encodeURIComponent(linkName(app.table, 2))"), link)
+    browser.js("app.choose(-1)")
+    check("and nothing where nothing is chosen", browser.js("location.hash") == "")
+    browser.js(f"location.hash = {json.dumps(link)}")
+    browser.settle()
+    check("a change of the address chooses", browser.js("app.chosen") == 2)
+    # The same address again: the page is loaded anew.
+    browser.call("Page.navigate", url="about:blank")
+    browser.open(page + link)
+    check("an address with an object opens with it", browser.js("app.chosen") == 2)
+    browser.js("location.hash = '#object=' + app.table.id(3)")
+    browser.settle()
+    check("an address may have an id", browser.js("app.chosen") == 3)
+    browser.js("location.hash = '#object=none'")
+    browser.settle()
+    check("an object that is not there is reported", "none" in browser.js("document.getElementById('notices').textContent"))
+
+
+def check_words(browser):
+    """What is said of shares, sections and coordinate systems."""
+    words = browser.js("[percent(4, 10000), percent(0, 9), percent(1, 3), sectionWords({ section: { from_m: 40, to_m: 80, length_m: 136.3 } }), crsWords({ description: 'a (EPSG:1)', epsg: 1 }), crsWords({ description: 'a', epsg: 1 })]")
+    check("words", words == ["0.04 %", "0 %", "33.3 %", "40 to 80 m of 136 m", "a (EPSG:1)", "a (EPSG:1)"], words)
+    heads = browser.js("[...document.querySelectorAll('#table th button')].map((button) => button.textContent)")
+    check("coordinates have their unit", "base x (m)" in heads and "centroid z (m)" in heads, heads)
+
+
+def check_sheet(browser):
+    """The table fits a printed page."""
+    browser.size(SHEET_PX, 760, 1)
+    browser.call("Emulation.setEmulatedMedia", media="print")
+    wide = browser.js("document.documentElement.scrollWidth")
+    check("fits a sheet", wide <= SHEET_PX, wide)
+    browser.call("Emulation.setEmulatedMedia", media="")
+
+
+def check_phone(browser):
+    tall = browser.js("document.querySelector('.stage').offsetHeight")
+    check("the view leaves half of a phone", tall <= PHONE[1] / 2, tall)
+    row = "document.querySelector('#table tbody tr')"
+    check("two numbers are in sight", browser.js(f"[...{row}.cells].filter((cell) => !cell.className && cell.getBoundingClientRect().right <= {PHONE[0]}).length") >= 3)
+    browser.js("document.getElementById('table-scroll').scrollIntoView({ block: 'end' }), document.getElementById('table-scroll').scrollTop = 200")
+    browser.settle()
+    top = browser.js("document.querySelector('#table th').getBoundingClientRect().top - document.querySelector('.stage').getBoundingClientRect().bottom")
+    check("the head of the table stays below the view", -1 <= top < 60, top)
+    browser.js("document.getElementById('fold').click()")
+    check("the view can be folded", browser.js("document.querySelector('.stage').offsetHeight") < 80)
+
+
 def check_texts(browser, name):
     check("the name is text", browser.js("document.getElementById('title').textContent") == name)
     check("and no element", browser.js("document.scripts.length") == 5 and browser.js("document.querySelectorAll('#title *').length") == 0)
@@ -302,9 +275,13 @@ def examine(browser, out, name, pictures):
     quiet(browser, page)
     check_texts(browser, name)
     check_table(browser, out)
+    check_words(browser)
+    check_find(browser)
+    check_hidden(browser)
     check_objects(browser)
     keep("desk-chosen")
     check_keys(browser)
+    check_escape(browser)
     for panel in ["classes", "run"]:
         browser.js(f"document.getElementById('tab-{panel}').click()")
         check(f"the panel {panel} is filled", browser.js(f"document.getElementById('{panel}-panel').innerText.length") > 40)
@@ -321,6 +298,59 @@ def examine(browser, out, name, pictures):
         wide = browser.js("document.documentElement.scrollWidth")
         check(f"fits a phone, {theme}", wide <= PHONE[0], wide)
         keep(f"phone-{theme}")
+        check_phone(browser)
+        keep(f"phone-{theme}-folded")
+    quiet(browser, page)
+    browser.size(*DESK)
+    browser.open(page)
+    check_link(browser, page)
+    check_sheet(browser)
+
+
+def examine_without_webgl(browser, out, pictures):
+    """Everything that needs no 3D view works without one, and nothing else is offered."""
+    page = (out / "report.html").resolve().as_uri()
+    browser.theme("light")
+    browser.size(*DESK)
+    browser.open(page)
+    if pictures:
+        (pictures / "without-webgl.png").write_bytes(browser.picture())
+    check("without WebGL: it is said", "WebGL 2" in browser.js("document.getElementById('scene-message').textContent"))
+    seen = browser.js("['scene', 'modes', 'whole', 'above'].filter((id) => document.getElementById(id).checkVisibility())")
+    check("without WebGL: no control of the view", seen == [], seen)
+    browser.js("document.querySelector('#table tbody tr:nth-child(2) button').click()")
+    check("without WebGL: a row is chosen and its card seen", browser.js("app.chosen >= 0 && document.getElementById('card').checkVisibility()"))
+    browser.js("(() => { const slider = document.getElementById('chainage'); slider.value = slider.max; slider.dispatchEvent(new Event('input')); })()")
+    check("without WebGL: the slider moves the mark on the plan", browser.js("Math.hypot(app.plan.eye.x - app.axis.at(app.axis.to).x, app.plan.eye.y - app.axis.at(app.axis.to).y) < 1"))
+    browser.js("document.getElementById('plan').focus()")
+    before = browser.js("app.chosen")
+    browser.key("n")
+    check("without WebGL: n chooses the next object", browser.js("app.chosen") != before)
+    browser.js("document.getElementById('keys').click()")
+    check("without WebGL: the help opens", browser.js("document.getElementById('help').open"))
+    quiet(browser, page)
+
+
+def examine_surfaces(browser, out, pictures):
+    """A drive in feet with a long name, divided into surfaces."""
+    page = (out / "report.html").resolve().as_uri()
+    browser.theme("light")
+    browser.size(*SMALL_DESK)
+    browser.open(page)
+    head = browser.js("document.querySelector('header').innerText")
+    check("the head has the unit", "coordinates in US survey ft" in head, head)
+    check("surfaces are called so", "Surfaces" in head and browser.js("document.getElementById('tab-table').textContent") == "Surfaces")
+    check("objects are not mentioned", "object" not in browser.js("document.querySelector('main').innerText").lower().replace("objects.csv", ""))
+    heads = browser.js("[...document.querySelectorAll('#table th button')].map((button) => button.textContent)")
+    check("coordinates are in feet, lengths in metres", {"base x (US survey ft)", "length (m)"} <= set(heads), heads)
+    warnings = browser.js("app.run.result.warnings.length")
+    check("warnings are announced", warnings > 0 and browser.js("document.getElementById('notices').innerText").startswith(f"{warnings} warning"))
+    browser.js("document.querySelector('#notices .what').click()")
+    check("and lead to the run", browser.js("document.getElementById('run-panel').checkVisibility()"))
+    wide = browser.js("Math.min(...[...document.querySelectorAll('#run-panel section > .settings dd')].map((node) => node.offsetWidth))")
+    check("a long name leaves room for its figures", wide >= 90, wide)
+    if pictures:
+        (pictures / "surfaces-run.png").write_bytes(browser.picture())
     quiet(browser, page)
 
 
@@ -357,7 +387,7 @@ STREAMED_POINT = """(() => {
       const key = cloud.points.keys[at], row = app.rowOf.get(key - 1);
       if (row === undefined) continue;
       const [x, y] = camera.project(cloud.points.places.slice(3 * at, 3 * at + 3), canvas.clientWidth, canvas.clientHeight) ?? [0, 0];
-      if (x < 300 || y < 100 || x > canvas.clientWidth - 300 || y > canvas.clientHeight - 120 || scene.pick(camera, x, y) !== key) continue;
+      if (x < 60 || y < 100 || x > canvas.clientWidth - 300 || y > canvas.clientHeight - 120 || scene.pick(camera, x, y) !== key) continue;
       return { row, id: key - 1, x: box.left + x, y: box.top + y };
     }
     return null;
@@ -393,11 +423,11 @@ def examine_streamed(browser, out, pictures):
             keep("view-near")
             # What is hidden is hidden among streamed points, too.
             code = browser.js("app.choose(-1), app.classOf(%d)" % seen["row"])
-            browser.js(f"app.hidden.add({code}); app.paint()")
+            browser.js(f"app.legend.hidden.add({code}); app.paint()")
             wait_for(browser, "streamed points are painted again", "app.scene.nodes.every(({ cloud }) => !cloud || cloud.version === app.painted)")
             shown_keys = browser.js("(() => { let shown = 0; for (const { cloud } of app.scene.nodes) for (let at = 0; cloud && at < cloud.count; at++) if (cloud.points.keys[cloud.order[at]] === %d && cloud.look[4 * at + 3] !== 0) shown++; return shown; })()" % (seen["id"] + 1))
             check("a hidden class is hidden", shown_keys == 0, shown_keys)
-            browser.js(f"app.hidden.delete({code}); app.paint()")
+            browser.js(f"app.legend.hidden.delete({code}); app.paint()")
         quiet(browser, address, (f"{address}drive.copc.laz?",))
     whole_file = cloud.read_bytes()
     try:
@@ -438,6 +468,13 @@ def main():
         examine(browser, out, names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}", arguments.pictures)
         if (out / "drive.copc.laz").exists():
             examine_streamed(browser, out, arguments.pictures)
+        long_name, feet = scratch / f"{'n' * 200}.laz", scratch / "feet"
+        shutil.copy(SAMPLE, long_name)
+        subprocess.run([PROGRAM, "run", long_name, "-o", feet, "--progress", "none", "--threads", "1", "--method", "p-linkage", "--set", "input.unit=us-survey-foot"], check=True, stdout=subprocess.DEVNULL)
+        examine_surfaces(browser, feet, arguments.pictures)
+        blind = Browser(path, scratch / "profile-without-webgl", DRAWS_NOT)
+        stack.callback(blind.close)
+        examine_without_webgl(blind, out, arguments.pictures)
     if FAILED:
         sys.exit(f"{len(FAILED)} checks failed")
     print("all checks passed")

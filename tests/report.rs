@@ -100,6 +100,9 @@ fn every_object_is_shown_and_the_table_is_that_of_the_csv() {
     }
     assert_eq!(table["outlines"].as_array().map(Vec::len), Some(summary.objects));
 
+    // Its coordinates are in metres.
+    assert_eq!(json(&page, "page")["units"], serde_json::json!(["m", "m"]));
+
     // The same numbers as in report.json.
     let mut run = json(&page, "run");
     run.as_object_mut().expect("an object").remove("tiles").expect("tiles");

@@ -15,6 +15,7 @@
 
 mod error;
 pub mod objects;
+mod palette;
 pub(crate) mod points;
 pub(crate) mod report;
 mod save;

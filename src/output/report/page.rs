@@ -11,24 +11,29 @@ use super::packed::{Compressed, Compressor, json, source_of};
 use super::rows::{self, PageFrame};
 use super::sample::{STEPS_PER_M, SamplePoint};
 use crate::output::objects::ObjectTable;
+use crate::output::palette::CLASS_COLOURS;
 use crate::spill::Spill;
 use crate::words::{counted, separated};
 
 const MARKUP: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/style.css");
 /// The files of the script, in the order in which they use one another.
-const SCRIPT: [&str; 12] = [
+const SCRIPT: [&str; 16] = [
     include_str!("page/data.js"),
     include_str!("page/colours.js"),
     include_str!("page/cloud.js"),
     include_str!("page/scene.js"),
     include_str!("page/camera.js"),
+    include_str!("page/poses.js"),
     include_str!("page/octree.js"),
     include_str!("page/stream.js"),
     include_str!("page/plan.js"),
     include_str!("page/table.js"),
     include_str!("page/statistics.js"),
     include_str!("page/run.js"),
+    include_str!("page/head.js"),
+    include_str!("page/legend.js"),
+    include_str!("page/link.js"),
     include_str!("page/app.js"),
 ];
 
@@ -114,6 +119,8 @@ pub(crate) struct Page<'a> {
     pub(crate) title: String,
     /// A few words on the files.
     pub(crate) files: String,
+    /// The units of coordinates in the plane, and of heights.
+    pub(crate) units: [String; 2],
     pub(crate) axis: Vec<PageStretch>,
     pub(crate) table: &'a PageTable,
     pub(crate) points: Vec<SamplePoint>,
@@ -134,7 +141,17 @@ impl Page<'_> {
     pub(crate) fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
         let script = format!("\"use strict\";\n{}", SCRIPT.join("\n"));
         let run = json(self.run)?;
-        let fixed = MARKUP.len() + STYLE.len() + script.len() + run.len() + self.table.packed.len();
+        // Only a page whose points can be streamed may ask its own server, and no page any other.
+        let connect = if self.cloud.is_some() { " connect-src 'self';" } else { "" };
+        let policy = format!(
+            "default-src 'none'; script-src {}; style-src {};{connect} img-src data:; base-uri 'none'; form-action 'none'",
+            source_of(&script),
+            source_of(STYLE)
+        );
+        let title = format!("chainage: {}", self.title).replace('&', "&amp;").replace('<', "&lt;");
+        let fixed = MARKUP.len()
+            + STYLE.len()
+            + [&script, &run, &self.table.packed, &policy, &title].map(String::len).iter().sum::<usize>();
         // Sorted in place, because a million points are 24 MB.
         let mut points = std::mem::take(&mut self.points);
         let (page, points) = loop {
@@ -151,14 +168,6 @@ impl Page<'_> {
             points.sort_unstable();
             points.truncate(count.min(count * (room / 100 * 97) / packed.text_len()));
         };
-        // Only a page whose points can be streamed may ask its own server, and no page any other.
-        let connect = if self.cloud.is_some() { " connect-src 'self';" } else { "" };
-        let policy = format!(
-            "default-src 'none'; script-src {}; style-src {};{connect} img-src data:; base-uri 'none'; form-action 'none'",
-            source_of(&script),
-            source_of(STYLE)
-        );
-        let title = format!("chainage: {}", self.title).replace('&', "&amp;").replace('<', "&lt;");
         let parts = [
             ("policy", policy.as_str()),
             ("title", &title),
@@ -177,7 +186,9 @@ impl Page<'_> {
         json!({
             "title": self.title,
             "files": self.files,
+            "units": self.units,
             "classes": class_names(),
+            "colours": class_colours(),
             "axis": self.axis,
             "points": self.all_points,
             "cloud": self.cloud,
@@ -192,11 +203,12 @@ impl Page<'_> {
 
     /// What is shown, and what was left out.
     fn sentence(&self, count: usize) -> String {
+        let what = if self.run["result"]["surfaces"] == true { "surface" } else { "object" };
         let mut text = if count as u64 >= self.all_points {
             format!("The 3D view shows all {}.", counted(self.all_points, "point"))
         } else {
             let (shown, all) = (separated(count as u64), counted(self.all_points, "point"));
-            format!("The 3D view shows {shown} of {all}: at most one of a voxel, and some of every object.")
+            format!("The 3D view shows {shown} of {all}: at most one of a voxel, and some of every {what}.")
         };
         let PageTable { shown, all, .. } = *self.table;
         if shown < all {
@@ -204,7 +216,7 @@ impl Page<'_> {
             text.push_str(&format!(
                 " The page is limited to {limit:.0} MB: the table has the {} of {} with most points, objects.csv has all.",
                 separated(shown as u64),
-                counted(all as u64, "object")
+                counted(all as u64, what)
             ));
         }
         text
@@ -238,6 +250,16 @@ fn class_names() -> Value {
     }
     names.insert("0".to_owned(), json!("no class"));
     names.into()
+}
+
+/// Colours of the classes by code, as a style sheet writes them.
+fn class_colours() -> Value {
+    let written = |[red, green, blue]: [u8; 3]| json!(format!("#{red:02x}{green:02x}{blue:02x}"));
+    CLASS_COLOURS
+        .iter()
+        .map(|(code, colour)| (code.to_string(), written(*colour)))
+        .collect::<serde_json::Map<_, _>>()
+        .into()
 }
 
 #[cfg(test)]
@@ -289,6 +311,7 @@ mod tests {
             cloud,
             title: "a <b> & c".to_owned(),
             files: String::new(),
+            units: ["m", "m"].map(str::to_owned),
             axis: Vec::new(),
             table,
             points,
@@ -331,7 +354,8 @@ mod tests {
     #[test]
     fn a_page_keeps_its_limit_and_says_what_it_left_out() {
         let own = written(Vec::new(), &table(0, 1 << 20), 1 << 20).len();
-        for limit in [own as u64 + 60_000, own as u64 + 200_000] {
+        // A third of the limit is for the table, so that the smaller one leaves some thousand bytes for points.
+        for limit in [own as u64 + 90_000, own as u64 + 200_000] {
             let table = table(20_000, limit);
             let text = written(points(100_000), &table, limit);
             assert!(text.len() as u64 <= limit, "{} of {limit}", text.len());
@@ -349,5 +373,7 @@ mod tests {
     fn classes_have_their_names() {
         let names = class_names();
         assert_eq!((names["2"].as_str(), names["0"].as_str()), (Some("tree"), Some("no class")));
+        let colours = class_colours();
+        assert_eq!((colours["2"].as_str(), colours["9"].as_str()), (Some("#009e73"), Some("#5c5c5c")));
     }
 }

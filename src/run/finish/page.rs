@@ -7,7 +7,7 @@ use crate::output::report::{
     Page, PageFrame, PageStretch, PageTable, SamplePoint, SampledDrive, Sampling, point_budget,
 };
 use crate::run::drive::Surveyed;
-use crate::run::finish::frame::{cloud, frame, origin};
+use crate::run::finish::frame::{cloud, frame, origin, unit_names};
 use crate::run::finish::names::{PAGE, page_limit_bytes};
 use crate::run::finish::tables::{processed_stretches, write_whole};
 use crate::run::open::Opened;
@@ -71,6 +71,7 @@ pub(crate) fn write_page(
     let page = Page {
         title,
         files,
+        units: unit_names(&open.drive),
         axis: stretches(surveyed, frame(&open.drive, surveyed)),
         table: &content.table,
         points: content.points,

@@ -3,17 +3,19 @@
 
 use std::fmt::Write;
 
-/// A class with its name and colour (red, green, blue).
-const CLASSES: [(u8, &str, [u8; 3]); 9] = [
-    (2, "tree", [67, 140, 62]),
-    (3, "pole", [214, 120, 20]),
-    (4, "vehicle", [52, 101, 190]),
-    (5, "building", [150, 75, 60]),
-    (6, "fence, wall, hedge", [150, 160, 40]),
-    (7, "person, small furniture", [190, 60, 140]),
-    (8, "wire", [90, 70, 160]),
-    (9, "other", [110, 110, 110]),
-    (0, "no class", [170, 170, 170]),
+use crate::output::palette::class_colour;
+
+/// Codes and names of the classes.
+const CLASSES: [(u8, &str); 9] = [
+    (2, "tree"),
+    (3, "pole"),
+    (4, "vehicle"),
+    (5, "building"),
+    (6, "fence, wall, hedge"),
+    (7, "person, small furniture"),
+    (8, "wire"),
+    (9, "other"),
+    (0, "no class"),
 ];
 
 /// What is drawn.
@@ -66,7 +68,7 @@ fn by_class(text: &mut String, drawn: Drawn, column: &str) {
         text,
         r#" <renderer-v2 type="categorizedSymbol" attr="{column}" symbollevels="0"><categories>"#
     );
-    for (number, (code, name, _)) in CLASSES.iter().enumerate() {
+    for (number, (code, name)) in CLASSES.iter().enumerate() {
         let _ = writeln!(
             text,
             r#"  <category value="{code}" type="long" label="{}" symbol="{number}" render="true"/>"#,
@@ -74,8 +76,8 @@ fn by_class(text: &mut String, drawn: Drawn, column: &str) {
         );
     }
     text.push_str(" </categories><symbols>\n");
-    for (number, (_, _, colour)) in CLASSES.iter().enumerate() {
-        symbol(text, number, drawn, *colour);
+    for (number, (code, _)) in CLASSES.iter().enumerate() {
+        symbol(text, number, drawn, class_colour(*code));
     }
     text.push_str(" </symbols></renderer-v2>\n");
 }
@@ -150,7 +152,8 @@ mod tests {
     #[test]
     fn every_class_has_a_category_and_a_symbol() {
         let text = qml(Drawn::Areas, Some("class"), Some("id"));
-        for (number, (code, name, colour)) in CLASSES.iter().enumerate() {
+        for (number, (code, name)) in CLASSES.iter().enumerate() {
+            let colour = class_colour(*code);
             let category =
                 format!(r#"<category value="{code}" type="long" label="{name}" symbol="{number}""#);
             assert!(text.contains(&category), "{category}");

@@ -1,7 +1,5 @@
 // Joins the parts of the page: what is chosen, how points are coloured, where the eye is.
 
-const MODES = [["object", "Object"], ["class", "Class"], ["height", "Height"], ["intensity", "Intensity"]];
-
 /** Objects up to which the plan is drawn with every picture. */
 const FEW_OUTLINES = 1500;
 
@@ -11,56 +9,24 @@ class App {
     this.run = json("data-run");
     this.classes = this.page.classes;
     this.chosen = -1;
-    this.hidden = new Set();
     this.theme = {};
-    this.fillHead();
-    this.bindTabs();
-    this.bindTheme();
-  }
-
-  fillHead() {
-    const { page, run } = this, { result } = run;
-    $("title").textContent = page.title;
-    $("subtitle").textContent = [page.files, run.crs.description && `coordinate system ${run.crs.description}`, run.program].filter(Boolean).join(" · ");
-    const figures = [["Length", run.axis.length_m < 1000 ? `${shown(run.axis.length_m, 0)} m` : `${shown(run.axis.length_m / 1000, 2)} km`, ""], ["Points", shown(result.points), ""], ["Objects", shown(result.objects), ""], ["Time", seconds(result.seconds), ""], ["Memory", result.peak_resident_bytes ? mebibytes(result.peak_resident_bytes) : "", "extra"]];
-    $("figures").replaceChildren(...figures.filter(([, value]) => value).map(([name, value, kind]) => el("div", { class: kind || null }, el("dt", {}, name), el("dd", {}, value))));
-  }
-
-  bindTabs() {
-    const tabs = [...$("tabs").children];
-    const show = (tab) => {
-      for (const other of tabs) {
-        other.setAttribute("aria-selected", String(other === tab));
-        other.tabIndex = other === tab ? 0 : -1;
-        $(other.getAttribute("aria-controls")).hidden = other !== tab;
-      }
-    };
-    tabs.forEach((tab, at) => {
-      tab.addEventListener("click", () => show(tab));
-      tab.addEventListener("keydown", (event) => {
-        const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-        if (!by) return;
-        const next = tabs[(at + by + tabs.length) % tabs.length];
-        show(next);
-        next.focus();
-      });
-    });
-    show(tabs[0]);
-  }
-
-  bindTheme() {
-    const system = matchMedia("(prefers-color-scheme: dark)");
-    const apply = (dark) => {
-      document.documentElement.dataset.theme = dark ? "dark" : "light";
-      const style = getComputedStyle(document.documentElement);
-      const part = (name) => rgb(style.getPropertyValue(name).trim()).map((value) => value / 255);
-      this.theme = { name: dark ? "dark" : "light", sky: part("--sky"), haze: part("--haze"), accent: part("--accent") };
-      if (this.scene) this.paint();
+    fillHead(this.page, this.run);
+    this.showTab = bindTabs();
+    this.unfold = bindFold();
+    bindTheme((theme) => {
+      this.theme = theme;
+      if (this.legend) this.recolour();
       this.plan?.draw();
-    };
-    apply(system.matches);
-    system.addEventListener("change", (event) => apply(event.matches));
-    $("theme").addEventListener("click", () => apply(this.theme.name !== "dark"));
+    });
+    const { warnings = [] } = this.run.result;
+    if (warnings.length) notice([el("b", {}, counted(warnings.length, "warning")), `: ${warnings[0]}`], () => this.showWarnings());
+  }
+
+  showWarnings() {
+    this.showTab($("tab-run"));
+    $("run-panel").scrollTop = 0;
+    $("run-panel").scrollIntoView();
+    $("run-panel").focus({ preventScroll: true });
   }
 
   async start() {
@@ -68,7 +34,7 @@ class App {
     const data = JSON.parse(new TextDecoder().decode(await inflated("data-table")));
     this.outlines = data.outlines;
     this.axis = new Axis(this.page.axis);
-    this.table = new ObjectTable(data, this.classes, { choose: (row) => this.choose(row, true), filtered: (rows) => this.filtered(rows) });
+    this.table = new ObjectTable(data, this.classes, { choose: (row) => { this.unfold(false); this.choose(row, true); }, filtered: (rows) => this.filtered(rows), isHidden: (code) => this.legend?.hidden.has(code) ?? false, showAll: () => this.legend.showAll() });
     this.rowOf = new Map(this.table.values.length ? this.table.values[0].map((id, row) => [id, row]) : []);
     fillStatistics($("classes-panel"), this.table);
     this.plan = new Plan($("plan"), this.axis, this.outlines, this.run.tiles, { choose: (row) => this.choose(row, row >= 0), colour: (row) => this.colourOf(row) });
@@ -78,11 +44,15 @@ class App {
     try {
       await this.startScene();
     } catch (error) {
-      $("scene-message").textContent = `The 3D view needs WebGL 2 (${error.message}). The plan, the table and the statistics work without it.`;
-      $("scene-message").hidden = false;
+      this.goWithoutScene(error);
     }
-    this.plan.draw();
-    addEventListener("resize", () => { this.plan.draw(); this.render(); });
+    this.legend = new Legend(this.table, this.classified, Boolean(this.scene), { recoloured: () => this.recolour(), switched: () => this.table.update() });
+    this.bind();
+    this.recolour();
+    const sizes = new ResizeObserver(() => { this.plan.draw(); this.render(); });
+    for (const id of ["view", "plan"]) sizes.observe($(id));
+    this.followLink();
+    addEventListener("hashchange", () => this.followLink());
     document.documentElement.dataset.ready = "true";
     if (this.scene) await this.startStream();
   }
@@ -94,13 +64,21 @@ class App {
     this.camera = new Camera(this.radius(points));
     this.scene = new Scene($("scene"), points, this.measure(points));
     this.scene.axisLines = this.axis.stretches.map(({ x, y }) => Float32Array.from(x.flatMap((value, at) => [value, y[at], this.ground.height(value, y[at]) + 0.1])));
-    this.fillModes();
-    this.bindScene();
+    this.poses = new Poses(points, this.ground, this.axis, this.plan, this.camera, $("scene"));
     $("scene-message").hidden = points.count > 0;
     if (points.count === 0) $("scene-message").textContent = "The drive has no points to show.";
-    this.paint();
-    this.camera.take(this.firstPose());
-    this.render();
+    this.camera.take(this.poses.first());
+  }
+
+  /** The plan takes the place of the 3D view; controls that need the view go. */
+  goWithoutScene(error) {
+    this.scene = null;
+    this.camera = null;
+    document.documentElement.dataset.scene = "none";
+    $("plan").parentElement.append($("card"));
+    $("scene-message").textContent = `There is no 3D view: ${error.message}. Everything else works: the plan, the table, the statistics.`;
+    this.plan.fit();
+    $("scene-message").hidden = false;
   }
 
   /** Distance within which all but single stray points are. */
@@ -178,57 +156,38 @@ class App {
   /** Colour of an object: that of its class, or its own where the method has no classes. */
   colourOf(row) { return this.classified ? classColour(this.classOf(row)) : hueColour(this.table.id(row) + 1); }
 
-  isShown(row, code = this.classOf(row)) { return !this.hidden.has(code) && (!this.passing || this.passing.has(row)); }
+  isShown(row, code = this.classOf(row)) { return !this.legend?.hidden.has(code) && (!this.passing || this.passing.has(row)); }
 
-  /** Called when the filters of the table change: objects that do not pass are hidden. */
-  filtered(rows) {
-    const before = this.passing;
-    this.passing = rows.length === this.table?.count || !this.table ? null : new Set(rows);
-    if (!before && !this.passing) return;
-    if (this.scene) this.paint();
-    this.plan?.draw();
+  /** Whether the points of a key are shown. */
+  showsKey(key) {
+    if (key === 1) return !this.legend.hidden.has("loose");
+    const row = this.rowOf.get(key - 1);
+    return row === undefined || this.isShown(row);
   }
 
-  fillModes() {
-    const { classified } = this;
-    this.mode = classified ? "class" : "object";
-    $("modes").append(...MODES.filter(([mode]) => classified || mode !== "class").map(([mode, text]) => {
-      const input = el("input", { type: "radio", name: "mode", value: mode, id: `mode-${mode}`, onchange: () => { this.mode = mode; this.paint(); } });
-      input.checked = mode === this.mode;
-      return el("label", {}, input, el("span", {}, text));
-    }));
+  /** Called when the filters or the legend change the rows of the table. Other objects are hidden and not chosen. */
+  filtered(rows) {
+    this.passing = rows.length === this.table?.count || !this.table ? null : new Set(rows);
+    if (!this.legend) return;
+    if (this.chosen >= 0 && !this.isShown(this.chosen)) this.choose(-1);
+    this.paint();
+  }
+
+  /** Called when the mode or the theme changes. */
+  recolour() {
+    this.legend.fill(this.theme.name);
+    this.paint();
   }
 
   /** Colours every point for the mode: the sample now, and streamed points while pictures are drawn. */
   paint() {
-    const { mode, theme, ground, hidden } = this;
+    const { theme, ground, legend: { mode, hidden } } = this;
+    this.plan.draw();
+    if (!this.scene) return;
     this.colour = colouring({ mode, theme, ground, hidden, rowOf: (id) => this.rowOf.get(id), classOf: (row) => this.classOf(row), isShown: (row, code) => this.isShown(row, code) });
     this.painted = (this.painted ?? 0) + 1;
     this.scene.paint(this.colour, this.painted);
-    this.fillLegend();
     this.render();
-  }
-
-  fillLegend() {
-    const { mode } = this;
-    const switchFor = (what, colour, text, count) => el("button", { type: "button", "aria-pressed": String(!this.hidden.has(what)), title: `Show or hide: ${text}`, onclick: () => { if (!this.hidden.delete(what)) this.hidden.add(what); this.paint(); this.plan.draw(); } }, dot(colour), text, count === undefined ? null : el("small", {}, shown(count)));
-    const parts = [];
-    if (mode === "height" || mode === "intensity") {
-      const bar = el("i");
-      bar.style.background = `linear-gradient(90deg, ${(mode === "height" ? HEIGHT_RAMP : INTENSITY_RAMP[this.theme.name]).join(", ")})`;
-      parts.push(el("span", { class: "ramp" }, mode === "height" ? "ground" : "low", bar, mode === "height" ? `${HIGHEST_M} m over it` : "high"));
-    }
-    const codes = new Map();
-    for (let row = 0; row < this.table.count; row++) codes.set(this.classOf(row), (codes.get(this.classOf(row)) ?? 0) + 1);
-    if (mode === "object") {
-      const many = dot("");
-      many.style.background = `conic-gradient(${[0, 1, 2, 3, 4, 5].map((number) => hueColour(3 * number)).join(", ")})`;
-      parts.push(el("span", { class: "ramp" }, many, "a colour for each object"));
-    } else if (mode === "class") {
-      for (const code of [...codes.keys()].sort((a, b) => a - b)) parts.push(switchFor(code, classColour(code), className(this.classes, code), codes.get(code)));
-    }
-    parts.push(switchFor("ground", GROUND_COLOUR[this.theme.name], "ground"), switchFor("loose", LOOSE_COLOUR[this.theme.name], "no object"));
-    $("legend").replaceChildren(...parts);
   }
 
   /** Draws at the next frame. */
@@ -275,7 +234,7 @@ class App {
 
   nameOf(row) {
     const code = this.classOf(row);
-    return `${code ? className(this.classes, code) : "object"} ${this.table.id(row)}`;
+    return `${code ? className(this.classes, code) : THINGS.one} ${this.table.id(row)}`;
   }
 
   choose(row, fly = false) {
@@ -293,71 +252,32 @@ class App {
       });
       card.replaceChildren(el("header", {}, dot(this.colourOf(row)), title, close), el("dl", {}, ...values));
       const box = this.boxes?.[row];
-      if (fly && box && this.camera) this.fly(this.poseOf(box));
+      if (fly && box && this.camera) this.fly(this.poses.of(box, this.table.id(row) + 1, card, (key) => this.showsKey(key)));
       const outline = this.outlines[row];
       if (outline?.length) this.plan.show(outline[0], outline[1]);
     }
+    writeLink(row < 0 ? null : linkName(this.table, row));
     this.table.choose(row);
     this.plan.chosen = row;
     this.plan.draw();
     this.render();
   }
 
-  /** A pose that shows a box from the side of the axis. */
-  poseOf(box) {
-    const centre = [0, 1, 2].map((axis) => (box[axis] + box[axis + 3]) / 2);
-    const size = Math.hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
-    const { x, y } = this.axis.at(this.nearestStation(centre[0], centre[1]));
-    const apart = Math.hypot(centre[0] - x, centre[1] - y);
-    const yaw = apart > 0.5 ? Math.atan2(centre[1] - y, centre[0] - x) : this.camera.yaw;
-    return { target: centre, yaw: yaw + 0.35, pitch: 0.28, distance: Math.max(5, size * 1.35 + 2) };
-  }
-
-  nearestStation(x, y) {
-    let best = this.axis.from, least = Infinity;
-    for (const stretch of this.axis.stretches) stretch.x.forEach((value, at) => {
-      const apart = (value - x) ** 2 + (stretch.y[at] - y) ** 2;
-      if (apart < least) { least = apart; best = stretch.s[at]; }
-    });
-    return best;
-  }
-
-  /** A pose from which nearly all points are seen, across the street, so that its length fills the width. */
-  wholePose() {
-    const { points, camera, plan } = this, along = [], across = [];
-    for (let at = 0; at < points.count; at += 1 + (points.count >> 13)) {
-      const [u, v] = plan.turned(points.places[3 * at], points.places[3 * at + 1]);
-      along.push(u);
-      across.push(v);
+  /** Chooses the object that the address names, and shows it if it is hidden. */
+  followLink() {
+    const name = readLink(), row = name === null ? -1 : linkedRow(this.table, name);
+    if (name === null || row === this.chosen) return;
+    if (row < 0) { notice([`This report has no ${THINGS.one} ${name}.`]); return; }
+    if (!this.isShown(row)) {
+      this.table.clearFilters();
+      this.legend.showAll();
     }
-    if (along.length === 0) return camera.pose();
-    const ends = (values) => { values.sort((a, b) => a - b); return [0.02, 0.98].map((share) => values[Math.floor(share * (values.length - 1))]); };
-    const [[u0, u1], [v0, v1]] = [ends(along), ends(across)], u = (u0 + u1) / 2, v = (v0 + v1) / 2;
-    const centre = [plan.cos * u + plan.sin * v, -plan.sin * u + plan.cos * v];
-    const { clientWidth, clientHeight } = $("scene"), aspect = clientWidth / Math.max(1, clientHeight);
-    const wide = Math.max(u1 - u0, 20), deep = Math.max(v1 - v0, 10);
-    const distance = Math.max((wide * 1.12 + deep * 0.6) / aspect, wide * 0.35 + deep * 0.8) + deep * 0.2 + 6;
-    return { target: [...centre, this.ground.height(...centre) + 1.5], yaw: -plan.angle + Math.PI / 2 - 0.35, pitch: 0.72, distance };
-  }
-
-  /** The whole drive, or the beginning of a long one. */
-  firstPose() {
-    const whole = this.wholePose();
-    if (whole.distance < 500) return whole;
-    const { x, y, heading } = this.axis.at(this.axis.from + 60);
-    return { target: [x, y, this.ground.height(x, y)], yaw: heading + 0.25, pitch: 0.5, distance: 105 };
-  }
-
-  /** The pose of a driver at a chainage, who looks ahead. */
-  drivePose(s) {
-    const { x, y, heading } = this.axis.at(s);
-    const ahead = 9;
-    const place = [x + ahead * Math.cos(heading), y + ahead * Math.sin(heading)];
-    return { target: [...place, this.ground.height(x, y) + 2.4], yaw: heading, pitch: 0.16, distance: 14 };
+    this.choose(row, true);
   }
 
   fly(pose) {
     this.stop();
+    if (!this.camera) return;
     const from = this.camera.pose(), calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
     if (calm) { this.camera.take(pose); this.render(); return; }
     const began = performance.now();
@@ -388,7 +308,8 @@ class App {
   }
 
   tellStation(s) {
-    const text = `${shown(Math.round(s))} of ${shown(Math.round(this.axis.to))} m`;
+    const { section } = this.run.result;
+    const text = section ? `${shown(s, 0)} m (${shown(section.from_m, 0)} to ${shown(section.to_m, 0)} m)` : `${shown(s, 0)} of ${shown(this.axis.to, 0)} m`;
     $("station").textContent = text;
     $("chainage").setAttribute("aria-valuetext", text);
   }
@@ -399,16 +320,21 @@ class App {
     $("chainage").value = at;
     this.tellStation(at);
     this.station = at;
-    if (!this.camera) return;
-    if (glide) { this.fly(this.drivePose(at)); return; }
-    this.camera.take(this.drivePose(at));
+    if (!this.camera) {
+      const { x, y, heading } = this.axis.at(at);
+      this.plan.eye = { x, y, yaw: heading };
+      this.plan.draw();
+      return;
+    }
+    if (glide) { this.fly(this.poses.drive(at)); return; }
+    this.camera.take(this.poses.drive(at));
     this.render(true);
   }
 
   play() {
     const drive = !this.driving;
     this.stop();
-    if (!drive || !this.camera) return;
+    if (!drive) return;
     this.driving = true;
     $("play").setAttribute("aria-pressed", "true");
     let s = this.station ?? this.axis.from, last = performance.now();
@@ -434,6 +360,21 @@ class App {
     this.choose(rows[at < 0 ? (by > 0 ? 0 : rows.length - 1) : (at + by + rows.length) % rows.length], true);
   }
 
+  /** Binds the controls: those of the 3D view only if there is one. */
+  bind() {
+    $("keys").addEventListener("click", () => $("help").showModal());
+    $("play").addEventListener("click", () => this.play());
+    $("chainage").addEventListener("input", (event) => { this.stop(); this.driveTo(Number(event.target.value)); });
+    $("plan").addEventListener("keydown", (event) => this.act(event));
+    document.addEventListener("keydown", (event) => {
+      // Where Escape closes the help or empties the field to find, it does only that.
+      if (event.key !== "Escape" || $("help").open) return;
+      if (event.target === this.table.filter.text && event.target.value) this.table.find("");
+      else this.choose(-1);
+    });
+    if (this.scene) this.bindScene();
+  }
+
   bindScene() {
     const canvas = $("scene"), { camera } = this;
     let last = 0;
@@ -451,14 +392,9 @@ class App {
       },
     });
     canvas.addEventListener("keydown", (event) => this.key(event));
-    $("whole").addEventListener("click", () => this.fly(this.wholePose()));
-    $("above").addEventListener("click", () => this.fly(this.topPose()));
-    $("keys").addEventListener("click", () => $("help").showModal());
-    $("play").addEventListener("click", () => this.play());
-    $("chainage").addEventListener("input", (event) => { this.stop(); this.driveTo(Number(event.target.value)); });
+    $("whole").addEventListener("click", () => this.fly(this.poses.whole()));
+    $("above").addEventListener("click", () => this.fly(this.poses.top()));
   }
-
-  topPose() { return { ...this.camera.pose(), pitch: 1.5707, yaw: -this.plan.angle + Math.PI / 2, distance: Math.max(30, this.camera.distance) }; }
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
@@ -469,11 +405,21 @@ class App {
       PageUp: () => camera.turn(0, 0.06), PageDown: () => camera.turn(0, -0.06),
       "+": () => camera.zoom(0.85), "=": () => camera.zoom(0.85), "-": () => camera.zoom(1.18),
       w: () => camera.move(0, 0.06), s: () => camera.move(0, -0.06), a: () => camera.move(-0.06, 0), d: () => camera.move(0.06, 0),
+      Home: () => this.fly(this.poses.whole()), t: () => this.fly(this.poses.top()),
     };
-    const acts = { n: () => this.step(1), p: () => this.step(-1), Home: () => this.fly(this.wholePose()), t: () => this.fly(this.topPose()), " ": () => this.play(), Escape: () => this.choose(-1), "?": () => $("help").showModal() };
-    if (moves[event.key]) { this.stop(); moves[event.key](); this.render(true); }
-    else if (acts[event.key]) acts[event.key]();
-    else return;
+    if (!moves[event.key]) { this.act(event); return; }
+    this.stop();
+    moves[event.key]();
+    this.render(true);
+    event.preventDefault();
+  }
+
+  /** The keys that need no 3D view. */
+  act(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const acts = { n: () => this.step(1), p: () => this.step(-1), " ": () => this.play(), "?": () => $("help").showModal() };
+    if (!acts[event.key]) return;
+    acts[event.key]();
     event.preventDefault();
   }
 }

@@ -2,7 +2,7 @@
 
 class Camera {
   constructor(radius) {
-    Object.assign(this, { target: [0, 0, 0], yaw: 0, pitch: 0.5, distance: 50, opening: 0.9, radius });
+    Object.assign(this, { target: [0, 0, 0], yaw: 0, pitch: 0.5, distance: 50, opening: 0.9, shift: [0, 0], radius });
   }
 
   /** Direction of the view in the plane. */
@@ -22,7 +22,7 @@ class Camera {
     const [x, y] = this.ahead(), c = Math.cos(this.pitch), s = Math.sin(this.pitch);
     const right = [y, -x, 0], up = [x * s, y * s, c], back = [-x * c, -y * c, s];
     const [near, far] = this.planes(), f = 1 / Math.tan(this.opening / 2);
-    const depth = (near + far) / (near - far), shift = (2 * near * far) / (near - far);
+    const depth = (near + far) / (near - far), depthShift = (2 * near * far) / (near - far);
     const matrix = new Float32Array(16);
     for (let axis = 0; axis < 3; axis++) {
       matrix[4 * axis] = (f / aspect) * right[axis];
@@ -30,7 +30,9 @@ class Camera {
       matrix[4 * axis + 2] = depth * back[axis];
       matrix[4 * axis + 3] = -back[axis];
     }
-    matrix[14] = shift;
+    matrix[14] = depthShift;
+    // Moves the picture, so that what is looked at is beside the card and not behind it.
+    for (let axis = 0; axis < 3; axis++) for (const side of [0, 1]) matrix[4 * axis + side] += this.shift[side] * matrix[4 * axis + 3];
     return matrix;
   }
 
@@ -60,9 +62,9 @@ class Camera {
     this.target[1] += (-x * right + y * ahead) * this.distance;
   }
 
-  pose() { return { target: [...this.target], yaw: this.yaw, pitch: this.pitch, distance: this.distance }; }
+  pose() { return { target: [...this.target], yaw: this.yaw, pitch: this.pitch, distance: this.distance, shift: this.shift }; }
 
-  take(pose) { Object.assign(this, pose, { target: [...pose.target] }); }
+  take(pose) { Object.assign(this, { shift: [0, 0] }, pose, { target: [...pose.target] }); }
 
   /** A pose between two. */
   between(from, to, share) {
@@ -72,6 +74,7 @@ class Camera {
     this.target = from.target.map((value, axis) => mix(value, to.target[axis]));
     this.yaw = from.yaw + turn * ease;
     this.pitch = mix(from.pitch, to.pitch);
+    this.shift = from.shift.map((value, side) => mix(value, to.shift?.[side] ?? 0));
     this.distance = Math.exp(mix(Math.log(from.distance), Math.log(to.distance)));
   }
 }

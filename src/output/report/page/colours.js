@@ -1,6 +1,7 @@
 // The colours of classes and objects, the ramps of height and intensity, and the colour of a point.
 
-const CLASS_COLOURS = { 0: "#8d97a5", 2: "#3fa35a", 3: "#efb112", 4: "#3f83f0", 5: "#c7664c", 6: "#9b72d8", 7: "#e5599b", 8: "#1fb4c9", 9: "#a48a67" };
+/** The list of palette.rs, which the layers for QGIS use, too. */
+const CLASS_COLOURS = json("data-page").colours;
 const GROUND_COLOUR = { light: "#c9c1b2", dark: "#575650" };
 const LOOSE_COLOUR = { light: "#a9afb8", dark: "#4a505a" };
 /** Viridis (Smith and van der Walt, 2015) at even steps. */
@@ -10,6 +11,12 @@ const INTENSITY_RAMP = { light: ["#1a1d22", "#8d929a", "#e9ebee"], dark: ["#2a2e
 const HIGHEST_M = 12;
 
 const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
+
+/** A colour with a share of another one. */
+function mixed(one, other, share) {
+  const [from, to] = [rgb(one), rgb(other)];
+  return `rgb(${from.map((part, at) => Math.round(part + share * (to[at] - part))).join(", ")})`;
+}
 
 function classColour(code) {
   return CLASS_COLOURS[code] ?? hueColour(code * 7 + 3);

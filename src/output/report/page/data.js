@@ -16,6 +16,11 @@ function el(tag, attributes = {}, ...children) {
 
 const json = (id) => JSON.parse($(id).textContent);
 
+/** What the drive was divided into, in words. */
+const THINGS = json("data-run").result.surfaces ? { one: "surface", many: "surfaces" } : { one: "object", many: "objects" };
+/** The units of the coordinates of the input: in the plane, and of heights. */
+const UNITS = json("data-page").units;
+
 /** The bytes of a compressed part. */
 async function inflated(id) {
   const coded = atob($(id).textContent.trim());
@@ -143,6 +148,11 @@ class Axis {
     };
   }
 }
+
+const capital = (text) => text[0].toUpperCase() + text.slice(1);
+
+/** A number with the thing that is counted. */
+const counted = (count, thing) => `${shown(count)} ${thing}${count === 1 ? "" : "s"}`;
 
 /** A number as a person reads it. */
 function shown(value, places) {

@@ -132,7 +132,8 @@ class Plan {
       for (let at = 0; at < outline.length; at += 2) pen.lineTo(...this.place(outline[at], outline[at + 1]));
       pen.closePath();
       pen.fillStyle = colour;
-      pen.strokeStyle = colour;
+      // Darker on a light page: thin lines in yellow or light blue would be lost.
+      pen.strokeStyle = row === this.chosen ? colour : mixed(colour, ink, 0.25);
       pen.globalAlpha = row === this.chosen ? 0.75 : 0.4;
       pen.fill();
       pen.globalAlpha = 1;
@@ -140,7 +141,7 @@ class Plan {
       pen.stroke();
       if (reach < 7) { pen.beginPath(); pen.arc(x, y, row === this.chosen ? 4 : 2, 0, 7); pen.fill(); }
     });
-    this.drawAxis(pen, ink, soft);
+    this.drawAxis(pen, ink, soft, card);
     this.drawEye(pen, accent, card);
     this.drawScale(pen, ink, card);
   }
@@ -165,7 +166,7 @@ class Plan {
     pen.lineCap = "round";
   }
 
-  drawAxis(pen, ink, soft) {
+  drawAxis(pen, ink, soft, card) {
     pen.strokeStyle = ink;
     pen.lineWidth = 1.4;
     for (const { x, y } of this.axis.stretches) {
@@ -174,16 +175,23 @@ class Plan {
       pen.stroke();
     }
     const step = niceStep(110 / this.scale);
-    pen.fillStyle = soft;
-    pen.textAlign = "center";
     for (let s = Math.ceil(this.axis.from / step) * step; s <= this.axis.to; s += step) {
-      const { x, y } = this.axis.at(s), [px, py] = this.place(x, y);
+      const { x, y, heading } = this.axis.at(s), [px, py] = this.place(x, y);
       pen.beginPath();
       pen.arc(px, py, 2.4, 0, 7);
       pen.fillStyle = ink;
       pen.fill();
+      // Beside the axis, on its upper side, and within the plan.
+      const along = heading + this.angle, text = `${shown(s)} m`, half = pen.measureText(text).width / 2;
+      const up = Math.cos(along) < 0 ? -1 : 1, aside = 13 + Math.abs(Math.sin(along)) * (half - 4);
+      const tx = Math.min(this.width - half - 4, Math.max(half + 4, px - up * Math.sin(along) * aside));
+      const ty = Math.min(this.height - 5, Math.max(12, py - up * Math.cos(along) * aside + 4));
+      pen.textAlign = "center";
+      pen.lineWidth = 3.5;
+      pen.strokeStyle = card;
+      pen.strokeText(text, tx, ty);
       pen.fillStyle = soft;
-      pen.fillText(`${shown(s)} m`, px, py - 9);
+      pen.fillText(text, tx, ty);
     }
   }
 
@@ -219,9 +227,12 @@ class Plan {
     pen.moveTo(x, y - 4); pen.lineTo(x, y); pen.lineTo(x + length, y); pen.lineTo(x + length, y - 4);
     pen.stroke();
     pen.textAlign = "left";
+    pen.lineWidth = 3.5;
+    pen.strokeStyle = card;
+    pen.strokeText(`${shown(metres)} m`, x + length + 6, y);
     pen.fillText(`${shown(metres)} m`, x + length + 6, y);
     pen.save();
-    pen.translate(24, 28);
+    pen.translate(30, 34);
     pen.rotate(-this.angle);
     pen.beginPath();
     pen.moveTo(0, -13); pen.lineTo(5.5, 8); pen.lineTo(0, 4.5); pen.lineTo(-5.5, 8);
@@ -230,7 +241,7 @@ class Plan {
     pen.restore();
     // The letter stays upright beside the tip of the arrow.
     pen.textAlign = "center";
-    pen.fillText("N", 24 - 20 * Math.sin(this.angle), 32 - 20 * Math.cos(this.angle));
+    pen.fillText("N", 30 - 20 * Math.sin(this.angle), 38 - 20 * Math.cos(this.angle));
   }
 }
 

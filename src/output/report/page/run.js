@@ -10,23 +10,43 @@ function seconds(value) {
   return minutes < 100 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }
 
+/** A share in per cent, with so many digits that a small one is not nothing. */
+function percent(part, all) {
+  const value = (100 * part) / Math.max(1, all);
+  if (value === 0) return "0 %";
+  return `${value < 0.1 ? value.toLocaleString("en", { maximumSignificantDigits: 2 }) : shown(value, 1)} %`;
+}
+
+/** Units of work that were done before the last call, and all of them. */
+function resumed({ passes }) {
+  const sum = (name) => passes.reduce((total, pass) => total + pass[name], 0);
+  return { before: sum("resumed"), units: sum("units") };
+}
+
 function facts(pairs) {
   return el("dl", { class: "facts" }, ...pairs.filter(([, value]) => value).map(([name, value]) => el("div", {}, el("dt", {}, name), el("dd", {}, value))));
 }
 
+/** The name of a coordinate system with its code, which some names contain. */
+function crsWords({ description, epsg }) {
+  const name = description ?? "", code = `EPSG:${epsg}`;
+  return epsg && !name.includes(code) ? `${name} (${code})` : name;
+}
+
 function fillRun(panel, run, page) {
   const { result } = run;
-  const share = (part) => `${shown((100 * part) / Math.max(1, result.points), 1)} %`;
+  const share = (part) => percent(part, result.points);
+  const { before, units } = resumed(result), call = before ? ", last call" : "";
   const parts = [];
   const warnings = result.warnings ?? [];
-  if (warnings.length) parts.push(el("section", { class: "block" }, el("h2", {}, warnings.length === 1 ? "One warning" : `${warnings.length} warnings`), ...warnings.map((text) => el("p", { class: "warning" }, text))));
+  if (warnings.length) parts.push(el("section", { class: "block" }, el("h2", {}, counted(warnings.length, "warning")), ...warnings.map((text) => el("p", { class: "warning" }, text))));
   parts.push(el("section", { class: "block" }, el("h2", {}, "Figures"), facts([
     ["Points", shown(result.points)], ["Ground", share(result.counts.ground)], ["Noise", share(result.counts.low_noise + result.counts.high_noise)],
-    ["Above the ground", share(result.counts.object)], ["Objects", shown(result.objects)], ["Tiles", shown(result.tiles)],
-    ["Wall time", seconds(result.seconds)], ["Speed", `${shown(result.points / Math.max(1e-9, result.seconds) / 1e6, 2)} M points/s`],
-    ["Peak memory", result.peak_resident_bytes && mebibytes(result.peak_resident_bytes)],
-    ["Axis", `${shown(run.axis.length_m, 1)} m`], ["Axis from", run.axis.source.replace("-", " ")],
-  ]), el("p", { class: "note" }, page.sample.sentence)));
+    ["Above the ground", share(result.counts.object)], [capital(THINGS.many), shown(result.objects)], ["Tiles", shown(result.tiles)],
+    [`Wall time${call}`, seconds(result.seconds)], ["Speed", before ? null : `${shown(result.points / Math.max(1e-9, result.seconds) / 1e6, 2)} M points/s`],
+    [`Peak memory${call}`, result.peak_resident_bytes && mebibytes(result.peak_resident_bytes)],
+    ["Chainage", sectionWords(result)], ["Axis", `${shown(run.axis.length_m, 1)} m`], ["Axis from", run.axis.source.replace("-", " ")], ["Coordinates in", unitWords()],
+  ]), before ? el("p", { class: "note" }, `The last call resumed ${shown(before)} of ${shown(units)} units from earlier calls. Time and memory are those of the last call. It did not process all points, so that no speed is given.`) : null, el("p", { class: "note" }, page.sample.sentence)));
   const longest = Math.max(1e-9, ...result.passes.map((pass) => pass.seconds));
   parts.push(el("section", { class: "block" }, el("h2", {}, "Passes"), el("div", { class: "bars" }, ...result.passes.flatMap((pass) => {
     const bar = el("i");
@@ -36,7 +56,7 @@ function fillRun(panel, run, page) {
   }))));
   parts.push(el("section", { class: "block" }, el("h2", {}, run.input.length === 1 ? "Input file" : `${shown(run.input.length)} input files`), el("dl", { class: "settings" },
     ...run.input.slice(0, 200).flatMap((file) => [el("dt", {}, file.name), el("dd", {}, `${shown(file.points)} points, ${mebibytes(file.bytes)}`)]),
-    el("dt", {}, "Coordinate system"), el("dd", {}, `${run.crs.description ?? ""}${run.crs.epsg ? ` (EPSG:${run.crs.epsg})` : ""}`))));
+    el("dt", {}, "Coordinate system"), el("dd", {}, crsWords(run.crs)))));
   parts.push(el("section", { class: "block" }, el("h2", {}, "Settings"), ...Object.entries(run.configuration).map(([section, values]) =>
     el("details", {}, el("summary", {}, section), el("dl", { class: "settings" }, ...Object.entries(values).flatMap(([key, value]) => [el("dt", {}, key), el("dd", {}, typeof value === "string" ? value || "(none)" : JSON.stringify(value))]))))));
   parts.push(el("p", {}, run.program));

@@ -110,7 +110,7 @@ const FEWEST_MOVING = 60000;
 class Scene {
   constructor(canvas, points, spacings) {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance", preserveDrawingBuffer: true });
-    if (!gl) throw new Error("no WebGL 2");
+    if (!gl) throw new Error("it needs WebGL 2, which this browser does not give");
     Object.assign(this, { canvas, gl, chosen: 0, moving: points.count, axisLines: [], nodes: [], octree: null });
     this.pointProgram = this.program(POINT_VERTEX, POINT_FRAGMENT);
     this.lineProgram = this.program(LINE_VERTEX, LINE_FRAGMENT);

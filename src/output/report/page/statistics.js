@@ -19,7 +19,7 @@ function measures(table) {
 }
 
 function fillStatistics(panel, table) {
-  if (table.count === 0) { panel.replaceChildren(el("p", { class: "empty" }, "The drive has no objects.")); return; }
+  if (table.count === 0) { panel.replaceChildren(el("p", { class: "empty" }, `The drive has no ${THINGS.many}.`)); return; }
   const codes = table.classColumn < 0 ? table.values[0].map(() => 0) : table.values[table.classColumn];
   const rowsOf = new Map();
   codes.forEach((code, row) => { if (!rowsOf.has(code)) rowsOf.set(code, []); rowsOf.get(code).push(row); });
@@ -42,30 +42,37 @@ function fillStatistics(panel, table) {
     charts.replaceChildren(...shownClasses.map((code) => histogram(table, column, rowsOf.get(code).map((row) => table.values[at][row]).filter((value) => value !== null), code)));
   };
   panel.replaceChildren(
-    el("section", { class: "block" }, el("h2", {}, "Objects by class"), el("div", { class: "bars" }, ...bars)),
+    el("section", { class: "block" }, el("h2", {}, `${capital(THINGS.many)} by class`), el("div", { class: "bars" }, ...bars)),
     el("section", { class: "block" }, el("h2", {}, "Distribution by class"), el("p", {}, el("label", { for: "measure" }, "Column "), select), note, charts),
   );
   if (choices.length) draw(choices[0]);
 }
 
 function histogram(table, column, values, code) {
-  // From 0 to a round number; the largest hundredth counts in the last bar.
+  // From 0 to a round number that a hundredth of the values may exceed; these are in the last bar.
   const sorted = [...values].sort((a, b) => a - b);
   const high = niceStep(Math.max(sorted[Math.floor((sorted.length - 1) * 0.99)], 1e-6), [1, 1.5, 2, 3, 4, 5, 6, 8, 10]);
   const low = Math.min(0, sorted[0]);
-  const bins = 18, width = 210, height = 84, left = 6, bottom = 66;
+  const bins = 18, width = 210, height = 94, left = 6, top = 16, bottom = 76;
   const counts = new Array(bins).fill(0);
   for (const value of values) counts[Math.max(0, Math.min(bins - 1, Math.floor(((value - low) / (high - low || 1)) * bins)))]++;
+  const beyond = values.filter((value) => value > high).length;
   const most = Math.max(1, ...counts), step = (width - 2 * left) / bins;
   const middle = sorted[(sorted.length - 1) >> 1];
-  const name = className(table.classes, code);
-  const text = (x, anchor, words) => svg("text", { x, y: bottom + 13, "text-anchor": anchor }, words);
-  const chart = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${name}: ${values.length} objects, median ${shown(middle, column.places && 1)} ${column.unit}` },
+  const name = className(table.classes, code), unit = unitOf(column) ? ` ${unitOf(column)}` : "";
+  const median = `median ${shown(middle, column.places && Math.min(2, column.places))}${unit}`;
+  const text = (x, y, anchor, words) => svg("text", { x, y, "text-anchor": anchor }, words);
+  const more = beyond ? `; the last bar has also the ${shown(beyond)} above ${shown(high)}${unit}` : "";
+  const chart = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${name}: ${counted(values.length, THINGS.one)}, ${median}${more}` },
     ...counts.map((count, at) => {
-      const tall = (count / most) * (bottom - 8);
-      return svg("rect", { x: left + at * step + 0.5, y: bottom - tall, width: step - 1, height: tall, rx: 1.5, fill: classColour(code) });
+      const tall = (count / most) * (bottom - top);
+      const bar = svg("rect", { x: left + at * step + 0.5, y: bottom - tall, width: step - 1, height: tall, rx: 1.5, fill: classColour(code) });
+      if (at === bins - 1 && beyond) bar.classList.add("beyond");
+      return bar;
     }),
+    svg("line", { x1: left, x2: width - left, y1: top, y2: top, class: "scale" }), text(left, top - 4, "start", counted(most, THINGS.one)),
     svg("line", { x1: left, x2: width - left, y1: bottom, y2: bottom }),
-    text(left, "start", shown(low)), text(width / 2, "middle", shown((low + high) / 2)), text(width - left, "end", shown(high)));
-  return el("figure", {}, el("figcaption", {}, dot(classColour(code)), name, el("small", {}, `median ${shown(middle, column.places && Math.min(2, column.places))}`)), chart);
+    text(left, bottom + 13, "start", shown(low)), text(width / 2, bottom + 13, "middle", shown((low + high) / 2)),
+    text(width - left, bottom + 13, "end", `${shown(high)}${unit}${beyond ? " and more" : ""}`));
+  return el("figure", {}, el("figcaption", {}, dot(classColour(code)), name, el("small", {}, median)), chart);
 }

@@ -11,6 +11,7 @@ class ObjectTable {
     Object.assign(this, { ...data, classes, on, chosen: -1, page: 0, sorted: 0, descending: false });
     this.count = this.values.length ? this.values[0].length : 0;
     this.rows = Array.from({ length: this.count }, (_, row) => row);
+    this.ids = new Set((this.values[0] ?? []).map(String));
     const place = (name) => this.columns.findIndex((column) => column.name === name);
     this.classColumn = place("class");
     this.chainageColumn = place("chainage_m");
@@ -25,9 +26,11 @@ class ObjectTable {
     const group = ({ name, type }, at) => {
       if (at === 0 || at === this.classColumn) return 0;
       if (isText({ type })) return 5;
-      if (/(^|_)[xyz]$/.test(name)) return 4;
+      if (isCoordinate(name)) return 4;
       if (/^(confidence|points)$/.test(name)) return 3;
-      return /^(chainage|offset)_m$/.test(name) ? 2 : 1;
+      if (/^(chainage|offset)_m$/.test(name)) return 2;
+      // How far an object is from the ground says less of it than its size.
+      return /^base_/.test(name) ? 1.5 : 1;
     };
     const known = (at) => this.values[at].some((value) => value !== null && (at !== this.classColumn || value !== 0));
     const order = this.columns.map((_, at) => at).filter((at) => at === 0 || known(at));
@@ -47,7 +50,7 @@ class ObjectTable {
   fillHead() {
     const cells = this.order.map((at) => {
       const column = this.columns[at], words = isText(column) || at === this.classColumn;
-      return el("th", { scope: "col", class: words ? "words" : null }, el("button", { type: "button", title: `${column.name}: ${column.definition}`, onclick: () => this.sort(at) }, labelOf(column)));
+      return el("th", { scope: "col", class: kindOf(column, words) }, el("button", { type: "button", title: `${column.name}: ${column.definition}`, onclick: () => this.sort(at) }, labelOf(column)));
     });
     $("table").tHead.replaceChildren(el("tr", {}, ...cells));
   }
@@ -67,11 +70,22 @@ class ObjectTable {
         parts.push(el("label", {}, text, this.filter[name]));
       }
     }
-    this.filter.text = el("input", { type: "search", oninput: changed, id: "filter-text", placeholder: "id, file" });
+    this.filter.text = el("input", { type: "search", oninput: changed, id: "filter-text", placeholder: codes.some((code) => code !== 0) ? "id, class, file" : "id, file", title: "A whole number finds the id. Other words find the beginning of a uid, and parts of the names of classes and files." });
     parts.push(el("label", {}, "Find", this.filter.text));
     parts.push(el("button", { type: "button", class: "plain", id: "csv", onclick: () => this.download() }, "Download CSV"));
     $("filters").replaceChildren(...parts);
     $("filters").addEventListener("submit", (event) => event.preventDefault());
+  }
+
+  clearFilters() {
+    for (const field of Object.values(this.filter)) field.value = "";
+    this.update();
+  }
+
+  find(text) {
+    this.filter.text.value = text;
+    this.page = 0;
+    this.update();
   }
 
   sort(column) {
@@ -81,17 +95,31 @@ class ObjectTable {
     this.update();
   }
 
-  /** Whether a row passes the filters. */
+  codeOf(row) { return this.classColumn < 0 ? 0 : this.values[this.classColumn][row]; }
+
+  /** Whether a row passes the filters and the legend. */
   passes(row) {
+    if (this.on.isHidden(this.codeOf(row))) return false;
     const { kind, from, to, text } = this.filter;
     if (kind?.value && String(this.values[this.classColumn][row]) !== kind.value) return false;
     const station = this.chainageColumn >= 0 ? this.values[this.chainageColumn][row] : null;
     if (from?.value && !(station >= Number(from.value))) return false;
     if (to?.value && !(station <= Number(to.value))) return false;
-    const wanted = text.value.trim().toLowerCase();
+    return this.matches(row, text.value.trim().toLowerCase());
+  }
+
+  /**
+   * Whether the text to find is in a row. A whole number is an id. It is searched in names of files only if no
+   * object has this id.
+   */
+  matches(row, wanted) {
     if (!wanted) return true;
-    if (String(this.id(row)) === wanted) return true;
-    return this.columns.some((column, at) => isText(column) && this.text(at, row).toLowerCase().includes(wanted));
+    if (this.ids.has(wanted)) return String(this.id(row)) === wanted;
+    if (this.classColumn >= 0 && this.codeOf(row) !== 0 && className(this.classes, this.codeOf(row)).toLowerCase().includes(wanted)) return true;
+    return this.columns.some(({ type }, at) => {
+      if (type === "text") return !/^\d+$/.test(wanted) && this.text(at, row).toLowerCase().startsWith(wanted);
+      return type === "texts" && this.values[at][row]?.some((name) => name.toLowerCase().includes(wanted));
+    });
   }
 
   update() {
@@ -120,22 +148,24 @@ class ObjectTable {
     });
     $("table").tBodies[0].replaceChildren(...rows.map((row) => this.row(row)));
     if (rows.length === 0) {
-      const words = this.count ? "No object passes the filters." : "The drive has no objects.";
+      const words = this.count ? `No ${THINGS.one} passes the filters.` : `The drive has no ${THINGS.many}.`;
       $("table").tBodies[0].append(el("tr", {}, el("td", { colspan: this.order.length, class: "empty" }, words)));
     }
-    const turn = (by, text) => el("button", { type: "button", class: "plain", disabled: this.page + by < 0 || this.page + by >= pages, onclick: () => { this.page += by; this.show(); } }, text);
+    const turn = (by, text) => pages === 1 ? null : el("button", { type: "button", class: "plain", disabled: this.page + by < 0 || this.page + by >= pages, onclick: () => { this.page += by; this.show(); } }, text);
     const range = this.rows.length ? `${shown(first + 1)} to ${shown(first + rows.length)} of ${shown(this.rows.length)}` : "0 rows";
-    const all = this.rows.length < this.count ? ` (${shown(this.count)} without filters)` : "";
-    $("pager").replaceChildren(el("span", { role: "status" }, range + all), el("div", {}, turn(-1, "Previous"), turn(1, "Next")));
+    const hidden = Array.from({ length: this.count }, (_, row) => row).filter((row) => this.on.isHidden(this.codeOf(row))).length;
+    const all = this.rows.length < this.count ? ` (${shown(this.count)} in all${hidden ? `, ${shown(hidden)} hidden in the legend` : ""})` : "";
+    const show = hidden ? el("button", { type: "button", class: "plain", onclick: () => this.on.showAll() }, "Show all") : null;
+    $("pager").replaceChildren(el("span", { role: "status" }, range + all), el("div", {}, ...[show, turn(-1, "Previous"), turn(1, "Next")].filter(Boolean)));
   }
 
   row(row) {
     const cells = this.order.map((at) => {
       const column = this.columns[at], text = this.text(at, row);
-      if (at === 0) return el("td", {}, el("button", { type: "button", "aria-label": `Object ${text}: fly to it` }, text));
+      if (at === 0) return el("td", {}, el("button", { type: "button", "aria-label": `${capital(THINGS.one)} ${text}: fly to it` }, text));
       if (at === this.classColumn) return el("td", { class: "words" }, dot(classColour(this.values[at][row])), className(this.classes, this.values[at][row]));
       const words = isText(column);
-      return el("td", words ? { class: "words", title: text } : {}, text);
+      return el("td", { class: kindOf(column, words), title: words ? text : null }, text);
     });
     return el("tr", { "data-row": row, "aria-selected": row === this.chosen ? "true" : "false", onclick: () => this.on.choose(row) }, ...cells);
   }
@@ -170,10 +200,21 @@ class ObjectTable {
   }
 }
 
+const isCoordinate = (name) => /(^|_)[xyz]$/.test(name);
+
+/** How the cells of a column look: words are on the left, and a printed page leaves out what does not fit. */
+function kindOf(column, words) {
+  const extra = isText(column) || isCoordinate(column.name);
+  return [words && "words", extra && "extra"].filter(Boolean).join(" ") || null;
+}
+
+/** The unit of the values of a column. Coordinates have that of the input. */
+function unitOf({ name, unit }) { return unit === "input" ? UNITS[/z$/.test(name) ? 1 : 0] : unit; }
+
 /** The name of a column for a person, with its unit. */
 function labelOf(column) {
-  const named = column.unit && column.unit !== "input";
-  return (named ? column.name.replace(/_(m2|m|deg)$/, "") : column.name).replaceAll("_", " ") + (named ? ` (${column.unit})` : "");
+  const unit = unitOf(column), name = column.unit === "input" ? column.name : column.name.replace(/_(m2|m|deg)$/, "");
+  return name.replaceAll("_", " ") + (unit ? ` (${unit})` : "");
 }
 
 function dot(colour) {
