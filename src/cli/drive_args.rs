@@ -245,8 +245,8 @@ impl Settings {
         self.choices.resolve_over(self.choices.config.as_deref(), &all)
     }
 
-    /// The same over the settings of a run, unless a file is given. These are all settings, so that nothing of
-    /// a preset would be left.
+    /// The same over the settings of a run, unless a file is given. These are all settings, so that nothing
+    /// of a preset would be left.
     pub(crate) fn resolve_over(&self, file: &Path) -> chainage::Result<Config> {
         if let Some(preset) = &self.choices.preset {
             let refused = ConfigError::value("--preset", preset, "left out: the run has settings of its own");

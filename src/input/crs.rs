@@ -170,8 +170,8 @@ impl Claim {
         Self::default()
     }
 
-    /// Completes the unit from the definition of the code. A projected system with another unit is not that of
-    /// its code: coordinates in feet under the code of a system in metres lie elsewhere.
+    /// Completes the unit from the definition of the code. A projected system with another unit is not that
+    /// of its code: coordinates in feet under the code of a system in metres lie elsewhere.
     fn compared_with_epsg(mut self, warnings: &mut Vec<String>) -> Self {
         let Some(code) = self.epsg.filter(|_| self.kind == CrsKind::Projected) else { return self };
         let defined = definition(code).and_then(Node::parse).as_ref().and_then(length_unit);

@@ -198,7 +198,8 @@ impl RunDir {
         self.awaited(|| self.read_json(name))
     }
 
-    /// Looks for something that another process may be writing, until it is found or the time to wait is over.
+    /// Looks for something that another process may be writing, until it is found or the time to wait is
+    /// over.
     pub(crate) fn awaited<T>(
         &self,
         look: impl FnMut() -> Result<Option<T>, StoreError>,

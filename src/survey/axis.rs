@@ -21,9 +21,9 @@ const OWN_STRETCH_M: f64 = 40.0;
 const SMOOTHING_BINS: usize = 4;
 /// A longer gap in the clock means that what was scanned between was cut away, in time bins: four seconds.
 const GAP_BINS: i64 = 8;
-/// Time bins at each end of the data that may be incomplete: four seconds. Where a box was cut out of a drive,
-/// the last profiles reach into it from outside, on one side of the road. The mean of their points moves
-/// there, up to 16 m on a scene that was cut.
+/// Time bins at each end of the data that may be incomplete: four seconds. Where a box was cut out of a
+/// drive, the last profiles reach into it from outside, on one side of the road. The mean of their points
+/// moves there, up to 16 m on a scene that was cut.
 const INCOMPLETE_BINS: usize = 8;
 /// Share of the median of points below which such a bin is incomplete.
 const INCOMPLETE_SHARE: f64 = 0.5;
@@ -298,8 +298,8 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
     Axis::assemble(AxisSource::Trajectory, vertices, chainage, joined)
 }
 
-/// The smoothed mean positions of time bins without a gap. Bins with fewer than `least` points at the ends are
-/// left out, and the path goes straight on as far as their points are.
+/// The smoothed mean positions of time bins without a gap. Bins with fewer than `least` points at the ends
+/// are left out, and the path goes straight on as far as their points are.
 fn path(run: &[(i64, &TimeBin)], least: f64, lattice: Lattice) -> Vec<[f64; 2]> {
     #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
     let mean = |sum: i128, count: u64| lattice.metres((sum / i128::from(count.max(1))) as i64);
@@ -326,7 +326,8 @@ fn path(run: &[(i64, &TimeBin)], least: f64, lattice: Lattice) -> Vec<[f64; 2]> 
     path
 }
 
-/// The place straight on before the first vertices of a path, as far as `places` are. `None` if there is none.
+/// The place straight on before the first vertices of a path, as far as `places` are. `None` if there is
+/// none.
 fn straight_on<'a>(path: impl Iterator<Item = &'a [f64; 2]>, places: &[[f64; 2]]) -> Option<[f64; 2]> {
     let path: Vec<[f64; 2]> = path.take(INCOMPLETE_BINS + 1).copied().collect();
     let (end, inner) = (*path.first()?, *path.last()?);

@@ -139,12 +139,12 @@ impl Table {
         wanted.iter().map(find).collect()
     }
 
-    /// Indices of the columns that hold a finite number in every row. Columns without any number are not among
-    /// them.
+    /// Indices of the columns that hold a finite number in every row. Columns without any number are not
+    /// among them.
     ///
     /// # Errors
-    /// [`TableError::Mixed`] when a column holds a number in some rows only, because leaving it out would change
-    /// the result without a word. Or when a row has other fields than the first line.
+    /// [`TableError::Mixed`] when a column holds a number in some rows only, because leaving it out would
+    /// change the result without a word. Or when a row has other fields than the first line.
     pub fn numeric_columns(&self) -> Result<Vec<usize>, TableError> {
         let mut numbers = vec![0; self.names.len()];
         // The first cell of each column that is not a number.

@@ -10,7 +10,8 @@ use crate::model::{Column, ColumnType, ColumnUnit, Value};
 /// Distance from the axis up to which a place is in the roadway, in metres.
 const ROADWAY_M: f64 = 3.5;
 /// A cell of the plan in which a tree, a pole or a wire begins lower than this over the ground stands on the
-/// roadway and is not above it, in metres (chosen: a branch above it hits a vehicle, what is lower is a foot).
+/// roadway and is not above it, in metres (chosen: a branch above it hits a vehicle, what is lower is a
+/// foot).
 const LEAST_M: f64 = 0.5;
 /// The same for everything else, in metres. What stands before a wall or fence hides its foot.
 const LEAST_OF_OTHERS_M: f64 = 2.0;

@@ -1,5 +1,5 @@
-//! Numbers of the table, rounded so that the bytes of every format depend on the values only, and lists in one
-//! field.
+//! Numbers of the table, rounded so that the bytes of every format depend on the values only, and lists in
+//! one field.
 
 use crate::model::ColumnType;
 

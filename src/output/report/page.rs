@@ -354,7 +354,8 @@ mod tests {
     #[test]
     fn a_page_keeps_its_limit_and_says_what_it_left_out() {
         let own = written(Vec::new(), &table(0, 1 << 20), 1 << 20).len();
-        // A third of the limit is for the table, so that the smaller one leaves some thousand bytes for points.
+        // A third of the limit is for the table, so that the smaller one leaves some thousand bytes for
+        // points.
         for limit in [own as u64 + 90_000, own as u64 + 200_000] {
             let table = table(20_000, limit);
             let text = written(points(100_000), &table, limit);

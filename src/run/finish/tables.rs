@@ -139,7 +139,8 @@ pub(super) fn write_whole(
     })
 }
 
-/// Lets `write` create an output file in the state directory, and gives it its final name when it is complete.
+/// Lets `write` create an output file in the state directory, and gives it its final name when it is
+/// complete.
 fn write_output(
     run_dir: &RunDir,
     name: &str,

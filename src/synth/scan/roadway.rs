@@ -10,8 +10,8 @@ use crate::synth::street::preset::Plan;
 
 /// Distance from the path of the vehicle up to which a place is on the roadway, metres (outputs, section 2).
 const HALF: f64 = 3.5;
-/// A column of a tree, a pole or a wire that begins lower than this stands on the roadway and is not above it,
-/// metres; of anything else, the second value.
+/// A column of a tree, a pole or a wire that begins lower than this stands on the roadway and is not above
+/// it, metres; of anything else, the second value.
 const LEAST: (f64, f64) = (0.5, 2.0);
 /// Class codes of trees, poles and wires.
 const HANGING: [u8; 3] = [2, 3, 8];
