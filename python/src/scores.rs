@@ -21,8 +21,8 @@ fn figures(of: &Figures) -> Value {
     })
 }
 
-/// Scores labels. `class` are codes of the reference; without them all objects are of one class. The Python part
-/// has checked the arguments.
+/// Scores labels, which the Python part has checked. `class` are codes of the reference; without them all
+/// objects are of one class.
 #[pyfunction]
 #[pyo3(signature = (pred, reference, class, min_points))]
 pub(crate) fn evaluate(
