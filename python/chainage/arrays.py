@@ -3,18 +3,49 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from chainage import _native
-from chainage.errors import raised
-from chainage.settings import Value, assignments
+from chainage.errors import SettingError, raised
+from chainage.settings import Value, assignments, full_name
 
 # Only the labelled points are read back.
 _OUTPUT: dict[str, Value | None] = {"output.files": ["points"], "output.report": False}
 _STEP_M = 0.001
+# Largest coordinate. Chosen: beyond any position on earth, and within what cells of every size can hold.
+_FARTHEST = 1e9
+
+# Why settings cannot be given with an array: by section, or by full name.
+_REFUSED = {
+    "output": "cannot be set here, because no file is written: the labels are returned",
+    "axis": "cannot be set here, because no label depends on the axis, and an array has no times",
+    "tiling.from": "cannot be set here, because an array has no chainage: select its points instead",
+    "tiling.to": "cannot be set here, because an array has no chainage: select its points instead",
+    "tiling.beyond": "cannot be set here, because an array has no chainage: select its points instead",
+}
+
+
+def _settings(
+    method: str, ground: str | None, named: Mapping[str, Value], further: Mapping[str, Value]
+) -> list[str]:
+    """The assignments of a call. Refuses settings that make no sense with an array."""
+    for key, value in further.items():
+        name = full_name(key)
+        why = _REFUSED.get(name) or _REFUSED.get(name.partition(".")[0])
+        if why:
+            raise ValueError(f"{name} = {value!r}: {why}")
+    return assignments(method, ground, {**_OUTPUT, **named}, further)
+
+
+def _refuse_masked(name: str, values: Any) -> None:
+    if np.ma.is_masked(values):
+        row = np.argwhere(np.ma.getmaskarray(values))[0][0]
+        raise ValueError(f"{name}[{row}] is masked: must be without masked values, so remove or fill them")
 
 
 def _points(points: Any) -> tuple[npt.NDArray[np.float64], tuple[Any, Any, Any], tuple[Any, Any, Any]]:
@@ -22,22 +53,24 @@ def _points(points: Any) -> tuple[npt.NDArray[np.float64], tuple[Any, Any, Any],
     header = getattr(points, "header", None)
     if header is not None and hasattr(points, "xyz"):
         xyz = np.ascontiguousarray(points.xyz, dtype=np.float64)
-        return xyz, tuple(float(x) for x in header.scales), tuple(float(x) for x in header.offsets)
-    xyz = np.ascontiguousarray(points, dtype=np.float64)
-    if xyz.ndim != 2 or xyz.shape[1] != 3:
-        raise ValueError(f"xyz has the shape {xyz.shape}: must be (n, 3)")
-    bad = np.flatnonzero(~np.isfinite(xyz).all(axis=1))
+        scales, offsets = header.scales, header.offsets
+    else:
+        _refuse_masked("xyz", points)
+        xyz = np.ascontiguousarray(points, dtype=np.float64)
+        if xyz.ndim != 2 or xyz.shape[1] != 3:
+            raise ValueError(f"xyz has the shape {xyz.shape}: must be (n, 3)")
+        scales, offsets = np.full(3, _STEP_M), None
+    bad = np.flatnonzero(~((xyz >= -_FARTHEST) & (xyz <= _FARTHEST)).all(axis=1))
     if bad.size:
-        raise ValueError(f"xyz[{bad[0]}] = {xyz[bad[0]].tolist()}: must be finite")
-    offsets = np.floor(xyz.min(axis=0)) if len(xyz) else np.zeros(3)
-    return xyz, (_STEP_M,) * 3, tuple(float(x) for x in offsets)
+        expected = f"must be finite, and from -{_FARTHEST:g} to {_FARTHEST:g}"
+        raise ValueError(f"xyz[{bad[0]}] = {xyz[bad[0]].tolist()}: {expected}")
+    if offsets is None:
+        offsets = np.floor(xyz.min(axis=0)) if len(xyz) else np.zeros(3)
+    return xyz, tuple(float(x) for x in scales), tuple(float(x) for x in offsets)
 
 
 def _label(points: Any, settings: list[str]) -> tuple[Any, Any, Any]:
     xyz, scales, offsets = _points(points)
-    if len(xyz) == 0:
-        none = np.zeros(0, dtype=np.uint8)
-        return np.zeros(0, dtype=np.uint32), none, none
     with raised():
         return _native.label(xyz, scales, offsets, settings)
 
@@ -53,7 +86,8 @@ def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArr
         Clustering method: ``"euclidean"``, ``"density-peaks"``, ``"dbscan"``, ``"normalized-cut"``, ``"p-linkage"``
         (surfaces) or ``"street"``.
     **settings
-        Settings of the method, such as ``max_gap_m=0.4`` (metres), or further ones, such as ``run__threads=2``.
+        Settings of the method, such as ``max_gap_m=0.4`` (metres), or further ones, such as ``run__threads=2``. Settings of files are
+        refused: ``output``, ``axis`` and the section of a drive.
 
     Returns
     -------
@@ -67,8 +101,7 @@ def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArr
     >>> chainage.cluster(xyz, max_gap_m=0.5, min_points=2)
     array([1, 1, 2, 2], dtype=uint32)
     """
-    named = {**_OUTPUT, "noise.enabled": False}
-    return _label(xyz, assignments(method, "none", named, settings))[0]
+    return _label(xyz, _settings(method, "none", {"noise.enabled": False}, settings))[0]
 
 
 def ground(xyz: Any, method: str = "opening", **settings: Value) -> npt.NDArray[np.bool_]:
@@ -81,7 +114,7 @@ def ground(xyz: Any, method: str = "opening", **settings: Value) -> npt.NDArray[
     method : str, optional
         Ground filter: ``"opening"``, ``"voxel-column"`` or ``"upward-growing"``.
     **settings
-        Settings by full name, such as ``noise__enabled=False``.
+        Settings of the filter, or further ones by full name, such as ``noise__enabled=False``, except those of files (see `cluster`).
 
     Returns
     -------
@@ -89,7 +122,7 @@ def ground(xyz: Any, method: str = "opening", **settings: Value) -> npt.NDArray[
         Whether a point is ground.
     """
     full = {key if "__" in key or "." in key else f"{method}.{key}": value for key, value in settings.items()}
-    return _label(xyz, assignments("euclidean", method, _OUTPUT, full))[1] == 2
+    return _label(xyz, _settings("euclidean", method, {}, full))[1] == 2
 
 
 def segment(
@@ -104,7 +137,8 @@ def segment(
     method : str, optional
         Clustering method.
     **settings
-        Settings of the method, or further ones by full name, such as ``ground__method="voxel-column"``.
+        Settings of the method, or further ones by full name, such as ``ground__method="voxel-column"``, except those of files (see
+        `cluster`).
 
     Returns
     -------
@@ -113,8 +147,21 @@ def segment(
     classes : ndarray of uint8, shape (n,)
         The class of the object of each point, if the method classifies; else the LAS class of the point (2 is ground).
     """
-    labels, classes, kinds = _label(xyz, assignments(method, None, _OUTPUT, settings))
+    labels, classes, kinds = _label(xyz, _settings(method, None, {}, settings))
     return labels, classes if kinds is None else kinds
+
+
+def _codes(name: str, values: Any, dtype: type[np.integer[Any]]) -> npt.NDArray[Any]:
+    """One-dimensional integers as this type. Refuses what would change in it."""
+    _refuse_masked(name, values)
+    array = np.asarray(values)
+    if array.ndim != 1 or array.dtype.kind not in "iub":
+        raise ValueError(f"{name} has {array.ndim} dimensions of {array.dtype}: must be one, of integers")
+    limits = np.iinfo(dtype)
+    for row in (array.argmin(), array.argmax()) if array.size else ():
+        if not limits.min <= int(array[row]) <= limits.max:
+            raise ValueError(f"{name}[{row}] = {array[row]}: must be from {limits.min} to {limits.max}")
+    return np.ascontiguousarray(array, dtype=dtype)
 
 
 def evaluate(pred: Any, ref: Any, cls: Any = None, *, min_points: int = 30) -> dict[str, Any]:
@@ -123,13 +170,13 @@ def evaluate(pred: Any, ref: Any, cls: Any = None, *, min_points: int = 30) -> d
     Parameters
     ----------
     pred : array_like of int, shape (n,)
-        Predicted object of each point, 0 for none.
+        Predicted object of each point, 0 or below for none.
     ref : array_like of int, shape (n,)
-        Reference object of each point, 0 for none.
+        Reference object of each point, 0 or below for none.
     cls : array_like of int, shape (n,), optional
-        Reference class of each point, by the codes of ``chainage eval``. Without it all objects are of one class.
+        Reference class of each point, by the codes of ``chainage eval``, 0 to 65535. Without it all objects are of one class.
     min_points : int, optional
-        Smallest number of points of an object.
+        Smallest number of points of an object, at least 1.
 
     Returns
     -------
@@ -137,15 +184,12 @@ def evaluate(pred: Any, ref: Any, cls: Any = None, *, min_points: int = 30) -> d
         ``"overall"`` and ``"classes"`` (by name), each with shares from 0 to 1: ``oa``, ``usr``, ``osr``, ``pq``, ``sq``, ``rq``,
         ``f1``, ``ari``, ``mean_best_iou``; ``None`` where a share is not defined.
     """
-    labels = {}
-    for name, values in {"pred": pred, "ref": ref}.items():
-        array = np.asarray(values)
-        if array.ndim != 1 or array.dtype.kind not in "iub":
-            raise ValueError(f"{name} has {array.ndim} dimensions of {array.dtype}: must be one, of integers")
-        labels[name] = np.ascontiguousarray(array, dtype=np.int64)
-    classes = None if cls is None else np.ascontiguousarray(cls, dtype=np.uint16)
-    lengths = [len(labels["pred"]), len(labels["ref"])] + ([] if classes is None else [len(classes)])
+    if not isinstance(min_points, Integral) or min_points < 1:
+        raise SettingError(f"min_points = {min_points!r}: must be a whole number, at least 1")
+    predicted, reference = _codes("pred", pred, np.int64), _codes("ref", ref, np.int64)
+    classes = None if cls is None else _codes("cls", cls, np.uint16)
+    lengths = [len(array) for array in (predicted, reference, classes) if array is not None]
     if len(set(lengths)) > 1:
         raise ValueError(f"pred, ref and cls have {lengths} values: must be as many")
     with raised():
-        return json.loads(_native.evaluate(labels["pred"], labels["ref"], classes, min_points))
+        return json.loads(_native.evaluate(predicted, reference, classes, int(min_points)))

@@ -7,15 +7,19 @@ completes each pass and hands out the next. Only numbers of units and texts trav
 from __future__ import annotations
 
 import argparse
+import glob
 import json
 import logging
 import os
+import re
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+from chainage.settings import mebibytes
 
 # A unit that fails so often fails for good.
 MOST_TRIES = 3
@@ -23,7 +27,16 @@ MOST_TRIES = 3
 BATCHES_PER_WORKER = 4
 # Exit codes of the program after which another try cannot help: usage, configuration, state, locked.
 FINAL = {2, 3, 6, 7}
+LOCKED = 7
+NO_SCHEDULER = 4
 INTERRUPTED = 130
+# Options of chainage plan that cannot be given, and why.
+REFUSED = {
+    "--threads": "each worker computes one unit at a time, and --workers or the scheduler says how many there are",
+    "--units": "the run is always opened for workers",
+    "--json": "the plan is read by this driver and not shown",
+    "--svg": "no plan is drawn while a run is opened: call chainage plan without -o",
+}
 
 
 class Ended(Exception):
@@ -43,8 +56,11 @@ def program() -> str:
     return found
 
 
-def compute(out: str, name: str, units: str, options: Sequence[str]) -> tuple[int, str]:
-    """Compute units in a process of its own, on a worker of Dask. Returns its exit code and what it said."""
+def compute(out: str, name: str, units: str, options: Sequence[str], folder: str) -> tuple[int, str]:
+    """Compute units in a process of its own, on a worker of Dask. Returns its exit code and what it said.
+
+    Settings may name files relative to `folder`, the working directory of the driver.
+    """
     # Sent to workers by value: it must not need anything of this module that is not imported here.
     import os
     import shutil
@@ -58,7 +74,8 @@ def compute(out: str, name: str, units: str, options: Sequence[str]) -> tuple[in
         return 2, "error: the program chainage is not installed on this worker"
     command = [path, "work", out, "--pass", name, "--units", units, *options]
     nothing = subprocess.DEVNULL
-    done = subprocess.run(command, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE, text=True)
+    here = folder if os.path.isdir(folder) else None
+    done = subprocess.run(command, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE, text=True, cwd=here)
     return done.returncode, done.stderr
 
 
@@ -90,7 +107,9 @@ def compute_pass(client, out: str, due: dict, options: Sequence[str], say) -> No
     def submit(batch: str):
         tries[batch] = tries.get(batch, 0) + 1
         # Not pure: the same batch is computed again after a failure. Dask itself repeats what a killed worker did.
-        future = client.submit(compute, out, name, batch, list(options), pure=False, retries=MOST_TRIES)
+        future = client.submit(
+            compute, out, name, batch, list(options), os.getcwd(), pure=False, retries=MOST_TRIES
+        )
         futures[future.key] = batch
         return future
 
@@ -147,29 +166,89 @@ def free_mebibytes() -> int:
     return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") >> 20
 
 
+def absolute(path: str) -> str:
+    """A path, or a pattern, that means the same in every working directory."""
+    # No path at all is left for the program to refuse.
+    if not path or os.path.isabs(path):
+        return path
+    # As the program does, a path that exists is not taken as a pattern.
+    is_pattern = glob.has_magic(path) and not os.path.exists(path)
+    return os.path.join(glob.escape(os.getcwd()) if is_pattern else os.getcwd(), path)
+
+
+def at_least(least: int) -> Callable[[str], int]:
+    """The reader of an option that takes a whole number from `least` on."""
+
+    def read(text: str) -> int:
+        if not re.fullmatch("[0-9]+", text) or int(text) < least:
+            raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least {least}")
+        return int(text)
+
+    return read
+
+
+def size(text: str) -> int:
+    """The reader of an option that takes a size in memory."""
+    try:
+        return mebibytes(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def parsed(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, list[str]]:
     parser = argparse.ArgumentParser(
         prog="python -m chainage.dask",
-        description="Process a drive on dask.distributed. Further options are those of chainage plan.",
+        description="Process a drive on dask.distributed. Further options, after FILES, are those of chainage plan, such as --method "
+        f"or --set, but not {', '.join(REFUSED)}.",
+        allow_abbrev=False,
     )
-    parser.add_argument("files", nargs="+", help="LAS or LAZ files, folders, or patterns, as all workers reach them")
+    files = "LAS or LAZ files, folders, or patterns, as all workers reach them"
+    parser.add_argument("files", nargs="+", metavar="FILES", help=files)
     parser.add_argument("-o", "--out", required=True, help="output directory, as all workers reach it")
     where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("--workers", type=int, metavar="N", help="start N worker processes on this host")
+    where.add_argument("--workers", type=at_least(1), metavar="N", help="start N worker processes on this host")
     where.add_argument("--scheduler", metavar="ADDRESS", help="use the workers of a scheduler, such as tcp://host:8786")
-    memory = "memory of one worker in MiB [default: half of the free memory of this host, divided by the workers]"
-    parser.add_argument("--memory", type=int, metavar="MIB", help=memory)
+    memory = (
+        "memory of one worker, for example 800M or 4G, or a number of MiB "
+        "[default: half of the free memory of this host, divided by the workers]"
+    )
+    parser.add_argument("--memory", type=size, metavar="SIZE", help=memory)
     wait = "look for files that other hosts have just written for so long [default: 60]"
-    parser.add_argument("--wait", type=int, default=60, metavar="SECONDS", help=wait)
+    parser.add_argument("--wait", type=at_least(0), default=60, metavar="SECONDS", help=wait)
     parser.add_argument("-q", "--quiet", action="store_true", help="show failures only")
-    return parser.parse_known_args(arguments)
+    args, further = parser.parse_known_args(arguments)
+    for option in (text.partition("=")[0] for text in further):
+        if option in REFUSED:
+            parser.error(f"{option} cannot be given: {REFUSED[option]}")
+    args.files = [absolute(path) for path in args.files]
+    args.out = absolute(args.out)
+    return args, further
+
+
+def connected(address):
+    """The client of a cluster, or of the scheduler at an address."""
+    from distributed import Client
+    from distributed.comm import get_address_host
+
+    try:
+        if isinstance(address, str):
+            # A client that has begun to connect to what is no address says more than one line.
+            get_address_host(address)
+        return Client(address, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise Ended(NO_SCHEDULER, f"error: no scheduler can be reached at {address!r}: {error}") from None
+
+
+def resumes(code: int, out: str) -> bool:
+    """Whether the same command goes on with the run in `out` after it has ended with this exit code."""
+    return (code == LOCKED or code not in FINAL) and Path(out, ".chainage").is_dir()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     args, further = parsed(arguments)
     try:
         import dask
-        from distributed import Client
+        import distributed  # noqa: F401  (functions above need it)
     except ImportError:
         print("error: dask.distributed is not installed\nhint: pip install 'chainage[dask]'", file=sys.stderr)
         return 2
@@ -178,9 +257,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     dask.config.set({"distributed.scheduler.allowed-failures": 10})
     cluster = None
     try:
-        if args.workers:
+        if args.workers is not None:
             cluster = local_cluster(args.workers)
-        with Client(cluster or args.scheduler, set_as_default=False) as client:
+        with connected(cluster or args.scheduler) as client:
             workers = args.workers or max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
             memory = args.memory or max(16, free_mebibytes() // 2 // workers)
             # The plan sees one machine with all workers: tiles fit the memory of each.
@@ -189,14 +268,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
             drive(client, args.files, args.out, plan, options, say)
         return 0
     except Ended as ended:
-        print(f"{ended}\nhint: the same command resumes; finished units are kept", file=sys.stderr)
-        return ended.code
+        code, text = ended.code, str(ended)
     except KeyboardInterrupt:
-        print("interrupted: the same command resumes", file=sys.stderr)
-        return INTERRUPTED
+        code, text = INTERRUPTED, "interrupted"
     finally:
         if cluster is not None:
             cluster.close()
+    print(text, file=sys.stderr)
+    if resumes(code, args.out):
+        print("hint: the same command resumes; finished units are kept", file=sys.stderr)
+    return code
 
 
 if __name__ == "__main__":

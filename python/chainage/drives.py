@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ def run(
     ground : str, optional
         Ground filter, by default ``"opening"``.
     memory : int or str, optional
-        Memory budget in MiB, or as text such as ``"4G"``. By default half of the free memory.
+        Memory budget as a whole number of MiB, or as text such as ``"4G"`` or ``"800M"``. By default half of the free memory.
     threads : int, optional
         Worker threads, by default one per core.
     tile_length : float, optional
@@ -138,6 +139,31 @@ def status(out: PathArgument) -> dict[str, Any]:
         return json.loads(_native.status(out))
 
 
+# Types of the columns in a frame, by the names of the types in the table of columns of README. Lists are objects of Python.
+_DTYPES: dict[str, Any] = {"whole number": "int64", "number": "float64", "text": str, "true or false": bool}
+
+
+def _column(name: str, types: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Any:
+    import pandas
+
+    values = [row[name] for row in rows]
+    return pandas.Series(values, dtype=_DTYPES.get(types[name], object)) if name in types else pandas.Series(values)
+
+
+def _crs(member: Mapping[str, Any] | None) -> Any:
+    """The coordinate system that the member ``crs`` of a GeoJSON file names, if it names one."""
+    import pyproj
+
+    if member is None:
+        return None
+    name = member["properties"]["name"]
+    try:
+        return pyproj.CRS.from_user_input(name)
+    except pyproj.exceptions.CRSError:
+        warnings.warn(f"the coordinate system {name} is not known to pyproj: crs is None", stacklevel=3)
+        return None
+
+
 def objects(out: PathArgument) -> Any:
     """Read the table of objects of a finished run.
 
@@ -149,26 +175,31 @@ def objects(out: PathArgument) -> Any:
     Returns
     -------
     geopandas.GeoDataFrame, pandas.DataFrame or list of dict
-        One row per object, in ascending order of ``id``: outlines as geometries in the units of the input where GeoPandas is
-        installed, values alone where pandas is, else a list of dicts.
+        One row per object, in ascending order of ``id``: outlines as geometries in the units and the coordinate system of the input
+        where GeoPandas is installed, values alone where pandas is, else a list of dicts. A frame has all columns with the same types
+        after every run: whole numbers are ``int64``, numbers are ``float64`` (``NaN`` where one is missing). Its ``crs`` is None if
+        the files name no EPSG code.
     """
     path = Path(out) / "objects.geojson"
     if not path.is_file():
         raise InputError(
             f"{path} does not exist", "chainage.run(files, out) writes it, unless output.files leaves geojson out"
         )
-    features = json.loads(path.read_text(encoding="utf-8"))["features"]
+    collection = json.loads(path.read_text(encoding="utf-8"))
+    features = collection["features"]
     rows = [feature["properties"] for feature in features]
     try:
         import pandas
     except ImportError:
         return rows
+    types = dict(_native.columns())
+    frame = pandas.DataFrame({name: _column(name, types, rows) for name in (rows[0] if rows else types)})
     try:
         import geopandas
         import shapely.geometry
     except ImportError:
-        return pandas.DataFrame(rows)
+        return frame
     outlines = [
         None if feature["geometry"] is None else shapely.geometry.shape(feature["geometry"]) for feature in features
     ]
-    return geopandas.GeoDataFrame(rows, geometry=outlines)
+    return geopandas.GeoDataFrame(frame, geometry=outlines, crs=_crs(collection.get("crs")))

@@ -6,8 +6,13 @@ import json
 import os
 import re
 from collections.abc import Mapping
+from numbers import Integral
+
+from chainage import _native
 
 Value = bool | int | float | str | list[str] | os.PathLike[str]
+
+_SIZE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(M|MB|MIB|G|GB|GIB)?", re.ASCII | re.IGNORECASE)
 
 
 def literal(value: Value) -> str:
@@ -20,13 +25,34 @@ def literal(value: Value) -> str:
 
 
 def mebibytes(memory: int | str) -> int:
-    """A memory budget, as a number of MiB or as text such as ``"800M"`` or ``"4G"``."""
-    if isinstance(memory, int):
-        return memory
-    found = re.fullmatch(r"([0-9.]+)\s*(M|MB|MiB|G|GB|GiB)?", memory)
-    if found is None:
-        raise ValueError(f"memory = {memory!r}: must be a size like '800M' or '4G'")
-    return int(float(found[1]) * (1024 if (found[2] or "M").startswith("G") else 1))
+    """A memory budget in MiB, by the rules of ``chainage run --memory``.
+
+    Parameters
+    ----------
+    memory : int or str
+        A whole number of MiB, or a text such as ``"800M"``, ``"4G"``, ``"0.5GiB"`` or ``"512"`` (MiB); units in upper or lower case.
+
+    Raises
+    ------
+    ValueError
+        If it is not a size, or is out of range.
+    """
+    if isinstance(memory, Integral) and not isinstance(memory, bool):
+        mib: float = int(memory)
+    else:
+        found = _SIZE.fullmatch(memory) if isinstance(memory, str) else None
+        if found is None:
+            raise ValueError(f"memory = {memory!r}: must be a whole number of MiB, or a size like '800M' or '4G'")
+        mib = float(found[1]) * (1024 if (found[2] or "M").upper().startswith("G") else 1)
+    least, most = _native.memory_range()
+    if not least <= mib < most + 1:
+        raise ValueError(f"memory = {memory!r}: must be from {least}M to {most >> 10}G")
+    return int(mib)
+
+
+def full_name(key: str) -> str:
+    """The name of a setting with dots, of a keyword such as ``noise__enabled``."""
+    return key.replace("__", ".", 1)
 
 
 def assignments(
@@ -49,7 +75,7 @@ def assignments(
         if value is not None:
             result.append(f"{key}={literal(value)}")
     for key, value in further.items():
-        name = key.replace("__", ".", 1)
+        name = full_name(key)
         if "." not in name:
             if method is None:
                 raise ValueError(f"{key} = {value!r}: needs its section, for example street__{key}, or a method")

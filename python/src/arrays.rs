@@ -1,14 +1,13 @@
 //! Points in arrays: they go through the steps of a run in a temporary folder, and their labels come back as
 //! arrays.
 
-use chainage::Error;
-use chainage::run::{self, Registries, RunRequest};
+use chainage::run::{self, Registries, RunRequest, check_settings};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::drives::settings;
-use crate::failure::bug;
+use crate::failure::{bug, raised, raised_of};
 use crate::points::{self, Labels, Steps};
 use crate::task::beside;
 
@@ -39,6 +38,10 @@ pub(crate) fn label<'py>(
     assignments: Vec<String>,
 ) -> PyResult<Arrays<'py>> {
     let rows: Vec<[f64; 3]> = xyz.as_array().rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
+    if rows.is_empty() {
+        check(&assignments).map_err(|error| raised(&error))?;
+        return Ok(arrays(py, Labels::default()));
+    }
     let folder = scratch(rows.len()).map_err(bug)?;
     let file = folder.path().join("points.las");
     let steps = Steps { scale, offset };
@@ -52,15 +55,27 @@ pub(crate) fn label<'py>(
         return Err(PyValueError::new_err(text));
     }
     drop(rows);
-    let out = folder.path().join("out");
-    let Labels { objects, classes, kinds } = beside(py, None, move |observer, cancel| {
+    let request = (file.clone(), folder.path().join("out"));
+    let labels = beside(py, None, move |observer, cancel| {
+        let (file, out) = request;
+        let labelled = out.join("points.las");
         let config = settings(None, None, &assignments)?;
         let inputs = vec![file];
-        let request =
-            RunRequest { inputs, out: out.clone(), config, fresh: false, registries: Registries::default() };
-        run::run(&request, observer, cancel)?;
-        points::labels(out.join("points.las")).map_err(Error::from)
+        let request = RunRequest { inputs, out, config, fresh: false, registries: Registries::default() };
+        // A failure is told with the name that the points have for the caller.
+        Ok(run::run(&request, observer, cancel).and_then(|_| points::labels(labelled)))
     })?;
     drop(folder);
-    Ok((objects.into_pyarray(py), classes.into_pyarray(py), kinds.map(|kinds| kinds.into_pyarray(py))))
+    let labels = labels.map_err(|error| raised_of(&error, &file, "xyz"))?;
+    Ok(arrays(py, labels))
+}
+
+/// Checks settings without points.
+fn check(assignments: &[String]) -> chainage::Result<()> {
+    check_settings(&settings(None, None, assignments)?, &Registries::default())
+}
+
+fn arrays(py: Python<'_>, labels: Labels) -> Arrays<'_> {
+    let Labels { objects, classes, kinds } = labels;
+    (objects.into_pyarray(py), classes.into_pyarray(py), kinds.map(|kinds| kinds.into_pyarray(py)))
 }

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use chainage::config::Config;
+use chainage::config::{Config, MEMORY_MIB};
+use chainage::inventory;
 use chainage::run::{Registries, RunRequest, plan_of, run as run_drive, status as status_of};
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -68,4 +69,16 @@ pub(crate) fn status(py: Python<'_>, out: PathBuf) -> PyResult<String> {
         status_of(&out, &Registries::default(), |last| settings(None, Some(last.to_owned()), &[]))
     });
     json(&state.map_err(|error| raised(&error))?)
+}
+
+/// Columns of the table of objects: names and types.
+#[pyfunction]
+pub(crate) fn columns() -> Vec<(&'static str, &'static str)> {
+    inventory::columns().iter().map(|column| (column.name, column.column_type.label())).collect()
+}
+
+/// Memory budgets that are accepted, in MiB: the least and the most.
+#[pyfunction]
+pub(crate) fn memory_range() -> (u64, u64) {
+    MEMORY_MIB.into_inner()
 }

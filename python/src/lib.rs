@@ -15,7 +15,7 @@ mod _native {
     #[pymodule_export]
     use crate::arrays::label;
     #[pymodule_export]
-    use crate::drives::{plan, run, status};
+    use crate::drives::{columns, memory_range, plan, run, status};
     #[pymodule_export]
     use crate::failure::Failure;
     #[pymodule_export]

@@ -6,6 +6,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use chainage::Result;
+use chainage::config::LengthUnit;
 use chainage::input::{Catalog, Fields, InputOptions};
 
 /// Bytes of the header of LAS 1.4, and of a record of point format 6.
@@ -99,7 +100,8 @@ pub(crate) struct Labels {
 
 /// The labels of a labelled copy.
 pub(crate) fn labels(path: PathBuf) -> Result<Labels> {
-    let catalog = Catalog::open(&[path], &InputOptions { mmap: false, ..InputOptions::default() })?;
+    // The unit does not matter here, but degrees are looked for unless it is given.
+    let catalog = Catalog::open(&[path], &InputOptions { mmap: false, unit: LengthUnit::Metre })?;
     let mut labels = Labels::default();
     for file in catalog.files() {
         let layout = file.layout();

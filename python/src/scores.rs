@@ -1,6 +1,5 @@
 //! Scores of a segmentation against reference labels, from arrays.
 
-use chainage::config::ConfigError;
 use chainage::eval::metrics::Figures;
 use chainage::eval::table::{Cell, Counter, Predicted};
 use chainage::eval::{ClassTable, Evaluation, MetricSettings};
@@ -9,7 +8,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
-use crate::failure::{bug, raised};
+use crate::failure::bug;
 
 fn figures(of: &Figures) -> Value {
     json!({
@@ -22,7 +21,8 @@ fn figures(of: &Figures) -> Value {
     })
 }
 
-/// Scores labels. `class` are codes of the reference; without them all objects are of one class.
+/// Scores labels, which the Python part has checked. `class` are codes of the reference; without them all
+/// objects are of one class.
 #[pyfunction]
 #[pyo3(signature = (pred, reference, class, min_points))]
 pub(crate) fn evaluate(
@@ -36,9 +36,6 @@ pub(crate) fn evaluate(
     let pred: Vec<i64> = pred.as_array().to_vec();
     let reference: Vec<i64> = reference.as_array().to_vec();
     let class: Option<Vec<u16>> = class.map(|class| class.as_array().to_vec());
-    if min_points == 0 {
-        return Err(raised(&ConfigError::value("min_points", 0, "at least 1").into()));
-    }
     let text = py.detach(|| {
         let mut counter = Counter::default();
         for (row, (&segment, &object)) in pred.iter().zip(&reference).enumerate() {

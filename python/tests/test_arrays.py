@@ -1,6 +1,7 @@
 """Points in arrays: the partition of the command line, and refusals that name the value."""
 
 import json
+import re
 import subprocess
 
 import numpy as np
@@ -75,11 +76,121 @@ def test_small_arrays_have_the_objects_that_one_sees():
         (lambda: chainage.evaluate([1, 2], [1]), ValueError, r"\[2, 1\] values"),
         (lambda: chainage.evaluate([0.5], [1]), ValueError, "pred has 1 dimensions of float64"),
         (lambda: chainage.evaluate([1], [1], min_points=0), chainage.SettingError, "min_points = 0"),
+        (lambda: chainage.evaluate([1], [1], min_points=-1), chainage.SettingError, "min_points = -1"),
+        (lambda: chainage.evaluate([1], [1], min_points=2.5), chainage.SettingError, "min_points = 2.5: must be a whole"),
     ],
 )
 def test_refusals_name_the_value(call, error, text):
     with pytest.raises(error, match=text):
         call()
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "text"),
+    [
+        ("cls", np.array([2, 65538, 2]), r"cls\[1\] = 65538: must be from 0 to 65535"),
+        ("cls", np.array([2, 2, -1]), r"cls\[2\] = -1: must be from 0 to 65535"),
+        ("cls", [2.9] * 3, "cls has 1 dimensions of float64: must be one, of integers"),
+        ("cls", [[2, 2, 2]], "cls has 2 dimensions of int64"),
+        ("cls", ["a"] * 3, "cls has 1 dimensions of <U1"),
+        ("pred", np.array([1, 1, 1 << 63], dtype=np.uint64), r"pred\[2\] = 9223372036854775808: must be from -"),
+        ("ref", np.array([(1 << 64) - 1, 1, 1], dtype=np.uint64), r"ref\[0\] = 18446744073709551615"),
+        ("pred", np.ma.masked_array([1, 1, 1], mask=[0, 1, 0]), r"pred\[1\] is masked"),
+        ("ref", np.ma.masked_array([1, 1, 1], mask=[0, 0, 1]), r"ref\[2\] is masked"),
+        ("cls", np.ma.masked_array([2, 2, 2], mask=[1, 0, 0]), r"cls\[0\] is masked"),
+    ],
+)
+def test_labels_that_another_type_would_change_are_refused(name, values, text):
+    labels = {"pred": [1, 1, 0], "ref": [1, 1, 1], "cls": [2, 2, 2], name: values}
+    with pytest.raises(ValueError, match=text):
+        chainage.evaluate(**labels, min_points=1)
+
+
+def test_labels_of_other_types_are_taken_where_they_fit():
+    wide = np.array([1, 1, 0], dtype=np.uint64)
+    found = chainage.evaluate(wide, [1, 1, 1], np.array([65535] * 3, dtype=np.int64), min_points=np.int64(1))
+    assert found["overall"]["objects"] == 1
+    unmasked = np.ma.masked_array([1, 1, 0])
+    assert chainage.evaluate(unmasked, [1, 1, 1], min_points=1)["overall"] == found["overall"]
+
+
+def test_no_score_is_a_negative_zero():
+    found = chainage.evaluate([0, 0], [1, 1], min_points=1)
+    for name in ("sq", "pq", "mean_best_iou"):
+        assert str(found["overall"][name]) == "0.0", name
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"output__classification": "keep"},
+        {"output__dimension": "foo"},
+        {"output__files": ["csv"]},
+        {"output.format": "laz"},
+        {"axis__trajectory": "drive.csv"},
+        {"tiling__from": 1.0},
+        {"tiling__to": 1.0},
+        {"tiling__beyond": 1.0},
+    ],
+)
+@pytest.mark.parametrize("function", [chainage.cluster, chainage.ground, chainage.segment])
+def test_settings_of_files_are_refused(function, setting):
+    ((key, value),) = setting.items()
+    text = f"{key.replace('__', '.')} = {value!r}: cannot be set here, because"
+    with pytest.raises(ValueError, match=re.escape(text)):
+        function([[0, 0, 0]], **setting)
+
+
+def test_settings_of_the_machine_are_taken():
+    xyz = [[0, 0, 0], [0.1, 0, 0]]
+    settings = {"run__threads": 1, "run__memory_mib": 64, "tiling__tile_length": 5.0}
+    assert chainage.cluster(xyz, max_gap_m=0.5, min_points=2, **settings).tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda none: chainage.cluster(none, method="foo"), "there is no clustering method foo"),
+        (lambda none: chainage.cluster(none, bla=3), "there is no setting euclidean.bla"),
+        (lambda none: chainage.cluster(none, max_gap_m=-1), "euclidean.max_gap_m = -1"),
+        (lambda none: chainage.ground(none, method="foo"), "there is no ground filter foo"),
+        (lambda none: chainage.segment(none, no_such=3), "street.no_such"),
+    ],
+)
+def test_names_and_settings_are_checked_without_points(call, text):
+    with pytest.raises(chainage.SettingError, match=text):
+        call(np.zeros((0, 3)))
+
+
+def test_no_points_have_no_labels():
+    none = np.zeros((0, 3))
+    assert chainage.cluster(none).dtype == np.uint32
+    assert chainage.ground(none).dtype == bool
+    labels, classes = chainage.segment(none)
+    assert (labels.shape, labels.dtype, classes.shape, classes.dtype) == ((0,), np.uint32, (0,), np.uint8)
+
+
+def test_masked_points_are_refused():
+    xyz = np.ma.masked_greater([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0]], 5)
+    with pytest.raises(ValueError, match=r"xyz\[1\] is masked"):
+        chainage.cluster(xyz)
+    assert chainage.cluster(np.ma.masked_array(np.zeros((2, 3)))).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("shift", [1e12, -2e9, 1e300])
+def test_points_far_from_earth_are_named_as_the_caller_knows_them(shift):
+    with pytest.raises(ValueError, match=r"xyz\[0\] = .*: must be finite, and from -1e\+09 to 1e\+09"):
+        chainage.cluster(np.zeros((3, 3)) + shift)
+
+
+def test_no_error_names_the_files_in_between():
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = [1e-7] * 3
+    points = laspy.LasData(header)
+    points.x, points.y, points.z = np.arange(3) * 1e-4, np.zeros(3), np.zeros(3)
+    with pytest.raises(chainage.InputError, match=r"^xyz has geographic coordinates \(degrees\)"):
+        chainage.cluster(points)
+    assert chainage.cluster(points, min_points=2, input__unit="metre").tolist() == [1, 1, 1]
 
 
 def test_scores_are_those_of_the_command_line(tmp_path):

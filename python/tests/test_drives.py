@@ -1,12 +1,16 @@
 """Drives of files: the bytes of the command line, events, Ctrl-C, exceptions by kind."""
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import INSTALLED, PROGRAM, SAMPLE
 
@@ -41,6 +45,85 @@ def test_objects_are_the_rows_of_the_table(tmp_path):
     assert len(table) == summary["objects"]
     ids = [row["id"] for row in table] if isinstance(table, list) else list(table["id"])
     assert ids == list(range(1, len(ids) + 1))
+
+
+def readme_columns():
+    readme = Path(__file__).resolve().parents[2].joinpath("README.md").read_text(encoding="utf-8")
+    _, _, rest = readme.partition("<!-- columns of objects")
+    rows = [line.split("|") for line in rest.partition("## ")[0].splitlines() if line.startswith("| `")]
+    return {row[1].strip(" `"): row[2].strip() for row in rows}
+
+
+def test_a_frame_has_the_same_types_whatever_the_objects(tmp_path):
+    pytest.importorskip("pandas")
+    chainage.run(SAMPLE, tmp_path / "some", **SMALL)
+    chainage.run(SAMPLE, tmp_path / "none", **SMALL, min_points=1_000_000)
+    some, none = chainage.objects(tmp_path / "some"), chainage.objects(tmp_path / "none")
+    assert len(some) > 10 and len(none) == 0
+    assert type(none) is type(some) and list(none.columns) == list(some.columns)
+    assert none.dtypes.equals(some.dtypes)
+    assert none["height_m"].isna().sum() == 0
+    # No object of this method has a class, so that a whole column is empty.
+    assert some["dbh_m"].isna().all()
+    expected = {"whole number": "int64", "number": "float64", "true or false": "bool"}
+    columns = readme_columns()
+    assert len(columns) > 30 and list(columns) == [name for name in some.columns if name != "geometry"]
+    for name, kind in columns.items():
+        assert some[name].dtype == expected.get(kind, some[name].dtype), name
+    assert isinstance(some["uid"].iloc[0], str) and isinstance(some["touches"].iloc[0], list)
+
+
+@pytest.mark.parametrize(
+    ("member", "epsg"),
+    [
+        ('"crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::25832"}},', 25832),
+        ('"crs":null,', None),
+        ("", None),
+    ],
+)
+@pytest.mark.parametrize("features", ["", '{"type":"Feature","geometry":null,"properties":{"id":1,"height_m":null}}'])
+def test_the_frame_has_the_coordinate_system_of_the_file(tmp_path, member, epsg, features):
+    pytest.importorskip("geopandas")
+    text = f'{{"type":"FeatureCollection",\n{member}\n"features":[{features}]}}'
+    (tmp_path / "objects.geojson").write_text(text)
+    table = chainage.objects(tmp_path)
+    assert (table.crs and table.crs.to_epsg()) == epsg
+    assert table["height_m"].dtype == float and len(table) == bool(features)
+
+
+def test_an_unknown_coordinate_system_is_told(tmp_path):
+    pytest.importorskip("geopandas")
+    name = "urn:ogc:def:crs:EPSG::99999"
+    (tmp_path / "objects.geojson").write_text(
+        f'{{"type":"FeatureCollection","crs":{{"type":"name","properties":{{"name":"{name}"}}}},"features":[]}}'
+    )
+    with pytest.warns(UserWarning, match=f"{name} is not known to pyproj"):
+        assert chainage.objects(tmp_path).crs is None
+
+
+@pytest.mark.parametrize(
+    ("memory", "mib"),
+    [("800M", 800), ("4g", 4096), ("0.5GiB", 512), ("64", 64), ("1e3mb", 1000), (64, 64), (np.int64(512), 512)],
+)
+def test_memory_is_read_as_on_the_command_line(memory, mib):
+    assert chainage.plan(SAMPLE, memory=memory)["memory"] == mib << 20
+    if isinstance(memory, str):
+        command = [PROGRAM, "plan", SAMPLE, "--memory", memory, "--json"]
+        told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        assert json.loads(told)["memory"] == mib << 20
+
+
+@pytest.mark.parametrize("memory", ["0.5M", "4T", "1M", "lots", "-3G", "4 G", "", "99999999999999G", "1e999", "16777217"])
+def test_memory_is_refused_as_on_the_command_line(memory):
+    with pytest.raises(ValueError, match="^" + re.escape(f"memory = {memory!r}: must be ")):
+        chainage.plan(SAMPLE, memory=memory)
+    assert subprocess.run([PROGRAM, "plan", SAMPLE, "--memory", memory], capture_output=True).returncode == 2
+
+
+@pytest.mark.parametrize("memory", [0, 15, -5, 0.5, 1e3, True, [64]])
+def test_other_memory_is_refused(memory):
+    with pytest.raises(ValueError, match="^" + re.escape(f"memory = {memory!r}: must be ")):
+        chainage.plan(SAMPLE, memory=memory)
 
 
 def test_plan_writes_nothing(tmp_path):

@@ -296,7 +296,8 @@ impl Judged {
         let iou_sum = |holds: &dyn Fn(usize) -> bool| {
             let ious =
                 objects.iter().filter(|&&index| holds(index)).filter_map(|&index| self.panoptic.best[index]);
-            ious.map(Iou::value).sum()
+            // Not `sum`, whose sum of nothing is -0.0.
+            ious.map(Iou::value).fold(0.0, |sum, iou| sum + iou)
         };
         let is_false = |index: &&usize| self.panoptic.segments[**index] == SegmentRole::FalsePositive;
         Figures {

@@ -2,13 +2,12 @@
 
 /// Six decimals: one point in a million.
 pub(super) fn share(value: Option<f64>) -> Option<f64> {
-    // Adding zero removes the sign: the sum of no IoU is -0.0 in Rust.
+    // Adding zero turns -0.0 into 0.0.
     value.map(|value| (value * 1e6).round() / 1e6 + 0.0)
 }
 
 /// Three decimals of metres.
 pub(super) fn millimetres(value_m: f64) -> f64 {
-    // Adding zero turns -0.0 into 0.0.
     (value_m * 1e3).round() / 1e3 + 0.0
 }
 
