@@ -36,8 +36,12 @@ fn page(state: &RunStatus, why: bool) -> String {
         .passes
         .iter()
         .map(|pass| {
-            let units = pass.units.map_or_else(|| "-".to_owned(), |units| units.to_string());
-            vec![pass.pass.clone(), units, pass.done.to_string(), pass.stale.to_string()]
+            let Some(units) = pass.units else {
+                // Its outputs are complete, and its state was removed; or its units are not known yet.
+                let count = |count: usize| if state.finished { "-".to_owned() } else { count.to_string() };
+                return vec![pass.title.clone(), "-".to_owned(), count(pass.done), count(pass.stale)];
+            };
+            vec![pass.title.clone(), units.to_string(), pass.done.to_string(), pass.stale.to_string()]
         })
         .collect();
     let mut text = print::table(&["pass", "units", "done", "stale"], &rows);
@@ -61,7 +65,7 @@ fn reasons(passes: &[PassStatus]) -> String {
     for pass in passes.iter().filter(|pass| !pass.why.is_empty()) {
         let causes = pass.causes();
         if causes.is_empty() {
-            following.push(pass.pass.as_str());
+            following.push(pass.pass);
         }
         for cause in causes {
             text.push_str(&format!("  {} must be redone: {cause}\n", pass.pass));

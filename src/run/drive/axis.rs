@@ -73,12 +73,6 @@ pub(super) fn find_axis(
         }
         if config.axis.source == AxisChoice::GpsTime {
             warnings.push("GPS time gives no track: the axis is the principal axis of the points".to_owned());
-        } else {
-            warnings.push(
-                "GPS time shows no drive: the axis is the longest direction of the points, so chainage and offset \
-                 may not be along a road, and clearance is left out; --trajectory gives the path"
-                    .to_owned(),
-            );
         }
     }
     Ok(Axis::principal(cells, drive.grid, drive.lattice()))

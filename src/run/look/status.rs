@@ -16,8 +16,10 @@ use crate::store::{RunDir, StaleReason};
 /// The state of one pass.
 #[derive(Debug, Clone, Serialize)]
 pub struct PassStatus {
+    /// Its name.
+    pub pass: &'static str,
     /// Its name with its round, as `work --pass` takes it: `growth`, `growth-round-2`.
-    pub pass: String,
+    pub title: String,
     /// Number of units. `None` if it is not known before an earlier pass is complete.
     pub units: Option<usize>,
     /// Number of units with a stored result that fits.
@@ -35,7 +37,7 @@ pub struct RunStatus {
     pub out: PathBuf,
     /// Input files.
     pub inputs: Vec<PathBuf>,
-    /// Passes in order. Of a finished run, those whose state is kept.
+    /// Passes in order. Of a finished run, the last ones have no units: their state is not kept.
     pub passes: Vec<PassStatus>,
     /// Whether all outputs exist and fit.
     pub finished: bool,
@@ -58,8 +60,7 @@ pub fn status(
     let mut driver = Nobody::new(&run_dir);
     let outcome = walk(&open, &mut driver, &run_dir)?;
     let finished = outcome.is_some_and(|outcome| outcome.unmarked.is_none());
-    let mut passes: Vec<_> = driver.finish()?.into_iter().map(PassStatus::of).collect();
-    passes.retain(|pass| !finished || pass.units.is_some());
+    let passes = driver.finish()?.into_iter().map(PassStatus::of).collect();
     Ok(RunStatus { out: out.to_owned(), inputs, passes, finished })
 }
 
@@ -73,7 +74,7 @@ fn walk(open: &Opened<'_>, driver: &mut Nobody<'_>, run_dir: &RunDir) -> Result<
 impl PassStatus {
     fn of(state: PassState) -> Self {
         let PassState { outline, units, done, stale, why } = state;
-        Self { pass: outline.title(), units, done, stale, why }
+        Self { pass: outline.name, title: outline.title(), units, done, stale, why }
     }
 
     /// The changed values in words, with their units. Empty if the pass only follows a pass that has changed.
