@@ -30,6 +30,9 @@ pub trait Clusterer: std::fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].
+    ///
+    /// # Panics
+    /// When there is not one label per point.
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError>;
 
     /// The same for a tile that owns the points where `core` is true. In some methods a point can be in an

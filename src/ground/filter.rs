@@ -25,6 +25,9 @@ pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].
+    ///
+    /// # Panics
+    /// When there is not one class per point.
     fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError>;
 }
 

@@ -99,6 +99,7 @@ impl Crs {
                 }
             });
         let from_keys = geo_keys(header, source, warnings).as_ref().and_then(claim_of_keys);
+        let is_unreadable = text.is_some() && from_text.is_none();
         let text = from_text.is_some().then_some(text).flatten();
         let prefer_text = header.global_encoding & WKT_BIT != 0;
         let (first, second) = if prefer_text { (from_text, from_keys) } else { (from_keys, from_text) };
@@ -109,7 +110,12 @@ impl Crs {
         let claim = claim.dismissed_by(header.extent, warnings).compared_with_epsg(warnings);
         let text = text.filter(|_| claim != Claim::default());
         claim.warn_about_unit(warnings);
-        claim.into_crs(text)
+        let is_unknown = claim == Claim::default();
+        let crs = claim.into_crs(text);
+        match is_unreadable && is_unknown {
+            true => Self { description: "unreadable (coordinates are taken as metres)".to_owned(), ..crs },
+            false => crs,
+        }
     }
 }
 

@@ -54,6 +54,13 @@ impl<'a> Begun<'a> {
         warnings.extend(open::file_system_warning(&request.inputs, config));
         warnings.extend(file_warnings);
         let crs = catalog.crs();
+        if config.output.writes("geojson") && crs.is_known() && crs.epsg.is_none() {
+            warnings.push(format!(
+                "objects.geojson names no coordinate system, because no EPSG code of {} is known: other programs may \
+                 take its coordinates for longitude and latitude (objects.gpkg does not have this problem)",
+                crs.description
+            ));
+        }
         if config.output.writes("copc") && crs.is_known() && crs.text().is_none() {
             warnings.push(format!(
                 "{} names no coordinate system: COPC holds it as well-known text, and the files have none \

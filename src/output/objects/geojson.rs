@@ -2,8 +2,8 @@
 //! outline is the geometry: a polygon, or a line or a point where the outline has no area.
 //!
 //! RFC 7946 allows geographic coordinates only, but ours are projected. Therefore a member `crs` of the older
-//! GeoJSON specification (2008, section 3) names the EPSG code. Where none is known it is null, so that
-//! nobody takes the coordinates for longitude and latitude. QGIS and GDAL honour both.
+//! GeoJSON specification (2008, section 3) names the EPSG code, which QGIS and GDAL honour. Where none is
+//! known it is null: no system can be assumed. GDAL 3 assumes longitude and latitude all the same.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
