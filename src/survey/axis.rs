@@ -27,6 +27,8 @@ const GAP_BINS: i64 = 8;
 const INCOMPLETE_BINS: usize = 8;
 /// Share of the median of points below which such a bin is incomplete.
 const INCOMPLETE_SHARE: f64 = 0.5;
+/// Vertices at an end of the axis that give the direction in which it goes straight on. A single step wobbles.
+const END_VERTICES: usize = 10;
 /// A shorter track means that the scanner did not move, in metres.
 const SHORTEST_TRACK_M: f64 = 10.0;
 /// Longest axis in metres. A longer one comes from absurd positions.
@@ -182,9 +184,13 @@ impl Axis {
     }
 
     /// Chainage of the foot of a place on the axis, and its signed offset (positive to the left), in metres.
+    /// Beyond its two ends the axis goes straight on: before its beginning chainage is negative.
     #[must_use]
     pub fn locate(&self, place: [f64; 2]) -> (f64, f64) {
         let Some(vertex) = self.index.nearest(place) else { return (0.0, 0.0) };
+        if let Some(beyond) = self.beyond(vertex, place) {
+            return beyond;
+        }
         let mut best = (f64::INFINITY, self.chainage[vertex], 0.0);
         for start in [vertex.checked_sub(1), Some(vertex)].into_iter().flatten() {
             if start + 1 >= self.vertices.len() || !self.joined[start] {
@@ -215,6 +221,29 @@ impl Axis {
             best.2 = distance(place, self.vertices[vertex]);
         }
         (best.1, best.2)
+    }
+}
+
+impl Axis {
+    /// Chainage and offset of a place beyond the end of the axis that `vertex` is; `None` if it is no end, or
+    /// the place is not beyond it.
+    fn beyond(&self, vertex: usize, place: [f64; 2]) -> Option<(f64, f64)> {
+        let last = self.vertices.len() - 1;
+        let inner = if vertex == 0 {
+            (1..=END_VERTICES.min(last)).take_while(|&at| self.joined[at - 1]).last()?
+        } else if vertex == last {
+            (last - END_VERTICES.min(last)..last).rev().take_while(|&at| self.joined[at]).last()?
+        } else {
+            return None;
+        };
+        // Along the axis, in the direction of the drive.
+        let (from, to) = (self.vertices[inner.min(vertex)], self.vertices[inner.max(vertex)]);
+        let length = distance(from, to);
+        let (ux, uy) = ((to[0] - from[0]) / length, (to[1] - from[1]) / length);
+        let (px, py) = (place[0] - self.vertices[vertex][0], place[1] - self.vertices[vertex][1]);
+        let along = px * ux + py * uy;
+        let is_beyond = if vertex == 0 { along < 0.0 } else { along > 0.0 };
+        (length > 0.0 && is_beyond).then(|| (self.chainage[vertex] + along, ux * py - uy * px))
     }
 }
 
@@ -357,6 +386,26 @@ mod tests {
         assert!((chainage - 50.4).abs() < 1e-9 && (offset - 3.0).abs() < 1e-9);
         assert!((axis.locate([150.4, 2.0]).1 + 5.0).abs() < 1e-9);
         assert!((axis.length_m() - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn beyond_its_ends_the_axis_goes_straight_on() {
+        let axis = Axis::from_positions(AxisSource::Trajectory, &straight(100.0, 300.0, 7.0)).unwrap();
+        for (place, expected) in [
+            ([80.0, 12.0], (-20.0, 5.0)),
+            ([312.5, 4.0], (212.5, -3.0)),
+            ([100.0, 27.0], (0.0, 20.0)),
+            ([300.0, 27.0], (200.0, 20.0)),
+        ] {
+            let (chainage, offset) = axis.locate(place);
+            assert!((chainage - expected.0).abs() < 1e-6 && (offset - expected.1).abs() < 1e-6, "{place:?}");
+        }
+        // The vertex in the middle of a bend is no end.
+        let mut bend = straight(0.0, 50.0, 0.0);
+        bend.extend((1..=50).map(|k| [50.0, f64::from(k)]));
+        let axis = Axis::from_positions(AxisSource::Trajectory, &bend).unwrap();
+        let (chainage, offset) = axis.locate([53.0, -4.0]);
+        assert!((chainage - 50.0).abs() < 0.5 && (offset + 5.0).abs() < 0.5, "{chainage} {offset}");
     }
 
     #[test]

@@ -16,13 +16,13 @@ impl Attribute for StationOnAxis {
                 name: "chainage_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "distance of the base along the axis of the drive",
+                definition: "distance of the base along the axis of the drive; negative before its beginning",
             },
             Column {
                 name: "offset_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "distance of the base from the axis, positive to its left",
+                definition: "distance of the base from the axis, which goes straight on beyond its ends; positive to its left",
             },
         ]
     }
