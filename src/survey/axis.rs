@@ -27,7 +27,8 @@ const GAP_BINS: i64 = 8;
 const INCOMPLETE_BINS: usize = 8;
 /// Share of the median of points below which such a bin is incomplete.
 const INCOMPLETE_SHARE: f64 = 0.5;
-/// Vertices at an end of the axis that give the direction in which it goes straight on. A single step wobbles.
+/// Vertices at an end of the axis that give the direction in which it goes straight on. A single step
+/// wobbles.
 const END_VERTICES: usize = 10;
 /// A shorter track means that the scanner did not move, in metres.
 const SHORTEST_TRACK_M: f64 = 10.0;
