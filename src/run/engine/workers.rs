@@ -357,6 +357,34 @@ mod tests {
         }
     }
 
+    fn keeper<'a>(
+        run_dir: &'a RunDir,
+        dir: &'a PassDir,
+        cancel: &'a CancelToken,
+        drives: bool,
+    ) -> Keeper<'a> {
+        let limits = Limits { threads: 3, memory: 3 };
+        Keeper { run_dir, dir, limits, fail_fast: false, drives, observer: &Silent, cancel }
+    }
+
+    #[test]
+    fn a_worker_adds_nothing_to_a_pass_that_was_opened_with_other_settings() {
+        let out = tempfile::tempdir().unwrap();
+        let run_dir = RunDir::open(out.path(), false).unwrap();
+        let pass = Failing { outline: Outline::new(1, "failing", Inputs::new()), syncs: AtomicUsize::new(1) };
+        let dir = run_dir.pass(&pass.outline.folder, pass.outline.depends.clone());
+        dir.prepare().unwrap();
+        let cancel = CancelToken::default();
+        let keeper = keeper(&run_dir, &dir, &cancel, false);
+        keeper.execute(&pass, &[0]).unwrap();
+        // Another process opens the pass anew while the worker computes.
+        let anew = run_dir.pass(&pass.outline.folder, Inputs::new().with("gap", "0.5 m"));
+        anew.prepare().unwrap();
+        let error = keeper.execute(&pass, &[1, 2, 3]).unwrap_err().to_string();
+        assert!(error.contains("has not been opened for workers with these settings"), "{error}");
+        assert!((0..8).all(|unit| !dir.unit_path(unit).exists()), "a unit of other settings");
+    }
+
     #[test]
     fn after_a_failed_sync_no_unit_of_the_call_is_committed() {
         let out = tempfile::tempdir().unwrap();
@@ -364,17 +392,8 @@ mod tests {
         let pass = Failing { outline: Outline::new(1, "failing", Inputs::new()), syncs: AtomicUsize::new(0) };
         let dir = run_dir.pass(&pass.outline.folder, pass.outline.depends.clone());
         dir.prepare().unwrap();
-        let limits = Limits { threads: 3, memory: 3 };
         let cancel = CancelToken::default();
-        let keeper = Keeper {
-            run_dir: &run_dir,
-            dir: &dir,
-            limits,
-            fail_fast: false,
-            drives: true,
-            observer: &Silent,
-            cancel: &cancel,
-        };
+        let keeper = keeper(&run_dir, &dir, &cancel, true);
         let units: Vec<usize> = (0..8).collect();
         let error = keeper.execute(&pass, &units).unwrap_err().to_string();
         assert!(error.contains("failing"), "{error}");
