@@ -38,7 +38,7 @@ pub use crate::config::LengthUnit;
 pub use crate::model::record_xyz;
 pub use catalog::Catalog;
 pub use chunks::Block;
-pub use crs::{Crs, CrsKind, unit_in_words};
+pub use crs::{Crs, CrsKind, unit_in_words, unit_symbol};
 pub use error::{ChunkProblem, ChunkTableProblem, CopcProblem, InputError};
 pub use file::InputFile;
 pub use layout::{ExtraDimension, FieldPlace, RecordLayout};

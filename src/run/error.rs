@@ -180,8 +180,9 @@ impl Failure for RunError {
             }
             Self::UnitsFailed { .. } => "the same command tries the failed units again".into(),
             Self::NoSuchPass { known, .. } => format!("its passes are: {}", known.join(", ")).into(),
-            Self::NoSuchUnit { .. } | Self::NotOpened { .. } => {
-                "chainage next OUT says which pass and which units are due".into()
+            Self::NoSuchUnit { .. } => "chainage next OUT says which pass and which units are due".into(),
+            Self::NotOpened { .. } => {
+                "chainage next OUT says which pass is due, and chainage plan --units opens it".into()
             }
             Self::NotReduced { pass, .. } => {
                 format!("chainage reduce OUT --after {pass} completes it").into()

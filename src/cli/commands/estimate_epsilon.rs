@@ -111,6 +111,9 @@ impl EstimateArgs {
     }
 
     fn drive(&self) -> Result<DriveEpsilon, CliError> {
+        if self.no_header {
+            return Err(refused("--no-header", "a drive", "left out unless the input is one table").into());
+        }
         if let Some(method) = self.settings.choices.method.as_deref().filter(|method| *method != "dbscan") {
             return Err(refused("--method", method, "dbscan, which has an epsilon").into());
         }

@@ -1,6 +1,6 @@
 //! `chainage info`.
 
-use chainage::input::unit_in_words;
+use chainage::input::unit_symbol;
 use chainage::run::{DriveFacts, look_at};
 
 use crate::cli::drive_args::{Inputs, Settings};
@@ -60,10 +60,7 @@ fn page(facts: &DriveFacts) -> String {
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
         // In the unit of the files, as every other program shows them.
         let unit_m = facts.units_m[axis];
-        let unit = match unit_in_words(unit_m).as_str() {
-            "metres" => "m".to_owned(),
-            other => other.to_owned(),
-        };
+        let unit = unit_symbol(unit_m);
         let (low, high) = (facts.min_m[axis] / unit_m, facts.max_m[axis] / unit_m);
         text.push_str(&format!("  {name}         {low:.3} to {high:.3} {unit} ({:.1} m)\n", span(axis)));
     }

@@ -33,10 +33,11 @@ impl SlurmArgs {
     pub(crate) fn run(&self) -> Outcome {
         // Wrong settings and inputs are refused here, and not in a job.
         let config = self.settings.resolve(&[])?;
-        check_inputs(&self.inputs.files()?, &config)?;
+        let inputs = self.inputs.files()?;
+        check_inputs(&inputs, &config)?;
         let mut plan: Vec<String> = Vec::new();
-        for file in self.inputs.files()? {
-            plan.push(quoted(&absolute(&file)?.to_string_lossy()));
+        for file in &inputs {
+            plan.push(quoted(&absolute(file)?.to_string_lossy()));
         }
         plan.extend(self.settings.as_arguments(&[]).iter().map(|word| quoted(&word.to_string_lossy())));
         let sbatch = shlex::split(&self.sbatch).ok_or_else(|| {

@@ -36,12 +36,12 @@ fn page(state: &RunStatus, why: bool) -> String {
         .passes
         .iter()
         .map(|pass| {
-            let Some(units) = pass.units else {
-                // Its outputs are complete, and its state was removed; or its units are not known yet.
-                let count = |count: usize| if state.finished { "-".to_owned() } else { count.to_string() };
-                return vec![pass.title.clone(), "-".to_owned(), count(pass.done), count(pass.stale)];
-            };
-            vec![pass.title.clone(), units.to_string(), pass.done.to_string(), pass.stale.to_string()]
+            let shown =
+                |count: Option<usize>| count.map_or_else(|| "-".to_owned(), |count| count.to_string());
+            // Of a finished run, the state of a pass without units was removed: its outputs are complete.
+            let kept = pass.units.is_some() || !state.finished;
+            let [done, stale] = [pass.done, pass.stale].map(|count| shown(kept.then_some(count)));
+            vec![pass.title.clone(), shown(pass.units), done, stale]
         })
         .collect();
     let mut text = print::table(&["pass", "units", "done", "stale"], &rows);

@@ -33,8 +33,8 @@ impl Attribute for Clearance {
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        let stands_there = matches!(object.kind.class, VEHICLE | SMALL) || !object.site.is_driven;
-        values.push(if stands_there { None } else { least(object) }.into());
+        let has_none = matches!(object.kind.class, VEHICLE | SMALL) || !object.site.is_driven;
+        values.push(if has_none { None } else { least(object) }.into());
     }
 }
 

@@ -42,7 +42,7 @@ const CLASSES: &str = include_str!("../../../config/classes.toml");
 
 /// Bytes of a page per shown point that the budget allows for: 5 to 7 were measured on streets.
 const BYTES_PER_POINT: u64 = 10;
-/// Part of the limit that the table of objects may take.
+/// Part of the limit, without the markup, style and script of every page, that the table of objects may take.
 const TABLE_PART: u64 = 3;
 
 /// Number of points that a page with a limit in bytes may show.
@@ -72,7 +72,8 @@ impl PageTable {
         limit_bytes: u64,
         spill: &dyn Fn() -> io::Result<Spill>,
     ) -> serde_json::Result<Self> {
-        let room = usize::try_from(limit_bytes / TABLE_PART).unwrap_or(usize::MAX);
+        let own = MARKUP.len() + STYLE.len() + SCRIPT.map(str::len).iter().sum::<usize>();
+        let room = usize::try_from(limit_bytes.saturating_sub(own as u64) / TABLE_PART).unwrap_or(usize::MAX);
         let mut largest: Vec<usize> = (0..table.len).collect();
         largest.sort_by_key(|&position| (std::cmp::Reverse(points(position)), position));
         loop {
@@ -354,9 +355,7 @@ mod tests {
     #[test]
     fn a_page_keeps_its_limit_and_says_what_it_left_out() {
         let own = written(Vec::new(), &table(0, 1 << 20), 1 << 20).len();
-        // A third of the limit is for the table, so that the smaller one leaves some thousand bytes for
-        // points.
-        for limit in [own as u64 + 90_000, own as u64 + 200_000] {
+        for limit in [own as u64 + 60_000, own as u64 + 200_000] {
             let table = table(20_000, limit);
             let text = written(points(100_000), &table, limit);
             assert!(text.len() as u64 <= limit, "{} of {limit}", text.len());

@@ -26,11 +26,9 @@ const SURPLUS: f64 = 2.0;
 const LEAST_OF_OBJECT: f64 = 24.0;
 /// Thinning where every point is planned, a quarter: such points are shown before all others.
 const FIRST: u64 = 1 << 14;
-/// Candidates that one unit of a million points keeps, at least and at most. Of a long drive every unit shows
+/// Candidates that one unit keeps, at least and at most. Of a long drive every unit shows
 /// few points; a short one, with few units, may show a quarter of its points.
 const UNIT_CANDIDATES: (usize, usize) = (1 << 17, 1 << 18);
-/// Points of a unit, as the pass `export` divides the drive.
-const UNIT_POINTS: u64 = 1_000_000;
 /// Slots for the voxels that were seen last, a power of two. Neighbouring records are mostly in the same
 /// voxels.
 const SLOTS: usize = 1 << 14;
@@ -101,6 +99,8 @@ pub(crate) struct SampledDrive<'a> {
     pub(crate) ground_points: u64,
     /// Points that are neither ground nor noise.
     pub(crate) object_points: u64,
+    /// Points of a unit of the pass that samples.
+    pub(crate) unit_points: u64,
     /// Occupied area of the drive in square lattice units.
     pub(crate) area_units2: f64,
     /// Smallest lattice coordinates of the drive.
@@ -141,7 +141,7 @@ impl Sampling {
         rules.extend(drive.objects.iter().zip(&quotas).map(|(object, &quota)| {
             Rule::of(object.points as f64, quota, surface_m2(object, drive.lattice) * square_m)
         }));
-        let units = (drive.ground_points + drive.object_points) / UNIT_POINTS + 1;
+        let units = (drive.ground_points + drive.object_points) / drive.unit_points + 1;
         let (least, most) = UNIT_CANDIDATES;
         let candidates = usize::try_from(2 * budget as u64 / units).unwrap_or(most).clamp(least, most);
         Self {
@@ -404,6 +404,7 @@ mod tests {
             objects: &seen.objects,
             ground_points: of(PointClass::Ground),
             object_points: of(PointClass::Object),
+            unit_points: 1_000_000,
             area_units2: 3.6e9,
             origin: [0; 3],
             lattice: Lattice::MILLIMETRE,

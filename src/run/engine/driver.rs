@@ -145,3 +145,66 @@ impl Driver for InMemory {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::run::engine::Silent;
+    use crate::store::Inputs;
+
+    /// A pass whose first unit is replaced by one for other settings before it is reduced for the first time.
+    struct Replaced {
+        outline: Outline,
+        runs: AtomicUsize,
+        reductions: AtomicUsize,
+        foreign: PassDir,
+    }
+
+    impl Pass for Replaced {
+        type Global = Vec<u8>;
+
+        fn outline(&self) -> &Outline {
+            &self.outline
+        }
+
+        fn units(&self) -> usize {
+            3
+        }
+
+        fn points(&self, _unit: usize) -> u64 {
+            1
+        }
+
+        fn bytes(&self, _unit: usize) -> u64 {
+            1
+        }
+
+        fn run(&self, unit: usize) -> Result<Vec<u8>> {
+            self.runs.fetch_add(1, Ordering::Relaxed);
+            Ok(unit.to_le_bytes().to_vec())
+        }
+
+        fn reduce(&self, payloads: &Payloads) -> Result<Vec<u8>> {
+            if self.reductions.fetch_add(1, Ordering::Relaxed) == 0 {
+                self.foreign.commit(0, &[9])?;
+            }
+            let payloads = (0..3).map(|unit| payloads.get(unit)).collect::<Result<Vec<_>>>()?;
+            Ok(payloads.iter().map(|payload| payload[0]).collect())
+        }
+    }
+
+    #[test]
+    fn a_unit_that_a_worker_with_other_settings_replaced_is_computed_again() {
+        let out = tempfile::tempdir().unwrap();
+        let run_dir = RunDir::open(out.path(), false).unwrap();
+        let outline = Outline::new(1, "replaced", Inputs::new());
+        let foreign = run_dir.pass(&outline.folder, Inputs::new().with("gap", "0.5 m"));
+        let pass = Replaced { outline, runs: AtomicUsize::new(0), reductions: AtomicUsize::new(0), foreign };
+        let cancel = CancelToken::default();
+        let mut driver = Here::new(&run_dir, Limits { threads: 2, memory: 2 }, false, &Silent, &cancel);
+        assert_eq!(driver.complete(&pass).unwrap(), Some(vec![0, 1, 2]));
+        assert_eq!((pass.runs.into_inner(), pass.reductions.into_inner()), (4, 2));
+    }
+}

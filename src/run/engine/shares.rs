@@ -211,9 +211,9 @@ impl Driver for Barrier<'_> {
             return Err(RunError::NoSuchPass { pass: after.to_owned(), known: self.known.clone() }.into());
         }
         pass.prepare(&dir)?;
-        // Earlier calls may have computed more than the first pass.
-        let is_done = self.reached && dir.is_complete_now(units)?;
         if self.reached {
+            // Earlier calls may have completed passes behind the one to complete: they stay as they are.
+            let is_done = dir.is_complete_now(units)?;
             if !is_done {
                 dir.prepare()?;
             }
@@ -221,19 +221,18 @@ impl Driver for Barrier<'_> {
             if let Some((before, units)) = self.unmarked.take() {
                 before.mark_complete(units)?;
             }
-        }
-        if self.reached && !is_done {
-            let all: Vec<usize> = (0..units).collect();
-            let left = dir.not_done_now(&all)?;
-            let missing = left.into_iter().map(|(unit, _)| unit).collect();
-            self.opened = Some(DuePass { pass: title, missing, units });
-            return Ok(None);
-        }
-        if self.after == Some(&*title) {
+            if !is_done {
+                let all: Vec<usize> = (0..units).collect();
+                let left = dir.not_done_now(&all)?;
+                let missing = left.into_iter().map(|(unit, _)| unit).collect();
+                self.opened = Some(DuePass { pass: title, missing, units });
+                return Ok(None);
+            }
+        } else if self.after == Some(&*title) {
             self.check(pass, &dir)?;
             self.reached = true;
             self.unmarked = Some((dir.clone(), units));
-        } else if !self.reached && !dir.is_complete(units)? {
+        } else if !dir.is_complete(units)? {
             let asked = self.after.unwrap_or_default().to_owned();
             return Err(RunError::NotReduced { pass: title, asked }.into());
         }

@@ -99,6 +99,7 @@ impl Keeper<'_> {
         let mut failures = Vec::new();
         let mut lost = false;
         let stopped = || stop.load(Ordering::Relaxed) || self.cancel.is_cancelled();
+        // One sync covers all units that have arrived during the previous sync.
         on_workers(pass, todo, self.limits, &stopped, |batch| {
             for (unit, error) in self.keep(pass, batch, &mut lost) {
                 let reason = error.to_string();
@@ -219,7 +220,6 @@ fn on_workers<P: Pass>(
             }
         });
         for first in &results {
-            // One sync covers all units that have arrived during the previous sync.
             receive(std::iter::once(first).chain(results.try_iter()).collect());
         }
     });

@@ -1,6 +1,6 @@
 //! Where the page counts coordinates from.
 
-use crate::config::{FOOT, US_SURVEY_FOOT};
+use crate::input::unit_symbol;
 use crate::output::report::{PageCloud, PageFrame};
 use crate::run::drive::{Drive, Surveyed};
 use crate::run::finish::names::CLOUD;
@@ -32,27 +32,5 @@ pub(super) fn cloud(drive: &Drive, surveyed: &Surveyed) -> PageCloud {
 /// The units of the coordinates of the input in the plane, and of its heights, as a person reads them.
 pub(super) fn unit_names(drive: &Drive) -> [String; 2] {
     let [plan_m, _, height_m] = drive.catalog.units_m();
-    [plan_m, height_m].map(unit_name)
-}
-
-fn unit_name(unit_m: f64) -> String {
-    // The two feet differ by 2 parts in a million, and files round theirs to 7 digits.
-    let is = |known_m: f64| (unit_m / known_m - 1.0).abs() < 2e-7;
-    match unit_m {
-        _ if is(1.0) => "m".to_owned(),
-        _ if is(FOOT) => "ft".to_owned(),
-        _ if is(US_SURVEY_FOOT) => "US survey ft".to_owned(),
-        _ => format!("units of {unit_m} m"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn units_have_their_names() {
-        let names = [1.0, 0.3048, 0.304_800_6, US_SURVEY_FOOT, 0.5].map(unit_name);
-        assert_eq!(names, ["m", "ft", "US survey ft", "US survey ft", "units of 0.5 m"]);
-    }
+    [plan_m, height_m].map(unit_symbol)
 }

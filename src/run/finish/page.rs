@@ -11,6 +11,7 @@ use crate::run::finish::frame::{cloud, frame, origin, unit_names};
 use crate::run::finish::names::{PAGE, page_limit_bytes};
 use crate::run::finish::tables::{processed_stretches, write_whole};
 use crate::run::open::Opened;
+use crate::run::passes::export::UNIT_POINTS;
 use crate::run::passes::stitch::Objects;
 use crate::run::summary::Counts;
 use crate::store::RunDir;
@@ -40,6 +41,7 @@ pub(crate) fn sampling(
         objects: &objects.objects,
         ground_points: counts.ground,
         object_points: counts.object,
+        unit_points: UNIT_POINTS,
         area_units2: surveyed.processed().len() as f64 * cell_units2,
         origin: origin(drive, surveyed),
         lattice: drive.lattice(),

@@ -32,7 +32,7 @@ const NUMBER: u32 = 7;
 const NAME: &str = "export";
 
 /// Maximum number of points of one unit.
-const UNIT_POINTS: u64 = 1_000_000;
+pub(crate) const UNIT_POINTS: u64 = 1_000_000;
 
 /// Number of records that are labelled and written at a time to a file without chunks. They are then still in
 /// the core's own cache when the system copies them, with the lock of the file held.
