@@ -2,6 +2,7 @@
 
 pub(crate) mod arms;
 pub(crate) mod beside;
+pub(crate) mod chained;
 pub(crate) mod cuts;
 pub(crate) mod facades;
 pub(crate) mod footprint;

@@ -1,7 +1,7 @@
 //! Step `cores`: the parts of the drive that are certainly one object each, class by class.
 //!
-//! Chains are decided before: their voxels take the class of the chain. Then the voxels of one class are
-//! joined with a reach of this class, over all tiles. Wires are cut at the poles that carry them
+//! Chains are decided before: their voxels take the class of the chain (`chained`). Then the voxels of one
+//! class are joined with a reach of this class, over all tiles. Wires are cut at the poles that carry them
 //! (`supports`), and what hangs joins its pole (`arms`). Components that are large enough, stand on the
 //! ground (not buildings and wires) and do not hang in foliage are cores. Trees are different, because crowns
 //! touch: their voxels near the ground are cut into bands of height, and `seeds` finds the stems in them.
@@ -12,10 +12,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::arms;
+use super::chained;
 use super::cuts::{self, Cut};
 use super::facades::{self, Near};
 use super::joining;
@@ -26,15 +26,13 @@ use super::rules::keeps;
 use super::supports;
 use super::uniting;
 use crate::cluster::columns::{Border, Joining, Voxel};
-use crate::cluster::street::chains::piece::Piece;
-use crate::cluster::street::chains::stage_chains::{self, Verdict};
+use crate::cluster::street::chains::stage_chains;
 use crate::cluster::street::classes::classified::Classified;
 use crate::cluster::street::cores::trees::crowns::{self, Crown};
 use crate::cluster::street::cores::trees::seeds;
 use crate::cluster::street::cores::vehicles::trails;
 use crate::cluster::street::settings::{CLASSES, EDGE_M, STEP_CORES};
-use crate::cluster::street::shares::{self, GROUND, POLE, TREE};
-use crate::cluster::street::window::Window;
+use crate::cluster::street::shares::{self, GROUND, TREE};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::Result;
@@ -44,15 +42,6 @@ use crate::spatial::Cell;
 /// Distance around a tile within which voxels are read, in metres. Crowns reach farthest. Buildings that
 /// are near each other are at most 3.6 m apart.
 const REACH_M: f64 = crowns::REACH_M;
-/// Distance around these voxels within which pieces of chains change their class, in metres.
-const PIECES_M: f64 = 1.6;
-/// Distance from the centre of a piece within which its chain takes voxels above and below it, in metres.
-const AXIS_M: f64 = 0.45;
-/// Height up to which a trunk takes the voxels around its axis, in metres.
-const TRUNK_M: f64 = 4.0;
-/// Distance from the centre of a piece within which these voxels are the trunk's core, in metres. Where a
-/// trunk is hidden below its crown, its growth begins in the crown too.
-const STEM_M: f64 = 0.34;
 
 /// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -180,10 +169,10 @@ pub(crate) fn named(mut labels: Vec<u32>, core: impl Fn(u32) -> Option<Core>) ->
 pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let lattice = tile.lattice();
     let mut around = Classified::load(tile, lattice.units_up(REACH_M))?;
-    let near = tile.near(lattice.units_up(REACH_M + PIECES_M + 4.0 * EDGE_M));
+    let near = tile.near(lattice.units_up(REACH_M + chained::REACH_M + 4.0 * EDGE_M));
     let pieces = stage_chains::load(tile, &near)?;
     let mut class = shares::classes(&around.shares);
-    let trunk = take_chains(&mut around, &mut class, &pieces, lattice);
+    let trunk = chained::take(&mut around, &mut class, &pieces, lattice);
     let band = joining::bands(&around, &class, lattice);
     let mut joined = class.clone();
     let cut = supports::cut(&around, &class, lattice);
@@ -231,63 +220,6 @@ fn keep_footprints(figures: &mut [Option<Part>], border: &Border, lattice: Latti
             part.footprint = None;
         }
     }
-}
-
-/// Gives the voxels of chains the class of their chain. Returns for each voxel whether a chain decided its
-/// class, and the chain if it is a part of a trunk.
-fn take_chains(
-    around: &mut Classified,
-    class: &mut [u8],
-    pieces: &[(Piece, Verdict)],
-    lattice: Lattice,
-) -> Vec<(bool, u32)> {
-    let axis = lattice.units(AXIS_M);
-    let stem = lattice.units(STEM_M);
-    let top = lattice.units(TRUNK_M) as i32;
-    // Nearest piece of each voxel that takes it: squared distance, slice and first voxel.
-    let mut taken: Vec<Option<(i64, u8, Voxel, usize)>> = vec![None; class.len()];
-    let mut near = Window::new(4, i32::MAX / 4).over(&around.voxels.columns);
-    let edge = lattice.units(EDGE_M);
-    for (number, (piece, verdict)) in pieces.iter().enumerate() {
-        let cell = piece.centre.map(|value| value.div_euclid(edge) as i32);
-        near.visit(cell, 0, |voxel| {
-            let of = class[voxel];
-            if !stage_chains::may_be_upright(of) {
-                return;
-            }
-            let [x, y, _] = around.voxels.centre[voxel];
-            let distance = (x - piece.centre[0]).pow(2) + (y - piece.centre[1]).pow(2);
-            let height = around.height[voxel];
-            let inside =
-                distance <= piece.radius.pow(2) && height >= piece.height.0 && height <= piece.height.1;
-            let along = if verdict.pole { of == POLE } else { height < top && (of == TREE || of == POLE) };
-            if inside || (along && distance <= axis.pow(2)) {
-                let found = (distance, piece.slice, piece.first, number);
-                taken[voxel] = Some(taken[voxel].map_or(found, |best| best.min(found)));
-            }
-        });
-    }
-    let tops: FxHashMap<u32, &Piece> = pieces
-        .iter()
-        .filter(|(_, verdict)| verdict.top)
-        .map(|(piece, verdict)| (verdict.chain, piece))
-        .collect();
-    let mut trunk = vec![(false, 0); class.len()];
-    for (voxel, found) in taken.into_iter().enumerate() {
-        let Some((distance, .., number)) = found else { continue };
-        let (piece, verdict) = &pieces[number];
-        class[voxel] = if verdict.pole { POLE } else { TREE };
-        around.shares[voxel] = shares::decided(&around.shares[voxel], class[voxel]);
-        let height = around.height[voxel];
-        let inside = distance <= piece.radius.pow(2) && height >= piece.height.0 && height <= piece.height.1;
-        let above = tops.get(&verdict.chain).is_some_and(|top: &&Piece| {
-            let [x, y, _] = around.voxels.centre[voxel];
-            let distance = (x - top.centre[0]).pow(2) + (y - top.centre[1]).pow(2);
-            height > top.height.1 && distance <= stem.pow(2)
-        });
-        trunk[voxel] = (true, if (inside || above) && !verdict.pole { verdict.chain } else { 0 });
-    }
-    trunk
 }
 
 /// What the tiles found.
