@@ -8,6 +8,7 @@ use chainage::input::InputError;
 use chainage::run::Registries;
 
 use crate::cli::exit::CliError;
+use crate::cli::quantities;
 
 /// A drive.
 #[derive(Debug, clap::Args)]
@@ -93,7 +94,7 @@ pub(crate) struct Choices {
     pub(crate) method: Option<String>,
     #[arg(long, value_name = "NAME", help = methods("Ground filter", &filters(), "opening"))]
     pub(crate) ground: Option<String>,
-    /// Length of a tile in metres of chainage [default: as long as the memory budget allows]
+    /// Length of a tile along the axis, such as 25 or 25m [default: as long as the memory budget allows]
     #[arg(long, value_name = "METRES", value_parser = metres, allow_hyphen_values = true)]
     tile_length: Option<f64>,
     /// Trajectory: CSV with the columns gps_time,x,y,z [default: the axis is derived from the points]
@@ -126,7 +127,7 @@ impl Choices {
 #[derive(Debug, Default, clap::Args)]
 #[command(next_help_heading = "Settings")]
 pub(crate) struct SectionArgs {
-    /// Process from this chainage on, in metres along the axis; objects there are those of the whole drive
+    /// Process from this chainage on, such as 500 or 1.2km; objects are those of the whole drive
     #[arg(long, value_name = "CHAINAGE", value_parser = chainage, allow_hyphen_values = true)]
     from: Option<f64>,
     /// Process up to this chainage [default: the end of the drive]
@@ -197,16 +198,22 @@ fn threads(text: &str) -> Result<usize, String> {
     }
 }
 
-/// A length above zero.
+/// A length above zero, in metres.
 fn metres(text: &str) -> Result<f64, String> {
-    let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
-    length.ok_or_else(|| "must be a number above 0 m, for example 25".to_owned())
+    let length = number_or_length(text).filter(|length| *length > 0.0);
+    length.ok_or_else(|| "must be a number above 0 m, for example 25 or 25m".to_owned())
 }
 
 /// A chainage in metres.
 fn chainage(text: &str) -> Result<f64, String> {
-    let metres = text.parse().ok().filter(|metres: &f64| metres.is_finite() && *metres >= 0.0);
-    metres.ok_or_else(|| "must be a chainage in metres, 0 or more, for example 250".to_owned())
+    let metres = number_or_length(text).filter(|metres| *metres >= 0.0);
+    metres.ok_or_else(|| "must be a chainage in metres, 0 or more, for example 250 or 1.2km".to_owned())
+}
+
+/// A finite number of metres, or a length with a unit.
+fn number_or_length(text: &str) -> Option<f64> {
+    let metres = text.parse().ok().or_else(|| quantities::length(text).ok());
+    metres.filter(|metres: &f64| metres.is_finite())
 }
 
 impl Choices {
@@ -322,11 +329,15 @@ mod tests {
     #[test]
     fn numbers_are_explained_by_an_example() {
         assert_eq!((threads("2"), metres("2.5")), (Ok(2), Ok(2.5)));
+        assert_eq!((metres("25m"), chainage("1.2km"), chainage("0")), (Ok(25.0), Ok(1_200.0), Ok(0.0)));
         for text in ["two", "0", "-3", "2.5", ""] {
             assert!(threads(text).unwrap_err().contains("for example 2"), "{text}");
         }
-        for text in ["wide", "0", "-3", "inf", ""] {
+        for text in ["wide", "0", "0km", "-3", "-3m", "inf", "25 ft", ""] {
             assert!(metres(text).unwrap_err().contains("above 0 m"), "{text}");
+        }
+        for text in ["start", "-3", "NaN", "5 miles", ""] {
+            assert!(chainage(text).unwrap_err().contains("0 or more"), "{text}");
         }
     }
 }

@@ -8,6 +8,7 @@ mod exit;
 mod interrupt;
 mod print;
 mod progress;
+mod quantities;
 mod served;
 mod streamed;
 mod table_points;

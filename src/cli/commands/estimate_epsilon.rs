@@ -14,6 +14,7 @@ use crate::cli::drive_args::{Inputs, Settings};
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::{deliver, is_standard_output};
 use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::quantities::count;
 use crate::cli::table_points::{self, TablePoints};
 use crate::cli::{exit, interrupt, print};
 
@@ -63,26 +64,6 @@ pub(crate) struct EstimateArgs {
     progress: ProgressChoice,
     #[command(flatten)]
     settings: Settings,
-}
-
-/// A count like 500k, 2M or 1234.
-fn count(text: &str) -> Result<u64, String> {
-    let refused = || format!("{text} is not a count like 1234, 500k or 2M");
-    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let factor = match &text[digits.len()..] {
-        "" => 1.0,
-        "k" | "K" => 1e3,
-        "m" | "M" => 1e6,
-        "g" | "G" => 1e9,
-        _ => return Err(refused()),
-    };
-    let number = digits.parse::<f64>().map_err(|_| refused())? * factor;
-    if !(0.0..=1e15).contains(&number) {
-        return Err(refused());
-    }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
-    let whole = number.round() as u64;
-    Ok(whole)
 }
 
 impl EstimateArgs {
@@ -235,23 +216,6 @@ impl Drop for State {
         if self.own {
             // If the folder cannot be removed, it stays among the temporary files.
             let _ = std::fs::remove_dir_all(&self.folder);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn counts_may_have_a_unit() {
-        for (text, expected) in
-            [("0", 0), ("1234", 1_234), ("500k", 500_000), ("2M", 2_000_000), ("1.5m", 1_500_000)]
-        {
-            assert_eq!(count(text), Ok(expected), "{text}");
-        }
-        for text in ["", "M", "-1", "2T", "many"] {
-            assert!(count(text).is_err(), "{text}");
         }
     }
 }
