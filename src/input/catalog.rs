@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::crs::{Crs, CrsKind, unit_in_words};
+use super::crs::{Crs, CrsKind};
 use super::error::InputError;
 use super::file::InputFile;
 use super::options::InputOptions;
+use super::unit::unit_in_words;
 use crate::config::LengthUnit;
 use crate::model::{Lattice, PointId};
 

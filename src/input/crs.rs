@@ -4,6 +4,7 @@
 use super::geokeys::{DIRECTORY, DOUBLES, GeoKeys, TEXTS};
 use super::header::Header;
 use super::mapped::ByteSource;
+use super::unit::{plausible, unit_in_words};
 use super::vlr;
 use super::wkt::Node;
 use crate::config::{FOOT, LengthUnit, US_SURVEY_FOOT};
@@ -231,27 +232,6 @@ impl Claim {
     }
 }
 
-/// Common units of length: metres, symbol and name. The two feet differ by 2 parts in a million.
-const UNITS: [(f64, &str, &str); 3] =
-    [(1.0, "m", "metres"), (FOOT, "ft", "feet"), (US_SURVEY_FOOT, "US survey ft", "US survey feet")];
-
-/// The common unit that so many metres are. Files contain them with different numbers of digits.
-fn common_unit(metres: f64) -> Option<(f64, &'static str, &'static str)> {
-    UNITS.into_iter().find(|(known, ..)| (metres / known - 1.0).abs() < 1e-7)
-}
-
-/// A unit of length, by its metres, in words.
-#[must_use]
-pub fn unit_in_words(metres: f64) -> String {
-    common_unit(metres).map_or_else(|| format!("units of {metres} m"), |(.., name)| name.to_owned())
-}
-
-/// The symbol of a unit of length, by its metres.
-#[must_use]
-pub fn unit_symbol(metres: f64) -> String {
-    common_unit(metres).map_or_else(|| format!("units of {metres} m"), |(_, symbol, _)| symbol.to_owned())
-}
-
 /// Whether x and y could be longitude and latitude: small numbers in steps far below the resolution of a
 /// scanner in metres (1e-7 degrees are a centimetre).
 pub(super) fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool {
@@ -262,12 +242,6 @@ pub(super) fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool
 /// The well-known text (version 1) of a code in the EPSG dataset.
 fn definition(code: u32) -> Option<&'static str> {
     Some(crs_definitions::from_code(u16::try_from(code).ok()?)?.wkt)
-}
-
-/// A length unit with a plausible number of metres. Common units are made exact.
-fn plausible(metres: f64) -> Option<f64> {
-    let exact = common_unit(metres).map(|(metres, ..)| metres);
-    exact.or_else(|| (metres.is_finite() && (1e-4..=1e4).contains(&metres)).then_some(metres))
 }
 
 fn wkt_text(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<String> {
@@ -421,13 +395,6 @@ mod tests {
         let (epsg, unit, warning) = compared(&[(1024, 1), (3072, 26_995), (3076, 9_003)]);
         assert_eq!((epsg, unit), (None, Some(US_SURVEY_FOOT)));
         assert!(warning.contains("in US survey feet, but those of EPSG:26995 are in metres"), "{warning}");
-    }
-
-    #[test]
-    fn units_have_their_symbols_and_names() {
-        let symbols = [1.0, 0.3048, 0.304_800_6, US_SURVEY_FOOT, 0.5].map(unit_symbol);
-        assert_eq!(symbols, ["m", "ft", "US survey ft", "US survey ft", "units of 0.5 m"]);
-        assert_eq!([0.304_800_6, 0.5].map(unit_in_words), ["US survey feet", "units of 0.5 m"]);
     }
 
     #[test]

@@ -31,6 +31,7 @@ pub(crate) mod header;
 pub(crate) mod layout;
 pub(crate) mod mapped;
 mod options;
+mod unit;
 pub(crate) mod vlr;
 mod wkt;
 
@@ -38,11 +39,12 @@ pub use crate::config::LengthUnit;
 pub use crate::model::record_xyz;
 pub use catalog::Catalog;
 pub use chunks::Block;
-pub use crs::{Crs, CrsKind, unit_in_words, unit_symbol};
+pub use crs::{Crs, CrsKind};
 pub use error::{ChunkProblem, ChunkTableProblem, CopcProblem, InputError};
 pub use file::InputFile;
 pub use layout::{ExtraDimension, FieldPlace, RecordLayout};
 pub use options::InputOptions;
+pub use unit::{unit_in_words, unit_symbol};
 
 /// The fields of a record that a caller needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

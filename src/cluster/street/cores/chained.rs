@@ -28,8 +28,8 @@ const THIN_M: f64 = 0.225;
 /// Distance from a pole within which something else that looks like one may be a branch, in metres. Farther
 /// away it may be a pole that is no chain.
 const BESIDE_M: f64 = 1.8;
-/// Share of poles from which a voxel is surely of one, and share of trees from which another one may be of a
-/// tree, in steps of 1/255: 0.8 and 0.15.
+/// Share of poles from which a voxel is surely of one, and share of trees above which another one may be of
+/// a tree, in steps of 1/255: 0.8 and 0.15.
 const SURE: u8 = 204;
 const MAYBE_TREE: u8 = 38;
 /// Distance within which a tile looks for the pieces that change the class of a voxel, in metres. A piece
@@ -80,7 +80,7 @@ impl Units {
         if !verdict.pole {
             return height < self.trunk && (class == TREE || class == POLE);
         }
-        let thin = height < self.low || distance <= self.thin.pow(2);
+        let thin = height <= self.low || distance <= self.thin.pow(2);
         class == POLE && (thin || shares[usize::from(POLE)] >= SURE)
     }
 
@@ -205,7 +205,7 @@ mod tests {
             units().along(&sign, POLE, shares, distance.pow(2), height)
         };
         let [unsure, sure] = [shares([70, 30]), shares([90, 10])];
-        assert!(takes(400, 2_000, &unsure) && !takes(400, 3_000, &unsure), "beside the axis");
+        assert!(takes(400, 2_400, &unsure) && !takes(400, 2_401, &unsure), "beside the axis");
         assert!(takes(400, 3_000, &sure) && !takes(460, 3_000, &sure));
         assert!(takes(220, 3_000, &unsure) && !takes(230, 3_000, &unsure));
         assert!(!units().along(&sign, TREE, &unsure, 0, 2_000));
@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn what_looks_like_a_pole_less_surely_and_next_like_a_tree_is_a_branch() {
         let branch = |class, of, height| units().is_branch(class, &shares(of), height);
-        assert!(branch(POLE, [70, 30], 2_500));
+        assert!(branch(POLE, [70, 30], 2_401));
         assert!(!branch(POLE, [70, 30], 2_400), "below crowns");
         assert!(!branch(POLE, [90, 10], 2_500), "surely a pole");
         assert!(!branch(POLE, [70, 10], 2_500), "next like something else");

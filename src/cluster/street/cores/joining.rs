@@ -170,7 +170,7 @@ pub(crate) fn join_bands(around: &Classified, band: &[u8], links: &mut Links<'_>
     rising
 }
 
-/// The figures of the components, over the voxels of the tile. `decided` says which voxels a chain decided.
+/// The figures of the components, over the voxels of the tile. `decided` says whose class `chained` decided.
 pub(crate) fn figures(
     around: &Classified,
     class: &[u8],

@@ -30,7 +30,7 @@ pub(crate) struct Part {
     pub(crate) sum: [i64; 2],
     /// Neighbours (of 26) that are trees or buildings.
     pub(crate) contact: u32,
-    /// Voxels whose class a chain decided.
+    /// Voxels whose class `chained` decided.
     pub(crate) decided: u32,
     /// Voxels that are certainly of a pole, if the class is that of poles.
     pub(crate) sure_pole: u32,

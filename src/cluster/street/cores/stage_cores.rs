@@ -46,7 +46,7 @@ const REACH_M: f64 = crowns::REACH_M;
 /// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Payload {
-    /// Class of each voxel of the tile, plus [`DECIDED`] where a chain decided it.
+    /// Class of each voxel of the tile, plus [`DECIDED`] where `chained` decided it.
     class: Vec<u8>,
     /// Component of each voxel of the tile plus one, or 0.
     part: Vec<u32>,
