@@ -73,9 +73,9 @@ pub(crate) fn edge(lattice: Lattice) -> u32 {
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
     /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence needs twice as many, a
-    /// tree, a vehicle, a building and an object without a core three times as many. A fence, a vehicle or a
-    /// building needs only this number if the model is sure that it is whole. Smaller ones that join no other
-    /// are left without an id.
+    /// tree, a vehicle and a building three times as many. If the model is sure that it is whole, any of them
+    /// needs only this number, and a tree or an object without a core one and a half times as many. Smaller
+    /// ones that join no other are left without an id.
     pub min_points: u64,
     /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
     /// growth needs them, and then left without an id.
@@ -99,10 +99,11 @@ impl Default for StreetConfig {
 }
 
 impl StreetConfig {
-    /// Smallest number of points of a tree, and of an object without a core. Most of those with fewer points
-    /// are pieces of other objects (benches/results/street.md).
+    /// Smallest number of points of a tree with a core, and of an object without one, to be looked at by the
+    /// model: one and a half times [`Self::min_points`]. Smaller ones are mostly pieces of other objects
+    /// (benches/results/street.md).
     pub(crate) fn min_uncertain(&self) -> u64 {
-        3 * self.min_points
+        3 * self.min_points / 2
     }
 
     /// Whether an object of the class with this index has so many points that it is one without further

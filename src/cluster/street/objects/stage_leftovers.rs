@@ -12,6 +12,7 @@ use crate::cluster::street::cores::parts::Links;
 use crate::cluster::street::growth::stage_growth::Grown;
 use crate::cluster::street::settings::{CLASSES, EDGE_M, STEP_LEFTOVERS};
 use crate::cluster::street::shares::{BUILDING, FENCE, GROUND, TREE};
+use crate::cluster::street::voxels::stored::Voxels;
 use crate::cluster::street::window::{Visitor, Window};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
@@ -19,15 +20,21 @@ use crate::error::Result;
 use crate::model::{Lattice, TileId};
 use crate::spatial::Cell;
 
-/// Leftover voxels at most so many voxels apart are one component.
+/// Leftover voxels at most so many voxels apart, in the plane and in levels, are one component.
 const JOIN: (i32, i32) = (4, 4);
+/// A leftover voxel with at most so many voxels within [`JOIN`], itself included, is sparse.
+const SPARSE: u32 = 12;
+/// Sparse voxels at most so many voxels apart are one component: far from a spinning scanner, its rings are
+/// one to two metres apart.
+const JOIN_SPARSE: (i32, i32) = (4, 10);
 /// Distance within which a component joins an object that it may be a part of, in metres.
 const NEAR_M: f64 = 1.5;
 /// Mean share of the class of this object in the component, in steps of 1/255.
 const NEAR_SHARE: u64 = 51;
-/// Smallest number of voxels of an object without a core: of trees and buildings, and of other classes.
-/// Smaller pieces of these are tips of branches, balconies, and what is seen through windows.
-const OWN_VOXELS: (u32, u32) = (80, 12);
+/// Smallest number of voxels of an object without a core: of trees and buildings, and of other classes. It
+/// leaves out crumbs. Whether a larger piece is a far tree or the tip of a branch is for the model to say
+/// (`wholes.rs`).
+const OWN_VOXELS: (u32, u32) = (20, 12);
 /// Lowest height above ground of a fence that stands, in metres. On eleven labelled drives, seven of seven
 /// fences that hang higher were pieces of balconies and crowns.
 const HANGS_M: f64 = 1.0;
@@ -129,7 +136,9 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         .map(|voxel| grown.label[voxel] == 0 && around.shares[voxel][usize::from(GROUND)] <= 127)
         .collect();
     let mut links = Links::new(voxels);
+    let sparse = sparse(voxels, &left);
     let mut near = Window::new(JOIN.0, JOIN.1).over(&voxels.columns);
+    let mut far = Window::new(JOIN_SPARSE.0, JOIN_SPARSE.1).over(&voxels.columns);
     for voxel in (0..left.len()).filter(|&voxel| left[voxel] && voxels.owned[voxel]) {
         let [i, j, k] = voxels.key[voxel];
         near.visit([i, j], k, |other| {
@@ -137,6 +146,13 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
                 links.join(voxel, other);
             }
         });
+        if sparse[voxel] {
+            far.visit([i, j], k, |other| {
+                if sparse[other] && other != voxel {
+                    links.join(voxel, other);
+                }
+            });
+        }
     }
     let parts = links.finish(voxels, |voxel| left[voxel]);
     let mut payload = Payload {
@@ -161,6 +177,19 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         part.merge(&one);
     }
     Ok(Mapped::payload(codec::encode(&payload)?))
+}
+
+/// The leftover voxels with few others around them. This is right for all that may be joined to a voxel of the
+/// tile: two metres around it are enough, and [`FAR_M`] is read.
+fn sparse(voxels: &Voxels, left: &[bool]) -> Vec<bool> {
+    let mut near = Window::new(JOIN.0, JOIN.1).over(&voxels.columns);
+    let mut is_sparse = |voxel: usize| {
+        let [i, j, k] = voxels.key[voxel];
+        let mut count = 0;
+        near.visit([i, j], k, |_| count += 1);
+        count <= SPARSE
+    };
+    (0..left.len()).map(|voxel| left[voxel] && is_sparse(voxel)).collect()
 }
 
 /// Windows of growing size, each with the distance up to which it contains all voxels.
@@ -257,7 +286,6 @@ impl Whole {
     pub(crate) fn of_blocks(blocks: &[(u8, [i64; 3], [i64; 3])]) -> Self {
         use crate::cluster::street::classes::classified::Classified;
         use crate::cluster::street::cores::stage_cores::Cored;
-        use crate::cluster::street::voxels::stored::Voxels;
         let points = |&(_, from, [x, y, z]): &(u8, [i64; 3], [i64; 3])| {
             let steps = (0..x).flat_map(move |i| (0..y).flat_map(move |j| (0..z).map(move |k| [i, j, k])));
             steps.map(move |step| [0, 1, 2].map(|axis| 100 * (from[axis] + step[axis]))).collect::<Vec<_>>()
@@ -305,5 +333,38 @@ impl Whole {
     /// The shares of a voxel.
     pub(crate) fn shares(&self, voxel: usize) -> &Shares {
         &self.grown.cored.around.shares[voxel]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn far_rings_are_sparse_and_a_wall_is_not() {
+        // Two rings of five points, 1.2 m above each other, and a wall of 2 m.
+        let ring = |z: i64| (0..5).map(move |n| [200 * n, 0, z]);
+        let wall = (0..14).flat_map(|n| (0..14).map(move |m| [9_000 + 150 * n, 0, 150 * m]));
+        let points: Vec<[i64; 3]> = ring(1_000).chain(ring(2_200)).chain(wall).collect();
+        let voxels = Voxels::of_points(Lattice::MILLIMETRE, &points);
+        let found = sparse(&voxels, &vec![true; voxels.len()]);
+        for (key, sparse) in voxels.key.iter().zip(found) {
+            assert_eq!(sparse, key[0] < 30, "{key:?}");
+        }
+        // What has a core is not left over. It counts beside what is.
+        let left: Vec<bool> = voxels.key.iter().map(|key| key[0] == 60).collect();
+        assert!(!sparse(&voxels, &left).contains(&true));
+    }
+
+    #[test]
+    fn a_far_tree_stands_alone_and_a_crumb_does_not() {
+        let left = |voxels: u32, class: u8| {
+            let mut left = Left { voxels, points: u64::from(voxels), ..Left::default() };
+            left.shares[usize::from(class)] = 200 * u64::from(voxels);
+            left
+        };
+        let stands = |voxels, class| left(voxels, class).stands_alone(Lattice::MILLIMETRE);
+        assert!(stands(20, TREE) && stands(20, BUILDING) && stands(12, FENCE));
+        assert!(!stands(19, TREE) && !stands(19, BUILDING) && !stands(11, FENCE) && !stands(99, GROUND));
     }
 }

@@ -26,8 +26,9 @@ pub(crate) const STRAY: u8 = 2;
 /// have 29 objects more that are right and 77 more that are not; from 0.25 to 0.37 F1 over all objects is the
 /// same within 0.001 (`benches/results/street.md`, "Stray pieces that are an object together").
 const LEAST_WHOLE: u8 = 64;
-/// Share from which it is sure, and a few points are enough for an object: 0.9.
-const SURE_WHOLE: u8 = 230;
+/// Share from which a few points are enough for an object: a half. With 0.9, twelve single sweeps have 45
+/// objects less that are right and 11 less that are not (`benches/results/street.md`, "Few points").
+const SURE_WHOLE: u8 = 128;
 /// What has more voxels is no piece.
 pub(crate) const MOST_VOXELS: u64 = 2_000;
 /// What has more voxels is no stray piece. A user would miss an object of some square metres, however unsure
