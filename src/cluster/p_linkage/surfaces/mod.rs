@@ -39,12 +39,18 @@
 
 mod around;
 mod border;
+mod contest;
+mod contested;
+mod cubes;
+mod known;
 mod normals;
 mod payload;
 mod planes;
+mod seams;
 mod settings;
 mod slice;
 mod smallest;
+mod stage_contest;
 mod stage_links;
 mod stage_slices;
 mod stage_surfaces;
@@ -53,12 +59,12 @@ mod trees;
 use std::ops::RangeInclusive;
 
 pub use self::settings::SurfacesConfig;
-use self::settings::{NAME, STEP_LINKS, STEP_SLICES, STEP_SURFACES};
+use self::settings::{CONTEST_REACHES, CONTESTS, LINKS_REACHES, NAME, STEP_LINKS, STEP_SLICES};
 use crate::cluster::method::{
     BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow,
 };
 use crate::config::{self, ConfigError};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::model::{Lattice, Reach};
 
 pub(in crate::cluster) const ENTRY: ClusterEntry = ClusterEntry {
@@ -68,26 +74,30 @@ pub(in crate::cluster) const ENTRY: ClusterEntry = ClusterEntry {
     build: |sections| Ok(Box::new(Surfaces::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
-const STEPS: [Step; 3] = [
-    Step {
-        name: "links",
-        settings: &["p-linkage.neighbours", "p-linkage.reach_m", "p-linkage.refit_planes"],
-        bytes: BytesPer::ObjectPoint(LINKS_BYTES_PER_POINT),
-        repeat: Repeat::Once,
-    },
-    Step {
-        name: "slices",
-        settings: &["p-linkage.angle_deg", "p-linkage.border_score"],
-        bytes: BytesPer::ObjectPoint(SLICES_BYTES_PER_POINT),
-        repeat: Repeat::Once,
-    },
-    Step {
-        name: "surfaces",
-        settings: &[],
-        bytes: BytesPer::ObjectPoint(SURFACES_BYTES_PER_POINT),
-        repeat: Repeat::Once,
-    },
-];
+const LINKS: Step = Step {
+    name: "links",
+    settings: &["p-linkage.neighbours", "p-linkage.reach_m", "p-linkage.refit_planes"],
+    bytes: BytesPer::ObjectPoint(LINKS_BYTES_PER_POINT),
+    repeat: Repeat::Once,
+};
+const SLICES: Step = Step {
+    name: "slices",
+    settings: &["p-linkage.angle_deg", "p-linkage.border_score"],
+    bytes: BytesPer::ObjectPoint(SLICES_BYTES_PER_POINT),
+    repeat: Repeat::Once,
+};
+const SURFACES: Step = Step {
+    name: "surfaces",
+    settings: &["p-linkage.contest_rounds"],
+    bytes: BytesPer::ObjectPoint(SURFACES_BYTES_PER_POINT),
+    repeat: Repeat::Once,
+};
+
+/// A contest. It depends on the settings of earlier steps only.
+const fn contest(name: &'static str) -> Step {
+    let bytes = BytesPer::ObjectPoint(CONTEST_BYTES_PER_POINT);
+    Step { name, settings: &[], bytes, repeat: Repeat::Once }
+}
 
 /// Bytes per point of objects that a tile needs for neighbours: consistent sets of 50 points (200), normals
 /// and flatness (32), places, ids and zones (21), the index (24), and lists of sets, links and trees (60).
@@ -96,6 +106,9 @@ const LINKS_BYTES_PER_POINT: u64 = 340;
 /// Bytes per point of objects that a tile needs for what it and its neighbours have stored. Estimated from
 /// sizes.
 const SLICES_BYTES_PER_POINT: u64 = 40;
+/// Bytes per point of objects that a tile needs for a contest: places, ids and zones (21), cubes (8), the index
+/// (24), surfaces before and after (8), and lists of flags and of points by tiles (20). Estimated from sizes.
+const CONTEST_BYTES_PER_POINT: u64 = 90;
 /// Bytes per point of objects that a tile needs for labels. Estimated from sizes.
 const SURFACES_BYTES_PER_POINT: u64 = 40;
 
@@ -103,6 +116,7 @@ const SURFACES_BYTES_PER_POINT: u64 = 40;
 #[derive(Debug, Clone)]
 pub struct Surfaces {
     config: SurfacesConfig,
+    steps: Vec<Step>,
 }
 
 impl Surfaces {
@@ -112,7 +126,15 @@ impl Surfaces {
     /// Those of [`SurfacesConfig::validate`].
     pub fn new(config: &SurfacesConfig) -> Result<Self, ConfigError> {
         config.validate()?;
-        Ok(Self { config: config.clone() })
+        let contests = CONTESTS.into_iter().take(config.contest_rounds as usize).map(contest);
+        let steps = [LINKS, SLICES].into_iter().chain(contests).chain([SURFACES]).collect();
+        Ok(Self { config: config.clone(), steps })
+    }
+
+    /// Distances around a tile within which the step `links` and a contest read points, in lattice units.
+    fn reaches(&self, lattice: Lattice) -> [i64; 2] {
+        let contest = if self.config.contest_rounds == 0 { 0 } else { self.config.contest_zone(lattice) };
+        [LINKS_REACHES * self.config.reach(lattice), CONTEST_REACHES * contest]
     }
 }
 
@@ -126,7 +148,7 @@ impl Method for Surfaces {
     }
 
     fn steps(&self) -> &[Step] {
-        &STEPS
+        &self.steps
     }
 
     fn finds_surfaces(&self) -> bool {
@@ -138,19 +160,26 @@ impl Method for Surfaces {
     }
 
     fn planning_reach(&self, lattice: Lattice) -> Reach {
-        Reach::Exact { metres: lattice.metres(around::REACHES * self.config.reach(lattice)) }
+        let [links, contest] = self.reaches(lattice);
+        Reach::Exact { metres: lattice.metres(links.max(contest)) }
     }
 
-    /// Only the first step reads points around a tile.
     fn reach(&self, step: usize, drive: &dyn DriveWindow) -> Result<i64> {
-        Ok(if step == STEP_LINKS { around::REACHES * self.config.reach(drive.lattice()) } else { 0 })
+        let [links, contest] = self.reaches(drive.lattice());
+        Ok(match step {
+            STEP_LINKS => links,
+            STEP_SLICES => 0,
+            _ if step + 1 == self.steps.len() => 0,
+            _ => contest,
+        })
     }
 
     fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
         match step {
             STEP_LINKS => stage_links::map(tile, &self.config),
             STEP_SLICES => stage_slices::map(tile, &self.config),
-            _ => stage_surfaces::map(tile),
+            _ if step + 1 == self.steps.len() => stage_surfaces::map(tile, step),
+            _ => stage_contest::map(tile, &self.config, step),
         }
     }
 
@@ -158,8 +187,8 @@ impl Method for Surfaces {
         match step {
             STEP_LINKS => stage_links::reduce(drive).map(Reduced::Global),
             STEP_SLICES => stage_slices::reduce(drive, &self.config).map(Reduced::Global),
-            STEP_SURFACES => stage_surfaces::reduce(drive).map(Reduced::Groups),
-            other => Err(Error::bug(format!("{NAME} has no step {other}"))),
+            _ if step + 1 == self.steps.len() => stage_surfaces::reduce(drive, step).map(Reduced::Groups),
+            _ => stage_contest::reduce(drive, &self.config, step).map(Reduced::Global),
         }
     }
 }
