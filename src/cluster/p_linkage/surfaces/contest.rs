@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::around::{Around, Zone};
 use super::border::steps;
-use super::cubes::{Cubes, LocalPlane};
+use super::cubes::{Cubes, LocalPlane, SumsOfCubes};
 use super::planes::{LARGEST_SCORE, likeness};
 use crate::spatial::{KNearest, number_of};
 
@@ -32,12 +32,16 @@ pub(super) struct Arena<'a> {
 }
 
 /// The surfaces of points after a contest. Only points that are at most [`Zone::Linked`] are known.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct Contested {
     /// The surface of each point, 0 for none.
     pub(super) surfaces: Vec<u32>,
     /// Whether each point is consistent with the local plane of its surface.
     pub(super) on_plane: Vec<bool>,
+    /// Whether it is consistent with the local plane of no other surface, wherever the other one's points are.
+    pub(super) alone: Vec<bool>,
+    /// Sums over the points of surfaces after the contest.
+    sums: SumsOfCubes,
 }
 
 /// Points of two surfaces that have each other among their neighbours, as seen from either.
@@ -92,13 +96,19 @@ impl<'a> Arena<'a> {
     pub(super) fn contest(&self, before: &[u32]) -> Contested {
         let Self { around, cubes, .. } = self;
         let known = |point: usize| around.zone[point] <= Zone::Linked;
-        let planes = cubes.planes(&around.places, before, known);
+        let sums = cubes.sums(&around.places, before);
+        let planes = cubes.planes(&sums, 1, known);
         let by = |point: usize| cubes.from_corner(cubes.of(point), around.places[point]);
         let own_score = |point: usize, by: [i32; 3]| {
             let own = planes.of(cubes.of(point)).iter().find(|plane| plane.surface == before[point]);
             own.map_or(f64::INFINITY, |plane| score(plane, by))
         };
-        let mut found = Contested { surfaces: before.to_vec(), on_plane: vec![false; before.len()] };
+        let mut found = Contested {
+            surfaces: before.to_vec(),
+            on_plane: vec![false; before.len()],
+            alone: vec![false; before.len()],
+            sums,
+        };
         // A point that no other plane suits better keeps its surface, and needs no neighbours.
         let mut asked = vec![false; before.len()];
         for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
@@ -107,8 +117,14 @@ impl<'a> Arena<'a> {
                 let by = by(point);
                 let own = own_score(point, by);
                 found.on_plane[point] = own.is_finite();
-                // Its own plane is not better than itself.
-                asked[point] = planes.of(cube).iter().any(|plane| score(plane, by) < own);
+                let (mut consistent, mut better) = (0, false);
+                for score in planes.of(cube).iter().map(|plane| score(plane, by)) {
+                    consistent += u32::from(score.is_finite());
+                    // Its own plane is not better than itself.
+                    better |= score < own;
+                }
+                found.alone[point] = consistent == 1;
+                asked[point] = better;
             }
         }
         let mut rivals: Vec<(u32, f64)> = Vec::new();
@@ -129,6 +145,9 @@ impl<'a> Arena<'a> {
                     best = (*score, *near, surface);
                 }
             }
+            if best.2 != before[point] {
+                cubes.take(&mut found.sums, point, around.places[point], before[point], best.2);
+            }
             found.surfaces[point] = best.2;
             found.on_plane[point] = best.0.is_finite();
         });
@@ -147,7 +166,7 @@ impl<'a> Arena<'a> {
     ) -> Vec<((u32, u32), Touching)> {
         let Self { around, cubes, .. } = self;
         let ends = |point: usize| around.is_core(point) && now.on_plane[point];
-        let planes = cubes.planes(&around.places, &now.surfaces, ends);
+        let planes = cubes.planes(&now.sums, 2, ends);
         let own = |point: usize| {
             planes.of(cubes.of(point)).iter().find(|plane| plane.surface == now.surfaces[point])
         };

@@ -16,6 +16,29 @@ const SECTION_SURFACES: usize = 0;
 const SECTION_NEAR: usize = 1;
 const SECTION_FOUND: usize = 2;
 
+/// Moments of the points of a surface that are consistent with its local planes.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+pub(super) struct OnPlane {
+    /// Of those that are consistent with the local plane of no other surface.
+    pub(super) alone: Moments,
+    /// Of the others.
+    pub(super) shared: Moments,
+}
+
+impl OnPlane {
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.alone.merge(&other.alone);
+        self.shared.merge(&other.shared);
+    }
+
+    /// Of all.
+    pub(super) fn all(&self) -> Moments {
+        let mut all = self.alone;
+        all.merge(&self.shared);
+        all
+    }
+}
+
 /// What the reduction needs of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Found {
@@ -23,8 +46,8 @@ pub(super) struct Found {
     pub(super) surfaces: Vec<u32>,
     /// Pairs of surfaces, the smaller number first, ascending.
     pub(super) touching: Vec<((u32, u32), Touching)>,
-    /// Moments of the points of a surface that are consistent with its local planes, ascending.
-    pub(super) moments: Vec<(u32, Moments)>,
+    /// Moments of the points of surfaces that are consistent with their local planes, ascending.
+    pub(super) moments: Vec<(u32, OnPlane)>,
     /// Points whose surface is another one than before.
     pub(super) changed: u64,
 }

@@ -34,10 +34,13 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, [x, y, z]: [i64; 3]) {
-        self.points += 1;
-        self.sums = [self.sums[0] + x, self.sums[1] + y, self.sums[2] + z];
-        let of_point = [x * x, x * y, x * z, y * y, y * z, z * z];
+    /// Adds a point, or takes it away if `sign` is -1.
+    #[inline]
+    fn add(&mut self, [x, y, z]: [i64; 3], sign: i64) {
+        self.points += sign;
+        let [a, b, c] = [x, y, z].map(|value| sign * value);
+        self.sums = [self.sums[0] + a, self.sums[1] + b, self.sums[2] + c];
+        let of_point = [a * x, a * y, a * z, b * y, b * z, c * z];
         self.products.iter_mut().zip(of_point).for_each(|(sum, product)| *sum += product);
     }
 
@@ -96,14 +99,24 @@ impl LocalPlanes {
     }
 }
 
-/// Sums of a surface among those around a cube: the surface, its entry in [`SumsOfCubes`], and the cube.
-type Near = (u32, u32, [i8; 3]);
+/// Sums of a surface among those around a cube: the surface, the cube, its place among the 27, and where the sums
+/// are among those of the cube.
+type Near = (u32, u32, [i8; 3], usize);
 
 /// The sums of each surface in each cube.
-struct SumsOfCubes {
-    /// Where those of a cube are in `entries`.
-    ranges: Vec<Range<u32>>,
-    entries: Vec<(u32, Sums)>,
+#[derive(Debug, Clone)]
+pub(super) struct SumsOfCubes(Vec<Vec<(u32, Sums)>>);
+
+impl SumsOfCubes {
+    /// The sums of a surface in a cube.
+    fn of(&mut self, cube: usize, surface: u32) -> &mut Sums {
+        let of_cube = &mut self.0[cube];
+        let at = of_cube.iter().position(|entry| entry.0 == surface).unwrap_or_else(|| {
+            of_cube.push((surface, Sums::default()));
+            of_cube.len() - 1
+        });
+        &mut of_cube[at].1
+    }
 }
 
 /// Points in cubes.
@@ -187,52 +200,64 @@ impl Cubes {
         [0, 1, 2].map(|axis| place[axis] - corner[axis])
     }
 
-    /// The local planes of surfaces in cubes with a `wanted` point. `surfaces` has the surface of each point,
-    /// 0 for none.
+    /// The sums of all surfaces. `surfaces` has the surface of each point, 0 for none.
+    pub(super) fn sums(&self, places: &[[i32; 3]], surfaces: &[u32]) -> SumsOfCubes {
+        let mut sums = SumsOfCubes(vec![Vec::new(); self.len()]);
+        for cube in 0..self.len() {
+            // Most points of a cube are of one surface.
+            let mut latest = (0, Sums::default());
+            for point in self.points(cube).iter().map(|point| *point as usize) {
+                let surface = surfaces[point];
+                if surface != latest.0 {
+                    if latest.0 != 0 {
+                        *sums.of(cube, latest.0) = latest.1;
+                    }
+                    latest = (surface, if surface == 0 { Sums::default() } else { *sums.of(cube, surface) });
+                }
+                latest.1.add(self.from_corner(cube, places[point]).map(i64::from), 1);
+            }
+            if latest.0 != 0 {
+                *sums.of(cube, latest.0) = latest.1;
+            }
+        }
+        sums
+    }
+
+    /// Takes a point from one surface to another one; 0 is none.
+    pub(super) fn take(&self, sums: &mut SumsOfCubes, point: usize, place: [i32; 3], from: u32, to: u32) {
+        let cube = self.of(point);
+        let by = self.from_corner(cube, place).map(i64::from);
+        for (surface, sign) in [(from, -1), (to, 1)] {
+            if surface != 0 {
+                sums.of(cube, surface).add(by, sign);
+            }
+        }
+    }
+
+    /// The local planes in the cubes with a `wanted` point, if `fewest` surfaces have as many points there as
+    /// a local plane needs.
     pub(super) fn planes(
         &self,
-        places: &[[i32; 3]],
-        surfaces: &[u32],
+        sums: &SumsOfCubes,
+        fewest: usize,
         wanted: impl Fn(usize) -> bool,
     ) -> LocalPlanes {
-        let sums = self.sums(places, surfaces);
         let mut found = LocalPlanes { ranges: Vec::with_capacity(self.len()), planes: Vec::new() };
         let mut near: Vec<Near> = Vec::new();
         for cube in 0..self.len() {
             let start = found.planes.len();
             if self.points(cube).iter().any(|point| wanted(*point as usize)) {
-                self.gather(cube, &sums, &mut near);
-                let of_surfaces = near.chunk_by(|a, b| a.0 == b.0);
-                found.planes.extend(of_surfaces.filter_map(|near| self.plane(near, &sums)));
+                self.gather(cube, sums, &mut near);
+                let points = |near: &[Near]| near.iter().map(|near| sums_of(sums, near).points).sum::<i64>();
+                let enough = |near: &&[Near]| points(near).unsigned_abs() >= LOCAL_POINTS;
+                let of_surfaces = || near.chunk_by(|a, b| a.0 == b.0).filter(enough);
+                if fewest < 2 || of_surfaces().count() >= fewest {
+                    found.planes.extend(of_surfaces().filter_map(|near| self.plane(near, sums)));
+                }
             }
             found.ranges.push(start..found.planes.len());
         }
         found
-    }
-
-    fn sums(&self, places: &[[i32; 3]], surfaces: &[u32]) -> SumsOfCubes {
-        let mut ranges = Vec::with_capacity(self.len());
-        let mut entries: Vec<(u32, Sums)> = Vec::new();
-        for cube in 0..self.len() {
-            let first = entries.len();
-            let mut latest = first;
-            for point in self.points(cube).iter().map(|point| *point as usize) {
-                let surface = surfaces[point];
-                if surface == 0 {
-                    continue;
-                }
-                if entries.get(latest).is_none_or(|entry| entry.0 != surface) {
-                    let known = entries[first..].iter().position(|entry| entry.0 == surface);
-                    latest = first + known.unwrap_or(entries.len() - first);
-                    if known.is_none() {
-                        entries.push((surface, Sums::default()));
-                    }
-                }
-                entries[latest].1.add(self.from_corner(cube, places[point]).map(i64::from));
-            }
-            ranges.push(in_u32(first, "sums of a tile")..in_u32(entries.len(), "sums of a tile"));
-        }
-        SumsOfCubes { ranges, entries }
     }
 
     /// The sums in a cube and around it, by surfaces.
@@ -240,9 +265,9 @@ impl Cubes {
         near.clear();
         for by in (0..27).map(|n| [n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1]) {
             let index = [0, 1, 2].map(|axis| self.index[cube][axis].wrapping_add_signed(i32::from(by[axis])));
-            if let Some(other) = self.by_index.get(&index) {
-                let entries = sums.ranges[*other as usize].clone();
-                near.extend(entries.map(|entry| (sums.entries[entry as usize].0, entry, by)));
+            if let Some(&other) = self.by_index.get(&index) {
+                let of_cube = sums.0[other as usize].iter().enumerate();
+                near.extend(of_cube.map(|(at, entry)| (entry.0, other, by, at)));
             }
         }
         near.sort_unstable();
@@ -250,19 +275,18 @@ impl Cubes {
 
     /// The local plane of one surface.
     fn plane(&self, near: &[Near], sums: &SumsOfCubes) -> Option<LocalPlane> {
-        let of = |near: &Near| &sums.entries[near.1 as usize].1;
-        let points: i64 = near.iter().map(|near| of(near).points).sum();
-        if points.unsigned_abs() < LOCAL_POINTS {
-            return None;
-        }
         let mut all = Sums::default();
         for one in near {
-            all.add_from(of(one), one.2.map(|step| i64::from(step) * i64::from(self.edge)));
+            all.add_from(sums_of(sums, one), one.2.map(|step| i64::from(step) * i64::from(self.edge)));
         }
         let fit = all.fit()?;
         let deviation = fit.flatness.sqrt().max(LEAST_DEVIATION);
         Some(LocalPlane { surface: near[0].0, deviation, normal: fit.normal, through: fit.through() })
     }
+}
+
+fn sums_of<'a>(sums: &'a SumsOfCubes, near: &Near) -> &'a Sums {
+    &sums.0[near.1 as usize][near.3].1
 }
 
 #[cfg(test)]
@@ -291,7 +315,7 @@ mod tests {
     fn a_local_plane_fits_all_points_of_its_surface_in_27_cubes() {
         let (places, origin, surfaces) = scene();
         let cubes = Cubes::new(&places, origin, 500);
-        let planes = cubes.planes(&places, &surfaces, |_| true);
+        let planes = cubes.planes(&cubes.sums(&places, &surfaces), 1, |_| true);
         let cube_of = |point: usize| {
             [0, 1, 2].map(|axis| (origin[axis] + i64::from(places[point][axis])).div_euclid(500))
         };
@@ -334,27 +358,46 @@ mod tests {
         let other = [0, 1, 2].map(|k| origin[k] - i64::from(by[k]));
         let one = Cubes::new(&places, origin, 500);
         let two = Cubes::new(&moved, other, 500);
-        let [of_one, of_two] =
-            [one.planes(&places, &surfaces, |_| true), two.planes(&moved, &surfaces, |_| true)];
+        let [of_one, of_two] = [(&one, &places), (&two, &moved)]
+            .map(|(cubes, places)| cubes.planes(&cubes.sums(places, &surfaces), 1, |_| true));
         for point in 0..places.len() {
             assert_eq!(of_one.of(one.of(point)), of_two.of(two.of(point)));
         }
         // Where no point is wanted there are no planes.
-        let none = one.planes(&places, &surfaces, |_| false);
+        let none = one.planes(&one.sums(&places, &surfaces), 1, |_| false);
         assert!((0..one.len()).all(|cube| none.of(cube).is_empty()));
+    }
+
+    #[test]
+    fn points_that_are_taken_to_another_surface_count_as_if_they_had_been_there() {
+        let (places, origin, surfaces) = scene();
+        let cubes = Cubes::new(&places, origin, 500);
+        let mut sums = cubes.sums(&places, &surfaces);
+        let now: Vec<u32> = surfaces.iter().enumerate().map(|(at, was)| [*was, 0, 3, 9][at % 4]).collect();
+        for (point, (from, to)) in surfaces.iter().zip(&now).enumerate() {
+            cubes.take(&mut sums, point, places[point], *from, *to);
+        }
+        let fresh = cubes.sums(&places, &now);
+        for fewest in [1, 2, 3] {
+            let [taken, fresh] = [&sums, &fresh].map(|sums| cubes.planes(sums, fewest, |_| true));
+            for cube in 0..cubes.len() {
+                assert_eq!(taken.of(cube), fresh.of(cube));
+                assert!(fewest == 1 || taken.of(cube).is_empty() || taken.of(cube).len() >= fewest);
+            }
+        }
     }
 
     #[test]
     fn without_noise_the_deviation_is_a_lattice_unit() {
         let places: Vec<[i32; 3]> = (0..100).map(|n| [n % 10 * 20, n / 10 * 20, 50]).collect();
         let cubes = Cubes::new(&places, [0; 3], 500);
-        let planes = cubes.planes(&places, &[4; 100], |_| true);
+        let planes = cubes.planes(&cubes.sums(&places, &[4; 100]), 1, |_| true);
         let [plane] = planes.of(0) else { panic!("{planes:?}") };
         assert!((likeness(plane.normal, [0.0, 0.0, 1.0]) - 1.0).abs() < 1e-12);
         assert_eq!((plane.surface, plane.deviation.to_bits()), (4, 1.0_f64.to_bits()));
         // On one line there is no plane.
         let line: Vec<[i32; 3]> = (0..100).map(|n| [n, n, n]).collect();
         let cubes = Cubes::new(&line, [0; 3], 500);
-        assert!(cubes.planes(&line, &[4; 100], |_| true).of(0).is_empty());
+        assert!(cubes.planes(&cubes.sums(&line, &[4; 100]), 1, |_| true).of(0).is_empty());
     }
 }

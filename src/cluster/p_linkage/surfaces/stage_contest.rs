@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::around::Around;
 use super::contest::{Arena, Contested, Touching};
-use super::contested::{self, Found};
+use super::contested::{self, Found, OnPlane};
 use super::cubes::{self, LOCAL_POINTS};
 use super::known;
 use super::planes::Moments;
@@ -41,9 +41,9 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig, step: usize) -
 /// What is found of the points of the tile, without touching surfaces.
 fn of_own(around: &Around, before: &[u32], now: &Contested, corner: [i64; 3]) -> Found {
     let mut changed = 0;
-    let mut of_surfaces: BTreeMap<u32, Moments> = BTreeMap::new();
+    let mut of_surfaces: BTreeMap<u32, OnPlane> = BTreeMap::new();
     // Points that follow each other are mostly in one surface.
-    let mut latest = (0, Moments::default());
+    let mut latest = (0, OnPlane::default());
     for point in (0..around.len()).filter(|point| around.is_core(*point)) {
         let surface = now.surfaces[point];
         changed += u64::from(surface != before[point]);
@@ -52,17 +52,18 @@ fn of_own(around: &Around, before: &[u32], now: &Contested, corner: [i64; 3]) ->
         }
         if surface != latest.0 {
             of_surfaces.entry(latest.0).or_default().merge(&latest.1);
-            latest = (surface, Moments::default());
+            latest = (surface, OnPlane::default());
         }
         if now.on_plane[point] {
             let at = around.lattice_point(point);
-            latest.1.add([0, 1, 2].map(|axis| at[axis] - corner[axis]));
+            let moments = if now.alone[point] { &mut latest.1.alone } else { &mut latest.1.shared };
+            moments.add([0, 1, 2].map(|axis| at[axis] - corner[axis]));
         }
     }
     of_surfaces.entry(latest.0).or_default().merge(&latest.1);
     of_surfaces.remove(&0);
     let surfaces = of_surfaces.keys().copied().collect();
-    let moments = of_surfaces.into_iter().filter(|(_, moments)| moments.points > 0).collect();
+    let moments = of_surfaces.into_iter().filter(|(_, moments)| moments.all().points > 0).collect();
     Found { surfaces, touching: Vec::new(), moments, changed }
 }
 
@@ -83,7 +84,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usi
     let mut merged = Merged::default();
     let mut touching: BTreeMap<(u32, u32), Touching> = BTreeMap::new();
     let mut of_tiles: Vec<Vec<u32>> = Vec::new();
-    let mut moments: Vec<(u32, Moments)> = Vec::new();
+    let mut moments: Vec<(u32, OnPlane)> = Vec::new();
     for tile in TileId::first(drive.tiles()) {
         let found = contested::found(drive, tile, step)?;
         merged.changed += found.changed;
@@ -98,7 +99,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usi
     // Surfaces are numbered from 1.
     let mut sets = DisjointSets::new(in_u32(slices.planes.len() + 1, "surfaces"));
     touching.keys().for_each(|(a, b)| sets.union(*a, *b));
-    let mut sums: BTreeMap<u32, Moments> = BTreeMap::new();
+    let mut sums: BTreeMap<u32, OnPlane> = BTreeMap::new();
     for surface in of_tiles.iter().flatten() {
         sums.entry(sets.find(*surface)).or_default();
     }
@@ -110,8 +111,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usi
     for (surface, moments) in sums {
         // Without local planes a surface keeps the plane of its slices.
         let of_slices = slices.planes.get(surface as usize - 1).copied().flatten();
-        let enough = moments.points >= LOCAL_POINTS;
-        let plane = if enough { stage_slices::plane(&moments, corner) } else { of_slices };
+        let plane = plane(&moments, corner).or(of_slices);
         merged.planes.extend(plane.map(|plane| (surface, plane)));
     }
     let mut renumbered = |surfaces: Vec<u32>| -> Vec<(u32, u32)> {
@@ -120,6 +120,17 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usi
     };
     let of_tiles: Vec<Vec<(u32, u32)>> = of_tiles.into_iter().map(&mut renumbered).collect();
     sliced::encode(&merged, &of_tiles)
+}
+
+/// The plane of the points that are consistent with it alone. Near the edge to another plane, points of that
+/// one are nearer to this one by chance, always on its side, so a narrow plane would lean by degrees. If these
+/// are few, all consistent points count. `None` if all are few.
+fn plane(moments: &OnPlane, corner: [i64; 3]) -> Option<Plane> {
+    let of = |moments: Moments| {
+        let enough = moments.points >= LOCAL_POINTS;
+        enough.then(|| stage_slices::plane(&moments, corner)).flatten()
+    };
+    of(moments.alone).or_else(|| of(moments.all()))
 }
 
 /// What the drive knows after a contest.
