@@ -38,8 +38,9 @@ pub(super) struct Contested {
     pub(super) surfaces: Vec<u32>,
     /// Whether each point is consistent with the local plane of its surface.
     pub(super) on_plane: Vec<bool>,
-    /// Whether it is consistent with the local plane of no other surface, wherever the other one's points are.
-    pub(super) alone: Vec<bool>,
+    /// Whether it is also away from the edges of its surface, if the tile owns it: consistent with the local
+    /// plane of no other surface in its cube that is not alike, and beyond none.
+    pub(super) amid: Vec<bool>,
     /// Sums over the points of surfaces after the contest.
     sums: SumsOfCubes,
 }
@@ -92,8 +93,9 @@ impl<'a> Arena<'a> {
         }
     }
 
-    /// The contest. `before` has the surface of each point, 0 for none.
-    pub(super) fn contest(&self, before: &[u32]) -> Contested {
+    /// The contest. `before` has the surface of each point, 0 for none. Planes are alike if they deviate by
+    /// less than the angle with this `cosine`.
+    pub(super) fn contest(&self, before: &[u32], cosine: f64) -> Contested {
         let Self { around, cubes, .. } = self;
         let known = |point: usize| around.zone[point] <= Zone::Linked;
         let sums = cubes.sums(&around.places, before);
@@ -106,7 +108,7 @@ impl<'a> Arena<'a> {
         let mut found = Contested {
             surfaces: before.to_vec(),
             on_plane: vec![false; before.len()],
-            alone: vec![false; before.len()],
+            amid: vec![false; before.len()],
             sums,
         };
         // A point that no other plane suits better keeps its surface, and needs no neighbours.
@@ -117,14 +119,8 @@ impl<'a> Arena<'a> {
                 let by = by(point);
                 let own = own_score(point, by);
                 found.on_plane[point] = own.is_finite();
-                let (mut consistent, mut better) = (0, false);
-                for score in planes.of(cube).iter().map(|plane| score(plane, by)) {
-                    consistent += u32::from(score.is_finite());
-                    // Its own plane is not better than itself.
-                    better |= score < own;
-                }
-                found.alone[point] = consistent == 1;
-                asked[point] = better;
+                // Its own plane is not better than itself.
+                asked[point] = planes.of(cube).iter().any(|plane| score(plane, by) < own);
             }
         }
         let mut rivals: Vec<(u32, f64)> = Vec::new();
@@ -151,6 +147,19 @@ impl<'a> Arena<'a> {
             found.surfaces[point] = best.2;
             found.on_plane[point] = best.0.is_finite();
         });
+        for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
+            let points = cubes.points(cube).iter().map(|point| *point as usize);
+            for point in points.filter(|point| around.is_core(*point) && found.on_plane[*point]) {
+                let by = by(point);
+                let own = planes.of(cube).iter().find(|plane| plane.surface == found.surfaces[point]);
+                let apart = |own: &LocalPlane, other: &LocalPlane| {
+                    likeness(own.normal, other.normal) > cosine
+                        || score(other, by).is_infinite() && own.is_beside(other, by)
+                };
+                found.amid[point] =
+                    own.is_some_and(|own| planes.of(cube).iter().all(|other| apart(own, other)));
+            }
+        }
         found
     }
 
@@ -212,5 +221,117 @@ impl<'a> Arena<'a> {
         let mut found: Vec<_> = found.into_iter().collect();
         found.sort_unstable_by_key(|touching| touching.0);
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::PointId;
+
+    /// Surfaces of points, and points.
+    type Scene = (Vec<u32>, Vec<[i32; 3]>);
+
+    /// Adds a square of 1 m with a point every 20 mm from a corner, off the plane by up to `noise` mm.
+    fn square(scene: &mut Scene, surface: u32, corner: [i32; 3], axes: [usize; 2], noise: i32) {
+        for n in 0..2_500 {
+            let mut place = corner;
+            place[axes[0]] += n % 50 * 20;
+            place[axes[1]] += n / 50 * 20;
+            place[3 - axes[0] - axes[1]] += (n * 7_919 % 101 - 50) * noise / 50;
+            scene.0.push(surface);
+            scene.1.push(place);
+        }
+    }
+
+    fn around(places: &[[i32; 3]]) -> Around {
+        Around {
+            origin: [-70, 1_234, 9],
+            places: places.to_vec(),
+            id: (0..places.len()).map(PointId::at).collect(),
+            zone: vec![Zone::Core; places.len()],
+        }
+    }
+
+    const COSINE: f64 = 0.985;
+
+    #[test]
+    fn a_point_goes_to_the_plane_on_which_it_lies_if_a_neighbour_is_of_it() {
+        let mut scene = Scene::default();
+        square(&mut scene, 5, [1_000, 1_000, 1_000], [0, 1], 6);
+        square(&mut scene, 2, [1_000, 1_000, 1_000], [0, 2], 6);
+        let (mut surfaces, mut places) = scene;
+        // Floor points that are taken for the wall, too few for a plane, and one that is taken for nothing.
+        let patch: Vec<usize> = (0..2_500).filter(|n| n % 50 > 43 && n / 50 > 43).collect();
+        patch.iter().for_each(|point| surfaces[*point] = 2);
+        let unlabelled = 30 * 50 + 10;
+        surfaces[unlabelled] = 0;
+        // In the plane of the floor behind the wall, above the floor, and above both.
+        places.extend([[1_500, 600, 1_000], [1_500, 1_500, 1_100], [1_500, 1_500, 1_500]]);
+        surfaces.extend([0, 2, 9]);
+        let around = around(&places);
+        let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
+        for point in patch {
+            assert_eq!((now.surfaces[point], now.on_plane[point]), (5, true), "{:?}", places[point]);
+        }
+        assert_eq!(now.surfaces[unlabelled], 5);
+        assert_eq!((&now.surfaces[5_000..], &now.on_plane[5_000..]), (&[0, 2, 9][..], &[false; 3][..]));
+        // Away from the edge, and not at it.
+        assert!(now.amid[25 * 50 + 25] && now.amid[2_500 + 25 * 50 + 25]);
+        assert!(!now.amid[25] && !now.amid[2_525] && !now.amid[5_001]);
+    }
+
+    #[test]
+    fn without_noise_a_point_of_an_edge_keeps_its_surface_or_takes_that_of_its_neighbour() {
+        let mut scene = Scene::default();
+        square(&mut scene, 5, [1_000, 1_000, 1_000], [0, 1], 0);
+        square(&mut scene, 2, [1_000, 1_000, 1_000], [0, 2], 0);
+        let (mut surfaces, mut places) = scene;
+        places.extend([[1_503, 1_000, 1_000], [1_505, 1_000, 1_000]]);
+        surfaces.extend([0, 2]);
+        let around = around(&places);
+        let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
+        assert_eq!(now.surfaces[..5_000], surfaces[..5_000]);
+        // In the place next to the first one there are points 25 of the floor and 2525 of the wall.
+        assert_eq!(now.surfaces[5_000..], [2, 2]);
+        surfaces[5_001] = 0;
+        let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
+        assert_eq!(now.surfaces[5_000..], [5, 5]);
+    }
+
+    #[test]
+    fn halves_of_a_plane_touch_and_agree_and_steps_and_corners_do_not() {
+        let mut scene = Scene::default();
+        square(&mut scene, 7, [1_000, 1_000, 1_000], [0, 1], 6);
+        square(&mut scene, 3, [2_000, 1_000, 1_000], [0, 1], 6);
+        square(&mut scene, 4, [1_000, 2_000, 1_012], [0, 1], 6);
+        square(&mut scene, 5, [1_000, 3_000, 1_112], [0, 1], 6);
+        square(&mut scene, 6, [1_000, 1_000, 1_000], [1, 2], 6);
+        let (surfaces, places) = scene;
+        let around = around(&places);
+        let arena = Arena::new(&around, 500, 20, 200);
+        let now = arena.contest(&surfaces, COSINE);
+        let touching = arena.touching(&now, COSINE, 2.5);
+        let pairs: Vec<((u32, u32), bool)> =
+            touching.iter().map(|(pair, touching)| (*pair, touching.agrees(2.5))).collect();
+        // 12 mm are 3.5 deviations: they touch, and do not agree. Over 100 mm no point has the other as a
+        // neighbour.
+        assert_eq!(pairs, [((3, 7), true), ((4, 7), false)]);
+        // If only normals decide, all that have each other among their neighbours agree.
+        let touching = arena.touching(&now, COSINE, 0.0);
+        let agreeing: Vec<(u32, u32)> =
+            touching.iter().filter(|found| found.1.agrees(0.0)).map(|found| found.0).collect();
+        assert_eq!(agreeing, [(3, 7), (4, 7)]);
+    }
+
+    #[test]
+    fn a_pair_is_seen_from_both_sides_and_near_in_the_mean() {
+        let one = Touching { seen: [3, 0], distances: 60, deviations: 12 };
+        let mut both = Touching { seen: [0, 1], distances: 19, deviations: 4 };
+        both.merge(&one);
+        assert_eq!(both, Touching { seen: [3, 1], distances: 79, deviations: 16 });
+        // 79 / 8 is the mean distance of two points of four pairs, 16 / 4 the mean deviation.
+        assert!(both.agrees(2.5) && !both.agrees(2.4) && both.agrees(0.0));
+        assert!(!one.agrees(2.5) && !one.agrees(0.0));
     }
 }

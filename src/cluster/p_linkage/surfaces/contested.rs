@@ -19,22 +19,22 @@ const SECTION_FOUND: usize = 2;
 /// Moments of the points of a surface that are consistent with its local planes.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct OnPlane {
-    /// Of those that are consistent with the local plane of no other surface.
-    pub(super) alone: Moments,
+    /// Of those away from its edges.
+    pub(super) amid: Moments,
     /// Of the others.
-    pub(super) shared: Moments,
+    pub(super) at_edges: Moments,
 }
 
 impl OnPlane {
     pub(super) fn merge(&mut self, other: &Self) {
-        self.alone.merge(&other.alone);
-        self.shared.merge(&other.shared);
+        self.amid.merge(&other.amid);
+        self.at_edges.merge(&other.at_edges);
     }
 
     /// Of all.
     pub(super) fn all(&self) -> Moments {
-        let mut all = self.alone;
-        all.merge(&self.shared);
+        let mut all = self.amid;
+        all.merge(&self.at_edges);
         all
     }
 }

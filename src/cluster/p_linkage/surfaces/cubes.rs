@@ -71,15 +71,27 @@ pub(super) struct LocalPlane {
     pub(super) normal: [f64; 3],
     /// Position along the normal, from the corner of the cube.
     through: f64,
+    /// Mean of its points, from the corner of the cube.
+    mean: [f64; 3],
 }
 
 impl LocalPlane {
     /// Distance of a place that is counted from the corner of the cube.
     #[inline]
     pub(super) fn distance(&self, by: [i32; 3]) -> f64 {
-        let [x, y, z] = by.map(f64::from);
+        self.beyond(by.map(f64::from)).abs()
+    }
+
+    /// Distance of a place with a sign that says on which side it is.
+    #[inline]
+    fn beyond(&self, [x, y, z]: [f64; 3]) -> f64 {
         let [a, b, c] = self.normal;
-        ((a * x + b * y + c * z) - self.through).abs()
+        (a * x + b * y + c * z) - self.through
+    }
+
+    /// Whether a place is on the same side of another plane of the cube as the mean of this one's points.
+    pub(super) fn is_beside(&self, other: &Self, by: [i32; 3]) -> bool {
+        (other.beyond(by.map(f64::from)) > 0.0) == (other.beyond(self.mean) > 0.0)
     }
 }
 
@@ -99,8 +111,8 @@ impl LocalPlanes {
     }
 }
 
-/// Sums of a surface among those around a cube: the surface, the cube, its place among the 27, and where the sums
-/// are among those of the cube.
+/// Sums of a surface among those around a cube: the surface, the cube, its place among the 27, and where the
+/// sums are among those of the cube.
 type Near = (u32, u32, [i8; 3], usize);
 
 /// The sums of each surface in each cube.
@@ -281,7 +293,8 @@ impl Cubes {
         }
         let fit = all.fit()?;
         let deviation = fit.flatness.sqrt().max(LEAST_DEVIATION);
-        Some(LocalPlane { surface: near[0].0, deviation, normal: fit.normal, through: fit.through() })
+        let Fit { normal, mean, .. } = fit;
+        Some(LocalPlane { surface: near[0].0, deviation, normal, through: fit.through(), mean })
     }
 }
 

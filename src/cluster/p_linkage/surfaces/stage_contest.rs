@@ -29,7 +29,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig, step: usize) -
     let before = known::around(tile, &around, reach, step - 1)?;
     let neighbours = config.neighbours as usize;
     let arena = Arena::new(&around, cubes::edge(lattice), neighbours, config.reach(lattice));
-    let now = arena.contest(&before);
+    let now = arena.contest(&before, config.cosine());
     let mut found = of_own(&around, &before, &now, tile.extent().0);
     found.touching = arena.touching(&now, config.cosine(), config.border_score);
     let own: Vec<u32> =
@@ -56,7 +56,7 @@ fn of_own(around: &Around, before: &[u32], now: &Contested, corner: [i64; 3]) ->
         }
         if now.on_plane[point] {
             let at = around.lattice_point(point);
-            let moments = if now.alone[point] { &mut latest.1.alone } else { &mut latest.1.shared };
+            let moments = if now.amid[point] { &mut latest.1.amid } else { &mut latest.1.at_edges };
             moments.add([0, 1, 2].map(|axis| at[axis] - corner[axis]));
         }
     }
@@ -122,15 +122,15 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usi
     sliced::encode(&merged, &of_tiles)
 }
 
-/// The plane of the points that are consistent with it alone. Near the edge to another plane, points of that
-/// one are nearer to this one by chance, always on its side, so a narrow plane would lean by degrees. If these
-/// are few, all consistent points count. `None` if all are few.
+/// The plane of the points away from edges. At the edge to another plane, points of that one are nearer to this
+/// one by chance, and always on the same side, so a narrow plane would lean by degrees. If the points away from
+/// edges are few, all count. `None` if all are few.
 fn plane(moments: &OnPlane, corner: [i64; 3]) -> Option<Plane> {
     let of = |moments: Moments| {
         let enough = moments.points >= LOCAL_POINTS;
         enough.then(|| stage_slices::plane(&moments, corner)).flatten()
     };
-    of(moments.alone).or_else(|| of(moments.all()))
+    of(moments.amid).or_else(|| of(moments.all()))
 }
 
 /// What the drive knows after a contest.
