@@ -38,8 +38,8 @@ pub(super) struct Contested {
     pub(super) surfaces: Vec<u32>,
     /// Whether each point is consistent with the local plane of its surface.
     pub(super) on_plane: Vec<bool>,
-    /// Whether it is also away from the edges of its surface, if the tile owns it: consistent with the local
-    /// plane of no other surface in its cube that is not alike, and beyond none.
+    /// Whether it is also away from the edges of its surface, if the tile owns it: consistent with no local
+    /// plane in its cube that has more points and is not alike, and beyond none.
     pub(super) amid: Vec<bool>,
     /// Sums over the points of surfaces after the contest.
     sums: SumsOfCubes,
@@ -153,7 +153,8 @@ impl<'a> Arena<'a> {
                 let by = by(point);
                 let own = planes.of(cube).iter().find(|plane| plane.surface == found.surfaces[point]);
                 let apart = |own: &LocalPlane, other: &LocalPlane| {
-                    likeness(own.normal, other.normal) > cosine
+                    other.points < own.points
+                        || likeness(own.normal, other.normal) > cosine
                         || score(other, by).is_infinite() && own.is_beside(other, by)
                 };
                 found.amid[point] =

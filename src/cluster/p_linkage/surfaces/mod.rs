@@ -12,30 +12,41 @@
 //! consistent; random numbers follow from ids (`slice`). Merging is transitive, and compares the planes of
 //! slices before any merging. Slices are merged only if their border is near to both planes too, because
 //! parallel planes at different heights became one surface over a kerb (`border`), and planes of slices are
-//! fitted once more (`slice`). `border_score = 0` and `refit_planes = false` give the rules as printed. All
-//! points of a slice have its label; its plane and that of its surface fit the consistent points.
+//! fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times, because narrow planes
+//! such as kerbs are in pieces before (`contest`). `border_score = 0`, `refit_planes = false` and
+//! `contest_rounds = 0` give the rules as printed.
+//!
+//! All points of a slice have its label, until a contest gives them another one. The plane of a surface fits
+//! the points that are consistent with its local planes, away from edges to larger ones (`contest`); without
+//! contests, and where points are too sparse for local planes, those that are consistent with its slices.
 //!
 //! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point
 //! takes part.
 //!
 //! Steps. `links`: normals, links, trees, and the planes of trees that lie in one tile. Its reduction has the
 //! mean and the deviation of flatness, and joins the trees of several tiles. `slices`: the planes of these,
-//! and which adjacent slices are similar. Its reduction merges them. `surfaces`: the labels of points. Points
-//! are read by the first and the last step.
+//! and which adjacent slices are similar. Its reduction merges them. `contest-1`, `contest-2`, ...: the surface
+//! of each point whose local plane suits it best, and which surfaces touch and agree then. Their reduction
+//! merges these, and fits planes. `surfaces`: the labels of points. All but `slices` read points.
 //!
 //! Why it is exact over tiles: a tile reads points up to three times `reach_m` around it, so it knows all
-//! neighbours of the neighbours of the points to which its own may be linked. Coordinates relative to a point
-//! are integers, so normals and flatness are the same to the last bit wherever they are computed. What
-//! crosses a seam is named by ids of points, and joined in the reductions. Sums over the drive and over
-//! surfaces are integers.
+//! neighbours of the neighbours of the points to which its own may be linked. A contest decides about points
+//! up to 1.42 m (or `reach_m`, if it is more) around a tile again, from those within twice as much; their
+//! surfaces before it are known from the tiles that own them, by ids. Coordinates relative to a point or to
+//! the corner of a cube are integers, so normals, flatness and local planes are the same to the last bit
+//! wherever they are computed. What crosses a seam is named by ids of points, and joined in the reductions.
+//! Sums over the drive and over surfaces are integers.
 //!
-//! Cost: O(K) per point and 69 trials per slice. Memory: about 4 K bytes per point of a tile for consistent
-//! sets.
+//! Cost: O(K) per point and 69 trials per slice. A contest takes the sums of a point, its distance from the
+//! local planes in its cube, and K neighbours only for the few points that another plane suits better or that
+//! may touch another surface. Memory: about 4 K bytes per point of a tile for consistent sets.
 //!
 //! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the
 //! neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of
 //! the size of a neighbourhood makes slices with arbitrary normals. Edges between planes are rounded off by
-//! small slices of their own.
+//! small slices of their own where points are too sparse for local planes (22 per square metre). A kerb of
+//! 0.12 m stays in pieces below about 2000 points per square metre at 10 mm of noise, and the normal of such a
+//! narrow plane is exact to about a degree only.
 
 mod around;
 mod border;
