@@ -75,7 +75,6 @@ fn neighbours(points: &[[i64; 3]], settings: &Settings) -> Vec<Vec<usize>> {
 /// Pairs of points of two surfaces.
 #[derive(Default)]
 struct Pairs {
-    seen: [usize; 2],
     distances: f64,
     deviations: f64,
 }
@@ -119,7 +118,6 @@ pub(crate) fn contests(points: &[[i64; 3]], surfaces: &mut [usize], settings: &S
                     continue;
                 }
                 let pairs = touching.entry((a.min(b), a.max(b))).or_default();
-                pairs.seen[usize::from(a > b)] += 1;
                 pairs.distances += two.distance(points[point]) + one.distance(points[other]);
                 pairs.deviations += deviation;
             }
@@ -128,7 +126,7 @@ pub(crate) fn contests(points: &[[i64; 3]], surfaces: &mut [usize], settings: &S
         let mut names: BTreeMap<usize, usize> = now.iter().map(|surface| (*surface, *surface)).collect();
         for ((a, b), pairs) in touching {
             let close = pairs.distances / 2.0 < settings.border_score * pairs.deviations;
-            if pairs.seen.contains(&0) || !(settings.border_score <= 0.0 || close) {
+            if settings.border_score > 0.0 && !close {
                 continue;
             }
             merged += 1;

@@ -66,8 +66,6 @@ impl Sums {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LocalPlane {
     pub(super) surface: u32,
-    /// Number of its points.
-    pub(super) points: u64,
     /// Root of the mean squared distance of its points, in lattice units, at least 1.
     pub(super) deviation: f64,
     pub(super) normal: [f64; 3],
@@ -296,8 +294,7 @@ impl Cubes {
         let fit = all.fit()?;
         let deviation = fit.flatness.sqrt().max(LEAST_DEVIATION);
         let Fit { normal, mean, .. } = fit;
-        let (surface, points) = (near[0].0, all.points.unsigned_abs());
-        Some(LocalPlane { surface, points, deviation, normal, through: fit.through(), mean })
+        Some(LocalPlane { surface: near[0].0, deviation, normal, through: fit.through(), mean })
     }
 }
 

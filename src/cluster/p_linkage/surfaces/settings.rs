@@ -43,8 +43,8 @@ pub struct SurfacesConfig {
     /// true (chosen: narrow planes fall apart without it; the paper has no such step).
     pub refit_planes: bool,
     /// Number of contests among surfaces, in each of which every point goes to the surface nearby whose local
-    /// plane suits it best: 0 (as printed) to 4. Default 2 (chosen: narrow planes such as kerbs are in pieces
-    /// without, and more than two change little, see `benches/results/surfaces.md`).
+    /// plane suits it best: 0 (as printed) to 4. Default 3 (chosen: narrow planes such as kerbs are in pieces
+    /// without, a fourth changes little, see `benches/results/surfaces.md`).
     pub contest_rounds: u32,
     /// Number of neighbours of a point, itself included: K of section 3, 8 to 255. Default 50 (chosen, see
     /// `benches/results/surfaces.md`; the paper has no number).
@@ -63,7 +63,7 @@ impl Default for SurfacesConfig {
             angle_deg: 10.0,
             border_score: 2.5,
             refit_planes: true,
-            contest_rounds: 2,
+            contest_rounds: 3,
             neighbours: 50,
             reach_m: 1.0,
             min_points: SLICE_POINTS,
