@@ -323,7 +323,7 @@ fn a_run_stopped_in_any_step_ends_in_the_same_bytes() {
     let passes: Vec<&'static str> =
         SURFACES.run_in(&straight, &settings).passes.iter().map(|figures| figures.pass).collect();
     let expected = SURFACES.results(&straight);
-    for pass in ["links", "slices", "contest-1", "contest-2", "contest-3", "surfaces"] {
+    for pass in ["links", "slices", "contest-1", "contest-2", "contest-3", "contest-4", "surfaces"] {
         for after in [0, 1] {
             let out = folder.path().join(format!("{pass}-{after}"));
             assert!(SURFACES.interrupted_in(pass, after, &out, &settings).is_err());

@@ -167,7 +167,7 @@ impl Method for Surfaces {
     }
 
     fn microseconds_per_point(&self) -> f64 {
-        4.0
+        4.8
     }
 
     fn planning_reach(&self, lattice: Lattice) -> Reach {

@@ -22,7 +22,8 @@ pub(super) const LINKS_REACHES: i64 = 3;
 /// their surfaces decide about those in the zone.
 pub(super) const CONTEST_REACHES: i64 = 2;
 /// Names of the contests, and so their largest number.
-pub(super) const CONTESTS: [&str; 4] = ["contest-1", "contest-2", "contest-3", "contest-4"];
+pub(super) const CONTESTS: [&str; 8] =
+    ["contest-1", "contest-2", "contest-3", "contest-4", "contest-5", "contest-6", "contest-7", "contest-8"];
 
 /// Fewest points of a slice (section 3, slice creating).
 pub(super) const SLICE_POINTS: u64 = 10;
@@ -43,8 +44,8 @@ pub struct SurfacesConfig {
     /// true (chosen: narrow planes fall apart without it; the paper has no such step).
     pub refit_planes: bool,
     /// Number of contests among surfaces, in each of which every point goes to the surface nearby whose local
-    /// plane suits it best: 0 (as printed) to 4. Default 3 (chosen: narrow planes such as kerbs are in pieces
-    /// without, a fourth changes little, see `benches/results/surfaces.md`).
+    /// plane suits it best: 0 (as printed) to 8. Default 4 (chosen: a kerb of three at 2000 points per square
+    /// metre was in pieces with fewer, see `benches/results/surfaces.md`).
     pub contest_rounds: u32,
     /// Number of neighbours of a point, itself included: K of section 3, 8 to 255. Default 50 (chosen, see
     /// `benches/results/surfaces.md`; the paper has no number).
@@ -63,7 +64,7 @@ impl Default for SurfacesConfig {
             angle_deg: 10.0,
             border_score: 2.5,
             refit_planes: true,
-            contest_rounds: 3,
+            contest_rounds: 4,
             neighbours: 50,
             reach_m: 1.0,
             min_points: SLICE_POINTS,
@@ -88,7 +89,7 @@ impl SurfacesConfig {
             ));
         }
         if self.contest_rounds as usize > CONTESTS.len() {
-            return Err(ConfigError::value("p-linkage.contest_rounds", self.contest_rounds, "0 to 4"));
+            return Err(ConfigError::value("p-linkage.contest_rounds", self.contest_rounds, "0 to 8"));
         }
         if !(8..=255).contains(&self.neighbours) {
             return Err(ConfigError::value("p-linkage.neighbours", self.neighbours, "8 to 255 points"));
@@ -145,7 +146,7 @@ mod tests {
             (SurfacesConfig { angle_deg: f64::NAN, ..default() }, "p-linkage.angle_deg = NaN"),
             (SurfacesConfig { angle_deg: 91.0, ..default() }, "p-linkage.angle_deg = 91"),
             (SurfacesConfig { border_score: -1.0, ..default() }, "p-linkage.border_score = -1"),
-            (SurfacesConfig { contest_rounds: 5, ..default() }, "p-linkage.contest_rounds = 5"),
+            (SurfacesConfig { contest_rounds: 9, ..default() }, "p-linkage.contest_rounds = 9"),
             (SurfacesConfig { neighbours: 7, ..default() }, "p-linkage.neighbours = 7"),
             (SurfacesConfig { reach_m: 0.0, ..default() }, "p-linkage.reach_m = 0"),
             (SurfacesConfig { min_points: 9, ..default() }, "p-linkage.min_points = 9"),
