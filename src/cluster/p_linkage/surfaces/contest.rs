@@ -261,7 +261,7 @@ mod tests {
         square(&mut scene, 2, [1_000, 1_000, 1_000], [0, 2], 6);
         let (mut surfaces, mut places) = scene;
         // Floor points that are taken for the wall, too few for a plane, and one that is taken for nothing.
-        let patch: Vec<usize> = (0..2_500).filter(|n| n % 50 > 43 && n / 50 > 43).collect();
+        let patch: Vec<usize> = (0..2_500).filter(|n| n % 50 > 46 && n / 50 > 46).collect();
         patch.iter().for_each(|point| surfaces[*point] = 2);
         let unlabelled = 30 * 50 + 10;
         surfaces[unlabelled] = 0;

@@ -122,9 +122,9 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usi
     sliced::encode(&merged, &of_tiles)
 }
 
-/// The plane of the points away from edges. At the edge to another plane, points of that one are nearer to this
-/// one by chance, and always on the same side, so a narrow plane would lean by degrees. If the points away from
-/// edges are few, all count. `None` if all are few.
+/// The plane of the points away from edges. At the edge to another plane, points of that one are nearer to
+/// this one by chance, and always on the same side, so a narrow plane would lean by degrees. If the points
+/// away from edges are few, all count. `None` if all are few.
 fn plane(moments: &OnPlane, corner: [i64; 3]) -> Option<Plane> {
     let of = |moments: Moments| {
         let enough = moments.points >= LOCAL_POINTS;
