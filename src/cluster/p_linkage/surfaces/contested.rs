@@ -1,6 +1,6 @@
 //! What a contest stores of a tile, in sections: the surfaces of its points, those of points that other tiles
-//! read, and what the reduction needs. The reduction of a contest returns for each tile the surfaces that have
-//! another number because they were merged, so surfaces are read with these.
+//! read, and what the reduction needs. The reduction of a contest returns for each tile the surfaces that
+//! have another number because they were merged, so surfaces are read with these.
 
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};

@@ -12,8 +12,8 @@
 //! consistent; random numbers follow from ids (`slice`). Merging is transitive, and compares the planes of
 //! slices before any merging. Slices are merged only if their border is near to both planes too, because
 //! parallel planes at different heights became one surface over a kerb (`border`), and planes of slices are
-//! fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times, because narrow planes
-//! such as kerbs are in pieces before (`contest`). `border_score = 0`, `refit_planes = false` and
+//! fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times, because narrow
+//! planes such as kerbs are in pieces before (`contest`). `border_score = 0`, `refit_planes = false` and
 //! `contest_rounds = 0` give the rules as printed.
 //!
 //! All points of a slice have its label, until a contest gives them another one. The plane of a surface fits
@@ -25,9 +25,9 @@
 //!
 //! Steps. `links`: normals, links, trees, and the planes of trees that lie in one tile. Its reduction has the
 //! mean and the deviation of flatness, and joins the trees of several tiles. `slices`: the planes of these,
-//! and which adjacent slices are similar. Its reduction merges them. `contest-1`, `contest-2`, ...: the surface
-//! of each point whose local plane suits it best, and which surfaces touch and agree then. Their reduction
-//! merges these, and fits planes. `surfaces`: the labels of points. All but `slices` read points.
+//! and which adjacent slices are similar. Its reduction merges them. `contest-1`, `contest-2`, ...: the
+//! surface of each point whose local plane suits it best, and which surfaces touch and agree then. Their
+//! reduction merges these, and fits planes. `surfaces`: the labels of points. All but `slices` read points.
 //!
 //! Why it is exact over tiles: a tile reads points up to three times `reach_m` around it, so it knows all
 //! neighbours of the neighbours of the points to which its own may be linked. A contest decides about points
@@ -45,8 +45,8 @@
 //! neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of
 //! the size of a neighbourhood makes slices with arbitrary normals. Edges between planes are rounded off by
 //! small slices of their own where points are too sparse for local planes (22 per square metre). A kerb of
-//! 0.12 m stays in pieces below about 2000 points per square metre at 10 mm of noise, and the normal of such a
-//! narrow plane is exact to about a degree only.
+//! 0.12 m stays in pieces below about 2000 points per square metre at 10 mm of noise, sometimes also above,
+//! and the normal of such a narrow plane is exact to 2 degrees only.
 
 mod around;
 mod border;
@@ -117,8 +117,9 @@ const LINKS_BYTES_PER_POINT: u64 = 340;
 /// Bytes per point of objects that a tile needs for what it and its neighbours have stored. Estimated from
 /// sizes.
 const SLICES_BYTES_PER_POINT: u64 = 40;
-/// Bytes per point of objects that a tile needs for a contest: places, ids and zones (21), cubes (8), the index
-/// (24), surfaces before and after (8), and lists of flags and of points by tiles (20). Estimated from sizes.
+/// Bytes per point of objects that a tile needs for a contest: places, ids and zones (21), cubes (8), the
+/// index (24), surfaces before and after (8), and lists of flags and of points by tiles (20). Estimated from
+/// sizes.
 const CONTEST_BYTES_PER_POINT: u64 = 90;
 /// Bytes per point of objects that a tile needs for labels. Estimated from sizes.
 const SURFACES_BYTES_PER_POINT: u64 = 40;

@@ -109,8 +109,8 @@ impl SurfacesConfig {
         lattice.units(self.reach_m).min(LARGEST_REACH)
     }
 
-    /// How far around a tile the surfaces of points after a contest must be known, in lattice units: as far as
-    /// a neighbour, and as the corner of the cubes around a point.
+    /// How far around a tile the surfaces of points after a contest must be known, in lattice units: as far
+    /// as a neighbour, and as the corner of the cubes around a point.
     pub(super) fn contest_zone(&self, lattice: Lattice) -> i64 {
         // The root of 8, rounded up: both ends of two cubes, diagonally.
         let cubes = i64::from(cubes::edge(lattice)) * 2_829 / 1_000 + 1;
