@@ -87,7 +87,7 @@ fn settings(rng: &mut ChaCha8Rng) -> Settings {
     let [angle_deg, border_score] = [[10.0, 2.5], [20.0, 0.0], [5.0, 1.0]][rng.random_range(0..3)];
     Settings {
         neighbours,
-        reach_mm: reach_mm as i64,
+        reach_mm: i64::try_from(reach_mm).unwrap(),
         angle_deg,
         border_score,
         refit_planes: rng.random_range(0..3) > 0,

@@ -99,7 +99,7 @@ impl<'a> Arena<'a> {
         let known = |point: usize| around.zone[point] <= Zone::Linked;
         let sums = cubes.sums(&around.places, before);
         let planes = cubes.planes(&sums, 1, known);
-        let by = |point: usize| cubes.from_corner(cubes.of(point), around.places[point]);
+        let by = |point: usize| cubes.in_cube(cubes.of(point), around.places[point]);
         let own_score = |point: usize, by: [i32; 3]| {
             let own = planes.of(cubes.of(point)).iter().find(|plane| plane.surface == before[point]);
             own.map_or(f64::INFINITY, |plane| score(plane, by))
@@ -188,7 +188,7 @@ impl<'a> Arena<'a> {
         let mut asked = vec![false; around.len()];
         for cube in (0..cubes.len()).filter(|cube| planes.of(*cube).len() > 1) {
             for point in cubes.points(cube).iter().map(|point| *point as usize).filter(|point| ends(*point)) {
-                let by = cubes.from_corner(cube, around.places[point]);
+                let by = cubes.in_cube(cube, around.places[point]);
                 asked[point] = own(point)
                     .is_some_and(|own| planes.of(cube).iter().any(|other| may_touch(own, other, by)));
             }
@@ -197,7 +197,7 @@ impl<'a> Arena<'a> {
         self.each(&asked, |number, near| {
             let point = number as usize;
             let cube = cubes.of(point);
-            let by = cubes.from_corner(cube, around.places[point]);
+            let by = cubes.in_cube(cube, around.places[point]);
             let Some(own) = own(point) else { return };
             for other in planes.of(cube).iter().filter(|other| may_touch(own, other, by)) {
                 let mut pairs = Touching::default();
@@ -205,7 +205,7 @@ impl<'a> Arena<'a> {
                     (steps(other.distance(by)), steps(own.deviation.max(other.deviation)));
                 for at in near.iter().map(|near| number_of(*near) as usize) {
                     if now.surfaces[at] == other.surface && now.on_plane[at] {
-                        let there = own.distance(cubes.from_corner(cube, around.places[at]));
+                        let there = own.distance(cubes.in_cube(cube, around.places[at]));
                         pairs.pairs += 1;
                         pairs.distances += here + steps(there);
                         pairs.deviations += deviation;

@@ -207,7 +207,7 @@ impl Cubes {
 
     /// A place in local coordinates, counted from the corner of a cube.
     #[inline]
-    pub(super) fn from_corner(&self, cube: usize, place: [i32; 3]) -> [i32; 3] {
+    pub(super) fn in_cube(&self, cube: usize, place: [i32; 3]) -> [i32; 3] {
         let corner = self.corner[cube];
         [0, 1, 2].map(|axis| place[axis] - corner[axis])
     }
@@ -226,7 +226,7 @@ impl Cubes {
                     }
                     latest = (surface, if surface == 0 { Sums::default() } else { *sums.of(cube, surface) });
                 }
-                latest.1.add(self.from_corner(cube, places[point]).map(i64::from), 1);
+                latest.1.add(self.in_cube(cube, places[point]).map(i64::from), 1);
             }
             if latest.0 != 0 {
                 *sums.of(cube, latest.0) = latest.1;
@@ -238,7 +238,7 @@ impl Cubes {
     /// Takes a point from one surface to another one; 0 is none.
     pub(super) fn take(&self, sums: &mut SumsOfCubes, point: usize, place: [i32; 3], from: u32, to: u32) {
         let cube = self.of(point);
-        let by = self.from_corner(cube, place).map(i64::from);
+        let by = self.in_cube(cube, place).map(i64::from);
         for (surface, sign) in [(from, -1), (to, 1)] {
             if surface != 0 {
                 sums.of(cube, surface).add(by, sign);
@@ -336,7 +336,7 @@ mod tests {
         for (point, place) in places.iter().enumerate() {
             let cube = cubes.of(point);
             let corner = cube_of(point).map(|index| index * 500);
-            let by = cubes.from_corner(cube, *place).map(i64::from);
+            let by = cubes.in_cube(cube, *place).map(i64::from);
             assert_eq!([0, 1, 2].map(|axis| corner[axis] + by[axis] - origin[axis]), place.map(i64::from));
             assert!(cubes.points(cube).iter().any(|member| *member as usize == point));
             for surface in [3, 7] {
@@ -354,7 +354,7 @@ mod tests {
                     assert_eq!(plane.normal.map(f64::to_bits), fit.normal.map(f64::to_bits));
                     assert_eq!(plane.deviation.to_bits(), fit.flatness.sqrt().to_bits());
                     let at = by.map(|by| by as f64);
-                    let apart = plane.distance(cubes.from_corner(cube, *place)) - fit.distance(at);
+                    let apart = plane.distance(cubes.in_cube(cube, *place)) - fit.distance(at);
                     assert!(apart.abs() < 1e-9, "{apart}");
                     fitted += 1;
                 }
