@@ -4,10 +4,11 @@
     scripts/surfaces.py make room|facade|stairs FILE.laz [--noise 0.01] [--density 2000] [--seed 1]
     scripts/surfaces.py score FILE.laz OUT
     scripts/surfaces.py draw OUT/FILE.laz PICTURE.png [--view ELEVATION AZIMUTH]
+    scripts/surfaces.py kerb PICTURE.png OUT/FACADE.laz...
 
 `score` says for every plane how many surfaces hold it, and angle and offset of the largest one; then the numbers of
 Hoover et al. 1996 at T = 0.8: correct, over-segmented, under-segmented, missed, noise. It needs numpy and laspy[lazrs];
-`draw` needs matplotlib.
+`draw` and `kerb` need matplotlib; `kerb` draws the points of the true kerb of a facade from the road, one band per run.
 """
 
 import argparse
@@ -218,6 +219,32 @@ def draw(arguments):
     figure.savefig(arguments.picture)
 
 
+def kerb(arguments):
+    import laspy
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, bands = plt.subplots(len(arguments.files), 1, figsize=(12, 1.5 * len(arguments.files)), dpi=110, squeeze=False)
+    for file, axes in zip(arguments.files, bands[:, 0]):
+        las = laspy.read(file)
+        true = np.asarray(las.gt_instance) == 2
+        ids = np.asarray(las.cluster_id)[true]
+        x, z = np.asarray(las.x)[true] - CORNER[0], np.asarray(las.z)[true] - CORNER[2]
+        order = np.argsort(-np.bincount(ids))
+        rank = np.empty(len(order), int)
+        rank[order] = np.arange(len(order))
+        colours = np.random.default_rng(3).random((len(order), 3)) * 0.75 + 0.1
+        # Height above the road, which rises along the facade; stretched five times.
+        axes.scatter(x, z - 0.1 - 0.01 * x, s=1.5, c=colours[rank[ids]], linewidths=0)
+        axes.set_aspect(5.0)
+        axes.set_ylabel("height (m)")
+    axes.set_xlabel("along the kerb (m)")
+    figure.tight_layout()
+    figure.savefig(arguments.picture)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(required=True)
@@ -240,6 +267,10 @@ def main():
     three.add_argument("--size", type=float, default=1.0)
     three.add_argument("--small", type=int, default=30)
     three.set_defaults(call=draw)
+    four = commands.add_parser("kerb")
+    four.add_argument("picture")
+    four.add_argument("files", nargs="+")
+    four.set_defaults(call=kerb)
     arguments = parser.parse_args()
     return arguments.call(arguments) or 0
 

@@ -1,6 +1,7 @@
 //! Shared by several integration tests: the optional data folder, small drives and how to run them,
 //! references.
 
+pub(crate) mod contest_oracle;
 pub(crate) mod cut_oracle;
 pub(crate) mod drive;
 pub(crate) mod imports;

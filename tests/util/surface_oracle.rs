@@ -9,6 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
+use crate::util::contest_oracle;
+
 /// Settings in millimetres and degrees.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settings {
@@ -17,9 +19,10 @@ pub(crate) struct Settings {
     pub(crate) angle_deg: f64,
     pub(crate) border_score: f64,
     pub(crate) refit_planes: bool,
+    pub(crate) contest_rounds: usize,
 }
 
-type Vector = Vector3<f64>;
+pub(super) type Vector = Vector3<f64>;
 
 struct Facts {
     flatness: f64,
@@ -27,12 +30,12 @@ struct Facts {
     consistent: Vec<usize>,
 }
 
-fn vector(point: [i64; 3]) -> Vector {
+pub(super) fn vector(point: [i64; 3]) -> Vector {
     Vector::new(point[0] as f64, point[1] as f64, point[2] as f64)
 }
 
 /// Normal, smallest eigenvalue and mean; `None` on a line.
-fn plane(points: &[Vector]) -> Option<(Vector, f64, Vector)> {
+pub(super) fn plane(points: &[Vector]) -> Option<(Vector, f64, Vector)> {
     if points.len() < 3 {
         return None;
     }
@@ -223,13 +226,13 @@ impl Cloud<'_> {
     }
 }
 
-/// For each point the smallest point of its surface, whatever its size; and the numbers of slices and of
-/// merged pairs.
+/// For each point the smallest point of its surface, whatever its size; and the numbers of slices, of merged
+/// pairs, of points that changed their surface in contests, and of surfaces merged after these.
 pub(crate) fn surfaces(
     points: &[[i64; 3]],
     ground: &[bool],
     settings: &Settings,
-) -> (Vec<Option<usize>>, [usize; 2]) {
+) -> (Vec<Option<usize>>, [usize; 4]) {
     // Points of the ground take no part; ids are those among all points.
     let kept: Vec<usize> = (0..points.len()).filter(|id| !ground[*id]).collect();
     let own: Vec<[i64; 3]> = kept.iter().map(|id| points[*id]).collect();
@@ -286,9 +289,11 @@ pub(crate) fn surfaces(
     };
     let mut first: BTreeMap<usize, usize> = BTreeMap::new();
     let mut found = vec![None; points.len()];
-    for (point, &number) in of_point.iter().enumerate().filter(|(_, number)| **number != usize::MAX) {
-        let surface = root(number);
+    let slice = |number: &usize| if *number == usize::MAX { usize::MAX } else { root(*number) };
+    let mut of_point: Vec<usize> = of_point.iter().map(slice).collect();
+    let [changed, joined] = contest_oracle::contests(&own, &mut of_point, settings);
+    for (point, &surface) in of_point.iter().enumerate().filter(|(_, surface)| **surface != usize::MAX) {
         found[kept[point]] = Some(*first.entry(surface).or_insert(kept[point]));
     }
-    (found, [slices.len(), merged.pairs])
+    (found, [slices.len(), merged.pairs, changed, joined])
 }

@@ -29,13 +29,10 @@ pub(super) struct Around {
     pub(super) zone: Vec<Zone>,
 }
 
-/// Distance in reaches around a tile within which points are read.
-pub(super) const REACHES: i64 = 3;
-
 impl Around {
-    /// Reads the points of objects of a tile and around it; `reach` is the largest distance of a neighbour.
-    pub(super) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
-        let points = tile.points(REACHES * reach, true)?;
+    /// Reads the points of objects of a tile and around it, in zones that are `reach` wide: 2 of them, or 3.
+    pub(super) fn load(tile: &dyn TileWindow, reach: i64, zones: i64) -> Result<Self> {
+        let points = tile.points(zones * reach, true)?;
         let cloud = &points.cloud;
         let grid = tile.grid();
         let near = [Zone::Linked, Zone::Flat].map(|zone| (zone, tile.cells((zone as i64) * reach)));
@@ -50,7 +47,8 @@ impl Around {
             within.map_or(Zone::Place, |at| near[at].0)
         };
         let mut order: Vec<usize> = (0..cloud.len()).collect();
-        order.sort_unstable_by_key(|point| cloud.id[*point]);
+        // Core points are in order already, which this sort makes use of.
+        order.sort_by_key(|point| cloud.id[*point]);
         Ok(Self {
             origin: cloud.origin,
             places: order.iter().map(|&at| [cloud.x[at], cloud.y[at], cloud.z[at]]).collect(),

@@ -13,7 +13,7 @@ use super::slice::SlicePlane;
 /// Steps of a distance: 2^-10 lattice units. Sums are whole numbers, so their order does not matter.
 const STEPS: f64 = 1024.0;
 /// No deviation is taken to be smaller than this: coordinates are rounded to whole lattice units.
-const LEAST_DEVIATION: f64 = 1.0;
+pub(super) const LEAST_DEVIATION: f64 = 1.0;
 
 /// Mutual pairs of consistent points of two slices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -50,8 +50,10 @@ impl Border {
     }
 }
 
+/// A distance in steps.
+#[inline]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, below 2^40 steps")]
-fn steps(distance: f64) -> u64 {
+pub(super) fn steps(distance: f64) -> u64 {
     (distance * STEPS + 0.5) as u64
 }
 

@@ -1,5 +1,5 @@
 //! What the step `links` stores of a tile, in sections: labels, trees, planes, consistent points, parts of
-//! open trees, and pairs of points of different trees.
+//! open trees, pairs of points of different trees, and the trees of points near other tiles.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +18,7 @@ const SECTION_PLANES: usize = 2;
 const SECTION_CONSISTENT: usize = 3;
 const SECTION_PARTS: usize = 4;
 const SECTION_PAIRS: usize = 5;
+const SECTION_NEAR: usize = 6;
 
 /// Steps of a flatness: 2^-20 square lattice units.
 const FLATNESS_STEPS: f64 = 1_048_576.0;
@@ -129,6 +130,8 @@ pub(super) struct Stored {
     /// The points of each open tree.
     pub(super) parts: Vec<Vec<OpenPoint>>,
     pub(super) pairs: Pairs,
+    /// Ids and trees (0 for none) of the points that other tiles read in the next steps, ascending.
+    pub(super) near: Vec<(PointId, u32)>,
 }
 
 impl Stored {
@@ -144,6 +147,7 @@ impl Stored {
             consistent,
             codec::encode(&self.parts)?,
             codec::encode(&self.pairs)?,
+            codec::encode(&self.near)?,
         ]))
     }
 
@@ -160,6 +164,7 @@ impl Stored {
             planes: codec::decode(codec::section(&payload, SECTION_PLANES)?)?,
             parts: codec::decode(codec::section(&payload, SECTION_PARTS)?)?,
             pairs: codec::decode(codec::section(&payload, SECTION_PAIRS)?)?,
+            near: codec::decode(codec::section(&payload, SECTION_NEAR)?)?,
         })
     }
 }
@@ -190,6 +195,11 @@ pub(super) fn load_trees(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> R
 /// The planes of the closed trees of a tile.
 pub(super) fn load_planes(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<Closed>> {
     codec::decode(codec::section(&drive.payload(STEP_LINKS, tile)?, SECTION_PLANES)?)
+}
+
+/// Ids and trees of the points of a tile that other tiles read in the next steps.
+pub(super) fn load_near(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<(PointId, u32)>> {
+    codec::decode(codec::section(&drive.payload(STEP_LINKS, tile)?, SECTION_NEAR)?)
 }
 
 /// The points of the open trees of a tile.

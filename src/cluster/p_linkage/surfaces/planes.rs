@@ -10,7 +10,7 @@ use crate::spatial::median;
 /// deviation.
 const MAD_FACTOR: f64 = 1.4826;
 /// Points with a robust score below this are consistent (equation 7).
-const LARGEST_SCORE: f64 = 2.5;
+pub(super) const LARGEST_SCORE: f64 = 2.5;
 /// Points are on one line if the middle eigenvalue is at most this times the largest.
 const LINE: f64 = 1e-9;
 

@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use serde::Deserialize;
 
+use super::cubes;
 use crate::config::ConfigError;
 use crate::model::Lattice;
 use crate::spatial::LARGEST_REACH;
@@ -11,10 +12,18 @@ use crate::spatial::LARGEST_REACH;
 /// Name of the method and of its section.
 pub(super) const NAME: &str = "p-linkage";
 
-/// Numbers of the steps, in their order.
+/// Numbers of the first steps. Contests follow, and `surfaces` is the last.
 pub(super) const STEP_LINKS: usize = 0;
 pub(super) const STEP_SLICES: usize = 1;
-pub(super) const STEP_SURFACES: usize = 2;
+
+/// Distances of a neighbour around a tile within which the step `links` reads points.
+pub(super) const LINKS_REACHES: i64 = 3;
+/// Widths of the zone of a contest ([`SurfacesConfig::contest_zone`]) within which a contest reads points:
+/// their surfaces decide about those in the zone.
+pub(super) const CONTEST_REACHES: i64 = 2;
+/// Names of the contests, and so their largest number.
+pub(super) const CONTESTS: [&str; 8] =
+    ["contest-1", "contest-2", "contest-3", "contest-4", "contest-5", "contest-6", "contest-7", "contest-8"];
 
 /// Fewest points of a slice (section 3, slice creating).
 pub(super) const SLICE_POINTS: u64 = 10;
@@ -34,6 +43,10 @@ pub struct SurfacesConfig {
     /// Whether the plane of a slice is fitted once more, to all points that are consistent with it. Default
     /// true (chosen: narrow planes fall apart without it; the paper has no such step).
     pub refit_planes: bool,
+    /// Number of contests among surfaces, in each of which every point goes to the surface nearby whose local
+    /// plane suits it best: 0 (as printed) to 8. Default 4 (chosen: a kerb of three at 2000 points per square
+    /// metre was in pieces with fewer, see `benches/results/surfaces.md`).
+    pub contest_rounds: u32,
     /// Number of neighbours of a point, itself included: K of section 3, 8 to 255. Default 50 (chosen, see
     /// `benches/results/surfaces.md`; the paper has no number).
     pub neighbours: u32,
@@ -51,6 +64,7 @@ impl Default for SurfacesConfig {
             angle_deg: 10.0,
             border_score: 2.5,
             refit_planes: true,
+            contest_rounds: 4,
             neighbours: 50,
             reach_m: 1.0,
             min_points: SLICE_POINTS,
@@ -74,6 +88,9 @@ impl SurfacesConfig {
                 "0 to 100 deviations",
             ));
         }
+        if self.contest_rounds as usize > CONTESTS.len() {
+            return Err(ConfigError::value("p-linkage.contest_rounds", self.contest_rounds, "0 to 8"));
+        }
         if !(8..=255).contains(&self.neighbours) {
             return Err(ConfigError::value("p-linkage.neighbours", self.neighbours, "8 to 255 points"));
         }
@@ -90,6 +107,14 @@ impl SurfacesConfig {
     /// `reach_m`.
     pub(super) fn reach(&self, lattice: Lattice) -> i64 {
         lattice.units(self.reach_m).min(LARGEST_REACH)
+    }
+
+    /// How far around a tile the surfaces of points after a contest must be known, in lattice units: as far
+    /// as a neighbour, and as the corner of the cubes around a point.
+    pub(super) fn contest_zone(&self, lattice: Lattice) -> i64 {
+        // The root of 8, rounded up: both ends of two cubes, diagonally.
+        let cubes = i64::from(cubes::edge(lattice)) * 2_829 / 1_000 + 1;
+        self.reach(lattice).max(cubes)
     }
 
     /// Sizes of surfaces.
@@ -121,6 +146,7 @@ mod tests {
             (SurfacesConfig { angle_deg: f64::NAN, ..default() }, "p-linkage.angle_deg = NaN"),
             (SurfacesConfig { angle_deg: 91.0, ..default() }, "p-linkage.angle_deg = 91"),
             (SurfacesConfig { border_score: -1.0, ..default() }, "p-linkage.border_score = -1"),
+            (SurfacesConfig { contest_rounds: 9, ..default() }, "p-linkage.contest_rounds = 9"),
             (SurfacesConfig { neighbours: 7, ..default() }, "p-linkage.neighbours = 7"),
             (SurfacesConfig { reach_m: 0.0, ..default() }, "p-linkage.reach_m = 0"),
             (SurfacesConfig { min_points: 9, ..default() }, "p-linkage.min_points = 9"),

@@ -14,7 +14,8 @@ use super::around::{Around, moments};
 use super::border::Border;
 use super::normals::{NONE, Normals};
 use super::payload::{self, Across, Closed, OfTile, OpenPoint, OpenTree, Pairs, Stored};
-use super::settings::{NAME, SLICE_POINTS, STEP_LINKS, SurfacesConfig};
+use super::seams;
+use super::settings::{CONTEST_REACHES, LINKS_REACHES, NAME, SLICE_POINTS, STEP_LINKS, SurfacesConfig};
 use super::slice::slice;
 use super::trees::{Tree, trees};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
@@ -25,7 +26,7 @@ use crate::spatial::DisjointSets;
 /// Computes the payload of a tile.
 pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapped> {
     let reach = config.reach(tile.lattice());
-    let around = Around::load(tile, reach)?;
+    let around = Around::load(tile, reach, LINKS_REACHES)?;
     let normals = Normals::of(&around, config.neighbours as usize, reach);
     let mut stored = Stored::default();
     let mut own = vec![NONE; around.len()];
@@ -47,6 +48,8 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
     for (label, tree) in (first_open..).zip(open) {
         add_open(&mut stored, &around, &normals, &own, &tree, label);
     }
+    let near = CONTEST_REACHES * config.contest_zone(tile.lattice());
+    stored.near = seams::near_others(tile, &around, &stored.labels, near);
     stored.pairs = pairs(tile, &around, &normals, &own, &stored)?;
     Ok(Mapped::payload(stored.encode()?))
 }

@@ -302,7 +302,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result
 
 /// The plane of the consistent points of a surface.
 #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
-fn plane(sums: &Moments, corner: [i64; 3]) -> Option<Plane> {
+pub(super) fn plane(sums: &Moments, corner: [i64; 3]) -> Option<Plane> {
     let fit = sums.fit()?;
     let centre = [0, 1, 2].map(|axis| corner[axis] + fit.mean[axis].round() as i64);
     Some(Plane {

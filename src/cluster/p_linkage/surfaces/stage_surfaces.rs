@@ -1,39 +1,33 @@
-//! Step `surfaces`: the label of every point, from the surface of its tree. Its reduction gives the planes.
+//! Step `surfaces`: the label of every point, from its surface. Its reduction gives the planes.
 
 use std::collections::BTreeMap;
 
 use serde_json::json;
 
-use super::payload;
-use super::settings::{NAME, STEP_SURFACES};
+use super::known;
+use super::settings::{NAME, STEP_SLICES};
+use super::stage_contest::{self, Merged};
 use super::stage_links;
-use super::stage_slices::{self, surface_of_tree};
+use super::stage_slices;
 use crate::cluster::{DriveWindow, Figures, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{Plane, TileId, in_u32};
+use crate::model::{TileId, in_u32};
 
-/// Labels the points of a tile.
-pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
+/// Labels the points of a tile. `step` is the number of this step.
+pub(super) fn map(tile: &dyn TileWindow, step: usize) -> Result<Mapped> {
     let points = tile.points(0, true)?;
-    let trees = payload::load_labels(tile, tile.tile())?;
-    let surfaces = surface_of_tree(tile, tile.tile())?;
+    let surfaces = known::own(tile, tile.tile(), step - 1)?;
     let own: Vec<usize> = (0..points.cloud.len()).filter(|&point| points.core[point]).collect();
-    if own.len() != trees.len() {
+    if own.len() != surfaces.len() {
         let text =
-            format!("{NAME}: tile {} has {} points and {} labels", tile.tile(), own.len(), trees.len());
+            format!("{NAME}: tile {} has {} points and {} labels", tile.tile(), own.len(), surfaces.len());
         return Err(Error::bug(text));
     }
     let mut labels = vec![0; points.cloud.len()];
     let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
     let mut groups: Vec<u32> = Vec::new();
-    for (point, tree) in own.into_iter().zip(trees) {
-        let Some(&surface) = (tree as usize).checked_sub(1).and_then(|tree| surfaces.get(tree)) else {
-            continue;
-        };
-        if surface == 0 {
-            continue;
-        }
+    for (point, surface) in own.into_iter().zip(surfaces).filter(|(_, surface)| *surface != 0) {
         let next = in_u32(groups.len(), "surfaces of a tile") + 1;
         let number = *numbers.entry(surface).or_insert(next);
         if number == next {
@@ -47,13 +41,15 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
 }
 
 /// The surfaces of the drive.
-pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Grouped> {
+pub(super) fn reduce(drive: &dyn DriveWindow, step: usize) -> Result<Grouped> {
     let mut groups = Vec::new();
     for tile in TileId::first(drive.tiles()) {
-        groups.push(codec::decode::<Vec<u32>>(&drive.payload(STEP_SURFACES, tile)?)?);
+        groups.push(codec::decode::<Vec<u32>>(&drive.payload(step, tile)?)?);
     }
     let links = stage_links::head(drive)?;
-    let surfaces = stage_slices::head(drive)?;
+    let slices = stage_slices::head(drive)?;
+    let contests: Vec<Merged> =
+        (STEP_SLICES + 1..step).map(|step| stage_contest::head(drive, step)).collect::<Result<_>>()?;
     let square_m = drive.lattice().step_m().powi(2);
     let mut figures = Figures::new();
     figures.insert(
@@ -62,12 +58,17 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Grouped> {
             "points with a normal": links.points,
             "mean flatness in m2": links.mean * square_m,
             "standard deviation of flatness in m2": links.deviation * square_m,
-            "slices": surfaces.slices,
-            "merged pairs of slices": surfaces.pairs,
-            "surfaces of any size": surfaces.surfaces,
+            "slices": slices.slices,
+            "merged pairs of slices": slices.pairs,
+            "points that changed their surface in each contest":
+                contests.iter().map(|contest| contest.changed).collect::<Vec<u64>>(),
+            "merged pairs of surfaces in each contest":
+                contests.iter().map(|contest| contest.pairs).collect::<Vec<u64>>(),
+            "surfaces of any size": contests.last().map_or(slices.surfaces, |contest| contest.surfaces),
         }),
     );
-    let planes: BTreeMap<u32, Plane> =
-        (1..).zip(surfaces.planes).filter_map(|(surface, plane)| Some((surface, plane?))).collect();
+    let of_slices =
+        || (1..).zip(slices.planes).filter_map(|(surface, plane)| Some((surface, plane?))).collect();
+    let planes = contests.into_iter().last().map_or_else(of_slices, |contest| contest.planes);
     Ok(Grouped { groups, planes, figures, ..Grouped::default() })
 }

@@ -1,0 +1,335 @@
+//! The contest among surfaces: each point goes to the surface, among those of its neighbours, whose local
+//! plane suits it best; and which surfaces touch after this and agree.
+//!
+//! This is not in the paper. Where a plane is about as narrow as a neighbourhood, as a kerb is, many normals
+//! mix two planes, and their points make slices that lean. Such slices lie between those of the narrow plane,
+//! which therefore are not adjacent. A local plane is fitted to many points, so it leans less than a normal:
+//! leaning slices lose their points to it, and the pieces of the narrow plane touch.
+//!
+//! A point is decided by its neighbours and by the local planes in its cube, so by the points within a fixed
+//! distance. Scores that are equal, as without noise, are decided by the nearer neighbour and its id.
+
+use std::cell::OnceCell;
+
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
+
+use super::around::{Around, Zone};
+use super::border::steps;
+use super::cubes::{Cubes, LocalPlane, SumsOfCubes};
+use super::planes::{LARGEST_SCORE, likeness};
+use crate::spatial::{KNearest, number_of};
+
+/// The points of a tile and around it.
+pub(super) struct Arena<'a> {
+    around: &'a Around,
+    cubes: Cubes,
+    /// Number of neighbours of a point, itself included, and how far they may be.
+    neighbours: usize,
+    reach: i64,
+    /// Only where a point needs its neighbours.
+    index: OnceCell<KNearest>,
+}
+
+/// The surfaces of points after a contest. Only points that are at most [`Zone::Linked`] are known.
+#[derive(Debug)]
+pub(super) struct Contested {
+    /// The surface of each point, 0 for none.
+    pub(super) surfaces: Vec<u32>,
+    /// Whether each point is consistent with the local plane of its surface.
+    pub(super) on_plane: Vec<bool>,
+    /// Whether it is also away from the edges of its surface, if the tile owns it: consistent with no other
+    /// local plane in its cube that is not alike, and beyond none.
+    pub(super) amid: Vec<bool>,
+    /// Sums over the points of surfaces after the contest.
+    sums: SumsOfCubes,
+}
+
+/// Pairs of points of two surfaces of which one is a neighbour of the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub(super) struct Touching {
+    pairs: u64,
+    /// Sum of the distances of both points of a pair from the local planes of the other surface, in steps.
+    distances: u64,
+    /// Sum of the larger deviation of both planes, in steps.
+    deviations: u64,
+}
+
+impl Touching {
+    /// Adds other pairs of the same surfaces.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.pairs += other.pairs;
+        self.distances += other.distances;
+        self.deviations += other.deviations;
+    }
+
+    /// Whether the mean distance is below `score` deviations. A score of 0 demands nothing. Pairs need not be
+    /// mutual, as those of slices are (equation 10): the end of a piece of a kerb may lean, so that its local
+    /// plane agrees with that of the next piece on one side only.
+    pub(super) fn agrees(&self, score: f64) -> bool {
+        score <= 0.0 || (self.distances as f64) < 2.0 * score * self.deviations as f64
+    }
+}
+
+/// Deviation plus half the distance; infinite beyond 2.5 deviations (equation 7).
+fn score(plane: &LocalPlane, by: [i32; 3]) -> f64 {
+    let distance = plane.distance(by);
+    if distance < LARGEST_SCORE * plane.deviation { plane.deviation + distance / 2.0 } else { f64::INFINITY }
+}
+
+impl<'a> Arena<'a> {
+    /// Cubes have edges of `edge` lattice units.
+    pub(super) fn new(around: &'a Around, edge: u32, neighbours: usize, reach: i64) -> Self {
+        let cubes = Cubes::new(&around.places, around.origin, edge);
+        Self { around, cubes, neighbours, reach, index: OnceCell::new() }
+    }
+
+    /// The points that are asked for, with the distance and number of their neighbours.
+    fn each(&self, asked: &[bool], visit: impl FnMut(u32, &mut [u64])) {
+        if asked.iter().any(|asked| *asked) {
+            let index = self.index.get_or_init(|| KNearest::new(&self.around.places, self.neighbours));
+            index.each(self.reach, |point| asked[point as usize], visit);
+        }
+    }
+
+    /// The contest. `before` has the surface of each point, 0 for none. Planes are alike if they deviate by
+    /// less than the angle with this `cosine`.
+    pub(super) fn contest(&self, before: &[u32], cosine: f64) -> Contested {
+        let Self { around, cubes, .. } = self;
+        let known = |point: usize| around.zone[point] <= Zone::Linked;
+        let sums = cubes.sums(&around.places, before);
+        let planes = cubes.planes(&sums, 1, known);
+        let by = |point: usize| cubes.in_cube(cubes.of(point), around.places[point]);
+        let own_score = |point: usize, by: [i32; 3]| {
+            let own = planes.of(cubes.of(point)).iter().find(|plane| plane.surface == before[point]);
+            own.map_or(f64::INFINITY, |plane| score(plane, by))
+        };
+        let mut found = Contested {
+            surfaces: before.to_vec(),
+            on_plane: vec![false; before.len()],
+            amid: vec![false; before.len()],
+            sums,
+        };
+        // A point that no other plane suits better keeps its surface, and needs no neighbours.
+        let mut asked = vec![false; before.len()];
+        for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
+            for point in cubes.points(cube).iter().map(|point| *point as usize).filter(|point| known(*point))
+            {
+                let by = by(point);
+                let own = own_score(point, by);
+                found.on_plane[point] = own.is_finite();
+                // Its own plane is not better than itself.
+                asked[point] = planes.of(cube).iter().any(|plane| score(plane, by) < own);
+            }
+        }
+        let mut rivals: Vec<(u32, f64)> = Vec::new();
+        self.each(&asked, |number, near| {
+            let point = number as usize;
+            let by = by(point);
+            let own = own_score(point, by);
+            let scores = planes.of(cubes.of(point)).iter().map(|plane| (plane.surface, score(plane, by)));
+            rivals.clear();
+            rivals.extend(scores.filter(|(_, score)| *score < own));
+            // Score, distance and id of the neighbour, and its surface.
+            let mut best = (own, 0, before[point]);
+            for near in &*near {
+                let surface = before[number_of(*near) as usize];
+                if let Some((_, score)) = rivals.iter().find(|rival| rival.0 == surface)
+                    && (*score, *near) < (best.0, best.1)
+                {
+                    best = (*score, *near, surface);
+                }
+            }
+            if best.2 != before[point] {
+                cubes.take(&mut found.sums, point, around.places[point], before[point], best.2);
+            }
+            found.surfaces[point] = best.2;
+            found.on_plane[point] = best.0.is_finite();
+        });
+        for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
+            let points = cubes.points(cube).iter().map(|point| *point as usize);
+            for point in points.filter(|point| around.is_core(*point) && found.on_plane[*point]) {
+                let by = by(point);
+                let own = planes.of(cube).iter().find(|plane| plane.surface == found.surfaces[point]);
+                let apart = |own: &LocalPlane, other: &LocalPlane| {
+                    likeness(own.normal, other.normal) > cosine
+                        || score(other, by).is_infinite() && own.is_beside(other, by)
+                };
+                found.amid[point] =
+                    own.is_some_and(|own| planes.of(cube).iter().all(|other| apart(own, other)));
+            }
+        }
+        found
+    }
+
+    /// The touching surfaces whose local planes deviate by less than the angle with this `cosine`, in
+    /// ascending order, from the points that the tile owns. With a `border_score` above 0, points further
+    /// than twice this many deviations from the other plane are not looked at: a facade has many points near
+    /// panes that lie behind it.
+    pub(super) fn touching(
+        &self,
+        now: &Contested,
+        cosine: f64,
+        border_score: f64,
+    ) -> Vec<((u32, u32), Touching)> {
+        let Self { around, cubes, .. } = self;
+        let ends = |point: usize| around.is_core(point) && now.on_plane[point];
+        let planes = cubes.planes(&now.sums, 2, ends);
+        let own = |point: usize| {
+            planes.of(cubes.of(point)).iter().find(|plane| plane.surface == now.surfaces[point])
+        };
+        // Whether a point of one plane may touch another one.
+        let may_touch = |own: &LocalPlane, other: &LocalPlane, by: [i32; 3]| {
+            let deviation = own.deviation.max(other.deviation);
+            own.surface != other.surface
+                && likeness(own.normal, other.normal) > cosine
+                && (border_score <= 0.0 || other.distance(by) < 2.0 * border_score * deviation)
+        };
+        let mut asked = vec![false; around.len()];
+        for cube in (0..cubes.len()).filter(|cube| planes.of(*cube).len() > 1) {
+            for point in cubes.points(cube).iter().map(|point| *point as usize).filter(|point| ends(*point)) {
+                let by = cubes.in_cube(cube, around.places[point]);
+                asked[point] = own(point)
+                    .is_some_and(|own| planes.of(cube).iter().any(|other| may_touch(own, other, by)));
+            }
+        }
+        let mut found: FxHashMap<(u32, u32), Touching> = FxHashMap::default();
+        self.each(&asked, |number, near| {
+            let point = number as usize;
+            let cube = cubes.of(point);
+            let by = cubes.in_cube(cube, around.places[point]);
+            let Some(own) = own(point) else { return };
+            for other in planes.of(cube).iter().filter(|other| may_touch(own, other, by)) {
+                let mut pairs = Touching::default();
+                let (here, deviation) =
+                    (steps(other.distance(by)), steps(own.deviation.max(other.deviation)));
+                for at in near.iter().map(|near| number_of(*near) as usize) {
+                    if now.surfaces[at] == other.surface && now.on_plane[at] {
+                        let there = own.distance(cubes.in_cube(cube, around.places[at]));
+                        pairs.pairs += 1;
+                        pairs.distances += here + steps(there);
+                        pairs.deviations += deviation;
+                    }
+                }
+                if pairs.pairs > 0 {
+                    let pair = (own.surface.min(other.surface), own.surface.max(other.surface));
+                    found.entry(pair).or_default().merge(&pairs);
+                }
+            }
+        });
+        let mut found: Vec<_> = found.into_iter().collect();
+        found.sort_unstable_by_key(|touching| touching.0);
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::PointId;
+
+    /// Surfaces of points, and points.
+    type Scene = (Vec<u32>, Vec<[i32; 3]>);
+
+    /// Adds a square of 1 m with a point every 20 mm from a corner, off the plane by up to `noise` mm.
+    fn square(scene: &mut Scene, surface: u32, corner: [i32; 3], axes: [usize; 2], noise: i32) {
+        for n in 0..2_500 {
+            let mut place = corner;
+            place[axes[0]] += n % 50 * 20;
+            place[axes[1]] += n / 50 * 20;
+            place[3 - axes[0] - axes[1]] += (n * 7_919 % 101 - 50) * noise / 50;
+            scene.0.push(surface);
+            scene.1.push(place);
+        }
+    }
+
+    fn around(places: &[[i32; 3]]) -> Around {
+        Around {
+            origin: [-70, 1_234, 9],
+            places: places.to_vec(),
+            id: (0..places.len()).map(PointId::at).collect(),
+            zone: vec![Zone::Core; places.len()],
+        }
+    }
+
+    const COSINE: f64 = 0.985;
+
+    #[test]
+    fn a_point_goes_to_the_plane_on_which_it_lies_if_a_neighbour_is_of_it() {
+        let mut scene = Scene::default();
+        square(&mut scene, 5, [1_000, 1_000, 1_000], [0, 1], 6);
+        square(&mut scene, 2, [1_000, 1_000, 1_000], [0, 2], 6);
+        let (mut surfaces, mut places) = scene;
+        // Floor points that are taken for the wall, too few for a plane, and one that is taken for nothing.
+        let patch: Vec<usize> = (0..2_500).filter(|n| n % 50 > 46 && n / 50 > 46).collect();
+        patch.iter().for_each(|point| surfaces[*point] = 2);
+        let unlabelled = 30 * 50 + 10;
+        surfaces[unlabelled] = 0;
+        // In the plane of the floor behind the wall, above the floor, and above both.
+        places.extend([[1_500, 600, 1_000], [1_500, 1_500, 1_100], [1_500, 1_500, 1_500]]);
+        surfaces.extend([0, 2, 9]);
+        let around = around(&places);
+        let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
+        for point in patch {
+            assert_eq!((now.surfaces[point], now.on_plane[point]), (5, true), "{:?}", places[point]);
+        }
+        assert_eq!(now.surfaces[unlabelled], 5);
+        assert_eq!((&now.surfaces[5_000..], &now.on_plane[5_000..]), (&[0, 2, 9][..], &[false; 3][..]));
+        // Away from the edge, and not at it.
+        assert!(now.amid[25 * 50 + 25] && now.amid[2_500 + 25 * 50 + 25]);
+        assert!(!now.amid[25] && !now.amid[2_525] && !now.amid[5_001]);
+    }
+
+    #[test]
+    fn without_noise_a_point_of_an_edge_keeps_its_surface_or_takes_that_of_its_neighbour() {
+        let mut scene = Scene::default();
+        square(&mut scene, 5, [1_000, 1_000, 1_000], [0, 1], 0);
+        square(&mut scene, 2, [1_000, 1_000, 1_000], [0, 2], 0);
+        let (mut surfaces, mut places) = scene;
+        places.extend([[1_503, 1_000, 1_000], [1_505, 1_000, 1_000]]);
+        surfaces.extend([0, 2]);
+        let around = around(&places);
+        let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
+        assert_eq!(now.surfaces[..5_000], surfaces[..5_000]);
+        // In the place next to the first one there are points 25 of the floor and 2525 of the wall.
+        assert_eq!(now.surfaces[5_000..], [2, 2]);
+        surfaces[5_001] = 0;
+        let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
+        assert_eq!(now.surfaces[5_000..], [5, 5]);
+    }
+
+    #[test]
+    fn halves_of_a_plane_touch_and_agree_and_steps_and_corners_do_not() {
+        let mut scene = Scene::default();
+        square(&mut scene, 7, [1_000, 1_000, 1_000], [0, 1], 6);
+        square(&mut scene, 3, [2_000, 1_000, 1_000], [0, 1], 6);
+        square(&mut scene, 4, [1_000, 2_000, 1_012], [0, 1], 6);
+        square(&mut scene, 5, [1_000, 3_000, 1_112], [0, 1], 6);
+        square(&mut scene, 6, [1_000, 1_000, 1_000], [1, 2], 6);
+        let (surfaces, places) = scene;
+        let around = around(&places);
+        let arena = Arena::new(&around, 500, 20, 200);
+        let now = arena.contest(&surfaces, COSINE);
+        let touching = arena.touching(&now, COSINE, 2.5);
+        let pairs: Vec<((u32, u32), bool)> =
+            touching.iter().map(|(pair, touching)| (*pair, touching.agrees(2.5))).collect();
+        // 12 mm are 3.5 deviations: they touch, and do not agree. Over 100 mm no point has the other as a
+        // neighbour.
+        assert_eq!(pairs, [((3, 7), true), ((4, 7), false)]);
+        // If only normals decide, all that have each other among their neighbours agree.
+        let touching = arena.touching(&now, COSINE, 0.0);
+        let agreeing: Vec<(u32, u32)> =
+            touching.iter().filter(|found| found.1.agrees(0.0)).map(|found| found.0).collect();
+        assert_eq!(agreeing, [(3, 7), (4, 7)]);
+    }
+
+    #[test]
+    fn pairs_agree_that_are_near_in_the_mean() {
+        let one = Touching { pairs: 3, distances: 60, deviations: 12 };
+        let mut both = Touching { pairs: 1, distances: 19, deviations: 4 };
+        both.merge(&one);
+        assert_eq!(both, Touching { pairs: 4, distances: 79, deviations: 16 });
+        // 79 / 8 is the mean distance of two points of four pairs, 16 / 4 the mean deviation.
+        assert!(both.agrees(2.5) && !both.agrees(2.4) && both.agrees(0.0));
+    }
+}

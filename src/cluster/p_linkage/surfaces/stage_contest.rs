@@ -1,0 +1,139 @@
+//! The steps `contest-1`, `contest-2`, ...: one contest among surfaces each, and which surfaces then touch.
+//! The reduction merges those that agree, and fits the planes of surfaces to the points that are consistent
+//! with local planes.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::around::Around;
+use super::contest::{Arena, Contested, Touching};
+use super::contested::{self, Found, OnPlane};
+use super::cubes::{self, LOCAL_POINTS};
+use super::known;
+use super::planes::Moments;
+use super::seams;
+use super::settings::{CONTEST_REACHES, SurfacesConfig};
+use super::stage_slices;
+use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
+use crate::error::Result;
+use crate::model::{Plane, TileId, in_u32};
+use crate::spatial::DisjointSets;
+
+/// Computes the payload of a tile.
+pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig, step: usize) -> Result<Mapped> {
+    let lattice = tile.lattice();
+    let zone = config.contest_zone(lattice);
+    let reach = CONTEST_REACHES * zone;
+    let around = Around::load(tile, zone, CONTEST_REACHES)?;
+    let before = known::around(tile, &around, reach, step - 1)?;
+    let neighbours = config.neighbours as usize;
+    let arena = Arena::new(&around, cubes::edge(lattice), neighbours, config.reach(lattice));
+    let now = arena.contest(&before, config.cosine());
+    let mut found = of_own(&around, &before, &now, tile.extent().0);
+    found.touching = arena.touching(&now, config.cosine(), config.border_score);
+    let own: Vec<u32> =
+        (0..around.len()).filter(|point| around.is_core(*point)).map(|point| now.surfaces[point]).collect();
+    let near = seams::near_others(tile, &around, &own, reach);
+    Ok(Mapped::payload(contested::encode(&own, &near, &found)?))
+}
+
+/// What is found of the points of the tile, without touching surfaces.
+fn of_own(around: &Around, before: &[u32], now: &Contested, corner: [i64; 3]) -> Found {
+    let mut changed = 0;
+    let mut of_surfaces: BTreeMap<u32, OnPlane> = BTreeMap::new();
+    // Points that follow each other are mostly in one surface.
+    let mut latest = (0, OnPlane::default());
+    for point in (0..around.len()).filter(|point| around.is_core(*point)) {
+        let surface = now.surfaces[point];
+        changed += u64::from(surface != before[point]);
+        if surface == 0 {
+            continue;
+        }
+        if surface != latest.0 {
+            of_surfaces.entry(latest.0).or_default().merge(&latest.1);
+            latest = (surface, OnPlane::default());
+        }
+        if now.on_plane[point] {
+            let at = around.lattice_point(point);
+            let moments = if now.amid[point] { &mut latest.1.amid } else { &mut latest.1.at_edges };
+            moments.add([0, 1, 2].map(|axis| at[axis] - corner[axis]));
+        }
+    }
+    of_surfaces.entry(latest.0).or_default().merge(&latest.1);
+    of_surfaces.remove(&0);
+    let surfaces = of_surfaces.keys().copied().collect();
+    let moments = of_surfaces.into_iter().filter(|(_, moments)| moments.all().points > 0).collect();
+    Found { surfaces, touching: Vec::new(), moments, changed }
+}
+
+/// What the drive knows after a contest.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Merged {
+    /// The planes of surfaces that have one.
+    pub(super) planes: BTreeMap<u32, Plane>,
+    /// Surfaces of any size, pairs of surfaces that were merged, and points that changed their surface.
+    pub(super) surfaces: u64,
+    pub(super) pairs: u64,
+    pub(super) changed: u64,
+}
+
+/// Merges surfaces. A merged surface has the number of one of them.
+pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usize) -> Result<Vec<u8>> {
+    let slices = stage_slices::head(drive)?;
+    let mut merged = Merged::default();
+    let mut touching: BTreeMap<(u32, u32), Touching> = BTreeMap::new();
+    let mut of_tiles: Vec<Vec<u32>> = Vec::new();
+    let mut moments: Vec<(u32, OnPlane)> = Vec::new();
+    for tile in TileId::first(drive.tiles()) {
+        let found = contested::found(drive, tile, step)?;
+        merged.changed += found.changed;
+        for (pair, part) in found.touching {
+            touching.entry(pair).or_default().merge(&part);
+        }
+        moments.extend(found.moments);
+        of_tiles.push(found.surfaces);
+    }
+    touching.retain(|_, touching| touching.agrees(config.border_score));
+    merged.pairs = touching.len() as u64;
+    // Surfaces are numbered from 1.
+    let mut sets = DisjointSets::new(in_u32(slices.planes.len() + 1, "surfaces"));
+    touching.keys().for_each(|(a, b)| sets.union(*a, *b));
+    let mut sums: BTreeMap<u32, OnPlane> = BTreeMap::new();
+    for surface in of_tiles.iter().flatten() {
+        sums.entry(sets.find(*surface)).or_default();
+    }
+    for (surface, moments) in moments {
+        sums.entry(sets.find(surface)).or_default().merge(&moments);
+    }
+    merged.surfaces = sums.len() as u64;
+    let corner = drive.extent().0;
+    for (surface, moments) in sums {
+        // Without local planes a surface keeps the plane of its slices.
+        let of_slices = slices.planes.get(surface as usize - 1).copied().flatten();
+        let plane = plane(&moments, corner).or(of_slices);
+        merged.planes.extend(plane.map(|plane| (surface, plane)));
+    }
+    let mut renumbered = |surfaces: Vec<u32>| -> Vec<(u32, u32)> {
+        let both = surfaces.into_iter().map(|surface| (surface, sets.find(surface)));
+        both.filter(|(old, new)| old != new).collect()
+    };
+    let of_tiles: Vec<Vec<(u32, u32)>> = of_tiles.into_iter().map(&mut renumbered).collect();
+    sliced::encode(&merged, &of_tiles)
+}
+
+/// The plane of the points away from edges. At the edge to another plane, points of that one are nearer to
+/// this one by chance, and always on the same side, so a narrow plane would lean by degrees. If the points
+/// away from edges are few, all count. `None` if all are few.
+fn plane(moments: &OnPlane, corner: [i64; 3]) -> Option<Plane> {
+    let of = |moments: Moments| {
+        let enough = moments.points >= LOCAL_POINTS;
+        enough.then(|| stage_slices::plane(&moments, corner)).flatten()
+    };
+    of(moments.amid).or_else(|| of(moments.all()))
+}
+
+/// What the drive knows after a contest.
+pub(super) fn head(drive: &(impl DriveWindow + ?Sized), step: usize) -> Result<Merged> {
+    sliced::head(drive.global(step))
+}
