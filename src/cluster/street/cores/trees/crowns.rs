@@ -363,7 +363,7 @@ mod tests {
         };
         // About 13 and 0.4 voxels per cell in the middle, below and above 6 m.
         assert_eq!(peaks(&ball(0, 4_000, 150)).len(), 1);
-        assert_eq!(peaks(&ball(0, 9_000, 150)), []);
+        assert!(peaks(&ball(0, 9_000, 150)).is_empty());
         assert_eq!(peaks(&ball(0, 9_000, 600)).len(), 1);
         // Two of them, 7 m apart.
         assert_eq!(peaks(&[ball(0, 9_000, 600), ball(7_000, 9_000, 600)].concat()).len(), 2);
