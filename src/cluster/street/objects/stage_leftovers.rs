@@ -179,8 +179,8 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     Ok(Mapped::payload(codec::encode(&payload)?))
 }
 
-/// The leftover voxels with few others around them. This is right for all that may be joined to a voxel of the
-/// tile: two metres around it are enough, and [`FAR_M`] is read.
+/// The leftover voxels with few others around them. This is right for all that may be joined to a voxel of
+/// the tile: two and a half metres around it are enough, and [`FAR_M`] is read.
 fn sparse(voxels: &Voxels, left: &[bool]) -> Vec<bool> {
     let mut near = Window::new(JOIN.0, JOIN.1).over(&voxels.columns);
     let mut is_sparse = |voxel: usize| {
