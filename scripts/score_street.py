@@ -5,13 +5,14 @@
     scripts/score_street.py --compare TAG TAG FOLDER [--only ...]
 
 The first form makes the drives in FOLDER, once, runs PROGRAM on each, and keeps FOLDER/TAG/DRIVE.json, the evaluation (default TAG: now).
-Evaluations that are there are not repeated. Then it prints F1 by group, the sums of the classes, and a row for each drive.
+Evaluations that are there are not repeated, and a TAG is for one program and its options. Then it prints F1 by group, the sums of the classes, and a row for each drive.
 The second form prints what changed from one TAG to the other: by group, by class, and each drive. An object counts as found if a segment
 has an IoU above 0.5 with it; false segments are those that match no object. A program takes seven minutes on two idle cores once the
 drives are made; they take 14 GB. Labelled scenes that are missing are left out.
 """
 
 import argparse
+import hashlib
 import json
 import pathlib
 import subprocess
@@ -129,6 +130,12 @@ def call(*command):
 
 def score(program, folder, tag, chosen, options):
     (folder / tag).mkdir(parents=True, exist_ok=True)
+    # Evaluations that are kept are those of one program with one set of options.
+    is_of = f"{hashlib.sha256(program.read_bytes()).hexdigest()} {' '.join(options)}".strip() + "\n"
+    of = folder / tag / "program"
+    if of.exists() and of.read_text() != is_of:
+        sys.exit(f"{folder / tag} has evaluations of another program or of other options: choose another TAG, or remove it")
+    of.write_text(is_of)
     for _, name, scan, synth in chosen:
         kept = folder / tag / f"{name}.json"
         if kept.exists():

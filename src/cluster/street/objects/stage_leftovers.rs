@@ -22,7 +22,8 @@ use crate::spatial::Cell;
 
 /// Leftover voxels at most so many voxels apart, in the plane and in levels, are one component.
 const JOIN: (i32, i32) = (4, 4);
-/// A leftover voxel with at most so many voxels within [`JOIN`], itself included, is sparse.
+/// A leftover voxel with at most so many voxels within [`JOIN`], itself included, is sparse. With 20 instead,
+/// single sweeps have the same figures (`benches/results/street.md`, "Few points").
 const SPARSE: u32 = 12;
 /// Sparse voxels at most so many voxels apart are one component: far from a spinning scanner, its rings are
 /// one to two metres apart.
@@ -180,7 +181,7 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
 }
 
 /// The leftover voxels with few others around them. This is right for all that may be joined to a voxel of
-/// the tile: two and a half metres around it are enough, and [`FAR_M`] is read.
+/// the tile: twice the radius of [`JOIN`] around it is enough, and [`FAR_M`] is read.
 fn sparse(voxels: &Voxels, left: &[bool]) -> Vec<bool> {
     let mut near = Window::new(JOIN.0, JOIN.1).over(&voxels.columns);
     let mut is_sparse = |voxel: usize| {

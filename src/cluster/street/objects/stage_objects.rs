@@ -189,7 +189,7 @@ pub(crate) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &Str
             _ => (before, (share / own.max(1)) as u8),
         };
         let is_large =
-            config.is_large(class, points) || (pieces.is_sure(label) && points >= config.min_points);
+            config.is_large(class, points) || (pieces.is_likely(label) && points >= config.min_points);
         if config.wants(class) && is_large {
             named.insert(label, Kind { class, confidence });
         }

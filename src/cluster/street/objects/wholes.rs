@@ -28,7 +28,7 @@ pub(crate) const STRAY: u8 = 2;
 const LEAST_WHOLE: u8 = 64;
 /// Share from which a few points are enough for an object: a half. With 0.9, twelve single sweeps have 45
 /// objects less that are right and 11 less that are not (`benches/results/street.md`, "Few points").
-const SURE_WHOLE: u8 = 128;
+const LIKELY_WHOLE: u8 = 128;
 /// What has more voxels is no piece.
 pub(crate) const MOST_VOXELS: u64 = 2_000;
 /// What has more voxels is no stray piece. A user would miss an object of some square metres, however unsure
@@ -127,8 +127,8 @@ pub(crate) fn see(
 pub(crate) struct Pieces {
     /// The object that a piece is a part of; `None` for stray pieces.
     of: BTreeMap<u32, Option<u32>>,
-    /// Objects that are certainly whole.
-    sure: BTreeSet<u32>,
+    /// Objects that the model takes for whole rather than not.
+    likely: BTreeSet<u32>,
     /// Figures of the objects that stray pieces are together, by the label of their largest piece.
     united: BTreeMap<u32, Figures>,
 }
@@ -143,7 +143,7 @@ impl Pieces {
         lattice: Lattice,
     ) -> Result<Self> {
         let mut of = BTreeMap::new();
-        let mut sure = BTreeSet::new();
+        let mut likely = BTreeSet::new();
         for (label, touched) in touched {
             // All of its voxels may have become parts of others.
             let Some(object) = objects.get(label) else { continue };
@@ -153,11 +153,11 @@ impl Pieces {
             let larger = larger.filter(|_| part >= stray);
             if whole < LEAST_WHOLE && (larger.is_some() || object.figures.voxels() <= MOST_STRAY) {
                 of.insert(*label, larger);
-            } else if whole >= SURE_WHOLE {
-                sure.insert(*label);
+            } else if whole >= LIKELY_WHOLE {
+                likely.insert(*label);
             }
         }
-        let mut pieces = Self { of, sure, ..Self::default() };
+        let mut pieces = Self { of, likely, ..Self::default() };
         pieces.unite_strays(objects, touched);
         Ok(pieces)
     }
@@ -196,9 +196,9 @@ impl Pieces {
         self.united.get(&label).unwrap_or(own)
     }
 
-    /// Whether the model is sure that an object is whole.
-    pub(crate) fn is_sure(&self, label: u32) -> bool {
-        self.sure.contains(&label)
+    /// Whether the model takes an object for whole rather than not.
+    pub(crate) fn is_likely(&self, label: u32) -> bool {
+        self.likely.contains(&label)
     }
 
     /// The whole object that a label belongs to: itself, a larger one, or none. A larger object may be a part
@@ -321,7 +321,7 @@ mod tests {
         assert!(voxels(1) <= MOST_STRAY && voxels(2) > MOST_STRAY, "{} {}", voxels(1), voxels(2));
         let pieces = Pieces::find(&model, &objects, &touched, Lattice::MILLIMETRE).unwrap();
         assert_eq!([1, 2].map(|label| pieces.whole(label)), [None, Some(2)]);
-        assert!(!pieces.is_sure(2));
+        assert!(!pieces.is_likely(2));
     }
 
     #[test]

@@ -40,7 +40,8 @@ const SADDLE: u64 = 60;
 const CLAIM: f64 = 0.3;
 /// Largest distance within which a stem claims a peak, in metres.
 const CLAIM_M: f64 = 4.0;
-/// Smallest field of a crown: a quarter of a voxel per cell.
+/// Smallest field of a crown: a quarter of a voxel per cell. With one voxel, sparse drives lose trees
+/// (`benches/results/street.md`, "Few points").
 const LEAST: u32 = ONE as u32 / 4;
 /// Lowest and highest canopy of a tree that is found by its crown, in metres. The scanner looks at small
 /// trees from above their stems, so those in front hide the stems behind. It looks below the crowns of high
@@ -342,14 +343,14 @@ mod tests {
         assert_eq!(alone(&crowns, &[]), [[0, 0], [3_000, 0]]);
     }
 
-    /// Heights of the canopies of the crowns over these points, in millimetres. All are of trees.
-    fn peaks(points: &[[i64; 3]]) -> Vec<i32> {
+    /// The fields of the crowns over these points, in millimetres. All are of trees.
+    fn fields(points: &[[i64; 3]]) -> Vec<u32> {
         let voxels = Voxels::of_points(Lattice::MILLIMETRE, points);
         let height = voxels.centre.iter().map(|centre| i32::try_from(centre[2]).unwrap()).collect();
         let count = voxels.len();
         let around = Classified { voxels, height, shares: vec![[0; 8]; count] };
         let crowns = find(&around, &vec![TREE; count], Lattice::MILLIMETRE);
-        crowns.into_iter().map(|(crown, _)| crown.top).collect()
+        crowns.into_iter().map(|(crown, _)| crown.field).collect()
     }
 
     #[test]
@@ -361,11 +362,12 @@ mod tests {
             let inside = all.filter(|[a, b, c]| a * a + b * b + c * c <= 2_250_000);
             inside.map(|[a, b, c]| [x + a, b, z + c]).collect::<Vec<_>>()
         };
-        // About 13 and 0.4 voxels per cell in the middle, below and above 6 m.
-        assert_eq!(peaks(&ball(0, 4_000, 150)).len(), 1);
-        assert!(peaks(&ball(0, 9_000, 150)).is_empty());
-        assert_eq!(peaks(&ball(0, 9_000, 600)).len(), 1);
+        // With every voxel filled, below and above 6 m.
+        assert!(matches!(fields(&ball(0, 4_000, 150))[..], [field] if field > 10 * SPARSE));
+        assert!(fields(&ball(0, 9_000, 150)).is_empty());
+        let sparse = fields(&ball(0, 9_000, 600));
+        assert!(matches!(sparse[..], [field] if (LEAST..SPARSE).contains(&field)), "{sparse:?}");
         // Two of them, 7 m apart.
-        assert_eq!(peaks(&[ball(0, 9_000, 600), ball(7_000, 9_000, 600)].concat()).len(), 2);
+        assert_eq!(fields(&[ball(0, 9_000, 600), ball(7_000, 9_000, 600)].concat()).len(), 2);
     }
 }
