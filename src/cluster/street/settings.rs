@@ -73,9 +73,9 @@ pub(crate) fn edge(lattice: Lattice) -> u32 {
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
     /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence needs twice as many, a
-    /// tree, a vehicle and a building three times as many. What the model takes for whole needs only this number,
-    /// and a tree or an object without a core one and a half times as many. Smaller ones that join no other
-    /// are left without an id.
+    /// tree, a vehicle and a building three times as many. What the model takes for whole needs only this
+    /// number, and a tree or an object without a core one and a half times as many. Smaller ones that join no
+    /// other are left without an id.
     pub min_points: u64,
     /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
     /// growth needs them, and then left without an id.
