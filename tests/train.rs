@@ -146,6 +146,36 @@ fn a_drive_without_classes_and_a_file_that_is_no_model_are_refused() {
     assert!(code == 4 && text.contains("is not a model of chainage"), "{code}: {text}");
 }
 
+#[test]
+fn a_run_takes_a_model_and_refuses_a_damaged_one_and_a_method_that_has_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drive = labelled(folder.path());
+    let model = folder.path().join("my.model");
+    assert_eq!(ended(&train(&drive, &model, &[])).0, 0);
+    let run = |out: &str, options: &[&str]| {
+        let mut run = program();
+        run.arg("run").arg(&drive).arg("-o").arg(folder.path().join(out)).args(["--progress", "none"]);
+        ended(&run.args(["--outputs", "csv"]).args(options).output().expect("runs"))
+    };
+    let path = model.to_str().expect("text");
+    assert_eq!(run("flag", &["--model", path]).0, 0);
+    assert_eq!(run("setting", &["--set", &format!("street.model={path:?}")]).0, 0);
+    assert_eq!(run("built-in", &[]).0, 0);
+    let table = |out: &str| std::fs::read(folder.path().join(out).join("objects.csv")).expect("a table");
+    assert!(table("flag") == table("setting"), "the flag is the setting");
+    assert!(table("flag") != table("built-in"), "four rounds of trees find what all rounds find");
+
+    let (code, text) = run("other", &["--model", path, "--method", "euclidean"]);
+    assert!(code == 4 && text.contains("--model") && text.contains("method euclidean"), "{code}: {text}");
+    let mut bytes = std::fs::read(&model).expect("a model");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&model, bytes).expect("written");
+    let (code, text) = run("damaged", &["--model", path]);
+    assert!(code == 4 && text.contains("my.model") && text.contains("damaged"), "{code}: {text}");
+    assert!(!folder.path().join("damaged/objects.csv").exists());
+}
+
 /// Ctrl-C while trees grow: learning ends after the round, and nothing is left.
 #[test]
 #[cfg(unix)]

@@ -10,6 +10,9 @@ use chainage::run::Registries;
 use crate::cli::exit::CliError;
 use crate::cli::quantities;
 
+/// The default method, and the only one with a model.
+const STREET: &str = "street";
+
 /// A drive.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Inputs {
@@ -90,10 +93,13 @@ pub(crate) struct Choices {
     /// Change a setting, for example --set street.min_points=10; may be repeated
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) assignments: Vec<String>,
-    #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), "street"))]
+    #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), STREET))]
     pub(crate) method: Option<String>,
     #[arg(long, value_name = "NAME", help = methods("Ground filter", &filters(), "opening"))]
     pub(crate) ground: Option<String>,
+    /// Model of the method street, a file that `chainage train` wrote [default: the built-in model]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) model: Option<PathBuf>,
     /// Length of a tile along the axis, such as 25 or 25m [default: as long as the memory budget allows]
     #[arg(long, value_name = "METRES", value_parser = metres, allow_hyphen_values = true)]
     tile_length: Option<f64>,
@@ -112,12 +118,13 @@ impl Choices {
 
     /// Whether any option was given.
     pub(crate) fn is_any_given(&self) -> bool {
-        let Self { preset, config, assignments, method, ground, tile_length, trajectory } = self;
+        let Self { preset, config, assignments, method, ground, model, tile_length, trajectory } = self;
         preset.is_some()
             || config.is_some()
             || !assignments.is_empty()
             || method.is_some()
             || ground.is_some()
+            || model.is_some()
             || tile_length.is_some()
             || trajectory.is_some()
     }
@@ -230,12 +237,21 @@ impl Choices {
         let quoted = |path: &PathBuf| format!("{:?}", path.display().to_string());
         set("cluster.method", self.method.clone().map(|name| format!("{name:?}")));
         set("ground.method", self.ground.clone().map(|name| format!("{name:?}")));
+        set("street.model", self.model.as_ref().map(quoted));
         set("tiling.tile_length", self.tile_length.map(|metres| metres.to_string()));
         set("axis.trajectory", self.trajectory.as_ref().map(quoted));
         for (key, value) in extra {
             set(key, Some(value.clone()));
         }
-        Ok(Config::with_preset(self.preset.as_deref(), file, &assignments)?)
+        let config = Config::with_preset(self.preset.as_deref(), file, &assignments)?;
+        let method = &config.cluster.method;
+        match &self.model {
+            Some(model) if method != STREET => {
+                let expected = format!("left out with the method {method}; it is for {STREET}");
+                Err(ConfigError::value("--model", model.display(), expected).into())
+            }
+            _ => Ok(config),
+        }
     }
 
     /// The configuration: defaults, preset, file, --set, flags.
@@ -281,6 +297,7 @@ impl Settings {
         }
         add("method", text(&choices.method));
         add("ground", text(&choices.ground));
+        add("model", choices.model.clone().map(PathBuf::into_os_string));
         add("threads", machine.threads.map(|count| count.to_string().into()));
         add("memory", machine.memory.map(|mib| format!("{mib}M").into()));
         add("tile-length", choices.tile_length.map(|metres| metres.to_string().into()));

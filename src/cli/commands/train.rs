@@ -30,8 +30,9 @@ use crate::cli::{exit, interrupt};
 #[command(after_help = "Examples:\n  chainage synth mixed -o one --length 1km\n  \
                         chainage train one -o voxels.model --thin 0.5,0.25\n  \
                         chainage train two --onto voxels.model -o my.model --thin 0.5,0.25\n  \
-                        chainage run drive.laz -o out --method street --set street.model='\"my.model\"'\n  \
-                        chainage train --model my.model --test other_drive.laz")]
+                        chainage run drive.laz -o out --model my.model\n  \
+                        chainage train --model my.model --test other_drive.laz",
+          mut_arg("model", as_scored))]
 pub(crate) struct TrainArgs {
     /// Labelled drives: each a LAS or LAZ file, a folder of them, or a pattern
     #[arg(value_name = "DRIVES", required_unless_present = "model")]
@@ -39,10 +40,6 @@ pub(crate) struct TrainArgs {
     /// Write the model here
     #[arg(short, long, value_name = "MODEL", required_unless_present = "model", value_parser = print::target())]
     out: Option<PathBuf>,
-    /// Score this model with --test, and learn nothing; `built-in` and `built-in-forest` come with the
-    /// program
-    #[arg(long, value_name = "MODEL", conflicts_with_all = ["drives", "out"], requires = "test")]
-    model: Option<PathBuf>,
     /// Keep the parts of this model that classify voxels, and learn the parts that name objects and find
     /// pieces of them, from drives that the model has not learned from; pieces need drives with gt_instance
     #[arg(long, value_name = "MODEL", conflicts_with = "model")]
@@ -95,6 +92,18 @@ struct LearningArgs {
     l2: f64,
 }
 
+/// The model of `run` is the one that is scored here.
+fn as_scored(model: clap::Arg) -> clap::Arg {
+    model
+        .help(
+            "Score this model with --test, and learn nothing; `built-in` and `built-in-forest` come with the \
+             program",
+        )
+        .help_heading(None)
+        .conflicts_with_all(["drives", "out"])
+        .requires("test")
+}
+
 /// A share of the points.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share: &f64| *share > 0.0 && *share < 1.0);
@@ -109,14 +118,15 @@ impl TrainArgs {
         let progress = Progress::new(self.progress);
         let scratch = Scratch::inside(self.scratch.as_deref());
         let request = self.request(&scratch)?;
-        let trained = match (&self.model, &self.onto) {
+        let scored = self.settings.choices.model.as_deref();
+        let trained = match (scored, &self.onto) {
             (Some(_), _) => None,
             (None, Some(voxels)) => {
                 Some(train_objects(&read_model_of_voxels(voxels)?, &request, &progress, &cancel)?)
             }
             (None, None) => Some(train(&request, &progress, &cancel)?),
         };
-        let read = match self.model.as_deref() {
+        let read = match scored {
             Some(path) if path == Path::new("built-in") => Some(built_in_model(Scene::Street)?),
             Some(path) if path == Path::new("built-in-forest") => Some(built_in_model(Scene::Forest)?),
             path => path.map(read_model).transpose()?,
@@ -170,7 +180,8 @@ impl TrainArgs {
         Ok(TrainRequest {
             drives: self.drives.clone(),
             scratch: scratch.0.clone(),
-            config: self.settings.resolve(&[])?,
+            // No drive is run with the model that is scored.
+            config: self.settings.resolve(&[("street.model", "\"\"".to_owned())])?,
             registries: Registries::default(),
             settings,
             samples: *samples,
