@@ -56,6 +56,17 @@ pub(super) struct Touching {
 }
 
 impl Touching {
+    /// One pair.
+    #[cfg(test)]
+    pub(super) fn one() -> Self {
+        Self { pairs: 1, ..Self::default() }
+    }
+
+    /// How many pairs there are.
+    pub(super) fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
     /// Adds other pairs of the same surfaces.
     pub(super) fn merge(&mut self, other: &Self) {
         self.pairs += other.pairs;

@@ -13,12 +13,13 @@
 //! slices before any merging. Slices are merged only if their border is near to both planes too, because
 //! parallel planes at different heights became one surface over a kerb (`border`), and planes of slices are
 //! fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times, because narrow
-//! planes such as kerbs are in pieces before (`contest`). `border_score = 0`, `refit_planes = false` and
+//! planes such as kerbs are in pieces before (`contest`), and those that agree and lie on one plane are
+//! merged (`merging`). `border_score = 0`, `refit_planes = false` and
 //! `contest_rounds = 0` give the rules as printed.
 //!
 //! All points of a slice have its label, until a contest gives them another one. The plane of a surface fits
-//! the points that are consistent with its local planes, away from edges to larger ones (`contest`); without
-//! contests, and where points are too sparse for local planes, those that are consistent with its slices.
+//! the points that are consistent with its slices, or those that are consistent with its local planes, away
+//! from edges to larger ones (`merging`).
 //!
 //! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point
 //! takes part.
@@ -54,6 +55,7 @@ mod contest;
 mod contested;
 mod cubes;
 mod known;
+mod merging;
 mod normals;
 mod payload;
 mod planes;

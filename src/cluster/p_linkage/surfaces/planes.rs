@@ -14,6 +14,9 @@ pub(super) const LARGEST_SCORE: f64 = 2.5;
 /// Points are on one line if the middle eigenvalue is at most this times the largest.
 const LINE: f64 = 1e-9;
 
+/// Axes of the products of coordinates, in their order.
+const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+
 /// Sums over points, counted from any one place: number, coordinates, and products xx, xy, xz, yy, yz, zz.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(super) struct Moments {
@@ -84,7 +87,6 @@ impl Moments {
 impl Moments {
     /// The covariances times the square of the number of points: whole numbers, rounded once.
     fn scaled(&self) -> [f64; 6] {
-        const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         // No sum or product of sums is larger than this (Cauchy-Schwarz), so 64 bits mostly suffice.
         let largest = (self.products[0] + self.products[3] + self.products[5])
             .checked_mul(i128::from(self.points))
@@ -102,6 +104,19 @@ impl Moments {
             let (a, b) = AXES[k];
             (points * self.products[k] - self.sums[a] * self.sums[b]) as f64
         })
+    }
+}
+
+impl Moments {
+    /// Mean squared distance of the points from a plane, both counted from one place.
+    pub(super) fn from_plane(&self, plane: &Fit) -> f64 {
+        let squared = self.points as f64 * self.points as f64;
+        let spread = self.scaled().iter().zip(AXES).map(|(value, (a, b))| {
+            let times = if a == b { 1.0 } else { 2.0 };
+            times * plane.normal[a] * plane.normal[b] * value / squared
+        });
+        let mean = self.sums.map(|sum| sum as f64 / self.points as f64);
+        spread.sum::<f64>().max(0.0) + plane.distance(mean).powi(2)
     }
 }
 
@@ -200,6 +215,18 @@ mod tests {
         let mut merged = moments(&points[..150]);
         merged.merge(&moments(&points[150..]));
         assert_eq!(merged, moments(&points));
+    }
+
+    #[test]
+    fn the_distance_of_points_from_a_plane_is_that_of_each_of_them() {
+        let floor: Vec<[i64; 3]> = (0..400).map(|k| [k % 20 * 10, k / 20 * 10, k % 2]).collect();
+        let plane = moments(&floor).fit().unwrap();
+        let other: Vec<[i64; 3]> =
+            (0..300).map(|k| [500 + k % 17 * 9, k / 17 * 11, 40 + k % 17 * 3 + k % 5]).collect();
+        let squares = other.iter().map(|point| plane.distance(point.map(|value| value as f64)).powi(2));
+        let mean = squares.sum::<f64>() / other.len() as f64;
+        assert!(mean > 2_000.0 && (moments(&other).from_plane(&plane) - mean).abs() < 1e-6 * mean, "{mean}");
+        assert!((moments(&floor).from_plane(&plane) - plane.flatness).abs() < 1e-9);
     }
 
     #[test]
