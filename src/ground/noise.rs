@@ -10,9 +10,10 @@
 //! lie at most n - 1 voxels from any of its points. A larger component has at least n voxels, and so n
 //! points, within n - 1 voxels of any of its points. Its full size does not matter.
 //!
-//! Ours, too: where points are few, far from the scanner, those of trees and facades are as far apart as noise. So
-//! a component is kept where [`FEW`] points lie in the cubes around it ([`CUBE_M`]). Fewer are noise all the same, and
-//! beside more of them real things are no small components. The study is `benches/results/noise.md`.
+//! Ours, too: where points are few, far from the scanner, those of trees and facades are as far apart as
+//! noise. So a component is kept where 12 to 300 points lie in the cubes of 1.5 m around it. Fewer are
+//! noise all the same, and beside more of them real things are no small components. The study is
+//! `benches/results/noise.md`.
 //!
 //! Cost: O(points) for the voxels (shared with a ground filter of the same edge), then O(voxels).
 //! Memory per voxel: 8 bytes beside the voxels themselves. The bench is `benches/kernels.rs`.
@@ -37,8 +38,8 @@ const NAME: &str = "noise";
 /// default radius of `voxel-column`.
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
-/// Edge of the cubes in which points are counted, in metres, and how many points in the 27 cubes around a small
-/// component make it a part of something that few points reach.
+/// Edge of the cubes in which points are counted, in metres, and how many points in the 27 cubes around a
+/// small component make it a part of something that few points reach.
 const CUBE_M: f64 = 1.5;
 const FEW: RangeInclusive<u64> = 12..=300;
 
@@ -54,8 +55,8 @@ pub struct NoiseConfig {
     /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 100. Default 5
     /// (chosen by the same study; the paper gives no number). The context that tiles need grows with it.
     pub min_component_points: u32,
-    /// Whether a small component is kept where few points lie, because there those of trees and facades are as
-    /// far apart as noise. Default true (chosen by the same study; the paper does not have it).
+    /// Whether a small component is kept where few points lie, because there those of trees and facades
+    /// are as far apart as noise. Default true (chosen by the same study; the paper does not have it).
     pub keep_sparse: bool,
     /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to
     /// 1,000. Default 2.0 (chosen, because below it stand people and cars).
@@ -104,9 +105,9 @@ impl IsolatedNoise {
         Ok(Self { config: config.clone() })
     }
 
-    /// Largest distance of other points that decide whether a point is noise: n voxels along each axis (see
-    /// above), or two cubes, and sqrt(2) times that in the plane. The engine uses the decision only for points with
-    /// this much context.
+    /// Largest distance of other points that decide whether a point is noise: n voxels along each axis
+    /// (see above), or two cubes, and sqrt(2) times that in the plane. The engine uses the decision only
+    /// for points with this much context.
     #[must_use]
     pub fn reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -210,8 +211,8 @@ fn small_components(index: &VoxelIndex, min_points: u32) -> Vec<bool> {
     roots.into_iter().map(|root| sizes[root] < min_points).collect()
 }
 
-/// Number of points in the 27 cubes around each `wanted` voxel; 0 for other voxels. Cubes of `edge` voxels are those
-/// of the drive.
+/// Number of points in the 27 cubes around each `wanted` voxel; 0 for other voxels. Cubes of `edge` voxels
+/// are those of the drive.
 fn points_around(index: &VoxelIndex, wanted: &[bool], edge: u32) -> Vec<u64> {
     let base = index.grid().base;
     let cube = |axis: usize, at: u32| (base[axis] + i64::from(at)).div_euclid(i64::from(edge));

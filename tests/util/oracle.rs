@@ -2,8 +2,8 @@
 //! no code with the library and are slow on purpose. Points are lattice coordinates, lengths are lattice
 //! units.
 
-/// Points of isolated noise: 0 for none, 2 for low and 3 for high noise. With `keep_sparse`, cubes have 1.5 m, and
-/// `voxel` must divide that.
+/// Points of isolated noise: 0 for none, 2 for low and 3 for high noise. With `keep_sparse`, cubes have
+/// 1.5 m, and `voxel` must divide that.
 pub(crate) fn noise(
     points: &[[i64; 3]],
     [voxel, high]: [i64; 2],

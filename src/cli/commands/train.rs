@@ -27,12 +27,14 @@ use crate::cli::{exit, interrupt};
 /// A model classifies voxels. A second call, with --onto and other drives, adds the part that names objects
 /// as a whole.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  chainage synth mixed -o one --length 1km\n  \
+#[command(
+    after_help = "Examples:\n  chainage synth mixed -o one --length 1km\n  \
                         chainage train one -o voxels.model --thin 0.5,0.25\n  \
                         chainage train two --onto voxels.model -o my.model --thin 0.5,0.25\n  \
                         chainage run drive.laz -o out --model my.model\n  \
                         chainage train --model my.model --test other_drive.laz",
-          mut_arg("model", as_scored))]
+    mut_arg("model", as_scored)
+)]
 pub(crate) struct TrainArgs {
     /// Labelled drives: each a LAS or LAZ file, a folder of them, or a pattern
     #[arg(value_name = "DRIVES", required_unless_present = "model")]
@@ -313,7 +315,8 @@ fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(Str
         text += &matrix(classes, confusion);
     }
     if !scores.is_empty() {
-        text += "\n## Where it fails\n\nClasses of which less than half of the voxels of a scene are found.\n\n";
+        text +=
+            "\n## Where it fails\n\nClasses of which less than half of the voxels of a scene are found.\n\n";
         text += &failures(classes, scores);
     }
     for (name, model) in parts() {
@@ -338,7 +341,8 @@ fn failures(classes: &[String], scores: &[(String, Confusion)]) -> String {
     for (name, confusion) in scores {
         for (class, counts) in confusion.counts().iter().enumerate() {
             let Some(recall) = confusion.recall(class).filter(|recall| *recall < 0.5) else { continue };
-            let most = (0..counts.len()).filter(|called| *called != class).max_by_key(|&called| counts[called]);
+            let most =
+                (0..counts.len()).filter(|called| *called != class).max_by_key(|&called| counts[called]);
             let cells = [
                 classes[class].clone(),
                 print::count(counts.iter().sum()),

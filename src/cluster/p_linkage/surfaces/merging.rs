@@ -1,9 +1,9 @@
-//! Which touching surfaces become one after a contest: those that agree where they touch, and lie on one plane.
+//! Which touching surfaces become one after a contest: those that agree at their border and share a plane.
 //!
-//! To agree where they touch is not enough. The two sides of a roof touch at its ridge, and a small surface on
-//! the ridge agrees with both. So pairs are merged one after the other, those with the longest border first,
-//! and only if the points of the smaller one are as near to the plane of the larger one as points of a plane
-//! are.
+//! To agree at the border is not enough. The two sides of a roof touch at its ridge, and a small
+//! surface on the ridge agrees with both. So pairs are merged one after the other, those with the longest
+//! border first, and only if the points of the smaller one are as near to the plane of the larger one as
+//! points of a plane are.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -53,7 +53,8 @@ impl Known {
     }
 }
 
-/// Merges surfaces: `sets` and what is known of them, by the number of their set. Returns the number of pairs.
+/// Merges surfaces: `sets` and what is known of them, by the number of their set. Returns the number of
+/// pairs.
 pub(super) fn merge(
     touching: &BTreeMap<(u32, u32), Touching>,
     sets: &mut DisjointSets,
@@ -96,8 +97,8 @@ fn on_one_plane(a: &Known, b: &Known) -> bool {
 mod tests {
     use super::*;
 
-    /// A surface of points every 20 mm on a rectangle of `along` by `across` mm from a corner, off it by up to
-    /// 5 mm.
+    /// A surface of points every 20 mm on a rectangle of `along` by `across` mm from a corner, off it by
+    /// up to 5 mm.
     fn surface(corner: [i64; 3], along: [i64; 3], across: [i64; 3], size: [i64; 2]) -> Known {
         let mut now = OnPlane::default();
         let mut number = 0;
