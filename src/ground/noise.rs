@@ -234,6 +234,8 @@ fn points_around(index: &VoxelIndex, wanted: &[bool], edge: u32) -> Vec<u64> {
 
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt, SeedableRng};
+
     use super::*;
     use crate::model::TileCloud;
     use PointClass::{HighNoise, LowNoise, Object};

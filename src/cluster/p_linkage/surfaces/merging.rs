@@ -90,7 +90,7 @@ fn on_one_plane(a: &Known, b: &Known) -> bool {
     let (Some(a), Some(b)) = (a.plane(), b.plane()) else { return false };
     let (small, large) = if a.0.points < b.0.points { (a, b) } else { (b, a) };
     let flatness = small.1.flatness.max(large.1.flatness).max(LEAST_DEVIATION.powi(2));
-    small.0.from_plane(&large.1) < LARGEST_SCORE.powi(2) * flatness
+    small.0.off_plane(&large.1) < LARGEST_SCORE.powi(2) * flatness
 }
 
 #[cfg(test)]

@@ -109,9 +109,9 @@ impl Moments {
 
 impl Moments {
     /// Mean squared distance of the points from a plane, both counted from one place.
-    pub(super) fn from_plane(&self, plane: &Fit) -> f64 {
+    pub(super) fn off_plane(&self, plane: &Fit) -> f64 {
         let squared = self.points as f64 * self.points as f64;
-        let spread = self.scaled().iter().zip(AXES).map(|(value, (a, b))| {
+        let spread = self.scaled().into_iter().zip(AXES).map(|(value, (a, b))| {
             let times = if a == b { 1.0 } else { 2.0 };
             times * plane.normal[a] * plane.normal[b] * value / squared
         });
@@ -225,8 +225,8 @@ mod tests {
             (0..300).map(|k| [500 + k % 17 * 9, k / 17 * 11, 40 + k % 17 * 3 + k % 5]).collect();
         let squares = other.iter().map(|point| plane.distance(point.map(|value| value as f64)).powi(2));
         let mean = squares.sum::<f64>() / other.len() as f64;
-        assert!(mean > 2_000.0 && (moments(&other).from_plane(&plane) - mean).abs() < 1e-6 * mean, "{mean}");
-        assert!((moments(&floor).from_plane(&plane) - plane.flatness).abs() < 1e-9);
+        assert!(mean > 2_000.0 && (moments(&other).off_plane(&plane) - mean).abs() < 1e-6 * mean, "{mean}");
+        assert!((moments(&floor).off_plane(&plane) - plane.flatness).abs() < 1e-9);
     }
 
     #[test]
