@@ -37,7 +37,8 @@ pub(crate) struct KNearest {
 
 /// Room for a search.
 struct Room {
-    /// Leaves near a leaf: the bits of the squared distance from it in the upper half, the number in the lower.
+    /// Leaves near a leaf: the bits of the squared distance from it in the upper half, the number in the
+    /// lower.
     leaves: Vec<u64>,
     /// The boxes of their blocks, and the end of those of each leaf.
     boxes: Boxes,

@@ -119,7 +119,7 @@ impl Columns {
         self.len
     }
 
-    /// What identifies each point.
+    /// The slot of each point in the index.
     #[inline]
     pub(crate) fn at(&self) -> &[u32] {
         &self.at[..self.len]

@@ -219,7 +219,7 @@ impl Cubes {
 
     /// Whether each cube has places that are at most `reach` units from a place in one of some cubes.
     pub(super) fn within(&self, reach: i64, cubes: impl Iterator<Item = usize>) -> Vec<bool> {
-        // Between cubes that are n steps apart lie n - 1 edges, and places in them are further apart than that.
+        // Between cubes that are n steps apart lie n - 1 edges, and their places are further apart.
         let steps = i32::try_from((reach - 1).max(0) / i64::from(self.edge) + 1).unwrap_or(i32::MAX);
         let mut found = vec![false; self.len()];
         for cube in cubes {

@@ -54,8 +54,8 @@ impl Moments {
         Self { points: count, sums: sums.map(i128::from), products: products.map(i128::from) }
     }
 
-    /// The same of those at most `limit` away. Coordinates and distances are by rows; what is beyond the points
-    /// is infinitely far away.
+    /// The same of those at most `limit` away. Coordinates and distances are in whole rows; what is beyond
+    /// the points is infinitely far away.
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     pub(super) fn of_rows([xs, ys, zs]: &[Vec<i32>; 3], distances: &[f32], limit: f32) -> Self {
@@ -158,8 +158,8 @@ impl Fit {
         Self::of_scaled(points, [x, y, z], scaled)
     }
 
-    /// The plane of some points, from their number, the sums of their coordinates, and their covariances times
-    /// the square of their number.
+    /// The plane of some points, from their number, the sums of their coordinates, and their covariances
+    /// times the square of their number.
     fn of_scaled(points: f64, sums: [f64; 3], scaled: [f64; 6]) -> Option<Self> {
         let squared = points * points;
         let covariances = scaled.map(|value| value / squared);
