@@ -38,9 +38,11 @@
 //! wherever they are computed. What crosses a seam is named by ids of points, and joined in the reductions.
 //! Sums over the drive and over surfaces are integers.
 //!
-//! Cost: O(K) per point and 69 trials per slice. A contest takes the sums of a point, its distance from the
-//! local planes in its cube, and K neighbours only for the few points that another plane suits better or that
-//! may touch another surface. Memory: about 4 K bytes per point of a tile for consistent sets.
+//! Cost: O(K) per point and 69 trials per slice. Neighbours, medians and trials are loops over columns of
+//! numbers, which use AVX2 if the processor has it (`spatial::vectors`), with the same results to the bit. A
+//! contest takes the sums of a point, its distance from the local planes in its cube, and K neighbours only
+//! for the few points that another plane suits better or that may touch another surface. Memory: about 4 K
+//! bytes per point of a tile for consistent sets.
 //!
 //! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the
 //! neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of
@@ -113,16 +115,16 @@ const fn contest(name: &'static str) -> Step {
 }
 
 /// Bytes per point of objects that a tile needs for neighbours: consistent sets of 50 points (200), normals
-/// and flatness (32), places, ids and zones (21), the index (24), and lists of sets, links and trees (60).
+/// and flatness (40), places, ids and zones (21), the index (23), and lists of sets, links and trees (56).
 /// Estimated from sizes.
 const LINKS_BYTES_PER_POINT: u64 = 340;
 /// Bytes per point of objects that a tile needs for what it and its neighbours have stored. Estimated from
 /// sizes.
 const SLICES_BYTES_PER_POINT: u64 = 40;
-/// Bytes per point of objects that a tile needs for a contest: places, ids and zones (21), cubes (8), the
-/// index (24), surfaces before and after (8), and lists of flags and of points by tiles (20). Estimated from
-/// sizes.
-const CONTEST_BYTES_PER_POINT: u64 = 90;
+/// Bytes per point of objects that a tile needs for a contest: places, ids and zones (21), cubes (20), an
+/// index of all points (23), surfaces before and after (8), and lists of flags and of points by tiles (20).
+/// Estimated from sizes.
+const CONTEST_BYTES_PER_POINT: u64 = 92;
 /// Bytes per point of objects that a tile needs for labels. Estimated from sizes.
 const SURFACES_BYTES_PER_POINT: u64 = 40;
 
