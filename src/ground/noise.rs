@@ -294,8 +294,8 @@ mod tests {
     #[test]
     fn where_few_points_lie_they_are_kept() {
         let config = NoiseConfig::default();
-        // Points that are 1.2 m apart, in a square: a tree far away.
-        let tree = |count: i64| (0..count).map(|n| [n % 4 * 1_200, n / 4 * 1_200, 0]).collect::<Vec<_>>();
+        // Points that are 0.9 m apart, in a square: a tree far away.
+        let tree = |count: i64| (0..count).map(|n| [n % 4 * 900, n / 4 * 900, 0]).collect::<Vec<_>>();
         assert_eq!(mark(&config, &tree(16))[5], Object);
         assert_eq!(mark(&config, &tree(8)), [LowNoise; 8], "too few for anything");
         let printed = NoiseConfig { keep_sparse: false, ..config.clone() };
