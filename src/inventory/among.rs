@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::inventory::measures::BUILDING;
 use crate::inventory::object::Object;
 
 /// Place and class of an object, by which it is recognised in other runs.
@@ -11,7 +12,8 @@ use crate::inventory::object::Object;
 pub struct Place {
     /// Class of the object.
     pub(super) class: u8,
-    /// Where it stands, in steps of 0.1 m.
+    /// Where it stands, in steps of 0.1 m. Of a building the mean of its points: which part of it is its
+    /// front depends on the axis, and an axis that is found from the points depends on the other files.
     pub(super) decimetres: [i64; 2],
     /// Decides the order of objects in one place. Follows from their points alone: lowest and highest corner,
     /// number of points.
@@ -22,8 +24,12 @@ impl Place {
     /// The place of an object.
     #[must_use]
     pub fn of(object: &Object<'_>) -> Self {
+        let place = match object.kind.class {
+            BUILDING => [0, 1].map(|axis| object.site.lattice.metres(object.centre[axis])),
+            _ => object.foot.place,
+        };
         #[expect(clippy::cast_possible_truncation, reason = "lattice coordinates are below 2^50")]
-        let decimetres = object.foot.place.map(|metres| (metres * 10.0).round() as i64);
+        let decimetres = place.map(|metres| (metres * 10.0).round() as i64);
         let part = object.part;
         Self { class: object.kind.class, decimetres, order: (part.lo, part.hi, part.points) }
     }

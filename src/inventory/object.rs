@@ -1,5 +1,7 @@
 //! What attributes see: one whole object.
 
+use std::collections::BTreeSet;
+
 use crate::inventory::measures::{Ends, Foot, Frames, Measures, Polygon, WIRE, outline};
 use crate::inventory::site::{Site, centre};
 use crate::model::{Kind, ObjectPart};
@@ -46,12 +48,17 @@ impl<'a> Object<'a> {
         let centre = centre(part);
         let ground_m = site.terrain.height_m([centre[0], centre[1]]);
         let frames = Frames::new(part, kind, site.ground_below(part), site.lattice);
-        // Without points, as the centre.
-        let ends = Ends::new(&measures.profile, kind.class == WIRE, site.lattice)
-            .unwrap_or(Ends { bottom: 0, top: 0 });
+        let ends = ends(part, measures, kind, &frames, site);
         let foot = Foot::new(part, ends, kind, measures, &frames, site);
         let outline = outline(&measures.plan, &frames.plan, site.lattice, |_| true);
         Self { id, part, kind, site, centre, ground_m, measures, frames, ends, foot, outline }
+    }
+
+    /// The corners of its box on the lattice, without points that are not of it below its lowest.
+    #[must_use]
+    pub fn corners(&self) -> [[i64; 3]; 2] {
+        let [x, y, _] = self.part.lo;
+        [[x, y, self.ends.bottom.max(self.part.lo[2])], self.part.hi]
     }
 
     /// Height of a lattice z above the ground below its centre, in metres.
@@ -76,6 +83,34 @@ impl<'a> Object<'a> {
         let vertices = self.outline.iter().flat_map(|outline| &outline.vertices);
         vertices.map(|place| [0, 1].map(|axis| self.site.input_units(axis, place[axis]))).collect()
     }
+}
+
+/// Between which heights an object is whole. Without points, as the centre.
+fn ends(part: &ObjectPart, measures: &Measures, kind: Kind, frames: &Frames, site: &Site<'_>) -> Ends {
+    let found = Ends::new(&measures.profile, kind.class == WIRE, site.lattice);
+    let found = found.unwrap_or(Ends { bottom: 0, top: 0 });
+    // Most objects do not reach below the ground.
+    let reaches_below =
+        site.ground_below(part).is_some_and(|ground| found.is_far_below(ground, site.lattice));
+    let lowest = if reaches_below { lowest_ground(measures, frames, site) } else { None };
+    match lowest {
+        Some(lowest) => found.above_ground(&measures.profile, lowest, site.lattice),
+        None => found,
+    }
+}
+
+/// Lattice z of the ground below an object where it is the lowest, without one cell of the terrain in 20:
+/// reflections were taken for ground there. `None` if no ground is within 10 m of any of them.
+fn lowest_ground(measures: &Measures, frames: &Frames, site: &Site<'_>) -> Option<i64> {
+    let level = measures.plan.level;
+    let middle = |axis, index| frames.plan.doubled_middle(level, axis, index).div_euclid(2);
+    let cells =
+        measures.plan.voxels.iter().map(|([i, j, _], _)| site.terrain.cell([middle(0, *i), middle(1, *j)]));
+    let cells: BTreeSet<[i64; 2]> = cells.collect();
+    let heights = cells.into_iter().filter_map(|cell| site.terrain.height_m(site.terrain.middle_of(cell)));
+    let mut heights: Vec<i64> = heights.map(|height_m| site.lattice.units(height_m)).collect();
+    heights.sort_unstable();
+    heights.get(heights.len() / 20).copied()
 }
 
 #[cfg(test)]

@@ -14,13 +14,15 @@ impl Attribute for Cut {
             name: "cut",
             column_type: ColumnType::Flag,
             unit: ColumnUnit::None,
-            definition: "whether it comes within a cell of the raster of the convex hull of the occupied cells, where the data ends; \
-                         in a section (`--from`, `--to`) also whether it reaches further beyond it than objects are followed",
+            definition: "whether it reaches the end of the data: within 1.5 cells of the raster of the last profiles where the drive \
+                         begins, stops or has a gap, or within a cell of a straight border of the occupied cells, as of \
+                         a scene that was cut out; cells with few points or few neighbours do not count; in a section \
+                         (`--from`, `--to`) also whether it reaches further beyond it than objects are followed",
         }]
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        // What is nearest to a convex border is a vertex of the hull.
+        // What is nearest to a straight border is a vertex of the hull.
         values.push(Value::Flag(object.part.hull.iter().any(|vertex| (object.site.at_end)(*vertex))));
     }
 }

@@ -19,7 +19,10 @@ impl Attribute for Extent {
             &[
                 coordinate("min_x", "smallest x of a point"),
                 coordinate("min_y", "smallest y of a point"),
-                coordinate("min_z", "smallest z of a point"),
+                coordinate(
+                    "min_z",
+                    "smallest z of a point, without a few points below a gap or more than 1 m below the ground",
+                ),
                 coordinate("max_x", "largest x of a point"),
                 coordinate("max_y", "largest y of a point"),
                 coordinate("max_z", "largest z of a point"),
@@ -28,15 +31,26 @@ impl Attribute for Extent {
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        values.extend(object.site.input_point(object.part.lo).map(Value::Decimal));
-        values.extend(object.site.input_point(object.part.hi).map(Value::Decimal));
+        for corner in object.corners() {
+            values.extend(object.site.input_point(corner).map(Value::Decimal));
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inventory::object::tests::{FEET, METRES, decimals, near};
+    use crate::inventory::object::tests::{FEET, METRES, NO_KIND, as_decimals, decimals, near, values_of};
+
+    #[test]
+    fn reflections_far_below_the_ground_are_not_in_the_box() {
+        let wall = (0..3_000_i64).map(|n| [n % 100 * 100 + 50, 550, n / 100 * 100]);
+        let reflections = (0..60).map(|n| [4_050 + n % 3 * 100, 550, -n * 90]);
+        let points: Vec<[i64; 3]> = wall.chain(reflections).collect();
+        let ground: Vec<([i32; 2], i64)> = (0..10).map(|i| ([i, 0], 0)).collect();
+        let found = as_decimals(&values_of(&Extent, &points, NO_KIND, &ground, METRES));
+        assert!((-1.0..=0.0).contains(&found[2].unwrap()), "{found:?}");
+    }
 
     #[test]
     fn corners_are_in_the_units_of_the_input() {

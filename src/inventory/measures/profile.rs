@@ -23,6 +23,10 @@ const SHARE_PER_M: f64 = 1.0 / 6.0;
 /// Measured there: 0.18 of the points of a sign were leaves 4 m above it.
 const LARGEST_SHARE: f64 = 0.2;
 
+/// What is further below the ground than this is a reflection, in metres (chosen: where a hedge hides the
+/// ground, its model is as wrong). At most [`LARGEST_SHARE`] of the points: with more, the model is wrong.
+const DEEPEST_M: f64 = 1.0;
+
 /// One in so many points of a wire, the highest, are leaves or the top of its pole. Measured on the six wires
 /// of `synth suburb` with seed 7 that are found: with all of their points they end 0.14 m too high (RMSE), so
 /// 0.04 m.
@@ -68,6 +72,28 @@ impl Ends {
             ends.top = top.map_or(ends.top, |slice| slice.highest.min(ends.top));
         }
         Some(ends)
+    }
+
+    /// Whether they reach far below ground of this lattice z.
+    pub(crate) fn is_far_below(self, ground: i64, lattice: Lattice) -> bool {
+        self.bottom < ground - lattice.units(DEEPEST_M)
+    }
+
+    /// The same ends without a few points far below the ground, of which `lowest` is the lattice z where it
+    /// is the lowest below the object. Reflections of a facade have no gap between them and the object.
+    pub(crate) fn above_ground(mut self, profile: &Sketch<Slice>, lowest: i64, lattice: Lattice) -> Self {
+        let deepest = lowest - lattice.units(DEEPEST_M);
+        let slices = || profile.voxels.iter().map(|(_, slice)| slice);
+        let (mut all, mut below) = (0, 0);
+        for slice in slices() {
+            all += slice.points;
+            below += if slice.lowest < deepest { slice.points } else { 0 };
+        }
+        let first = slices().find(|slice| slice.lowest >= deepest);
+        if let Some(first) = first.filter(|_| below as f64 <= LARGEST_SHARE * all as f64) {
+            self.bottom = self.bottom.max(first.lowest).min(self.top);
+        }
+        self
     }
 
     fn of(profile: &Sketch<Slice>, lattice: Lattice) -> Option<Self> {
@@ -151,6 +177,20 @@ mod tests {
         // Without a gap, or with many of them, they may be the foot of the post.
         assert_eq!(ends(&[(-200, -200, 1), post]).bottom, -200);
         assert_eq!(ends(&[(-800, -500, 5), post]).bottom, -800);
+    }
+
+    #[test]
+    fn a_few_reflections_far_below_the_ground_are_not_the_bottom_even_without_a_gap() {
+        let frame = Frame::new(100, [0, 0, -12_000], [0, 0, 9_000]);
+        let bottom = |reflections: i64| {
+            let heights = (0..3_000).step_by(10).chain((0..reflections).map(|n| -n * 100));
+            let slices = heights.map(|z| (frame.key([0, 0, z]), Slice { points: 1, lowest: z, highest: z }));
+            let profile = Sketch::of(&frame, slices.collect(), 1 << 10);
+            let ends = Ends::new(&profile, false, Lattice::MILLIMETRE).unwrap();
+            ends.above_ground(&profile, 0, Lattice::MILLIMETRE).bottom
+        };
+        assert_eq!(bottom(40), -1_000, "1 m may be the ground model");
+        assert_eq!(bottom(100), -9_900, "many points may be the object");
     }
 
     #[test]

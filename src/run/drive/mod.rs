@@ -2,6 +2,7 @@
 //! of tiles.
 
 mod axis;
+mod border;
 mod fields;
 mod groups;
 pub(crate) mod identity;
@@ -17,6 +18,7 @@ mod verdicts;
 mod warnings;
 
 pub use axis::AxisFacts;
+pub(crate) use border::Border;
 pub(crate) use fields::{StoredFields, stored_fields};
 pub(crate) use groups::Groups;
 pub(crate) use opened::{BlockRun, Drive};

@@ -20,6 +20,12 @@ use crate::survey::Axis;
 /// Edge of the squares in which areas are dilated, in cells. Chosen: 8 m are little beside the distances, and
 /// there are few squares.
 const SQUARE_CELLS: i32 = 8;
+/// A cell has the chainage of the vertex of the axis that is the nearest to its middle. So a point of the
+/// section can be in a cell that is half a vertex and half a cell beside it. Cells count so much further out,
+/// in metres and in edges of a cell, that none is left out. It is twice as much, for the inside of bends.
+const AROUND_M: f64 = 1.0;
+/// See [`AROUND_M`].
+const AROUND_EDGES: f64 = std::f64::consts::SQRT_2;
 
 /// A section of a drive.
 #[derive(Debug)]
@@ -27,6 +33,8 @@ pub(crate) struct Section {
     /// Chainage where it begins and ends, in metres.
     pub(crate) from_m: f64,
     pub(crate) to_m: f64,
+    /// Chainage between which cells are inside: all with points of the section.
+    pub(crate) inside_m: (f64, f64),
     /// Points of the cells that are processed.
     pub(crate) cells: Arc<PackedCells>,
     /// The squares in which objects are whole.
@@ -46,10 +54,12 @@ impl Section {
     ) -> Result<Option<Self>> {
         let Some((from_m, to_m)) = config.section() else { return Ok(None) };
         let edge_m = lattice.metres(grid.edge());
+        let around_m = AROUND_M + AROUND_EDGES * edge_m;
+        let inside_m = (from_m - around_m, to_m + around_m);
         let chainage_m = axis.chainage_m();
         let is_inside = |cell: Cell| {
             let centre = cell.map(|index| (f64::from(index) + 0.5) * edge_m);
-            (from_m..=to_m).contains(&chainage_m[axis.nearest(centre)])
+            (inside_m.0..=inside_m.1).contains(&chainage_m[axis.nearest(centre)])
         };
         let inside: BTreeSet<Cell> =
             all.iter().filter(|(cell, _)| is_inside(*cell)).map(|(cell, _)| square(cell)).collect();
@@ -66,7 +76,7 @@ impl Section {
         for (cell, points) in all.iter().filter(|(cell, _)| processed.contains(&square(*cell))) {
             *cells.entry(cell) = points;
         }
-        Ok(Some(Self { from_m, to_m, cells: Arc::new(PackedCells::from(cells)), whole }))
+        Ok(Some(Self { from_m, to_m, inside_m, cells: Arc::new(PackedCells::from(cells)), whole }))
     }
 
     /// Whether an object that reaches no further than this cell is the same in the whole drive.

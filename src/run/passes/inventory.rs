@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::inventory::{self, Among, Face, Measures, Object, Place, Site, Station, SurfaceRow, Terrain};
-use crate::model::{Kind, ObjectPart, Plane, TileId, Value, convex_hull, in_u32};
-use crate::run::drive::{Drive, Surveyed};
+use crate::model::{Kind, ObjectPart, Plane, TileId, Value, in_u32};
+use crate::run::drive::{Border, Drive, Surveyed};
 use crate::run::engine::{Driver, Outline, Pass, Payloads};
 use crate::run::passes::relabel::PointColumns;
 use crate::run::passes::stitch::Objects;
@@ -195,13 +195,13 @@ fn with_pass<T>(
         let (chainage_m, offset_m) = surveyed.axis.locate(place);
         Station { chainage_m, offset_m }
     };
-    let edge = Edge::of(surveyed, drive);
+    let border = Border::of(&surveyed.cells, &surveyed.axis, drive.grid, drive.lattice());
     // What reaches the end of a section is not known to be whole, as what reaches the end of the data.
     let is_cut_off = |[x, y]: [i64; 2]| {
         let cell = drive.grid.cell(x, y);
         surveyed.section.as_ref().is_some_and(|section| cell.is_none_or(|cell| !section.is_whole(cell)))
     };
-    let at_end = |place| edge.is_near(place) || is_cut_off(place);
+    let at_end = |place| border.is_near(place) || is_cut_off(place);
     let site = Site {
         lattice: drive.lattice(),
         units_m: drive.catalog.units_m(),
@@ -378,61 +378,5 @@ impl Pass for InventoryPass<'_> {
     /// The sketches. They are merged only by the process that writes the tables.
     fn reduce(&self, payloads: &Payloads) -> Result<Payloads> {
         Ok(payloads.clone())
-    }
-}
-
-/// Where the data ends: the border of the convex hull of the occupied cells.
-struct Edge {
-    /// Its vertices in lattice units, counter-clockwise.
-    hull: Vec<[i64; 2]>,
-    /// What is not further inside than this is at the end, in lattice units.
-    within: f64,
-}
-
-impl Edge {
-    fn of(surveyed: &Surveyed, drive: &Drive) -> Self {
-        // Lowest and highest cell of each column: the others are not on the hull.
-        let mut columns: BTreeMap<i32, (i32, i32)> = BTreeMap::new();
-        for ([i, j], _) in surveyed.cells.iter() {
-            let ends = columns.entry(i).or_insert((j, j));
-            *ends = (ends.0.min(j), ends.1.max(j));
-        }
-        let edge = drive.grid.edge();
-        let corners = |(i, (low, high)): (i32, (i32, i32))| {
-            let [left, bottom, top] = [i, low, high].map(|index| i64::from(index) * edge);
-            [[left, bottom], [left + edge, bottom], [left, top + edge], [left + edge, top + edge]]
-        };
-        let mut places: Vec<[i64; 2]> = columns.into_iter().flat_map(corners).collect();
-        Self { hull: convex_hull(&mut places), within: edge as f64 }
-    }
-
-    fn is_near(&self, place: [i64; 2]) -> bool {
-        (0..self.hull.len()).any(|k| {
-            let (from, to) = (self.hull[k], self.hull[(k + 1) % self.hull.len()]);
-            let along = [(to[0] - from[0]) as f64, (to[1] - from[1]) as f64];
-            let arm = [(place[0] - from[0]) as f64, (place[1] - from[1]) as f64];
-            let inside = along[0] * arm[1] - along[1] * arm[0];
-            inside <= self.within * along[0].hypot(along[1])
-        })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_end_of_the_data_is_a_cell_wide() {
-        let edge = Edge { hull: vec![[0, 0], [40_000, 0], [40_000, 30_000], [0, 30_000]], within: 1_000.0 };
-        for (place, expected) in [
-            ([500, 15_000], true),
-            ([1_000, 15_000], true),
-            ([1_001, 15_000], false),
-            ([39_500, 2_000], true),
-            ([20_000, 15_000], false),
-            ([20_000, 29_001], true),
-        ] {
-            assert_eq!(edge.is_near(place), expected, "{place:?}");
-        }
     }
 }
