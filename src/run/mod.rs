@@ -27,6 +27,7 @@ mod error;
 mod estimate;
 mod finish;
 mod flow;
+mod foreign;
 mod look;
 mod open;
 mod passes;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use chainage::run::{PassStatus, Registries, RunStatus, status};
+use chainage::run::{Registries, RunStatus, status};
 
 use crate::cli::drive_args::Choices;
 use crate::cli::exit::Outcome;
@@ -46,12 +46,15 @@ fn page(state: &RunStatus, why: bool) -> String {
         .collect();
     let mut text = print::table(&["pass", "units", "done", "stale"], &rows);
     if why {
-        text.push_str(&reasons(&state.passes));
+        text.push_str(&reasons(state));
     }
-    let verdict = if state.finished {
-        "finished: every output is complete"
-    } else {
-        "not finished: the same command resumes"
+    let verdict = match (state.finished, state.finished_before, state.same_settings) {
+        (true, ..) => "finished: every output is complete",
+        (false, true, _) => {
+            "finished with the settings of the last call; chainage run with these settings computes what is missing or stale"
+        }
+        (false, false, true) => "not finished: the same command resumes",
+        (false, false, false) => "not finished: chainage run with these settings resumes",
     };
     text.push_str(&format!("  {verdict}\n"));
     text
@@ -59,10 +62,13 @@ fn page(state: &RunStatus, why: bool) -> String {
 
 /// Describes what has changed, pass by pass. One line names the passes that follow because an earlier pass
 /// changed.
-fn reasons(passes: &[PassStatus]) -> String {
+fn reasons(state: &RunStatus) -> String {
     let mut text = String::new();
+    if let Some(changed) = state.other_method() {
+        text.push_str(&format!("  other passes are needed: {changed}\n"));
+    }
     let mut following = Vec::new();
-    for pass in passes.iter().filter(|pass| !pass.why.is_empty()) {
+    for pass in state.passes.iter().filter(|pass| !pass.why.is_empty()) {
         let causes = pass.causes();
         if causes.is_empty() {
             following.push(pass.pass);
