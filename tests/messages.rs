@@ -1,5 +1,5 @@
-//! What the program says about inputs, folders and settings that do not fit, and that it is true. One test for
-//! each statement.
+//! What the program says about inputs, folders and settings that do not fit, and that it is true. One test
+//! for each statement.
 
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStringExt;
@@ -107,7 +107,7 @@ fn only_named_outputs_are_written_and_charts_are_listed() {
     let (page, charts) = run("csv");
     assert!(page.contains("out: objects.csv, report.json\n") && charts == 0, "{page}");
     let (page, charts) = run("csv,charts");
-    let listed = "out: objects.csv, density-peaks-curvature.svg, density-peaks-decision.svg, report.json\n";
+    let listed = "out: objects.csv, density-peaks-decision.svg, density-peaks-curvature.svg, report.json\n";
     assert!(page.contains(listed) && charts == 2, "{page}");
     let empty = refused(folder.path(), &["run", "drive/first", "-o", "other", "--outputs", ""], 3);
     assert!(empty.contains("output.files = \"\": must be a list of points, "), "{empty}");
@@ -147,9 +147,9 @@ fn errors_have_the_form_of_the_progress() {
 fn status_tells_another_method_and_what_is_finished() {
     let folder = with_drive();
     told(folder.path(), &[&["run", "drive/first", "-o", "out", "-q"][..], &CHEAP].concat());
-    let page = told(folder.path(), &["status", "out", "--why", "--method", "dbscan"]);
+    let page = told(folder.path(), &["status", "out", "--why", "--method", "density-peaks"]);
     assert!(
-        page.contains("  other passes are needed: cluster.method changed from euclidean to dbscan\n"),
+        page.contains("  other passes are needed: cluster.method changed from euclidean to density-peaks\n"),
         "{page}"
     );
     assert!(

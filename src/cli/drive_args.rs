@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 
 use chainage::config::{Config, ConfigError, MEMORY_MIB};
 use chainage::input::InputError;
-use chainage::run::Registries;
-use chainage::store::STATE_FOLDER;
+use chainage::run::{Registries, holds_run};
 
 use crate::cli::exit::CliError;
 use crate::cli::quantities;
@@ -60,7 +59,7 @@ fn folders_below(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()>
         let path = entry.path();
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
         if entry.file_type()?.is_dir() {
-            if !path.join(STATE_FOLDER).is_dir() {
+            if !holds_run(&path) {
                 below.push(path);
             }
         } else {

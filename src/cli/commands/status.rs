@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use chainage::run::{Registries, RunStatus, status};
+use chainage::run::{PassStatus, Registries, RunStatus, status};
 
 use crate::cli::drive_args::Choices;
 use crate::cli::exit::Outcome;
@@ -21,6 +21,9 @@ pub(crate) struct StatusArgs {
     #[command(flatten)]
     choices: Choices,
 }
+
+/// The setting that chooses the method.
+const METHOD: &str = "cluster.method";
 
 impl StatusArgs {
     pub(crate) fn run(&self) -> Outcome {
@@ -64,7 +67,9 @@ fn page(state: &RunStatus, why: bool) -> String {
 /// changed.
 fn reasons(state: &RunStatus) -> String {
     let mut text = String::new();
-    if let Some(changed) = state.other_method() {
+    // Passes that both methods have say it themselves.
+    let said = |pass: &PassStatus| pass.why.iter().any(|reason| reason.name == METHOD);
+    if let Some(changed) = state.other_method().filter(|_| !state.passes.iter().any(said)) {
         text.push_str(&format!("  other passes are needed: {changed}\n"));
     }
     let mut following = Vec::new();
