@@ -29,6 +29,8 @@ import laspy
 import numpy as np
 from scipy import ndimage
 
+from land import changed
+
 # Length and pulse rate of each drive. Mixed changes its street every 350 m, loop returns after 300 m of at least 1100 m.
 DRIVES = {
     "suburb": ["300m", "60kHz"],
@@ -57,46 +59,6 @@ PROGRAM_METHODS = {
     "upward-growing": ["--ground", "upward-growing"],
     "opening": ["--ground", "opening"],
 }
-
-
-def lay(name, xy, way):
-    """Height that a change of the land adds, from places and the trajectory (x and y of both)."""
-    from scipy.spatial import cKDTree
-
-    along = way[-1] - way[0]
-    along = along / np.hypot(*along)
-    centred = xy - way.mean(0)
-    if name == "grade 15 %":
-        return 0.15 * centred @ along
-    if name == "hillside 30 %":
-        return 0.30 * centred @ np.array([-along[1], along[0]])
-    # From 12 m beside the way of the scanner the land falls or rises by 1 : 1.5, over 5 m of height.
-    distance = cKDTree(way).query(xy)[0]
-    side = np.clip((distance - 12.0) / 1.5, 0.0, 5.0)
-    return {"embankment": -side, "cutting": side}[name]
-
-
-def changed(source, target, change):
-    """A copy of a synthetic drive on other land, or with strays below its road."""
-    target.mkdir()
-    way = np.loadtxt(source / "trajectory.csv", delimiter=",", skiprows=1, usecols=(1, 2))[::20]
-    for file in source.glob("*.las"):
-        las = laspy.read(file)
-        xy = np.stack([las.x, las.y], 1)
-        if change == "strays":
-            # One of 400 points of the ground gets a return 0.4 to 0.6 m below it, which is noise.
-            random = np.random.default_rng(1)
-            ground = np.flatnonzero(np.asarray(las["gt_class"]) == 1)
-            chosen = random.choice(ground, len(ground) // 400, replace=False)
-            points = las.points.array
-            strays = points[chosen].copy()
-            strays["Z"] -= (random.uniform(0.4, 0.6, len(chosen)) / las.header.scales[2]).astype(strays["Z"].dtype)
-            strays["gt_class"] = 0
-            las.points = laspy.ScaleAwarePointRecord(np.concatenate([points, strays]), las.point_format,
-                                                     las.header.scales, las.header.offsets)
-        else:
-            las.z = np.asarray(las.z) + lay(change, xy, way)
-        las.write(target / file.name)
 
 
 def read(path):

@@ -103,7 +103,7 @@ fn kept(points: &[Point], ground: bool) -> Vec<[i64; 3]> {
     if !ground {
         return at;
     }
-    let hidden: Vec<bool> = oracle::noise(&at, 300, 4, 900).iter().map(|&code| code != 0).collect();
+    let hidden: Vec<bool> = oracle::noise(&at, [300, 900], 4, true).iter().map(|&code| code != 0).collect();
     let ground = oracle::voxel_column(&at, &hidden, [300, 1_000, 500, 1_500], 2);
     (0..at.len()).filter(|&p| !hidden[p] && !ground[p]).map(|p| at[p]).collect()
 }

@@ -22,8 +22,9 @@ use crate::util::oracle;
 use crate::util::street::{COURSES, Course, Street, number, permutation};
 
 /// Isolated noise in small scenes: fewer points already form an object.
-const SMALL: [&str; 5] = [
+const SMALL: [&str; 6] = [
     "noise.voxel=0.3",
+    "noise.keep_sparse=false",
     "noise.min_component_points=4",
     "noise.high=0.9",
     "euclidean.min_points=3",
@@ -62,11 +63,12 @@ fn one_file(folder: &Path, points: &[Point]) -> Vec<PathBuf> {
 fn expected(
     points: &[Point],
     formats: &[u8],
+    keep_sparse: bool,
     d_t_mm: i64,
     sizes: std::ops::RangeInclusive<usize>,
 ) -> (Vec<u8>, Vec<u32>) {
     let at: Vec<[i64; 3]> = points.iter().map(|point| point.mm).collect();
-    let noise = oracle::noise(&at, 300, 4, 900);
+    let noise = oracle::noise(&at, [300, 900], 4, keep_sparse);
     let hidden: Vec<bool> = noise.iter().map(|&code| code != 0).collect();
     let ground = oracle::voxel_column(&at, &hidden, [300, 1_000, 500, 1_500], 2);
     let object: Vec<usize> = (0..at.len()).filter(|&point| !hidden[point] && !ground[point]).collect();
@@ -102,6 +104,7 @@ struct Case {
     threads: usize,
     d_t_mm: i64,
     max_points: usize,
+    keep_sparse: bool,
     trajectory: bool,
     shuffled: bool,
     /// Records per chunk of compressed files: few, so that tiles read some chunks and not the whole drive.
@@ -147,7 +150,19 @@ fn cases() -> impl Strategy<Value = Case> {
                 records: Vec::new(),
             };
             let shapes = shapes.into_iter().map(shape).collect();
-            Case { street, shapes, tile_m, threads, d_t_mm, max_points, trajectory, shuffled, chunk }
+            let keep_sparse = street.seed % 3 == 0;
+            Case {
+                street,
+                shapes,
+                tile_m,
+                threads,
+                d_t_mm,
+                max_points,
+                keep_sparse,
+                trajectory,
+                shuffled,
+                chunk,
+            }
         },
     )
 }
@@ -185,6 +200,7 @@ fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte(
         let mut more = vec![
             format!("euclidean.max_gap_m={}", case.d_t_mm as f64 / 1_000.0),
             format!("euclidean.max_points={}", case.max_points),
+            format!("noise.keep_sparse={}", case.keep_sparse),
         ];
         if case.trajectory {
             let path = folder.path().join("trajectory.csv");
@@ -199,7 +215,8 @@ fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte(
 
         let found = Labelled::read(&files, &tiled);
         let most = if case.max_points == 0 { usize::MAX } else { case.max_points };
-        let (class, label) = expected(&points, &case.formats(points.len()), case.d_t_mm, 3..=most);
+        let formats = case.formats(points.len());
+        let (class, label) = expected(&points, &formats, case.keep_sparse, case.d_t_mm, 3..=most);
         prop_assert_eq!(&found.class, &class);
         prop_assert_eq!(&found.label, &label);
         let has = |class: &[u8]| found.class.iter().any(|code| class.contains(code));

@@ -14,7 +14,8 @@ use crate::util::oracle;
 
 const LATTICE: Lattice = Lattice::MILLIMETRE;
 /// Small scenes of a few metres must test the context, so noise looks 4 voxels around instead of 10.
-const NOISE: NoiseConfig = NoiseConfig { enabled: true, voxel: 0.3, min_component_points: 4, high: 0.9 };
+const NOISE: NoiseConfig =
+    NoiseConfig { enabled: true, voxel: 0.3, min_component_points: 4, keep_sparse: false, high: 0.9 };
 const GROUND: VoxelColumnConfig =
     VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 1.5, lowest_points: 1 };
 
@@ -174,9 +175,12 @@ fn the_far_end_of_a_corridor_is_within_the_reach_of_opening() {
 
 proptest! {
     #[test]
-    fn noise_is_what_brute_force_says(points in points()) {
-        let expected = oracle::noise(&points, 300, 4, 900);
-        let classes: Vec<u8> = noise_classes(&numbered(&points)).into_iter().map(PointClass::code).collect();
+    fn noise_is_what_brute_force_says(points in points(), keep_sparse: bool) {
+        let expected = oracle::noise(&points, [300, 900], 4, keep_sparse);
+        let mut classes = vec![PointClass::Object; points.len()];
+        let noise = IsolatedNoise::new(&NoiseConfig { keep_sparse, ..NOISE }).unwrap();
+        noise.mark(&mut TileView::new(&numbered(&points)), &mut classes).unwrap();
+        let classes: Vec<u8> = classes.into_iter().map(PointClass::code).collect();
         prop_assert_eq!(classes, expected);
     }
 

@@ -10,13 +10,20 @@
 //! lie at most n - 1 voxels from any of its points. A larger component has at least n voxels, and so n
 //! points, within n - 1 voxels of any of its points. Its full size does not matter.
 //!
+//! Ours, too: where points are few, far from the scanner, those of trees and facades are as far apart as
+//! noise. So a component is kept where 12 to 300 points lie in the cubes of 1.5 m around it. Fewer are
+//! noise all the same, and beside more of them real things are no small components. The study is
+//! `benches/results/noise.md`.
+//!
 //! Cost: O(points) for the voxels (shared with a ground filter of the same edge), then O(voxels).
 //! Memory per voxel: 8 bytes beside the voxels themselves. The bench is `benches/kernels.rs`.
 //!
 //! Known failures: mixed pixels close to a surface are connected to it and stay; a bird of ten returns stays.
 
 use std::f64::consts::SQRT_2;
+use std::ops::RangeInclusive;
 
+use rustc_hash::FxHashMap;
 use serde::Deserialize;
 
 use super::lowest::{NONE, lowest_within};
@@ -31,6 +38,11 @@ const NAME: &str = "noise";
 /// default radius of `voxel-column`.
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
+/// Edge of the cubes in which points are counted, in metres, and how many points in the 27 cubes around a
+/// small component make it a part of something that few points reach.
+const CUBE_M: f64 = 1.5;
+const FEW: RangeInclusive<u64> = 12..=300;
+
 /// Settings of the section `[noise]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -43,6 +55,9 @@ pub struct NoiseConfig {
     /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 100. Default 5
     /// (chosen by the same study; the paper gives no number). The context that tiles need grows with it.
     pub min_component_points: u32,
+    /// Whether a small component is kept where few points lie, because there those of trees and facades
+    /// are as far apart as noise. Default true (chosen by the same study; the paper does not have it).
+    pub keep_sparse: bool,
     /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to
     /// 1,000. Default 2.0 (chosen, because below it stand people and cars).
     pub high: f64,
@@ -50,7 +65,7 @@ pub struct NoiseConfig {
 
 impl Default for NoiseConfig {
     fn default() -> Self {
-        Self { enabled: true, voxel: 0.5, min_component_points: 5, high: 2.0 }
+        Self { enabled: true, voxel: 0.5, min_component_points: 5, keep_sparse: true, high: 2.0 }
     }
 }
 
@@ -90,16 +105,24 @@ impl IsolatedNoise {
         Ok(Self { config: config.clone() })
     }
 
-    /// Largest distance of other points that decide whether a point is noise: n voxels along each axis (see
-    /// above), and sqrt(2) times that in the plane. The engine uses the decision only for points with this
-    /// much context.
+    /// Largest distance of other points that decide whether a point is noise: n voxels along each axis
+    /// (see above), or two cubes, and sqrt(2) times that in the plane. The engine uses the decision only
+    /// for points with this much context.
     #[must_use]
     pub fn reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
             return Reach::Exact { metres: 0.0 };
         }
         let voxel_m = lattice.metres(lattice.units(self.config.voxel));
-        Reach::Exact { metres: f64::from(self.config.min_component_points) * voxel_m * SQRT_2 }
+        let component = f64::from(self.config.min_component_points);
+        let cubes = if self.config.keep_sparse { f64::from(2 * self.voxels_of_cube()) } else { 0.0 };
+        Reach::Exact { metres: component.max(cubes) * voxel_m * SQRT_2 }
+    }
+
+    /// Edge of a cube in voxels.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a voxel has 0.05 to 2 m")]
+    fn voxels_of_cube(&self) -> u32 {
+        (CUBE_M / self.config.voxel).round().max(1.0) as u32
     }
 
     /// Largest distance of other points whose classes decide whether a noise point is high or low. It is
@@ -126,7 +149,14 @@ impl IsolatedNoise {
         }
         let lattice = view.cloud().lattice;
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let is_noise = small_components(index, self.config.min_component_points);
+        let mut is_noise = small_components(index, self.config.min_component_points);
+        if self.config.keep_sparse && is_noise.contains(&true) {
+            let points = points_around(index, &is_noise, self.voxels_of_cube());
+            is_noise
+                .iter_mut()
+                .zip(points)
+                .for_each(|(is_noise, points)| *is_noise &= !FEW.contains(&points));
+        }
         if !is_noise.contains(&true) {
             return Ok(());
         }
@@ -181,8 +211,31 @@ fn small_components(index: &VoxelIndex, min_points: u32) -> Vec<bool> {
     roots.into_iter().map(|root| sizes[root] < min_points).collect()
 }
 
+/// Number of points in the 27 cubes around each `wanted` voxel; 0 for other voxels. Cubes of `edge` voxels
+/// are those of the drive.
+fn points_around(index: &VoxelIndex, wanted: &[bool], edge: u32) -> Vec<u64> {
+    let base = index.grid().base;
+    let cube = |axis: usize, at: u32| (base[axis] + i64::from(at)).div_euclid(i64::from(edge));
+    let mut cubes: FxHashMap<[i64; 3], u64> = FxHashMap::default();
+    let mut of_voxel = Vec::with_capacity(index.len());
+    for (column, &[i, j]) in index.columns().iter().enumerate() {
+        for voxel in index.column_voxels(column) {
+            let at = [cube(0, i), cube(1, j), cube(2, index.heights()[voxel])];
+            *cubes.entry(at).or_default() += u64::from(index.counts()[voxel]);
+            of_voxel.push(at);
+        }
+    }
+    let around = |[i, j, k]: [i64; 3]| {
+        let near = (0..27).map(|n| [i + n / 9 - 1, j + n / 3 % 3 - 1, k + n % 3 - 1]);
+        near.filter_map(|at| cubes.get(&at)).sum()
+    };
+    of_voxel.into_iter().zip(wanted).map(|(at, wanted)| if *wanted { around(at) } else { 0 }).collect()
+}
+
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt, SeedableRng};
+
     use super::*;
     use crate::model::TileCloud;
     use PointClass::{HighNoise, LowNoise, Object};
@@ -195,7 +248,8 @@ mod tests {
     }
 
     /// Voxels as in the paper, and ten points.
-    const PAPER: NoiseConfig = NoiseConfig { enabled: true, voxel: 0.3, min_component_points: 10, high: 2.0 };
+    const PAPER: NoiseConfig =
+        NoiseConfig { enabled: true, voxel: 0.3, min_component_points: 10, keep_sparse: false, high: 2.0 };
 
     #[test]
     fn components_below_the_threshold_are_noise() {
@@ -235,6 +289,42 @@ mod tests {
     fn other_noise_is_nothing_to_stand_above() {
         let config = NoiseConfig { min_component_points: 2, ..PAPER };
         assert_eq!(mark(&config, &[[0, 0, 0], [0, 0, 9_000]]), [LowNoise; 2]);
+    }
+
+    #[test]
+    fn where_few_points_lie_they_are_kept() {
+        let config = NoiseConfig::default();
+        // Points that are 1.2 m apart, in a square: a tree far away.
+        let tree = |count: i64| (0..count).map(|n| [n % 4 * 1_200, n / 4 * 1_200, 0]).collect::<Vec<_>>();
+        assert_eq!(mark(&config, &tree(16))[5], Object);
+        assert_eq!(mark(&config, &tree(8)), [LowNoise; 8], "too few for anything");
+        let printed = NoiseConfig { keep_sparse: false, ..config.clone() };
+        assert_eq!(mark(&printed, &tree(16)), [LowNoise; 16]);
+        // Above a road of many points.
+        let stray: [i64; 3] = [1_500, 1_500, 1_900];
+        let road = |count: i64| (0..count).map(|n| [n % 20 * 150, n / 20 * 150, 0]);
+        assert_eq!(mark(&config, &road(299).chain([stray]).collect::<Vec<_>>())[299], Object);
+        assert_eq!(mark(&config, &road(300).chain([stray]).collect::<Vec<_>>())[300], LowNoise);
+    }
+
+    #[test]
+    fn cubes_are_those_of_the_drive() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let points: Vec<[i64; 3]> =
+            (0..400).map(|_| std::array::from_fn(|_| rng.random_range(-9_000..9_000))).collect();
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+        let index = VoxelIndex::build(NAME, &cloud, 500).unwrap();
+        let found = points_around(&index, &vec![true; index.len()], 3);
+        let mut compared = 0;
+        for (streak, voxel) in index.streaks() {
+            let cube = points[streak.start].map(|value| value.div_euclid(1_500));
+            let near = |point: &&[i64; 3]| {
+                point.iter().zip(cube).all(|(value, cube)| value.div_euclid(1_500).abs_diff(cube) <= 1)
+            };
+            assert_eq!(found[voxel], points.iter().filter(near).count() as u64);
+            compared += 1;
+        }
+        assert!(compared > 390, "{compared}");
     }
 
     #[test]

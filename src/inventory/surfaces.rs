@@ -16,7 +16,10 @@ const fn count(name: &'static str, definition: &'static str) -> Column {
 pub const SURFACE_COLUMNS: &[Column] = &[
     count("id", "number of the surface, as in the points and in the table of objects"),
     count("points", "points of the surface"),
-    count("plane_points", "points that are consistent with the planes of their slices; the plane fits these"),
+    count(
+        "plane_points",
+        "points that the plane fits: those that are consistent with the planes of their slices, or with local planes away from edges",
+    ),
     decimal(
         "area_m2",
         3,

@@ -1,29 +1,47 @@
 //! Which of some values are the smallest, without sorting: a threshold is guessed and corrected until the
 //! right number of values is not above it. Values are distances, or squares of distances in a plane, so their
 //! number below a threshold is about proportional to it, and a few guesses suffice. Each guess counts without
-//! branches, four values at a time.
+//! branches, several values at a time: values come in whole rows, and what is beyond them is infinite.
 
+/// Values of a row.
+pub(crate) const ROW: usize = 8;
 /// Most guesses. Equal values may have no threshold between them, then no guess is right.
 const GUESSES: usize = 12;
 
-/// A value above which all but the `count` smallest of these values are. `None` if it is not found, for
-/// example because the values around it are equal. Values are finite and not negative; `count` is 1 to their
-/// number.
-pub(crate) fn threshold(values: &[f32], count: usize) -> Option<f32> {
-    // Eight sums side by side, because additions of floats keep their order.
-    let (rows, rest) = values.as_chunks::<8>();
-    let mut sums = [0.0_f32; 8];
+/// Fills the last row of values. Returns how many they were.
+pub(crate) fn fill_up(values: &mut Vec<f32>) -> usize {
+    let len = values.len();
+    values.resize(len.next_multiple_of(ROW), f32::INFINITY);
+    len
+}
+
+/// A value above which all but the `count` smallest of the first `len` values are. `None` if it is not found,
+/// for example because the values around it are equal. Values are finite and not negative; `count` is 1 to
+/// their number.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+pub(crate) fn threshold(values: &[f32], len: usize, count: usize) -> Option<f32> {
+    // Sums side by side, because additions of floats keep their order.
+    let (rows, rest) = values[..len].as_chunks::<ROW>();
+    let mut sums = [0.0_f32; ROW];
     for row in rows {
         sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
     }
     let sum = sums.iter().chain(rest).sum::<f32>();
-    // `low` is below, `high` is above: the numbers of values that are not above them.
-    let (mut low, mut high) = ((0.0_f32, 0_usize), (f32::INFINITY, values.len() + 1));
     // Even values from 0 have this share below: twice the mean is the largest.
-    let mut guess = 2.0 * sum / values.len() as f32 * (count as f32 / values.len() as f32);
+    let guess = 2.0 * sum / len as f32 * (count as f32 / len as f32);
+    threshold_from(values, len, count, guess)
+}
+
+/// The same from a first guess.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+pub(crate) fn threshold_from(values: &[f32], len: usize, count: usize, guess: f32) -> Option<f32> {
+    // `low` is below, `high` is above: the numbers of values that are not above them.
+    let (mut low, mut high) = ((0.0_f32, 0_usize), (f32::INFINITY, len + 1));
+    let mut guess = guess;
     for _ in 0..GUESSES {
-        let found: u32 = values.iter().map(|value| u32::from(*value <= guess)).sum();
-        let found = found as usize;
+        let found = not_above(values, guess);
         if found == count {
             return Some(guess);
         }
@@ -46,22 +64,43 @@ pub(crate) fn threshold(values: &[f32], count: usize) -> Option<f32> {
     None
 }
 
-/// The median of values: finite, not negative. `scratch` is overwritten. 0 without values.
-pub(crate) fn median(values: &[f32], scratch: &mut Vec<f32>) -> f32 {
-    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
+/// Number of values in whole rows that are not above a finite limit.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+fn not_above(values: &[f32], limit: f32) -> usize {
+    let mut counts = [0_u32; ROW];
+    for row in values.as_chunks::<ROW>().0 {
+        counts.iter_mut().zip(row).for_each(|(count, value)| *count += u32::from(*value <= limit));
+    }
+    counts.iter().sum::<u32>() as usize
+}
+
+/// The median of the first `len` values: finite, not negative. `scratch` is overwritten. 0 without values.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+pub(crate) fn median(values: &[f32], len: usize, scratch: &mut Vec<f32>) -> f32 {
+    let Some(last) = len.checked_sub(1) else { return 0.0 };
     let count = last / 2 + 1;
-    let (lower, upper) = if let Some(limit) = threshold(values, count) {
-        values.iter().fold((0.0_f32, f32::INFINITY), |(lower, upper), &value| {
-            let below = value <= limit;
-            (lower.max(if below { value } else { 0.0 }), upper.min(if below { f32::INFINITY } else { value }))
-        })
+    let (lower, upper) = if let Some(limit) = threshold(values, len, count) {
+        // The largest and the smallest value of each column of the rows, on both sides.
+        let (mut lower, mut upper) = ([0.0_f32; ROW], [f32::INFINITY; ROW]);
+        for row in values.as_chunks::<ROW>().0 {
+            for ((lower, upper), &value) in lower.iter_mut().zip(&mut upper).zip(row) {
+                let is_below = value <= limit;
+                let (below, above) = if is_below { (value, f32::INFINITY) } else { (0.0, value) };
+                *lower = if below > *lower { below } else { *lower };
+                *upper = if above < *upper { above } else { *upper };
+            }
+        }
+        let lower = lower.into_iter().fold(0.0, f32::max);
+        (lower, upper.into_iter().fold(f32::INFINITY, f32::min))
     } else {
         scratch.clear();
-        scratch.extend_from_slice(values);
+        scratch.extend_from_slice(&values[..len]);
         let (_, lower, above) = scratch.select_nth_unstable_by(count - 1, f32::total_cmp);
         (*lower, above.iter().copied().fold(f32::INFINITY, f32::min))
     };
-    if values.len().is_multiple_of(2) { f32::midpoint(lower, upper) } else { lower }
+    if len.is_multiple_of(2) { f32::midpoint(lower, upper) } else { lower }
 }
 
 #[cfg(test)]
@@ -83,10 +122,11 @@ mod tests {
         for (count, steps, power) in
             [(1, 5, 1), (2, 9, 1), (50, 1_000_000, 1), (97, 1 << 30, 2), (255, 1 << 24, 3)]
         {
-            let values = values(count, steps, power);
+            let mut values = values(count, steps, power);
+            fill_up(&mut values);
             for asked in 1..=count {
                 all += 1;
-                if let Some(limit) = threshold(&values, asked) {
+                if let Some(limit) = threshold(&values, count, asked) {
                     found += 1;
                     assert_eq!(values.iter().filter(|value| **value <= limit).count(), asked);
                 }
@@ -107,13 +147,18 @@ mod tests {
             (255, 40, 2),
             (90, 1 << 20, 3),
         ] {
-            let values = values(count, steps, power);
+            let mut values = values(count, steps, power);
             let mut sorted = values.clone();
             sorted.sort_by(f32::total_cmp);
             let expected = f32::midpoint(sorted[(count - 1) / 2], sorted[count / 2]);
-            assert_eq!(median(&values, &mut Vec::new()).to_bits(), expected.to_bits(), "{count} {steps}");
+            assert_eq!(fill_up(&mut values), count);
+            assert_eq!(
+                median(&values, count, &mut Vec::new()).to_bits(),
+                expected.to_bits(),
+                "{count} {steps}"
+            );
         }
-        assert_eq!(median(&[], &mut Vec::new()).to_bits(), 0.0_f32.to_bits());
-        assert_eq!(threshold(&[0.0; 40], 20), None);
+        assert_eq!(median(&[], 0, &mut Vec::new()).to_bits(), 0.0_f32.to_bits());
+        assert_eq!(threshold(&[0.0; 40], 40, 20), None);
     }
 }

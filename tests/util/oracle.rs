@@ -2,13 +2,26 @@
 //! no code with the library and are slow on purpose. Points are lattice coordinates, lengths are lattice
 //! units.
 
-/// Points of isolated noise: 0 for none, 2 for low and 3 for high noise.
-pub(crate) fn noise(points: &[[i64; 3]], voxel: i64, min_points: usize, high: i64) -> Vec<u8> {
+/// Points of isolated noise: 0 for none, 2 for low and 3 for high noise. With `keep_sparse`, cubes have
+/// 1.5 m, and `voxel` must divide that.
+pub(crate) fn noise(
+    points: &[[i64; 3]],
+    [voxel, high]: [i64; 2],
+    min_points: usize,
+    keep_sparse: bool,
+) -> Vec<u8> {
     let voxels: Vec<[i64; 3]> = points.iter().map(|p| p.map(|value| value.div_euclid(voxel))).collect();
     let components =
         components(points.len(), |a, b| (0..3).all(|axis| (voxels[a][axis] - voxels[b][axis]).abs() <= 1));
     let size = |point: usize| components.iter().filter(|&&other| other == components[point]).count();
-    let is_noise: Vec<bool> = (0..points.len()).map(|point| size(point) < min_points).collect();
+    let cube = |point: usize| points[point].map(|value| value.div_euclid(1_500));
+    let around = |point: usize| {
+        let near = |other: &usize| (0..3).all(|axis| (cube(point)[axis] - cube(*other)[axis]).abs() <= 1);
+        (0..points.len()).filter(near).count()
+    };
+    let is_sparse = |point: usize| keep_sparse && (12..=300).contains(&around(point));
+    let is_noise: Vec<bool> =
+        (0..points.len()).map(|point| size(point) < min_points && !is_sparse(point)).collect();
     let verdict = |point: usize| {
         if !is_noise[point] {
             return 0;

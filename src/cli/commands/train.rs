@@ -32,12 +32,15 @@ const USAGE: &str = "chainage train [OPTIONS] --out <MODEL> <DRIVES>...\n       
 /// A model classifies voxels. A second call, with --onto and other drives, adds the part that names objects
 /// as a whole.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  chainage synth mixed -o one --length 1km\n  \
+#[command(
+    after_help = "Examples:\n  chainage synth mixed -o one --length 1km\n  \
                         chainage train one -o voxels.model --thin 0.5,0.25\n  \
                         chainage train two --onto voxels.model -o my.model --thin 0.5,0.25\n  \
                         chainage run drive.laz -o out --model my.model\n  \
                         chainage train --model my.model --test other_drive.laz",
-          mut_arg("model", as_scored), override_usage = USAGE)]
+    mut_arg("model", as_scored),
+    override_usage = USAGE
+)]
 pub(crate) struct TrainArgs {
     /// Labelled drives: each a LAS or LAZ file, a folder of them, or a pattern
     #[arg(value_name = "DRIVES", required_unless_present = "model")]
@@ -333,6 +336,11 @@ fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(Str
         text += &format!("\n## Voxels of {name}\n\nNothing was learned from it. All voxels.\n\n");
         text += &matrix(classes, confusion);
     }
+    if !scores.is_empty() {
+        text +=
+            "\n## Where it fails\n\nClasses of which less than half of the voxels of a scene are found.\n\n";
+        text += &failures(classes, scores);
+    }
     for (name, model) in parts() {
         text += &format!(
             "\n## Importance of the features of the model of {name}\n\nShare in the gain of all splits.\n\n\
@@ -343,6 +351,27 @@ fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(Str
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         for (feature, share) in ranked {
             text += &format!("| {feature} | {:.2} % |\n", 100.0 * share);
+        }
+    }
+    text
+}
+
+/// Classes of which less than half of the voxels are found, as a table: a row per scene and class.
+fn failures(classes: &[String], scores: &[(String, Confusion)]) -> String {
+    let head = ["class", "voxels", "recall", "mostly called"].map(str::to_owned);
+    let mut text = row("scene", &head) + "|---|---|---:|---:|---|\n";
+    for (name, confusion) in scores {
+        for (class, counts) in confusion.counts().iter().enumerate() {
+            let Some(recall) = confusion.recall(class).filter(|recall| *recall < 0.5) else { continue };
+            let most =
+                (0..counts.len()).filter(|called| *called != class).max_by_key(|&called| counts[called]);
+            let cells = [
+                classes[class].clone(),
+                print::count(counts.iter().sum()),
+                percent(Some(recall)),
+                most.map_or_else(String::new, |called| classes[called].clone()),
+            ];
+            text += &row(name, &cells);
         }
     }
     text
@@ -370,6 +399,17 @@ fn matrix(classes: &[String], confusion: &Confusion) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_scene_fails_on_a_class_of_which_less_than_half_is_found() {
+        let classes = ["none", "tree", "pole"].map(str::to_owned);
+        let mut confusion = Confusion::new(3);
+        for (class, called, times) in [(1, 1, 9), (1, 2, 1), (2, 1, 3), (2, 0, 1), (2, 2, 2)] {
+            confusion.add(class, called, times);
+        }
+        let table = failures(&classes, &[("street.laz".to_owned(), confusion)]);
+        assert_eq!(table.lines().skip(2).collect::<Vec<_>>(), ["| street.laz | pole | 6 | 33.3 % | tree |"]);
+    }
 
     #[test]
     fn a_share_is_above_0_and_below_1() {

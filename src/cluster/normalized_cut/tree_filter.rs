@@ -2,9 +2,9 @@
 //! directions, how much of its plan is filled, and the widths of its layers. It knows no ground: heights are
 //! above the lowest voxel of the part.
 //!
-//! The paper uses "prior knowledge (e.g. crown size)" and gives no numbers. All numbers here were chosen on
-//! three labelled scenes and tested on a fourth, see `benches/results/normalized-cut.md`. A crown is about as
-//! deep as it is wide, and fills its plan. The plan of a facade is a line or a few lines.
+//! The paper uses "prior knowledge (e.g. crown size)" and gives no numbers. All numbers here were chosen
+//! on three labelled scenes and tested on two others, see `benches/results/normalized-cut.md`. A crown is
+//! about as deep as it is wide, and fills its plan. The plan of a facade is a line or a few lines.
 
 use std::collections::BTreeMap;
 

@@ -9,16 +9,14 @@
 //! A point is decided by its neighbours and by the local planes in its cube, so by the points within a fixed
 //! distance. Scores that are equal, as without noise, are decided by the nearer neighbour and its id.
 
-use std::cell::OnceCell;
-
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::around::{Around, Zone};
 use super::border::steps;
 use super::cubes::{Cubes, LocalPlane, SumsOfCubes};
-use super::planes::{LARGEST_SCORE, likeness};
-use crate::spatial::{KNearest, number_of};
+use super::planes::{LARGEST_SCORE, likeness, squared_distance};
+use crate::spatial::KNearest;
 
 /// The points of a tile and around it.
 pub(super) struct Arena<'a> {
@@ -27,8 +25,6 @@ pub(super) struct Arena<'a> {
     /// Number of neighbours of a point, itself included, and how far they may be.
     neighbours: usize,
     reach: i64,
-    /// Only where a point needs its neighbours.
-    index: OnceCell<KNearest>,
 }
 
 /// The surfaces of points after a contest. Only points that are at most [`Zone::Linked`] are known.
@@ -56,6 +52,17 @@ pub(super) struct Touching {
 }
 
 impl Touching {
+    /// One pair.
+    #[cfg(test)]
+    pub(super) fn one() -> Self {
+        Self { pairs: 1, ..Self::default() }
+    }
+
+    /// How many pairs there are.
+    pub(super) fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
     /// Adds other pairs of the same surfaces.
     pub(super) fn merge(&mut self, other: &Self) {
         self.pairs += other.pairs;
@@ -81,15 +88,24 @@ impl<'a> Arena<'a> {
     /// Cubes have edges of `edge` lattice units.
     pub(super) fn new(around: &'a Around, edge: u32, neighbours: usize, reach: i64) -> Self {
         let cubes = Cubes::new(&around.places, around.origin, edge);
-        Self { around, cubes, neighbours, reach, index: OnceCell::new() }
+        Self { around, cubes, neighbours, reach }
     }
 
-    /// The points that are asked for, with the distance and number of their neighbours.
-    fn each(&self, asked: &[bool], visit: impl FnMut(u32, &mut [u64])) {
-        if asked.iter().any(|asked| *asked) {
-            let index = self.index.get_or_init(|| KNearest::new(&self.around.places, self.neighbours));
-            index.each(self.reach, |point| asked[point as usize], visit);
-        }
+    /// The points that are asked for, with their neighbours. Few need them, so only the points in the cubes
+    /// around these are indexed.
+    fn each(&self, asked: &[bool], mut visit: impl FnMut(usize, &mut dyn Iterator<Item = usize>)) {
+        let Self { around, cubes, .. } = self;
+        let asking =
+            (0..cubes.len()).filter(|cube| cubes.points(*cube).iter().any(|point| asked[*point as usize]));
+        let near = cubes.within(self.reach, asking);
+        let cubes = (0..cubes.len()).filter(|cube| near[*cube]).flat_map(|cube| cubes.points(cube));
+        let points = cubes.map(|point| (around.places[*point as usize], *point)).collect();
+        let index = KNearest::of(points, self.neighbours);
+        let numbers = index.numbers();
+        let is_asked = |slot: usize| asked.get(numbers[slot] as usize).is_some_and(|asked| *asked);
+        index.each(self.reach, is_asked, |slot, near| {
+            visit(numbers[slot] as usize, &mut near.at().iter().map(|slot| numbers[*slot as usize] as usize));
+        });
     }
 
     /// The contest. `before` has the surface of each point, 0 for none. Planes are alike if they deviate by
@@ -97,7 +113,7 @@ impl<'a> Arena<'a> {
     pub(super) fn contest(&self, before: &[u32], cosine: f64) -> Contested {
         let Self { around, cubes, .. } = self;
         let known = |point: usize| around.zone[point] <= Zone::Linked;
-        let sums = cubes.sums(&around.places, before);
+        let sums = cubes.sums(before);
         let planes = cubes.planes(&sums, 1, known);
         let by = |point: usize| cubes.in_cube(cubes.of(point), around.places[point]);
         let own_score = |point: usize, by: [i32; 3]| {
@@ -113,9 +129,7 @@ impl<'a> Arena<'a> {
         // A point that no other plane suits better keeps its surface, and needs no neighbours.
         let mut asked = vec![false; before.len()];
         for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
-            for point in cubes.points(cube).iter().map(|point| *point as usize).filter(|point| known(*point))
-            {
-                let by = by(point);
+            for (point, by) in cubes.placed(cube).filter(|(point, _)| known(*point)) {
                 let own = own_score(point, by);
                 found.on_plane[point] = own.is_finite();
                 // Its own plane is not better than itself.
@@ -123,33 +137,31 @@ impl<'a> Arena<'a> {
             }
         }
         let mut rivals: Vec<(u32, f64)> = Vec::new();
-        self.each(&asked, |number, near| {
-            let point = number as usize;
+        self.each(&asked, |point, near| {
             let by = by(point);
             let own = own_score(point, by);
             let scores = planes.of(cubes.of(point)).iter().map(|plane| (plane.surface, score(plane, by)));
             rivals.clear();
             rivals.extend(scores.filter(|(_, score)| *score < own));
-            // Score, distance and id of the neighbour, and its surface.
-            let mut best = (own, 0, before[point]);
-            for near in &*near {
-                let surface = before[number_of(*near) as usize];
-                if let Some((_, score)) = rivals.iter().find(|rival| rival.0 == surface)
-                    && (*score, *near) < (best.0, best.1)
-                {
-                    best = (*score, *near, surface);
+            // Score, squared distance and number of the neighbour, and its surface.
+            let mut best = (own, 0, 0, before[point]);
+            for near in near {
+                let surface = before[near];
+                let Some((_, score)) = rivals.iter().find(|rival| rival.0 == surface) else { continue };
+                let apart = squared_distance(around.places[point], around.places[near]);
+                if (*score, apart, near) < (best.0, best.1, best.2) {
+                    best = (*score, apart, near, surface);
                 }
             }
-            if best.2 != before[point] {
-                cubes.take(&mut found.sums, point, around.places[point], before[point], best.2);
+            if best.3 != before[point] {
+                cubes.take(&mut found.sums, point, around.places[point], before[point], best.3);
             }
-            found.surfaces[point] = best.2;
+            found.surfaces[point] = best.3;
             found.on_plane[point] = best.0.is_finite();
         });
         for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
-            let points = cubes.points(cube).iter().map(|point| *point as usize);
-            for point in points.filter(|point| around.is_core(*point) && found.on_plane[*point]) {
-                let by = by(point);
+            let may_be_amid = |point: usize| around.is_core(point) && found.on_plane[point];
+            for (point, by) in cubes.placed(cube).filter(|(point, _)| may_be_amid(*point)) {
                 let own = planes.of(cube).iter().find(|plane| plane.surface == found.surfaces[point]);
                 let apart = |own: &LocalPlane, other: &LocalPlane| {
                     likeness(own.normal, other.normal) > cosine
@@ -187,15 +199,16 @@ impl<'a> Arena<'a> {
         };
         let mut asked = vec![false; around.len()];
         for cube in (0..cubes.len()).filter(|cube| planes.of(*cube).len() > 1) {
-            for point in cubes.points(cube).iter().map(|point| *point as usize).filter(|point| ends(*point)) {
-                let by = cubes.in_cube(cube, around.places[point]);
+            for (point, by) in cubes.placed(cube).filter(|(point, _)| ends(*point)) {
                 asked[point] = own(point)
                     .is_some_and(|own| planes.of(cube).iter().any(|other| may_touch(own, other, by)));
             }
         }
         let mut found: FxHashMap<(u32, u32), Touching> = FxHashMap::default();
-        self.each(&asked, |number, near| {
-            let point = number as usize;
+        let mut neighbours = Vec::new();
+        self.each(&asked, |point, near| {
+            neighbours.clear();
+            neighbours.extend(near);
             let cube = cubes.of(point);
             let by = cubes.in_cube(cube, around.places[point]);
             let Some(own) = own(point) else { return };
@@ -203,7 +216,7 @@ impl<'a> Arena<'a> {
                 let mut pairs = Touching::default();
                 let (here, deviation) =
                     (steps(other.distance(by)), steps(own.deviation.max(other.deviation)));
-                for at in near.iter().map(|near| number_of(*near) as usize) {
+                for at in neighbours.iter().copied() {
                     if now.surfaces[at] == other.surface && now.on_plane[at] {
                         let there = own.distance(cubes.in_cube(cube, around.places[at]));
                         pairs.pairs += 1;

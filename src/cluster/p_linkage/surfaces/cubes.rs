@@ -141,9 +141,11 @@ pub(super) struct Cubes {
     corner: Vec<[i32; 3]>,
     /// The cube of each point.
     of_point: Vec<u32>,
-    /// Where the points of each cube are in `members`.
+    /// Where the points of each cube are in `members` and `places`.
     ranges: Vec<Range<usize>>,
     members: Vec<u32>,
+    /// Places counted from the corner of the cube. They are read cube by cube, and lie so in memory.
+    places: Vec<[i32; 3]>,
 }
 
 impl Cubes {
@@ -181,12 +183,15 @@ impl Cubes {
             end += count;
         }
         let mut members = vec![0; places.len()];
-        for (point, cube) in (0_u32..).zip(&of_point) {
+        let mut in_cubes = vec![[0; 3]; places.len()];
+        for ((point, cube), place) in (0_u32..).zip(&of_point).zip(places) {
+            let corner = corner[*cube as usize];
             let range = &mut ranges[*cube as usize];
             members[range.end] = point;
+            in_cubes[range.end] = [0, 1, 2].map(|axis| place[axis] - corner[axis]);
             range.end += 1;
         }
-        Self { edge, index, by_index, corner, of_point, ranges, members }
+        Self { edge, index, by_index, corner, of_point, ranges, members, places: in_cubes }
     }
 
     /// Number of cubes.
@@ -205,6 +210,33 @@ impl Cubes {
         &self.members[self.ranges[cube].clone()]
     }
 
+    /// The points of a cube, ascending, and their places counted from its corner.
+    pub(super) fn placed(&self, cube: usize) -> impl Iterator<Item = (usize, [i32; 3])> {
+        let range = self.ranges[cube].clone();
+        let points = self.members[range.clone()].iter().map(|point| *point as usize);
+        points.zip(self.places[range].iter().copied())
+    }
+
+    /// Whether each cube has places that are at most `reach` units from a place in one of some cubes.
+    pub(super) fn within(&self, reach: i64, cubes: impl Iterator<Item = usize>) -> Vec<bool> {
+        // Between cubes that are n steps apart lie n - 1 edges, and their places are further apart.
+        let steps = i32::try_from((reach - 1).max(0) / i64::from(self.edge) + 1).unwrap_or(i32::MAX);
+        let mut found = vec![false; self.len()];
+        for cube in cubes {
+            let [x, y, z] = self.index[cube];
+            for (dx, dy) in (-steps..=steps).flat_map(|dx| (-steps..=steps).map(move |dy| (dx, dy))) {
+                for dz in -steps..=steps {
+                    let near =
+                        [x.wrapping_add_signed(dx), y.wrapping_add_signed(dy), z.wrapping_add_signed(dz)];
+                    if let Some(near) = self.by_index.get(&near) {
+                        found[*near as usize] = true;
+                    }
+                }
+            }
+        }
+        found
+    }
+
     /// A place in local coordinates, counted from the corner of a cube.
     #[inline]
     pub(super) fn in_cube(&self, cube: usize, place: [i32; 3]) -> [i32; 3] {
@@ -213,12 +245,12 @@ impl Cubes {
     }
 
     /// The sums of all surfaces. `surfaces` has the surface of each point, 0 for none.
-    pub(super) fn sums(&self, places: &[[i32; 3]], surfaces: &[u32]) -> SumsOfCubes {
+    pub(super) fn sums(&self, surfaces: &[u32]) -> SumsOfCubes {
         let mut sums = SumsOfCubes(vec![Vec::new(); self.len()]);
         for cube in 0..self.len() {
             // Most points of a cube are of one surface.
             let mut latest = (0, Sums::default());
-            for point in self.points(cube).iter().map(|point| *point as usize) {
+            for (point, place) in self.placed(cube) {
                 let surface = surfaces[point];
                 if surface != latest.0 {
                     if latest.0 != 0 {
@@ -226,7 +258,7 @@ impl Cubes {
                     }
                     latest = (surface, if surface == 0 { Sums::default() } else { *sums.of(cube, surface) });
                 }
-                latest.1.add(self.in_cube(cube, places[point]).map(i64::from), 1);
+                latest.1.add(place.map(i64::from), 1);
             }
             if latest.0 != 0 {
                 *sums.of(cube, latest.0) = latest.1;
@@ -328,7 +360,7 @@ mod tests {
     fn a_local_plane_fits_all_points_of_its_surface_in_27_cubes() {
         let (places, origin, surfaces) = scene();
         let cubes = Cubes::new(&places, origin, 500);
-        let planes = cubes.planes(&cubes.sums(&places, &surfaces), 1, |_| true);
+        let planes = cubes.planes(&cubes.sums(&surfaces), 1, |_| true);
         let cube_of = |point: usize| {
             [0, 1, 2].map(|axis| (origin[axis] + i64::from(places[point][axis])).div_euclid(500))
         };
@@ -371,13 +403,12 @@ mod tests {
         let other = [0, 1, 2].map(|k| origin[k] - i64::from(by[k]));
         let one = Cubes::new(&places, origin, 500);
         let two = Cubes::new(&moved, other, 500);
-        let [of_one, of_two] = [(&one, &places), (&two, &moved)]
-            .map(|(cubes, places)| cubes.planes(&cubes.sums(places, &surfaces), 1, |_| true));
+        let [of_one, of_two] = [&one, &two].map(|cubes| cubes.planes(&cubes.sums(&surfaces), 1, |_| true));
         for point in 0..places.len() {
             assert_eq!(of_one.of(one.of(point)), of_two.of(two.of(point)));
         }
         // Where no point is wanted there are no planes.
-        let none = one.planes(&one.sums(&places, &surfaces), 1, |_| false);
+        let none = one.planes(&one.sums(&surfaces), 1, |_| false);
         assert!((0..one.len()).all(|cube| none.of(cube).is_empty()));
     }
 
@@ -385,12 +416,12 @@ mod tests {
     fn points_that_are_taken_to_another_surface_count_as_if_they_had_been_there() {
         let (places, origin, surfaces) = scene();
         let cubes = Cubes::new(&places, origin, 500);
-        let mut sums = cubes.sums(&places, &surfaces);
+        let mut sums = cubes.sums(&surfaces);
         let now: Vec<u32> = surfaces.iter().enumerate().map(|(at, was)| [*was, 0, 3, 9][at % 4]).collect();
         for (point, (from, to)) in surfaces.iter().zip(&now).enumerate() {
             cubes.take(&mut sums, point, places[point], *from, *to);
         }
-        let fresh = cubes.sums(&places, &now);
+        let fresh = cubes.sums(&now);
         for fewest in [1, 2, 3] {
             let [taken, fresh] = [&sums, &fresh].map(|sums| cubes.planes(sums, fewest, |_| true));
             for cube in 0..cubes.len() {
@@ -401,16 +432,31 @@ mod tests {
     }
 
     #[test]
+    fn cubes_within_reach_have_all_points_within_reach() {
+        let (places, origin, _) = scene();
+        let cubes = Cubes::new(&places, origin, 250);
+        for (point, reach) in [(0, 1), (7, 250), (30, 251), (99, 600)] {
+            let near = cubes.within(reach, std::iter::once(cubes.of(point)));
+            for (other, place) in places.iter().enumerate() {
+                let squared: u64 =
+                    (0..3).map(|axis| u64::from(place[axis].abs_diff(places[point][axis])).pow(2)).sum();
+                assert!(near[cubes.of(other)] || squared > reach.unsigned_abs().pow(2), "{point} {other}");
+            }
+            assert!(near.iter().filter(|near| **near).count() < cubes.len());
+        }
+    }
+
+    #[test]
     fn without_noise_the_deviation_is_a_lattice_unit() {
         let places: Vec<[i32; 3]> = (0..100).map(|n| [n % 10 * 20, n / 10 * 20, 50]).collect();
         let cubes = Cubes::new(&places, [0; 3], 500);
-        let planes = cubes.planes(&cubes.sums(&places, &[4; 100]), 1, |_| true);
+        let planes = cubes.planes(&cubes.sums(&[4; 100]), 1, |_| true);
         let [plane] = planes.of(0) else { panic!("{planes:?}") };
         assert!((likeness(plane.normal, [0.0, 0.0, 1.0]) - 1.0).abs() < 1e-12);
         assert_eq!((plane.surface, plane.deviation.to_bits()), (4, 1.0_f64.to_bits()));
         // On one line there is no plane.
         let line: Vec<[i32; 3]> = (0..100).map(|n| [n, n, n]).collect();
         let cubes = Cubes::new(&line, [0; 3], 500);
-        assert!(cubes.planes(&cubes.sums(&line, &[4; 100]), 1, |_| true).of(0).is_empty());
+        assert!(cubes.planes(&cubes.sums(&[4; 100]), 1, |_| true).of(0).is_empty());
     }
 }

@@ -13,12 +13,13 @@
 //! slices before any merging. Slices are merged only if their border is near to both planes too, because
 //! parallel planes at different heights became one surface over a kerb (`border`), and planes of slices are
 //! fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times, because narrow
-//! planes such as kerbs are in pieces before (`contest`). `border_score = 0`, `refit_planes = false` and
+//! planes such as kerbs are in pieces before (`contest`), and those that agree and lie on one plane are
+//! merged (`merging`). `border_score = 0`, `refit_planes = false` and
 //! `contest_rounds = 0` give the rules as printed.
 //!
 //! All points of a slice have its label, until a contest gives them another one. The plane of a surface fits
-//! the points that are consistent with its local planes, away from edges to larger ones (`contest`); without
-//! contests, and where points are too sparse for local planes, those that are consistent with its slices.
+//! the points that are consistent with its slices, or those that are consistent with its local planes, away
+//! from edges to larger ones (`merging`).
 //!
 //! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point
 //! takes part.
@@ -37,9 +38,11 @@
 //! wherever they are computed. What crosses a seam is named by ids of points, and joined in the reductions.
 //! Sums over the drive and over surfaces are integers.
 //!
-//! Cost: O(K) per point and 69 trials per slice. A contest takes the sums of a point, its distance from the
-//! local planes in its cube, and K neighbours only for the few points that another plane suits better or that
-//! may touch another surface. Memory: about 4 K bytes per point of a tile for consistent sets.
+//! Cost: O(K) per point and 69 trials per slice. Neighbours, medians and trials are loops over columns of
+//! numbers, which use AVX2 if the processor has it (`spatial::vectors`), with the same results to the bit. A
+//! contest takes the sums of a point, its distance from the local planes in its cube, and K neighbours only
+//! for the few points that another plane suits better or that may touch another surface. Memory: about 4 K
+//! bytes per point of a tile for consistent sets.
 //!
 //! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the
 //! neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of
@@ -54,6 +57,7 @@ mod contest;
 mod contested;
 mod cubes;
 mod known;
+mod merging;
 mod normals;
 mod payload;
 mod planes;
@@ -111,16 +115,16 @@ const fn contest(name: &'static str) -> Step {
 }
 
 /// Bytes per point of objects that a tile needs for neighbours: consistent sets of 50 points (200), normals
-/// and flatness (32), places, ids and zones (21), the index (24), and lists of sets, links and trees (60).
+/// and flatness (40), places, ids and zones (21), the index (23), and lists of sets, links and trees (56).
 /// Estimated from sizes.
 const LINKS_BYTES_PER_POINT: u64 = 340;
 /// Bytes per point of objects that a tile needs for what it and its neighbours have stored. Estimated from
 /// sizes.
 const SLICES_BYTES_PER_POINT: u64 = 40;
-/// Bytes per point of objects that a tile needs for a contest: places, ids and zones (21), cubes (8), the
-/// index (24), surfaces before and after (8), and lists of flags and of points by tiles (20). Estimated from
-/// sizes.
-const CONTEST_BYTES_PER_POINT: u64 = 90;
+/// Bytes per point of objects that a tile needs for a contest: places, ids and zones (21), cubes (20), an
+/// index of all points (23), surfaces before and after (8), and lists of flags and of points by tiles (20).
+/// Estimated from sizes.
+const CONTEST_BYTES_PER_POINT: u64 = 92;
 /// Bytes per point of objects that a tile needs for labels. Estimated from sizes.
 const SURFACES_BYTES_PER_POINT: u64 = 40;
 

@@ -11,8 +11,8 @@
 use std::ops::Range;
 
 use super::around::{Around, Zone};
-use super::planes::{Consistent, Moments, Scratch, likeness};
-use crate::spatial::{self, KNearest, nearest_first, number_of};
+use super::planes::{Consistent, Fit, Scratch, likeness, squared_distance};
+use crate::spatial::{Block, Boxes, Columns, KNearest, Look, Loops, NO_POINT, Work, run};
 
 /// Fewest neighbours, the point itself included: half of them span a plane.
 const FEWEST: usize = 6;
@@ -26,122 +26,145 @@ struct Facts {
     normal: [f64; 3],
 }
 
-/// What is known of the points around a tile.
+/// What is known of the points around a tile. A point has a slot in the index of neighbours beside its
+/// position in `around`: slots that follow each other are near each other, and mostly in the cache.
 #[derive(Debug)]
 pub(super) struct Normals {
+    index: KNearest,
     facts: Vec<Facts>,
-    /// Where the consistent set of each point is in `members`. Only of points whose link must be known.
+    /// Where the consistent set of each slot is in `members`. Only of points whose link must be known.
     sets: Vec<Range<usize>>,
     members: Vec<u32>,
-    /// Points with a consistent set, so that what follows each other is near each other, and mostly in the
-    /// cache.
-    order: Vec<u32>,
+    /// Flatness by positions.
+    flatness: Vec<f64>,
+}
+
+/// The search for neighbours.
+struct Search<'a> {
+    index: &'a KNearest,
+    reach: i64,
+    /// Of each slot.
+    zones: Vec<Zone>,
+}
+
+/// What is found for each slot.
+struct Found {
+    facts: Vec<Facts>,
+    sets: Vec<Range<usize>>,
+    members: Vec<u32>,
+}
+
+impl Work for Search<'_> {
+    type Output = Found;
+
+    #[inline(always)]
+    fn with<L, K>(self, loops: &Loops<L, K>) -> Found
+    where
+        L: Fn(&[Block], &Boxes, Look, &mut Columns) -> usize,
+        K: Fn(&mut Columns, f32),
+    {
+        let Self { index, reach, zones } = self;
+        let mut found = Found {
+            facts: vec![Facts { flatness: f64::INFINITY, normal: [0.0; 3] }; zones.len()],
+            sets: vec![0..0; zones.len()],
+            members: Vec::new(),
+        };
+        let mut distances: Vec<f32> = Vec::new();
+        let mut scratch = Scratch::default();
+        let wanted = |slot: usize| zones[slot] <= Zone::Flat;
+        index.each_by(loops, reach, wanted, |slot, near| {
+            if near.len() < FEWEST {
+                return;
+            }
+            let half = near.len() / 2;
+            let limit = near.separate(half, index.numbers());
+            let Some(fit) = Fit::of_nearest(near, limit, half) else { return };
+            found.facts[slot] = Facts { flatness: fit.flatness, normal: fit.normal };
+            if zones[slot] > Zone::Linked {
+                return;
+            }
+            fit.rounded_distances(near.by(), &mut distances);
+            distances[near.len()..].fill(f32::INFINITY);
+            let consistent = Consistent::of(&distances, near.len(), &mut scratch);
+            near.value_by(scratch.deviations());
+            (loops.keep)(near, consistent.largest_deviation());
+            let start = found.members.len();
+            found.members.extend_from_slice(near.at());
+            found.sets[slot] = start..found.members.len();
+        });
+        found
+    }
 }
 
 impl Normals {
     /// Of `neighbours` points within `reach` lattice units of each point.
     pub(super) fn of(around: &Around, neighbours: usize, reach: i64) -> Self {
-        let mut found = Self {
-            facts: vec![Facts { flatness: f64::INFINITY, normal: [0.0; 3] }; around.len()],
-            sets: vec![0..0; around.len()],
-            members: Vec::new(),
-            order: Vec::new(),
-        };
         let index = KNearest::new(&around.places, neighbours);
-        let mut by: Vec<[i32; 3]> = Vec::new();
-        let mut distances: Vec<f32> = Vec::new();
-        let mut scratch = Scratch::default();
-        let mut of_near = spatial::Scratch::default();
-        let wanted = |point: u32| around.zone[point as usize] <= Zone::Flat;
-        index.each(reach, wanted, |number, near| {
-            if near.len() < FEWEST {
-                return;
-            }
-            let point = number as usize;
-            let half = near.len() / 2;
-            nearest_first(near, half, &mut of_near);
-            let [x, y, z] = around.places[point];
-            by.clear();
-            by.extend(near.iter().map(|near| {
-                let [a, b, c] = around.places[number_of(*near) as usize];
-                [a - x, b - y, c - z]
-            }));
-            let Some(fit) = Moments::of_near(by[..half].iter().copied()).fit() else { return };
-            found.facts[point] = Facts { flatness: fit.flatness, normal: fit.normal };
-            if around.zone[point] > Zone::Linked {
-                return;
-            }
-            distances.clear();
-            distances.extend(by.iter().map(|by| fit.rounded_distance(by.map(f64::from))));
-            let consistent = Consistent::of(&distances, &mut scratch);
-            let start = found.members.len();
-            // All are written, and those that are not consistent are overwritten: a branch could not be
-            // predicted.
-            found.members.resize(start + near.len(), NONE);
-            let mut end = start;
-            for (near, distance) in near.iter().zip(&distances) {
-                found.members[end] = number_of(*near);
-                end += usize::from(consistent.holds(*distance));
-            }
-            found.members.truncate(end);
-            found.sets[point] = start..end;
-            found.order.push(number);
-        });
-        found
+        // Where there is no point, no neighbours are looked for.
+        let zone_of = |point: &u32| around.zone.get(*point as usize).copied().unwrap_or(Zone::Place);
+        let zones = index.numbers().iter().map(zone_of).collect();
+        let Found { facts, sets, members } = run(Search { index: &index, reach, zones });
+        let mut flatness = vec![f64::INFINITY; around.len()];
+        for (&point, facts) in index.numbers().iter().zip(&facts).filter(|(point, _)| **point != NO_POINT) {
+            flatness[point as usize] = facts.flatness;
+        }
+        Self { index, facts, sets, members, flatness }
     }
 
-    /// Points with a consistent set, those near each other after each other.
-    pub(super) fn order(&self) -> &[u32] {
-        &self.order
+    /// Slots with a consistent set.
+    pub(super) fn slots(&self) -> impl Iterator<Item = usize> {
+        (0..self.sets.len()).filter(|&slot| !self.sets[slot].is_empty())
+    }
+
+    /// The position in `around` of the point in each slot.
+    pub(super) fn points(&self) -> &[u32] {
+        self.index.numbers()
     }
 
     /// Whether a point has a normal.
     pub(super) fn has(&self, point: usize) -> bool {
-        self.facts[point].flatness.is_finite()
+        self.flatness[point].is_finite()
     }
 
     /// Flatness of a point in square lattice units; infinite without a normal.
     pub(super) fn flatness(&self, point: usize) -> f64 {
-        self.facts[point].flatness
+        self.flatness[point]
     }
 
-    /// The consistent set of a point.
-    pub(super) fn consistent(&self, point: usize) -> &[u32] {
-        &self.members[self.sets[point].clone()]
+    /// The slots of the consistent set of a slot.
+    pub(super) fn consistent(&self, slot: usize) -> &[u32] {
+        &self.members[self.sets[slot].clone()]
     }
 
-    /// The point to which a point is linked: of the flatter points in its consistent set the one whose normal
-    /// deviates least. Ties go to the nearer one, then to the smaller id. [`NONE`] if there is none.
-    pub(super) fn link(&self, around: &Around, point: usize) -> u32 {
-        let own = &self.facts[point];
-        // Likeness, squared distance and number of the best.
-        let mut best = (-1.0, u64::MAX, NONE);
-        for &other in self.consistent(point) {
-            let at = other as usize;
-            let there = &self.facts[at];
-            // Of two equally flat points, the one with the smaller id is the flatter. Both conditions are
-            // computed, because a branch could not be predicted.
-            let flatter = (there.flatness < own.flatness)
-                | ((there.flatness.to_bits() == own.flatness.to_bits()) & (at < point));
+    /// The slot to which a slot is linked: of the flatter points in its consistent set the one whose normal
+    /// deviates least. Ties go to the nearer one, then to the smaller id. `None` if there is none.
+    pub(super) fn link(&self, slot: usize) -> Option<usize> {
+        let own = &self.facts[slot];
+        let points = self.points();
+        let apart = |other: usize| squared_distance(self.index.place(slot), self.index.place(other));
+        // Likeness and slot of the best.
+        let mut best: (f64, Option<usize>) = (-1.0, None);
+        for other in self.consistent(slot).iter().map(|&other| other as usize) {
+            let there = &self.facts[other];
+            // Of two equally flat points, the one with the smaller id is the flatter.
+            let flatter = there.flatness < own.flatness
+                || (there.flatness.to_bits() == own.flatness.to_bits() && points[other] < points[slot]);
+            // A branch could not be predicted.
             let alike = if flatter { likeness(own.normal, there.normal) } else { -2.0 };
             if alike < best.0 {
                 continue;
             }
-            let squared = squared_distance(around.places[point], around.places[at]);
-            if alike > best.0 || (squared, other) < (best.1, best.2) {
-                best = (alike, squared, other);
+            let is_nearer = |best: usize| (apart(other), points[other]) < (apart(best), points[best]);
+            if alike > best.0 || best.1.is_none_or(is_nearer) {
+                best = (alike, Some(other));
             }
         }
-        best.2
+        best.1
     }
 
-    /// Whether each of two points is in the consistent set of the other (equation 10). `b` is in that of `a`.
+    /// Whether each of two slots is in the consistent set of the other (equation 10). `b` is in that of `a`.
     pub(super) fn is_mutual(&self, a: usize, b: usize) -> bool {
         // All are compared, without a branch: a loop with an exit is slower.
         self.consistent(b).iter().fold(false, |found, &other| found | (other as usize == a))
     }
-}
-
-fn squared_distance(a: [i32; 3], b: [i32; 3]) -> u64 {
-    (0..3).map(|axis| u64::from(a[axis].abs_diff(b[axis])).pow(2)).sum()
 }

@@ -4,15 +4,20 @@
 use serde::{Deserialize, Serialize};
 
 use super::smallest::{Smallest, smallest};
-use crate::spatial::median;
+use crate::spatial::{Columns, median};
 
 /// Factor of the median absolute deviation (equation 6): for normal deviations it is their standard
 /// deviation.
 const MAD_FACTOR: f64 = 1.4826;
 /// Points with a robust score below this are consistent (equation 7).
 pub(super) const LARGEST_SCORE: f64 = 2.5;
+/// Sums over 127 products of coordinates of points within this distance (squared) fit 31 bits.
+const OF_SHORT: f32 = 16_777_216.0;
 /// Points are on one line if the middle eigenvalue is at most this times the largest.
 const LINE: f64 = 1e-9;
+
+/// Axes of the products of coordinates, in their order.
+const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
 /// Sums over points, counted from any one place: number, coordinates, and products xx, xy, xz, yy, yz, zz.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -52,6 +57,26 @@ impl Moments {
         Self { points: count, sums: sums.map(i128::from), products: products.map(i128::from) }
     }
 
+    /// The same of those at most `limit` away. Coordinates and distances are in whole rows; what is beyond
+    /// the points is infinitely far away.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+    pub(super) fn of_rows([xs, ys, zs]: &[Vec<i32>; 3], distances: &[f32], limit: f32) -> Self {
+        let mut count = 0_u64;
+        let (mut sums, mut products) = ([0_i64; 3], [0_i64; 6]);
+        for (((x, y), z), distance) in xs.iter().zip(ys).zip(zs).zip(distances) {
+            // A point that is not near counts nothing: a branch could not be predicted.
+            let is_near = *distance <= limit;
+            let mask = -i32::from(is_near);
+            count += u64::from(is_near);
+            let [x, y, z] = [x & mask, y & mask, z & mask].map(i64::from);
+            sums = [sums[0] + x, sums[1] + y, sums[2] + z];
+            let of_point = [x * x, x * y, x * z, y * y, y * z, z * z];
+            products.iter_mut().zip(of_point).for_each(|(sum, product)| *sum += product);
+        }
+        Self { points: count, sums: sums.map(i128::from), products: products.map(i128::from) }
+    }
+
     /// Adds a point.
     pub(super) fn add(&mut self, point: [i64; 3]) {
         let [x, y, z] = point.map(i128::from);
@@ -73,18 +98,13 @@ impl Moments {
         if self.points < 3 {
             return None;
         }
-        let squared = self.points as f64 * self.points as f64;
-        let covariances = self.scaled().map(|value| value / squared);
-        let Smallest { values: [small, middle, large], vector: normal } = smallest(covariances);
-        let mean = self.sums.map(|sum| sum as f64 / self.points as f64);
-        (middle > LINE * large).then_some(Fit { normal, flatness: small.max(0.0), mean })
+        Fit::of_scaled(self.points as f64, self.sums.map(|sum| sum as f64), self.scaled())
     }
 }
 
 impl Moments {
     /// The covariances times the square of the number of points: whole numbers, rounded once.
     fn scaled(&self) -> [f64; 6] {
-        const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         // No sum or product of sums is larger than this (Cauchy-Schwarz), so 64 bits mostly suffice.
         let largest = (self.products[0] + self.products[3] + self.products[5])
             .checked_mul(i128::from(self.points))
@@ -105,7 +125,73 @@ impl Moments {
     }
 }
 
+impl Moments {
+    /// Mean squared distance of the points from a plane, both counted from one place.
+    pub(super) fn off_plane(&self, plane: &Fit) -> f64 {
+        let squared = self.points as f64 * self.points as f64;
+        let spread = self.scaled().into_iter().zip(AXES).map(|(value, (a, b))| {
+            let times = if a == b { 1.0 } else { 2.0 };
+            times * plane.normal[a] * plane.normal[b] * value / squared
+        });
+        let mean = self.sums.map(|sum| sum as f64 / self.points as f64);
+        spread.sum::<f64>().max(0.0) + plane.distance(mean).powi(2)
+    }
+}
+
 impl Fit {
+    /// The plane of neighbours of a point within `limit` (squared), counted from the point: `count` of them.
+    /// As [`Moments::fit`], because coordinates are below 2^16, so every sum is exact.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+    pub(super) fn of_nearest(near: &Columns, limit: f32, count: usize) -> Option<Self> {
+        let [xs, ys, zs] = near.by();
+        if near.limit() > OF_SHORT {
+            let places = xs.iter().zip(ys).zip(zs).zip(near.squared());
+            let places =
+                places.filter(|(_, squared)| **squared <= limit).map(|(((x, y), z), _)| [*x, *y, *z]);
+            return Moments::of_near(places).fit();
+        }
+        let (mut sums, mut products) = ([0_i32; 3], [0_i32; 6]);
+        for (((x, y), z), squared) in xs.iter().zip(ys).zip(zs).zip(near.squared()) {
+            // A point that is not near counts nothing: a branch could not be predicted.
+            let is_near = -i32::from(*squared <= limit);
+            let [x, y, z] = [x & is_near, y & is_near, z & is_near];
+            sums = [sums[0] + x, sums[1] + y, sums[2] + z];
+            let of_point = [x * x, x * y, x * z, y * y, y * z, z * z];
+            products.iter_mut().zip(of_point).for_each(|(sum, product)| *sum += product);
+        }
+        let ([x, y, z], [xx, xy, xz, yy, yz, zz]) = (sums.map(f64::from), products.map(f64::from));
+        let points = count as f64;
+        let scaled = [
+            points * xx - x * x,
+            points * xy - x * y,
+            points * xz - x * z,
+            points * yy - y * y,
+            points * yz - y * z,
+            points * zz - z * z,
+        ];
+        Self::of_scaled(points, [x, y, z], scaled)
+    }
+
+    /// The plane of some points, from their number, the sums of their coordinates, and their covariances
+    /// times the square of their number.
+    fn of_scaled(points: f64, sums: [f64; 3], scaled: [f64; 6]) -> Option<Self> {
+        let squared = points * points;
+        let covariances = scaled.map(|value| value / squared);
+        let Smallest { values: [small, middle, large], vector: normal } = smallest(covariances);
+        let mean = sums.map(|sum| sum / points);
+        (middle > LINE * large).then_some(Self { normal, flatness: small.max(0.0), mean })
+    }
+
+    /// The distances of places, see [`Fit::rounded_distance`].
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
+    pub(super) fn rounded_distances(&self, [xs, ys, zs]: [&[i32]; 3], distances: &mut Vec<f32>) {
+        distances.clear();
+        let places = xs.iter().zip(ys).zip(zs).map(|((x, y), z)| [*x, *y, *z].map(f64::from));
+        distances.extend(places.map(|place| self.rounded_distance(place)));
+    }
+
     /// Distance of a point from the plane, both counted from the place of the moments.
     #[inline]
     pub(super) fn distance(&self, [x, y, z]: [f64; 3]) -> f64 {
@@ -148,16 +234,30 @@ pub(super) struct Scratch {
     sorted: Vec<f32>,
 }
 
+impl Scratch {
+    /// The deviations of distances from their median.
+    pub(super) fn deviations(&self) -> &[f32] {
+        &self.deviations
+    }
+}
+
 impl Consistent {
-    /// From the distances of all points. `scratch` is overwritten.
+    /// From the distances of `len` points, in whole rows. `scratch` is overwritten.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     #[expect(clippy::cast_possible_truncation, reason = "a factor in single precision")]
-    pub(super) fn of(distances: &[f32], scratch: &mut Scratch) -> Self {
-        let middle = median(distances, &mut scratch.sorted);
+    pub(super) fn of(distances: &[f32], len: usize, scratch: &mut Scratch) -> Self {
+        let middle = median(distances, len, &mut scratch.sorted);
         scratch.deviations.clear();
         scratch.deviations.extend(distances.iter().map(|distance| (distance - middle).abs()));
-        let deviation = median(&scratch.deviations, &mut scratch.sorted);
+        let deviation = median(&scratch.deviations, len, &mut scratch.sorted);
         let below = (LARGEST_SCORE * MAD_FACTOR) as f32 * deviation;
         Self { median: middle, below: if deviation > 0.0 { below } else { f32::INFINITY } }
+    }
+
+    /// The largest deviation from the median of a consistent point.
+    pub(super) fn largest_deviation(&self) -> f32 {
+        self.below.next_down()
     }
 
     /// Whether a point at this distance is consistent.
@@ -173,9 +273,16 @@ pub(super) fn likeness(a: [f64; 3], b: [f64; 3]) -> f64 {
     (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).abs()
 }
 
+/// Squared distance of two places.
+#[inline]
+pub(super) fn squared_distance(a: [i32; 3], b: [i32; 3]) -> u64 {
+    (0..3).map(|axis| u64::from(a[axis].abs_diff(b[axis])).pow(2)).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spatial::{KNearest, NO_POINT, fill_up};
 
     fn moments(points: &[[i64; 3]]) -> Moments {
         let mut moments = Moments::default();
@@ -196,10 +303,62 @@ mod tests {
         assert!((fit.flatness - 8.0).abs() < 1e-6, "{fit:?}");
         let near: Vec<[i32; 3]> =
             points.iter().take(200).map(|p| p.map(|v| i32::try_from(v).unwrap())).collect();
-        assert_eq!(Moments::of_near(near.into_iter()), moments(&points[..200]));
+        assert_eq!(Moments::of_near(near.iter().copied()), moments(&points[..200]));
+        let axes = [0, 1, 2].map(|axis| near.iter().map(|place| place[axis]).collect::<Vec<i32>>());
+        let apart: Vec<f32> = (0..near.len()).map(|at| (at % 7) as f32).collect();
+        let nearest: Vec<[i64; 3]> = (0..200).filter(|at| at % 7 <= 3).map(|at| points[at]).collect();
+        assert_eq!(Moments::of_rows(&axes, &apart, 3.0), moments(&nearest));
         let mut merged = moments(&points[..150]);
         merged.merge(&moments(&points[150..]));
         assert_eq!(merged, moments(&points));
+    }
+
+    #[test]
+    fn the_distance_of_points_from_a_plane_is_that_of_each_of_them() {
+        let floor: Vec<[i64; 3]> = (0..400).map(|k| [k % 20 * 10, k / 20 * 10, k % 2]).collect();
+        let plane = moments(&floor).fit().unwrap();
+        let other: Vec<[i64; 3]> =
+            (0..300).map(|k| [500 + k % 17 * 9, k / 17 * 11, 40 + k % 17 * 3 + k % 5]).collect();
+        let squares = other.iter().map(|point| plane.distance(point.map(|value| value as f64)).powi(2));
+        let mean = squares.sum::<f64>() / other.len() as f64;
+        assert!(mean > 2_000.0 && (moments(&other).off_plane(&plane) - mean).abs() < 1e-6 * mean, "{mean}");
+        assert!((moments(&floor).off_plane(&plane) - plane.flatness).abs() < 1e-9);
+    }
+
+    #[test]
+    fn planes_of_neighbours_are_those_of_their_moments_to_the_last_bit() {
+        for (spread, reach) in [(7, 40), (300, 1_000), (20_000, 40_000)] {
+            let places: Vec<[i32; 3]> = (0..90)
+                .map(|n: i32| [n * 7_919 % 101, n * 104_729 % 97, n * 31 % 13].map(|part| part * spread / 50))
+                .collect();
+            let mut planes = 0;
+            let index = KNearest::new(&places, 31);
+            let numbers = index.numbers();
+            index.each(
+                reach,
+                |slot| numbers[slot] != NO_POINT,
+                |slot, near| {
+                    let place = index.place(slot);
+                    let half = near.len() / 2;
+                    let mut nearest: Vec<(u64, u32)> = near
+                        .at()
+                        .iter()
+                        .map(|at| (squared_distance(index.place(*at as usize), place), numbers[*at as usize]))
+                        .collect();
+                    nearest.sort_unstable();
+                    nearest.truncate(half);
+                    let mut expected = Moments::default();
+                    for (_, number) in nearest {
+                        expected.add([0, 1, 2].map(|k| i64::from(places[number as usize][k] - place[k])));
+                    }
+                    let limit = near.separate(half, numbers);
+                    let (found, expected) = (Fit::of_nearest(near, limit, half), expected.fit());
+                    assert_eq!(found, expected);
+                    planes += usize::from(found.is_some());
+                },
+            );
+            assert!(planes > 60, "{planes}");
+        }
     }
 
     #[test]
@@ -216,17 +375,21 @@ mod tests {
     #[test]
     fn scores_are_those_of_the_paper() {
         // Median 3, deviations 2 1 0 1 97: their median is 1, and 2.5 * 1.4826 = 3.7065.
-        let distances = [1.0, 2.0, 3.0, 4.0, 100.0];
         let mut scratch = Scratch::default();
-        let found = Consistent::of(&distances, &mut scratch);
+        let mut of = |distances: &[f32]| {
+            let mut distances = distances.to_vec();
+            let len = fill_up(&mut distances);
+            Consistent::of(&distances, len, &mut scratch)
+        };
+        let found = of(&[1.0, 2.0, 3.0, 4.0, 100.0]);
         assert_eq!(found.median.to_bits(), 3.0_f32.to_bits());
         assert!(found.holds(6.7) && !found.holds(6.8) && found.holds(1.0) && !found.holds(100.0));
         // Of four values the median is between the middle ones.
-        let found = Consistent::of(&[1.0, 2.0, 4.0, 9.0], &mut scratch);
+        let found = of(&[1.0, 2.0, 4.0, 9.0]);
         assert_eq!(found.median.to_bits(), 3.0_f32.to_bits());
         // More than half of the distances are equal: all are consistent.
-        let found = Consistent::of(&[0.0, 0.0, 0.0, 50.0], &mut scratch);
+        let found = of(&[0.0, 0.0, 0.0, 50.0]);
         assert!(found.holds(50.0));
-        assert!(Consistent::of(&[], &mut scratch).holds(1.0));
+        assert!(of(&[]).holds(1.0));
     }
 }

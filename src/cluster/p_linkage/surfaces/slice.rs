@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::planes::{Consistent, Fit, Moments, Scratch};
 use crate::model::PointId;
-use crate::spatial::threshold;
+use crate::spatial::{Loops, ROW, Work, fill_up, run, threshold};
 
 /// Number of trials, I_t of equation 9, rounded up.
 const TRIALS: u32 = 69;
@@ -85,6 +85,41 @@ impl Random {
     }
 }
 
+/// The search for the flattest plane.
+struct Trials<'a> {
+    /// The points, counted from the first one, also by axes.
+    by: &'a [[i64; 3]],
+    axes: &'a [Vec<f64>; 3],
+    /// Whether coordinates are below [`SMALL`], and points not many.
+    small: bool,
+    first: PointId,
+}
+
+impl Work for Trials<'_> {
+    type Output = Option<Fit>;
+
+    #[inline(always)]
+    fn with<L, K>(self, _: &Loops<L, K>) -> Option<Fit> {
+        let Self { by, axes, small, first } = self;
+        let half = (by.len() / 2).max(3);
+        let mut random = Random(first.number());
+        let mut nearest = Nearest::of(by, small);
+        let mut best: Option<Fit> = None;
+        for _ in 0..TRIALS {
+            let chosen = random.three(by.len());
+            let Some(normal) = normal_of(chosen.map(|at| [axes[0][at], axes[1][at], axes[2][at]])) else {
+                continue;
+            };
+            let through = [0, 1, 2].map(|axis| axes[axis][chosen[0]]);
+            let Some(fit) = nearest.moments(axes, normal, through, half).fit() else { continue };
+            if best.is_none_or(|best| fit.flatness < best.flatness) {
+                best = Some(fit);
+            }
+        }
+        best
+    }
+}
+
 /// The plane of the points of a slice, which come in ascending order of ids; `first` is the smallest id.
 /// `None` if no trial finds a plane: the points are fewer than 3, or on one line.
 pub(super) fn slice(points: &[[i64; 3]], first: PointId, refit_plane: bool) -> Option<Slice> {
@@ -92,25 +127,11 @@ pub(super) fn slice(points: &[[i64; 3]], first: PointId, refit_plane: bool) -> O
     let by: Vec<[i64; 3]> = points.iter().map(|point| [0, 1, 2].map(|k| point[k] - start[k])).collect();
     let small = points.len() <= 1 << 20 && by.iter().flatten().all(|value| value.abs() < SMALL);
     let axes = [0, 1, 2].map(|axis| by.iter().map(|by| by[axis] as f64).collect::<Vec<f64>>());
-    let half = (points.len() / 2).max(3);
-    let mut random = Random(first.number());
-    let mut nearest = Nearest::default();
-    let mut best: Option<Fit> = None;
-    for _ in 0..TRIALS {
-        let chosen = random.three(points.len());
-        let Some(normal) = normal_of(chosen.map(|at| [axes[0][at], axes[1][at], axes[2][at]])) else {
-            continue;
-        };
-        let through = [0, 1, 2].map(|axis| axes[axis][chosen[0]]);
-        let nearest = nearest.of(&axes, normal, through, half).iter().map(|at| by[*at as usize]);
-        let Some(fit) = moments(nearest, small).fit() else { continue };
-        if best.is_none_or(|best| fit.flatness < best.flatness) {
-            best = Some(fit);
-        }
-    }
-    let mut fit = best?;
+    let mut fit = run(Trials { by: &by, small, axes: &axes, first })?;
     let mut distances = distances_from(&axes, &fit);
-    let limits = Consistent::of(&distances, &mut Scratch::default());
+    fill_up(&mut distances);
+    let limits = Consistent::of(&distances, points.len(), &mut Scratch::default());
+    distances.truncate(points.len());
     let consistent: Vec<bool> = distances.iter().map(|distance| limits.holds(*distance)).collect();
     let kept = by.iter().zip(&consistent).filter(|(_, holds)| **holds).map(|(by, _)| *by);
     if let Some(better) = moments(kept, small).fit().filter(|_| refit_plane) {
@@ -151,45 +172,66 @@ fn normal_of([a, b, c]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
 }
 
 /// The points that are nearest to a plane.
-#[derive(Debug, Default)]
-struct Nearest {
+#[derive(Debug)]
+struct Nearest<'a> {
+    by: &'a [[i64; 3]],
+    /// The same by axes, in whole rows, if coordinates are small.
+    small: Option<[Vec<i32>; 3]>,
     distances: Vec<f32>,
     keys: Vec<u64>,
-    found: Vec<u32>,
 }
 
-impl Nearest {
-    /// The positions of the `count` points that are nearest to the plane with this normal through a place, by
+impl<'a> Nearest<'a> {
+    /// Of these points. `small`: coordinates are below [`SMALL`], and points not many.
+    #[expect(clippy::cast_possible_truncation, reason = "below 2^20")]
+    fn of(by: &'a [[i64; 3]], small: bool) -> Self {
+        let column = |axis: usize| {
+            let mut column: Vec<i32> = by.iter().map(|by| by[axis] as i32).collect();
+            column.resize(by.len().next_multiple_of(ROW), 0);
+            column
+        };
+        let small = small.then(|| [column(0), column(1), column(2)]);
+        Self { by, small, distances: Vec::new(), keys: Vec::new() }
+    }
+
+    /// The moments of the `count` points that are nearest to the plane with this normal through a place, by
     /// their distances in single precision, then by their positions.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     #[expect(
         clippy::cast_possible_truncation,
         reason = "an order does not need more digits; positions fit 32 bits"
     )]
-    fn of(&mut self, axes: &[Vec<f64>; 3], normal: [f64; 3], through: [f64; 3], count: usize) -> &[u32] {
+    fn moments(
+        &mut self,
+        axes: &[Vec<f64>; 3],
+        normal: [f64; 3],
+        through: [f64; 3],
+        count: usize,
+    ) -> Moments {
         let [a, b, c] = normal;
         let offset = a * through[0] + b * through[1] + c * through[2];
         let [xs, ys, zs] = axes;
         let distances = xs.iter().zip(ys).zip(zs).map(|((x, y), z)| ((a * x + b * y + c * z) - offset).abs());
         self.distances.clear();
         self.distances.extend(distances.map(|distance| distance as f32));
-        if let Some(limit) = threshold(&self.distances, count) {
-            self.found.resize(self.distances.len(), 0);
-            let mut end = 0;
-            for (at, distance) in (0_u32..).zip(&self.distances) {
-                self.found[end] = at;
-                end += usize::from(*distance <= limit);
-            }
-            return &self.found[..end];
+        let len = fill_up(&mut self.distances);
+        if let Some(limit) = threshold(&self.distances, len, count) {
+            return match &self.small {
+                Some(small) => Moments::of_rows(small, &self.distances, limit),
+                None => {
+                    let near = self.by.iter().zip(&self.distances).filter(|(_, apart)| **apart <= limit);
+                    moments(near.map(|(by, _)| *by), false)
+                }
+            };
         }
         // A distance above the position: bits of numbers that are not negative are ordered like the numbers.
-        let keys =
-            (0_u64..).zip(&self.distances).map(|(at, distance)| u64::from(distance.to_bits()) << 32 | at);
+        let keys = (0_u64..).zip(&self.distances[..len]);
+        let keys = keys.map(|(at, distance)| u64::from(distance.to_bits()) << 32 | at);
         self.keys.clear();
         self.keys.extend(keys);
         self.keys.select_nth_unstable(count - 1);
-        self.found.clear();
-        self.found.extend(self.keys[..count].iter().map(|key| *key as u32));
-        &self.found
+        moments(self.keys[..count].iter().map(|key| self.by[*key as u32 as usize]), self.small.is_some())
     }
 }
 

@@ -2,18 +2,19 @@
 //! The reduction merges those that agree, and fits the planes of surfaces to the points that are consistent
 //! with local planes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
 use super::around::Around;
 use super::contest::{Arena, Contested, Touching};
 use super::contested::{self, Found, OnPlane};
-use super::cubes::{self, LOCAL_POINTS};
+use super::cubes;
 use super::known;
+use super::merging::{self, Known};
 use super::planes::Moments;
 use super::seams;
-use super::settings::{CONTEST_REACHES, SurfacesConfig};
+use super::settings::{CONTEST_REACHES, STEP_SLICES, SurfacesConfig};
 use super::stage_slices;
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::error::Result;
@@ -72,6 +73,8 @@ fn of_own(around: &Around, before: &[u32], now: &Contested, corner: [i64; 3]) ->
 pub(super) struct Merged {
     /// The planes of surfaces that have one.
     pub(super) planes: BTreeMap<u32, Plane>,
+    /// Moments of the points of surfaces that are consistent with their slices, for the next contest.
+    of_slices: BTreeMap<u32, Moments>,
     /// Surfaces of any size, pairs of surfaces that were merged, and points that changed their surface.
     pub(super) surfaces: u64,
     pub(super) pairs: u64,
@@ -80,38 +83,36 @@ pub(super) struct Merged {
 
 /// Merges surfaces. A merged surface has the number of one of them.
 pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usize) -> Result<Vec<u8>> {
-    let slices = stage_slices::head(drive)?;
     let mut merged = Merged::default();
     let mut touching: BTreeMap<(u32, u32), Touching> = BTreeMap::new();
     let mut of_tiles: Vec<Vec<u32>> = Vec::new();
-    let mut moments: Vec<(u32, OnPlane)> = Vec::new();
+    let mut known: BTreeMap<u32, Known> = BTreeMap::new();
+    for (surface, of_slices) in of_slices(drive, step)? {
+        known.insert(surface, Known { of_slices, ..Known::default() });
+    }
+    // Surfaces are numbered from 1.
+    let most = known.last_key_value().map_or(0, |last| *last.0);
     for tile in TileId::first(drive.tiles()) {
         let found = contested::found(drive, tile, step)?;
         merged.changed += found.changed;
         for (pair, part) in found.touching {
             touching.entry(pair).or_default().merge(&part);
         }
-        moments.extend(found.moments);
+        for (surface, moments) in found.moments {
+            known.entry(surface).or_default().now.merge(&moments);
+        }
         of_tiles.push(found.surfaces);
     }
     touching.retain(|_, touching| touching.agrees(config.border_score));
-    merged.pairs = touching.len() as u64;
-    // Surfaces are numbered from 1.
-    let mut sets = DisjointSets::new(in_u32(slices.planes.len() + 1, "surfaces"));
-    touching.keys().for_each(|(a, b)| sets.union(*a, *b));
-    let mut sums: BTreeMap<u32, OnPlane> = BTreeMap::new();
-    for surface in of_tiles.iter().flatten() {
-        sums.entry(sets.find(*surface)).or_default();
-    }
-    for (surface, moments) in moments {
-        sums.entry(sets.find(surface)).or_default().merge(&moments);
-    }
-    merged.surfaces = sums.len() as u64;
+    let mut sets = DisjointSets::new(in_u32(most as usize + 1, "surfaces"));
+    merged.pairs = merging::merge(&touching, &mut sets, &mut known);
+    let left: BTreeSet<u32> = of_tiles.iter().flatten().map(|surface| sets.find(*surface)).collect();
+    known.retain(|surface, _| left.contains(surface));
+    merged.surfaces = left.len() as u64;
     let corner = drive.extent().0;
-    for (surface, moments) in sums {
-        // Without local planes a surface keeps the plane of its slices.
-        let of_slices = slices.planes.get(surface as usize - 1).copied().flatten();
-        let plane = plane(&moments, corner).or(of_slices);
+    for (surface, known) in known {
+        merged.of_slices.insert(surface, known.of_slices);
+        let plane = known.plane().map(|(points, fit)| stage_slices::plane(&points, &fit, corner));
         merged.planes.extend(plane.map(|plane| (surface, plane)));
     }
     let mut renumbered = |surfaces: Vec<u32>| -> Vec<(u32, u32)> {
@@ -122,15 +123,12 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usi
     sliced::encode(&merged, &of_tiles)
 }
 
-/// The plane of the points away from edges. At the edge to another plane, points of that one are nearer to
-/// this one by chance, and always on the same side, so a narrow plane would lean by degrees. If the points
-/// away from edges are few, all count. `None` if all are few.
-fn plane(moments: &OnPlane, corner: [i64; 3]) -> Option<Plane> {
-    let of = |moments: Moments| {
-        let enough = moments.points >= LOCAL_POINTS;
-        enough.then(|| stage_slices::plane(&moments, corner)).flatten()
-    };
-    of(moments.amid).or_else(|| of(moments.all()))
+/// Moments of the points of each surface before a contest that are consistent with its slices.
+fn of_slices(drive: &dyn DriveWindow, step: usize) -> Result<BTreeMap<u32, Moments>> {
+    if step - 1 == STEP_SLICES {
+        return Ok((1..).zip(stage_slices::head(drive)?.moments).collect());
+    }
+    Ok(head(drive, step - 1)?.of_slices)
 }
 
 /// What the drive knows after a contest.

@@ -107,29 +107,34 @@ fn pairs(
     let closed = in_u32(stored.of_tile.closed.len(), "trees of a tile");
     let is_closed = |label: u32| label <= closed;
     let consistent = |own: u32| stored.consistent[own as usize];
-    // The tree of each point: 0 without one, none where another tile owns the point.
-    let labels: Vec<u32> =
-        own.iter().map(|&own| if own == NONE { NONE } else { stored.labels[own as usize] }).collect();
-    let label_of = |point: usize| labels[point];
+    // The tree of each slot: 0 without one, none where another tile owns the point.
+    let points = normals.points();
+    let label_of = |point: &u32| {
+        let own = own.get(*point as usize).copied().unwrap_or(NONE);
+        stored.labels.get(own as usize).copied().unwrap_or(NONE)
+    };
+    let labels: Vec<u32> = points.iter().map(label_of).collect();
     let mut pairs = Pairs::default();
     let mut borders: FxHashMap<(u32, u32), Border> = FxHashMap::default();
     // The borders of one point: it has neighbours in a few trees.
     let mut of_point: Vec<(u32, Border)> = Vec::new();
-    for point in normals.order().iter().map(|&point| point as usize) {
-        let label = label_of(point);
+    for slot in normals.slots() {
+        let label = labels[slot];
         if label == 0 || label == NONE {
             continue;
         }
+        let point = points[slot] as usize;
         let place = around.lattice_point(point);
         let mut is_end = false;
-        for &other in normals.consistent(point) {
-            let at = other as usize;
-            let there = label_of(at);
+        for &other in normals.consistent(slot) {
+            let there = labels[other as usize];
             if there == label {
                 continue;
             }
+            let at = points[other as usize] as usize;
+            let is_mutual = || normals.is_mutual(slot, other as usize);
             if there == NONE {
-                if normals.is_mutual(point, at) {
+                if is_mutual() {
                     is_end = true;
                     if point < at {
                         let owner = owner(tile, around, at)?;
@@ -143,10 +148,10 @@ fn pairs(
                 continue;
             }
             if !(is_closed(label) && is_closed(there)) {
-                if normals.is_mutual(point, at) {
+                if is_mutual() {
                     pairs.points.push((own[point], own[at]));
                 }
-            } else if consistent(own[point]) && consistent(own[at]) && normals.is_mutual(point, at) {
+            } else if consistent(own[point]) && consistent(own[at]) && is_mutual() {
                 let known = of_point.iter().position(|border| border.0 == there).unwrap_or_else(|| {
                     of_point.push((there, Border::default()));
                     of_point.len() - 1

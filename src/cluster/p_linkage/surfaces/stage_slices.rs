@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::around::moments;
 use super::border::Border;
 use super::payload::{self, OpenPoint, Stored};
-use super::planes::{Moments, likeness};
+use super::planes::{Fit, Moments, likeness};
 use super::settings::{STEP_SLICES, SurfacesConfig};
 use super::slice::{Slice, SlicePlane, slice};
 use super::stage_links::{self, OpenSlice, Slices, slice_of_tree};
@@ -230,8 +230,9 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
 /// What the drive knows once slices are merged.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Surfaces {
-    /// The plane of surface 1, 2, ...; `None` if its consistent points have none.
-    pub(super) planes: Vec<Option<Plane>>,
+    /// Moments of the points of surface 1, 2, ... that are consistent with its slices, from the lowest corner
+    /// of the drive.
+    pub(super) moments: Vec<Moments>,
     /// Slices with a plane, surfaces of any size, and pairs of slices that were merged.
     pub(super) slices: u64,
     pub(super) surfaces: u64,
@@ -295,22 +296,19 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result
         }
     }
     found.surfaces = sums.iter().filter(|sums| sums.points > 0).count() as u64;
-    let corner = drive.extent().0;
-    found.planes = sums.iter().map(|sums| plane(sums, corner)).collect();
+    found.moments = sums;
     sliced::encode(&found, &of_tiles)
 }
 
-/// The plane of the consistent points of a surface.
+/// The plane that fits these points, whose moments are counted from the `corner`.
 #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
-pub(super) fn plane(sums: &Moments, corner: [i64; 3]) -> Option<Plane> {
-    let fit = sums.fit()?;
-    let centre = [0, 1, 2].map(|axis| corner[axis] + fit.mean[axis].round() as i64);
-    Some(Plane {
-        centre,
+pub(super) fn plane(sums: &Moments, fit: &Fit, corner: [i64; 3]) -> Plane {
+    Plane {
+        centre: [0, 1, 2].map(|axis| corner[axis] + fit.mean[axis].round() as i64),
         normal: Plane::upward(fit.normal),
         flatness_units2: fit.flatness,
         points: sums.points,
-    })
+    }
 }
 
 /// What the drive knows.

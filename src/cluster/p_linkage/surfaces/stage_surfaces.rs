@@ -67,8 +67,13 @@ pub(super) fn reduce(drive: &dyn DriveWindow, step: usize) -> Result<Grouped> {
             "surfaces of any size": contests.last().map_or(slices.surfaces, |contest| contest.surfaces),
         }),
     );
-    let of_slices =
-        || (1..).zip(slices.planes).filter_map(|(surface, plane)| Some((surface, plane?))).collect();
+    let corner = drive.extent().0;
+    let of_slices = || {
+        let planes = (1..).zip(&slices.moments);
+        planes
+            .filter_map(|(surface, sums)| Some((surface, stage_slices::plane(sums, &sums.fit()?, corner))))
+            .collect()
+    };
     let planes = contests.into_iter().last().map_or_else(of_slices, |contest| contest.planes);
     Ok(Grouped { groups, planes, figures, ..Grouped::default() })
 }

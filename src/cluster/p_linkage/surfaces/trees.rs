@@ -23,8 +23,11 @@ pub(super) struct Tree {
 /// The trees of the points that a tile owns, by their smallest points.
 pub(super) fn trees(around: &Around, normals: &Normals) -> Vec<Tree> {
     let mut links = vec![NONE; around.len()];
-    for &point in normals.order() {
-        links[point as usize] = normals.link(around, point as usize);
+    let points = normals.points();
+    for slot in normals.slots() {
+        if let Some(link) = normals.link(slot) {
+            links[points[slot] as usize] = points[link];
+        }
     }
     let ends = ends(around, normals, &links);
     let mut number = vec![NONE; around.len()];
