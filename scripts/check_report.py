@@ -165,6 +165,9 @@ def check_find(browser):
     if browser.js("app.classified"):
         kind = browser.js("className(app.classes, app.classOf(0))")
         check("find: the name of a class finds its objects", browser.js("app.classOf(0)") == browser.js(f"(() => {{ const rows = {json.dumps(find(browser, kind))}; return new Set(rows.map((id) => app.classOf(app.rowOf.get(id)))).values().next().value; }})()"))
+    find(browser, "no such word")
+    middle = browser.js("(() => { const box = document.querySelector('.empty div').getBoundingClientRect(), frame = document.getElementById('table-scroll').getBoundingClientRect(); return (box.left + box.right - frame.left - frame.right) / 2; })()")
+    check("find: that there is nothing is said in the middle of what is seen", abs(middle) < 12, middle)
     check("find: without a text there are all", len(find(browser, "")) == count)
 
 
@@ -246,6 +249,10 @@ def check_sheet(browser):
 def check_phone(browser):
     tall = browser.js("document.querySelector('.stage').offsetHeight")
     check("the view leaves half of a phone", tall <= PHONE[1] / 2, tall)
+    check("the plan can be enlarged", browser.js("document.getElementById('plan-in').checkVisibility()"))
+    wide, bar = browser.js("[app.plan.along * app.plan.scale / app.plan.width, app.plan.bar / app.plan.along]")
+    check("the plan fills most of the width", wide > 0.5, wide)
+    check("the scale bar is shorter than the street", bar <= 0.5, bar)
     row = "document.querySelector('#table tbody tr')"
     check("two numbers are in sight", browser.js(f"[...{row}.cells].filter((cell) => !cell.className && cell.getBoundingClientRect().right <= {PHONE[0]}).length") >= 3)
     browser.js("document.getElementById('table-scroll').scrollIntoView({ block: 'end' }), document.getElementById('table-scroll').scrollTop = 200")

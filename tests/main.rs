@@ -38,6 +38,8 @@ mod kernels;
 #[cfg(test)]
 mod labelled;
 #[cfg(test)]
+mod messages;
+#[cfg(test)]
 mod normalized_cut;
 #[cfg(test)]
 mod p_linkage;

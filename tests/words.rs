@@ -289,7 +289,12 @@ fn files_far_apart_are_asked_about() {
         std::fs::write(folder.path().join(name), Shape::default().bytes(&points)).expect("written");
     }
     let plan = told(folder.path(), &["plan", "near.las", "far.las"]);
-    assert!(plan.contains("warning: the files lie 20 km apart: is this one drive?"), "{plan}");
+    assert!(
+        plan.contains(
+            "warning: the files lie 20 km apart (the largest gap between neighbours): is this one drive?"
+        ),
+        "{plan}"
+    );
     assert!(!told(folder.path(), &["plan", "near.las"]).contains("apart"));
 }
 
@@ -301,7 +306,7 @@ fn a_tile_beyond_the_budget_is_mentioned_once() {
         (0..500_000).map(|step| Point::at([step % 997, step / 997, step % 13])).collect();
     std::fs::write(folder.path().join("dense.las"), Shape::default().bytes(&points)).expect("written");
     let plan = told(folder.path(), &["plan", "dense.las", "--memory", "16M"]);
-    let words = "more than the memory budget of 1";
+    let words = "more than the memory budget of 16 MiB (--memory)";
     assert_eq!(plan.matches(words).count(), 1, "{plan}");
     assert!(plan.contains("warning: a tile needs ") && plan.contains("it runs by itself"), "{plan}");
 }

@@ -57,7 +57,7 @@ pub(crate) fn plan(
 ) -> PyResult<String> {
     let facts = beside(py, None, move |_, _| {
         let config = settings(preset.as_deref(), config, &assignments)?;
-        plan_of(&files, &config, &Registries::default())
+        plan_of(&files, None, &config, &Registries::default())
     })?;
     json(&facts)
 }

@@ -104,7 +104,12 @@ pub(crate) fn program() -> clap::Command {
     let template = format!(
         "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{list}\nOptions:\n{{options}}{{after-help}}"
     );
-    Program::command().help_template(template)
+    // A negative number after an option is its value, so that the message says what is wrong with it.
+    let negative = |arg: clap::Arg| {
+        let is_value = arg.get_action().takes_values() && !arg.is_positional();
+        if is_value { arg.allow_negative_numbers(true) } else { arg }
+    };
+    Program::command().help_template(template).mut_subcommands(|command| command.mut_args(negative))
 }
 
 #[cfg(test)]

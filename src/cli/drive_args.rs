@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use chainage::config::{Config, ConfigError, MEMORY_MIB};
 use chainage::input::InputError;
-use chainage::run::Registries;
+use chainage::run::{Registries, holds_run};
 
 use crate::cli::exit::CliError;
 use crate::cli::quantities;
@@ -19,7 +19,7 @@ pub(crate) struct Inputs {
     /// LAS or LAZ files, folders with *.las or *.laz, or patterns such as 'drive/*.laz'
     #[arg(required = true, value_name = "FILES")]
     files: Vec<PathBuf>,
-    /// Search the folders below a folder as well
+    /// Search the folders below a folder as well, except those with a run of chainage
     #[arg(short, long)]
     recursive: bool,
 }
@@ -48,8 +48,9 @@ impl Inputs {
     }
 }
 
-/// Adds `folder` and the folders below it, in the order of their names, if they contain a LAS or LAZ file.
-/// Symbolic links are not followed, because they may lead in a circle.
+/// Adds `folder` and the folders below it, in the order of their names, if they contain a LAS or LAZ file. A
+/// folder below it with a run is left out: it has copies of points. Symbolic links are not followed, because
+/// they may lead in a circle.
 fn folders_below(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     let mut below = Vec::new();
     let mut has_files = false;
@@ -58,7 +59,9 @@ fn folders_below(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()>
         let path = entry.path();
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
         if entry.file_type()?.is_dir() {
-            below.push(path);
+            if !holds_run(&path) {
+                below.push(path);
+            }
         } else {
             has_files |= matches!(extension.as_deref(), Some("las" | "laz"));
         }

@@ -6,6 +6,7 @@ mod commands;
 mod drive_args;
 mod exit;
 mod interrupt;
+mod numbers;
 mod print;
 mod progress;
 mod quantities;

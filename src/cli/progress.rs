@@ -29,6 +29,46 @@ pub(crate) enum ProgressChoice {
     None,
 }
 
+impl ProgressChoice {
+    /// From now on, errors are reported as lines of JSON if progress is.
+    fn prepare(self) -> Self {
+        if self == Self::Json {
+            exit::report_as_json();
+        }
+        self
+    }
+}
+
+/// How much a command that processes a drive says.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Display")]
+pub(crate) struct Show {
+    /// How progress is shown on standard error
+    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
+    progress: ProgressChoice,
+    /// Show warnings only: --progress none
+    #[arg(short, long, conflicts_with_all = ["progress", "verbose"])]
+    quiet: bool,
+    /// Show the settings that differ from the defaults, and a line for each tile
+    #[arg(short, long, conflicts_with = "progress")]
+    verbose: bool,
+}
+
+impl Show {
+    /// The kind of progress. Call it first: from then on, errors have this form as well.
+    pub(crate) fn progress(&self) -> ProgressChoice {
+        match (self.quiet, self.verbose) {
+            (true, _) => ProgressChoice::None,
+            (_, true) => ProgressChoice::Units,
+            _ => self.progress.prepare(),
+        }
+    }
+
+    pub(crate) fn verbose(&self) -> bool {
+        self.verbose
+    }
+}
+
 /// Shows the events of a run.
 #[derive(Debug)]
 pub(crate) struct Progress {
@@ -127,11 +167,11 @@ impl State {
         (rate, (self.total - self.done) as f64 / rate.max(1e-9))
     }
 
-    /// `, about 9 s in all`, once this can be estimated.
+    /// `, about 9 s left in all`, once this can be estimated.
     fn in_all(&self, pass: &str) -> String {
         let left = self.pace().1;
         let whole = self.whole.left(pass, self.started.elapsed().as_secs_f64(), left);
-        whole.map_or_else(String::new, |seconds| format!(", about {seconds:.0} s in all"))
+        whole.map_or_else(String::new, |seconds| format!(", about {seconds:.0} s left in all"))
     }
 }
 
@@ -140,11 +180,8 @@ impl Progress {
         let kind = match choice {
             ProgressChoice::Auto if std::io::stderr().is_terminal() => ProgressChoice::Bar,
             ProgressChoice::Auto => ProgressChoice::Plain,
-            other => other,
+            other => other.prepare(),
         };
-        if matches!(kind, ProgressChoice::Json) {
-            exit::report_as_json();
-        }
         Self { kind, state: Mutex::new(State::new()) }
     }
 

@@ -1,33 +1,37 @@
 //! Quantities on the command line: a number and a unit.
 
-/// A number with one of the units; the factor of the unit is applied.
-fn quantity(text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
+/// A number with one of the units; the factor of the unit is applied. `what` is its kind with an article.
+fn quantity(what: &str, example: &str, text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
     let text = text.trim();
     let end = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
     let (number, unit) = text.split_at(end);
     let names =
         || units.iter().map(|(name, _)| *name).filter(|name| !name.is_empty()).collect::<Vec<_>>().join(", ");
     let factor = units.iter().find(|(name, _)| *name == unit.trim()).map(|(_, factor)| *factor);
-    let factor = factor.ok_or_else(|| format!("unknown unit '{}', known: {}", unit.trim(), names()))?;
-    number
-        .parse::<f64>()
-        .map(|value| value * factor)
-        .map_err(|_| format!("expected a number and a unit ({})", names()))
+    let number =
+        number.parse::<f64>().map_err(|_| format!("must be {what}, 0 or more, for example {example}"))?;
+    let unknown = || format!("unknown unit '{}', known: {}; for example {example}", unit.trim(), names());
+    factor.map(|factor| number * factor).ok_or_else(unknown)
 }
 
 /// A length in metres.
 pub(crate) fn length(text: &str) -> Result<f64, String> {
-    quantity(text, &[("m", 1.0), ("km", 1e3), ("cm", 0.01), ("mm", 0.001), ("", 1.0)])
+    quantity("a length", "500m", text, &[("m", 1.0), ("km", 1e3), ("cm", 0.01), ("mm", 0.001), ("", 1.0)])
 }
 
 /// A time in seconds.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    quantity(text, &[("s", 1.0), ("min", 60.0), ("h", 3_600.0), ("", 1.0)])
+    quantity("a time", "60s", text, &[("s", 1.0), ("min", 60.0), ("h", 3_600.0), ("", 1.0)])
 }
 
 /// A rate per second.
 pub(crate) fn rate(text: &str) -> Result<f64, String> {
-    quantity(text, &[("Hz", 1.0), ("kHz", 1e3), ("k", 1e3), ("MHz", 1e6), ("M", 1e6), ("", 1.0)])
+    quantity(
+        "a rate",
+        "550kHz",
+        text,
+        &[("Hz", 1.0), ("kHz", 1e3), ("k", 1e3), ("MHz", 1e6), ("M", 1e6), ("", 1.0)],
+    )
 }
 
 /// A count like 500k, 2M or 1234.
@@ -60,7 +64,13 @@ mod tests {
         assert_eq!(length("500m"), Ok(500.0));
         assert_eq!(seconds("2min"), Ok(120.0));
         assert_eq!(rate("550kHz"), Ok(550_000.0));
-        assert_eq!(length("5 miles"), Err("unknown unit 'miles', known: m, km, cm, mm".into()));
+        assert_eq!(
+            length("5 miles"),
+            Err("unknown unit 'miles', known: m, km, cm, mm; for example 500m".into())
+        );
+        for text in ["abc", "-3", "-3m", ""] {
+            assert_eq!(length(text), Err("must be a length, 0 or more, for example 500m".into()), "{text}");
+        }
     }
 
     #[test]

@@ -92,12 +92,12 @@ fn same_type(key: &str, default: &Value, value: Value) -> Result<Value, ConfigEr
         (default, value) if default.same_type(&value) => Ok(value),
         (default, value) => {
             let expected = match default {
-                Value::Boolean(_) => "true or false",
-                Value::Integer(_) => "a whole number",
-                Value::Float(_) => "a number",
-                Value::String(_) => "text",
-                Value::Array(_) => "a list, for example [\"x\", \"y\"]",
-                Value::Datetime(_) | Value::Table(_) => default.type_str(),
+                Value::Boolean(_) => "true or false".to_owned(),
+                Value::Integer(_) => "a whole number".to_owned(),
+                Value::Float(_) => "a number".to_owned(),
+                Value::String(_) => "text".to_owned(),
+                Value::Array(_) => format!("a list, for example [{value}]"),
+                Value::Datetime(_) | Value::Table(_) => default.type_str().to_owned(),
             };
             Err(ConfigError::value(key, &value, expected))
         }

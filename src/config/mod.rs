@@ -88,8 +88,9 @@ pub struct OutputConfig {
 }
 
 impl OutputConfig {
-    /// Whether an output is written: `points` (labelled copies), `copc` (the cloud-optimised file), `report`
-    /// (the page), or a format of the table of objects by its extension. `report.json` always is.
+    /// Whether an output is written: `points` (labelled copies), `charts` (of the thresholds of the method),
+    /// `copc` (the cloud-optimised file), `report` (the page), or a format of the table of objects by its
+    /// extension. `report.json` always is.
     #[must_use]
     pub fn writes(&self, name: &str) -> bool {
         let named = self.files.iter().any(|chosen| chosen == name);
@@ -429,6 +430,7 @@ mod tests {
             ("run.threads=2.5", "run.threads = 2.5: must be a whole number"),
             ("run.threads=-3", "run.threads = -3: must be a whole number, at least 0"),
             ("output.dimension=3", "output.dimension = 3: must be text"),
+            ("street.classes=tree", "street.classes = \"tree\": must be a list, for example [\"tree\"]"),
         ] {
             let message = set(&[text]).unwrap_err();
             assert!(message.starts_with(expected), "{message}");

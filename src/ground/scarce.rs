@@ -57,14 +57,21 @@ impl LowPoints {
         counts
     }
 
-    /// What the run says when ground is scarce after the filter named `method`; names another one to try.
+    /// What the run says when ground is scarce after the filter named `method`. Two filters miss ground for
+    /// different reasons, and where the scan has none, neither helps: the text says which applies.
     #[must_use]
     pub fn warning(self, method: &str) -> Option<String> {
         let share = self.ground as f64 / self.low.max(1) as f64;
-        let other = if method == opening::NAME { upward_growing::NAME } else { opening::NAME };
+        let [opening, growing] = [opening::NAME, upward_growing::NAME];
+        let other = match method {
+            opening::NAME => format!("on a steep street --ground {growing} finds more"),
+            upward_growing::NAME => format!("on most drives --ground {opening} finds more"),
+            _ => format!("on most drives --ground {opening} finds more, and {growing} on a steep street"),
+        };
         (self.low > 0 && share < SCARCE).then(|| {
             format!(
-                "{method} found little ground: {:.1} % of the lowest points are ground; try --ground {other}",
+                "{method} found little ground: {:.1} % of the lowest points are ground; {other}; \
+                 where the scan has hardly any ground, as in a dense forest, all of them find little",
                 100.0 * share
             )
         })
@@ -107,9 +114,14 @@ mod tests {
         let said = share(499, "opening").unwrap();
         assert_eq!(
             said,
-            "opening found little ground: 49.9 % of the lowest points are ground; try --ground upward-growing"
+            "opening found little ground: 49.9 % of the lowest points are ground; on a steep street --ground \
+             upward-growing finds more; where the scan has hardly any ground, as in a dense forest, all of them \
+             find little"
         );
-        assert!(share(0, "voxel-column").unwrap().ends_with("--ground opening"));
+        assert!(share(0, "upward-growing").unwrap().contains("on most drives --ground opening finds more;"));
+        assert!(
+            share(0, "voxel-column").unwrap().contains("--ground opening finds more, and upward-growing")
+        );
         assert_eq!(LowPoints::default().warning("opening"), None, "a drive without points");
     }
 }

@@ -25,13 +25,27 @@ pub struct Catalog {
 
 impl Catalog {
     /// Opens the files of the arguments, in their order. An argument is a file, a folder (its `*.las` and
-    /// `*.laz`, sorted by name, without subfolders) or a pattern (sorted).
+    /// `*.laz`, sorted by name, without subfolders) or a pattern (sorted). A folder or pattern with the
+    /// labelled copies of a run does not give its cloud-optimised file, which has the same points.
     ///
     /// # Errors
-    /// The first file that is missing, damaged or not acceptable; a file that is given twice; contradicting
-    /// coordinate reference systems.
+    /// The first file that is missing, damaged or not acceptable; a file that is given twice, or whose path
+    /// is not UTF-8; contradicting coordinate reference systems.
     pub fn open(arguments: &[PathBuf], options: &InputOptions) -> Result<Self, InputError> {
-        let paths = find(arguments)?;
+        Self::open_without(arguments, &[], options)
+    }
+
+    /// The same, without the files `left_out`, unless there are no others. They are the outputs of a run
+    /// whose folder is among the searched ones.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`].
+    pub(crate) fn open_without(
+        arguments: &[PathBuf],
+        left_out: &[PathBuf],
+        options: &InputOptions,
+    ) -> Result<Self, InputError> {
+        let paths = find(arguments, left_out)?;
         let mut files =
             paths.iter().map(|path| InputFile::open(path, options)).collect::<Result<Vec<_>, _>>()?;
         let mut warnings = Vec::new();
@@ -107,8 +121,11 @@ impl Catalog {
     }
 }
 
+/// Name of the cloud-optimised file of a run.
+pub(crate) const CLOUD_NAME: &str = "drive.copc.laz";
+
 /// The paths of all arguments, without repetition.
-fn find(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, InputError> {
+fn find(arguments: &[PathBuf], left_out: &[PathBuf]) -> Result<Vec<PathBuf>, InputError> {
     let mut paths = Vec::new();
     for argument in arguments {
         let found = expand(argument)?;
@@ -121,13 +138,37 @@ fn find(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, InputError> {
         return Err(InputError::NothingFound { argument: String::new() });
     }
     let mut known = std::collections::BTreeSet::new();
+    let mut own = Vec::new();
     for path in &paths {
         let real = path.canonicalize().map_err(|source| InputError::Read { path: path.clone(), source })?;
+        // The state of a run and its tables have paths as text.
+        if real.to_str().is_none() {
+            return Err(InputError::NotUtf8 { path: real });
+        }
+        own.push(left_out.contains(&real));
         if !known.insert(real) {
             return Err(InputError::Duplicate { path: path.clone() });
         }
     }
+    if own.contains(&false) {
+        let mut own = own.into_iter();
+        paths.retain(|_| own.next() == Some(false));
+    }
     Ok(paths)
+}
+
+/// Removes the cloud-optimised file of a run where its labelled copies are found as well: it has the same
+/// points. A run has a report.
+fn without_clouds(paths: &mut Vec<PathBuf>) {
+    let is_cloud = |path: &Path| {
+        path.file_name().is_some_and(|name| name == CLOUD_NAME)
+            && path.with_file_name("report.json").is_file()
+    };
+    let has_copies =
+        |cloud: &Path| paths.iter().any(|path| path.parent() == cloud.parent() && path.as_path() != cloud);
+    let clouds: Vec<PathBuf> =
+        paths.iter().filter(|path| is_cloud(path) && has_copies(path)).cloned().collect();
+    paths.retain(|path| !clouds.contains(path));
 }
 
 /// The files of one argument.
@@ -150,6 +191,7 @@ fn expand(argument: &Path) -> Result<Vec<PathBuf>, InputError> {
         }
     }
     paths.sort();
+    without_clouds(&mut paths);
     Ok(paths)
 }
 
@@ -165,6 +207,7 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
         }
     }
     paths.sort();
+    without_clouds(&mut paths);
     Ok(paths)
 }
 

@@ -287,7 +287,8 @@ fn claim_of_wkt(root: &Node) -> Option<Claim> {
             let horizontal = parts.next()?;
             let vertical = root.child(&["VERT_CS", "VERTCRS", "VERTICALCRS"]).and_then(length_unit);
             let name = root.name().map(str::to_owned).or_else(|| horizontal.name.clone());
-            Some(Claim { vertical, name, ..horizontal })
+            let epsg = horizontal.epsg.or_else(|| horizontal_code(root.epsg()?));
+            Some(Claim { epsg, vertical, name, ..horizontal })
         }
         "BOUNDCRS" => claim_of_wkt(root.child(&["SOURCECRS"])?.children().next()?),
         "PROJCS" | "PROJCRS" | "PROJECTEDCRS" => Some(claim(root, CrsKind::Projected)),
@@ -300,6 +301,13 @@ fn claim_of_wkt(root: &Node) -> Option<Claim> {
         "LOCAL_CS" | "ENGCRS" | "ENGINEERINGCRS" => Some(claim(root, CrsKind::Unknown)),
         _ => None,
     }
+}
+
+/// The code of the horizontal system of a compound system. Well-known text of version 2 may name only the
+/// code of the whole.
+fn horizontal_code(compound: u32) -> Option<u32> {
+    let root = definition(compound).and_then(Node::parse)?;
+    root.children().find_map(claim_of_wkt)?.epsg
 }
 
 /// The unit of a system in metres: its own unit, or that of its first axis.
@@ -366,6 +374,11 @@ mod tests {
             (second.kind, second.epsg, second.horizontal),
             (CrsKind::Projected, Some(2992), Some(FOOT))
         );
+        let compound =
+            of("COMPOUNDCRS[\"RD + NAP\",PROJCRS[\"RD\",CS[Cartesian,2],LENGTHUNIT[\"metre\",1]],\
+             VERTCRS[\"NAP\",LENGTHUNIT[\"metre\",1]],ID[\"EPSG\",7415]]")
+            .expect("a system");
+        assert_eq!((compound.epsg, compound.name.as_deref()), (Some(28_992), Some("RD + NAP")));
         let kinds = [
             ("GEOGCS[\"WGS 84\",UNIT[\"degree\",0.0174]]", CrsKind::Geographic),
             ("GEODCRS[\"WGS 84\",CS[Cartesian,3]]", CrsKind::Geocentric),

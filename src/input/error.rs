@@ -37,6 +37,12 @@ pub enum InputError {
         /// The file.
         path: PathBuf,
     },
+    /// A file whose name, or the name of a folder above it, is not UTF-8.
+    #[error("the path {path:?} is not UTF-8")]
+    NotUtf8 {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file does not start with the LAS signature.
     #[error("{path} is not a LAS or LAZ file: it starts with {found:?} instead of \"LASF\"", path = path.display())]
     NotLas {
@@ -438,6 +444,9 @@ impl Failure for InputError {
                 "give files, folders with *.las or *.laz (folders below them are not searched), or patterns in quotes"
             }
             Self::Duplicate { .. } => "name every file once; a folder already names the files in it",
+            Self::NotUtf8 { .. } => {
+                "rename the file or the folder; `convmv -f latin1 -t utf8 FILE` shows the probable name"
+            }
             Self::NotLas { .. } => "leave the file out, or convert it to LAS or LAZ first",
             Self::TooShort { .. } | Self::Truncated { .. } => {
                 "copy the file again from its source; if it is all there is, \

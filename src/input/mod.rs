@@ -37,6 +37,7 @@ mod wkt;
 
 pub use crate::config::LengthUnit;
 pub use crate::model::record_xyz;
+pub(crate) use catalog::CLOUD_NAME;
 pub use catalog::Catalog;
 pub use chunks::Block;
 pub use crs::{Crs, CrsKind};

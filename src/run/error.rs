@@ -103,7 +103,7 @@ pub enum RunError {
     },
     /// The drive has no points in the section that the settings choose.
     #[error(
-        "there are no points {}: the chainage of this drive is 0 to {length_m:.0} m", range(*from_m, *to_m)
+        "there are no points {}: the chainage of this drive is 0 to {length_m:.1} m", range(*from_m, *to_m)
     )]
     NoSection {
         /// Chainage where the section begins, in metres.

@@ -34,7 +34,7 @@ pub fn estimate_epsilon(
     cancel: &CancelToken,
 ) -> Result<(DriveEpsilon, Vec<PassFigures>)> {
     let config = &request.config;
-    let catalog = open::catalog(&request.inputs, config)?;
+    let catalog = open::catalog_beside(&request.inputs, config, Some(&request.out))?;
     let chain = Chain::build(config, &request.registries, catalog.lattice())?;
     let Some(step) = chain.method.steps().iter().position(|step| step.name == STEP) else {
         let expected = "a method whose epsilon is \"auto\", as in dbscan";

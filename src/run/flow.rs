@@ -308,7 +308,7 @@ pub(crate) fn to_files<D: Driver>(
             )?;
         }
         let page = table.map(|table| PageContent { table, points: exported.points });
-        let charts = tables::write_charts(run_dir, &objects.charts)?;
+        let charts = tables::write_charts(run_dir, &objects.charts, open.config)?;
         figures.extend(objects.figures);
         let count = objects.objects.len();
         let unmarked = Some(Finished { objects: count, files: exported.names });

@@ -27,6 +27,7 @@ mod error;
 mod estimate;
 mod finish;
 mod flow;
+mod foreign;
 mod look;
 mod open;
 mod passes;
@@ -36,8 +37,11 @@ mod shared;
 mod summary;
 mod train;
 
+use std::path::Path;
+
 use crate::config::RunConfig;
 use crate::error::{Error, Result};
+use crate::store::STATE_FOLDER;
 
 use engine::{Driver, Here};
 use finish::outputs::{self, Course};
@@ -81,6 +85,12 @@ pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelTok
     let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
     let course = Course { started, warnings, passes: driver.figures };
     outputs::finish(&run_dir, &open, &planned, outcome, course, observer)
+}
+
+/// Whether a folder is the output directory of a run.
+#[must_use]
+pub fn holds_run(folder: &Path) -> bool {
+    folder.join(STATE_FOLDER).is_dir()
 }
 
 /// The memory budget of a run in bytes: the given one, or half of the memory that is free now.

@@ -23,14 +23,26 @@ pub(crate) struct Opened<'a> {
 }
 
 /// File with the input paths of the last call, and the digest of its settings.
-const REQUEST: &str = "request.json";
+pub(crate) const REQUEST: &str = "request.json";
 /// File with the settings of the last call.
-const CONFIGURATION: &str = "run.toml";
+pub(crate) const CONFIGURATION: &str = "run.toml";
 
 /// Opens the files of a drive according to the settings.
 pub(crate) fn catalog(inputs: &[PathBuf], config: &Config) -> Result<Catalog> {
+    catalog_beside(inputs, config, None)
+}
+
+/// The same for a run in the folder `out`. Files that an earlier call wrote there are not input, even if the
+/// folder is among the searched ones.
+pub(crate) fn catalog_beside(inputs: &[PathBuf], config: &Config, out: Option<&Path>) -> Result<Catalog> {
     let mmap = config.input.mmap && shared_by(inputs).is_none();
-    Ok(Catalog::open(inputs, &InputOptions { mmap, unit: config.input.unit })?)
+    let written = match out {
+        // A state that cannot be read is an error once the state is opened.
+        Some(out) => RunDir::outputs_in(out).unwrap_or_default(),
+        None => Vec::new(),
+    };
+    let options = InputOptions { mmap, unit: config.input.unit };
+    Ok(Catalog::open_without(inputs, &written, &options)?)
 }
 
 /// The first of these paths that is on a file system of the network, and its kind.
@@ -57,10 +69,11 @@ impl<'a> Opened<'a> {
     /// Opens a drive to look at it, without a run directory, or with one that is not changed.
     pub(crate) fn to_look(
         inputs: &[PathBuf],
+        out: Option<&Path>,
         config: &'a Config,
         registries: &Registries<'_>,
     ) -> Result<Self> {
-        let drive = Drive::new(catalog(inputs, config)?, config);
+        let drive = Drive::new(catalog_beside(inputs, config, out)?, config);
         let chain = Chain::build(config, registries, drive.lattice())?;
         Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
     }
@@ -88,7 +101,7 @@ impl<'a> Opened<'a> {
         registries: &Registries<'_>,
         run_dir: &RunDir,
     ) -> Result<Self> {
-        let catalog = catalog(inputs, config)?;
+        let catalog = catalog_beside(inputs, config, Some(run_dir.out()))?;
         identity::check_recorded(run_dir, &catalog)?;
         let drive = Drive::new(catalog, config);
         let chain = Chain::build(config, registries, drive.lattice())?;

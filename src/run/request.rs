@@ -6,7 +6,9 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::output::LabelledFile;
 use crate::run::chain::{Chain, Registries};
+use crate::run::drive::identity;
 use crate::run::finish::names;
+use crate::run::foreign;
 use crate::run::open::{self, Opened};
 use crate::store::RunDir;
 
@@ -39,12 +41,15 @@ impl<'a> Begun<'a> {
     pub(crate) fn from(request: &'a RunRequest<'_>) -> Result<Self> {
         let config = &request.config;
         config.validate()?;
-        let catalog = open::catalog(&request.inputs, config)?;
+        let catalog = open::catalog_beside(&request.inputs, config, Some(&request.out))?;
+        // Before the names of the copies: a folder with input would give each of its files two of them.
+        identity::check_apart(&catalog, &request.out)?;
         let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-        let (labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
+        let (mut labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
+        labelled.iter_mut().for_each(|file| file.in_folder(&request.out));
         let surfaces = chain.method.finds_surfaces();
         // Everything that can refuse the request comes before the state of an earlier run is discarded.
-        let run_dir = open::lock(&catalog, &request.out)?;
+        let run_dir = RunDir::lock(&request.out)?;
         names::refuse_foreign(&run_dir, config, surfaces, &labelled)?;
         run_dir.begin(request.fresh)?;
         names::claim(&run_dir, config, surfaces, &labelled)?;
@@ -53,6 +58,7 @@ impl<'a> Begun<'a> {
         warnings.extend(catalog.warnings().iter().cloned());
         warnings.extend(open::file_system_warning(&request.inputs, config));
         warnings.extend(file_warnings);
+        warnings.extend(foreign::warnings(&run_dir)?);
         let crs = catalog.crs();
         if config.output.writes("geojson") && crs.is_known() && crs.epsg.is_none() {
             warnings.push(format!(

@@ -57,6 +57,9 @@ pub struct RunSummary {
     /// Whether the objects are surfaces, so that tables of surfaces are written. Only these runs say so.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub surfaces: bool,
+    /// Names of the charts that this call wrote.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub charts: Vec<String>,
     /// Whether every output existed already.
     pub nothing_to_do: bool,
     /// Figures of the steps of the clustering method by name, if it has any: `stages` of `density-peaks`, and

@@ -22,6 +22,9 @@ pub const STATE_FOLDER: &str = ".chainage";
 /// Name of the record of the files that were written beside the state.
 const OUTPUTS: &str = "outputs.json";
 
+/// Name of the file that is locked.
+const LOCK: &str = "lock";
+
 /// Name of the record of the program version.
 const VERSION: &str = "version.json";
 
@@ -66,7 +69,7 @@ impl RunDir {
     pub(crate) fn lock(out: &Path) -> Result<Self, StoreError> {
         let state = out.join(STATE_FOLDER);
         fs_err::create_dir_all(&state).map_err(StoreError::io("create", &state))?;
-        let lock = lock(out, &state.join("lock"))?;
+        let lock = lock(out, &state.join(LOCK))?;
         let events = EVENTS.to_owned();
         Ok(Self { out: out.to_owned(), state, _lock: Some(lock), events, wait: Duration::ZERO })
     }
@@ -142,7 +145,7 @@ impl RunDir {
     fn discard(&self) -> Result<(), StoreError> {
         for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
             let path = entry.map_err(StoreError::io("read", &self.state))?.path();
-            if path.file_name().is_some_and(|name| name == "lock" || name == OUTPUTS) {
+            if path.file_name().is_some_and(|name| name == LOCK || name == OUTPUTS) {
                 continue;
             }
             let removed =
@@ -171,6 +174,17 @@ impl RunDir {
     /// When the record cannot be read.
     pub fn own_outputs(&self) -> Result<Vec<String>, StoreError> {
         Ok(self.read_json(OUTPUTS)?.unwrap_or_default())
+    }
+
+    /// The real paths of the existing files in `out` that runs there have written.
+    ///
+    /// # Errors
+    /// When the record cannot be read.
+    pub(crate) fn outputs_in(out: &Path) -> Result<Vec<PathBuf>, StoreError> {
+        let (events, wait) = (EVENTS.to_owned(), Duration::ZERO);
+        let run = Self { out: out.to_owned(), state: out.join(STATE_FOLDER), _lock: None, events, wait };
+        let names = run.own_outputs()?;
+        Ok(names.iter().filter_map(|name| fs_err::canonicalize(out.join(name)).ok()).collect())
     }
 
     /// Records that files of these names are about to be written.
@@ -242,6 +256,20 @@ impl RunDir {
     pub fn write_text(&self, name: &str, text: &str) -> Result<(), StoreError> {
         let path = self.path(name);
         whole_file::write(&path, |to| to.write_all(text.as_bytes())).map_err(StoreError::io("write", &path))
+    }
+
+    /// Names of its own files and folders in the state.
+    pub(crate) const NAMES: [&'static str; 5] = [LOCK, OUTPUTS, VERSION, EVENTS, EVENTS_OF_WORKERS];
+
+    /// Names of the files and folders in the state, in order.
+    pub(crate) fn entries(&self) -> Result<Vec<String>, StoreError> {
+        let mut names = Vec::new();
+        for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
+            let name = entry.map_err(StoreError::io("read", &self.state))?.file_name();
+            names.push(name.to_string_lossy().into_owned());
+        }
+        names.sort();
+        Ok(names)
     }
 
     /// Appends a line to the log of events. A failure of this does not stop a run.

@@ -11,6 +11,7 @@ use crate::cli::commands::demo::{SAMPLE, SAMPLE_NAME};
 use crate::cli::drive_args::Settings;
 use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::numbers::whole;
 use crate::cli::print::{self, JsonOutput};
 
 #[derive(Debug, clap::Args)]
@@ -19,7 +20,7 @@ pub(crate) struct BenchArgs {
     #[arg(value_name = "FILES")]
     files: Vec<PathBuf>,
     /// Number of measurements; the medians are shown
-    #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, default_value_t = 3, value_name = "N", value_parser = whole::<u16>(1..=65_535, 3))]
     rounds: u16,
     /// Folder for the outputs, which are removed afterwards [default: the system's temporary folder]
     #[arg(long, value_name = "FOLDER")]

@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::numbers::whole;
 use crate::cli::print::{self, deliver, is_standard_output};
 use crate::cli::table_points::{self, TablePoints};
 
@@ -78,14 +79,14 @@ struct DbscanArgs {
     #[arg(long, value_name = "NUMBER|auto", default_value = "auto", value_parser = epsilon_or_auto)]
     epsilon: EpsilonChoice,
     /// Number of neighbours of the first curve of the estimation, the point itself included
-    #[arg(long, value_name = "K", default_value_t = epsilon::FIRST_K as u64, value_parser = clap::value_parser!(u64).range(8..=200))]
+    #[arg(long, value_name = "K", default_value_t = epsilon::FIRST_K as u64, value_parser = whole::<u64>(8..=200, 32))]
     k: u64,
     /// size: number of rows of the smallest cluster; core: number of rows around a core point, itself
     /// included
-    #[arg(long, value_name = "N", default_value_t = MIN_POINTS, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = MIN_POINTS, value_parser = whole::<u64>(1..=u64::MAX, 10))]
     min_points: u64,
     /// Number of rows of the largest cluster; 0: no limit
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>(0..=u64::MAX, 1_000))]
     max_points: u64,
     /// Write a drawing of the curve of the estimation as SVG (-: to standard output)
     #[arg(long, value_name = "FILE", value_parser = print::target())]

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use chainage::config::Config;
 
-use crate::cli::commands::run::{page, process};
+use crate::cli::commands::run::{page, process, show_settings};
 use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::JsonOutput;
-use crate::cli::progress::ProgressChoice;
+use crate::cli::progress::Show;
 
 /// The sample: one sweep of a vehicle scanner on a road with two rows of trees, see NOTICE.
 pub(super) const SAMPLE: &[u8] = include_bytes!("../../../tests/data/tree_road_sweep.laz");
@@ -23,11 +23,14 @@ pub(crate) struct DemoArgs {
     #[arg(short, long, value_name = "DIRECTORY", default_value = "chainage-demo")]
     out: PathBuf,
     #[command(flatten)]
+    show: Show,
+    #[command(flatten)]
     json: JsonOutput,
 }
 
 impl DemoArgs {
     pub(crate) fn run(&self) -> Outcome {
+        let progress = self.show.progress();
         let folder = self.out.join("input");
         let input = folder.join(SAMPLE_NAME);
         let failed = |source| CliError::Write { target: input.display().to_string(), source };
@@ -36,8 +39,11 @@ impl DemoArgs {
         }
         let out = self.out.join("output");
         let config = Config::resolve(None, &[SETTING.to_owned()]).map_err(chainage::Error::from)?;
+        if self.show.verbose() {
+            show_settings(&config)?;
+        }
         let output = config.output.clone();
-        let summary = process(vec![input], &out, config, false, ProgressChoice::Auto)?;
+        let summary = process(vec![input], &out, config, false, progress)?;
         let open = |out: &Path| {
             let name = out.join(SAMPLE_NAME);
             format!(

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 
 use crate::cli::drive_args::{Inputs, Settings};
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::numbers::whole;
 use crate::cli::print::{deliver, is_standard_output};
 use crate::cli::progress::{Progress, ProgressChoice};
 use crate::cli::quantities::count;
@@ -37,7 +38,7 @@ pub(crate) struct EstimateArgs {
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
     weights: Vec<f64>,
     /// Number of neighbours of the first curve, the point itself included [default: 40]
-    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(8..=200))]
+    #[arg(long, value_name = "K", value_parser = whole::<u64>(8..=200, 32))]
     k: Option<u64>,
     /// Approximate limit of the points whose neighbours are searched, for example 500k or 2M; 0: every point
     /// [default: 2M]
@@ -68,6 +69,8 @@ pub(crate) struct EstimateArgs {
 
 impl EstimateArgs {
     pub(crate) fn run(&self) -> Outcome {
+        // First, because errors have the form of the progress.
+        let progress = Progress::new(self.progress);
         let to_stdout = |to: &Option<PathBuf>| to.as_deref().is_some_and(is_standard_output);
         if to_stdout(&self.svg) && to_stdout(&self.json) {
             return Err(refused("--svg", "-", "a file when --json is standard output").into());
@@ -77,7 +80,7 @@ impl EstimateArgs {
         {
             return self.table(table);
         }
-        let found = self.drive()?;
+        let found = self.drive(&progress)?;
         let name = |axis: &chainage::model::FieldAxis| axis.field.name();
         let names: Vec<&str> = found.space.axes.iter().map(name).collect();
         let cost = &found.cost;
@@ -91,7 +94,7 @@ impl EstimateArgs {
         self.show(&found.estimate, &found.unit, &names, &more, &facts)
     }
 
-    fn drive(&self) -> Result<DriveEpsilon, CliError> {
+    fn drive(&self, progress: &Progress) -> Result<DriveEpsilon, CliError> {
         if self.no_header {
             return Err(refused("--no-header", "a drive", "left out unless the input is one table").into());
         }
@@ -118,7 +121,7 @@ impl EstimateArgs {
             config,
             registries: Registries::default(),
         };
-        let (found, _) = estimate_epsilon(&request, &Progress::new(self.progress), &cancel)?;
+        let (found, _) = estimate_epsilon(&request, progress, &cancel)?;
         Ok(found)
     }
 

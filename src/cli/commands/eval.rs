@@ -10,6 +10,7 @@ use chainage::eval::{
 use chainage::input::{Catalog, InputOptions};
 
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::numbers::whole;
 use crate::cli::print::{self, deliver, is_standard_output, note};
 use crate::cli::{exit, progress};
 
@@ -44,8 +45,8 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME", default_value = "gt_class", help_heading = "Labels")]
     class_dim: String,
 
-    /// Dimension of the predicted classes of objects, to score classes too [default: object_class where all
-    /// files have it]
+    /// Dimension of the predicted classes of objects, to score classes too, or `none` [default: object_class
+    /// where all files have it]
     #[arg(long, value_name = "NAME", help_heading = "Labels")]
     object_class_dim: Option<String>,
 
@@ -55,11 +56,11 @@ pub(crate) struct EvalArgs {
     classes: Option<PathBuf>,
 
     /// LAS classes of ground in the prediction
-    #[arg(long, value_name = "CODE", value_delimiter = ',', default_value = "2", help_heading = "Labels")]
+    #[arg(long, value_name = "CODE", value_delimiter = ',', default_value = "2", value_parser = whole::<u16>(0..=255, 2), help_heading = "Labels")]
     ground_class: Vec<u16>,
 
     /// LAS classes of noise in the prediction
-    #[arg(long, value_name = "CODE", value_delimiter = ',', default_value = "7,18", help_heading = "Labels")]
+    #[arg(long, value_name = "CODE", value_delimiter = ',', default_value = "7,18", value_parser = whole::<u16>(0..=255, 7), help_heading = "Labels")]
     noise_class: Vec<u16>,
 
     /// Match points by coordinates only, because some software changes GPS times
@@ -76,7 +77,7 @@ pub(crate) struct EvalArgs {
         long,
         value_name = "POINTS",
         default_value_t = 30,
-        value_parser = clap::value_parser!(u64).range(1..),
+        value_parser = whole::<u64>(1..=u64::MAX, 30),
         help_heading = "Metrics"
     )]
     min_points: u64,
@@ -101,7 +102,7 @@ pub(crate) struct EvalArgs {
     objects: Option<PathBuf>,
 
     /// Number of objects without a match that are listed below the table
-    #[arg(long, value_name = "N", default_value_t = 10, help_heading = "Output")]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole::<usize>(0..=u64::MAX, 10), help_heading = "Output")]
     worst: usize,
 }
 

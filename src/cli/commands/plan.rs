@@ -58,7 +58,7 @@ impl PlanArgs {
         if let Some(out) = &self.shared.out {
             return self.open(out, config);
         }
-        let plan = plan_of(&self.inputs.files()?, &config, &Registries::default())?;
+        let plan = plan_of(&self.inputs.files()?, None, &config, &Registries::default())?;
         if !deliver(self.svg.as_deref(), |to| to.write_all(plan.svg.as_bytes()))? {
             self.json.show(&plan, || page(&plan))?;
         }
@@ -92,6 +92,19 @@ fn time((least, most): (f64, f64)) -> String {
         ..120.0 => format!("{:.0} to {:.0} s", least.floor().max(1.0), most.ceil()),
         _ => format!("{:.0} to {:.0} min", (least / 60.0).floor().max(1.0), (most / 60.0).ceil()),
     }
+}
+
+/// What is stored.
+fn disk(plan: &PlanFacts) -> String {
+    let mut text = format!("{} of state", print::bytes(plan.state_bytes));
+    if plan.copies {
+        text.push_str(", and the labelled copies");
+    }
+    if let Some(scratch) = plan.cloud_scratch_bytes {
+        let scratch = print::bytes(scratch);
+        text.push_str(&format!(", and drive.copc.laz, which needs {scratch} more while it is written"));
+    }
+    text
 }
 
 /// The plan, for a person.
@@ -136,8 +149,8 @@ pub(super) fn page(plan: &PlanFacts) -> String {
         print::counted(plan.threads as u64, "thread")
     ));
     text.push_str(&format!(
-        "  disk      {} of state, and the labelled copies\n  reading   {:.1} records for each point\n",
-        print::bytes(plan.state_bytes),
+        "  disk      {}\n  reading   {:.1} records for each point\n",
+        disk(plan),
         plan.read_amplification
     ));
     text.push_str(&format!("  time      {}\n", time(plan.seconds)));

@@ -7,6 +7,7 @@ use chainage::run::reduce;
 use crate::cli::commands::{next, run};
 use crate::cli::exit;
 use crate::cli::exit::Outcome;
+use crate::cli::numbers::whole;
 use crate::cli::print::JsonOutput;
 use crate::cli::progress::{Progress, ProgressChoice};
 
@@ -18,7 +19,7 @@ pub(crate) struct ReduceArgs {
     #[arg(long, value_name = "PASS")]
     after: String,
     /// Look for missing units again for so many seconds: other hosts see a new file late
-    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = whole::<u64>(0..=u64::MAX, 60))]
     wait: u64,
     #[command(flatten)]
     json: JsonOutput,

@@ -12,7 +12,7 @@ use crate::cli::commands::plan;
 use crate::cli::drive_args::{Inputs, SectionArgs, Settings};
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::JsonOutput;
-use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::progress::{Progress, ProgressChoice, Show};
 use crate::cli::{exit, interrupt, print};
 
 #[derive(Debug, clap::Args)]
@@ -31,37 +31,13 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     show: Show,
     #[command(flatten)]
+    json: JsonOutput,
+    #[command(flatten)]
     output: OutputSettings,
     #[command(flatten)]
     section: SectionArgs,
     #[command(flatten)]
     settings: Settings,
-}
-
-#[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Display")]
-struct Show {
-    /// How progress is shown on standard error
-    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
-    progress: ProgressChoice,
-    /// Show warnings only: --progress none
-    #[arg(short, long, conflicts_with_all = ["progress", "verbose"])]
-    quiet: bool,
-    /// Show the settings that differ from the defaults, and a line for each tile
-    #[arg(short, long, conflicts_with = "progress")]
-    verbose: bool,
-    #[command(flatten)]
-    json: JsonOutput,
-}
-
-impl Show {
-    fn progress(&self) -> ProgressChoice {
-        match (self.quiet, self.verbose) {
-            (true, _) => ProgressChoice::None,
-            (_, true) => ProgressChoice::Units,
-            _ => self.progress,
-        }
-    }
 }
 
 #[derive(Debug, clap::Args)]
@@ -93,8 +69,8 @@ struct OutputSettings {
 fn outputs() -> String {
     let tables: Vec<&str> = objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name).collect();
     format!(
-        "Write only these: points (labelled copies), {}, ply (only p-linkage writes it), copc, report \
-         [default: all but copc]",
+        "Write only these: points (labelled copies), {}, ply (only p-linkage writes it), charts (of \
+         density-peaks, as SVG), copc, report [default: all but copc]",
         tables.join(", ")
     )
 }
@@ -129,25 +105,32 @@ impl OutputSettings {
 
 impl RunArgs {
     pub(crate) fn run(&self) -> Outcome {
+        let progress = self.show.progress();
         let extra: Vec<_> =
             self.output.assignments().into_iter().chain(self.section.assignments()?).collect();
         let config = self.settings.resolve(&extra)?;
         let inputs = self.inputs.files()?;
         if self.dry_run {
-            let plan = plan_of(&inputs, &config, &Registries::default())?;
-            self.show.json.show(&plan, || plan::page(&plan))?;
+            let plan = plan_of(&inputs, Some(&self.out), &config, &Registries::default())?;
+            self.json.show(&plan, || plan::page(&plan))?;
             return Ok(exit::DONE);
         }
-        if self.show.verbose {
-            for line in config.differences().map_err(chainage::Error::from)? {
-                print::note(&format!("setting {line}"));
-            }
+        if self.show.verbose() {
+            show_settings(&config)?;
         }
         let output = config.output.clone();
-        let summary = process(inputs, &self.out, config, self.fresh, self.show.progress())?;
-        self.show.json.show(&summary, || page(&summary, &self.out, &output))?;
+        let summary = process(inputs, &self.out, config, self.fresh, progress)?;
+        self.json.show(&summary, || page(&summary, &self.out, &output))?;
         Ok(exit::DONE)
     }
+}
+
+/// Shows the settings that differ from the defaults.
+pub(super) fn show_settings(config: &Config) -> Result<(), CliError> {
+    for line in config.differences().map_err(chainage::Error::from)? {
+        print::note(&format!("setting {line}"));
+    }
+    Ok(())
 }
 
 /// Runs a drive under Ctrl-C.
@@ -210,6 +193,7 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
     let of_surfaces = objects::SURFACES.iter().filter(|_| summary.surfaces);
     let tables = objects::REGISTRY.iter().chain(of_surfaces).filter(|entry| output.writes(entry.name()));
     written.extend(tables.map(|entry| entry.file_name));
+    written.extend(summary.charts.iter().map(String::as_str));
     written.push("report.json");
     written.extend(output.writes("report").then_some("report.html"));
     written.extend(output.writes("copc").then_some("drive.copc.laz"));

@@ -7,6 +7,7 @@ use chainage::input::{Catalog, InputError, InputOptions};
 
 use crate::cli::drive_args::{Inputs, Settings};
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::numbers::whole;
 use crate::cli::{exit, print};
 
 /// The script, with places for what the arguments say.
@@ -20,7 +21,7 @@ pub(crate) struct SlurmArgs {
     #[arg(short, long, value_name = "DIRECTORY")]
     out: PathBuf,
     /// Largest number of tasks of a job array
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = whole::<u32>(1..=100_000, 100))]
     array_size: u32,
     /// Options of sbatch for every job, for example '--partition=long --time=2:00:00'
     #[arg(long, value_name = "OPTIONS", default_value = "", allow_hyphen_values = true)]

@@ -22,6 +22,9 @@ pub(crate) struct StatusArgs {
     choices: Choices,
 }
 
+/// The setting that chooses the method.
+const METHOD: &str = "cluster.method";
+
 impl StatusArgs {
     pub(crate) fn run(&self) -> Outcome {
         let resolve = |last: &std::path::Path| self.choices.resolve_after(last);
@@ -46,12 +49,15 @@ fn page(state: &RunStatus, why: bool) -> String {
         .collect();
     let mut text = print::table(&["pass", "units", "done", "stale"], &rows);
     if why {
-        text.push_str(&reasons(&state.passes));
+        text.push_str(&reasons(state));
     }
-    let verdict = if state.finished {
-        "finished: every output is complete"
-    } else {
-        "not finished: the same command resumes"
+    let verdict = match (state.finished, state.finished_before, state.same_settings) {
+        (true, ..) => "finished: every output is complete",
+        (false, true, _) => {
+            "finished with the settings of the last call; chainage run with these settings computes what is missing or stale"
+        }
+        (false, false, true) => "not finished: the same command resumes",
+        (false, false, false) => "not finished: chainage run with these settings resumes",
     };
     text.push_str(&format!("  {verdict}\n"));
     text
@@ -59,10 +65,15 @@ fn page(state: &RunStatus, why: bool) -> String {
 
 /// Describes what has changed, pass by pass. One line names the passes that follow because an earlier pass
 /// changed.
-fn reasons(passes: &[PassStatus]) -> String {
+fn reasons(state: &RunStatus) -> String {
     let mut text = String::new();
+    // Passes that both methods have say it themselves.
+    let said = |pass: &PassStatus| pass.why.iter().any(|reason| reason.name == METHOD);
+    if let Some(changed) = state.other_method().filter(|_| !state.passes.iter().any(said)) {
+        text.push_str(&format!("  other passes are needed: {changed}\n"));
+    }
     let mut following = Vec::new();
-    for pass in passes.iter().filter(|pass| !pass.why.is_empty()) {
+    for pass in state.passes.iter().filter(|pass| !pass.why.is_empty()) {
         let causes = pass.causes();
         if causes.is_empty() {
             following.push(pass.pass);

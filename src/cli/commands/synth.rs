@@ -16,6 +16,7 @@ use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::exit::Outcome;
+use crate::cli::numbers::whole;
 use crate::cli::quantities::{count, length, rate, seconds};
 use crate::cli::{exit, print};
 
@@ -38,24 +39,25 @@ pub(crate) struct SynthArgs {
     #[arg(short, long, value_name = "OUT")]
     out: PathBuf,
 
-    /// Length of the drive, for example 500m or 5km [default: 1km; loop: 1500m, at least 1100m]
-    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Drive")]
+    /// Length of the drive, for example 500m or 5km; with --points or --sweeps, the first limit that is
+    /// reached ends the drive [default: 1km; loop: 1500m, at least 1100m]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true, help_heading = "Drive")]
     length: Option<f64>,
 
     /// Number of points, for example 500k, 2M or 1.5G; the drive ends there (loop: approximately)
-    #[arg(long, value_name = "COUNT", value_parser = count, help_heading = "Drive")]
+    #[arg(long, value_name = "COUNT", value_parser = count, allow_hyphen_values = true, help_heading = "Drive")]
     points: Option<u64>,
 
     /// Number of rotations of a spinning scanner; the drive ends there
-    #[arg(long, value_name = "N", help_heading = "Drive")]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>(0..=u64::MAX, 10), help_heading = "Drive")]
     sweeps: Option<u64>,
 
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Drive")]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>(0..=u64::MAX, 7), help_heading = "Drive")]
     seed: u64,
 
     /// Lowest and highest speed in km/h
-    #[arg(long, value_name = "LOW-HIGH", default_value = "30-60", value_parser = speeds, help_heading = "Drive")]
+    #[arg(long, value_name = "LOW-HIGH", default_value = "30-60", value_parser = speeds, allow_hyphen_values = true, help_heading = "Drive")]
     speed: (f64, f64),
 
     /// Scanner whose figures are used where the options below do not change them
@@ -63,34 +65,34 @@ pub(crate) struct SynthArgs {
     scanner: SensorArg,
 
     /// Number of profile heads, 1 or 2 [default: 2]
-    #[arg(long, value_name = "N", help_heading = "Scanner")]
+    #[arg(long, value_name = "N", value_parser = whole::<u8>(1..=2, 2), help_heading = "Scanner")]
     heads: Option<u8>,
 
     /// Pulses per second of one head, all beams together, for example 550kHz or 300k [default: profiler
     /// 550kHz; spinning 289kHz (16), 694kHz (32), 1333kHz (64), 1152kHz (64-wide)]
-    #[arg(long, value_name = "RATE", value_parser = rate, help_heading = "Scanner")]
+    #[arg(long, value_name = "RATE", value_parser = rate, allow_hyphen_values = true, help_heading = "Scanner")]
     pulse_rate: Option<f64>,
 
     /// Profiles or rotations per second of one head; the pulse rate divided by it gives the pulses of one
     /// [default: profiler 200Hz; spinning 10Hz]
-    #[arg(long, value_name = "RATE", value_parser = rate, help_heading = "Scanner")]
+    #[arg(long, value_name = "RATE", value_parser = rate, allow_hyphen_values = true, help_heading = "Scanner")]
     profiles: Option<f64>,
 
     /// Largest measured range [default: 100m; spinning-64 and 64-wide 120m]
-    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true, help_heading = "Scanner")]
     range: Option<f64>,
 
     /// Standard deviation of a measured range [default: profiler 5mm; spinning 2cm]
-    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true, help_heading = "Scanner")]
     noise: Option<f64>,
 
     /// Standard deviation of the position at which a sweep of a spinning scanner is registered from its true
     /// one [default: 0]
-    #[arg(long, value_name = "LENGTH", value_parser = length, help_heading = "Scanner")]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true, help_heading = "Scanner")]
     drift: Option<f64>,
 
     /// Start a new file after this time, for example 60s or 2min [default: one file]
-    #[arg(long, value_name = "TIME", value_parser = seconds, help_heading = "Files")]
+    #[arg(long, value_name = "TIME", value_parser = seconds, allow_hyphen_values = true, help_heading = "Files")]
     files_every: Option<f64>,
 
     /// Write LAZ (the default)
@@ -102,7 +104,7 @@ pub(crate) struct SynthArgs {
     las: bool,
 
     /// Worker threads; 0: one per core
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Files")]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<usize>(0..=1_024, 2), help_heading = "Files")]
     threads: usize,
 }
 
@@ -183,12 +185,12 @@ impl SynthArgs {
         bar.finish_and_clear();
         let seconds = start.elapsed().as_secs_f64();
         print::text(&format!(
-            "{}: {} in {}, {}, {:.3} km, {seconds:.1} s, {:.2} M points/s\n",
+            "{}: {} in {}, {}, {}, {seconds:.1} s, {:.2} M points/s\n",
             self.out.display(),
             print::counted(summary.points, "point"),
             print::counted(summary.files.into(), "file"),
             print::counted(summary.objects, "object"),
-            summary.length_m / 1_000.0,
+            driven(summary.length_m),
             summary.points as f64 / seconds / 1e6
         ))?;
         Ok(exit::DONE)
@@ -218,13 +220,22 @@ impl SynthArgs {
     }
 }
 
+/// The length that was driven; a short one in metres.
+fn driven(metres: f64) -> String {
+    if metres < 100.0 { format!("{metres:.1} m") } else { format!("{:.3} km", metres / 1_000.0) }
+}
+
 fn speeds(text: &str) -> Result<(f64, f64), String> {
-    let text = text.trim_end_matches("km/h");
-    let (low, high) = text.split_once('-').unwrap_or((text, text));
-    let number = |text: &str| {
-        text.trim().parse::<f64>().map_err(|_| format!("expected LOW-HIGH in km/h, not '{text}'"))
+    let numbers = text.trim_end_matches("km/h");
+    let (low, high) = numbers.split_once('-').unwrap_or((numbers, numbers));
+    let number = |part: &str| {
+        part.trim().parse::<f64>().map_err(|_| "must be LOW-HIGH in km/h, for example 30-60".to_owned())
     };
-    Ok((number(low)?, number(high)?))
+    let (low, high) = (number(low)?, number(high)?);
+    if high < low {
+        return Err(format!("must ascend from the lowest to the highest speed: write {high}-{low}"));
+    }
+    Ok((low, high))
 }
 
 #[cfg(test)]
@@ -234,6 +245,13 @@ mod tests {
     #[test]
     fn a_range_of_speeds_has_a_unit() {
         assert_eq!(speeds("30-60km/h"), Ok((30.0, 60.0)));
-        assert!(speeds("fast").is_err());
+        for text in ["fast", "-3", "30-60 mph"] {
+            assert!(speeds(text).unwrap_err().contains("for example 30-60"), "{text}");
+        }
+        assert_eq!(
+            speeds("60-30"),
+            Err("must ascend from the lowest to the highest speed: write 30-60".to_owned())
+        );
+        assert_eq!((driven(0.42), driven(1_000.0)), ("0.4 m".to_owned(), "1.000 km".to_owned()));
     }
 }

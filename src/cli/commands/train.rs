@@ -14,9 +14,14 @@ use chainage::run::{
 
 use crate::cli::drive_args::Settings;
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::numbers::{real, whole};
 use crate::cli::print::{self, deliver};
 use crate::cli::progress::{Progress, ProgressChoice};
 use crate::cli::{exit, interrupt};
+
+/// The two uses. One line with everything optional would allow what is refused.
+const USAGE: &str = "chainage train [OPTIONS] --out <MODEL> <DRIVES>...\n       \
+                     chainage train [OPTIONS] --model <MODEL> --test <DRIVES>...";
 
 /// Learn the classes of `street` from labelled drives.
 ///
@@ -33,7 +38,8 @@ use crate::cli::{exit, interrupt};
                         chainage train two --onto voxels.model -o my.model --thin 0.5,0.25\n  \
                         chainage run drive.laz -o out --model my.model\n  \
                         chainage train --model my.model --test other_drive.laz",
-    mut_arg("model", as_scored)
+    mut_arg("model", as_scored),
+    override_usage = USAGE
 )]
 pub(crate) struct TrainArgs {
     /// Labelled drives: each a LAS or LAZ file, a folder of them, or a pattern
@@ -68,29 +74,29 @@ pub(crate) struct TrainArgs {
 #[command(next_help_heading = "Learning")]
 struct LearningArgs {
     /// Number that chooses the samples and the features of each split
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>(0..=u64::MAX, 7))]
     seed: u64,
     /// Samples per class and drive, at most; for the classes by context, four times as many of all classes
     /// together
-    #[arg(long, value_name = "N", default_value_t = 5_000, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 5_000, value_parser = whole::<usize>(1..=1_000_000, 5_000))]
     samples: usize,
     /// Learn also from copies of each drive that have these shares of its points, for sparser scanners
     #[arg(long, value_name = "SHARES", value_delimiter = ',', value_parser = share)]
     thin: Vec<f64>,
     /// Rounds; each adds a tree per class. The classes by context take half as many
-    #[arg(long, value_name = "N", default_value_t = Learning::default().rounds)]
+    #[arg(long, value_name = "N", default_value_t = Learning::default().rounds, value_parser = whole::<usize>(0..=u64::MAX, 100))]
     rounds: usize,
     /// Leaves of a tree, at most
-    #[arg(long, value_name = "N", default_value_t = Learning::default().leaves)]
+    #[arg(long, value_name = "N", default_value_t = Learning::default().leaves, value_parser = whole::<usize>(0..=u64::MAX, 31))]
     leaves: usize,
     /// Share of a step towards the best value of a leaf that is taken
-    #[arg(long, value_name = "SHARE", default_value_t = Learning::default().rate)]
+    #[arg(long, value_name = "SHARE", default_value_t = Learning::default().rate, value_parser = real("0.1"))]
     rate: f64,
     /// Share of the samples that a tree learns from, drawn anew for each tree
-    #[arg(long, value_name = "SHARE", default_value_t = Learning::default().subsample)]
+    #[arg(long, value_name = "SHARE", default_value_t = Learning::default().subsample, value_parser = real("0.5"))]
     subsample: f64,
     /// Weight of the values of leaves against the fit
-    #[arg(long, value_name = "WEIGHT", default_value_t = Learning::default().l2)]
+    #[arg(long, value_name = "WEIGHT", default_value_t = Learning::default().l2, value_parser = real("1"))]
     l2: f64,
 }
 
@@ -106,6 +112,11 @@ fn as_scored(model: clap::Arg) -> clap::Arg {
         .requires("test")
 }
 
+/// The path without links and detours, to compare it with others.
+fn resolved(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+}
+
 /// A share of the points.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share: &f64| *share > 0.0 && *share < 1.0);
@@ -114,10 +125,11 @@ fn share(text: &str) -> Result<f64, String> {
 
 impl TrainArgs {
     pub(crate) fn run(&self) -> Outcome {
+        let progress = Progress::new(self.progress);
         let cancel = Arc::new(CancelToken::default());
         interrupt::listen(&cancel)?;
+        self.names_drives_once()?;
         self.learns_from_no_test()?;
-        let progress = Progress::new(self.progress);
         let scratch = Scratch::inside(self.scratch.as_deref());
         let request = self.request(&scratch)?;
         let scored = self.settings.choices.model.as_deref();
@@ -155,11 +167,21 @@ impl TrainArgs {
         Ok(exit::DONE)
     }
 
+    /// Refuses a drive that is given twice, because its samples would count twice.
+    fn names_drives_once(&self) -> Result<(), CliError> {
+        for drives in [&self.drives, &self.test] {
+            let all: Vec<PathBuf> = drives.iter().map(|path| resolved(path)).collect();
+            if let Some(at) = (1..all.len()).find(|&at| all[..at].contains(&all[at])) {
+                return Err(refused(&drives[at].display().to_string(), "a drive that is given once").into());
+            }
+        }
+        Ok(())
+    }
+
     /// Refuses to score a model with what it learns from: such scores are too good.
     fn learns_from_no_test(&self) -> Result<(), CliError> {
-        let real = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
-        let learned: Vec<PathBuf> = self.drives.iter().map(real).collect();
-        match self.test.iter().find(|drive| learned.contains(&real(drive))) {
+        let learned: Vec<PathBuf> = self.drives.iter().map(|path| resolved(path)).collect();
+        match self.test.iter().find(|drive| learned.contains(&resolved(drive))) {
             Some(drive) => {
                 let found = format!("--test {}", drive.display());
                 Err(refused(&found, "a drive that the model does not learn from").into())

@@ -11,6 +11,7 @@ use chainage::run::CancelToken;
 use tiny_http::{Header, Method, Request, Response, Server, StatusCode};
 
 use crate::cli::exit::{CliError, Outcome};
+use crate::cli::numbers::whole;
 use crate::cli::served::{PAGE, Refusal, check_host, file_of, media_type, range_of};
 use crate::cli::streamed::{Cloud, part_of};
 use crate::cli::{exit, interrupt, print};
@@ -26,7 +27,7 @@ pub(crate) struct ViewArgs {
     /// Output directory of a run
     out: PathBuf,
     /// Port on 127.0.0.1 [default: a free one]
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, value_parser = whole::<u16>(0..=65_535, 8_080))]
     port: u16,
     /// Only print the address; do not open a browser
     #[arg(long)]

@@ -9,6 +9,7 @@ use crate::allocator;
 use crate::cli::commands::next;
 use crate::cli::drive_args::Settings;
 use crate::cli::exit::Outcome;
+use crate::cli::numbers::whole;
 use crate::cli::print::{self, JsonOutput};
 use crate::cli::progress::{Progress, ProgressChoice};
 use crate::cli::{exit, interrupt};
@@ -24,7 +25,7 @@ pub(crate) struct WorkArgs {
     #[arg(long, value_name = "LIST", value_parser = units)]
     units: Option<Numbers>,
     /// Look for missing files of other workers again for so many seconds: other hosts see a new file late
-    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = whole::<u64>(0..=u64::MAX, 60))]
     wait: u64,
     /// How progress is shown on standard error
     #[arg(long, value_enum, default_value = "none", value_name = "KIND")]

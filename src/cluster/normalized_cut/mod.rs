@@ -152,6 +152,10 @@ impl Method for NormalizedCut {
         }
     }
 
+    fn warnings(&self, drive: &dyn DriveWindow) -> Result<Vec<String>> {
+        stage_cut::warnings(drive)
+    }
+
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
             STEP_CLUSTERS => clusters::reduce(drive, &self.euclidean, &self.config).map(Reduced::Global),

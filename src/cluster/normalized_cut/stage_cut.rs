@@ -18,6 +18,7 @@ use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{Lattice, TileId, in_u32};
+use crate::words;
 
 /// An object that a tile has cut and named.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -195,6 +196,19 @@ fn coarse(one: &Named, lattice: Lattice, edge: u32) -> Coarse {
 /// The figures of the step.
 pub(super) fn figures(drive: &dyn DriveWindow) -> Result<Figures> {
     sliced::head(drive.global(STEP_CUT))
+}
+
+/// What the user should know of objects that were too large for the finest voxels.
+pub(super) fn warnings(drive: &dyn DriveWindow) -> Result<Vec<String>> {
+    let coarse = figures(drive)?.coarse;
+    let Some(widest) = coarse.iter().map(|one| one.voxel_m).reduce(f64::max) else { return Ok(Vec::new()) };
+    let many = coarse.len() as u64;
+    let verb = if many == 1 { "was" } else { "were" };
+    Ok(vec![format!(
+        "{} with more voxels than {NAME}.max_voxels {verb} cut on coarser ones, of up to {widest:.2} m: report.json says \
+         where (`cut on coarser voxels`)",
+        words::counted(many, "cluster")
+    )])
 }
 
 /// Where the object of each label of a tile is. `None` for objects with too few or too many points.

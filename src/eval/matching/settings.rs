@@ -46,7 +46,8 @@ impl Default for CompareSettings {
 
 impl CompareSettings {
     /// The dimension of the predicted classes of objects, if they are compared: there are classes to compare
-    /// them with, and a dimension was named or all files have the one of this program.
+    /// them with, and a dimension was named or all files have the one of this program. `none` names no
+    /// dimension.
     pub(super) fn named_dim_in(&self, prediction: &Catalog) -> Option<&str> {
         let everywhere = || {
             prediction
@@ -56,6 +57,6 @@ impl CompareSettings {
                 .then_some(OBJECT_CLASS)
         };
         self.class_dim.as_ref()?;
-        self.named_dim.as_deref().or_else(everywhere)
+        self.named_dim.as_deref().or_else(everywhere).filter(|name| *name != "none")
     }
 }

@@ -7,7 +7,7 @@
 
 use std::io::{Seek, SeekFrom, Write};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use laz::LazVlr;
 
@@ -30,6 +30,8 @@ const EXTERNAL_WAVEFORMS: u16 = 1 << 2;
 #[derive(Debug, Clone)]
 pub struct LabelledFile {
     name: String,
+    /// Folder that an error names with it; empty if it is not known.
+    folder: PathBuf,
     points: u64,
     record: RecordPlan,
     /// Header and records up to the points. Positions after the points are filled in when they are known.
@@ -65,7 +67,9 @@ impl LabelledFile {
             edit::edit(input, record.output_len(), &descriptors, laz.as_ref())?;
         let name = output_name(input, compressed);
         let points = input.point_count();
-        let mut planned = Self { name, points, record, prologue, positions, tail, laz, chunks, warnings };
+        let folder = PathBuf::new();
+        let mut planned =
+            Self { name, folder, points, record, prologue, positions, tail, laz, chunks, warnings };
         if planned.laz.is_none() {
             let start = planned.epilogue_offset();
             planned.positions.fill(&mut planned.prologue, &planned.tail, start);
@@ -220,8 +224,13 @@ impl LabelledFile {
         Err(OutputError::Incomplete { name: self.name.clone(), promised: self.points, written })
     }
 
+    /// From now on, errors name the copy in this folder.
+    pub(crate) fn in_folder(&mut self, folder: &Path) {
+        folder.clone_into(&mut self.folder);
+    }
+
     fn write_error(&self, source: std::io::Error) -> OutputError {
-        OutputError::Write { path: PathBuf::from(&self.name), source }
+        OutputError::Write { path: self.folder.join(&self.name), source }
     }
 }
 

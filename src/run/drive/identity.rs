@@ -99,6 +99,11 @@ fn compared(files: &[FileIdentity]) -> String {
     format!("input-{:016x}.json", hasher.digest())
 }
 
+/// Whether a file of the state records input files.
+pub(crate) fn is_name(name: &str) -> bool {
+    name == NAME || name.starts_with("input-")
+}
+
 /// For files with another modification time, compares their content with that at the survey. Other content is
 /// refused. A file that was only copied or touched is accepted, and the comparison is recorded: nodes with
 /// copies of the input would repeat it in every process. `runs` are the units of the survey in `dir`,

@@ -44,7 +44,7 @@ impl Surveyed {
             warnings.push(format!("{times} {verb} no finite GPS time"));
         }
         survey.time_bins.clear();
-        warn_of_strays(&survey, &cells, drive.lattice().metres(drive.grid.edge()), &mut warnings);
+        warn_of_strays(drive, &survey, &cells, &mut warnings);
         warn_of_header_boxes(drive, &survey, &mut warnings);
         warn_of_files_apart(drive, &mut warnings);
         let (grid, lattice) = (drive.grid, drive.lattice());

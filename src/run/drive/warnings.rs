@@ -4,6 +4,7 @@ use crate::run::drive::Drive;
 use crate::run::drive::quantiles::Rows;
 use crate::spatial::PackedCells;
 use crate::survey::Survey;
+use crate::words;
 
 /// Distance outside of the boxes of the headers that counts as rounding, in metres.
 const BOX_TOLERANCE_M: f64 = 0.01;
@@ -50,7 +51,15 @@ pub(super) fn warn_of_files_apart(drive: &Drive, warnings: &mut Vec<String>) {
         .collect();
     let apart_m = largest_step(&boxes);
     if apart_m > APART_M {
-        warnings.push(format!("the files lie {:.0} km apart: is this one drive?", apart_m / 1e3));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a distance on the earth"
+        )]
+        let apart_km = words::separated((apart_m / 1e3).round() as u64);
+        warnings.push(format!(
+            "the files lie {apart_km} km apart (the largest gap between neighbours): is this one drive?"
+        ));
     }
 }
 
@@ -75,8 +84,15 @@ fn largest_step(boxes: &[[[f64; 2]; 2]]) -> f64 {
 
 /// Points far from all others are usually errors of the scanner or of a merge. They are processed like other
 /// points.
-pub(super) fn warn_of_strays(survey: &Survey, cells: &PackedCells, edge_m: f64, warnings: &mut Vec<String>) {
+pub(super) fn warn_of_strays(
+    drive: &Drive,
+    survey: &Survey,
+    cells: &PackedCells,
+    warnings: &mut Vec<String>,
+) {
     let Some((lo, hi)) = survey.extent else { return };
+    let lattice = drive.lattice();
+    let edge_m = lattice.metres(drive.grid.edge());
     let mut far = 0;
     let reach = [0, 1].map(|k| {
         let rows = Rows::of(cells, k);
@@ -92,11 +108,11 @@ pub(super) fn warn_of_strays(survey: &Survey, cells: &PackedCells, edge_m: f64, 
         far += if out { u64::from(points) } else { 0 };
     }
     if far > 0 {
-        let extent = [0, 1].map(|k| (hi[k] - lo[k]) as f64 / 1e6);
+        let [x_km, y_km] = [0, 1].map(|k| lattice.metres(hi[k] - lo[k]) / 1e3);
+        let (lie, they) = if far == 1 { ("lies", "it is") } else { ("lie", "they are") };
         warnings.push(format!(
-            "{far} points lie far from all others (the drive spans {:.1} x {:.1} million lattice units with them); \
-             they are processed like any other",
-            extent[0], extent[1]
+            "{} {lie} far from all others: the drive spans {x_km:.1} x {y_km:.1} km, and {they} processed like any other",
+            words::counted(far, "point")
         ));
     }
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::Result;
 use crate::store::{Fingerprint, PassDir, RunDir, StoreError};
 
-const FINISHED: &str = "finished.json";
+pub(crate) const FINISHED: &str = "finished.json";
 
 /// The outputs of a finished run.
 #[derive(Debug, Clone, Serialize, Deserialize)]

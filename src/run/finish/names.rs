@@ -2,7 +2,7 @@
 
 use crate::config::{ClassificationChoice, Config, ConfigError};
 use crate::error::Result;
-use crate::input::Catalog;
+use crate::input::{CLOUD_NAME, Catalog};
 use crate::output::objects;
 use crate::output::points::RESERVED;
 use crate::output::{LabelOptions, LabelledFile, check_names};
@@ -13,7 +13,7 @@ pub(super) const REPORT: &str = "report.json";
 /// Name of the page.
 pub(super) const PAGE: &str = "report.html";
 /// Name of the cloud-optimised file.
-pub(crate) const CLOUD: &str = "drive.copc.laz";
+pub(crate) const CLOUD: &str = CLOUD_NAME;
 
 /// Outputs of a finished run beside the labelled copies; `surfaces`: whether the method finds surfaces.
 pub(crate) fn beside(config: &Config, surfaces: bool) -> Vec<&'static str> {
@@ -55,9 +55,12 @@ fn check_settings(config: &Config) -> Result<(), ConfigError> {
     known.extend(objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name));
     let of_surfaces: Vec<&str> = objects::SURFACES.iter().map(objects::ObjectFormatEntry::name).collect();
     known.extend(of_surfaces.into_iter().filter(|name| !known.contains(name)).collect::<Vec<_>>());
-    known.extend(["copc", "report"]);
+    known.extend(["charts", "copc", "report"]);
     match config.output.files.iter().find(|name| !known.contains(&name.as_str())) {
-        Some(name) => Err(ConfigError::value("output.files", name, known.join(", "))),
+        Some(name) => {
+            let expected = format!("a list of {}", known.join(", "));
+            Err(ConfigError::value("output.files", format!("{name:?}"), expected))
+        }
         None => Ok(()),
     }
 }

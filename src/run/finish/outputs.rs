@@ -48,6 +48,7 @@ pub(crate) fn finish(
         tiles: planned.plan.tiles.iter().filter(|tile| tile.inside).count(),
         seconds: started.elapsed().as_secs_f64(),
         surfaces,
+        charts: outcome.charts,
         nothing_to_do: outcome.unmarked.is_none(),
         figures: outcome.figures,
         passes,

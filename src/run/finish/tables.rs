@@ -108,8 +108,9 @@ pub(super) fn processed_stretches(surveyed: &Surveyed) -> Vec<Vec<([f64; 2], f64
     stretches.filter(|stretch| !stretch.is_empty()).collect()
 }
 
-/// Writes every chart as `NAME.svg`, and returns the names of the files.
-pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart]) -> Result<Vec<String>> {
+/// Writes every chart as `NAME.svg` if the settings have charts, and returns the names of the files.
+pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart], config: &Config) -> Result<Vec<String>> {
+    let charts = if config.output.writes("charts") { charts } else { &[] };
     let names: Vec<String> = charts.iter().map(|chart| format!("{}.svg", chart.name)).collect();
     let ours = run_dir.own_outputs()?;
     for name in names.iter().filter(|name| !ours.contains(name)) {

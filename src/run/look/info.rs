@@ -73,7 +73,7 @@ pub struct DriveFacts {
 /// # Errors
 /// When a file cannot be used.
 pub fn look_at(inputs: &[PathBuf], config: &Config) -> Result<DriveFacts> {
-    let open = Opened::to_look(inputs, config, &Registries::default())?;
+    let open = Opened::to_look(inputs, None, config, &Registries::default())?;
     let mut driver = InMemory { limits: open.budget.limits() };
     let surveyed = computed(flow::survey(&open, &mut driver, None)?)?;
     let drive = &open.drive;

@@ -1,6 +1,6 @@
 //! The tiles that a run would process.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::config::{Config, OutputFormat};
 use crate::error::Result;
 use crate::input::InputFile;
+use crate::output::points::copc::CopcFormat;
 use crate::run::chain::Registries;
 use crate::run::computed;
 use crate::run::drive::{AxisFacts, Tiled};
@@ -59,6 +60,12 @@ pub struct PlanFacts {
     pub read_amplification: f64,
     /// Bytes of state on disk.
     pub state_bytes: u64,
+    /// Whether labelled copies are written.
+    pub copies: bool,
+    /// Bytes of the copy of the points from which the cloud-optimised file is made, and which is removed
+    /// afterwards. `None` if there is no such file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cloud_scratch_bytes: Option<u64>,
     /// Smallest and largest number of seconds to expect, from the speed of the survey.
     pub seconds: (f64, f64),
     /// The axis.
@@ -70,12 +77,18 @@ pub struct PlanFacts {
     pub svg: String,
 }
 
-/// Plans the tiles that a run would process. Changes nothing.
+/// Plans the tiles that a run would process, in the folder `out` if it is known: what earlier calls wrote
+/// there is not input. Changes nothing.
 ///
 /// # Errors
 /// When a file or a setting cannot be used.
-pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>) -> Result<PlanFacts> {
-    let open = Opened::to_look(inputs, config, registries)?;
+pub fn plan_of(
+    inputs: &[PathBuf],
+    out: Option<&Path>,
+    config: &Config,
+    registries: &Registries<'_>,
+) -> Result<PlanFacts> {
+    let open = Opened::to_look(inputs, out, config, registries)?;
     let Opened { drive, chain, budget: asked, .. } = &open;
     let mut driver = InMemory { limits: asked.limits() };
     let started = Instant::now();
@@ -116,7 +129,7 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
     warnings.extend(drive.catalog.warnings().iter().cloned());
     warnings.extend(surveyed.warnings.iter().cloned());
     if largest > budget.memory {
-        warnings.push(over_budget(largest, budget.memory));
+        warnings.push(over_budget(largest, &budget));
     }
     if chain.method.reach_is_provisional() {
         warnings.push(
@@ -126,6 +139,14 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         );
     }
     let ground_points = tiles.iter().map(|tile| tile.points_read).sum();
+    let cloud_scratch_bytes = match config.output.writes("copc") {
+        true => {
+            let classifies = chain.method.classifies();
+            let format = CopcFormat::of(drive.catalog.files(), &config.output.dimension, classifies)?;
+            Some(points * (format.record_len() as u64 + 4))
+        }
+        false => None,
+    };
     let seconds = work(&open, &plan, &budget, survey_s, ground_points).seconds();
     let lattice = drive.lattice();
     let svg = plan::svg(&plan, &surveyed, lattice);
@@ -140,6 +161,9 @@ pub fn plan_of(inputs: &[PathBuf], config: &Config, registries: &Registries<'_>)
         read_amplification: read as f64 / points.max(1) as f64,
         // Classes and labels of every point, and positions of compressed files.
         state_bytes: points * 5 + unpacked,
+        copies: config.output.writes("points"),
+        // A record with its number.
+        cloud_scratch_bytes,
         seconds: (*seconds.start(), *seconds.end()),
         axis: AxisFacts::of(&surveyed.axis),
         tiles,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::config::{Config, DEFAULT_TOML};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::run::chain::Registries;
 use crate::run::engine::{Nobody, PassState};
 use crate::run::flow::{self, Outcome};
@@ -39,8 +39,15 @@ pub struct RunStatus {
     pub inputs: Vec<PathBuf>,
     /// Passes in order. Of a finished run, the last ones have no units: their state is not kept.
     pub passes: Vec<PassStatus>,
+    /// The method, if another one is asked for than the last call had.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub method: Option<StaleReason>,
     /// Whether all outputs exist and fit.
     pub finished: bool,
+    /// Whether the settings are those of the last call. Only they tell what the same command does.
+    pub same_settings: bool,
+    /// Whether all outputs exist and fit the settings of the last call.
+    pub finished_before: bool,
 }
 
 /// The state of the run in `out`. It is compared with the last configuration, or with the settings that
@@ -55,13 +62,35 @@ pub fn status(
 ) -> Result<RunStatus> {
     let run_dir = RunDir::inspect(out)?;
     let (inputs, configuration) = open::recorded(&run_dir)?;
+    let last = Config::resolve(Some(&configuration), &[])?;
     let config = resolve(&configuration)?;
-    let open = Opened::to_share(&inputs, &config, registries, &run_dir)?;
-    let mut driver = Nobody::new(&run_dir);
-    let outcome = walk(&open, &mut driver, &run_dir)?;
-    let finished = outcome.is_some_and(|outcome| outcome.unmarked.is_none());
-    let passes = driver.finish()?.into_iter().map(PassStatus::of).collect();
-    Ok(RunStatus { out: out.to_owned(), inputs, passes, finished })
+    let seen = |config: &Config| {
+        let open = Opened::to_share(&inputs, config, registries, &run_dir)?;
+        let mut driver = Nobody::new(&run_dir);
+        let outcome = walk(&open, &mut driver, &run_dir)?;
+        let finished = outcome.is_some_and(|outcome| outcome.unmarked.is_none());
+        let passes: Vec<PassStatus> = driver.finish()?.into_iter().map(PassStatus::of).collect();
+        Ok::<_, Error>((finished, passes))
+    };
+    let (finished, passes) = seen(&config)?;
+    let same_settings = last.first_difference(&config).is_none();
+    let finished_before = if finished || same_settings { finished } else { seen(&last)?.0 };
+    let (old, new) = (last.cluster.method, config.cluster.method);
+    let method = (old != new).then(|| StaleReason {
+        name: "cluster.method".to_owned(),
+        old: Some(old),
+        new: Some(new),
+    });
+    let out = out.to_owned();
+    Ok(RunStatus { out, inputs, passes, method, finished, same_settings, finished_before })
+}
+
+impl RunStatus {
+    /// The change of the method in words.
+    #[must_use]
+    pub fn other_method(&self) -> Option<String> {
+        self.method.as_ref().map(changed)
+    }
 }
 
 /// Walks along the flow up to the first incomplete pass.

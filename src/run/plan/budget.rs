@@ -29,6 +29,8 @@ pub(crate) struct Budget {
     pub(crate) threads: usize,
     /// Bytes for the points in flight.
     pub(crate) memory: u64,
+    /// Bytes of the whole budget, as the user knows it.
+    pub(crate) asked: u64,
     /// Whether the memory was not asked for: it is half of what was free.
     pub(crate) automatic: bool,
 }
@@ -40,7 +42,7 @@ impl Budget {
         let threads = if config.threads == 0 { cores } else { config.threads };
         let automatic = config.memory_mib == 0;
         let memory = if automatic { free_bytes() / 2 } else { config.memory_mib << 20 };
-        Self { threads, memory, automatic }
+        Self { threads, memory, asked: memory, automatic }
     }
 
     /// The budget as limits for units in flight.
@@ -171,7 +173,7 @@ mod tests {
 
     #[test]
     fn tiles_fit_the_budget_and_share_small_drives() {
-        let budget = Budget { threads: 2, memory: 400 << 20, automatic: false };
+        let budget = Budget { threads: 2, memory: 400 << 20, asked: 400 << 20, automatic: false };
         // 2,097,152 points fit: 477 tiles, and one more for two threads.
         assert_eq!(budget.tiles(1_000_000_000, 100), 478);
         assert_eq!(budget.tiles(4_000_000, 100), 4);
@@ -183,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_plan_stays_while_its_tiles_fit_what_was_asked_for_or_what_is_free() {
-        let asked = Budget { threads: 2, memory: 400 << 20, automatic: false };
+        let asked = Budget { threads: 2, memory: 400 << 20, asked: 400 << 20, automatic: false };
         assert!(asked.keeps(400 << 20) && !asked.keeps(401 << 20));
         let automatic = Budget { automatic: true, ..asked };
         assert!(automatic.keeps(800 << 20) && !automatic.keeps(801 << 20));
@@ -191,7 +193,7 @@ mod tests {
 
     #[test]
     fn tiles_are_smaller_where_there_is_more_around_them() {
-        let budget = Budget { threads: 2, memory: 400 << 20, automatic: false };
+        let budget = Budget { threads: 2, memory: 400 << 20, asked: 400 << 20, automatic: false };
         let need = |core: u64, all: u64| TileNeed { core: core << 20, all: all << 20 };
         let balanced = |needs: &[TileNeed]| budget.balanced(100_000_000, needs);
         assert_eq!(balanced(&[need(100, 190), need(150, 194)]), None);

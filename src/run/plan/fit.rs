@@ -19,7 +19,7 @@ use crate::tiling::{Plan, PlanRequest, TileSize};
 const ATTEMPTS: usize = 5;
 
 /// Folder with the vertex of the axis nearest to each cell.
-const STRIPS: &str = "strips";
+pub(crate) const STRIPS: &str = "strips";
 
 /// The vertices depend on the axis, and the cells on the content of the input.
 fn depends(surveyed: &Surveyed, drive: &Drive) -> Inputs {
@@ -37,6 +37,11 @@ fn stored_name(surveyed: &Surveyed) -> String {
         Some((from, to)) => format!("plan-{from}-{to}.json"),
         None => "plan.json".to_owned(),
     }
+}
+
+/// Whether a file of the state is one with the size of the tiles.
+pub(crate) fn is_stored_name(name: &str) -> bool {
+    name == "plan.json" || name.starts_with("plan-")
 }
 
 /// The occupied cells in order of chainage. Only the plan needs them.
@@ -115,12 +120,18 @@ impl<'a> Street<'a> {
 }
 
 /// The warning about tiles that need more memory than the budget.
-pub(crate) fn over_budget(largest: u64, budget: u64) -> String {
-    format!(
-        "a tile needs {} MiB, more than the memory budget of {} MiB (--memory): it runs by itself",
-        largest >> 20,
-        budget >> 20
-    )
+pub(crate) fn over_budget(largest: u64, budget: &Budget) -> String {
+    let [largest, asked, left] = [largest, budget.asked, budget.memory].map(|bytes| bytes >> 20);
+    if largest > asked {
+        format!(
+            "a tile needs {largest} MiB, more than the memory budget of {asked} MiB (--memory): it runs by itself"
+        )
+    } else {
+        format!(
+            "a tile needs {largest} MiB, and {left} MiB of the memory budget of {asked} MiB (--memory) are left for tiles: \
+             it runs by itself"
+        )
+    }
 }
 
 /// The plan of an earlier call if it still fits, or else a new one that fits the budget. `None` if the driver
@@ -164,7 +175,28 @@ pub(crate) fn settle<D: Driver>(
     };
     let largest = needs::largest(chain, &plan);
     if largest > budget.memory {
-        driver.tell(&Event::Warning { text: &over_budget(largest, budget.memory) });
+        driver.tell(&Event::Warning { text: &over_budget(largest, budget) });
     }
     Ok(Some(plan))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_budget_has_one_number_everywhere() {
+        let budget = Budget { threads: 2, memory: 60 << 20, asked: 64 << 20, automatic: false };
+        let above = over_budget(200 << 20, &budget);
+        assert_eq!(
+            above,
+            "a tile needs 200 MiB, more than the memory budget of 64 MiB (--memory): it runs by itself"
+        );
+        let between = over_budget(62 << 20, &budget);
+        assert_eq!(
+            between,
+            "a tile needs 62 MiB, and 60 MiB of the memory budget of 64 MiB (--memory) are left for tiles: it runs \
+             by itself"
+        );
+    }
 }

@@ -1,5 +1,8 @@
 // The plan of the street: axis, tiles, objects by class, scale bar, north, and where the eye is.
 
+/** So many objects say better than the axis where the street is. */
+const MANY = 12;
+
 class Plan {
   constructor(canvas, axis, outlines, tiles, on) {
     Object.assign(this, { canvas, axis, outlines, tiles, on, chosen: -1, shown: () => true, eye: null });
@@ -36,7 +39,7 @@ class Plan {
     let n = 0, mx = 0, my = 0;
     // Of the objects, where there are enough: the axis of a single sweep says little.
     const objects = this.boxes.filter((box) => box[0] <= box[2]).map((box) => [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]);
-    const all = objects.length >= 12 ? objects : this.axis.stretches.flatMap((stretch) => stretch.x.map((x, at) => [x, stretch.y[at]]));
+    const all = objects.length >= MANY ? objects : this.axis.stretches.flatMap((stretch) => stretch.x.map((x, at) => [x, stretch.y[at]]));
     for (const [x, y] of all) { n++; mx += x; my += y; }
     mx /= n || 1; my /= n || 1;
     let xx = 0, xy = 0, yy = 0;
@@ -55,14 +58,24 @@ class Plan {
   }
 
   fit() {
+    const box = () => ({ low: [Infinity, Infinity], high: [-Infinity, -Infinity] });
+    const seen = box(), objects = box();
+    const see = ({ low, high }, x, y) => this.turned(x, y).forEach((value, k) => { low[k] = Math.min(low[k], value); high[k] = Math.max(high[k], value); });
+    for (const stretch of this.axis.stretches) stretch.x.forEach((x, at) => see(seen, x, stretch.y[at]));
+    for (const outline of this.outlines) for (let at = 0; at < outline.length; at += 2) [seen, objects].forEach((all) => see(all, outline[at], outline[at + 1]));
+    if (seen.low[0] > seen.high[0]) { seen.low.fill(-10); seen.high.fill(10); }
+    // A narrow page has no room for an axis across the objects, as that of a single sweep may be.
+    const narrow = matchMedia("(max-width: 900px)").matches && this.boxes.length >= MANY;
+    if (narrow) [seen.low[1], seen.high[1]] = [objects.low[1], objects.high[1]];
+    this.centre = [0, 1].map((k) => (seen.low[k] + seen.high[k]) / 2);
+    const [along, across] = [0, 1].map((k) => Math.max(5, seen.high[k] - seen.low[k]));
+    const [left, above] = narrow ? [36, 24] : [60, 44];
+    // On a narrow page, the plan gets the height with which it fills the width.
     this.size();
-    const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-    const see = (x, y) => this.turned(x, y).forEach((value, k) => { low[k] = Math.min(low[k], value); high[k] = Math.max(high[k], value); });
-    for (const stretch of this.axis.stretches) stretch.x.forEach((x, at) => see(x, stretch.y[at]));
-    for (const outline of this.outlines) for (let at = 0; at < outline.length; at += 2) see(outline[at], outline[at + 1]);
-    if (low[0] > high[0]) { low.fill(-10); high.fill(10); }
-    this.centre = [0, 1].map((k) => (low[k] + high[k]) / 2);
-    this.scale = Math.min((this.width - 60) / Math.max(5, high[0] - low[0]), (this.height - 44) / Math.max(5, high[1] - low[1]));
+    this.canvas.closest(".stage").style.setProperty("--plan", `${Math.ceil(((this.width - left) * across) / along + above)}px`);
+    this.size();
+    this.scale = Math.min((this.width - left) / along, (this.height - above) / across);
+    this.along = along;
     this.least = this.scale / 2;
   }
 
@@ -219,7 +232,8 @@ class Plan {
   }
 
   drawScale(pen, ink, card) {
-    const metres = niceStep(60 / this.scale), length = metres * this.scale, x = 14, y = this.height - 14;
+    // At most half as long as the street.
+    const metres = this.bar = Math.min(niceStep(60 / this.scale), niceStep(this.along / 5)), length = metres * this.scale, x = 14, y = this.height - 14;
     pen.strokeStyle = ink;
     pen.fillStyle = ink;
     pen.lineWidth = 1.6;

@@ -149,7 +149,7 @@ class ObjectTable {
     $("table").tBodies[0].replaceChildren(...rows.map((row) => this.row(row)));
     if (rows.length === 0) {
       const words = this.count ? `No ${THINGS.one} passes the filters.` : `The drive has no ${THINGS.many}.`;
-      $("table").tBodies[0].append(el("tr", {}, el("td", { colspan: this.order.length, class: "empty" }, words)));
+      $("table").tBodies[0].append(el("tr", {}, el("td", { colspan: this.order.length, class: "empty" }, el("div", {}, words))));
     }
     const turn = (by, text) => pages === 1 ? null : el("button", { type: "button", class: "plain", disabled: this.page + by < 0 || this.page + by >= pages, onclick: () => { this.page += by; this.show(); } }, text);
     const range = this.rows.length ? `${shown(first + 1)} to ${shown(first + rows.length)} of ${shown(this.rows.length)}` : "0 rows";
@@ -189,7 +189,11 @@ class ObjectTable {
   /** The rows that pass the filters, in the order of the table, after RFC 4180 as objects.csv is. */
   csv() {
     const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-    const lines = this.rows.map((row) => this.columns.map((_, at) => quoted(this.text(at, row))).join(","));
+    // As in objects.csv, so that a name with a semicolon is one name.
+    const encoded = (item) => String(item).replaceAll("%", "%25").replaceAll(";", "%3B");
+    const listed = (items) => items.map(encoded).join(";");
+    const cell = (row, at) => (Array.isArray(this.values[at][row]) ? listed(this.values[at][row]) : this.text(at, row));
+    const lines = this.rows.map((row) => this.columns.map((_, at) => quoted(cell(row, at))).join(","));
     return [this.columns.map((column) => column.name).join(","), ...lines, ""].join("\n");
   }
 

@@ -1,0 +1,200 @@
+//! What the program says about inputs, folders and settings that do not fit, and that it is true. One test
+//! for each statement.
+
+use std::ffi::{OsStr, OsString};
+use std::os::unix::ffi::OsStringExt;
+use std::path::Path;
+
+use crate::util::drive::scratch;
+use crate::util::program::{ended, program};
+use crate::util::shipped;
+
+const SAMPLE: &str = "mls_profiles.las";
+const CHEAP: [&str; 4] = ["--method", "euclidean", "--ground", "voxel-column"];
+
+/// Exit code, standard output and standard error of a call in a folder.
+fn call(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let output = program().current_dir(folder).args(arguments).output().expect("the program starts");
+    let (code, errors) = ended(&output);
+    (code, String::from_utf8_lossy(&output.stdout).into_owned(), errors)
+}
+
+/// Standard output of a call that succeeds.
+fn told(folder: &Path, arguments: &[&str]) -> String {
+    let (code, text, errors) = call(folder, arguments);
+    assert_eq!(code, 0, "{arguments:?}: {errors}");
+    text
+}
+
+/// Standard error of a call that fails with `expected`.
+fn refused(folder: &Path, arguments: &[&str], expected: i32) -> String {
+    let (code, _, errors) = call(folder, arguments);
+    assert_eq!(code, expected, "{arguments:?}: {errors}");
+    errors
+}
+
+/// A folder with the sample in `drive`.
+fn with_drive() -> tempfile::TempDir {
+    let folder = scratch();
+    let drive = folder.path().join("drive/first");
+    std::fs::create_dir_all(&drive).expect("a folder");
+    std::fs::copy(shipped("tests/data").join(SAMPLE), drive.join(SAMPLE)).expect("copied");
+    folder
+}
+
+#[test]
+fn outputs_inside_the_searched_folders_are_no_input() {
+    let folder = with_drive();
+    for search in [&["drive", "-r"][..], &["drive/*/*.las"]] {
+        let run = [&["run"], search, &["-o", "drive/out", "-q"], &CHEAP].concat();
+        told(folder.path(), &run);
+        assert!(told(folder.path(), &run).contains("nothing to do"), "{search:?}");
+        let plan = told(folder.path(), &[&run[..], &["--dry-run"]].concat());
+        assert!(plan.contains("10,310 points in"), "{plan}");
+        let status = told(folder.path(), &["status", "drive/out"]);
+        assert!(status.contains("finished: every output is complete"), "{status}");
+    }
+    let info = told(folder.path(), &["info", "drive", "-r"]);
+    assert!(info.contains("10,310 in 1 file,"), "{info}");
+    // A folder with input is no output folder, and what the message names is an input.
+    let both = refused(folder.path(), &["run", "drive/first", "-o", "drive/first"], 5);
+    assert!(both.contains("drive/first/mls_profiles.las would be overwritten"), "{both}");
+    assert!(!folder.path().join("drive/first/.chainage").exists());
+}
+
+#[test]
+fn the_folder_of_a_run_gives_each_point_once() {
+    let folder = with_drive();
+    told(folder.path(), &[&["run", "drive/first", "-o", "out", "-q", "--copc"][..], &CHEAP].concat());
+    for input in ["out", "out/*.la[sz]"] {
+        let info = told(folder.path(), &["info", input]);
+        assert!(info.contains("10,310 in 1 file,") && !info.contains("drive.copc.laz"), "{info}");
+    }
+    let alone = told(folder.path(), &["info", "out/drive.copc.laz"]);
+    assert!(alone.contains("COPC"), "{alone}");
+}
+
+#[test]
+fn a_name_that_is_not_utf_8_is_refused_before_anything_is_written() {
+    let folder = with_drive();
+    let name = OsString::from_vec(b"gr\xfc\xdf.las".to_vec());
+    let path = folder.path().join(&name);
+    std::fs::copy(shipped("tests/data").join(SAMPLE), &path).expect("copied");
+    for command in [&["info"][..], &["plan"], &["run", "-o", "out"]] {
+        let mut call = program();
+        let output = call.current_dir(folder.path()).args(command).arg(&name).output().expect("starts");
+        let (code, errors) = ended(&output);
+        assert_eq!(code, 4, "{errors}");
+        assert!(
+            errors.contains("gr\\xFC\\xDF.las\" is not UTF-8") && errors.contains("hint: rename"),
+            "{errors}"
+        );
+    }
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn only_named_outputs_are_written_and_charts_are_listed() {
+    let folder = with_drive();
+    let run = |outputs: &str| {
+        let to = ["run", "drive/first", "-o", "out", "-q", "--method", "density-peaks", "--outputs", outputs];
+        let page = told(folder.path(), &to);
+        let charts = std::fs::read_dir(folder.path().join("out")).expect("a folder").filter(|entry| {
+            entry.as_ref().is_ok_and(|entry| entry.path().extension() == Some(OsStr::new("svg")))
+        });
+        (page, charts.count())
+    };
+    let (page, charts) = run("csv");
+    assert!(page.contains("out: objects.csv, report.json\n") && charts == 0, "{page}");
+    let (page, charts) = run("csv,charts");
+    let listed = "out: objects.csv, density-peaks-decision.svg, density-peaks-curvature.svg, report.json\n";
+    assert!(page.contains(listed) && charts == 2, "{page}");
+    let empty = refused(folder.path(), &["run", "drive/first", "-o", "other", "--outputs", ""], 3);
+    assert!(empty.contains("output.files = \"\": must be a list of points, "), "{empty}");
+}
+
+#[test]
+fn numbers_that_cannot_be_read_are_answered_with_an_example() {
+    let folder = with_drive();
+    for value in ["abc", "-3", "99999"] {
+        let text = refused(folder.path(), &["view", "out", "--port", value], 2);
+        assert!(text.contains("must be a whole number, from 0 to 65535, for example 8080"), "{text}");
+    }
+    for value in ["abc", "-3", "-3m"] {
+        let text = refused(folder.path(), &["synth", "mixed", "-o", "x", "--length", value], 2);
+        assert!(text.contains("must be a length, 0 or more, for example 500m"), "{text}");
+    }
+    let text = refused(folder.path(), &["synth", "mixed", "-o", "x", "--speed", "60-30"], 2);
+    assert!(text.contains("must ascend from the lowest to the highest speed: write 30-60"), "{text}");
+    let text = refused(folder.path(), &["train", "drive", "-o", "x.model", "--seed", "-1"], 2);
+    assert!(text.contains("must be a whole number, 0 or more, for example 7"), "{text}");
+}
+
+#[test]
+fn errors_have_the_form_of_the_progress() {
+    let folder = with_drive();
+    let json = ["run", "drive/first", "-o", "out", "--progress", "json", "--set", "a.b=1"];
+    let text = refused(folder.path(), &json, 3);
+    let event: serde_json::Value =
+        serde_json::from_str(text.lines().last().expect("a line")).expect("a line of JSON");
+    assert_eq!((&event["event"], &event["exit_code"]), (&"error".into(), &3.into()), "{text}");
+    // The demo has the same options.
+    let (code, _, errors) = call(folder.path(), &["demo", "-q"]);
+    assert!(code == 0 && !errors.contains("survey"), "{errors}");
+}
+
+#[test]
+fn status_tells_another_method_and_what_is_finished() {
+    let folder = with_drive();
+    told(folder.path(), &[&["run", "drive/first", "-o", "out", "-q"][..], &CHEAP].concat());
+    let page = told(folder.path(), &["status", "out", "--why", "--method", "density-peaks"]);
+    assert!(
+        page.contains("  other passes are needed: cluster.method changed from euclidean to density-peaks\n"),
+        "{page}"
+    );
+    assert!(
+        page.contains("  finished with the settings of the last call; chainage run with these"),
+        "{page}"
+    );
+    assert!(told(folder.path(), &["status", "out"]).ends_with("  finished: every output is complete\n"));
+    std::fs::remove_file(folder.path().join("out/objects.csv")).expect("removed");
+    assert!(told(folder.path(), &["status", "out"]).ends_with("  not finished: the same command resumes\n"));
+    let page = told(folder.path(), &["status", "out", "--method", "dbscan"]);
+    assert!(page.ends_with("  not finished: chainage run with these settings resumes\n"), "{page}");
+}
+
+#[test]
+fn a_foreign_file_in_the_state_is_named_and_stays() {
+    let folder = with_drive();
+    let run = [&["run", "drive/first", "-o", "out", "-q"][..], &CHEAP].concat();
+    let (code, _, errors) = call(folder.path(), &run);
+    assert!(code == 0 && !errors.contains("not of chainage"), "{errors}");
+    let note = folder.path().join("out/.chainage/note.txt");
+    std::fs::write(&note, "mine").expect("written");
+    let (code, _, errors) = call(folder.path(), &run);
+    let warning =
+        "warning: out/.chainage/note.txt is not of chainage: it is left alone, and --fresh removes it\n";
+    assert!(code == 0 && errors.contains(warning), "{errors}");
+    assert!(note.is_file());
+}
+
+#[test]
+fn a_drive_is_learned_from_once() {
+    let folder = with_drive();
+    let twice = refused(folder.path(), &["train", "drive", "drive/../drive", "-o", "x.model"], 3);
+    assert!(twice.contains("train = drive/../drive: must be a drive that is given once"), "{twice}");
+    let missing = refused(folder.path(), &["train", "--model", "x.model"], 2);
+    assert!(missing.contains("--test <DRIVES>..."), "{missing}");
+    assert!(missing.contains("train [OPTIONS] --model <MODEL> --test <DRIVES>...\n"), "{missing}");
+}
+
+#[test]
+fn a_plan_counts_the_disk_of_every_output() {
+    let folder = with_drive();
+    let plan = told(folder.path(), &["run", "drive/first", "-o", "out", "--dry-run", "--copc"]);
+    let disk = plan.lines().find(|line| line.starts_with("  disk ")).expect("a line");
+    // 10,310 records of 40 bytes, and their numbers.
+    assert!(disk.ends_with("of state, and the labelled copies, and drive.copc.laz, which needs 0.4 MiB more while it is written"), "{disk}");
+    let csv = told(folder.path(), &["run", "drive/first", "-o", "out", "--dry-run", "--outputs", "csv"]);
+    assert!(!csv.contains("labelled copies"), "{csv}");
+}
