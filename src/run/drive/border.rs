@@ -92,8 +92,8 @@ impl<'a> Border<'a> {
         let within = self.cell_m / self.lattice.step_m();
         let metres = place.map(|value| self.lattice.metres(value));
         self.edges.iter().any(|edge| {
-            let (inside, along) = beside(*edge, place);
-            inside <= within && (0.0..=1.0).contains(&along)
+            let [inside, before, behind] = beside(*edge, place);
+            inside <= within && before >= -within && behind >= -within
         }) || self.ends.iter().any(|end| self.is_at(end, metres))
     }
 
@@ -251,9 +251,24 @@ fn edges(cells: &PackedCells, raster: &mut Raster<'_>) -> Vec<Edge> {
         [[left, bottom], [left + edge, bottom], [left, top + edge], [left + edge, top + edge]]
     };
     let mut places: Vec<[i64; 2]> = columns.into_iter().flat_map(corners).collect();
-    let hull = convex_hull(&mut places);
+    let hull = without_steps(convex_hull(&mut places), edge as f64);
     let pairs = (0..hull.len()).map(|k| [hull[k], hull[(k + 1) % hull.len()]]);
     pairs.filter(|edge| is_border(*edge, raster)).collect()
+}
+
+/// A hull without the vertices that are not further than `within` outside the line between their neighbours:
+/// around the cells of a slanting border, it has many short edges.
+fn without_steps(mut hull: Vec<[i64; 2]>, within: f64) -> Vec<[i64; 2]> {
+    while hull.len() > 3 {
+        let count = hull.len();
+        let outside = |k: usize| -beside([hull[(k + count - 1) % count], hull[(k + 1) % count]], hull[k])[0];
+        let least = (0..count).min_by(|one, other| outside(*one).total_cmp(&outside(*other)));
+        match least.filter(|least| outside(*least) <= within) {
+            Some(least) => _ = hull.remove(least),
+            None => break,
+        }
+    }
+    hull
 }
 
 /// Whether an edge of the hull is long and has occupied cells beside it.
@@ -282,13 +297,14 @@ fn is_border([from, to]: Edge, raster: &mut Raster<'_>) -> bool {
     filled as f64 >= BESIDE_SHARE * steps as f64
 }
 
-/// How far a place is inside an edge, in lattice units, and where along it, as a share of its length.
-fn beside([from, to]: Edge, place: [i64; 2]) -> (f64, f64) {
+/// How far a place is inside an edge, from its begin along it, and from there to its end, in lattice units.
+fn beside([from, to]: Edge, place: [i64; 2]) -> [f64; 3] {
     let along = [0, 1].map(|k| (to[k] - from[k]) as f64);
     let arm = [0, 1].map(|k| (place[k] - from[k]) as f64);
-    let squared = along[0] * along[0] + along[1] * along[1];
-    let inside = along[0] * arm[1] - along[1] * arm[0];
-    (inside / squared.sqrt(), (along[0] * arm[0] + along[1] * arm[1]) / squared)
+    let length = along[0].hypot(along[1]);
+    let inside = (along[0] * arm[1] - along[1] * arm[0]) / length;
+    let before = (along[0] * arm[0] + along[1] * arm[1]) / length;
+    [inside, before, length - before]
 }
 
 #[cfg(test)]
@@ -349,6 +365,16 @@ mod tests {
         let border = Border::of(&cells, &axis, CellGrid::new(1_000), Lattice::MILLIMETRE);
         let found: Vec<bool> = [0, 50, 99, 161, 220, 299].map(|x| near(&border, x, 3)).to_vec();
         assert_eq!(found, [true, false, true, true, false, true], "{border:?}");
+    }
+
+    #[test]
+    fn a_slanting_border_is_one_although_its_cells_are_steps() {
+        // A parabola that rises by 4 m over 30 m.
+        let cells = packed((0..30).flat_map(|i| (0..30).map(move |j| [i, j + i * i / 200])));
+        let axis = axis(AxisSource::Principal, 0.0, 60.0);
+        let border = Border::of(&cells, &axis, CellGrid::new(1_000), Lattice::MILLIMETRE);
+        let found = [(22, 2), (22, 5), (7, 0)].map(|(x, y)| near(&border, x, y));
+        assert_eq!(found, [true, false, true], "{border:?}");
     }
 
     #[test]
