@@ -250,8 +250,8 @@ def compare(folder, tags, chosen):
     for group, pair in groups.items():
         print(f"{group:16} " + " ".join(f"{counts.f1 / counts.drives:8.4f}" for counts in pair))
     print(f"{'class right':16} " + " ".join(f"{counts.right / max(counts.matched, 1):8.4f}" for counts in whole))
-    for name in whole[0].classes:
-        sums = [counts.classes[name] for counts in whole]
+    for name in dict.fromkeys([*whole[0].classes, *whole[1].classes]):
+        sums = [counts.classes.get(name, [0, 0, 0]) for counts in whole]
         print(f"{name:16} " + "   ".join(f"{f1(one):.4f} {one[0]}/{one[1]}/{one[2]}" for one in sums))
 
 

@@ -144,9 +144,10 @@ fn every_configuration_that_ships_is_accepted_and_says_what_the_defaults_are() {
         }
         if name == "density-peaks.toml" {
             // The voxels of noise are those of the paper, and the defaults are others.
-            let of_the_paper = ["noise.voxel=0.3", "noise.min_component_points=10"];
+            let of_the_paper =
+                ["noise.voxel=0.3", "noise.min_component_points=10", "noise.keep_sparse=false"];
             let methods = ["cluster.method=density-peaks", "ground.method=voxel-column"];
-            let chosen = [methods, of_the_paper].concat().into_iter().map(str::to_owned);
+            let chosen = [&methods[..], &of_the_paper].concat().into_iter().map(str::to_owned);
             let default = Config::resolve(None, &chosen.collect::<Vec<_>>()).unwrap();
             assert_eq!(config.to_json(), default.to_json());
         }

@@ -418,7 +418,7 @@ fn fresh_gives_nothing_up_for_a_request_that_is_refused() {
     let cloud = out.join("drive.copc.laz");
     std::fs::write(&cloud, b"mine").expect("written");
     for (more, code, text) in [
-        (["--set", "output.files=[\"bogus\"]"], 3, "output.files = bogus"),
+        (["--set", "output.files=[\"bogus\"]"], 3, "output.files = \"bogus\""),
         (
             ["--set", "output.dimension=object_class"],
             3,
@@ -435,7 +435,7 @@ fn fresh_gives_nothing_up_for_a_request_that_is_refused() {
     assert!(outputs(&out) == bytes);
     // Where there was no run, none seems to be there afterwards.
     let new = inputs.path("new");
-    refused(&list, &new, &["--set", "output.files=[\"bogus\"]"], 3, &["output.files = bogus"]);
+    refused(&list, &new, &["--set", "output.files=[\"bogus\"]"], 3, &["output.files = \"bogus\""]);
     assert!(!new.exists(), "a folder for a run that was refused");
 }
 
