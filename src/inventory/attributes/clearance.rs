@@ -16,12 +16,6 @@ const LEAST_M: f64 = 0.5;
 /// The same for everything else, in metres. What stands before a wall or fence hides its foot.
 const LEAST_OF_OTHERS_M: f64 = 2.0;
 
-/// One in so many cells above the roadway, the lowest, are strays if a gap is above them (chosen: a branch is
-/// a tenth of a small crown. The rule for the height of an object, up to a fifth, would lose it).
-const ONE_STRAY_IN: usize = 30;
-/// Height of such a gap in metres, as in the profile of an object.
-const STRAY_GAP_M: f64 = 0.3;
-
 /// The attribute.
 #[derive(Debug)]
 pub(crate) struct Clearance;
@@ -33,7 +27,7 @@ impl Attribute for Clearance {
             column_type: ColumnType::Decimal { places: 2 },
             unit: ColumnUnit::Metre,
             definition: "least height above the ground within 3.5 m of the axis, of what begins at least 0.5 m above it (trees, \
-                         poles, wires) or 2 m (others), without a few places below a gap; empty where nothing does, of vehicles and persons (classes 4 and \
+                         poles, wires) or 2 m (others); empty where nothing does, of vehicles and persons (classes 4 and \
                          7), and where the axis is no driven path",
         }]
     }
@@ -44,15 +38,14 @@ impl Attribute for Clearance {
     }
 }
 
-/// Least height over the ground of the cells of the plan that are above the roadway, in metres. A few cells
-/// that a gap divides from the others are strays, as a few points below an object are.
+/// Least height over the ground of the cells of the plan that are above the roadway, in metres.
 fn least(object: &Object<'_>) -> Option<f64> {
     let site = object.site;
     let plan = &object.measures.plan;
     let frame = &object.frames.plan;
     // Ground, and distance of the middle from the axis, by cell of the terrain.
     let mut around = BTreeMap::new();
-    let mut over = Vec::new();
+    let mut least = None::<f64>;
     let lowest_m = match object.kind.class {
         TREE | POLE | WIRE => LEAST_M,
         _ => LEAST_OF_OTHERS_M,
@@ -69,20 +62,13 @@ fn least(object: &Object<'_>) -> Option<f64> {
         });
         let Some(ground_m) = ground_m else { continue };
         let over_m = site.lattice.metres(heights.lowest) - ground_m;
+        let lower = over_m >= lowest_m && least.is_none_or(|least| over_m < least);
         // A cell of the terrain that is too far away has no place that is near enough.
-        if over_m >= lowest_m && middle_offset_m <= ROADWAY_M + diagonal_m && offset_m(place) <= ROADWAY_M {
-            over.push(over_m);
+        if lower && middle_offset_m <= ROADWAY_M + diagonal_m && offset_m(place) <= ROADWAY_M {
+            least = Some(over_m);
         }
     }
-    without_strays(over)
-}
-
-/// The least of these heights in metres, without a few below a gap.
-fn without_strays(mut over: Vec<f64>) -> Option<f64> {
-    over.sort_unstable_by(f64::total_cmp);
-    let few = over.len() / ONE_STRAY_IN;
-    let above = (1..=few).rev().find(|&number| over[number] - over[number - 1] >= STRAY_GAP_M);
-    over.get(above.unwrap_or(0)).copied()
+    least
 }
 
 #[cfg(test)]
@@ -115,21 +101,5 @@ mod tests {
         };
         assert!((least(TREE) - 1.2).abs() < 1e-9 && (least(POLE) - 1.2).abs() < 1e-9);
         assert!((least(5) - 4.11).abs() < 1e-9, "a building");
-    }
-
-    #[test]
-    fn a_stray_point_below_a_crown_does_not_decide() {
-        // A crown from 1.6 m up over the roadway, and one point 0.85 m above the ground.
-        let crown = (0..1_600_i64).map(|n| [n % 40 * 100, 3_000 + n / 40 * 100, 1_600 + n * 37 % 400]);
-        let points: Vec<[i64; 3]> = crown.chain([[4_050, 5_050, 850]]).collect();
-        let ground: Vec<_> = (0..60).map(|k| ([k % 6, 2 + k / 6], 0)).collect();
-        let kind = Kind { class: TREE, confidence: 1 };
-        let least = as_decimals(&values_of(&Clearance, &points, kind, &ground, METRES))[0].unwrap();
-        assert!((least - 1.6).abs() < 0.01, "{least}");
-        // A branch is more than a few points.
-        let branch = (0..200).map(|n| [n % 20 * 100, 4_000 + n / 20 * 100, 850]);
-        let points: Vec<[i64; 3]> = points.into_iter().chain(branch).collect();
-        let least = as_decimals(&values_of(&Clearance, &points, kind, &ground, METRES))[0].unwrap();
-        assert!((least - 0.85).abs() < 0.01, "{least}");
     }
 }
