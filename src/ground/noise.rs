@@ -16,7 +16,7 @@
 //! `benches/results/noise.md`.
 //!
 //! Cost: O(points) for the voxels (shared with a ground filter of the same edge), then O(voxels).
-//! Memory per voxel: 8 bytes beside the voxels themselves. The bench is `benches/kernels.rs`.
+//! Memory per voxel: 8 bytes beside the voxels themselves, and 32 to 64 per cube. The bench is `benches/kernels.rs`.
 //!
 //! Known failures: mixed pixels close to a surface are connected to it and stay; a bird of ten returns stays.
 
@@ -151,11 +151,12 @@ impl IsolatedNoise {
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
         let mut is_noise = small_components(index, self.config.min_component_points);
         if self.config.keep_sparse && is_noise.contains(&true) {
-            let points = points_around(index, &is_noise, self.voxels_of_cube());
-            is_noise
-                .iter_mut()
-                .zip(points)
-                .for_each(|(is_noise, points)| *is_noise &= !FEW.contains(&points));
+            let around = points_around(index, self.voxels_of_cube());
+            for column in 0..index.columns().len() {
+                for voxel in index.column_voxels(column) {
+                    is_noise[voxel] = is_noise[voxel] && !FEW.contains(&around(column, voxel));
+                }
+            }
         }
         if !is_noise.contains(&true) {
             return Ok(());
@@ -211,25 +212,26 @@ fn small_components(index: &VoxelIndex, min_points: u32) -> Vec<bool> {
     roots.into_iter().map(|root| sizes[root] < min_points).collect()
 }
 
-/// Number of points in the 27 cubes around each `wanted` voxel; 0 for other voxels. Cubes of `edge` voxels
-/// are those of the drive.
-fn points_around(index: &VoxelIndex, wanted: &[bool], edge: u32) -> Vec<u64> {
+/// Number of points in the 27 cubes around a voxel, by its column and its number. Cubes of `edge` voxels are
+/// those of the drive.
+fn points_around(index: &VoxelIndex, edge: u32) -> impl Fn(usize, usize) -> u64 {
     let base = index.grid().base;
-    let cube = |axis: usize, at: u32| (base[axis] + i64::from(at)).div_euclid(i64::from(edge));
+    let along = move |axis: usize, at: u32| (base[axis] + i64::from(at)).div_euclid(i64::from(edge));
+    let cube = move |column: usize, voxel: usize| {
+        let [i, j] = index.columns()[column];
+        [along(0, i), along(1, j), along(2, index.heights()[voxel])]
+    };
     let mut cubes: FxHashMap<[i64; 3], u64> = FxHashMap::default();
-    let mut of_voxel = Vec::with_capacity(index.len());
-    for (column, &[i, j]) in index.columns().iter().enumerate() {
+    for column in 0..index.columns().len() {
         for voxel in index.column_voxels(column) {
-            let at = [cube(0, i), cube(1, j), cube(2, index.heights()[voxel])];
-            *cubes.entry(at).or_default() += u64::from(index.counts()[voxel]);
-            of_voxel.push(at);
+            *cubes.entry(cube(column, voxel)).or_default() += u64::from(index.counts()[voxel]);
         }
     }
-    let around = |[i, j, k]: [i64; 3]| {
+    move |column, voxel| {
+        let [i, j, k] = cube(column, voxel);
         let near = (0..27).map(|n| [i + n / 9 - 1, j + n / 3 % 3 - 1, k + n % 3 - 1]);
         near.filter_map(|at| cubes.get(&at)).sum()
-    };
-    of_voxel.into_iter().zip(wanted).map(|(at, wanted)| if *wanted { around(at) } else { 0 }).collect()
+    }
 }
 
 #[cfg(test)]
@@ -314,14 +316,18 @@ mod tests {
             (0..400).map(|_| std::array::from_fn(|_| rng.random_range(-9_000..9_000))).collect();
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
         let index = VoxelIndex::build(NAME, &cloud, 500).unwrap();
-        let found = points_around(&index, &vec![true; index.len()], 3);
+        let around = points_around(&index, 3);
+        let mut column_of = vec![0; index.len()];
+        for column in 0..index.columns().len() {
+            index.column_voxels(column).for_each(|voxel| column_of[voxel] = column);
+        }
         let mut compared = 0;
         for (streak, voxel) in index.streaks() {
             let cube = points[streak.start].map(|value| value.div_euclid(1_500));
             let near = |point: &&[i64; 3]| {
                 point.iter().zip(cube).all(|(value, cube)| value.div_euclid(1_500).abs_diff(cube) <= 1)
             };
-            assert_eq!(found[voxel], points.iter().filter(near).count() as u64);
+            assert_eq!(around(column_of[voxel], voxel), points.iter().filter(near).count() as u64);
             compared += 1;
         }
         assert!(compared > 390, "{compared}");

@@ -123,9 +123,7 @@ impl Moments {
             (points * self.products[k] - self.sums[a] * self.sums[b]) as f64
         })
     }
-}
 
-impl Moments {
     /// Mean squared distance of the points from a plane, both counted from one place.
     pub(super) fn off_plane(&self, plane: &Fit) -> f64 {
         let squared = self.points as f64 * self.points as f64;
