@@ -11,9 +11,10 @@
 //! points, within n - 1 voxels of any of its points. Its full size does not matter.
 //!
 //! Ours, too: where points are few, far from the scanner, those of trees and facades are as far apart as
-//! noise. So a component is kept where 12 to 300 points lie in the cubes of 1.5 m around it. Fewer are
-//! noise all the same, and beside more of them real things are no small components. The study is
-//! `benches/results/noise.md`.
+//! noise. So a component is kept where 12 to 150 points lie in the cubes of 1.5 m around it, and each
+//! occupied voxel there has at most 4 on average. Fewer points are noise all the same. Beside more of them,
+//! or where they are dense, real things are no small components: the edge of a crown near the scanner has
+//! few points, too, but dense ones. The study is `benches/results/noise.md`.
 //!
 //! Cost: O(points) for the voxels (shared with a ground filter of the same edge), then O(voxels).
 //! Memory per voxel: 8 bytes beside the voxels themselves, and 32 to 64 per cube. The bench is
@@ -40,9 +41,11 @@ const NAME: &str = "noise";
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
 /// Edge of the cubes in which points are counted, in metres, and how many points in the 27 cubes around a
-/// small component make it a part of something that few points reach.
+/// small component make it a part of something that few points reach,
 const CUBE_M: f64 = 1.5;
-const FEW: RangeInclusive<u64> = 12..=300;
+const FEW: RangeInclusive<u64> = 12..=150;
+/// if an occupied voxel there has at most this many on average.
+const MOST_PER_VOXEL: u64 = 4;
 
 /// Settings of the section `[noise]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -152,10 +155,10 @@ impl IsolatedNoise {
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
         let mut is_noise = small_components(index, self.config.min_component_points);
         if self.config.keep_sparse && is_noise.contains(&true) {
-            let around = points_around(index, self.voxels_of_cube());
+            let around = around(index, self.voxels_of_cube());
             for column in 0..index.columns().len() {
                 for voxel in index.column_voxels(column) {
-                    is_noise[voxel] = is_noise[voxel] && !FEW.contains(&around(column, voxel));
+                    is_noise[voxel] = is_noise[voxel] && !around(column, voxel).is_sparse();
                 }
             }
         }
@@ -213,30 +216,58 @@ fn small_components(index: &VoxelIndex, min_points: u32) -> Vec<bool> {
     roots.into_iter().map(|root| sizes[root] < min_points).collect()
 }
 
-/// Number of points in the 27 cubes around a voxel, by its column and its number. Cubes of `edge` voxels are
-/// those of the drive.
-fn points_around(index: &VoxelIndex, edge: u32) -> impl Fn(usize, usize) -> u64 {
+/// What is in some cubes.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+struct Content {
+    points: u64,
+    /// Occupied voxels.
+    voxels: u64,
+}
+
+impl Content {
+    fn add(&mut self, other: Self) {
+        self.points += other.points;
+        self.voxels += other.voxels;
+    }
+
+    /// Whether points are so few that those of an object can be as far apart as noise.
+    fn is_sparse(self) -> bool {
+        FEW.contains(&self.points) && self.points <= MOST_PER_VOXEL * self.voxels
+    }
+}
+
+/// What is in the 27 cubes around a voxel, by its column and its number. Cubes of `edge` voxels are those of
+/// the drive.
+fn around(index: &VoxelIndex, edge: u32) -> impl Fn(usize, usize) -> Content {
     let base = index.grid().base;
     let along = move |axis: usize, at: u32| (base[axis] + i64::from(at)).div_euclid(i64::from(edge));
     let cube = move |column: usize, voxel: usize| {
         let [i, j] = index.columns()[column];
         [along(0, i), along(1, j), along(2, index.heights()[voxel])]
     };
-    let mut cubes: FxHashMap<[i64; 3], u64> = FxHashMap::default();
+    let mut cubes: FxHashMap<[i64; 3], Content> = FxHashMap::default();
     for column in 0..index.columns().len() {
         for voxel in index.column_voxels(column) {
-            *cubes.entry(cube(column, voxel)).or_default() += u64::from(index.counts()[voxel]);
+            let one = Content { points: index.counts()[voxel].into(), voxels: 1 };
+            cubes.entry(cube(column, voxel)).or_default().add(one);
         }
     }
     move |column, voxel| {
         let [i, j, k] = cube(column, voxel);
-        let near = (0..27).map(|n| [i + n / 9 - 1, j + n / 3 % 3 - 1, k + n % 3 - 1]);
-        near.filter_map(|at| cubes.get(&at)).sum()
+        let mut content = Content::default();
+        for n in 0..27 {
+            if let Some(one) = cubes.get(&[i + n / 9 - 1, j + n / 3 % 3 - 1, k + n % 3 - 1]) {
+                content.add(*one);
+            }
+        }
+        content
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashSet;
+
     use rand::{RngExt, SeedableRng};
 
     use super::*;
@@ -303,11 +334,17 @@ mod tests {
         assert_eq!(mark(&config, &tree(8)), [LowNoise; 8], "too few for anything");
         let printed = NoiseConfig { keep_sparse: false, ..config.clone() };
         assert_eq!(mark(&printed, &tree(16)), [LowNoise; 16]);
-        // Above a road of many points.
+        // Above a road whose voxels have four points each.
         let stray: [i64; 3] = [1_500, 1_500, 1_900];
-        let road = |count: i64| (0..count).map(|n| [n % 20 * 150, n / 20 * 150, 0]);
-        assert_eq!(mark(&config, &road(299).chain([stray]).collect::<Vec<_>>())[299], Object);
-        assert_eq!(mark(&config, &road(300).chain([stray]).collect::<Vec<_>>())[300], LowNoise);
+        let road = |count: i64| (0..count).map(|n| [n % 16 * 250, n / 16 * 250, 0]);
+        assert_eq!(mark(&config, &road(149).chain([stray]).collect::<Vec<_>>())[149], Object);
+        assert_eq!(mark(&config, &road(150).chain([stray]).collect::<Vec<_>>())[150], LowNoise);
+        // Beside a wall of 14 voxels, and beside its lower half with all of its points: an edge of a crown.
+        let wall = || (0..52).map(|n| [n % 13 * 250, 0, n / 13 * 250]);
+        let half = || wall().map(|[x, y, z]| [x, y, z / 2]);
+        let beside: [i64; 3] = [1_500, 1_100, 0];
+        assert_eq!(mark(&config, &wall().chain([beside]).collect::<Vec<_>>())[52], Object);
+        assert_eq!(mark(&config, &half().chain([beside]).collect::<Vec<_>>())[52], LowNoise);
     }
 
     #[test]
@@ -317,7 +354,7 @@ mod tests {
             (0..400).map(|_| std::array::from_fn(|_| rng.random_range(-9_000..9_000))).collect();
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
         let index = VoxelIndex::build(NAME, &cloud, 500).unwrap();
-        let around = points_around(&index, 3);
+        let around = around(&index, 3);
         let mut column_of = vec![0; index.len()];
         for column in 0..index.columns().len() {
             index.column_voxels(column).for_each(|voxel| column_of[voxel] = column);
@@ -328,7 +365,11 @@ mod tests {
             let near = |point: &&[i64; 3]| {
                 point.iter().zip(cube).all(|(value, cube)| value.div_euclid(1_500).abs_diff(cube) <= 1)
             };
-            assert_eq!(around(column_of[voxel], voxel), points.iter().filter(near).count() as u64);
+            let found = around(column_of[voxel], voxel);
+            assert_eq!(found.points, points.iter().filter(near).count() as u64);
+            let voxels: HashSet<[i64; 3]> =
+                points.iter().filter(near).map(|point| point.map(|value| value.div_euclid(500))).collect();
+            assert_eq!(found.voxels, voxels.len() as u64);
             compared += 1;
         }
         assert!(compared > 390, "{compared}");

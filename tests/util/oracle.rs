@@ -2,6 +2,8 @@
 //! no code with the library and are slow on purpose. Points are lattice coordinates, lengths are lattice
 //! units.
 
+use std::collections::BTreeSet;
+
 /// Points of isolated noise: 0 for none, 2 for low and 3 for high noise. With `keep_sparse`, cubes have
 /// 1.5 m, and `voxel` must divide that.
 pub(crate) fn noise(
@@ -15,11 +17,12 @@ pub(crate) fn noise(
         components(points.len(), |a, b| (0..3).all(|axis| (voxels[a][axis] - voxels[b][axis]).abs() <= 1));
     let size = |point: usize| components.iter().filter(|&&other| other == components[point]).count();
     let cube = |point: usize| points[point].map(|value| value.div_euclid(1_500));
-    let around = |point: usize| {
+    let is_sparse = |point: usize| {
         let near = |other: &usize| (0..3).all(|axis| (cube(point)[axis] - cube(*other)[axis]).abs() <= 1);
-        (0..points.len()).filter(near).count()
+        let around: Vec<usize> = (0..points.len()).filter(near).collect();
+        let occupied: BTreeSet<[i64; 3]> = around.iter().map(|&other| voxels[other]).collect();
+        keep_sparse && (12..=150).contains(&around.len()) && around.len() <= 4 * occupied.len()
     };
-    let is_sparse = |point: usize| keep_sparse && (12..=300).contains(&around(point));
     let is_noise: Vec<bool> =
         (0..points.len()).map(|point| size(point) < min_points && !is_sparse(point)).collect();
     let verdict = |point: usize| {
