@@ -266,7 +266,7 @@ fn around(index: &VoxelIndex, edge: u32) -> impl Fn(usize, usize) -> Content {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::HashSet;
+    use std::collections::BTreeSet;
 
     use rand::{RngExt, SeedableRng};
 
@@ -367,7 +367,7 @@ mod tests {
             };
             let found = around(column_of[voxel], voxel);
             assert_eq!(found.points, points.iter().filter(near).count() as u64);
-            let voxels: HashSet<[i64; 3]> =
+            let voxels: BTreeSet<[i64; 3]> =
                 points.iter().filter(near).map(|point| point.map(|value| value.div_euclid(500))).collect();
             assert_eq!(found.voxels, voxels.len() as u64);
             compared += 1;
