@@ -17,7 +17,7 @@
 //! few points, too, but dense ones. The study is `benches/results/noise.md`.
 //!
 //! Cost: O(points) for the voxels (shared with a ground filter of the same edge), then O(voxels).
-//! Memory per voxel: 8 bytes beside the voxels themselves, and 32 to 64 per cube. The bench is
+//! Memory per voxel: 8 bytes beside the voxels themselves, and 50 to 100 per cube. The bench is
 //! `benches/kernels.rs`.
 //!
 //! Known failures: mixed pixels close to a surface are connected to it and stay; a bird of ten returns stays.
