@@ -134,7 +134,7 @@ def score(arguments):
 
     truth = json.loads(pathlib.Path(arguments.file).with_suffix(".json").read_text())
     las = laspy.read(pathlib.Path(arguments.out) / pathlib.Path(arguments.file).name)
-    found, true = np.asarray(las.cluster_id), np.asarray(las.gt_instance)
+    found, true = np.asarray(las.surface_id), np.asarray(las.gt_instance)
     with open(pathlib.Path(arguments.out) / "surfaces.csv", newline="") as file:
         rows = {int(row["id"]): row for row in csv.DictReader(file)}
     table = np.zeros((true.max() + 1, found.max() + 1), int)
@@ -198,11 +198,11 @@ def draw(arguments):
     import matplotlib.pyplot as plt
 
     las = laspy.read(arguments.file)
-    ids = np.asarray(las.cluster_id)
+    ids = np.asarray(las.surface_id)
     xyz = np.stack([las.x, las.y, las.z], 1)
     keep = np.random.default_rng(0).permutation(len(ids))[: arguments.points]
     xyz, ids = xyz[keep], ids[keep]
-    sizes = np.bincount(np.asarray(las.cluster_id))
+    sizes = np.bincount(np.asarray(las.surface_id))
     colours = np.random.default_rng(3).random((ids.max() + 1, 3)) * 0.75 + 0.1
     colours[sizes < arguments.small] = [0.75, 0.75, 0.75]
     colours[0] = [0.85, 0.85, 0.85]
@@ -230,7 +230,7 @@ def kerb(arguments):
     for file, axes in zip(arguments.files, bands[:, 0]):
         las = laspy.read(file)
         true = np.asarray(las.gt_instance) == 2
-        ids = np.asarray(las.cluster_id)[true]
+        ids = np.asarray(las.surface_id)[true]
         x, z = np.asarray(las.x)[true] - CORNER[0], np.asarray(las.z)[true] - CORNER[2]
         order = np.argsort(-np.bincount(ids))
         rank = np.empty(len(order), int)

@@ -114,6 +114,24 @@ fn only_named_outputs_are_written_and_charts_are_listed() {
 }
 
 #[test]
+fn las_codes_that_the_points_cannot_store_are_refused_and_those_without_objects_told() {
+    let folder = with_drive();
+    let run = |codes: &'static str| {
+        [&["run", "drive/first", "-o", "out", "--outputs", "points", "--set", codes], &CHEAP[..]].concat()
+    };
+    // Point format 1 has five bits for the class.
+    let text = refused(folder.path(), &run("output.classification=pole=64,tree=31"), 5);
+    let told = "mls_profiles.las has point format 1 and LAS classes up to 31: pole cannot be 64";
+    assert!(text.contains(told) && text.contains("choose codes up to 31"), "{text}");
+    assert!(!folder.path().join("out").exists(), "a folder for a run that was refused");
+    let text = refused(folder.path(), &run("output.classification=lamp=64"), 3);
+    assert!(text.contains("as in pole=64,vehicle=65 (classes: tree, pole, vehicle, building,"), "{text}");
+    let (code, _, text) = call(folder.path(), &run("output.classification=pole=20"));
+    let told = "the LAS codes of output.classification have no effect: euclidean names no objects";
+    assert!(code == 0 && text.contains(told), "{code} {text}");
+}
+
+#[test]
 fn numbers_that_cannot_be_read_are_answered_with_an_example() {
     let folder = with_drive();
     for value in ["abc", "-3", "99999"] {

@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use chainage::cluster::p_linkage::{Surfaces, SurfacesConfig};
+use chainage::input::{Catalog, InputOptions};
 use chainage::model::Plane;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -381,4 +382,33 @@ fn another_method_leaves_no_surfaces_behind() {
     let euclidean = MethodRun { method: "euclidean", results: &["objects.csv"] };
     euclidean.run_in(&out, &[]);
     assert!(!out.join("surfaces.csv").exists() && !out.join("surfaces.ply").exists());
+}
+
+/// The number of a surface is no number of an object, so it has a name of its own, which `eval` finds.
+#[test]
+fn surfaces_have_a_dimension_of_their_own() {
+    let folder = scratch();
+    let dimensions = |name: &str, settings: &[&str]| {
+        let out = folder.path().join(name);
+        SURFACES.run_in(&out, settings);
+        let copy = out.join("tree_road_sweep.laz");
+        let catalog = Catalog::open(std::slice::from_ref(&copy), &InputOptions::default()).unwrap();
+        let names = ["cluster_id", "surface_id", "plane"];
+        let layout = catalog.files()[0].layout();
+        (copy, names.map(|name| layout.dimension(name).is_some()))
+    };
+    let (copy, found) = dimensions("auto", &[]);
+    assert_eq!(found, [false, true, false]);
+    let score = |more: &[&str]| {
+        let mut call = crate::util::program::program();
+        call.args(["eval", "--json", "-", "--class-dim", "none", "--reference-dim", "surface_id"]).args(more);
+        let output = call.arg(&copy).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let found = score(&[]);
+    assert_eq!(found["compared"]["prediction_dim"], "surface_id");
+    assert_eq!(found, score(&["--prediction-dim", "surface_id"]));
+    let (_, found) = dimensions("named", &["output.dimension=plane"]);
+    assert_eq!(found, [false, false, true]);
 }

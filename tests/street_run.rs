@@ -3,6 +3,8 @@
 
 use std::path::PathBuf;
 
+use chainage::input::{Catalog, Fields, InputOptions};
+
 use crate::util::drive::scratch;
 use crate::util::method_run::{MethodRun, resumed};
 
@@ -62,4 +64,38 @@ fn objects_of_classes_that_are_not_wanted_have_no_id_and_change_no_other() {
     let expected: Vec<_> = all.iter().filter(|(class, ..)| class == "3" || class == "4").cloned().collect();
     assert!(expected.len() > 3 && expected.len() < all.len() / 2, "{} of {}", expected.len(), all.len());
     assert_eq!(some, expected);
+}
+
+#[test]
+fn chosen_las_codes_change_the_class_of_these_objects_and_of_nothing_else() {
+    let folder = scratch();
+    let copy = |name: &str, settings: &[&str]| {
+        let out = folder.path().join(name);
+        STREET.run_in(&out, settings);
+        let copy = Catalog::open(&[out.join("tree_road_sweep.laz")], &InputOptions::default()).unwrap();
+        let (file, mut buffer, mut all) = (&copy.files()[0], Vec::new(), Vec::new());
+        let kind = file.layout().dimension("object_class").unwrap().offset;
+        let length = file.layout().record_len;
+        for block in 0..file.blocks().len() {
+            let records = file.records(block, Fields::All, &mut buffer).unwrap();
+            all.extend(records.chunks_exact(length).map(<[u8]>::to_vec));
+        }
+        (file.layout().classification, kind, all)
+    };
+    let (at, kind, plain) = copy("plain", &[]);
+    let (_, _, chosen) =
+        copy("chosen", &["output.classification=\"tree=4,pole=64\"", "tiling.tile_length=20"]);
+    let mut changed = [0, 0];
+    for (plain, chosen) in plain.iter().zip(&chosen) {
+        let expected = match plain[kind] {
+            2 => 4,
+            3 => 64,
+            _ => plain[at],
+        };
+        changed[0] += usize::from(expected == 4);
+        changed[1] += usize::from(expected == 64);
+        assert_eq!(chosen[at], expected);
+        assert!(chosen[..at] == plain[..at] && chosen[at + 1..] == plain[at + 1..]);
+    }
+    assert!(plain.len() == chosen.len() && changed.iter().all(|&points| points > 100), "{changed:?}");
 }

@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use chainage::Result;
-use chainage::config::LengthUnit;
+use chainage::config::{CLUSTER_ID, LengthUnit, SURFACE_ID};
 use chainage::input::{Catalog, Fields, InputOptions};
 
 /// Bytes of the header of LAS 1.4, and of a record of point format 6.
@@ -105,8 +105,9 @@ pub(crate) fn labels(path: PathBuf) -> Result<Labels> {
     let mut labels = Labels::default();
     for file in catalog.files() {
         let layout = file.layout();
-        let missing = || chainage::Error::bug("the labelled copy has no dimension cluster_id");
-        let object = layout.dimension("cluster_id").ok_or_else(missing)?.offset;
+        let missing = || chainage::Error::bug("the labelled copy has neither cluster_id nor surface_id");
+        let of_objects = layout.dimension(CLUSTER_ID).or_else(|| layout.dimension(SURFACE_ID));
+        let object = of_objects.ok_or_else(missing)?.offset;
         let kind = layout.dimension("object_class").map(|dimension| dimension.offset);
         let mut kinds = Vec::new();
         let mut buffer = Vec::new();

@@ -58,16 +58,6 @@ pub enum AxisChoice {
     Principal,
 }
 
-/// What is done with the classification of the records.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ClassificationChoice {
-    /// Ground and noise are written, other classes stay.
-    Set,
-    /// All classes stay.
-    Keep,
-}
-
 /// Whether labelled copies are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -14,6 +14,7 @@
 
 mod choices;
 mod error;
+mod las_codes;
 mod merge;
 mod presets;
 mod renamed;
@@ -23,9 +24,10 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-pub use choices::{AxisChoice, ClassificationChoice, LengthUnit, OutputFormat};
+pub use choices::{AxisChoice, LengthUnit, OutputFormat};
 pub(crate) use choices::{FOOT, US_SURVEY_FOOT};
 pub use error::ConfigError;
+pub use las_codes::{ClassificationChoice, LasCodes};
 pub use presets::{PRESETS, Preset};
 
 /// The text of `config/default.toml`: every setting with its unit and default.
@@ -71,7 +73,7 @@ pub struct MethodChoice {
 pub struct OutputConfig {
     /// Whether labelled copies are compressed.
     pub format: OutputFormat,
-    /// Name of the dimension with the object id.
+    /// Name of the dimension with the object id; `auto` depends on the method ([`Self::dimension_of`]).
     pub dimension: String,
     /// What happens to the classification.
     pub classification: ClassificationChoice,
@@ -87,7 +89,23 @@ pub struct OutputConfig {
     pub report_mb: f64,
 }
 
+/// Dimension of the objects.
+pub const CLUSTER_ID: &str = "cluster_id";
+/// Dimension of the surfaces, where a method finds surfaces instead of objects.
+pub const SURFACE_ID: &str = "surface_id";
+
 impl OutputConfig {
+    /// Name of the dimension with the id of the object of a point, or of its surface if the method finds
+    /// `surfaces`.
+    #[must_use]
+    pub fn dimension_of(&self, surfaces: bool) -> &str {
+        match self.dimension.as_str() {
+            "auto" if surfaces => SURFACE_ID,
+            "auto" => CLUSTER_ID,
+            name => name,
+        }
+    }
+
     /// Whether an output is written: `points` (labelled copies), `charts` (of the thresholds of the method),
     /// `copc` (the cloud-optimised file), `report` (the page), or a format of the table of objects by its
     /// extension. `report.json` always is.
@@ -421,7 +439,11 @@ mod tests {
             ("tiling.cell", "cannot read the assignment tiling.cell, expected section.key=value"),
             ("output.format=shp", "output.format = shp: must be same, las or laz"),
             ("input.unit=yard", "input.unit = yard: must be auto, metre, foot or us-survey-foot"),
-            ("output.classification=no", "output.classification = no: must be set or keep"),
+            (
+                "output.classification=no",
+                "output.classification = \"no\": must be set, keep, or LAS codes from 0 to 255, each class once, as \
+                 in pole=64,vehicle=65 (classes: tree, pole,",
+            ),
             ("run.fail_fast=3", "run.fail_fast = 3: must be true or false"),
             ("tiling.cell=wide", "tiling.cell = \"wide\": must be a number"),
             ("tiling.cell=auto", "tiling.cell = \"auto\": must be a number"),

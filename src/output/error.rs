@@ -66,6 +66,23 @@ pub enum OutputError {
         /// The data type that is needed.
         expected: u8,
     },
+    /// A LAS class that the point format of a file cannot store.
+    #[error(
+        "{path} has point format {point_format} and LAS classes up to {limit}: {class} cannot be {code}",
+        path = path.display()
+    )]
+    ClassCode {
+        /// The input file.
+        path: PathBuf,
+        /// Word of the class of objects.
+        class: &'static str,
+        /// Its LAS code.
+        code: u8,
+        /// Point format of the file.
+        point_format: u8,
+        /// Largest code.
+        limit: u8,
+    },
     /// The new records would be longer than the format allows.
     #[error("the labelled records of {path} would have {length} bytes; at most {limit} are possible", path = path.display())]
     RecordLength {
@@ -150,6 +167,13 @@ impl Failure for OutputError {
             Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 Some("choose another name with output.dimension".into())
             }
+            Self::ClassCode { limit, .. } => Some(
+                format!(
+                    "choose codes up to {limit} in output.classification, or convert the files to a point format from 6 \
+                     to 10"
+                )
+                .into(),
+            ),
             Self::NameClash { .. } => {
                 Some("rename one of the input files, or process them as separate drives".into())
             }

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use crate::cluster::{self, ClusterEntry, Method};
-use crate::config::{self, Config, ConfigError};
+use crate::config::{self, ClassificationChoice, Config, ConfigError};
 use crate::error::Result;
 use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoGround, NoiseConfig};
 use crate::input::InputError;
@@ -61,6 +61,13 @@ impl Chain {
         let mut warnings = without_effect(config, &asked.into_inner())?;
         if config.output.files.iter().any(|name| name == "ply") && !method.finds_surfaces() {
             warnings.push(format!("the output ply is of surfaces, and {name} finds none: it is not written"));
+        }
+        let chose_codes =
+            matches!(&config.output.classification, ClassificationChoice::Set(codes) if !codes.is_empty());
+        if chose_codes && !method.classifies() {
+            warnings.push(format!(
+                "the LAS codes of output.classification have no effect: {name} names no objects"
+            ));
         }
         if let Some(file) = method.model_file().map(str::to_owned) {
             let content = fs_err::read(&file)

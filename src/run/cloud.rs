@@ -6,7 +6,7 @@ use crate::output::LabelledFile;
 use crate::output::points::copc::{CopcFormat, Cube};
 use crate::run::drive::Tiled;
 use crate::run::engine::{Driver, Outline};
-use crate::run::finish::names::CLOUD;
+use crate::run::finish::names::{self, CLOUD};
 use crate::run::open::Opened;
 use crate::run::passes::copc_nodes::{self, CopcNodesPass};
 use crate::run::passes::copc_points::{self, Columns, CopcPointsPass};
@@ -38,8 +38,9 @@ impl Cloud<'_> {
     pub(crate) fn complete<D: Driver>(&self, driver: &mut D) -> Result<Option<()>> {
         let Self { open, tiled, run_dir, .. } = self;
         let drive = tiled.drive;
-        let classifies = open.chain.method.classifies();
-        let format = CopcFormat::of(drive.catalog.files(), &open.config.output.dimension, classifies)?;
+        let method = open.chain.method.as_ref();
+        let dimension = names::dimension(open.config, method);
+        let format = CopcFormat::of(drive.catalog.files(), dimension, method.classifies())?;
         let columns = self.columns(&format);
         let [outline, nodes] = self.outlines.clone();
         let points = CopcPointsPass {

@@ -45,7 +45,7 @@ impl<'a> Begun<'a> {
         // Before the names of the copies: a folder with input would give each of its files two of them.
         identity::check_apart(&catalog, &request.out)?;
         let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-        let (mut labelled, file_warnings) = names::copies(&catalog, config, chain.method.classifies())?;
+        let (mut labelled, file_warnings) = names::copies(&catalog, config, chain.method.as_ref())?;
         labelled.iter_mut().for_each(|file| file.in_folder(&request.out));
         let surfaces = chain.method.finds_surfaces();
         // Everything that can refuse the request comes before the state of an earlier run is discarded.

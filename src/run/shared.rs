@@ -216,7 +216,7 @@ fn walk<D: Driver>(
 ) -> Result<Option<(Planned, Outcome)>> {
     let Some(surveyed) = flow::survey(open, driver, Some(run_dir))? else { return Ok(None) };
     let Some(planned) = flow::plan(open, driver, surveyed)? else { return Ok(None) };
-    let (labelled, _) = names::copies(&open.drive.catalog, open.config, open.chain.method.classifies())?;
+    let (labelled, _) = names::copies(&open.drive.catalog, open.config, open.chain.method.as_ref())?;
     let outcome = flow::to_files(open, driver, run_dir, &planned, labelled)?;
     Ok(outcome.map(|outcome| (planned, outcome)))
 }

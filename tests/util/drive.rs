@@ -79,7 +79,8 @@ impl Labelled {
         let mut all = Self::default();
         for file in catalog.files() {
             let layout = file.layout();
-            let label = layout.dimension("cluster_id").expect("labelled").offset;
+            let of_objects = layout.dimension("cluster_id").or_else(|| layout.dimension("surface_id"));
+            let label = of_objects.expect("labelled").offset;
             for block in 0..file.blocks().len() {
                 let mut buffer = Vec::new();
                 for record in

@@ -33,9 +33,10 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "CSV", help_heading = "Input")]
     trajectory: Option<PathBuf>,
 
-    /// Dimension with the ids of the predicted segments; 0 or less: no segment
-    #[arg(long, value_name = "NAME", default_value = "cluster_id", help_heading = "Labels")]
-    prediction_dim: String,
+    /// Dimension with the ids of the predicted segments; 0 or less: no segment [default: cluster_id, or
+    /// surface_id if the files have only that]
+    #[arg(long, value_name = "NAME", help_heading = "Labels")]
+    prediction_dim: Option<String>,
 
     /// Dimension with the ids of the reference objects; 0 or less: no object
     #[arg(long, value_name = "NAME", default_value = "gt_instance", help_heading = "Labels")]
@@ -209,7 +210,7 @@ impl EvalArgs {
         Provenance {
             prediction: paths(prediction),
             reference: paths(reference),
-            prediction_dim: self.prediction_dim.clone(),
+            prediction_dim: counted.prediction_dim.clone(),
             reference_dim: self.reference_dim.clone(),
             class_dim: self.has_classes().then(|| self.class_dim.clone()),
             named_dim: counted.named_dim.clone(),

@@ -57,6 +57,8 @@ pub struct Counted {
     pub lattice: Lattice,
     /// How the points were matched.
     pub matching: Matching,
+    /// The dimension of the predicted segments.
+    pub prediction_dim: String,
     /// The dimension of the predicted classes of objects, if they were compared.
     pub named_dim: Option<String>,
 }
@@ -75,11 +77,12 @@ pub fn count(
 ) -> Result<Counted> {
     let parts = Parts::new(&settings.scratch);
     let predicted = Files::prediction(prediction, settings)?;
+    let prediction_dim = settings.prediction_dim_in(prediction).to_owned();
     let named_dim = settings.named_dim_in(prediction).map(str::to_owned);
     let Some(reference) = reference else {
         let table = order::count_same_files(&predicted, &Files::reference(prediction, settings)?, parts)?;
         let matching = Matching::SameRecords;
-        return Ok(Counted { table, lattice: prediction.lattice(), matching, named_dim });
+        return Ok(Counted { table, lattice: prediction.lattice(), matching, prediction_dim, named_dim });
     };
     let referred = Files::reference(reference, settings)?;
     let with_time = predicted.has_time() && referred.has_time() && !settings.ignore_time;
@@ -89,7 +92,7 @@ pub fn count(
         Some(table) => (table, Matching::RecordOrder),
         None => (by_key(&pair, settings, note)?, pair.matching_by_key()),
     };
-    Ok(Counted { table, lattice: reference.lattice(), matching, named_dim })
+    Ok(Counted { table, lattice: reference.lattice(), matching, prediction_dim, named_dim })
 }
 
 fn by_key(pair: &Pair<'_>, settings: &CompareSettings, note: &dyn Fn(&str)) -> Result<Table> {

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::input::Catalog;
+use crate::config::{CLUSTER_ID, SURFACE_ID};
+use crate::input::{Catalog, InputFile};
 
 /// The dimension of the predicted classes of objects that is compared without being asked for.
 const OBJECT_CLASS: &str = "object_class";
@@ -10,8 +11,9 @@ const OBJECT_CLASS: &str = "object_class";
 /// Which dimensions contain the labels, and how points are matched.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CompareSettings {
-    /// Dimension of the predicted segments.
-    pub prediction_dim: String,
+    /// Dimension of the predicted segments. If it is none, it is `cluster_id`, or `surface_id` where no file
+    /// has `cluster_id` and all have that.
+    pub prediction_dim: Option<String>,
     /// Dimension of the reference objects.
     pub reference_dim: String,
     /// Dimension of the reference classes; none when there are no classes.
@@ -32,7 +34,7 @@ pub struct CompareSettings {
 impl Default for CompareSettings {
     fn default() -> Self {
         Self {
-            prediction_dim: "cluster_id".to_owned(),
+            prediction_dim: None,
             reference_dim: "gt_instance".to_owned(),
             class_dim: Some("gt_class".to_owned()),
             named_dim: None,
@@ -45,6 +47,14 @@ impl Default for CompareSettings {
 }
 
 impl CompareSettings {
+    /// The dimension of the predicted segments.
+    pub(super) fn prediction_dim_in(&self, prediction: &Catalog) -> &str {
+        let files = prediction.files();
+        let has = |file: &InputFile, name| file.layout().dimension(name).is_some();
+        let surfaces = files.iter().all(|file| has(file, SURFACE_ID) && !has(file, CLUSTER_ID));
+        self.prediction_dim.as_deref().unwrap_or(if surfaces { SURFACE_ID } else { CLUSTER_ID })
+    }
+
     /// The dimension of the predicted classes of objects, if they are compared: there are classes to compare
     /// them with, and a dimension was named or all files have the one of this program. `none` names no
     /// dimension.

@@ -104,10 +104,11 @@ impl LabelFields for ReferenceFields {
 
 impl<'a> Files<'a, PredictionFields> {
     pub(super) fn prediction(catalog: &'a Catalog, settings: &CompareSettings) -> Result<Self, EvalError> {
+        let segment = settings.prediction_dim_in(catalog);
         let named = settings.named_dim_in(catalog);
         let fields = |file: &InputFile| {
             Ok(PredictionFields {
-                segment: LabelField::find(file, Side::Prediction, &settings.prediction_dim)?,
+                segment: LabelField::find(file, Side::Prediction, segment)?,
                 class: LabelField::find(file, Side::Prediction, "classification")?,
                 named: named.map(|name| LabelField::find(file, Side::Prediction, name)).transpose()?,
                 ground: settings.ground_classes.clone(),

@@ -14,7 +14,7 @@ impl Attribute for Id {
             name: "id",
             column_type: ColumnType::Count,
             unit: ColumnUnit::None,
-            definition: "object id, from 1, as `cluster_id` of the points",
+            definition: "object id, from 1, as `cluster_id` or `surface_id` of the points",
         }]
     }
 

@@ -2,6 +2,7 @@
 
 use super::descriptor::{self, DESCRIPTOR, ExtraType};
 use super::options::LabelOptions;
+use crate::config::LasCodes;
 use crate::input::{InputFile, RecordLayout};
 use crate::model::PointClass;
 use crate::output::error::OutputError;
@@ -14,6 +15,8 @@ const ORIGINAL_CLASS: &str = "original_classification";
 pub(super) const OBJECT_CLASS: &str = "object_class";
 /// Names of dimensions that have their own meaning: the dimension of the objects has another one.
 pub(crate) const RESERVED: [&str; 2] = [ORIGINAL_CLASS, OBJECT_CLASS];
+/// Number of the codes of `object_class`.
+const OBJECT_CLASSES: usize = 10;
 /// LAS classes of our classes (LAS 1.4 R15, tables 9 and 17).
 const GROUND: u8 = 2;
 const HIGH_VEGETATION: u8 = 5;
@@ -37,6 +40,8 @@ pub(super) struct RecordPlan {
     class: Option<(usize, u8)>,
     class_byte: usize,
     class_mask: u8,
+    /// LAS classes of the classes of objects, by their codes; none where the point keeps its class.
+    objects: [Option<u8>; OBJECT_CLASSES],
     /// Whether the format has LAS classes above 12.
     extended: bool,
 }
@@ -48,6 +53,14 @@ impl RecordPlan {
         options: &LabelOptions,
     ) -> Result<(Self, Vec<[u8; DESCRIPTOR]>), OutputError> {
         let layout = input.layout();
+        let limit = layout.classification_mask;
+        if options.set_classification
+            && let Some((class, code)) = options.class_codes.largest()
+            && code > limit
+        {
+            let (path, point_format) = (input.path().to_owned(), layout.point_format);
+            return Err(OutputError::ClassCode { path, class, code, point_format, limit });
+        }
         let label = existing(input, &options.dimension, ExtraType::U32)?;
         let kept = existing(input, ORIGINAL_CLASS, ExtraType::U8)?;
         let keep = options.keep_original && kept.is_none();
@@ -89,6 +102,8 @@ impl RecordPlan {
         label: usize,
         original_class: Option<usize>,
     ) -> Self {
+        // Formats 0 to 5 have no class for wires and high noise: 14 and 18 are reserved there.
+        let extended = layout.point_format >= 6;
         Self {
             input_len: layout.record_len,
             output_len,
@@ -98,8 +113,8 @@ impl RecordPlan {
             class: options.set_classification.then_some((layout.classification, layout.classification_mask)),
             class_byte: layout.classification,
             class_mask: layout.classification_mask,
-            // Formats 0 to 5 have no class for wires and high noise: 14 and 18 are reserved there.
-            extended: layout.point_format >= 6,
+            objects: objects(&options.class_codes, extended),
+            extended,
         }
     }
 
@@ -147,20 +162,27 @@ impl RecordPlan {
     }
 
     /// The LAS class of a class code and of the class of an object; `None` if the point keeps its class.
-    /// Vehicles, poles, fences and furniture have no class in LAS.
     fn las_class(&self, code: u8, kind: u8) -> Option<u8> {
         match PointClass::from_code(code)? {
-            PointClass::Object => match kind {
-                2 => Some(HIGH_VEGETATION),
-                5 => Some(BUILDING),
-                8 if self.extended => Some(WIRE),
-                _ => None,
-            },
+            PointClass::Object => self.objects.get(usize::from(kind)).copied().flatten(),
             PointClass::Ground => Some(GROUND),
             PointClass::LowNoise => Some(LOW_NOISE),
             PointClass::HighNoise => Some(if self.extended { HIGH_NOISE } else { LOW_NOISE }),
         }
     }
+}
+
+/// LAS classes of the classes of objects. Vehicles, poles, fences and furniture have none, unless the user
+/// chose one.
+fn objects(chosen: &LasCodes, extended: bool) -> [Option<u8>; OBJECT_CLASSES] {
+    let mut codes = [None; OBJECT_CLASSES];
+    codes[2] = Some(HIGH_VEGETATION);
+    codes[5] = Some(BUILDING);
+    codes[8] = extended.then_some(WIRE);
+    for (code, class) in codes.iter_mut().zip(0..) {
+        *code = chosen.of(class).or(*code);
+    }
+    codes
 }
 
 /// Place of a dimension that an earlier run added; an error if another dimension has its name.

@@ -1,6 +1,7 @@
 //! The names of the outputs of a run, and whether they may be written.
 
-use crate::config::{ClassificationChoice, Config, ConfigError};
+use crate::cluster::Method;
+use crate::config::{ClassificationChoice, Config, ConfigError, LasCodes};
 use crate::error::Result;
 use crate::input::{CLOUD_NAME, Catalog};
 use crate::output::objects;
@@ -65,19 +66,29 @@ fn check_settings(config: &Config) -> Result<(), ConfigError> {
     }
 }
 
+/// Name of the dimension with the objects or surfaces of a method.
+pub(crate) fn dimension<'a>(config: &'a Config, method: &dyn Method) -> &'a str {
+    config.output.dimension_of(method.finds_surfaces())
+}
+
 /// The labelled copies of a run, and warnings about them. Their names do not collide.
 pub(crate) fn copies(
     catalog: &Catalog,
     config: &Config,
-    object_class: bool,
+    method: &dyn Method,
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
     check_settings(config)?;
+    let (set_classification, class_codes) = match &config.output.classification {
+        ClassificationChoice::Keep => (false, LasCodes::default()),
+        ClassificationChoice::Set(codes) => (true, codes.clone()),
+    };
     let options = LabelOptions {
         format: config.output.format,
-        dimension: config.output.dimension.clone(),
-        set_classification: config.output.classification == ClassificationChoice::Set,
+        dimension: dimension(config, method).to_owned(),
+        set_classification,
+        class_codes,
         keep_original: config.output.original_classification,
-        object_class,
+        object_class: method.classifies(),
     };
     let mut files: Vec<LabelledFile> = Vec::new();
     let mut warnings = Vec::new();

@@ -13,6 +13,7 @@ use crate::run::chain::Registries;
 use crate::run::computed;
 use crate::run::drive::{AxisFacts, Tiled};
 use crate::run::engine::InMemory;
+use crate::run::finish::names;
 use crate::run::flow::{self, Planned};
 use crate::run::open::Opened;
 use crate::run::plan::{self, Budget, Work, over_budget, tile_bytes};
@@ -141,8 +142,8 @@ pub fn plan_of(
     let ground_points = tiles.iter().map(|tile| tile.points_read).sum();
     let cloud_scratch_bytes = match config.output.writes("copc") {
         true => {
-            let classifies = chain.method.classifies();
-            let format = CopcFormat::of(drive.catalog.files(), &config.output.dimension, classifies)?;
+            let dimension = names::dimension(config, chain.method.as_ref());
+            let format = CopcFormat::of(drive.catalog.files(), dimension, chain.method.classifies())?;
             Some(points * (format.record_len() as u64 + 4))
         }
         false => None,
