@@ -3,10 +3,12 @@
 
     scripts/score_street.py PROGRAM FOLDER [TAG] [--only GROUP,NAME,...] [--data FOLDER] [-- OPTIONS OF chainage run...]
     scripts/score_street.py --compare TAG TAG FOLDER [--only ...]
+    scripts/score_street.py --beside TAG TAG... FOLDER [--only ...]
 
 The first form makes the drives in FOLDER, once, runs PROGRAM on each, and keeps FOLDER/TAG/DRIVE.json, the evaluation (default TAG: now).
 Evaluations that are there are not repeated, and a TAG is for one program and its options. Then it prints F1 by group, the sums of the classes, and a row for each drive.
-The second form prints what changed from one TAG to the other: by group, by class, and each drive. An object counts as found if a segment
+The second form prints what changed from one TAG to the other: by group, by class, and each drive. The third form sets the first TAG beside
+the others, evaluations of other methods (options after --): mean F1, and each drive and class in which another one is better. An object counts as found if a segment
 has an IoU above 0.5 with it; false segments are those that match no object. A program takes seven minutes on two idle cores once the
 drives are made; they take 14 GB. Labelled scenes that are missing are left out. `--only land` has drives on slopes, over bridges, in a
 tunnel and at other speeds (Python with numpy, scipy and laspy).
@@ -255,6 +257,36 @@ def compare(folder, tags, chosen):
         print(f"{name:16} " + "   ".join(f"{f1(one):.4f} {one[0]}/{one[1]}/{one[2]}" for one in sums))
 
 
+def beside(folder, tags, chosen):
+    first, *others = tags
+    sums, better, drives_of = {}, {}, {}
+    for _, name, *_ in chosen:
+        rows = {}
+        for tag in tags:
+            evaluation = load(folder, tag, name)
+            for one in [{**evaluation["overall"], "name": "all"}, *evaluation["classes"]]:
+                counts = [one[key] for key in ("true_positives", "false_positives", "false_negatives")]
+                if counts[0] + counts[2]:
+                    rows.setdefault(one["name"], {})[tag] = (f1(counts), counts)
+        for kind, of in rows.items():
+            drives_of[kind] = drives_of.get(kind, 0) + 1
+            for tag in tags:
+                sums[kind, tag] = sums.get((kind, tag), 0.0) + of[tag][0]
+            best = max(others, key=lambda tag: of[tag][0])
+            if of[best][0] > of[first][0] + 1e-9:
+                better.setdefault(kind, []).append((name, best, of[best], of[first]))
+    print(f"| mean F1 | drives | {' | '.join(tags)} | drives with a better one |")
+    print("|---|---:" + "|---:" * (len(tags) + 1) + "|")
+    for kind, count in drives_of.items():
+        means = " | ".join(f"{sums[kind, tag] / count:.3f}" for tag in tags)
+        print(f"| {kind} | {count} | {means} | {len(better.get(kind, []))} |")
+    print(f"\n| class | drive | best other | F1 (found/false/lost) | {first} |\n|---|---|---|---:|---:|")
+    written = lambda one: f"{one[0]:.3f} ({'/'.join(map(str, one[1]))})"
+    for kind, found in better.items():
+        for name, best, theirs, ours in found:
+            print(f"| {kind} | {name} | {best} | {written(theirs)} | {written(ours)} |")
+
+
 def main():
     own, options = sys.argv[1:], []
     if "--" in own:
@@ -263,6 +295,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("words", nargs="+")
     parser.add_argument("--compare", action="store_true")
+    parser.add_argument("--beside", action="store_true")
     parser.add_argument("--only", default="")
     parser.add_argument("--data", type=pathlib.Path, default=pathlib.Path(__file__).parents[2] / "shared/data")
     given = parser.parse_args(own)
@@ -270,6 +303,9 @@ def main():
     if given.compare:
         *tags, folder = given.words
         compare(pathlib.Path(folder), tags, chosen)
+    elif given.beside:
+        *tags, folder = given.words
+        beside(pathlib.Path(folder), tags, chosen)
     else:
         program, folder, tag = (*given.words, "now")[:3]
         folder = pathlib.Path(folder)
