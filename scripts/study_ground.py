@@ -51,6 +51,9 @@ CHANGES = [("avenue", "grade 15 %"), ("suburb", "hillside 30 %"), ("suburb", "em
 SPINNING = ["--scanner", "spinning-64", "--sweeps", "20"]
 # Preset and seed of drives of 150 m that see much below the road.
 SPINNING_DRIVES = [("downtown", "972"), ("downtown", "913"), ("suburb", "903")]
+# Preset, seed and scanner of single sweeps, as in score_street.py.
+SWEEPS = [("suburb", "1061", "spinning-64"), ("downtown", "1062", "spinning-64-wide"), ("parkway", "1064", "spinning-64"),
+          ("lane", "1065", "spinning-64"), ("suburb", "1067", "spinning-32"), ("suburb", "1072", "spinning-16")]
 PROGRAM_METHODS = {
     "voxel-column, 1": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=1"],
     "voxel-column, 2": ["--ground", "voxel-column", "--set", "voxel-column.lowest_points=2"],
@@ -247,6 +250,8 @@ def scenes(executable, folder, data):
     for preset, seed in SPINNING_DRIVES:
         options = ["--scanner", "spinning-64", "--length", "150m"]
         drive(f"synth {preset}, spinning drive {seed}", preset, *options, seed=seed)
+    for preset, seed, scanner in SWEEPS:
+        drive(f"synth {preset}, one sweep of {scanner}", preset, "--scanner", scanner, "--sweeps", "1", seed=seed)
     for preset, change in CHANGES:
         name = f"synth {preset}, {change}"
         target = folder / name.replace(" ", "-")

@@ -225,6 +225,7 @@ proptest! {
         points in points(),
         lowest_points in 1..4_u32,
         radius in 0..1_500_i64,
+        sparse in prop::sample::select(&[0.0, 0.01, 0.03, 0.06, 0.12, 0.5]),
         room in 0..9_i64,
     ) {
         let of = oracle::Opening {
@@ -236,6 +237,7 @@ proptest! {
             close: 60,
             height: 300,
             clear: 700,
+            sparse,
             room,
         };
         let config = OpeningConfig {
@@ -247,6 +249,7 @@ proptest! {
             height: 0.3,
             clear: 0.7,
             slope: 1.0,
+            sparse,
             room: room as f64 * 0.3,
             ..OpeningConfig::default()
         };

@@ -18,6 +18,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::util::drive::scratch;
 use crate::util::memory_drive::{MemoryDrive, Outcome};
 use crate::util::method_run::{MethodRun, resumed};
+use crate::util::program::{ended, program, run_to_the_end};
 use crate::util::surface_oracle::{self, Settings};
 
 type Points = Vec<[i64; 3]>;
@@ -400,7 +401,7 @@ fn surfaces_have_a_dimension_of_their_own() {
     let (copy, found) = dimensions("auto", &[]);
     assert_eq!(found, [false, true, false]);
     let score = |more: &[&str]| {
-        let mut call = crate::util::program::program();
+        let mut call = program();
         call.args(["eval", "--json", "-", "--class-dim", "none", "--reference-dim", "surface_id"]).args(more);
         let output = call.arg(&copy).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -409,6 +410,17 @@ fn surfaces_have_a_dimension_of_their_own() {
     let found = score(&[]);
     assert_eq!(found["compared"]["prediction_dim"], "surface_id");
     assert_eq!(found, score(&["--prediction-dim", "surface_id"]));
+    // A drive that went through two methods has both, so `eval` says which one it compares.
+    let out = folder.path().join("both");
+    run_to_the_end(&[copy], &out, &[]);
+    let said = |more: &[&str]| {
+        let mut call = program();
+        call.args(["eval", "--class-dim", "none", "--reference-dim", "surface_id"]).args(more);
+        let (code, errors) = ended(&call.arg(out.join("tree_road_sweep.laz")).output().unwrap());
+        assert_eq!(code, 0, "{errors}");
+        errors.matches("cluster_id is compared; for the surfaces use --prediction-dim surface_id").count()
+    };
+    assert_eq!([said(&[]), said(&["--prediction-dim", "surface_id"])], [1, 0]);
     let (_, found) = dimensions("named", &["output.dimension=plane"]);
     assert_eq!(found, [false, false, true]);
 }

@@ -21,6 +21,8 @@ pub(super) struct Floor {
 
 /// The columns of an index by square blocks at multiples of their edge in the coordinates of the drive.
 pub(super) struct Blocks {
+    /// Number of columns along the edge of a block.
+    span: i64,
     /// Block of each column.
     of: Vec<u32>,
     /// Place of each block.
@@ -62,7 +64,7 @@ impl Blocks {
             columns[*slot as usize] = column;
             *slot += 1;
         }
-        Self { of, place, number, columns, first }
+        Self { span, of, place, number, columns, first }
     }
 
     /// The block of a column.
@@ -115,10 +117,22 @@ impl Blocks {
         (0..self.place.len()).map(&mut of_block).collect()
     }
 
+    /// For every block the share of the columns that have points, of all columns in the blocks up to `reach`
+    /// away along each axis.
+    pub(super) fn filled(&self, reach: i64) -> Vec<f64> {
+        let all = ((2 * reach + 1) * self.span).pow(2) as f64;
+        let of_block = |block| {
+            let rows = (-reach..=reach).flat_map(|di| (-reach..=reach).map(move |dj| [di, dj]));
+            let around = rows.filter_map(|offset| self.beside(block, offset));
+            around.map(|other| self.columns(other).len()).sum::<usize>() as f64 / all
+        };
+        (0..self.place.len()).map(of_block).collect()
+    }
+
     /// The ceiling of every block. Each block within `radius` (in blocks, distance of centres, inclusive)
-    /// allows its low plus `rise` for each block of distance, and once more for the slope inside the block.
-    /// The smallest of these values counts; [`NONE`] where there is none.
-    pub(super) fn ceilings(&self, lows: &[u32], radius: i64, rise: f64) -> Vec<u32> {
+    /// allows its low plus the `rise` of the block for each block of distance, and once more for the slope
+    /// inside the block. The smallest of these values counts; [`NONE`] where there is none.
+    pub(super) fn ceilings(&self, lows: &[u32], radius: i64, rise: impl Fn(usize) -> f64) -> Vec<u32> {
         let low_of = |block| self.columns(block).iter().map(|&column| lows[column as usize]).min();
         let lows: Vec<u32> = (0..self.place.len()).map(|block| low_of(block).unwrap_or(NONE)).collect();
         let mut cone = Vec::new();
@@ -126,13 +140,14 @@ impl Blocks {
             for dj in -radius..=radius {
                 let squared = di * di + dj * dj;
                 if squared <= radius * radius {
-                    cone.push(([di, dj], (rise * ((squared as f64).sqrt() + 1.0)) as u32));
+                    cone.push(([di, dj], (squared as f64).sqrt() + 1.0));
                 }
             }
         }
         let of_block = |block| {
-            let around = cone.iter().filter_map(|&(offset, rise)| {
-                self.beside(block, offset).map(|other| lows[other].saturating_add(rise))
+            let rise = rise(block);
+            let around = cone.iter().filter_map(|&(offset, distance)| {
+                self.beside(block, offset).map(|other| lows[other].saturating_add((rise * distance) as u32))
             });
             around.min().unwrap_or(NONE)
         };
@@ -177,11 +192,21 @@ mod tests {
     }
 
     #[test]
+    fn blocks_are_filled_by_the_columns_around_them() {
+        // 3 and 1 of four columns side by side, and one three blocks further.
+        let blocks = blocks(&[[0, 0], [0, 1], [1, 0], [2, 0], [8, 0]]);
+        assert_eq!(blocks.filled(0), [0.75, 0.25, 0.25]);
+        assert_eq!(blocks.filled(1), [4.0 / 36.0, 4.0 / 36.0, 1.0 / 36.0]);
+    }
+
+    #[test]
     fn ceilings_rise_with_the_distance_as_far_as_the_radius() {
         let blocks = blocks(&[[0, 0], [2, 0], [4, 0], [2, 2]]);
-        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 1, 10.0), [10, 20, 110, 110]);
+        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 1, |_| 10.0), [10, 20, 110, 110]);
         // The diagonal, third in the order of columns, is 1.41 blocks long.
-        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 2, 10.0), [10, 20, 24, 30]);
-        assert_eq!(blocks.ceilings(&[NONE, NONE, 100, 100], 1, 10.0), [NONE, 120, 110, 110]);
+        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 2, |_| 10.0), [10, 20, 24, 30]);
+        assert_eq!(blocks.ceilings(&[NONE, NONE, 100, 100], 1, |_| 10.0), [NONE, 120, 110, 110]);
+        let rises = |block| [0.0, 0.0, 10.0, 0.0][block];
+        assert_eq!(blocks.ceilings(&[0, 100, 100, 100], 2, rises), [0, 0, 24, 0], "each block has its own");
     }
 }

@@ -123,11 +123,35 @@ pub(crate) struct Opening {
     pub(crate) close: i64,
     pub(crate) height: i64,
     pub(crate) clear: i64,
+    /// Share of the columns.
+    pub(crate) sparse: f64,
     /// In columns.
     pub(crate) room: i64,
 }
 
-/// Whether each point is ground after `opening` with the quantile 0.1 and a slope of 1, column by column.
+impl Opening {
+    /// The share of the 25 x 25 columns of the blocks around that have points.
+    fn filled(&self, columns: &[[i64; 2]], at: usize) -> f64 {
+        let near = |c: &&[i64; 2]| {
+            let apart = |axis: usize| columns[at][axis].div_euclid(5) - c[axis].div_euclid(5);
+            apart(0).abs().max(apart(1).abs()) <= 2
+        };
+        columns.iter().filter(near).count() as f64 / 625.0
+    }
+
+    /// 0.15 where it is sparse, 1 where it is half as full again, between them in proportion.
+    fn slope(&self, filled: f64) -> f64 {
+        if filled >= 1.5 * self.sparse {
+            1.0
+        } else {
+            0.15 + ((filled - self.sparse) / (1.5 * self.sparse - self.sparse)).max(0.0) * (1.0 - 0.15)
+        }
+    }
+}
+
+/// Whether each point is ground after `opening` with the quantile 0.1 and a slope of 1, column by
+/// column.
+#[expect(clippy::cast_possible_truncation, reason = "rises of a few metres")]
 pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
     let column = |p: usize| [points[p][0].div_euclid(of.voxel), points[p][1].div_euclid(of.voxel)];
     let block = |c: [i64; 2]| c.map(|value| value.div_euclid(5));
@@ -170,9 +194,10 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
             let there = block(columns[other]);
             (here[0] - there[0]).pow(2) + (here[1] - there[1]).pow(2)
         };
+        let rise = of.slope(of.filled(&columns, at)) * edge as f64;
         let ceiling = (0..columns.len())
             .filter(|&other| apart(other) <= (of.slope_radius / edge).pow(2))
-            .filter_map(|other| Some(opened[other]? + edge + (edge * edge * apart(other)).isqrt()))
+            .filter_map(|other| Some(opened[other]? + (rise * ((apart(other) as f64).sqrt() + 1.0)) as i64))
             .min();
         Some(opened[at]?.min(ceiling?))
     };
@@ -239,7 +264,11 @@ fn standing(
         let above = heights[at].iter().filter_map(|z| Some(z - surfaces[at]?));
         above.filter(|above| (low..high).contains(above)).count()
     };
-    let stands = |at: usize| count(at, of.height, of.clear) > 0;
+    let clear = |at: usize| {
+        if of.filled(columns, at) < of.sparse { of.clear.max(6_000) } else { of.clear }
+    };
+    let standing = |at: usize| count(at, of.height, clear(at));
+    let stands = |at: usize| standing(at) > 0;
     let is_clear = |at: usize| surfaces[at].is_some() && !stands(at);
     let is_wall = |at: usize| {
         let top = heights[at].iter().max().map(|z| z.div_euclid(of.voxel) * of.voxel);
@@ -276,8 +305,7 @@ fn standing(
     }
     (0..columns.len())
         .map(|at| {
-            let seen =
-                count(at, -of.depth, of.close) as f64 > 2.0 + 0.3 * count(at, of.height, of.clear) as f64;
+            let seen = count(at, -of.depth, of.close) as f64 > 2.0 + 0.3 * standing(at) as f64;
             let beside = |other: usize| {
                 let is_level = differ(at, other).is_some_and(|step| step <= of.close);
                 apart(at, other) <= 3 && is_level && is_open[other]

@@ -158,7 +158,11 @@ impl EvalArgs {
                 note(&progress::warning(&text));
             }
         }
-        let counted = eval::count(&prediction, reference.as_ref(), &self.comparison(), &note)?;
+        let comparison = self.comparison();
+        if let Some(text) = comparison.warning(&prediction) {
+            note(&progress::warning(&text));
+        }
+        let counted = eval::count(&prediction, reference.as_ref(), &comparison, &note)?;
         let provenance = self.provenance(&prediction, reference.as_ref().unwrap_or(&prediction), &counted);
         Ok((counted, metrics, trajectory, provenance))
     }

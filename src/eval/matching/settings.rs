@@ -55,6 +55,21 @@ impl CompareSettings {
         self.prediction_dim.as_deref().unwrap_or(if surfaces { SURFACE_ID } else { CLUSTER_ID })
     }
 
+    /// What the user should know if the dimension that is compared may not be the one they mean: files that
+    /// have objects of an earlier run, and surfaces.
+    #[must_use]
+    pub fn warning(&self, prediction: &Catalog) -> Option<String> {
+        let both = |file: &&InputFile| {
+            [CLUSTER_ID, SURFACE_ID].iter().all(|name| file.layout().dimension(name).is_some())
+        };
+        let file = prediction.files().iter().find(both).filter(|_| self.prediction_dim.is_none())?;
+        Some(format!(
+            "{} has {CLUSTER_ID} and {SURFACE_ID}: {CLUSTER_ID} is compared; for the surfaces use --prediction-dim \
+             {SURFACE_ID}",
+            file.path().display()
+        ))
+    }
+
     /// The dimension of the predicted classes of objects, if they are compared: there are classes to compare
     /// them with, and a dimension was named or all files have the one of this program. `none` names no
     /// dimension.

@@ -18,7 +18,8 @@
 //!    of these. It removes cars, hedges and trunks. It follows slopes, and never lies above a low. Where
 //!    stems are all that was seen, it is the minimum: most of a disc has no low near the ground there.
 //! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`. The surface stays below
-//!    this ceiling. Crowns and roofs without ground below them lie above it.
+//!    this ceiling. Crowns and roofs without ground below them lie above it. Where few columns have points,
+//!    it rises slower, and the column of the next step is empty further up, see `sparse.rs`.
 //! 5. A column is clear if it is empty between `height` and `clear` above the surface. There, points between
 //!    `depth` below the surface and `height` above it are ground. So kerbs and rough ground are ground.
 //! 6. Where something stands, only points less than `close` above the surface are ground, and only if ground
@@ -37,23 +38,26 @@
 //! rises faster than `slope`; on slopes, a strip of one `radius` along the upper rim of the scan; small yards
 //! between walls; a lawn below 3 m around a thick post, where nothing else was seen.
 
+mod settings;
+mod sparse;
+
+pub use settings::OpeningConfig;
+
 use std::f64::consts::SQRT_2;
 
-use serde::Deserialize;
-
-use super::blocks::Blocks;
-use super::column_points::Tile;
-use super::filter::{GroundEntry, GroundFilter};
-use super::lowest::{NONE, lowest_within};
-use super::noise::voxel_edge;
-use super::standing::{FOOT_REACH, Kind, Limits, has_ground};
-use super::stems;
 use crate::config::{self, ConfigError};
-use crate::model::AlgorithmError;
-use crate::model::{Lattice, PointClass, Reach};
+use crate::ground::blocks::Blocks;
+use crate::ground::column_points::Tile;
+use crate::ground::filter::{GroundEntry, GroundFilter};
+use crate::ground::lowest::{NONE, lowest_within};
+use crate::ground::noise::voxel_edge;
+use crate::ground::standing::{FOOT_REACH, Kind, Limits, has_ground};
+use crate::ground::stems;
+use crate::model::{AlgorithmError, Lattice, PointClass, Reach};
 use crate::spatial::{TileView, VoxelIndex};
+use sparse::Sparse;
 
-pub(super) const NAME: &str = "opening";
+pub(in crate::ground) const NAME: &str = "opening";
 
 /// Number of columns along the edge of a block (chosen: 1.5 m by default, which is narrower than a lane).
 const BLOCK: i64 = 5;
@@ -76,93 +80,13 @@ const WALL_M: f64 = 1.2;
 const FOOT_POINTS: f64 = 2.0;
 const FOOT_SHARE: f64 = 0.3;
 
-pub(super) const ENTRY: GroundEntry = GroundEntry {
+pub(in crate::ground) const ENTRY: GroundEntry = GroundEntry {
     name: NAME,
     summary: "points close above the opening of the lowest points",
     reference: "ours; opening of lows as in Zhang et al. 2003, doi:10.1109/TGRS.2003.810682, and Pingel et al. 2013, \
                 doi:10.1016/j.isprsjprs.2012.12.002",
     build: |table| Ok(Box::new(Opening::new(&config::section(NAME, table)?)?)),
 };
-
-/// Settings of the section `[opening]`. Defaults are chosen by the study in `benches/results/ground.md`.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct OpeningConfig {
-    /// Edge of a column in metres, 0.05 to 2. Default 0.3, as for the noise, so that both share the voxels.
-    pub voxel: f64,
-    /// Rank of the point that is the low of a column: 1 is the lowest point, 2 the second lowest. 1 to 100.
-    /// Default 2.
-    pub lowest_points: u32,
-    /// The floor lies below this quantile of the lows around a block, 0 to 0.5. Default 0.1.
-    pub low_quantile: f64,
-    /// Largest depth of ground below that quantile and below the surface, in metres, 0 to 100. Default 0.3.
-    pub depth: f64,
-    /// Radius of the disc in metres, 0 to 20. Default 1.2: half of what is wider than a car.
-    pub radius: f64,
-    /// Largest slope of the ground, 0 to 10 metres per metre. Default 0.8, so that embankments of 1 : 1.5 are
-    /// ground.
-    pub slope: f64,
-    /// Distance over which the slope is limited, in metres, 0 to 50. Default 6.
-    pub slope_radius: f64,
-    /// Points less than this above the surface are ground, in metres, 0 to 10. Default 0.06.
-    pub close: f64,
-    /// Points less than this above the surface are ground where nothing stands on them, 0 to 10. Default 0.3.
-    pub height: f64,
-    /// Nothing stands where the column is empty from `height` up to this above the surface, 0 to 100. Default
-    /// 0.7.
-    pub clear: f64,
-    /// Flat patches that are shorter than this along both axes and enclosed by walls are rooms, in metres, 0
-    /// to 20; 0: there are no rooms. Default 7.5.
-    pub room: f64,
-}
-
-impl Default for OpeningConfig {
-    fn default() -> Self {
-        Self {
-            voxel: 0.3,
-            lowest_points: 2,
-            low_quantile: 0.1,
-            depth: 0.3,
-            radius: 1.2,
-            slope: 0.8,
-            slope_radius: 6.0,
-            close: 0.06,
-            height: 0.3,
-            clear: 0.7,
-            room: 7.5,
-        }
-    }
-}
-
-impl OpeningConfig {
-    /// Checks every range.
-    ///
-    /// # Errors
-    /// [`ConfigError::Value`] with the key and the range.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        if !(1..=100).contains(&self.lowest_points) {
-            return Err(ConfigError::value("opening.lowest_points", self.lowest_points, "1 to 100 points"));
-        }
-        let ranges = [
-            ("opening.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
-            ("opening.low_quantile", self.low_quantile, 0.0..=0.5, "0 to 0.5"),
-            ("opening.depth", self.depth, 0.0..=100.0, "0 to 100 metres"),
-            ("opening.radius", self.radius, 0.0..=20.0, "0 to 20 metres"),
-            ("opening.slope", self.slope, 0.0..=10.0, "0 to 10"),
-            ("opening.slope_radius", self.slope_radius, 0.0..=50.0, "0 to 50 metres"),
-            ("opening.close", self.close, 0.0..=10.0, "0 to 10 metres"),
-            ("opening.height", self.height, 0.0..=10.0, "0 to 10 metres"),
-            ("opening.clear", self.clear, 0.0..=100.0, "0 to 100 metres"),
-            ("opening.room", self.room, 0.0..=20.0, "0 to 20 metres"),
-        ];
-        for (key, value, range, expected) in ranges {
-            if !range.contains(&value) {
-                return Err(ConfigError::value(key, value, expected));
-            }
-        }
-        Ok(())
-    }
-}
 
 /// The filter, see the module.
 #[derive(Debug, Clone)]
@@ -190,10 +114,13 @@ impl Opening {
         lattice.units(self.config.room) / lattice.units(self.config.voxel)
     }
 
+    fn sparse(&self) -> Sparse {
+        Sparse { share: self.config.sparse }
+    }
+
     /// The surface of each column as a local z; [`NONE`] where it has no low.
-    fn surface(&self, tile: &Tile<'_>) -> Vec<u32> {
-        let lattice = tile.lattice;
-        let blocks = Blocks::new(tile.index, BLOCK);
+    fn surface(&self, tile: &Tile<'_>, blocks: &Blocks, filled: &[f64]) -> Vec<u32> {
+        let (lattice, sparse) = (tile.lattice, self.sparse());
         let mut lows = tile.lowest_layers();
         let depth = lattice.units(self.config.depth);
         let is_stem = stems::columns(tile.index, lattice.units(STEM_M));
@@ -205,8 +132,9 @@ impl Opening {
         }
         let eroded_only = |column: usize| floors[blocks.of(column)].of_stems;
         let mut surface = opening(tile.index, lattice.units(self.config.radius), &lows, eroded_only);
-        let block = (BLOCK * i64::from(tile.index.grid().edge)) as f64;
-        let ceilings = blocks.ceilings(&surface, self.slope_blocks(lattice), self.config.slope * block);
+        let edge = (BLOCK * i64::from(tile.index.grid().edge)) as f64;
+        let rise = |block: usize| sparse.slope(filled[block], self.config.slope) * edge;
+        let ceilings = blocks.ceilings(&surface, self.slope_blocks(lattice), rise);
         for (column, surface) in surface.iter_mut().enumerate().filter(|(_, surface)| **surface != NONE) {
             *surface = ceilings[blocks.of(column)].min(*surface);
         }
@@ -237,6 +165,7 @@ fn opening(
 }
 
 /// Lengths of the settings in lattice units.
+#[derive(Clone, Copy)]
 struct Heights {
     depth: i64,
     close: i64,
@@ -276,12 +205,13 @@ impl GroundFilter for Opening {
         NAME
     }
 
-    /// A column; from there to the far corner of a block `slope_radius` away; twice the disc; and to the far
-    /// corner of the blocks that make the floor.
     fn microseconds_per_point(&self) -> f64 {
         1.5
     }
 
+    /// A column; from there to the far corner of a block `slope_radius` away; twice the disc; to the far
+    /// corner of the blocks that make the floor, of as many as say whether a place is sparse; and across a
+    /// room.
     fn reach(&self, lattice: Lattice) -> Reach {
         let voxel_m = lattice.metres(lattice.units(self.config.voxel));
         let block_m = voxel_m * BLOCK as f64 * SQRT_2;
@@ -297,8 +227,12 @@ impl GroundFilter for Opening {
         let lattice = cloud.lattice;
         let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
         let tile = Tile::new(cloud, index);
-        let surface = self.surface(&tile);
+        let blocks = Blocks::new(tile.index, BLOCK);
+        let filled = blocks.filled(FLOOR_REACH);
+        let surface = self.surface(&tile, &blocks, &filled);
         let heights = Heights::new(&self.config, lattice);
+        let in_sparse = Heights { clear: heights.clear.max(lattice.units(sparse::CLEAR_M)), ..heights };
+        let sparse = self.sparse();
         let mut near = Vec::new();
         let kinds: Vec<Kind> = surface
             .iter()
@@ -307,6 +241,8 @@ impl GroundFilter for Opening {
                 if surface == NONE {
                     return Kind::Unseen;
                 }
+                let is_sparse = sparse.is(filled[blocks.of(column)]);
+                let heights = if is_sparse { in_sparse } else { heights };
                 tile.near(column, surface, heights.clear.max(heights.close), &mut near);
                 heights.kind(&near, tile.top(column) - i64::from(surface))
             })
@@ -450,26 +386,35 @@ mod tests {
         assert!(classes[3_601..].iter().all(|class| *class == Object));
     }
 
+    /// Rings of 24 m, of which one is 0.1 m above the other, and more behind them on a wall or on ground.
+    #[test]
+    fn rings_far_from_the_scanner_are_ground_only_if_they_are_little_above_the_nearest() {
+        let rings = |rings: &[[i64; 2]]| {
+            let ring = |&[y, z]: &[i64; 2]| (0..160).map(move |place| [place * 150, y, z]);
+            rings.iter().flat_map(ring).collect::<Vec<_>>()
+        };
+        let grounds = |far: &[[i64; 2]], sparse: f64| {
+            let cloud = TileCloud::from_lattice_points(
+                Lattice::MILLIMETRE,
+                &rings(&[&[[0, 0], [4_500, 100]], far].concat()),
+            );
+            let filter = Opening::new(&OpeningConfig { sparse, ..OpeningConfig::default() }).unwrap();
+            let mut classes = vec![Object; cloud.len()];
+            filter.classify(&mut TileView::new(&cloud), &mut classes).unwrap();
+            classes.chunks(160).map(|ring| ring.iter().all(|class| *class == Ground)).collect::<Vec<_>>()
+        };
+        assert_eq!(grounds(&[[9_000, 500]], 0.2), [true; 3]);
+        assert_eq!(grounds(&[[9_000, 1_800]], 0.2), [true, true, false]);
+        assert_eq!(grounds(&[[9_000, 1_800]], 0.0), [true; 3]);
+        // The next ring on the wall is 2 m above. It stands on ground that was not seen.
+        assert_eq!(grounds(&[[9_000, 500], [9_000, 2_500]], 0.2), [true, true, false, false]);
+        assert_eq!(grounds(&[[9_000, 500], [9_000, 2_500]], 0.0), [true, true, true, false]);
+    }
+
     #[test]
     fn thin_ground_is_no_noise_and_noise_that_is_not_ground_stays() {
         let points = [[0, 0, 0], [10, 0, 20], [1_000, 0, 0], [1_010, 0, 10], [1_020, 0, 2_000]];
         assert_eq!(classify(&points, LowNoise), [Ground, Ground, Ground, Ground, LowNoise]);
         assert_eq!(classify(&[], Object), []);
-    }
-
-    #[test]
-    fn values_out_of_range_are_refused_with_their_key() {
-        let default = OpeningConfig::default;
-        for (config, key) in [
-            (OpeningConfig { voxel: 0.0, ..default() }, "opening.voxel = 0"),
-            (OpeningConfig { lowest_points: 0, ..default() }, "opening.lowest_points = 0"),
-            (OpeningConfig { depth: -0.1, ..default() }, "opening.depth = -0.1"),
-            (OpeningConfig { slope: f64::NAN, ..default() }, "opening.slope = NaN"),
-            (OpeningConfig { slope_radius: 51.0, ..default() }, "opening.slope_radius = 51"),
-        ] {
-            let error = config.validate().unwrap_err().to_string();
-            assert!(error.starts_with(key), "{error}");
-        }
-        default().validate().unwrap();
     }
 }
