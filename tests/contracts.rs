@@ -159,8 +159,8 @@ fn no_points_one_point_and_equal_points_are_accepted() {
 }
 
 /// `opening` sees thin ground that was taken for noise; nothing else may become of noise, and of noise high
-/// above the ground nothing at all. It is 7 m above: up to 6 m, any point says that something stands on ground
-/// as thin as this.
+/// above the ground nothing at all. It is 7 m above: up to 6 m, any point says that something stands on
+/// ground as thin as this.
 #[test]
 fn noise_stays_noise() {
     for filter in filters() {
