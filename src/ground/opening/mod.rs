@@ -36,7 +36,8 @@
 //! floor of a room at the height of the pavement behind a shop window without a sill; the lower rim of a
 //! crown at the height of the ground beside it. These do not: terraces narrower than the disc; ground that
 //! rises faster than `slope`; on slopes, a strip of one `radius` along the upper rim of the scan; small yards
-//! between walls; a lawn below 3 m around a thick post, where nothing else was seen.
+//! between walls; a lawn below 3 m around a thick post, where nothing else was seen; in sparse places, ground
+//! that rises faster than 15 %, and ground below crowns without clear ground beside it.
 
 mod settings;
 mod sparse;

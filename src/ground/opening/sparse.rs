@@ -1,12 +1,12 @@
 //! Sparse places: where few columns have points, the lowest points need not be ground.
 //!
 //! Far from a scanner its profiles and rings lie metres apart, and ground between them was not seen. What is
-//! lowest there is often a ring on a wall, a hedge or a car. `opening` believes less of it:
+//! lowest there is often a ring on a wall, a hedge or a car. So `opening` is stricter there:
 //!
 //! * *Slope.* The ground rises by at most 15 %. Such a ring lies a metre above the ground of the next few
 //!   metres, which the slope of an embankment allows. A road does not rise so fast, with few exceptions.
-//! * *Clear.* The next ring on a wall is up to metres above, so a column is clear only if it is empty up to
-//!   6 m. Ground below a crown is lost by that.
+//! * *Clear.* The next ring on a wall may be metres above, so a column is clear only if it is empty up to
+//!   6 m. That costs ground below crowns.
 //!
 //! Both were chosen by single sweeps, beside the ground of steep land: `benches/results/ground.md`.
 
