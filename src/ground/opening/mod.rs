@@ -63,8 +63,8 @@ pub(in crate::ground) const NAME: &str = "opening";
 /// Number of columns along the edge of a block (chosen: 1.5 m by default, which is narrower than a lane).
 const BLOCK: i64 = 5;
 
-/// Number of blocks to each side whose lows determine the floor (chosen: 7.5 m by default, which is larger
-/// than a patch of multipath).
+/// Number of blocks to each side whose lows determine the floor, and whose columns say whether a place is
+/// sparse (chosen: 7.5 m by default, which is larger than a patch of multipath).
 const FLOOR_REACH: i64 = 2;
 
 /// What is occupied without a gap from its low up to this height above it is a stem, in metres (chosen: above
