@@ -32,7 +32,7 @@ pub struct OpeningConfig {
     /// 0.7.
     pub clear: f64,
     /// A place is sparse where less than this share of the columns within about 3.75 m has points, 0 to 0.5;
-    /// 0: no place is. Default 0.2.
+    /// 0: no place is. There the ground rises by at most 15 %, and `clear` is at least 6 m. Default 0.2.
     pub sparse: f64,
     /// Flat patches that are shorter than this along both axes and enclosed by walls are rooms, in metres, 0
     /// to 20; 0: there are no rooms. Default 7.5.
