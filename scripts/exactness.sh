@@ -17,9 +17,11 @@ shift || true
 scenes=("$@")
 synthetic=
 [ ${#scenes[@]} -gt 0 ] || synthetic=1
-[ -z "$synthetic" ] || scenes=(real/lille_street.laz real/kitti_street_22.laz sim/downtown_ts2.laz sim/avenue_road60.laz)
+[ -z "$synthetic" ] || scenes=(sim/downtown_ts2.laz sim/avenue_road60.laz real/kitti_street_22.laz real/lille_street.laz)
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/exactness.XXXXXX")
-trap 'rm -rf "$scratch"' EXIT
+everything=$scratch
+# What still runs is stopped, if this ends early.
+trap 'jobs -p | xargs -r kill 2>/dev/null || true; wait; rm -rf "$everything"' EXIT
 failed=0
 runs=0
 python=
@@ -67,12 +69,12 @@ same_epsilon() { # ONE OTHER WHAT
     fi
 }
 
-for scene in "${scenes[@]}"; do
+compare_scene() { # SCENE
+    local scene=$1 began=$SECONDS name laz tilings auto_tilings auto large tiles
     if [ ! -f "$data/$scene" ]; then
         echo "skipped: $data/$scene is not there"
-        continue
+        return
     fi
-    began=$SECONDS
     name=$(basename "$scene" .laz)
     laz=$scratch/in/$name.laz
     mkdir -p "$scratch/in"
@@ -108,9 +110,8 @@ for scene in "${scenes[@]}"; do
     done
 
     if [ -n "$large" ]; then
-        rm -rf "${scratch:?}"/*
         echo "$name: compared in $((SECONDS - began)) s"
-        continue
+        return
     fi
 
     # The same points as LAS. Labelled as LAS, they must equal the unpacked labelled LAZ, for any tiles.
@@ -135,11 +136,11 @@ for scene in "${scenes[@]}"; do
             failed=1
         fi
     fi
-    rm -rf "${scratch:?}"/*
     echo "$name: compared in $((SECONDS - began)) s"
-done
-if [ -n "$synthetic" ]; then
-    began=$SECONDS
+}
+
+compare_spinning() {
+    local began=$SECONDS tiles
     "$program" synth suburb --length 60m --seed 906 --scanner spinning-64-wide --las -o "$scratch/in" >/dev/null
     run "$scratch/whole" "$scratch/in" -- --tile-length 1000000 --threads 1 --no-report
     for tiles in "8 2" "20 2"; do
@@ -148,9 +149,40 @@ if [ -n "$synthetic" ]; then
         same "$scratch/whole" "$scratch/tiled" "spinning scanner, tiles of $1 m, $2 threads"
         rm -rf "$scratch/tiled"
     done
-    rm -rf "${scratch:?}"/*
     echo "spinning scanner: compared in $((SECONDS - began)) s"
-fi
+}
+
+# Two scenes are compared beside each other, because many of the runs have one thread. Each has a folder of its own, in which the
+# number of its runs is left.
+begin() { # FUNCTION ARGUMENTS...
+    scratch=$(mktemp -d "$everything/scene.XXXXXX")
+    (
+        failed=0
+        runs=0
+        trap 'code=$?; rm -rf "${scratch:?}"/*; echo "$runs" >"$scratch/runs"; exit $((code + failed))' EXIT
+        "$@"
+    ) >"$scratch.log" 2>&1 &
+    folders+=("$scratch")
+    processes+=($!)
+    [ ${#processes[@]} -lt 2 ] || finish
+}
+
+finish() { # waits for the first of those that were begun
+    wait "${processes[0]}" || failed=1
+    cat "${folders[0]}.log"
+    runs=$((runs + $(cat "${folders[0]}/runs")))
+    rm -rf "${folders[0]:?}"
+    processes=("${processes[@]:1}")
+    folders=("${folders[@]:1}")
+}
+
+folders=()
+processes=()
+for scene in "${scenes[@]}"; do
+    begin compare_scene "$scene"
+done
+[ -z "$synthetic" ] || begin compare_spinning
+while [ ${#processes[@]} -gt 0 ]; do finish; done
 if [ $failed -ne 0 ]; then
     echo "exactness: FAILED"
     exit 1
