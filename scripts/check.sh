@@ -5,7 +5,7 @@
 #
 # --fast   for every save: format, unit tests, contracts of the methods, command line, layers
 # --quick  before a commit: everything that needs no release build
-# Without an option: everything. It takes about 25 minutes on two cores from nothing.
+# Without an option: everything. It takes 25 to 45 minutes on two cores from nothing.
 #
 # Some checks use the shared data (CHAINAGE_SHARED_DATA, else ../shared/data), python3 with laspy, typos, cargo-deny or Chromium.
 # They report what they skip because it is missing. .ci/run installs the tools.
@@ -169,13 +169,13 @@ if [ "$lane" = --fast ]; then
     step "unit tests" tests --lib
     step "contracts, command line, layers" tests --test main -- contracts cli:: architecture kernels
 else
+    # It compiles the crate with one thread, which takes longer than the tests if it begins with them.
+    [ "$lane" != all ] || begin_release_build
     step "spelling" spelling
     step "dependencies" dependencies
     step "lints" cargo clippy --locked --all-targets -- -D warnings
     step "minimal Rust version" minimal_rust
     step "test build" tests --no-run
-    # One core is idle during most of the release build and of the tests.
-    [ "$lane" != all ] || begin_release_build
     step "tests and doc tests" tests
     # rounds_of_the_child is a part of another test.
     step "long tests" tests --test main -- --ignored --skip rounds_of_the_child
