@@ -169,7 +169,7 @@ if [ "$lane" = --fast ]; then
     step "unit tests" tests --lib
     step "contracts, command line, layers" tests --test main -- contracts cli:: architecture kernels
 else
-    # It compiles the crate with one thread, which takes longer than the tests if it begins with them.
+    # The release build compiles the crate with one thread: if it began with the tests, it would end after them.
     [ "$lane" != all ] || begin_release_build
     step "spelling" spelling
     step "dependencies" dependencies
