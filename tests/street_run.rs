@@ -1,7 +1,8 @@
 //! `street` in the engine, on the shipped scan: the same bytes for any tiles and threads, and after an
 //! interruption in every pass and in every round.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use chainage::input::{Catalog, Fields, InputOptions};
 
@@ -98,4 +99,55 @@ fn chosen_las_codes_change_the_class_of_these_objects_and_of_nothing_else() {
         assert!(chosen[..at] == plain[..at] && chosen[at + 1..] == plain[at + 1..]);
     }
     assert!(plain.len() == chosen.len() && changed.iter().all(|&points| points > 100), "{changed:?}");
+}
+
+#[test]
+fn hedges_have_the_las_class_of_vegetation_and_fences_none_and_both_can_be_chosen() {
+    let folder = scratch();
+    let copy = |name: &str, settings: &[&str]| {
+        let out = folder.path().join(name);
+        STREET.run_in(&out, &[&["output.original_classification=true"], settings].concat());
+        let is_hedge = hedges(&out);
+        let copy = Catalog::open(&[out.join("tree_road_sweep.laz")], &InputOptions::default()).unwrap();
+        let (file, mut buffer) = (&copy.files()[0], Vec::new());
+        let layout = file.layout();
+        let [object, class, before] = ["cluster_id", "object_class", "original_classification"]
+            .map(|name| layout.dimension(name).unwrap().offset);
+        // Points of class 6: whether they are of a hedge, and the LAS class that they got.
+        let mut found = BTreeMap::<(bool, Option<u8>), usize>::new();
+        for block in 0..file.blocks().len() {
+            let records = file.records(block, Fields::All, &mut buffer).unwrap();
+            for record in records.chunks_exact(layout.record_len).filter(|record| record[class] == 6) {
+                let id = u32::from_le_bytes(record[object..object + 4].try_into().unwrap());
+                let now = record[layout.classification] & layout.classification_mask;
+                let changed = (now != record[before]).then_some(now);
+                *found.entry((is_hedge[&id], changed)).or_default() += 1;
+            }
+        }
+        found
+    };
+    let plain = copy("plain", &[]);
+    let hedges: usize = plain.iter().filter(|((is_hedge, _), _)| *is_hedge).map(|(_, points)| points).sum();
+    let fences = plain[&(false, None)];
+    assert!(hedges > 1_000 && fences > 1_000, "{plain:?}");
+    assert!(plain.keys().all(|key| matches!(key, (true, Some(3 | 4)) | (false, None))), "{plain:?}");
+    let chosen = copy("chosen", &["output.classification=\"fence=64,hedge=65\"", "tiling.tile_length=20"]);
+    assert_eq!(chosen, BTreeMap::from([((true, Some(65)), hedges), ((false, Some(64)), fences)]));
+}
+
+/// Whether each object of class 6 is a hedge, by the table of objects.
+fn hedges(out: &Path) -> BTreeMap<u32, bool> {
+    let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
+    let mut rows = table.lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let names = rows.next().unwrap();
+    let place = |name: &str| names.iter().position(|column| *column == name).unwrap();
+    let [id, class, hedge] = ["id", "class", "hedge"].map(place);
+    let mut found = BTreeMap::new();
+    for row in rows {
+        assert_eq!(row[hedge].is_empty(), row[class] != "6", "{row:?}");
+        if row[class] == "6" {
+            found.insert(row[id].parse().unwrap(), row[hedge] == "true");
+        }
+    }
+    found
 }

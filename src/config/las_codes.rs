@@ -3,17 +3,22 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Classes of objects by the words of settings, with the codes of `object_class`.
-const CLASSES: [(&str, u8); 8] = [
+/// Classes of objects by the words of settings, with the codes of `object_class`. Hedges and bushes have the
+/// same code as fences, walls and guard rails, and a word of their own.
+const CLASSES: [(&str, u8); 9] = [
     ("tree", 2),
     ("pole", 3),
     ("vehicle", 4),
     ("building", 5),
     ("fence", 6),
+    (HEDGE, 6),
     ("small", 7),
     ("wire", 8),
     ("other", 9),
 ];
+
+/// The word of hedges and bushes.
+const HEDGE: &str = "hedge";
 
 /// What is done with the classification of the records.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
@@ -25,23 +30,34 @@ pub enum ClassificationChoice {
     Set(LasCodes),
 }
 
-/// LAS codes of classes of objects that a user has chosen. The others have the codes of ASPRS, where there
-/// are some.
+/// LAS codes of classes of objects that a user has chosen, by the words of the classes. The others have the
+/// codes of ASPRS, where there are some.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct LasCodes(Vec<(u8, u8)>);
+pub struct LasCodes(Vec<(String, u8)>);
 
 impl LasCodes {
-    /// The LAS code that was chosen for a class of objects.
+    /// The LAS code that was chosen for a class of objects. That of class 6 is for fences, walls and guard
+    /// rails.
     #[must_use]
     pub fn of(&self, class: u8) -> Option<u8> {
-        self.0.iter().find(|(known, _)| *known == class).map(|(_, code)| *code)
+        CLASSES.iter().find(|(_, known)| *known == class).and_then(|(word, _)| self.of_word(word))
+    }
+
+    /// The LAS code that was chosen for hedges and bushes.
+    #[must_use]
+    pub fn of_hedges(&self) -> Option<u8> {
+        self.of_word(HEDGE)
+    }
+
+    fn of_word(&self, word: &str) -> Option<u8> {
+        self.0.iter().find(|(known, _)| known == word).map(|(_, code)| *code)
     }
 
     /// The largest code, with the word of its class.
     #[must_use]
     pub fn largest(&self) -> Option<(&'static str, u8)> {
         let (class, code) = self.0.iter().max_by_key(|(_, code)| *code)?;
-        CLASSES.iter().find(|(_, known)| known == class).map(|(word, _)| (*word, *code))
+        CLASSES.iter().find(|(word, _)| word == class).map(|(word, _)| (*word, *code))
     }
 
     /// Whether no code was chosen.
@@ -53,10 +69,10 @@ impl LasCodes {
     /// One item of the list, as in `pole=64`.
     fn item(&mut self, item: &str) -> Option<()> {
         let (word, code) = item.split_once('=')?;
-        let (_, class) = CLASSES.iter().find(|(known, _)| *known == word.trim())?;
+        let (word, _) = CLASSES.iter().find(|(known, _)| *known == word.trim())?;
         let code = code.trim().parse().ok()?;
         // Twice the same class would leave open which code counts.
-        self.of(*class).is_none().then(|| self.0.push((*class, code)))
+        self.of_word(word).is_none().then(|| self.0.push(((*word).to_owned(), code)))
     }
 }
 
@@ -93,16 +109,28 @@ mod tests {
 
     #[test]
     fn codes_are_read_class_by_class_and_nothing_else_is() {
-        let Ok(ClassificationChoice::Set(codes)) = read("pole=64, vehicle = 65,fence=3") else {
+        let Ok(ClassificationChoice::Set(codes)) = read("pole=64, vehicle = 65,fence=66") else {
             panic!("these are codes");
         };
-        assert_eq!([2, 3, 4, 6].map(|class| codes.of(class)), [None, Some(64), Some(65), Some(3)]);
-        assert_eq!(codes.largest(), Some(("vehicle", 65)));
+        assert_eq!([2, 3, 4, 6].map(|class| codes.of(class)), [None, Some(64), Some(65), Some(66)]);
+        assert_eq!(codes.of_hedges(), None);
+        assert_eq!(codes.largest(), Some(("fence", 66)));
+        let Ok(ClassificationChoice::Set(codes)) = read("hedge=67") else { panic!("this is a code") };
+        assert_eq!((codes.of(6), codes.of_hedges()), (None, Some(67)));
         assert_eq!(read("keep"), Ok(ClassificationChoice::Keep));
         assert_eq!(read("set"), Ok(ClassificationChoice::Set(LasCodes::default())));
-        for wrong in
-            ["", "no", "pole", "pole=", "pole=256", "pole=-1", "lamp=64", "pole=64,", "pole=1,pole=2"]
-        {
+        for wrong in [
+            "",
+            "no",
+            "pole",
+            "pole=",
+            "pole=256",
+            "pole=-1",
+            "lamp=64",
+            "pole=64,",
+            "pole=1,pole=2",
+            "hedge=1,hedge=2",
+        ] {
             assert!(read(wrong).is_err(), "{wrong}");
         }
     }

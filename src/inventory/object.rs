@@ -126,7 +126,7 @@ pub(crate) mod tests {
     /// International feet.
     pub(crate) const FEET: [f64; 3] = [0.304_8; 3];
     /// A class that has attributes of its own.
-    pub(crate) const NO_KIND: Kind = Kind { class: 0, confidence: 0 };
+    pub(crate) const NO_KIND: Kind = Kind::new(0, 0);
 
     /// Four corners of a box of 3.048 m by 6.096 m from (0, 0), 1 m to 4.048 m high.
     pub(crate) const BOX: [[i64; 3]; 4] =

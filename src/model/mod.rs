@@ -44,7 +44,7 @@ pub use frame::{AxisTransform, Lattice, LatticeTransform};
 pub(crate) use hull::convex_hull;
 pub(crate) use ids::in_u32;
 pub use ids::{FileId, PointId, TileId};
-pub use kind::Kind;
+pub use kind::{Hedge, Kind};
 pub use object::ObjectPart;
 pub use plane::Plane;
 pub use reach::Reach;

@@ -22,7 +22,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::store::Fingerprint;
 
 /// Version of the state on disk. A change of any payload raises it.
-pub const FORMAT_VERSION: u32 = 26;
+pub const FORMAT_VERSION: u32 = 27;
 
 const MAGIC: &[u8; 8] = b"CHAINAGE";
 const TRAILER: &[u8; 8] = b"COMMITED";

@@ -116,7 +116,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Grouped> {
     for tile in TileId::first(drive.tiles()) {
         let of_labels: OfLabels = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
         // The rules have no probabilities, so there is no confidence.
-        kinds.extend(of_labels.iter().map(|&(group, class)| (group, Kind { class, confidence: 0 })));
+        kinds.extend(of_labels.iter().map(|&(group, class)| (group, Kind::new(class, 0))));
         groups.push(of_labels.into_iter().map(|(group, _)| group).collect());
     }
     let found = stage_cut::figures(drive)?;

@@ -70,7 +70,7 @@ mod tests {
         leaves.extend((0..90).map(|z| [6_500 + z % 3 * 10, 3_000 + z % 5 * 10, z * 10]));
         let base = |height: i64| {
             let points: Vec<[i64; 3]> = leaves.iter().map(|[x, y, z]| [*x, *y, z * height]).collect();
-            let kind = Kind { class: 2, confidence: 255 };
+            let kind = Kind::new(2, 255);
             let found = as_decimals(&values_of(&Base, &points, kind, &[([5, 3], 0)], METRES));
             (found[0].unwrap() - 5.0).hypot(found[1].unwrap() - 3.0)
         };
@@ -114,7 +114,7 @@ mod tests {
         });
         let low = (0..40).map(|n| [7_000 + n % 8 * 150, 1_500 + n / 8 * 150, 2_500]);
         let points: Vec<[i64; 3]> = crown.chain(low).collect();
-        let kind = Kind { class: 2, confidence: 255 };
+        let kind = Kind::new(2, 255);
         let found = as_decimals(&values_of(&Base, &points, kind, &[([5, 3], 0)], METRES));
         assert!(near(&found, &[(2.0 + 8.05) / 2.0, (1.0 + 6.7) / 2.0, 0.0]), "{found:?}");
     }
@@ -131,7 +131,7 @@ mod tests {
         let floor = (0..10)
             .flat_map(|i| (12..15).map(move |j| ([i, j], if [i, j] == [5, 12] { -7_700 } else { 410 })));
         let ground: Vec<_> = street.chain(floor).collect();
-        let kind = Kind { class: 5, confidence: 255 };
+        let kind = Kind::new(5, 255);
         let found = as_decimals(&values_of(&Base, &points, kind, &ground, METRES));
         // The plane through the cells around has a part of the floor's.
         assert!((found[2].unwrap()).abs() < 0.1 && (found[1].unwrap() - 12.05).abs() < 0.1, "{found:?}");
@@ -155,7 +155,7 @@ mod tests {
         let rise = (0..10).flat_map(|i| (6..12).map(move |j| ([i, j], 100 * i64::from(j) - 450)));
         let floor = (0..10).flat_map(|i| (12..16).map(move |j| ([i, j], 1_700)));
         let ground: Vec<_> = rise.chain(floor).collect();
-        let kind = Kind { class: 5, confidence: 255 };
+        let kind = Kind::new(5, 255);
         let found = as_decimals(&values_of(&Base, &points, kind, &ground, METRES));
         let away = [(0, 4.5), (1, 12.05), (2, 0.7)].map(|(k, expected)| (found[k].unwrap() - expected).abs());
         assert!(away[0] < 0.6 && away[1] < 0.06 && away[2] < 0.06, "{found:?}");
@@ -168,7 +168,7 @@ mod tests {
         let roof = (0..720_i64).map(|n| [1_000 + n % 40 * 100, 3_000 + n / 40 * 100, 1_500]);
         let points: Vec<[i64; 3]> = side.chain(roof).collect();
         let base = |class: u8| {
-            let kind = Kind { class, confidence: 255 };
+            let kind = Kind::new(class, 255);
             as_decimals(&values_of(&Base, &points, kind, &[([2, 3], 0)], METRES))
         };
         assert!(near(&base(4), &[2.95, 3.85, 0.0]), "{:?}", base(4));
@@ -187,7 +187,7 @@ mod tests {
             (0..3_000_i64).map(|n| [4_300 + n * 7 % 2_400, 2_300 + n * 13 % 2_400, 4_300 + n % 20 * 100]);
         let strays = (0..9).map(|n| [5_500 + n * 300, 3_500, -5_000 + n * 100]);
         let points: Vec<[i64; 3]> = stem.chain(crown).chain(strays).collect();
-        let kind = Kind { class: 2, confidence: 255 };
+        let kind = Kind::new(2, 255);
         let found = as_decimals(&values_of(&Base, &points, kind, &[([5, 3], 250)], METRES));
         let away = [(0, 5.5), (1, 3.5), (2, 0.25)].map(|(k, expected)| (found[k].unwrap() - expected).abs());
         assert!(away.iter().all(|away| *away < 0.02), "{found:?}");
@@ -198,7 +198,7 @@ mod tests {
         // Leaning by 0.1 m per metre towards the east; the ground is at 0.2 m.
         let pole: Vec<[i64; 3]> =
             (30..630).map(|k| [5_000 + k + (k % 7) * 4 - 12, 700 + (k % 5) * 4 - 8, k * 10]).collect();
-        let kind = Kind { class: 3, confidence: 255 };
+        let kind = Kind::new(3, 255);
         let found = as_decimals(&values_of(&Base, &pole, kind, &[([5, 0], 200)], METRES));
         let away = [(0, 5.02), (1, 0.7), (2, 0.2)].map(|(k, expected)| (found[k].unwrap() - expected).abs());
         assert!(away[0] < 0.01 && away[1] < 0.01 && away[2] < 1e-9, "{found:?}");

@@ -46,7 +46,7 @@ mod tests {
     fn objects_without_a_probability_have_no_confidence() {
         let values = |kind| values_of(&Class, &BOX, kind, &[], METRES);
         assert_eq!(values(NO_KIND), [Value::Count(0), Value::Missing]);
-        assert_eq!(values(Kind { class: 2, confidence: 0 }), [Value::Count(2), Value::Missing]);
-        assert_eq!(values(Kind { class: 2, confidence: 51 }), [Value::Count(2), Value::Decimal(0.2)]);
+        assert_eq!(values(Kind::new(2, 0)), [Value::Count(2), Value::Missing]);
+        assert_eq!(values(Kind::new(2, 51)), [Value::Count(2), Value::Decimal(0.2)]);
     }
 }

@@ -88,7 +88,7 @@ mod tests {
         let found = |kind, ground: &[_]| as_decimals(&values_of(&Clearance, &points, kind, ground, METRES));
         let least = found(NO_KIND, &ground)[0].unwrap();
         assert!((least - (4.61 - 0.5)).abs() < 1e-9, "{least}");
-        assert_eq!(found(Kind { class: 4, confidence: 1 }, &ground), [None], "a vehicle");
+        assert_eq!(found(Kind::new(4, 1), &ground), [None], "a vehicle");
         assert_eq!(found(NO_KIND, &[]), [None], "no ground");
         let beside: Vec<[i64; 3]> = points.iter().map(|[x, y, z]| [*x, y + 6_000, *z]).collect();
         assert_eq!(as_decimals(&values_of(&Clearance, &beside, NO_KIND, &ground, METRES)), [None]);
@@ -96,7 +96,7 @@ mod tests {
         let low: Vec<[i64; 3]> =
             points.into_iter().chain((0..20).map(|k| [1_050, 4_000 + k * 50, 1_700])).collect();
         let least = |class| {
-            let kind = Kind { class, confidence: 1 };
+            let kind = Kind::new(class, 1);
             as_decimals(&values_of(&Clearance, &low, kind, &ground, METRES))[0].unwrap()
         };
         assert!((least(TREE) - 1.2).abs() < 1e-9 && (least(POLE) - 1.2).abs() < 1e-9);

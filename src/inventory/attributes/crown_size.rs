@@ -67,7 +67,7 @@ mod tests {
     fn crowns_are_metres_and_only_of_trees() {
         let ground = [([2, 1], 100)];
         for units_m in [METRES, FEET] {
-            let kind = Kind { class: 2, confidence: 255 };
+            let kind = Kind::new(2, 255);
             let found = as_decimals(&values_of(&CrownSize, &tree(), kind, &ground, units_m));
             // The middles of the outer cells are 3.9 m and 1.9 m apart: the diagonal, and twice the height
             // over it.
@@ -80,7 +80,7 @@ mod tests {
             );
         }
         assert_eq!(as_decimals(&values_of(&CrownSize, &tree(), NO_KIND, &ground, METRES)), [None; 3]);
-        let pole = Kind { class: 3, confidence: 255 };
+        let pole = Kind::new(3, 255);
         assert_eq!(as_decimals(&values_of(&CrownSize, &tree(), pole, &ground, METRES)), [None; 3]);
     }
 }

@@ -61,7 +61,7 @@ mod tests {
         let strays = [[1_000, 3_000, 6_000], [1_010, 3_000, -1_500]];
         let points: Vec<[i64; 3]> = post.chain(strays).collect();
         for class in [0, 3] {
-            let kind = Kind { class, confidence: 255 };
+            let kind = Kind::new(class, 255);
             let found = as_decimals(&values_of(&Height, &points, kind, &[([1, 3], 250)], METRES));
             assert!(near(&found, &[2.99, 0.0]), "{found:?}");
         }
@@ -77,7 +77,7 @@ mod tests {
         let leaves = (950..1_000).flat_map(|x| (8..14).map(move |z| over(10 * x, 200 * z)));
         let points: Vec<[i64; 3]> = hedge.chain(leaves).collect();
         let height_m = |class, points: &[[i64; 3]]| {
-            let values = values_of(&Height, points, Kind { class, confidence: 255 }, &ground, METRES);
+            let values = values_of(&Height, points, Kind::new(class, 255), &ground, METRES);
             as_decimals(&values)[0].unwrap()
         };
         assert!((height_m(6, &points) - 1.4).abs() < 0.03, "{}", height_m(6, &points));

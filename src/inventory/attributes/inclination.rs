@@ -48,7 +48,7 @@ mod tests {
             (0..500).map(|k| [900 + k % 7 * 10, 900 - k * 2 / 5 + k % 5 * 10, k * 10]).collect();
         let found =
             |kind, points: &[[i64; 3]]| as_decimals(&values_of(&Inclination, points, kind, &[], METRES));
-        let kind = Kind { class: 3, confidence: 255 };
+        let kind = Kind::new(3, 255);
         let leans = found(kind, &pole);
         assert!((leans[0].unwrap() - 0.04_f64.atan().to_degrees()).abs() < 0.1, "{leans:?}");
         assert!((leans[1].unwrap() - 180.0).abs() < 3.0, "{leans:?}");

@@ -11,6 +11,7 @@ mod extent;
 mod files;
 mod footprint;
 mod ground_height;
+mod hedge;
 mod height;
 mod id;
 mod inclination;
@@ -28,6 +29,7 @@ pub static REGISTRY: &[&dyn Attribute] = &[
     &id::Id,
     &uid::Uid,
     &class::Class,
+    &hedge::Hedge,
     &points::Points,
     &base::Base,
     &station::StationOnAxis,

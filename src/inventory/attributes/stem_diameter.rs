@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn diameters_are_metres_and_only_of_trees_of_which_enough_was_seen() {
-        let kind = Kind { class: 2, confidence: 255 };
+        let kind = Kind::new(2, 255);
         let ground = [([5, 5], -200)];
         for units_m in [METRES, FEET] {
             let found = as_decimals(&values_of(&StemDiameter, &stem(200), kind, &ground, units_m));

@@ -52,7 +52,7 @@ mod tests {
             assert_eq!(found, [Value::Text("0-16-31".into())]);
         }
         let west: Vec<[i64; 3]> = BOX.iter().map(|[x, y, z]| [x - 20_000, *y, *z]).collect();
-        let found = values_of(&Uid, &west, Kind { class: 6, confidence: 9 }, &[], METRES);
+        let found = values_of(&Uid, &west, Kind::new(6, 9), &[], METRES);
         assert_eq!(found, [Value::Text("6--185-31".into())]);
     }
 
@@ -62,7 +62,7 @@ mod tests {
         let facade: Vec<[i64; 3]> = (0..3_000).map(|n| [n % 300 * 100, 12_000, n / 300 * 500]).collect();
         let ground: Vec<([i32; 2], i64)> = (0..300).map(|k| ([k % 30, k / 30 + 5], 0)).collect();
         let terrain = terrain_at(&ground);
-        let kind = Kind { class: 5, confidence: 255 };
+        let kind = Kind::new(5, 255);
         let (part, measures) = summaries(&facade, kind);
         let name = |along: f64, turned: f64| {
             let locate = |[x, y]: [f64; 2]| Station { chainage_m: x + along, offset_m: y - 5.0 + turned * x };

@@ -100,7 +100,7 @@ mod tests {
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
         let labels = vec![1; points.len()];
         let whole = ObjectPart::collect(&cloud, &labels, 1, |_| true, |_| FileId::new(0)).remove(0);
-        let kind = Kind { class: 2, confidence: 255 };
+        let kind = Kind::new(2, 255);
         let measures =
             Measures::collect(&cloud, &labels, |_| true, |_| Some((&whole, kind, None))).remove(0).1;
         let frames = Frames::new(&whole, kind, None, Lattice::MILLIMETRE);

@@ -208,7 +208,7 @@ mod tests {
                 points.iter().map(|(p, ..)| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]).collect();
             let objects: Vec<u32> = points.iter().map(|(_, _, object)| *object).collect();
             let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &places);
-            let kind = Kind { class, confidence: 1 };
+            let kind = Kind::new(class, 1);
             let wholes = ObjectPart::collect(&cloud, &objects, 2, |_| true, |_| FileId::new(0));
             let whole = |id: u32| Some((&wholes[id as usize - 1], kind, None));
             let mut merged: BTreeMap<u32, Measures> = BTreeMap::new();

@@ -21,6 +21,7 @@ use super::tail::{Tail, TailError};
 use crate::config::OutputFormat;
 use crate::input::InputFile;
 use crate::input::decode::Chunking;
+use crate::model::Kind;
 use crate::output::error::OutputError;
 
 /// Bit of the global encoding: the waveforms are in a file of their own.
@@ -119,12 +120,12 @@ impl LabelledFile {
 
     /// Appends the new records of a run of records to `out`: the original bytes with label and class.
     ///
-    /// `classes` are codes of [`crate::model::PointClass`]. `kinds` are classes of objects
-    /// ([`crate::model::Kind`]), or empty for class 0.
+    /// `classes` are codes of [`crate::model::PointClass`]. `kinds` is what the object of each
+    /// record is, or empty for class 0.
     ///
     /// # Panics
     /// When there is not one label and one class for every record.
-    pub fn label(&self, records: &[u8], labels: &[u32], classes: &[u8], kinds: &[u8], out: &mut Vec<u8>) {
+    pub fn label(&self, records: &[u8], labels: &[u32], classes: &[u8], kinds: &[Kind], out: &mut Vec<u8>) {
         self.record.label(records, labels, classes, kinds, out);
     }
 

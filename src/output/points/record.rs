@@ -4,7 +4,7 @@ use super::descriptor::{self, DESCRIPTOR, ExtraType};
 use super::options::LabelOptions;
 use crate::config::LasCodes;
 use crate::input::{InputFile, RecordLayout};
-use crate::model::PointClass;
+use crate::model::{Hedge, Kind, PointClass};
 use crate::output::error::OutputError;
 
 /// Longest record that LAS can describe.
@@ -19,6 +19,8 @@ pub(crate) const RESERVED: [&str; 2] = [ORIGINAL_CLASS, OBJECT_CLASS];
 const OBJECT_CLASSES: usize = 10;
 /// LAS classes of our classes (LAS 1.4 R15, tables 9 and 17).
 const GROUND: u8 = 2;
+const LOW_VEGETATION: u8 = 3;
+const MEDIUM_VEGETATION: u8 = 4;
 const HIGH_VEGETATION: u8 = 5;
 const BUILDING: u8 = 6;
 const WIRE: u8 = 14;
@@ -42,6 +44,8 @@ pub(super) struct RecordPlan {
     class_mask: u8,
     /// LAS classes of the classes of objects, by their codes; none where the point keeps its class.
     objects: [Option<u8>; OBJECT_CLASSES],
+    /// LAS classes of low and of higher hedges and bushes.
+    hedges: [u8; 2],
     /// Whether the format has LAS classes above 12.
     extended: bool,
 }
@@ -114,6 +118,8 @@ impl RecordPlan {
             class_byte: layout.classification,
             class_mask: layout.classification_mask,
             objects: objects(&options.class_codes, extended),
+            hedges: [LOW_VEGETATION, MEDIUM_VEGETATION]
+                .map(|code| options.class_codes.of_hedges().unwrap_or(code)),
             extended,
         }
     }
@@ -129,7 +135,7 @@ impl RecordPlan {
         records: &[u8],
         labels: &[u32],
         classes: &[u8],
-        kinds: &[u8],
+        kinds: &[Kind],
         out: &mut Vec<u8>,
     ) {
         assert_eq!(records.len(), labels.len() * self.input_len, "one label for every record");
@@ -137,9 +143,9 @@ impl RecordPlan {
         out.reserve(labels.len() * self.output_len);
         assert!(
             kinds.is_empty() || kinds.len() == labels.len(),
-            "one class of object for every record, or none"
+            "one kind of object for every record, or none"
         );
-        let kinds = kinds.iter().copied().chain(std::iter::repeat(0));
+        let kinds = kinds.iter().copied().chain(std::iter::repeat(Kind::default()));
         let records = records.chunks_exact(self.input_len);
         for (((record, label), class), kind) in records.zip(labels).zip(classes).zip(kinds) {
             let start = out.len();
@@ -151,7 +157,7 @@ impl RecordPlan {
                 new[at] = record[self.class_byte] & self.class_mask;
             }
             if let Some(at) = self.object_class {
-                new[at] = kind;
+                new[at] = kind.class;
             }
             if let Some((at, mask)) = self.class
                 && let Some(code) = self.las_class(*class, kind)
@@ -161,10 +167,14 @@ impl RecordPlan {
         }
     }
 
-    /// The LAS class of a class code and of the class of an object; `None` if the point keeps its class.
-    fn las_class(&self, code: u8, kind: u8) -> Option<u8> {
+    /// The LAS class of a class code and of an object; `None` if the point keeps its class.
+    fn las_class(&self, code: u8, kind: Kind) -> Option<u8> {
         match PointClass::from_code(code)? {
-            PointClass::Object => self.objects.get(usize::from(kind)).copied().flatten(),
+            PointClass::Object => match kind.hedge {
+                Hedge::No => self.objects.get(usize::from(kind.class)).copied().flatten(),
+                Hedge::Low => Some(self.hedges[0]),
+                Hedge::Medium => Some(self.hedges[1]),
+            },
             PointClass::Ground => Some(GROUND),
             PointClass::LowNoise => Some(LOW_NOISE),
             PointClass::HighNoise => Some(if self.extended { HIGH_NOISE } else { LOW_NOISE }),

@@ -191,7 +191,7 @@ impl CopcPointsPass<'_> {
                 bytes.extend(number.to_le_bytes());
                 let start = bytes.len();
                 let class = record[layout.classification] & layout.classification_mask;
-                let kind = labels.kinds.get(at).copied().unwrap_or(0);
+                let kind = labels.kinds.get(at).map_or(0, |kind| kind.class);
                 conversion.append(record, class, labels.objects[at], kind, &mut bytes)?;
                 if !shown {
                     continue;

@@ -34,12 +34,12 @@ pub(super) struct Labels<'a> {
     of_objects: &'a [Kind],
     pub(super) objects: Vec<u32>,
     pub(super) classes: Vec<u8>,
-    /// Class of the object of each record. Empty if the method does not classify.
-    pub(super) kinds: Vec<u8>,
+    /// What the object of each record is. Empty if the method does not classify.
+    pub(super) kinds: Vec<Kind>,
 }
 
 impl<'a> Labels<'a> {
-    /// Labels with the classes of objects 1, 2, ..., or with none.
+    /// Labels with what the objects 1, 2, ... are, or with nothing of it.
     pub(super) fn of(columns: &'a PointColumns, of_objects: &'a [Kind]) -> Self {
         Self { columns, of_objects, objects: Vec::new(), classes: Vec::new(), kinds: Vec::new() }
     }
@@ -54,7 +54,7 @@ impl<'a> Labels<'a> {
         if !self.of_objects.is_empty() {
             let kind = |label: &u32| {
                 let object = (*label as usize).checked_sub(1);
-                object.and_then(|object| self.of_objects.get(object)).map_or(0, |kind| kind.class)
+                object.and_then(|object| self.of_objects.get(object)).copied().unwrap_or_default()
             };
             self.kinds.extend(self.objects.iter().map(kind));
         }

@@ -88,7 +88,7 @@ pub(crate) struct ObjectSample {
 /// The objects of a tile. `labelled` are the keys and codes of the voxels that it owns, and `instances` their
 /// true objects, or empty.
 pub(crate) fn map(tile: &dyn TileWindow, labelled: Vec<(Voxel, u8)>, instances: &[u32]) -> Result<Vec<u8>> {
-    let Settled { whole, contacts } = Settled::load(tile, &[], true)?;
+    let Settled { whole, contacts, .. } = Settled::load(tile, &[], true)?;
     let voxels = &whole.grown.cored.around.voxels;
     let own = (0..voxels.len()).filter(|&voxel| voxels.owned[voxel]);
     let mut truth = BTreeMap::<u32, Truth>::new();

@@ -13,15 +13,17 @@ use super::contacts::{self, Contacts};
 use super::figures::{self, Figures};
 use super::fixtures;
 use super::islands;
+use super::leaves::{self, Leaves};
 use super::stage_leftovers::Whole;
 use super::wholes::{MOST_VOXELS, Object, Pieces};
 use crate::cluster::columns::{Voxel, global_indices};
 use crate::cluster::street::model::{self, StreetModel};
 use crate::cluster::street::settings::{NAME, STEP_OBJECTS, StreetConfig, edge};
+use crate::cluster::street::shares::FENCE;
 use crate::cluster::{DriveWindow, Grouped, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{Kind, Lattice, TileId};
+use crate::model::{Hedge, Kind, Lattice, TileId};
 use crate::spatial::{Cell, VoxelIndex};
 
 /// The payload of a tile.
@@ -30,6 +32,8 @@ struct Payload {
     labels: Vec<OfTile>,
     /// Figures of each label over the voxels of the tile, if a model names objects or finds pieces.
     figures: BTreeMap<u32, Figures>,
+    /// How thick the objects of the tile are.
+    leaves: BTreeMap<u32, Leaves>,
     /// Contacts of the labels of growth and leftovers, if a model finds pieces.
     contacts: Contacts,
 }
@@ -48,6 +52,8 @@ struct OfTile {
 /// The objects of the voxels of a tile, corrected by what is around them, and what was counted before.
 pub(crate) struct Settled {
     pub(crate) whole: Whole,
+    /// Thickness around each voxel, in lattice units.
+    thickness: Vec<Option<u64>>,
     /// Empty if nobody asks for contacts.
     pub(crate) contacts: Contacts,
 }
@@ -59,8 +65,9 @@ impl Settled {
         // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
         // settled.
         let contacts = if with_contacts { contacts::count(&whole, MOST_VOXELS) } else { Contacts::default() };
+        let thickness = leaves::thickness(&whole);
         settle(&mut whole, tile.lattice());
-        Ok(Self { whole, contacts })
+        Ok(Self { whole, thickness, contacts })
     }
 }
 
@@ -77,7 +84,8 @@ pub(crate) fn map(tile: &dyn TileWindow, model: &StreetModel) -> Result<Mapped> 
     // Another tile may own the column of a point.
     let mut columns: Vec<Cell> = indices.iter().map(|([i, j, _], _)| [*i, *j]).collect();
     columns.dedup();
-    let Settled { whole, contacts } = Settled::load(tile, &columns, model.wholes.is_some())?;
+    let Settled { whole, thickness, contacts } = Settled::load(tile, &columns, model.wholes.is_some())?;
+    let leaves = leaves::find(&whole, &thickness);
     let with_figures = model.objects.is_some() || model.wholes.is_some();
     let figures = if with_figures { figures::find(&whole, tile.lattice()) } else { BTreeMap::new() };
     let voxels = &whole.grown.cored.around.voxels;
@@ -115,7 +123,7 @@ pub(crate) fn map(tile: &dyn TileWindow, model: &StreetModel) -> Result<Mapped> 
     let count = of_tile.len() as u32;
     let labelled = Labelled { points, labels, count, with_halo: false };
     Ok(Mapped {
-        payload: codec::encode(&Payload { labels: of_tile, figures, contacts })?,
+        payload: codec::encode(&Payload { labels: of_tile, figures, leaves, contacts })?,
         labelled: Some(labelled),
         ..Mapped::default()
     })
@@ -149,12 +157,16 @@ pub(crate) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &Str
     let mut labels = Vec::new();
     let mut contacts = Vec::new();
     let mut figures = BTreeMap::<u32, Figures>::new();
+    let mut leaves = BTreeMap::<u32, Leaves>::new();
     for tile in TileId::first(drive.tiles()) {
         let payload: Payload = codec::decode(&drive.payload(STEP_OBJECTS, tile)?)?;
         labels.push(payload.labels);
         contacts.push(payload.contacts);
         for (label, of_tile) in payload.figures {
             figures.entry(label).or_default().merge(&of_tile);
+        }
+        for (label, of_tile) in payload.leaves {
+            leaves.entry(label).or_default().merge(&of_tile);
         }
     }
     let mut sums = BTreeMap::<u32, Sum>::new();
@@ -172,14 +184,16 @@ pub(crate) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &Str
         Some(wholes) => Pieces::find(wholes, &objects, &touched, lattice)?,
         None => Pieces::default(),
     };
-    let mut points = BTreeMap::<u32, u64>::new();
+    let mut of_wholes = BTreeMap::<u32, (u64, Leaves)>::new();
     for (label, sum) in &sums {
         if let Some(whole) = pieces.whole(*label) {
-            *points.entry(whole).or_default() += sum.points;
+            let (points, of_whole) = of_wholes.entry(whole).or_default();
+            *points += sum.points;
+            leaves.get(label).iter().for_each(|of_piece| of_whole.merge(of_piece));
         }
     }
     let mut named = BTreeMap::new();
-    for (&label, &points) in &points {
+    for (&label, &(points, leaves)) in &of_wholes {
         let Sum { class: before, share, points: own } = sums[&label];
         let (class, confidence) = match (&model.objects, objects.get(&label)) {
             (Some(names), Some(object)) => {
@@ -191,7 +205,8 @@ pub(crate) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &Str
         let is_large =
             config.is_large(class, points) || (pieces.is_likely(label) && points >= config.min_points);
         if config.wants(class) && is_large {
-            named.insert(label, Kind { class, confidence });
+            let hedge = if class == FENCE { leaves.hedge(lattice) } else { Hedge::No };
+            named.insert(label, Kind { class, confidence, hedge });
         }
     }
     let kinds: BTreeMap<u32, Kind> =
