@@ -5,6 +5,11 @@
 //! least standard deviation of the points of an object in a cube, in any direction, is its thickness there.
 //! Cubes lie on the global lattice. Figures of objects are sums of whole numbers over voxels, so those of all
 //! tiles add up.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a thickness is at most a cube wide"
+)]
 
 use std::collections::BTreeMap;
 
@@ -148,7 +153,6 @@ mod tests {
     use super::*;
     use crate::cluster::street::shares::FENCE;
 
-    /// Blocks of a point per decimetre in every direction, from a corner, in decimetres.
     fn hedges(whole: &Whole) -> BTreeMap<u32, Hedge> {
         let found = find(whole, &thickness(whole));
         found.into_iter().map(|(label, leaves)| (label, leaves.hedge(Lattice::MILLIMETRE))).collect()
