@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::inventory::measures::{Ends, Foot, Frames, Measures, Polygon, WIRE, outline};
+use crate::inventory::measures::{Ends, Foot, Frames, Measures, Polygon, outline};
 use crate::inventory::site::{Site, centre};
 use crate::model::{Kind, ObjectPart};
 
@@ -87,7 +87,7 @@ impl<'a> Object<'a> {
 
 /// Between which heights an object is whole. Without points, as the centre.
 fn ends(part: &ObjectPart, measures: &Measures, kind: Kind, frames: &Frames, site: &Site<'_>) -> Ends {
-    let found = Ends::new(&measures.profile, kind.class == WIRE, site.lattice);
+    let found = Ends::new(&measures.profile, kind.class, site.lattice);
     let found = found.unwrap_or(Ends { bottom: 0, top: 0 });
     // Most objects do not reach below the ground.
     let reaches_below =

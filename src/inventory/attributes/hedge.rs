@@ -1,11 +1,9 @@
 //! Attribute `hedge`: whether an object of class 6 is a hedge or bush.
 
 use crate::inventory::attributes::attribute::Attribute;
+use crate::inventory::measures::FENCE;
 use crate::inventory::object::Object;
 use crate::model::{self, Column, ColumnType, ColumnUnit, Value};
-
-/// Class of fences, walls, guard rails, hedges and bushes.
-const FENCE: u8 = 6;
 
 /// The attribute.
 #[derive(Debug)]

@@ -23,6 +23,6 @@ pub(super) use foot::Foot;
 pub use outline::around_cells;
 pub(super) use outline::{Polygon, outline};
 pub use parts::Measures;
-pub(super) use parts::{BUILDING, Frames, POLE, SMALL, TREE, VEHICLE, WIRE};
+pub(super) use parts::{BUILDING, FENCE, Frames, POLE, SMALL, TREE, VEHICLE, WIRE};
 pub(super) use profile::Ends;
 pub(super) use rectangle::{Rectangle, least_area};
