@@ -58,6 +58,9 @@ def main():
     for layer in (objects, bases):
         for column in rows[0] if rows else []:
             for found, row in zip(layer[column], rows):
+                # Flags of a column with missing ones are read as numbers.
+                if row[column] in ("true", "false") and found in (0, 1):
+                    found = bool(found)
                 assert same(text(found), row[column]), (row["id"], column, found, row[column])
     assert objects.geometry.is_valid.all() and objects.geometry.exterior.is_simple.all()
     for base, row in zip(bases.geometry, rows):

@@ -1,7 +1,8 @@
 //! The height of a long fence, hedge or wall: over the ground below it, and of most of it. The ground at its
 //! base is another where it stands on a slope, and its highest points are leaves of the trees above it.
 
-use super::parts::{FENCE, Frames, Measures};
+use super::classes::FENCE;
+use super::parts::{Frames, Measures};
 use super::sketch::{Heights, Key};
 use crate::inventory::site::Site;
 use crate::model::{Kind, ObjectPart};

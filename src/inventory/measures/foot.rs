@@ -3,7 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use super::parts::{BUILDING, Frames, Measures, POLE, TREE, VEHICLE};
+use super::classes::{BUILDING, POLE, TREE, VEHICLE};
+use super::parts::{Frames, Measures};
 use super::profile::Ends;
 use super::rectangle::least_area;
 use super::sketch::Heights;

@@ -2,6 +2,7 @@
 //! the geometry that is derived from the sketches of a whole object. No columns, no files, no tiles.
 
 mod circle;
+mod classes;
 mod crest;
 mod crown;
 mod face;
@@ -16,13 +17,14 @@ mod stem;
 mod stem_axis;
 
 pub(super) use circle::Circle;
+pub(super) use classes::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE, WIRE};
 pub(super) use crest::crest_m;
 pub(super) use crown::crown;
 pub use face::Face;
 pub(super) use foot::Foot;
 pub use outline::around_cells;
 pub(super) use outline::{Polygon, outline};
+pub(super) use parts::Frames;
 pub use parts::Measures;
-pub(super) use parts::{BUILDING, FENCE, Frames, POLE, SMALL, TREE, VEHICLE, WIRE};
 pub(super) use profile::Ends;
 pub(super) use rectangle::{Rectangle, least_area};

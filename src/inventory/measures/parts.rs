@@ -4,24 +4,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::classes::{POLE, TREE};
 use super::profile::Slice;
 use super::sketch::{Frame, Heights, Sketch, Sums};
 use crate::model::{Kind, Lattice, ObjectPart, TileCloud};
-
-/// Class codes ([`Kind::class`]) that attributes distinguish.
-pub(crate) const TREE: u8 = 2;
-/// Lamps, signs, signals, utility poles.
-pub(crate) const POLE: u8 = 3;
-/// Cars and larger.
-pub(crate) const VEHICLE: u8 = 4;
-/// Houses and their parts.
-pub(crate) const BUILDING: u8 = 5;
-/// Fences, hedges, walls and bushes.
-pub(crate) const FENCE: u8 = 6;
-/// Persons and small furniture.
-pub(crate) const SMALL: u8 = 7;
-/// Wires between poles.
-pub(crate) const WIRE: u8 = 8;
 
 /// Edge of a cell of the plan in metres (chosen: the outline lies within 0.1 m of every point).
 const PLAN_EDGE_M: f64 = 0.1;

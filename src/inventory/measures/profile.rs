@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::parts::{BUILDING, WIRE};
+use super::classes::{BUILDING, WIRE};
 use super::sketch::{Patch, Sketch};
 use crate::model::Lattice;
 
