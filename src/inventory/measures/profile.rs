@@ -24,7 +24,8 @@ const BESIDE_M: f64 = 2.0;
 /// 275 and 111 were.
 const TIMES_BELOW: i64 = 6;
 /// What stands on a roof is of the building. A single point is not, above a gap of so many metres. Measured
-/// there: right for three of three buildings. More points, or a shorter gap, were of 32 of 33.
+/// there: right for three of three buildings. More points, or points above a shorter gap, belonged to the
+/// building in 32 of 33.
 const ABOVE_ROOF_M: f64 = 1.0;
 /// Share of the points that a gap detaches at most, per metre of the gap. Measured there: what was not of the
 /// object had up to 0.17 of its points per metre, and no object lost a part.
