@@ -19,8 +19,9 @@ impl Attribute for Base {
             &[
                 coordinate(
                     "base_x",
-                    "x of the place where it stands: the axis of a tree or pole at the ground, the middle of a tree whose stem was not seen, \
-                     the middle of the front of a building, the middle of the box of a vehicle, else the middle of the lowest 0.3 m",
+                    "x of the place where it stands: the axis of a pole or stem at the ground, the narrow lowest part of a tree whose stem was not seen \
+                     or else the middle of its crown, the middle of the front of a building, the middle of the box of a vehicle, else the middle of \
+                     the lowest 0.3 m",
                 ),
                 coordinate("base_y", "y of that place"),
                 coordinate(
@@ -108,15 +109,20 @@ mod tests {
     #[test]
     fn a_crown_without_stem_stands_in_its_middle() {
         // A crown of 6 m, 2.5 m above the ground, whose lowest leaves are at the side that is seen.
-        let crown = (0..4_000_i64).map(|n| {
-            let (i, j, k) = (n % 20, n / 20 % 20, n / 400);
-            [2_000 + 300 * i, 1_000 + 300 * j, 2_900 + 300 * k + 20 * (i - 10).abs()]
-        });
-        let low = (0..40).map(|n| [7_000 + n % 8 * 150, 1_500 + n / 8 * 150, 2_500]);
-        let points: Vec<[i64; 3]> = crown.chain(low).collect();
-        let kind = Kind::new(2, 255);
-        let found = as_decimals(&values_of(&Base, &points, kind, &[([5, 3], 0)], METRES));
-        assert!(near(&found, &[(2.0 + 8.05) / 2.0, (1.0 + 6.7) / 2.0, 0.0]), "{found:?}");
+        let base = |layer: i64| {
+            let crown = (0..7_200_i64).map(|n| {
+                let (i, j, k) = (n % 60, n / 60 % 60, n / 3_600);
+                [2_000 + 100 * i, 1_000 + 100 * j, 2_900 + layer * k + 7 * (i - 30).abs()]
+            });
+            let low = (0..40).map(|n| [7_000 + n % 8 * 150, 1_500 + n / 8 * 150, 2_500]);
+            let points: Vec<[i64; 3]> = crown.chain(low).collect();
+            as_decimals(&values_of(&Base, &points, Kind::new(2, 255), &[([5, 3], 0)], METRES))
+        };
+        // Of a crown that is lower than wide, the extents are its own.
+        assert!(near(&base(3_000), &[(2.0 + 8.05) / 2.0, (1.0 + 6.9) / 2.0, 0.0]), "{:?}", base(3_000));
+        let found = base(6_000);
+        let off = (found[0].unwrap() - 4.95).hypot(found[1].unwrap() - 3.95);
+        assert!(off < 0.1 && found[2] == Some(0.0), "{found:?}");
     }
 
     #[test]
@@ -157,8 +163,27 @@ mod tests {
         let ground: Vec<_> = rise.chain(floor).collect();
         let kind = Kind::new(5, 255);
         let found = as_decimals(&values_of(&Base, &points, kind, &ground, METRES));
-        let away = [(0, 4.5), (1, 12.05), (2, 0.7)].map(|(k, expected)| (found[k].unwrap() - expected).abs());
-        assert!(away[0] < 0.6 && away[1] < 0.06 && away[2] < 0.06, "{found:?}");
+        let away = [(0, 5.0), (1, 12.05), (2, 0.7)].map(|(k, expected)| (found[k].unwrap() - expected).abs());
+        assert!(away.iter().all(|away| *away < 0.06), "{found:?}");
+    }
+
+    #[test]
+    fn a_porch_or_a_door_in_the_middle_is_not_the_front_of_a_building() {
+        // A wall along y = 12.05 m. The axis is y = 5 m.
+        let wall = |door: bool| {
+            (0..4_000_i64)
+                .map(|n| [n % 100 * 100 + 50, 12_050, 20 + n / 100 * 200])
+                .filter(move |[x, _, _]| !door || !(3_500..6_500).contains(x))
+        };
+        // A room behind the door, and a porch 1.5 m before the wall.
+        let room = (0..900_i64).map(|n| [3_500 + n % 30 * 100, 14_050, 20 + n / 30 * 100]);
+        let porch = (0..900_i64).map(|n| [3_500 + n % 30 * 100, 10_550, 20 + n / 30 * 100]);
+        let ground: Vec<_> = (0..10).flat_map(|i| (6..12).map(move |j| ([i, j], 0))).collect();
+        for points in [wall(true).chain(room).collect::<Vec<_>>(), wall(false).chain(porch).collect()] {
+            let found = as_decimals(&values_of(&Base, &points, Kind::new(5, 255), &ground, METRES));
+            assert!((found[0].unwrap() - 5.0).abs() < 0.06, "{found:?}");
+            assert!((found[1].unwrap() - 12.05).abs() < 0.1 && found[2].unwrap().abs() < 0.06, "{found:?}");
+        }
     }
 
     #[test]

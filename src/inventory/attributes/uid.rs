@@ -58,21 +58,27 @@ mod tests {
 
     #[test]
     fn the_name_of_a_building_does_not_depend_on_the_axis() {
-        // A facade of 30 m along an axis that another drive found 0.6 m further along and turned a little.
-        let facade: Vec<[i64; 3]> = (0..3_000).map(|n| [n % 300 * 100, 12_000, n / 300 * 500]).collect();
+        // A facade of 30 m with a side of 10 m, along an axis that another drive found 0.6 m further along and
+        // turned a little.
+        let front = (0..3_000).map(|n| [n % 300 * 100, 12_000, n / 300 * 500]);
+        let side = (0..1_000).map(|n| [0, 12_000 + n % 100 * 100, n / 100 * 500]);
+        let facade: Vec<[i64; 3]> = front.chain(side).collect();
         let ground: Vec<([i32; 2], i64)> = (0..300).map(|k| ([k % 30, k / 30 + 5], 0)).collect();
         let terrain = terrain_at(&ground);
         let kind = Kind::new(5, 255);
         let (part, measures) = summaries(&facade, kind);
         let name = |along: f64, turned: f64| {
-            let locate = |[x, y]: [f64; 2]| Station { chainage_m: x + along, offset_m: y - 5.0 + turned * x };
+            let locate = |[x, y]: [f64; 2]| Station {
+                chainage_m: x + along - turned * y,
+                offset_m: y - 5.0 + turned * x,
+            };
             let site = Site { locate: &locate, ..site(&terrain, METRES) };
             let object = Object::new(1, &part, &measures, kind, &site);
             let mut values = Vec::new();
             Uid.finish(&object, &mut values);
             (object.base(), format!("{:?}", values[0]))
         };
-        let (one, other) = (name(0.0, 0.002), name(0.6, -0.002));
+        let (one, other) = (name(0.0, 0.03), name(0.6, -0.03));
         assert!((one.0[0] - other.0[0]).abs() > 0.1, "the front is another: {one:?} {other:?}");
         assert_eq!(one.1, other.1);
     }

@@ -15,6 +15,7 @@ mod rectangle;
 mod sketch;
 mod stem;
 mod stem_axis;
+mod tree_foot;
 
 pub(super) use circle::Circle;
 pub(super) use classes::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE, WIRE};

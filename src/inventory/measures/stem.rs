@@ -12,7 +12,7 @@
 //!
 //! Places are metres from the corner of the frame of the sketch, so that all numbers are small.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::circle::{self, Circle, length};
 use super::sketch::{Sketch, Sums};
@@ -83,6 +83,10 @@ const LEAST_CIRCLES: usize = 4;
 /// Largest distance of their middle from the mean of the side that was seen, in metres: two thirds of a
 /// radius of 0.45 m.
 const LARGEST_SHIFT_M: f64 = 0.3;
+/// Layers above the lowest point of an object in which its lowest part is looked for: one metre,
+const LOWEST_LAYERS: i64 = 10;
+/// and how far from its middle, in metres.
+const OF_LOWEST_M: f64 = 0.3;
 /// Shortest axis whose direction is given, in metres.
 const SHORTEST_M: f64 = 1.0;
 
@@ -130,6 +134,17 @@ impl Stem {
         let mut by_height: Vec<usize> = (0..places.len()).collect();
         by_height.sort_by(|&a, &b| places[a][2].total_cmp(&places[b][2]));
         Self { places, by_height, is_tree }
+    }
+
+    /// In how many layers of the lowest metre there are points at a place, in metres from the corner.
+    pub(crate) fn layers_at(&self, at: [f64; 2]) -> usize {
+        #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
+        let index = |value: f64| (value / CELL_M).floor() as i64;
+        let Some(lowest) = self.by_height.first().map(|&number| self.places[number][2]) else { return 0 };
+        let layers = self.by_height.iter().map(|&number| self.places[number]);
+        let layers = layers.take_while(|place| index(place[2] - lowest) < LOWEST_LAYERS);
+        let near = layers.filter(|place| away_within(OF_LOWEST_M, [place[0], place[1]], at).is_some());
+        near.map(|place| index(place[2] - lowest)).collect::<BTreeSet<_>>().len()
     }
 
     /// The axis; `None` without points, and of a tree of whose stem hardly anything was seen.
@@ -408,6 +423,17 @@ mod tests {
         assert!((foot[0] - 2.0).hypot(foot[1] - 2.0) < 0.03, "{axis:?}");
         let circle = stem.section(&axis, 1.3).unwrap();
         assert!((circle.radius - 0.15).abs() < 0.003, "{circle:?}");
+    }
+
+    #[test]
+    fn layers_of_the_lowest_metre_are_counted_at_a_place() {
+        // A post of 0.45 m, a leaf beside it, a crown above.
+        let mut places: Vec<[f64; 3]> = (0..45).map(|k| [1.0, 2.0, 0.005 + 0.01 * f64::from(k)]).collect();
+        places.extend([[2.0, 2.0, 0.3], [1.1, 2.0, 0.95], [1.0, 2.0, 1.2]]);
+        let stem = Stem::of_places(places, true);
+        let layers = [[1.0, 2.0], [2.0, 2.2], [4.0, 2.0]].map(|at| stem.layers_at(at));
+        assert_eq!(layers, [6, 1, 0]);
+        assert_eq!(Stem::of_places(Vec::new(), true).layers_at([0.0; 2]), 0);
     }
 
     #[test]
