@@ -78,7 +78,7 @@ mod tests {
         // Leaves that hang down, although they are nearer to the middle. What has circles is a stem.
         assert!(!TREE.has_stem_at([0.0, 0.3], false));
         assert!(TREE.has_stem_at([0.0, 0.3], true));
-        assert_eq!(TREE.without_stem(), [0.5, 0.0]);
+        assert!(apart(TREE.without_stem(), [0.5, 0.0]) < 1e-9);
         // A single point below the crown may be anything.
         assert!(TreeFoot { layers: 1, ..TREE }.has_stem_at([0.0, 0.3], false));
     }
@@ -88,7 +88,7 @@ mod tests {
         let wide = TreeFoot { lowest: [1.2, 0.0], width_m: 2.5, ..TREE };
         assert!(wide.has_stem_at([-0.9, 0.0], false));
         assert!(!wide.has_stem_at([-1.1, 0.0], true), "a post at the edge of the crown");
-        assert_eq!(wide.without_stem(), [0.0, 0.0]);
+        assert!(apart(wide.without_stem(), [0.0, 0.0]) < 1e-9);
         // A tree that was cut on one side, as beside a road, stands on a stem at its edge.
         assert!(wide.has_stem_at([1.5, 0.0], false));
     }
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn what_hangs_far_from_the_middle_is_no_stem() {
         let hanging = TreeFoot { lowest: [1.8, 0.0], ..TREE };
-        assert_eq!(hanging.without_stem(), [0.0, 0.0]);
+        assert!(apart(hanging.without_stem(), [0.0, 0.0]) < 1e-9);
         assert!(hanging.has_stem_at([0.1, 0.0], false));
     }
 }
