@@ -7,7 +7,7 @@
 # Without a first argument it makes both. With `objects`, the models of voxels stay, and only those of objects are learned: the names
 # and the pieces. SCENES are labelled drives that the card of the streets scores its model with (default: the labelled scenes beside
 # the repository, where they are there). Needs a release build (or CHAINAGE), 8 GB of disk, and two hours on two cores; with `objects`
-# half an hour. The same program gives the same bytes.
+# 40 minutes. The same program gives the same bytes.
 #
 # The built-in models are not what the whole script makes today: their models of voxels were made before the noise and the generator
 # changed, because those of today are worse (benches/results/street.md, "What stands at facades"). So choose `objects`.

@@ -122,6 +122,14 @@ impl Sampled {
         self.sources.push(TrainedOn { name, samples: counts });
         Ok(())
     }
+
+    /// Adds samples that are changed copies. They do not count as samples of the drive.
+    fn add_copies(&mut self, half: usize, copies: &[Sample]) -> Result<()> {
+        for copy in copies {
+            self.halves[half].push(&copy.features, copy.class)?;
+        }
+        Ok(())
+    }
 }
 
 /// Learns a model.
@@ -182,6 +190,7 @@ pub fn train_objects(
         let samples = work.objects(Purpose::objects(voxels.clone())?, share)?;
         let name = || name_of(work.drive, share);
         names.add(number % 2, name(), &samples.names)?;
+        names.add_copies(number % 2, &street::doubtful(&samples.names))?;
         wholes.add(number % 2, name(), &samples.wholes)
     })?;
     let learn = |pass, sampled: Sampled| {

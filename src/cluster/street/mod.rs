@@ -49,6 +49,7 @@ pub(crate) use self::classes::features::context::NAMES as CONTEXT_FEATURES;
 use self::classes::{stage_classes, stage_context};
 use self::cores::stage_cores;
 use self::growth::{stage_edges, stage_growth};
+pub(crate) use self::learning::doubts::doubtful;
 pub(crate) use self::learning::training::{Counts, Purpose, Sample, SamplesOfObjects, Training};
 pub(crate) use self::learning::truth::Known;
 pub use self::model::StreetModel;

@@ -1,5 +1,6 @@
 //! The things of `things.toml`, from lamps to trees and buildings, as models.
 
+mod body;
 pub(crate) mod object;
 pub(crate) mod tree;
 pub(crate) mod truth;
@@ -11,6 +12,7 @@ use glam::{Affine3A, Vec3, vec3};
 use rand::RngExt;
 use serde::Deserialize;
 
+use self::body::Body;
 use self::tree::Level;
 use crate::synth::random::{Random, named, pick};
 use crate::synth::scene::model::Model;
@@ -29,6 +31,7 @@ pub(crate) struct Thing {
     parts: Vec<Part>,
     #[serde(default)]
     hulls: Vec<Hull>,
+    body: Option<Body>,
     #[serde(default)]
     growth: Vec<Level>,
     #[serde(default)]
@@ -88,6 +91,9 @@ impl Thing {
     fn model(&self, number: u8, random: &mut Random) -> Model {
         let mut all = self.parts(&Affine3A::IDENTITY, random);
         all.extend(self.hulls.iter().flat_map(|hull| hull.triangles(usize::from(number))));
+        if let Some(body) = &self.body {
+            all = body.of(&all, random);
+        }
         all.extend(tree::grow(&self.growth, &[Vec3::ZERO, Vec3::Z], random));
         let mut foot = 0.0;
         for Storeys { of, count, height } in &self.stack {

@@ -280,6 +280,14 @@ impl Sample {
     }
 }
 
+#[cfg(test)]
+impl Sample {
+    /// One of no voxel.
+    pub(crate) fn of_class(class: u8, held_out: bool, features: Vec<f32>) -> Self {
+        Self { hash: 0, key: [0; 3], class, held_out, features }
+    }
+}
+
 /// A number for a voxel that looks random.
 fn hash(key: Voxel, seed: u64) -> u64 {
     xxh3_64_with_seed(bytemuck::bytes_of(&key), seed)
