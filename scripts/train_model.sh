@@ -10,7 +10,8 @@
 # 40 minutes. The same program gives the same bytes.
 #
 # The built-in models are not what the whole script makes today: their models of voxels were made before the noise and the generator
-# changed, because those of today are worse (benches/results/street.md, "What stands at facades"). So choose `objects`.
+# changed, because those of today are worse (benches/results/street.md, "What stands at facades"). So choose `objects`. The models
+# of objects of forests were made before names learned from doubtful copies and before cars were rounded.
 #
 # The models of voxels learn from two drives of each kind. Those of objects learn from two others, and from a further kind of drive:
 # a spinning scanner that moves. It leaves trails and far crowns, and most pieces of objects.

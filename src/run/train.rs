@@ -171,8 +171,9 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
 }
 
 /// Learns the models of objects of a model whose models of voxels are known. They should have learned from
-/// other drives. Drives that do not say which object a point belongs to teach names only, as do drives of
-/// which all objects were found whole.
+/// other drives. Names are also learned from copies of the objects whose shares are doubtful. Drives that do
+/// not say which object a point belongs to teach names only, as do drives of which all objects were found
+/// whole.
 ///
 /// # Errors
 /// As [`train`].

@@ -12,8 +12,8 @@ use serde::Deserialize;
 use crate::synth::random::Random;
 use crate::synth::scene::shape::{Primitive, Shape};
 
-/// Longest edge of a triangle before it is bent, metres. A curve of the amounts below differs from its
-/// triangles by 6 mm at most.
+/// Longest edge of a triangle before it is bent, metres. The curves below differ from the middle of such an
+/// edge by 3 mm (median), and by 3 cm at most, at the corners of the ends.
 const LONGEST_EDGE_M: f32 = 0.5;
 /// How far the corners of the ends lie behind their middle, metres.
 const BOW_M: f32 = 0.16;
@@ -214,7 +214,7 @@ mod tests {
                 for model in models {
                     let bounds = model.bounds();
                     let size = bounds.max - bounds.min;
-                    // Parked cars are 5 m apart, and keep 1.02 m from their middle to the sides.
+                    // Parked cars have places of 5.1 m, and keep 1.02 m from their middle to the sides.
                     assert!(size.x < 5.05 && size.y < 2.04, "{name}: {size}");
                     assert!(bounds.min.z.abs() < 0.01 && (1.3..2.3).contains(&size.z), "{name}: {size}");
                     lengths.push(size.x);
