@@ -214,7 +214,10 @@ def f1(sums):
 
 
 def load(folder, tag, name):
-    return json.loads((folder / tag / f"{name}.json").read_text())
+    path = folder / tag / f"{name}.json"
+    if not path.is_file():
+        sys.exit(f"{path} is not there: score {name} with the tag {tag} first, or choose other drives with --only")
+    return json.loads(path.read_text())
 
 
 def show(folder, tag, chosen):
