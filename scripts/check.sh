@@ -52,12 +52,17 @@ skip() { # TEXT
 }
 
 tests() { # ARGUMENTS OF cargo test...
-    local log
+    local log left_out text
     log=$(mktemp)
-    cargo test --locked "$@" 2>&1 | tee "$log"
+    left_out=$(mktemp)
+    # A test that passes shows no text, so it writes to this file what it leaves out.
+    CHAINAGE_SKIPPED=$left_out cargo test --locked "$@" 2>&1 | tee "$log"
     local code=${PIPESTATUS[0]}
     summary+=$(grep -E '^(     Running|   Doc-tests|test result)' "$log")$'\n'
-    rm -f "$log"
+    while read -r text; do
+        skip "$text"
+    done < <(sort -u "$left_out")
+    rm -f "$log" "$left_out"
     return "$code"
 }
 

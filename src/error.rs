@@ -6,6 +6,7 @@
 //! [`Failure::hint`] is the next command to type, or nothing. Every failure has an [`ErrorKind`], and the
 //! program maps every kind to an exit code. Neither mapping has a wildcard.
 
+use std::any::Any;
 use std::borrow::Cow;
 
 /// A failure, with the object that it concerns.
@@ -73,6 +74,12 @@ impl Error {
         Self::from(Bug(text.into()))
     }
 
+    /// A caught panic: a violated invariant as well.
+    #[must_use]
+    pub fn from_panic(panic: &(dyn Any + Send)) -> Self {
+        Self::bug(panic_text(panic))
+    }
+
     /// The kind of failure, for exit codes.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
@@ -127,6 +134,13 @@ impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         self.0.source()
     }
+}
+
+/// What a caught panic says.
+pub(crate) fn panic_text(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied().map(str::to_owned);
+    text.or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "panic without a message".to_owned())
 }
 
 /// A violated invariant of chainage itself.

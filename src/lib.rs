@@ -39,6 +39,7 @@ pub mod words;
 
 mod codec;
 mod host;
+pub mod scratch_folder;
 mod spill;
 mod whole_file;
 

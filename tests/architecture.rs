@@ -86,7 +86,7 @@ fn module_of(file: &str) -> &str {
 /// The layers, from the ground up. A module uses what is below it, and nothing beside or above it.
 const LAYERS: [&[&str]; 7] = [
     &["error", "allocator", "words", "host"],
-    &["codec", "whole_file"],
+    &["codec", "scratch_folder", "whole_file"],
     &["model", "spill"],
     // Beside each other: what is near what and what is learned from a table know no setting of the program,
     // and no setting needs to know them.
@@ -339,10 +339,7 @@ fn the_file_of_defaults_explains_every_key() {
 
 #[test]
 fn the_readme_lists_every_method() {
-    let Ok(readme) = std::fs::read_to_string(shipped("README.md")) else {
-        println!("skipped: there is no README.md yet");
-        return;
-    };
+    let readme = std::fs::read_to_string(shipped("README.md")).expect("README.md");
     for name in ground::REGISTRY
         .iter()
         .map(|entry| entry.name)

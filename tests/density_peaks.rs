@@ -94,12 +94,12 @@ fn method(s: &Settings) -> DensityPeaks {
     let metres = |millimetres: i64| millimetres as f64 / 1_000.0;
     DensityPeaks::new(&DensityPeaksConfig {
         voxel: metres(s.voxel),
-        rho_t: s.rho_t,
-        delta_t: s.delta_t,
-        d_t: s.d_t,
-        d_neighbor: s.d_neighbor,
-        d_th: metres(s.d_th),
-        c_t: s.c_t,
+        min_density: s.rho_t,
+        min_separation: s.delta_t,
+        scale_above: s.d_t,
+        search_radius: s.d_neighbor,
+        pair_gap_m: metres(s.d_th),
+        merge_below: s.c_t,
         reassign: metres(s.reassign),
     })
     .unwrap()

@@ -456,7 +456,7 @@ impl GroundFilter for Shortsighted<VoxelColumn> {
     }
 }
 
-const FAR_LINKS: EuclideanConfig = EuclideanConfig { d_t: 3.5, min_points: 2, max_points: 0 };
+const FAR_LINKS: EuclideanConfig = EuclideanConfig { max_gap_m: 3.5, min_points: 2, max_points: 0 };
 const FAR_GROUND: VoxelColumnConfig =
     VoxelColumnConfig { voxel: 0.3, run_height: 1.0, step: 0.5, radius: 6.0, lowest_points: 1 };
 

@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 
 use crate::util::drive::scratch;
 use crate::util::method_run::MethodRun;
-use crate::util::shipped;
+use crate::util::{shipped, skipped};
 
 fn oracle(arguments: &[&Path]) -> Output {
     let script = shipped("tests/oracle/geopackage_oracle.py");
@@ -17,8 +17,7 @@ fn oracle(arguments: &[&Path]) -> Output {
 fn gdal_reads_what_the_table_has() {
     let can = Command::new("python3").arg(shipped("tests/oracle/geopackage_oracle.py")).arg("--can").output();
     if !can.is_ok_and(|can| can.status.success()) {
-        eprintln!("skipped: geopandas, pyogrio or laspy is not installed");
-        return;
+        return skipped("objects.gpkg read by GDAL (geopandas, pyogrio or laspy is not installed)");
     }
     let folder = scratch();
     for method in ["street", "euclidean"] {

@@ -97,7 +97,7 @@ fn upward_growing(voxel: i64, block: i64) -> UpwardGrowing {
 
 fn cluster(cloud: &TileCloud, d_t: f64) -> Vec<u32> {
     let mut labels = vec![u32::MAX; cloud.len()];
-    let config = EuclideanConfig { d_t, ..EuclideanConfig::default() };
+    let config = EuclideanConfig { max_gap_m: d_t, ..EuclideanConfig::default() };
     let clusters = Euclidean::new(&config).unwrap().cluster(cloud, &mut labels).unwrap();
     let mut seen: Vec<u32> = labels.clone();
     seen.sort_unstable();

@@ -109,6 +109,12 @@ fn only_named_outputs_are_written_and_charts_are_listed() {
     let (page, charts) = run("csv,charts");
     let listed = "out: objects.csv, density-peaks-decision.svg, density-peaks-curvature.svg, report.json\n";
     assert!(page.contains(listed) && charts == 2, "{page}");
+    // A chart that is gone is written again.
+    std::fs::remove_file(folder.path().join("out/density-peaks-decision.svg")).expect("removed");
+    let (page, charts) = run("csv,charts");
+    assert!(page.contains(listed) && charts == 2, "{page}");
+    let (page, _) = run("csv,charts");
+    assert!(page.contains("nothing to do"), "{page}");
     let empty = refused(folder.path(), &["run", "drive/first", "-o", "other", "--outputs", ""], 3);
     assert!(empty.contains("output.files = \"\": must be a list of points, "), "{empty}");
 }
@@ -186,12 +192,12 @@ fn a_foreign_file_in_the_state_is_named_and_stays() {
     let folder = with_drive();
     let run = [&["run", "drive/first", "-o", "out", "-q"][..], &CHEAP].concat();
     let (code, _, errors) = call(folder.path(), &run);
-    assert!(code == 0 && !errors.contains("not of chainage"), "{errors}");
+    assert!(code == 0 && !errors.contains("did not write"), "{errors}");
     let note = folder.path().join("out/.chainage/note.txt");
     std::fs::write(&note, "mine").expect("written");
     let (code, _, errors) = call(folder.path(), &run);
     let warning =
-        "warning: out/.chainage/note.txt is not of chainage: it is left alone, and --fresh removes it\n";
+        "warning: chainage did not write out/.chainage/note.txt: it stays until --fresh removes it\n";
     assert!(code == 0 && errors.contains(warning), "{errors}");
     assert!(note.is_file());
 }
@@ -215,4 +221,62 @@ fn a_plan_counts_the_disk_of_every_output() {
     assert!(disk.ends_with("of state, and the labelled copies, and drive.copc.laz, which needs 0.4 MiB more while it is written"), "{disk}");
     let csv = told(folder.path(), &["run", "drive/first", "-o", "out", "--dry-run", "--outputs", "csv"]);
     assert!(!csv.contains("labelled copies"), "{csv}");
+}
+
+#[test]
+fn what_a_run_refuses_is_refused_by_a_plan_and_by_config() {
+    let folder = with_drive();
+    let run = ["run", "drive/first", "-o", "out", "--outputs", "nonsense"];
+    let by_run = refused(folder.path(), &run, 3);
+    assert!(by_run.contains("output.files = \"nonsense\": must be a list of points, csv"), "{by_run}");
+    assert_eq!(refused(folder.path(), &[&run[..], &["--dry-run"]].concat(), 3), by_run);
+    for value in ["output.files=['nonsense']", "output.dimension=Point_Source_ID", "output.dimension=GpsTime"]
+    {
+        let by_plan = refused(folder.path(), &["plan", "drive/first", "--set", value], 3);
+        assert_eq!(refused(folder.path(), &["config", "--set", value], 3), by_plan);
+        assert!(by_plan.contains(": must be a "), "{by_plan}");
+    }
+    // A whole number of 301 digits is a number.
+    for length in ["--tile-length", "--to"] {
+        let text = refused(folder.path(), &["plan", "drive/first", length, "1e300"], 3);
+        assert!(!text.contains("must be a number"), "{text}");
+    }
+}
+
+#[test]
+fn options_of_a_drive_are_refused_for_a_table() {
+    let folder = with_drive();
+    std::fs::write(folder.path().join("t.csv"), "x,y\n0,1\n2,3\n4,9\n").expect("written");
+    for options in
+        [&["--method", "dbscan"][..], &["--threads", "2"], &["-r"], &["--scratch", "s"], &["--set", "a.b=1"]]
+    {
+        let text = refused(folder.path(), &[&["estimate-epsilon", "t.csv"], options].concat(), 3);
+        assert!(text.contains("t.csv: must be left out for a table"), "{text}");
+    }
+    let twice = ["cluster", "t.csv", "-o", "c.csv", "--method", "dbscan", "--columns", "x,y,x"];
+    let text = refused(folder.path(), &twice, 3);
+    assert!(text.contains("--columns = x: must be named once"), "{text}");
+    std::fs::write(folder.path().join("t.csv"), "x,y\n0,1\n-1e308,3\n1e308,9\n").expect("written");
+    let text = refused(folder.path(), &["cluster", "t.csv", "-o", "c.csv", "--method", "dbscan"], 4);
+    assert!(text.contains("point 2 has the value -1e308; numbers above 1e150 cannot be clustered"), "{text}");
+}
+
+#[test]
+fn a_model_that_is_not_there_is_no_scan() {
+    let folder = with_drive();
+    let text = refused(folder.path(), &["run", "drive/first", "-o", "out", "--model", "nothere"], 4);
+    assert!(
+        text.contains("cannot read the model ") && text.contains("hint: chainage train writes a model"),
+        "{text}"
+    );
+    assert_eq!(text.matches("nothere").count(), 1, "the cause repeats the path: {text}");
+}
+
+#[test]
+fn temporary_folders_are_new_and_are_removed() {
+    let folder = with_drive();
+    let estimate = ["estimate-epsilon", "drive/first", "--scratch", "for a time", "--progress", "none"];
+    // The sample is too small for an estimate. Its temporary folder is removed all the same.
+    refused(folder.path(), &estimate, 4);
+    assert_eq!(std::fs::read_dir(folder.path().join("for a time")).expect("a folder").count(), 0);
 }

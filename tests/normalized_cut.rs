@@ -69,16 +69,16 @@ fn method(s: &Settings) -> NormalizedCut {
     let metres = |millimetres: i64| millimetres as f64 / 1_000.0;
     let config = NormalizedCutConfig {
         voxel: metres(s.voxel_mm),
-        sigma_h: s.sigma_h,
-        sigma_v: s.sigma_v,
-        d_h: s.d_h,
+        horizontal_scale_m: s.sigma_h,
+        vertical_scale_m: s.sigma_v,
+        link_radius_m: s.d_h,
         stop: s.stop,
         tall: s.tall,
         wide: s.wide,
         max_voxels: s.max_voxels as u64,
     };
     let euclidean = EuclideanConfig {
-        d_t: metres(s.d_t_mm),
+        max_gap_m: metres(s.d_t_mm),
         min_points: s.min_points as u64,
         ..EuclideanConfig::default()
     };

@@ -10,8 +10,8 @@ use rand_chacha::ChaCha8Rng;
 use crate::util::drive::{assert_same_outputs, outputs, scratch, touch};
 use crate::util::las::Shape;
 use crate::util::program::{ended, events, finished, run_command, run_to_the_end, shell, wait_until};
-use crate::util::shipped;
 use crate::util::street::{Course, Street};
+use crate::util::{shipped, skipped};
 
 /// Many small units.
 const TILES: [&str; 4] = ["--tile-length", "4", "--memory", "256M"];
@@ -536,8 +536,7 @@ impl Drop for SmallDisk {
 fn a_full_disk_ends_the_run_with_a_hint_and_room_lets_it_resume() {
     let inputs = Inputs::new();
     let Some(disk) = SmallDisk::mount(inputs.path("disk"), 800) else {
-        println!("skipped: no right to mount a small file system");
-        return;
+        return skipped("a full disk (no right to mount a small file system)");
     };
     let more = ["--output-format", "las"];
     let undisturbed = inputs.undisturbed("sweep.laz", &more);

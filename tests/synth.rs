@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use crate::util::skipped;
 use chainage::synth::{Preset, Scanner, Settings, generate};
 
 /// A scanner with some ten thousand points per second of driving.
@@ -379,8 +380,7 @@ fn statistics_are_those_of_the_labelled_scenes() {
     for (name, preset, pulse_rate_hz, profiles_hz, speed_kmh, length) in cases {
         let scene = shared.join(format!("sim/{name}.laz"));
         if !scene.exists() {
-            println!("skipped: {} is not there", scene.display());
-            return;
+            return skipped(&format!("density of synth beside {} (it is not there)", scene.display()));
         }
         // One scene was driven through twice; one pass is compared.
         let mut pass = points(&scene);

@@ -205,6 +205,10 @@ fn an_interrupted_training_ends_and_says_that_it_begins_anew() {
     let rest: Vec<String> = lines.collect();
     assert_eq!(child.wait().expect("ends").code(), Some(130), "{rest:?}");
     let has = |text: &str| rest.iter().any(|line| line.contains(text));
-    assert!(has("error: interrupted in pass learn shapes") && has("begins anew"), "{rest:?}");
+    assert!(
+        has("error: interrupted in pass learn shapes")
+            && has("hint: the same command starts from the beginning"),
+        "{rest:?}"
+    );
     assert!(!model.exists() && scratch.read_dir().expect("the folder").next().is_none());
 }

@@ -7,7 +7,7 @@ use std::process::Output;
 use crate::util::drive::scratch;
 use crate::util::las::{Point, Shape};
 use crate::util::program::program;
-use crate::util::shipped;
+use crate::util::{shipped, skipped};
 
 const SAMPLE: &str = "mls_profiles.las";
 const SWEEP: &str = "tree_road_sweep.laz";
@@ -415,8 +415,7 @@ fn colours_are_for_terminals_only() {
         script.ok().map(|output| text(&output.stdout))
     };
     let Some(coloured) = shown("TERM=xterm NO_COLOR=") else {
-        println!("skipped: the program script is not installed");
-        return;
+        return skipped("colours at a terminal (the program script is not installed)");
     };
     assert!(coloured.contains("\u{1b}[1;31merror:\u{1b}[0m"), "{coloured:?}");
     assert!(!shown("TERM=xterm NO_COLOR=1").expect("it was there").contains('\u{1b}'));

@@ -25,6 +25,11 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
+    /// Whether --recursive was given.
+    pub(crate) fn is_recursive(&self) -> bool {
+        self.recursive
+    }
+
     /// The files, folders and patterns. With --recursive, a folder is followed by the folders below it that
     /// contain LAS or LAZ files.
     pub(crate) fn files(&self) -> Result<Vec<PathBuf>, CliError> {
@@ -155,7 +160,7 @@ impl SectionArgs {
             let expected = format!("above --from, which is {from} m; 0 is the end of the drive");
             return Err(ConfigError::value("--to", to, expected).into());
         }
-        let value = |key, metres: Option<f64>| metres.map(|metres| (key, metres.to_string()));
+        let value = |key, metres: Option<f64>| metres.map(|metres| (key, number(metres)));
         Ok([value("tiling.from", self.from), value("tiling.to", self.to)].into_iter().flatten())
     }
 }
@@ -176,6 +181,10 @@ struct Machine {
 }
 
 impl Machine {
+    fn is_any_given(&self) -> bool {
+        !self.assignments().is_empty()
+    }
+
     fn assignments(&self) -> Vec<(&'static str, String)> {
         let mut all = Vec::new();
         all.extend(self.threads.map(|count| ("run.threads", count.to_string())));
@@ -226,6 +235,18 @@ fn number_or_length(text: &str) -> Option<f64> {
     metres.filter(|metres: &f64| metres.is_finite())
 }
 
+/// A number as a setting. A whole number in TOML has at most 19 digits, so a larger one is written with an
+/// exponent.
+fn number(metres: f64) -> String {
+    if metres < 1e15 { metres.to_string() } else { format!("{metres:e}") }
+}
+
+/// A path as a setting, which is text.
+fn quoted(path: &Path) -> chainage::Result<String> {
+    let text = path.to_str().ok_or_else(|| InputError::NotUtf8 { path: path.to_owned() })?;
+    Ok(format!("{text:?}"))
+}
+
 impl Choices {
     /// The configuration with another file, and with `extra` settings.
     pub(crate) fn resolve_over(
@@ -237,12 +258,12 @@ impl Choices {
         let mut set = |key: &str, value: Option<String>| {
             assignments.extend(value.map(|value| format!("{key}={value}")));
         };
-        let quoted = |path: &PathBuf| format!("{:?}", path.display().to_string());
+        let quoted = |path: &Option<PathBuf>| path.as_deref().map(quoted).transpose();
         set("cluster.method", self.method.clone().map(|name| format!("{name:?}")));
         set("ground.method", self.ground.clone().map(|name| format!("{name:?}")));
-        set("street.model", self.model.as_ref().map(quoted));
-        set("tiling.tile_length", self.tile_length.map(|metres| metres.to_string()));
-        set("axis.trajectory", self.trajectory.as_ref().map(quoted));
+        set("street.model", quoted(&self.model)?);
+        set("tiling.tile_length", self.tile_length.map(number));
+        set("axis.trajectory", quoted(&self.trajectory)?);
         for (key, value) in extra {
             set(key, Some(value.clone()));
         }
@@ -264,6 +285,11 @@ impl Choices {
 }
 
 impl Settings {
+    /// Whether any option was given.
+    pub(crate) fn is_any_given(&self) -> bool {
+        self.choices.is_any_given() || self.machine.is_any_given()
+    }
+
     /// The configuration: defaults, preset, file, --set, flags.
     pub(crate) fn resolve(&self, extra: &[(&str, String)]) -> chainage::Result<Config> {
         let mut all = self.machine.assignments();

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::io::{self, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -129,14 +130,14 @@ pub(crate) fn report_as_json() {
     IS_JSON.store(true, Ordering::Relaxed);
 }
 
-/// Makes a panic outside a tile end with exit code 1 and a text that asks for a report.
-pub(crate) fn install_panic_text() {
-    let default = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        default(panic);
-        let _ =
-            io::stderr().write_all(b"this is a bug of chainage: please report it with the command line\n");
-    }));
+/// Runs the program, and returns its exit code. A panic outside a tile is a bug and is reported as one.
+pub(crate) fn guarded(program: impl FnOnce() -> u8) -> u8 {
+    // After a panic nothing of the program is used again.
+    catch_unwind(AssertUnwindSafe(program)).unwrap_or_else(|panic| {
+        let error = CliError::from(Error::from_panic(&*panic));
+        error.print();
+        error.code()
+    })
 }
 
 #[cfg(test)]
@@ -144,6 +145,16 @@ mod tests {
     use chainage::run::RunError;
 
     use super::*;
+
+    #[test]
+    fn a_panic_outside_a_tile_is_a_bug_and_has_its_code() {
+        assert_eq!(guarded(|| DONE), DONE);
+        assert_eq!(guarded(|| panic!("not expected: {}", 3)), BUG);
+        let text = "byte index 2 is not a char boundary";
+        let error = CliError::from(Error::from_panic(&text));
+        assert_eq!(error.to_string(), format!("internal error: {text}"));
+        assert!(error.hint().is_some_and(|hint| hint.contains("report")));
+    }
 
     #[test]
     fn every_kind_of_failure_has_its_code() {

@@ -10,6 +10,7 @@ mod numbers;
 mod print;
 mod progress;
 mod quantities;
+mod scratch;
 mod served;
 mod streamed;
 mod table_points;
@@ -24,7 +25,11 @@ use commands::pages;
 
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
-    exit::install_panic_text();
+    ExitCode::from(exit::guarded(run))
+}
+
+/// Runs the command, and returns its exit code.
+fn run() -> u8 {
     let program = match Program::from_arg_matches_mut(&mut args::program().get_matches_from(arguments())) {
         Ok(program) => program,
         Err(error) => error.exit(),
@@ -52,11 +57,11 @@ pub(crate) fn main() -> ExitCode {
         Command::Man(args) => args.run(&args::program()),
     };
     match result {
-        Ok(code) => ExitCode::from(code),
-        Err(error) if error.is_broken_pipe() => ExitCode::from(exit::DONE),
+        Ok(code) => code,
+        Err(error) if error.is_broken_pipe() => exit::DONE,
         Err(error) => {
             error.print();
-            ExitCode::from(error.code())
+            error.code()
         }
     }
 }

@@ -27,6 +27,10 @@ impl TablePoints {
     ) -> chainage::Result<Self> {
         let table = Table::read(path, header)?;
         let columns = if columns.is_empty() { table.numeric_columns()? } else { table.columns(columns)? };
+        if let Some(at) = (1..columns.len()).find(|&at| columns[..at].contains(&columns[at])) {
+            let expected = "named once: a column that counts twice has another weight";
+            return Err(ConfigError::value("--columns", table.name(columns[at]), expected).into());
+        }
         let given = weights.map_or(0, <[f64]>::len);
         if given != 0 && given != columns.len() {
             let expected = format!("one weight per column, {} in all", columns.len());

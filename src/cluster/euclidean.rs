@@ -6,7 +6,7 @@
 //! `linking::single_link`).
 //!
 //! Known failures: those of single link. Objects that touch become one object (crowns of neighbouring trees,
-//! a car at a fence). An object that is scanned more sparsely than d_t becomes several objects.
+//! a car at a fence). An object that is scanned more sparsely than `max_gap_m` becomes several objects.
 
 use serde::Deserialize;
 
@@ -32,11 +32,10 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EuclideanConfig {
-    /// Points at most this far apart, in metres, belong to one object, 0.001 to 10. Default 0.3 (chosen: the
-    /// 0.15 m of Guan et al. 2016, section 4, splits objects that are further from the scanner than the width
-    /// of their avenue).
-    #[serde(rename = "max_gap_m")]
-    pub d_t: f64,
+    /// Points at most this far apart, in metres, belong to one object, d_t of the paper, 0.001 to 10. Default
+    /// 0.3 (chosen: the 0.15 m of Guan et al. 2016, section 4, splits objects that are further from the
+    /// scanner than the width of their avenue).
+    pub max_gap_m: f64,
     /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (chosen; the paper
     /// gives no number).
     pub min_points: u64,
@@ -47,7 +46,7 @@ pub struct EuclideanConfig {
 
 impl Default for EuclideanConfig {
     fn default() -> Self {
-        Self { d_t: 0.3, min_points: 50, max_points: 0 }
+        Self { max_gap_m: 0.3, min_points: 50, max_points: 0 }
     }
 }
 
@@ -57,8 +56,8 @@ impl EuclideanConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        if !(0.001..=10.0).contains(&self.d_t) {
-            return Err(ConfigError::value("euclidean.max_gap_m", self.d_t, "0.001 to 10 metres"));
+        if !(0.001..=10.0).contains(&self.max_gap_m) {
+            return Err(ConfigError::value("euclidean.max_gap_m", self.max_gap_m, "0.001 to 10 metres"));
         }
         if self.min_points == 0 {
             return Err(ConfigError::value("euclidean.min_points", self.min_points, "at least 1 point"));
@@ -94,7 +93,7 @@ impl Clusterer for Euclidean {
     }
 
     fn reach(&self, lattice: Lattice) -> Reach {
-        Reach::Exact { metres: lattice.metres(lattice.units(self.config.d_t)) }
+        Reach::Exact { metres: lattice.metres(lattice.units(self.config.max_gap_m)) }
     }
 
     fn object_size(&self) -> std::ops::RangeInclusive<u64> {
@@ -103,7 +102,7 @@ impl Clusterer for Euclidean {
     }
 
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
-        single_link(NAME, cloud, cloud.lattice.units(self.config.d_t), labels)
+        single_link(NAME, cloud, cloud.lattice.units(self.config.max_gap_m), labels)
     }
 }
 
@@ -112,10 +111,10 @@ mod tests {
     use super::*;
     use crate::model::PointId;
 
-    fn cluster(d_t: f64, points: &[[i64; 3]]) -> (Vec<u32>, u32) {
+    fn cluster(max_gap_m: f64, points: &[[i64; 3]]) -> (Vec<u32>, u32) {
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
         let mut labels = vec![u32::MAX; points.len()];
-        let method = Euclidean::new(&EuclideanConfig { d_t, ..EuclideanConfig::default() }).unwrap();
+        let method = Euclidean::new(&EuclideanConfig { max_gap_m, ..EuclideanConfig::default() }).unwrap();
         let clusters = method.cluster(&cloud, &mut labels).unwrap();
         (labels, clusters)
     }
@@ -166,8 +165,8 @@ mod tests {
     fn values_out_of_range_are_refused_with_their_key() {
         let default = EuclideanConfig::default;
         for (config, key) in [
-            (EuclideanConfig { d_t: 0.0, ..default() }, "euclidean.max_gap_m = 0"),
-            (EuclideanConfig { d_t: f64::NAN, ..default() }, "euclidean.max_gap_m = NaN"),
+            (EuclideanConfig { max_gap_m: 0.0, ..default() }, "euclidean.max_gap_m = 0"),
+            (EuclideanConfig { max_gap_m: f64::NAN, ..default() }, "euclidean.max_gap_m = NaN"),
             (EuclideanConfig { min_points: 0, ..default() }, "euclidean.min_points = 0"),
             (EuclideanConfig { max_points: 49, ..default() }, "euclidean.max_points = 49"),
         ] {

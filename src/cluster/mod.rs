@@ -11,7 +11,7 @@
 //! // Two groups of points in millimetres, 5 m apart.
 //! let points = [[0, 0, 0], [0, 0, 200], [0, 0, 400], [5_000, 0, 0], [5_000, 0, 100]];
 //! let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
-//! let method = Euclidean::new(&EuclideanConfig { d_t: 0.3, ..EuclideanConfig::default() })?;
+//! let method = Euclidean::new(&EuclideanConfig { max_gap_m: 0.3, ..EuclideanConfig::default() })?;
 //! let mut labels = [0; 5];
 //! let clusters = method.cluster(&cloud, &mut labels)?;
 //! assert_eq!(clusters, 2);

@@ -1,6 +1,7 @@
 //! Errors of settings.
 
 use std::borrow::Cow;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
@@ -116,6 +117,18 @@ impl ConfigError {
     /// A [`ConfigError::Value`].
     pub fn value(key: impl Into<String>, value: impl ToString, expected: impl Into<String>) -> Self {
         Self::Value { key: key.into(), value: value.to_string(), expected: expected.into() }
+    }
+
+    /// Refuses the first value outside its range, as NaN always is. Given are key, value, range and unit; the
+    /// unit may be empty. The text of the error is made from the range, so that the two cannot differ.
+    pub(crate) fn outside<'a, T: PartialOrd + std::fmt::Display>(
+        values: impl IntoIterator<Item = (&'a str, T, RangeInclusive<T>, &'a str)>,
+    ) -> Result<(), Self> {
+        let wrong = values.into_iter().find(|(_, value, range, _)| !range.contains(value));
+        wrong.map_or(Ok(()), |(key, value, range, unit)| {
+            let gap = if unit.is_empty() { "" } else { " " };
+            Err(Self::value(key, value, format!("{} to {}{gap}{unit}", range.start(), range.end())))
+        })
     }
 }
 

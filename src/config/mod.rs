@@ -209,13 +209,15 @@ impl Config {
     fn from_table(mut table: toml::Table, warnings: Vec<String>) -> Result<Self, ConfigError> {
         for (section, key) in PATHS {
             let value = table.get_mut(section).and_then(|section| section.get_mut(key));
-            if let Some(toml::Value::String(path)) = value
-                && !path.is_empty()
-                && let Ok(absolute) = std::path::absolute(&*path)
-                && let Some(text) = absolute.to_str()
-            {
-                text.clone_into(path);
-            }
+            let Some(toml::Value::String(path)) = value.filter(|value| value.as_str() != Some("")) else {
+                continue;
+            };
+            let absolute = std::path::absolute(&*path).ok();
+            *path = absolute.and_then(|path| path.into_os_string().into_string().ok()).ok_or_else(|| {
+                let expected =
+                    "an absolute path here: the path of this folder is not UTF-8 text, or the folder is gone";
+                ConfigError::value(format!("{section}.{key}"), &*path, expected)
+            })?;
         }
         let config = Self {
             input: typed(&table, "input")?,

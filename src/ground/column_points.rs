@@ -5,10 +5,10 @@ use super::lowest::NONE;
 use crate::model::{Lattice, TileCloud};
 use crate::spatial::VoxelIndex;
 
-/// A layer of a column holds more than one in so many of its points,
+/// A layer of a column has more than one in so many of the points of the column, or more than [`MOST`]. Fewer
+/// points are multipath or stray returns (chosen by the study in benches/results/ground.md).
 const SHARE: u32 = 16;
-/// or more than so many points, or it is multipath or a stray return. Both chosen by the study in
-/// benches/results/ground.md.
+/// More points than this are a layer, however many points the column has (chosen by the same study).
 const MOST: u32 = 8;
 
 /// The points of a tile by column.

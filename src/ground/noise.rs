@@ -40,11 +40,12 @@ const NAME: &str = "noise";
 /// default radius of `voxel-column`.
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
-/// Edge of the cubes in which points are counted, in metres, and how many points in the 27 cubes around a
-/// small component make it a part of something that few points reach,
+/// Edge of the cubes in which points are counted, in metres (chosen by `benches/results/noise.md`).
 const CUBE_M: f64 = 1.5;
+/// A small component can be kept if the 27 cubes around it hold so many points (chosen by the same study).
 const FEW: RangeInclusive<u64> = 12..=150;
-/// if an occupied voxel there has at most this many on average.
+/// A small component is kept only if the occupied voxels of these 27 cubes have at most so many points on
+/// average (chosen by the same study).
 const MOST_PER_VOXEL: u64 = 4;
 
 /// Settings of the section `[noise]`.
@@ -79,17 +80,10 @@ impl NoiseConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        if !(0.05..=2.0).contains(&self.voxel) {
-            return Err(ConfigError::value("noise.voxel", self.voxel, "0.05 to 2 metres"));
-        }
-        if !(1..=100).contains(&self.min_component_points) {
-            let value = self.min_component_points;
-            return Err(ConfigError::value("noise.min_component_points", value, "1 to 100 points"));
-        }
-        if !(0.0..=1_000.0).contains(&self.high) {
-            return Err(ConfigError::value("noise.high", self.high, "0 to 1000 metres"));
-        }
-        Ok(())
+        let points = self.min_component_points;
+        ConfigError::outside([("noise.voxel", self.voxel, 0.05..=2.0, "metres")])?;
+        ConfigError::outside([("noise.min_component_points", points, 1..=100, "points")])?;
+        ConfigError::outside([("noise.high", self.high, 0.0..=1_000.0, "metres")])
     }
 }
 

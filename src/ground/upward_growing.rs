@@ -1,10 +1,10 @@
 //! `upward-growing`: a voxel is ground if only little rises from it within its block.
 //!
-//! Source: Guan, Yu, Li, Liu, "Segmentation of mobile laser scanning data for trees" (2016), section 3.1,
-//! with the values of its section 4. The plane is divided into blocks of `block`, and a block into voxels of
-//! `voxel`. A voxel grows upward to the occupied ones among the nine voxels of the layer above it (3 x 3, in
-//! its block). These grow in the same way. The highest voxel that is reached is the top. The voxel is ground
-//! if its top is less than `height` above the low of the block.
+//! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning data"
+//! (2016), section 3.1, with the values of its section 4. The plane is divided into blocks of `block`, and a
+//! block into voxels of `voxel`. A voxel grows upward to the occupied ones among the nine voxels of the layer
+//! above it (3 x 3, in its block). These grow in the same way. The highest voxel that is reached is the top.
+//! The voxel is ground if its top is less than `height` above the low of the block.
 //!
 //! Ours, because the paper does not say it: the low of a block is a quantile of the lowest voxels of its
 //! columns. If it were their minimum, one return below the road would remove the whole block from the ground
@@ -85,19 +85,15 @@ impl UpwardGrowingConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let widest = self.voxel * MOST_VOXELS as f64;
-        let ranges = [
-            ("upward-growing.voxel", self.voxel, 0.02..=2.0, "0.02 to 2 metres"),
-            ("upward-growing.block", self.block, self.voxel..=widest, "1 to 128 voxels"),
-            ("upward-growing.height", self.height, 0.02..=100.0, "0.02 to 100 metres"),
-            ("upward-growing.low_quantile", self.low_quantile, 0.0..=0.5, "0 to 0.5"),
-        ];
-        for (key, value, range, expected) in ranges {
-            if !range.contains(&value) {
-                return Err(ConfigError::value(key, value, expected));
-            }
+        ConfigError::outside([("upward-growing.voxel", self.voxel, 0.02..=2.0, "metres")])?;
+        if !(self.voxel..=self.voxel * MOST_VOXELS as f64).contains(&self.block) {
+            let expected = format!("1 to {MOST_VOXELS} voxels");
+            return Err(ConfigError::value("upward-growing.block", self.block, expected));
         }
-        Ok(())
+        ConfigError::outside([
+            ("upward-growing.height", self.height, 0.02..=100.0, "metres"),
+            ("upward-growing.low_quantile", self.low_quantile, 0.0..=0.5, ""),
+        ])
     }
 }
 

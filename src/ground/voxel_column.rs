@@ -51,8 +51,7 @@ pub struct VoxelColumnConfig {
     /// 2017, eq. 2).
     pub run_height: f64,
     /// A lowest voxel is ground only when it is less than this above the lowest one nearby, in metres, 0.02
-    /// to
-    /// 100. Default 0.5 (Li et al. 2017, eq. 2).
+    /// to 100. Default 0.5 (Li et al. 2017, eq. 2).
     pub step: f64,
     /// Columns are nearby if the horizontal distance of their centres is at most this, in metres, 0 to 20.
     /// Default 1.5 (chosen: five voxels, so that the road is near a kerb or a car door beside it).
@@ -75,25 +74,13 @@ impl VoxelColumnConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let ranges = [
-            ("voxel-column.voxel", self.voxel, 0.02..=10.0, "0.02 to 10 metres"),
-            ("voxel-column.run_height", self.run_height, 0.02..=100.0, "0.02 to 100 metres"),
-            ("voxel-column.step", self.step, 0.02..=100.0, "0.02 to 100 metres"),
-            ("voxel-column.radius", self.radius, 0.0..=20.0, "0 to 20 metres"),
-        ];
-        if !(1..=100).contains(&self.lowest_points) {
-            return Err(ConfigError::value(
-                "voxel-column.lowest_points",
-                self.lowest_points,
-                "1 to 100 points",
-            ));
-        }
-        for (key, value, range, expected) in ranges {
-            if !range.contains(&value) {
-                return Err(ConfigError::value(key, value, expected));
-            }
-        }
-        Ok(())
+        ConfigError::outside([("voxel-column.lowest_points", self.lowest_points, 1..=100, "points")])?;
+        ConfigError::outside([
+            ("voxel-column.voxel", self.voxel, 0.02..=10.0, "metres"),
+            ("voxel-column.run_height", self.run_height, 0.02..=100.0, "metres"),
+            ("voxel-column.step", self.step, 0.02..=100.0, "metres"),
+            ("voxel-column.radius", self.radius, 0.0..=20.0, "metres"),
+        ])
     }
 }
 

@@ -1,6 +1,5 @@
 //! Compressed points: the coding of a file, and decoding of one chunk into records.
 
-use std::any::Any;
 use std::cell::Cell;
 use std::io::{Cursor, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -14,6 +13,7 @@ use super::Fields;
 use super::error::{ChunkProblem, InputError};
 use super::header::{self, Header};
 use super::mapped::ByteSource;
+use crate::error::panic_text;
 
 /// User id and record id of the description of the compression.
 pub(crate) const LASZIP: (&str, u16) = (LazVlr::USER_ID, LazVlr::RECORD_ID);
@@ -268,11 +268,6 @@ pub(crate) fn quietly<T>(call: impl FnOnce() -> Result<T, ChunkProblem>) -> Resu
     let outcome = catch_unwind(AssertUnwindSafe(call));
     QUIET.set(before);
     outcome.unwrap_or_else(|panic| Err(ChunkProblem::Damaged { cause: panic_text(&*panic) }))
-}
-
-fn panic_text(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().copied().map(str::to_owned);
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "decoder stopped".into())
 }
 
 #[cfg(test)]

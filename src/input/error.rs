@@ -17,6 +17,14 @@ pub enum InputError {
         /// Why.
         source: std::io::Error,
     },
+    /// A model cannot be read.
+    #[error("cannot read the model {path}", path = path.display())]
+    Model {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
     /// A folder or pattern without any LAS or LAZ file, or no argument at all.
     #[error("no LAS or LAZ file in {argument:?}")]
     NothingFound {
@@ -420,7 +428,7 @@ pub enum ChunkProblem {
     },
 }
 
-/// Whether a path may name scans: LAS, LAZ, a folder or a pattern. Models and tables are read, too.
+/// Whether a path may name scans: LAS, LAZ, a folder or a pattern. Tables are read, too.
 fn is_scan(path: &Path) -> bool {
     path.extension().is_none_or(|ending| ["las", "laz"].iter().any(|scan| ending.eq_ignore_ascii_case(scan)))
 }
@@ -440,6 +448,7 @@ impl Failure for InputError {
                 "give files, folders with *.las or *.laz, or patterns in quotes"
             }
             Self::Read { .. } => return None,
+            Self::Model { .. } => "chainage train writes a model; leave it out to use the built-in one",
             Self::NothingFound { .. } | Self::Pattern { .. } => {
                 "give files, folders with *.las or *.laz (folders below them are not searched), or patterns in quotes"
             }

@@ -116,7 +116,7 @@ impl InputFile {
         self.coding.is_some()
     }
 
-    /// Whether the file is a cloud-optimized point cloud: LAZ with an index and points in spatial order.
+    /// Whether the file is a cloud-optimised point cloud: LAZ with an index and points in spatial order.
     #[must_use]
     pub fn is_copc(&self) -> bool {
         self.header.vlrs.records.iter().any(|record| record.is("copc", 1))

@@ -11,7 +11,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::hull::{convex_hull, doubled_area, without_inner_points};
+use super::hull::{convex_hull, without_inner_points};
 use crate::model::{FileId, PointId, TileCloud};
 
 /// Above this number of points, inner ones are dropped before the hull; below it, sorting all is as fast.
@@ -155,12 +155,6 @@ impl ObjectPart {
         self.files.sort_unstable();
         self.files.dedup();
     }
-
-    /// Area of the hull in square lattice units; the only rounded number here.
-    #[must_use]
-    pub fn hull_area_units2(&self) -> f64 {
-        doubled_area(&self.hull) as f64 / 2.0
-    }
 }
 
 #[cfg(test)]
@@ -200,8 +194,6 @@ mod tests {
         );
         assert_eq!((parts[0].points, parts[0].first_id, &parts[0].hull), (1, PointId::new(3), &vec![[8, 8]]));
         assert_eq!(parts[2], ObjectPart::empty());
-        // Base 8, height 4.
-        assert!((parts[1].hull_area_units2() - 16.0).abs() < 1e-12);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoGround, NoiseConfig};
 use crate::input::InputError;
 use crate::model::Lattice;
+use crate::run::finish::names;
 use crate::store::Inputs;
 
 /// The registries of methods. A test or another program may add methods.
@@ -43,8 +44,9 @@ pub(crate) struct Chain {
 }
 
 impl Chain {
-    /// Builds the methods that the configuration names.
+    /// Builds the methods that the configuration names, after a look at the names of the outputs.
     pub(crate) fn build(config: &Config, registries: &Registries<'_>, lattice: Lattice) -> Result<Self> {
+        names::check_settings(config)?;
         let noise_config: NoiseConfig = config::section("noise", &config.method_table("noise"))?;
         let noise = IsolatedNoise::new(&noise_config)?;
         let filter = ground_filter(config, registries)?;
@@ -70,8 +72,8 @@ impl Chain {
             ));
         }
         if let Some(file) = method.model_file().map(str::to_owned) {
-            let content = fs_err::read(&file)
-                .map_err(|source| InputError::Read { path: PathBuf::from(&file), source })?;
+            let content = std::fs::read(&file)
+                .map_err(|source| InputError::Model { path: PathBuf::from(&file), source })?;
             method.use_model(&file, &content)?;
         }
         let verdicts = noise.height_reach(lattice).metres().max(filter.reach(lattice).metres());

@@ -172,7 +172,7 @@ impl Failure for RunError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::Interrupted { .. } => "the same command resumes".into(),
-            Self::TrainingInterrupted { .. } => "the same command begins anew".into(),
+            Self::TrainingInterrupted { .. } => "the same command starts from the beginning".into(),
             Self::NotSettled { .. } => "please report this with the command line and report.json".into(),
             Self::NoSection { .. } => "chainage info FILES prints the length of the axis".into(),
             Self::EstimatedOverSection { .. } => {

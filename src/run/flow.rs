@@ -239,7 +239,7 @@ pub(crate) fn to_files<D: Driver>(
     let last = open.chain.method.steps().len() - 1;
     through_step(open, driver, run_dir, planned, last, |driver, list, progress| {
         let method = progress.over.method;
-        let mut figures = method.figures(progress)?;
+        let figures = method.figures(progress)?;
         let mut warnings = progress.over.classified.warnings.clone();
         for text in method.warnings(progress)? {
             driver.tell(&Event::Warning { text: &text });
@@ -247,17 +247,18 @@ pub(crate) fn to_files<D: Driver>(
         }
         let (counts, terrain) = ground::summed_up(progress.over.classified)?;
         let beside = names::beside(open.config, method.finds_surfaces());
+        let outcome = Outcome {
+            counts,
+            objects: 0,
+            unmarked: None,
+            export: list.export.clone(),
+            charts: Vec::new(),
+            figures,
+            page: None,
+            warnings,
+        };
         if let Some(finished) = mark::already_finished(run_dir, list.export.depends.fingerprint(), &beside)? {
-            return Ok(Some(Outcome {
-                counts,
-                objects: finished.objects,
-                unmarked: None,
-                export: list.export.clone(),
-                charts: Vec::new(),
-                figures,
-                page: None,
-                warnings,
-            }));
+            return Ok(Some(Outcome { objects: finished.objects, ..outcome }));
         }
         let pass = StitchPass::of(progress, list.stitch.clone());
         let Some(objects) = driver.complete(&pass)? else { return Ok(None) };
@@ -267,6 +268,28 @@ pub(crate) fn to_files<D: Driver>(
             return Ok(None);
         }
         let sources = Sources { progress, objects: &objects, columns: &columns, terrain: &terrain };
+        Outputs { open, run_dir, list, sources }.complete(driver, labelled, outcome)
+    })
+}
+
+/// What the outputs are made of, once every point has its object.
+struct Outputs<'a> {
+    open: &'a Opened<'a>,
+    run_dir: &'a RunDir,
+    list: &'a List,
+    sources: Sources<'a>,
+}
+
+impl Outputs<'_> {
+    /// Writes them, and adds what came of it to `outcome`.
+    fn complete<D: Driver>(
+        &self,
+        driver: &mut D,
+        labelled: Vec<LabelledFile>,
+        outcome: Outcome,
+    ) -> Result<Option<Outcome>> {
+        let Self { open, run_dir, list, sources } = *self;
+        let Sources { progress, objects, columns, .. } = sources;
         let mut found = None;
         if list.with_rows {
             found = inventory::complete(driver, sources, list.inventory.clone())?;
@@ -274,14 +297,15 @@ pub(crate) fn to_files<D: Driver>(
                 return Ok(None);
             }
         }
-        let limit = names::page_limit_bytes(open.config);
-        let sampling = limit.map(|limit| page::sampling(open, &planned.surveyed, &objects, &counts, limit));
         let tiled = progress.over.classified.tiled;
+        let limit = names::page_limit_bytes(open.config);
+        let sampling =
+            limit.map(|limit| page::sampling(open, tiled.surveyed, objects, &outcome.counts, limit));
         let for_cloud = list.cloud.as_ref().map(|outlines| (outlines, labelled.clone()));
         let copies = Copies::of(labelled, tiled, open.config.output.writes("points"));
         let pass = ExportPass::of(
             &open.drive,
-            &columns,
+            columns,
             &objects.kinds,
             sampling.as_ref(),
             copies,
@@ -291,7 +315,7 @@ pub(crate) fn to_files<D: Driver>(
         let Some(exported) = driver.complete(&pass)? else { return Ok(None) };
         if let Some((outlines, labelled)) = &for_cloud {
             let kinds = &objects.kinds;
-            let cloud = Cloud { open, tiled, columns: &columns, kinds, labelled, run_dir, outlines };
+            let cloud = Cloud { open, tiled, columns, kinds, labelled, run_dir, outlines };
             let Some(()) = cloud.complete(driver)? else { return Ok(None) };
         }
         let mut table = None;
@@ -300,19 +324,20 @@ pub(crate) fn to_files<D: Driver>(
             table = tables::write_tables(
                 run_dir,
                 &open.drive,
-                &planned.surveyed,
-                &planned.plan,
-                &objects,
+                tiled.surveyed,
+                tiled.plan,
+                objects,
                 &rows,
                 open.config,
             )?;
         }
         let page = table.map(|table| PageContent { table, points: exported.points });
         let charts = tables::write_charts(run_dir, &objects.charts, open.config)?;
-        figures.extend(objects.figures);
+        let mut figures = outcome.figures;
+        figures.extend(objects.figures.clone());
         let count = objects.objects.len();
-        let unmarked = Some(Finished { objects: count, files: exported.names });
-        let export = list.export.clone();
-        Ok(Some(Outcome { counts, objects: count, unmarked, export, charts, figures, page, warnings }))
-    })
+        let files = [&exported.names[..], &charts].concat();
+        let unmarked = Some(Finished { objects: count, files });
+        Ok(Some(Outcome { objects: count, unmarked, charts, figures, page, ..outcome }))
+    }
 }

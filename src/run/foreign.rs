@@ -12,7 +12,7 @@ pub(crate) fn warnings(run_dir: &RunDir) -> Result<Vec<String>> {
     Ok(foreign
         .map(|name| {
             let path = run_dir.path(&name);
-            format!("{} is not of chainage: it is left alone, and --fresh removes it", path.display())
+            format!("chainage did not write {}: it stays until --fresh removes it", path.display())
         })
         .collect())
 }

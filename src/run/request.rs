@@ -69,7 +69,7 @@ impl<'a> Begun<'a> {
         }
         if config.output.writes("copc") && crs.is_known() && crs.text().is_none() {
             warnings.push(format!(
-                "{} names no coordinate system: COPC holds it as well-known text, and the files have none \
+                "{} names no coordinate system: COPC stores it as well-known text, and the files have none \
                  ({})",
                 names::CLOUD,
                 crs.description

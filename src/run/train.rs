@@ -85,7 +85,7 @@ pub fn read_model_of_voxels(path: &Path) -> Result<StreetModel> {
 }
 
 fn content_of(path: &Path) -> Result<Vec<u8>, InputError> {
-    fs_err::read(path).map_err(|source| InputError::Read { path: path.to_owned(), source })
+    std::fs::read(path).map_err(|source| InputError::Model { path: path.to_owned(), source })
 }
 
 /// The model of a scene that comes with the program.

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use crate::error::{ErrorKind, Failure};
+use crate::spatial::dimensions::LARGEST;
 use crate::words::counted;
 
 /// Points that a method cannot cluster.
@@ -20,6 +21,14 @@ pub enum SpatialError {
     TooManyPoints {
         /// Number of points.
         points: usize,
+    },
+    /// A number whose square could not be computed with.
+    #[error("point {point} has the value {value:e}; numbers above {:e} cannot be clustered", LARGEST)]
+    TooLarge {
+        /// The point, from 1.
+        point: usize,
+        /// The number.
+        value: f64,
     },
     /// A dimension without spread cannot be standardised.
     #[error("dimension {dimension} has the same value in every row: it cannot be standardised")]
@@ -47,6 +56,9 @@ impl Failure for SpatialError {
             Self::Dimensions { .. } => Some("choose columns with --columns".into()),
             Self::NoSpread { .. } => Some("leave it out with --columns".into()),
             Self::NoCutoff { .. } => Some("remove repeated rows, or cluster with --method dbscan".into()),
+            Self::TooLarge { .. } => {
+                Some("leave the column out with --columns, or divide it by a number".into())
+            }
             Self::TooManyPoints { .. } => None,
         }
     }

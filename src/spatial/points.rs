@@ -1,5 +1,6 @@
 //! Points of n dimensions: rows of numbers, distances, standardisation.
 
+use crate::spatial::dimensions::LARGEST;
 use crate::spatial::{DIMENSIONS, SpatialError};
 
 /// Points of n dimensions. A point is identified by its row.
@@ -13,7 +14,7 @@ impl Points {
     /// Points of `dimensions` numbers each, row by row; an incomplete last row is dropped.
     ///
     /// # Errors
-    /// [`SpatialError::Dimensions`], [`SpatialError::TooManyPoints`].
+    /// [`SpatialError::Dimensions`], [`SpatialError::TooManyPoints`], [`SpatialError::TooLarge`].
     pub fn new(dimensions: usize, mut values: Vec<f64>) -> Result<Self, SpatialError> {
         if !DIMENSIONS.contains(&dimensions) {
             return Err(SpatialError::Dimensions { dimensions });
@@ -23,6 +24,10 @@ impl Points {
             return Err(SpatialError::TooManyPoints { points });
         }
         values.truncate(points * dimensions);
+        // The square of a distance must be a finite number.
+        if let Some(at) = values.iter().position(|value| value.is_nan() || value.abs() > LARGEST) {
+            return Err(SpatialError::TooLarge { point: at / dimensions + 1, value: values[at] });
+        }
         Ok(Self { dimensions, values })
     }
 
@@ -107,6 +112,16 @@ mod tests {
         for (dimensions, accepted) in [(0, false), (1, false), (2, true), (8, true), (9, false)] {
             assert_eq!(Points::new(dimensions, vec![0.0; 72]).is_ok(), accepted, "{dimensions}");
         }
+    }
+
+    #[test]
+    fn numbers_whose_squares_are_not_finite_are_refused() {
+        let of = |value: f64| Points::new(2, vec![0.0, 1.0, value, 2.0]);
+        assert!(of(-1e150).is_ok());
+        for value in [1.1e150, -1e308, f64::INFINITY] {
+            assert_eq!(of(value), Err(SpatialError::TooLarge { point: 2, value }));
+        }
+        assert!(of(f64::NAN).is_err());
     }
 
     #[test]

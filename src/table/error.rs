@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
+use crate::words::counted;
 
 /// A table that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -32,7 +33,11 @@ pub enum TableError {
         found: String,
     },
     /// A row whose number of fields differs from that of the first line.
-    #[error("line {line} of {path} has {found} fields, but the first line has {expected}", path = path.display())]
+    #[error(
+        "line {line} of {path} has {}, but the first line has {expected}",
+        counted(*found as u64, "field"),
+        path = path.display()
+    )]
     Fields {
         /// The file.
         path: PathBuf,

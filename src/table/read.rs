@@ -273,7 +273,7 @@ mod tests {
             assert_eq!(table(text, header).unwrap_err(), expected);
         }
         for (text, expected) in [
-            ("x,y\n1,2\n3", "line 3 of t.csv has 1 fields, but the first line has 2"),
+            ("x,y\n1,2\n3", "line 3 of t.csv has 1 field, but the first line has 2"),
             ("x,y\n1,nan", "line 2 of t.csv, column y: \"nan\" is not a finite number"),
             ("x,y\n1,\"2", "line 2 of t.csv has a quote that is not closed"),
         ] {

@@ -14,6 +14,8 @@ pub(crate) mod program;
 pub(crate) mod street;
 pub(crate) mod surface_oracle;
 
+use std::fs::OpenOptions;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The folder of shared test data, or `None` (with a message) if it is missing.
@@ -26,8 +28,18 @@ pub(crate) fn shared_data() -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    println!("skipped: no shared test data in {} (set CHAINAGE_SHARED_DATA)", folder.display());
+    skipped(&format!("no shared test data in {} (set CHAINAGE_SHARED_DATA)", folder.display()));
     None
+}
+
+/// Says that a test leaves `what` out. A test that passes shows no text, so the file in `CHAINAGE_SKIPPED`
+/// gets a line as well, which `scripts/check.sh` repeats at its end.
+pub(crate) fn skipped(what: &str) {
+    println!("skipped: {what}");
+    if let Some(path) = std::env::var_os("CHAINAGE_SKIPPED") {
+        let mut file = OpenOptions::new().append(true).create(true).open(path).expect("the list of skips");
+        file.write_all(format!("{}\n", what.replace('\n', " ")).as_bytes()).expect("written");
+    }
 }
 
 /// A file that ships with the project, by its path from the root.

@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 
 use crate::cli::commands::demo::{SAMPLE, SAMPLE_NAME};
 use crate::cli::drive_args::Settings;
-use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::whole;
 use crate::cli::print::{self, JsonOutput};
+use crate::cli::{exit, scratch};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct BenchArgs {
@@ -42,17 +42,8 @@ struct Measured {
 
 impl BenchArgs {
     pub(crate) fn run(&self) -> Outcome {
-        let scratch = self
-            .scratch
-            .clone()
-            .unwrap_or_else(std::env::temp_dir)
-            .join(format!("chainage-bench-{}", std::process::id()));
-        std::fs::create_dir_all(&scratch)
-            .map_err(|source| CliError::Write { target: scratch.display().to_string(), source })?;
-        let result = self.measure(&scratch);
-        // Only scratch files are left behind. A failure to remove them does not change the figures.
-        let _ = std::fs::remove_dir_all(&scratch);
-        let report = result?;
+        let scratch = scratch::folder(self.scratch.as_deref(), "bench")?;
+        let report = self.measure(scratch.path())?;
         self.json.show(&report, || page(&report))?;
         Ok(exit::DONE)
     }

@@ -78,8 +78,13 @@ struct DbscanArgs {
     /// Radius of a neighbourhood in the unit of the columns; auto: estimated from the points
     #[arg(long, value_name = "NUMBER|auto", default_value = "auto", value_parser = epsilon_or_auto)]
     epsilon: EpsilonChoice,
-    /// Number of neighbours of the first curve of the estimation, the point itself included
-    #[arg(long, value_name = "K", default_value_t = epsilon::FIRST_K as u64, value_parser = whole::<u64>(8..=200, 32))]
+    /// Number of neighbours of the first curve of the estimation, the point itself included, 8 to 200
+    #[arg(
+        long,
+        value_name = "K",
+        default_value_t = epsilon::FIRST_K as u64,
+        value_parser = whole::<u64>(epsilon::SMALLEST_K as u64..=epsilon::LARGEST_K as u64, 32)
+    )]
     k: u64,
     /// size: number of rows of the smallest cluster; core: number of rows around a core point, itself
     /// included

@@ -17,7 +17,7 @@ use crate::cli::print::{deliver, is_standard_output};
 use crate::cli::progress::{Progress, ProgressChoice};
 use crate::cli::quantities::count;
 use crate::cli::table_points::{self, TablePoints};
-use crate::cli::{exit, interrupt, print};
+use crate::cli::{exit, interrupt, print, scratch};
 
 /// Estimate the radius epsilon of `dbscan` from the distances between points.
 ///
@@ -37,8 +37,12 @@ pub(crate) struct EstimateArgs {
     /// Weight of each field after the division, in the order of --fields [default: 1]
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
     weights: Vec<f64>,
-    /// Number of neighbours of the first curve, the point itself included [default: 40]
-    #[arg(long, value_name = "K", value_parser = whole::<u64>(8..=200, 32))]
+    /// Number of neighbours of the first curve, the point itself included, 8 to 200 [default: 40]
+    #[arg(
+        long,
+        value_name = "K",
+        value_parser = whole::<u64>(epsilon::SMALLEST_K as u64..=epsilon::LARGEST_K as u64, 32)
+    )]
     k: Option<u64>,
     /// Approximate limit of the points whose neighbours are searched, for example 500k or 2M; 0: every point
     /// [default: 2M]
@@ -114,22 +118,27 @@ impl EstimateArgs {
         let config = self.settings.resolve(&set)?;
         let cancel = Arc::new(CancelToken::default());
         interrupt::listen(&cancel)?;
-        let state = State::at(self.out.as_deref(), self.scratch.as_deref());
-        let request = EstimateRequest {
-            inputs: self.inputs.files()?,
-            out: state.folder.clone(),
-            config,
-            registries: Registries::default(),
+        // Without --out, the state is temporary. It is removed with the folder.
+        let (out, _temporary) = match &self.out {
+            Some(out) => (out.clone(), None),
+            None => {
+                let folder = scratch::folder(self.scratch.as_deref(), "estimate")?;
+                (folder.path().to_owned(), Some(folder))
+            }
         };
+        let request =
+            EstimateRequest { inputs: self.inputs.files()?, out, config, registries: Registries::default() };
         let (found, _) = estimate_epsilon(&request, progress, &cancel)?;
         Ok(found)
     }
 
     fn table(&self, path: &Path) -> Outcome {
         for (flag, given) in [
-            ("--ground", self.settings.choices.ground.is_some()),
+            ("settings of a drive", self.settings.is_any_given()),
+            ("--recursive", self.inputs.is_recursive()),
             ("--max-queries", self.max_queries.is_some()),
             ("--out", self.out.is_some()),
+            ("--scratch", self.scratch.is_some()),
         ] {
             if given {
                 return Err(refused(flag, &path.display().to_string(), "left out for a table").into());
@@ -194,31 +203,4 @@ fn page(found: &Estimate, unit: &str, names: &[&str]) -> String {
         found.epsilon, found.standard_error, found.k0, found.k, found.r_squared
     ));
     text
-}
-
-/// The folder with the state of an estimation. A temporary folder is removed when the value is dropped.
-struct State {
-    folder: PathBuf,
-    own: bool,
-}
-
-impl State {
-    fn at(out: Option<&Path>, scratch: Option<&Path>) -> Self {
-        let name = format!("chainage-estimate-{}", std::process::id());
-        match out {
-            Some(out) => Self { folder: out.to_owned(), own: false },
-            None => {
-                Self { folder: scratch.map_or_else(std::env::temp_dir, Path::to_owned).join(name), own: true }
-            }
-        }
-    }
-}
-
-impl Drop for State {
-    fn drop(&mut self) {
-        if self.own {
-            // If the folder cannot be removed, it stays among the temporary files.
-            let _ = std::fs::remove_dir_all(&self.folder);
-        }
-    }
 }

@@ -11,13 +11,14 @@ use chainage::run::{
     CancelToken, Registries, StreetModel, TrainRequest, Trained, built_in_model, read_model,
     read_model_of_voxels, score_model, train, train_objects,
 };
+use chainage::scratch_folder::ScratchFolder;
 
 use crate::cli::drive_args::Settings;
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::{real, whole};
 use crate::cli::print::{self, deliver};
 use crate::cli::progress::{Progress, ProgressChoice};
-use crate::cli::{exit, interrupt};
+use crate::cli::{exit, interrupt, scratch};
 
 /// The two uses. One line with everything optional would allow what is refused.
 const USAGE: &str = "chainage train [OPTIONS] --out <MODEL> <DRIVES>...\n       \
@@ -130,7 +131,7 @@ impl TrainArgs {
         interrupt::listen(&cancel)?;
         self.names_drives_once()?;
         self.learns_from_no_test()?;
-        let scratch = Scratch::inside(self.scratch.as_deref());
+        let scratch = scratch::folder(self.scratch.as_deref(), "train")?;
         let request = self.request(&scratch)?;
         let scored = self.settings.choices.model.as_deref();
         let trained = match (scored, &self.onto) {
@@ -190,7 +191,7 @@ impl TrainArgs {
         }
     }
 
-    fn request(&self, scratch: &Scratch) -> Result<TrainRequest<'static>, CliError> {
+    fn request(&self, scratch: &ScratchFolder) -> Result<TrainRequest<'static>, CliError> {
         let LearningArgs { seed, samples, thin, rounds, leaves, rate, subsample, l2 } = &self.learning;
         let settings = Learning {
             rounds: *rounds,
@@ -203,7 +204,7 @@ impl TrainArgs {
         };
         Ok(TrainRequest {
             drives: self.drives.clone(),
-            scratch: scratch.0.clone(),
+            scratch: scratch.path().to_owned(),
             // No drive is run with the model that is scored.
             config: self.settings.resolve(&[("street.model", "\"\"".to_owned())])?,
             registries: Registries::default(),
@@ -220,23 +221,6 @@ fn refused(what: &str, expected: &'static str) -> chainage::Error {
 
 fn name(drive: &Path) -> String {
     drive.file_name().unwrap_or(drive.as_os_str()).to_string_lossy().into_owned()
-}
-
-/// A folder for temporary files. It is removed when the value is dropped.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn inside(folder: Option<&Path>) -> Self {
-        let name = format!("chainage-train-{}", std::process::id());
-        Self(folder.map_or_else(std::env::temp_dir, Path::to_owned).join(name))
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        // If the folder cannot be removed, it stays among the temporary files.
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
 }
 
 fn percent(share: Option<f64>) -> String {

@@ -63,7 +63,7 @@ impl WorkArgs {
 fn page(figures: &PassFigures) -> String {
     let PassFigures { pass, units, resumed, seconds, .. } = figures;
     let computed = print::counted((units - resumed) as u64, "unit");
-    format!("  pass {pass}: {computed} computed, {resumed} were there, {seconds:.2} s\n")
+    format!("  pass {pass}: {computed} computed, {resumed} already stored, {seconds:.2} s\n")
 }
 
 /// Most units that a list may name: a slip like 0..1000000000000 must not fill the memory.
@@ -79,8 +79,11 @@ fn units(text: &str) -> Result<Numbers, String> {
             Some((from, to)) => (number(from)?, number(to)?),
             None => (number(part)?, number(part)?.saturating_add(1)),
         };
-        if from >= to || to - from > MOST - numbers.len() {
+        if from >= to {
             return Err(wrong());
+        }
+        if to - from > MOST - numbers.len() {
+            return Err(format!("{text} names more than {} units", print::count(MOST as u64)));
         }
         numbers.extend(from..to);
     }
@@ -95,9 +98,11 @@ mod tests {
     fn units_are_numbers_and_half_open_ranges() {
         assert_eq!(units("3..7,12"), Ok(Numbers(vec![3, 4, 5, 6, 12])));
         assert_eq!(units("0"), Ok(Numbers(vec![0])));
-        for text in ["", "3..3", "7..3", "a", "1,,2", "3..", "-1", "0..99999999999", "18446744073709551615.."]
-        {
+        for text in ["", "3..3", "7..3", "a", "1,,2", "3..", "-1", "18446744073709551615.."] {
             assert!(units(text).unwrap_err().contains("like 3..7,12"), "{text}");
+        }
+        for text in ["0..99999999999", "0,1..10000001", "0..20000000"] {
+            assert_eq!(units(text), Err(format!("{text} names more than 10,000,000 units")));
         }
     }
 }

@@ -7,65 +7,33 @@
 //! because the statistics are those of the whole drive. Cost: one query of radius epsilon per point (`core`:
 //! three). Memory per point: about 8 bytes per field, 20 of the tree and 20 more.
 
-use super::settings::{DbscanConfig, DbscanVariant};
-use crate::cluster::Clusterer;
-use crate::cluster::dbscan::rows as space;
-use crate::model::AlgorithmError;
-use crate::model::{FieldSpace, Lattice, Reach, TileCloud};
+use super::settings::{DbscanConfig, DbscanVariant, NAME};
+use crate::cluster::dbscan::rows;
+use crate::model::{AlgorithmError, FieldSpace, TileCloud};
 use crate::spatial::Points;
 
-/// The method in a space of fields.
-#[derive(Debug, Clone)]
-pub(super) struct FieldDbscan {
-    config: DbscanConfig,
-    /// Radius in standard deviations.
+/// Labels the points of a tile that owns those where `core` is true. `epsilon` is in standard deviations.
+pub(super) fn label(
+    config: &DbscanConfig,
     epsilon: f64,
-    space: FieldSpace,
-}
-
-impl FieldDbscan {
-    pub(super) fn new(config: &DbscanConfig, epsilon: f64, space: FieldSpace) -> Self {
-        Self { config: config.clone(), epsilon, space }
-    }
-}
-
-impl Clusterer for FieldDbscan {
-    fn name(&self) -> &'static str {
-        "dbscan"
-    }
-
-    fn reach(&self, lattice: Lattice) -> Reach {
-        self.config.reach(self.space.horizontal(self.epsilon), lattice)
-    }
-
-    fn object_size(&self) -> std::ops::RangeInclusive<u64> {
-        self.config.object_size()
-    }
-
-    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
-        self.cluster_tile(cloud, &vec![true; cloud.len()], labels)
-    }
-
-    fn cluster_tile(
-        &self,
-        cloud: &TileCloud,
-        core: &[bool],
-        labels: &mut [u32],
-    ) -> Result<u32, AlgorithmError> {
-        let too_many = |_| AlgorithmError::TooManyPoints { method: "dbscan", points: cloud.len() as u64 };
-        let points = Points::new(self.space.axes.len(), self.space.places(cloud)).map_err(too_many)?;
-        let method = space::Dbscan {
-            variant: match self.config.variant {
-                DbscanVariant::Size => space::DbscanVariant::Size,
-                DbscanVariant::Core => space::DbscanVariant::Core,
-            },
-            epsilon: self.epsilon,
-            min_points: self.config.min_points,
-            max_points: 0,
-        };
-        // Of equal distances, the smaller id counts. The order of the points does not matter.
-        let (found, count) = method.connected_sets(&points, core, &cloud.id).map_err(too_many)?;
-        labels.copy_from_slice(&found);
-        Ok(count)
-    }
+    space: &FieldSpace,
+    cloud: &TileCloud,
+    core: &[bool],
+    labels: &mut [u32],
+) -> Result<u32, AlgorithmError> {
+    let too_many = |_| AlgorithmError::TooManyPoints { method: NAME, points: cloud.len() as u64 };
+    let points = Points::new(space.axes.len(), space.places(cloud)).map_err(too_many)?;
+    let method = rows::Dbscan {
+        variant: match config.variant {
+            DbscanVariant::Size => rows::DbscanVariant::Size,
+            DbscanVariant::Core => rows::DbscanVariant::Core,
+        },
+        epsilon,
+        min_points: config.min_points,
+        max_points: 0,
+    };
+    // Of equal distances, the smaller id counts. The order of the points does not matter.
+    let (found, count) = method.connected_sets(&points, core, &cloud.id).map_err(too_many)?;
+    labels.copy_from_slice(&found);
+    Ok(count)
 }

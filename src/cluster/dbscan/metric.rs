@@ -1,61 +1,24 @@
 //! `dbscan` on x, y and z in metres.
 
 use super::core_points;
-use super::settings::{DbscanConfig, DbscanVariant, NAME, given};
+use super::settings::{DbscanConfig, DbscanVariant, NAME};
 use crate::cluster::linking::single_link;
-use crate::cluster::local::Clusterer;
-use crate::config::ConfigError;
-use crate::model::{AlgorithmError, Lattice, Reach, TileCloud};
+use crate::model::{AlgorithmError, TileCloud};
 
-/// The method, see the module.
-#[derive(Debug, Clone)]
-pub struct Dbscan {
-    config: DbscanConfig,
-    /// Radius in metres.
+/// Labels the points of a tile that owns those where `core` is true. `epsilon` is in metres.
+pub(super) fn label(
+    config: &DbscanConfig,
     epsilon: f64,
-}
-
-impl Dbscan {
-    /// The method with these settings, on x, y and z with a given epsilon.
-    ///
-    /// # Errors
-    /// Those of [`DbscanConfig::validate`].
-    pub fn new(config: &DbscanConfig) -> Result<Self, ConfigError> {
-        config.validate()?;
-        Ok(Self { config: config.clone(), epsilon: given(config)? })
-    }
-}
-
-impl Clusterer for Dbscan {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn reach(&self, lattice: Lattice) -> Reach {
-        self.config.reach(lattice.units(self.epsilon), lattice)
-    }
-
-    fn object_size(&self) -> std::ops::RangeInclusive<u64> {
-        self.config.object_size()
-    }
-
-    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
-        self.cluster_tile(cloud, &vec![true; cloud.len()], labels)
-    }
-
-    fn cluster_tile(
-        &self,
-        cloud: &TileCloud,
-        core: &[bool],
-        labels: &mut [u32],
-    ) -> Result<u32, AlgorithmError> {
-        let reach = cloud.lattice.units(self.epsilon);
-        match self.config.variant {
-            DbscanVariant::Size => single_link(NAME, cloud, reach, labels),
-            DbscanVariant::Core => {
-                let least = u32::try_from(self.config.min_points).unwrap_or(u32::MAX);
-                core_points::cluster(NAME, cloud, core, reach, least, labels)
-            }
+    cloud: &TileCloud,
+    core: &[bool],
+    labels: &mut [u32],
+) -> Result<u32, AlgorithmError> {
+    let reach = cloud.lattice.units(epsilon);
+    match config.variant {
+        DbscanVariant::Size => single_link(NAME, cloud, reach, labels),
+        DbscanVariant::Core => {
+            let least = u32::try_from(config.min_points).unwrap_or(u32::MAX);
+            core_points::cluster(NAME, cloud, core, reach, least, labels)
         }
     }
 }
@@ -63,6 +26,8 @@ impl Clusterer for Dbscan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cluster::{Clusterer, Dbscan};
+    use crate::model::Lattice;
 
     fn core(min_points: u64, points: &[[i64; 3]], own: &[bool]) -> (Vec<u32>, u32) {
         let config = DbscanConfig {

@@ -28,8 +28,6 @@ mod settings;
 use std::ops::RangeInclusive;
 
 use self::epsilon::{CurveStep, DriveEpsilon, EpsilonConfig, HALO_M};
-use self::fields::FieldDbscan;
-pub use self::metric::Dbscan;
 pub use self::settings::{Auto, DbscanConfig, DbscanVariant, Epsilon};
 use self::settings::{NAME, check_radius, given};
 use super::local::{self, Clusterer, OneStep};
@@ -38,7 +36,7 @@ use super::method::{
 };
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
-use crate::model::{AlgorithmError, Field, FieldSpace, Lattice, Reach};
+use crate::model::{AlgorithmError, Field, FieldSpace, Lattice, Reach, TileCloud};
 
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
@@ -58,6 +56,59 @@ fn build(sections: Sections<'_>) -> Result<Box<dyn Method>, ConfigError> {
         }
         _ => Box::new(OverDrive::new(&config, &config::section("epsilon", &sections("epsilon"))?)?),
     })
+}
+
+/// The method with a known epsilon.
+#[derive(Debug, Clone)]
+pub struct Dbscan {
+    config: DbscanConfig,
+    /// Radius in metres, or in standard deviations.
+    epsilon: f64,
+    /// The space of standardised fields. `None` for x, y and z in metres.
+    space: Option<FieldSpace>,
+}
+
+impl Dbscan {
+    /// The method with these settings, on x, y and z with a given epsilon.
+    ///
+    /// # Errors
+    /// Those of [`DbscanConfig::validate`].
+    pub fn new(config: &DbscanConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config: config.clone(), epsilon: given(config)?, space: None })
+    }
+}
+
+impl Clusterer for Dbscan {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn reach(&self, lattice: Lattice) -> Reach {
+        let in_metres = || lattice.units(self.epsilon);
+        let epsilon = self.space.as_ref().map_or_else(in_metres, |space| space.horizontal(self.epsilon));
+        self.config.reach(epsilon, lattice)
+    }
+
+    fn object_size(&self) -> RangeInclusive<u64> {
+        self.config.object_size()
+    }
+
+    fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
+        self.cluster_tile(cloud, &vec![true; cloud.len()], labels)
+    }
+
+    fn cluster_tile(
+        &self,
+        cloud: &TileCloud,
+        core: &[bool],
+        labels: &mut [u32],
+    ) -> Result<u32, AlgorithmError> {
+        match &self.space {
+            Some(space) => fields::label(&self.config, self.epsilon, space, cloud, core, labels),
+            None => metric::label(&self.config, self.epsilon, cloud, core, labels),
+        }
+    }
 }
 
 /// `dbscan` with values of the whole drive: statistics of fields, epsilon, or both.
@@ -108,7 +159,7 @@ impl OverDrive {
     }
 
     /// The method of one tile, with epsilon and space known.
-    fn clusterer(&self, drive: &dyn DriveWindow) -> Result<Box<dyn Clusterer>> {
+    fn clusterer(&self, drive: &dyn DriveWindow) -> Result<Dbscan> {
         let mut config = self.config.clone();
         if self.steps.len() > 1 {
             let found = DriveEpsilon::decode(drive.global(0))?.estimate.epsilon;
@@ -116,9 +167,10 @@ impl OverDrive {
             config.epsilon = Epsilon::Given(found);
         }
         if config.is_metric() {
-            return Ok(Box::new(Dbscan::new(&config)?));
+            return Ok(Dbscan::new(&config)?);
         }
-        Ok(Box::new(FieldDbscan::new(&config, given(&config)?, self.space(drive)?)))
+        let epsilon = given(&config)?;
+        Ok(Dbscan { config, epsilon, space: Some(self.space(drive)?) })
     }
 }
 
@@ -167,7 +219,7 @@ impl Method for OverDrive {
         if self.estimates(step) {
             return self.curve(tile)?.map(tile);
         }
-        local::label(&*self.clusterer(tile)?, tile, self.reach(step, tile)?)
+        local::label(&self.clusterer(tile)?, tile, self.reach(step, tile)?)
     }
 
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {

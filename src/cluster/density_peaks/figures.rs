@@ -130,19 +130,19 @@ impl Figures {
         for &(rho, delta) in &self.centres {
             *centres.entry((density_class(rho), delta)).or_default() += 1;
         }
-        let farthest = config.d_neighbor;
+        let farthest = config.search_radius;
         Chart {
             name: "density-peaks-decision".into(),
             title: format!("Decision graph: {} voxels, {} centres", self.of_objects, self.clusters),
             x: ChartAxis {
                 name: "local density rho (voxels)".to_owned(),
                 logarithmic: true,
-                thresholds: vec![("rho_t".into(), config.rho_t)],
+                thresholds: vec![("rho_t".into(), config.min_density)],
             },
             y: ChartAxis {
                 name: format!("distance delta to the nearest denser voxel (voxels; {farthest}: none)"),
                 logarithmic: false,
-                thresholds: vec![("delta_t".into(), config.delta_t)],
+                thresholds: vec![("delta_t".into(), config.min_separation)],
             },
             series: vec![points("voxels (1, 10, 100, ...)", &self.graph), points("centres", &centres)],
         }
@@ -165,7 +165,7 @@ impl Figures {
             x: ChartAxis {
                 name: format!("mean curvature over the pairs of points (classes of {CURVATURE_CLASS})"),
                 logarithmic: false,
-                thresholds: vec![("c_t".into(), config.c_t)],
+                thresholds: vec![("c_t".into(), config.merge_below)],
             },
             y: ChartAxis { name: "pairs of clusters".to_owned(), logarithmic: true, thresholds: Vec::new() },
             series: vec![bars("unmerged", &mut { apart }), bars("merged", &mut { merged })],

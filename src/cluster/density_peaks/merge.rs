@@ -15,7 +15,7 @@ use crate::spatial::DisjointSets;
 
 /// Which labels are one object.
 pub(super) fn group(drive: &dyn DriveWindow, config: &DensityPeaksConfig) -> Result<Grouped> {
-    let threshold = config.c_t;
+    let threshold = config.merge_below;
     let clusters = stage_peaks::clusters(drive.global(STAGE_PEAKS))?;
     let mut sums = BTreeMap::<(u32, u32), PairSum>::new();
     let mut borders = Vec::new();

@@ -7,7 +7,7 @@
 //! peaks", Science 344(6191), 1492-1496 (2014), doi:10.1126/science.1242072. "The paper" in this folder is Li
 //! et al. 2017. Ours, because the paper does not say: every tie (larger density, then lower (k, j, i);
 //! nearer, then denser; nearer, then smaller id), the 10 m within which ground is searched, representatives
-//! of 0.1 m, the 20 points of a curvature, the threshold `c_t`, the 1.5 m of re-assignment.
+//! of 0.1 m, the 20 points of a curvature, the threshold `merge_below`, the 1.5 m of re-assignment.
 //!
 //! There are three stages, each with a barrier. `voxels`: points to voxels, components over the drive, the
 //! largest count. `peaks`: densities, parents, centres, chains across tiles. `borders`, again on points: sums
@@ -79,7 +79,7 @@ const STAGES: [Step; 3] = [
             "density-peaks.search_radius",
         ],
     ),
-    // Without `c_t`: its decision uses sums that do not depend on it.
+    // Without `merge_below`: its decision uses sums that do not depend on it.
     stage("borders", &["density-peaks.pair_gap_m", "density-peaks.reassign"]),
 ];
 

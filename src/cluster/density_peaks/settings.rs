@@ -19,29 +19,26 @@ pub struct DensityPeaksConfig {
     /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (section
     /// 4.1).
     pub voxel: f64,
-    /// A centre has a density above this, in voxels, 0 to 1000. Default 4 (Table 2: 1.2 m).
-    #[serde(rename = "min_density")]
-    pub rho_t: f64,
-    /// A centre is further than this from the nearest denser voxel, in voxels, 0 to 100. Default 3 (Table 2:
-    /// 0.9 m).
-    #[serde(rename = "min_separation")]
-    pub delta_t: f64,
-    /// Above this height over ground, in voxels, densities are divided by the height, 0 to 1000. Default 5
-    /// (Table 2: 1.5 m).
-    #[serde(rename = "scale_above")]
-    pub d_t: f64,
-    /// Search distance for denser voxels (exclusive), in voxels, 1 to 50. Default 13 (Table 2: 3.9 m).
-    #[serde(rename = "search_radius")]
-    pub d_neighbor: f64,
-    /// Points of two clusters closer than this, in metres, are a pair, 0.01 to 5. Default 0.5 (equation 11).
-    #[serde(rename = "pair_gap_m")]
-    pub d_th: f64,
-    /// Clusters are merged when the mean curvature over their pairs is below this, 0 (never) to 1. Default
-    /// 0.04: the valley in the histogram of pairs, and better on four drives
+    /// A centre has a density above this, in voxels, rho_t of the paper, 0 to 1000. Default 4 (Table 2:
+    /// 1.2 m).
+    pub min_density: f64,
+    /// A centre is further than this from the nearest denser voxel, in voxels, delta_t of the paper, 0 to
+    /// 100. Default 3 (Table 2: 0.9 m).
+    pub min_separation: f64,
+    /// Above this height over ground, in voxels, densities are divided by the height, d_t of the paper, 0 to
+    /// 1000. Default 5 (Table 2: 1.5 m).
+    pub scale_above: f64,
+    /// Search distance for denser voxels (exclusive), in voxels, d_neighbor of the paper, 1 to 50. Default
+    /// 13 (Table 2: 3.9 m).
+    pub search_radius: f64,
+    /// Points of two clusters closer than this, in metres, are a pair, d_th of the paper, 0.01 to 5. Default
+    /// 0.5 (equation 11).
+    pub pair_gap_m: f64,
+    /// Clusters are merged when the mean curvature over their pairs is below this, c_t of the paper, 0
+    /// (never) to 1. Default 0.04: the valley in the histogram of pairs, and better on four drives
     /// (`benches/results/density-peaks-study.md`). The paper found its value "by analyzing thousands of
     /// sample data" and does not print it.
-    #[serde(rename = "merge_below")]
-    pub c_t: f64,
+    pub merge_below: f64,
     /// Halo voxels join the nearest segment within this, in metres, 0.01 to 10. Default 1.5 (chosen; the
     /// paper filters out what is "far away from all segments").
     pub reassign: f64,
@@ -49,11 +46,16 @@ pub struct DensityPeaksConfig {
 
 impl Default for DensityPeaksConfig {
     fn default() -> Self {
-        let rho_t = 4.0;
-        let delta_t = 3.0;
-        let d_t = 5.0;
-        let d_neighbor = 13.0;
-        Self { voxel: 0.3, rho_t, delta_t, d_t, d_neighbor, d_th: 0.5, c_t: 0.04, reassign: 1.5 }
+        Self {
+            voxel: 0.3,
+            min_density: 4.0,
+            min_separation: 3.0,
+            scale_above: 5.0,
+            search_radius: 13.0,
+            pair_gap_m: 0.5,
+            merge_below: 0.04,
+            reassign: 1.5,
+        }
     }
 }
 
@@ -63,22 +65,16 @@ impl DensityPeaksConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let ranges = [
-            ("density-peaks.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
-            ("density-peaks.min_density", self.rho_t, 0.0..=1_000.0, "0 to 1000 voxels"),
-            ("density-peaks.min_separation", self.delta_t, 0.0..=100.0, "0 to 100 voxels"),
-            ("density-peaks.scale_above", self.d_t, 0.0..=1_000.0, "0 to 1000 voxels"),
-            ("density-peaks.search_radius", self.d_neighbor, 1.0..=50.0, "1 to 50 voxels"),
-            ("density-peaks.pair_gap_m", self.d_th, 0.01..=5.0, "0.01 to 5 metres"),
-            ("density-peaks.merge_below", self.c_t, 0.0..=1.0, "0 to 1"),
-            ("density-peaks.reassign", self.reassign, 0.01..=10.0, "0.01 to 10 metres"),
-        ];
-        for (key, value, range, expected) in ranges {
-            if !range.contains(&value) {
-                return Err(ConfigError::value(key, value, expected));
-            }
-        }
-        Ok(())
+        ConfigError::outside([
+            ("density-peaks.voxel", self.voxel, 0.05..=2.0, "metres"),
+            ("density-peaks.min_density", self.min_density, 0.0..=1_000.0, "voxels"),
+            ("density-peaks.min_separation", self.min_separation, 0.0..=100.0, "voxels"),
+            ("density-peaks.scale_above", self.scale_above, 0.0..=1_000.0, "voxels"),
+            ("density-peaks.search_radius", self.search_radius, 1.0..=50.0, "voxels"),
+            ("density-peaks.pair_gap_m", self.pair_gap_m, 0.01..=5.0, "metres"),
+            ("density-peaks.merge_below", self.merge_below, 0.0..=1.0, ""),
+            ("density-peaks.reassign", self.reassign, 0.01..=10.0, "metres"),
+        ])
     }
 }
 
@@ -91,12 +87,12 @@ mod tests {
         let default = DensityPeaksConfig::default;
         for (config, key) in [
             (DensityPeaksConfig { voxel: f64::NAN, ..default() }, "density-peaks.voxel = NaN"),
-            (DensityPeaksConfig { rho_t: -1.0, ..default() }, "density-peaks.min_density = -1"),
-            (DensityPeaksConfig { delta_t: 101.0, ..default() }, "density-peaks.min_separation = 101"),
-            (DensityPeaksConfig { d_t: -0.5, ..default() }, "density-peaks.scale_above = -0.5"),
-            (DensityPeaksConfig { d_neighbor: 0.5, ..default() }, "density-peaks.search_radius = 0.5"),
-            (DensityPeaksConfig { d_th: 0.0, ..default() }, "density-peaks.pair_gap_m = 0"),
-            (DensityPeaksConfig { c_t: 1.5, ..default() }, "density-peaks.merge_below = 1.5"),
+            (DensityPeaksConfig { min_density: -1.0, ..default() }, "density-peaks.min_density = -1"),
+            (DensityPeaksConfig { min_separation: 101.0, ..default() }, "density-peaks.min_separation = 101"),
+            (DensityPeaksConfig { scale_above: -0.5, ..default() }, "density-peaks.scale_above = -0.5"),
+            (DensityPeaksConfig { search_radius: 0.5, ..default() }, "density-peaks.search_radius = 0.5"),
+            (DensityPeaksConfig { pair_gap_m: 0.0, ..default() }, "density-peaks.pair_gap_m = 0"),
+            (DensityPeaksConfig { merge_below: 1.5, ..default() }, "density-peaks.merge_below = 1.5"),
             (DensityPeaksConfig { reassign: f64::INFINITY, ..default() }, "density-peaks.reassign = inf"),
         ] {
             let error = config.validate().unwrap_err().to_string();

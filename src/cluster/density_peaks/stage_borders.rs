@@ -81,7 +81,7 @@ struct Lengths {
 /// representatives, their partners with all points of the partners' cells, and the points that halo voxels
 /// may join.
 pub(super) fn reach_m(config: &DensityPeaksConfig) -> f64 {
-    let partners = config.d_th + 2.0 * REPRESENTATIVE_M;
+    let partners = config.pair_gap_m + 2.0 * REPRESENTATIVE_M;
     FIRST_SEARCH_M.max(partners).max(config.reassign).max(3.0 * config.voxel) + 0.01
 }
 
@@ -90,7 +90,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32)
     let lattice = tile.lattice();
     let lengths = Lengths {
         edge,
-        pair: lattice.units(config.d_th),
+        pair: lattice.units(config.pair_gap_m),
         reassign: lattice.units(config.reassign),
         reach: lattice.units(reach_m(config)),
     };

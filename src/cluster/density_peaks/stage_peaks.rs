@@ -69,7 +69,7 @@ impl Neighbourhood {
     /// Loads the voxels within `steps` indices of those of the tile, and the densities of all of them.
     fn load(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32) -> Result<Self> {
         let units = i64::from(edge);
-        let steps = config.d_neighbor.ceil() as i32;
+        let steps = config.search_radius.ceil() as i32;
         let ground_units = tile.lattice().units(GROUND_SEARCH_M);
         let ground_steps = (ground_units / units) as i32;
         let global = tile.global(STAGE_VOXELS);
@@ -267,7 +267,7 @@ fn densities(
                 let position = (voxel - start) as f64;
                 let rho = length - position / length + f64::from(stored[voxel].points) / f64::from(most);
                 let above = f64::from(heights[voxel] - ground);
-                density.push(if above >= config.d_t { rho / above.max(1.0) } else { rho });
+                density.push(if above >= config.scale_above { rho / above.max(1.0) } else { rho });
             }
             start = end;
         }
@@ -297,7 +297,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32)
     let mut payload = PeaksPayload::default();
     let mut exits = FxHashMap::<(TileId, u32), u32>::default();
     let mut graph = BTreeMap::<(u32, u32), u64>::new();
-    let limit = config.d_neighbor.powi(2);
+    let limit = config.search_radius.powi(2);
     let steps = disc(limit.ceil() as i64);
     let mut finder = around.columns.finder();
     for voxel in own {
@@ -306,7 +306,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32)
         let delta = parent.map_or(limit, |parent| parent.0 as f64);
         *graph.entry((density_class(rho), delta as u32)).or_default() += 1;
         let slot = around.origin[voxel].1 as usize;
-        if rho > config.rho_t && delta > config.delta_t.powi(2) {
+        if rho > config.min_density && delta > config.min_separation.powi(2) {
             payload.centres.push((rho, delta as u32));
             ends[slot] = End::Centre(payload.centres.len() as u32);
         } else if let Some((_, parent)) = parent {

@@ -29,10 +29,13 @@ pub(super) struct Scale {
 impl Scale {
     /// The distances for voxels of `edge_m` metres.
     pub(super) fn new(config: &NormalizedCutConfig, edge_m: f64) -> Self {
-        let factor = (2.0 * edge_m / config.d_h).max(1.0);
-        let [d_h, sigma_h, sigma_v] =
-            [config.d_h, config.sigma_h, config.sigma_v].map(|value| value * factor);
-        Self { d_h, sigma_h, sigma_v, edge: edge_m }
+        let factor = (2.0 * edge_m / config.link_radius_m).max(1.0);
+        Self {
+            d_h: config.link_radius_m * factor,
+            sigma_h: config.horizontal_scale_m * factor,
+            sigma_v: config.vertical_scale_m * factor,
+            edge: edge_m,
+        }
     }
 
     /// The weight between two centroids.

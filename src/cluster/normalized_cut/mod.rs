@@ -3,12 +3,12 @@
 //!
 //! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning
 //! data", ISPRS Archives XLI-B3, 221-225 (2016), doi:10.5194/isprs-archives-XLI-B3-221-2016, section 3.2,
-//! equations 1 to
-//! 3. "The paper" in this folder is Guan et al. 2016. It builds on Shi, Malik, "Normalized cuts and image
-//! segmentation", IEEE Transactions on Pattern Analysis and Machine Intelligence 22(8), 888-905 (2000),
-//! doi:10.1109/34.868688. Ours, because the paper does not say: every value but the two distances of section
-//! 4, where a cut is tried and where cutting ends (`cut`), what happens to large objects, and all of the tree
-//! filter (`tree_filter`), for which the paper gives "prior knowledge (e.g. crown size)".
+//! equations 1 to 3. "The paper" in this folder is Guan et al. 2016. It builds on Shi, Malik, "Normalized
+//! cuts and image segmentation", IEEE Transactions on Pattern Analysis and Machine Intelligence 22(8),
+//! 888-905 (2000), doi:10.1109/34.868688. Ours, because the paper does not say: every value but the two
+//! distances of section 4, where a cut is tried and where cutting ends (`cut`), what happens to large
+//! objects, and all of the tree filter (`tree_filter`), for which the paper gives "prior knowledge (e.g.
+//! crown size)".
 //!
 //! Steps. `clusters`: the objects of `euclidean` and their voxels, tile by tile, joined over the drive.
 //! `cut`: each object is gathered whole over all tiles by the tile that has most of its points, cut, and

@@ -19,16 +19,13 @@ pub struct NormalizedCutConfig {
     pub voxel: f64,
     /// Horizontal distance in metres at which a weight falls to 1/e, sigma_H of equation 1, 0.05 to 20.
     /// Default 0.8 (chosen; the paper has no value).
-    #[serde(rename = "horizontal_scale_m")]
-    pub sigma_h: f64,
+    pub horizontal_scale_m: f64,
     /// Vertical distance in metres at which a weight falls to 1/e, sigma_V of equation 1, 0.05 to 20. Default
     /// 2 (chosen; the paper has no value).
-    #[serde(rename = "vertical_scale_m")]
-    pub sigma_v: f64,
+    pub vertical_scale_m: f64,
     /// Voxels are linked up to this horizontal distance in metres, d_H of equation 1, 0.1 to 20. Default 1.2
     /// (chosen; the paper has no value).
-    #[serde(rename = "link_radius_m")]
-    pub d_h: f64,
+    pub link_radius_m: f64,
     /// A part is cut in two if Ncut (equation 3) of its best cut is at most this, 0 (never) to 2. Default
     /// 0.08 (chosen; the paper has no value).
     pub stop: f64,
@@ -44,8 +41,16 @@ pub struct NormalizedCutConfig {
 
 impl Default for NormalizedCutConfig {
     fn default() -> Self {
-        let [voxel, sigma_h, sigma_v, d_h] = [0.3, 0.8, 2.0, 1.2];
-        Self { voxel, sigma_h, sigma_v, d_h, stop: 0.08, tall: 2.5, wide: 3.0, max_voxels: 20_000 }
+        Self {
+            voxel: 0.3,
+            horizontal_scale_m: 0.8,
+            vertical_scale_m: 2.0,
+            link_radius_m: 1.2,
+            stop: 0.08,
+            tall: 2.5,
+            wide: 3.0,
+            max_voxels: 20_000,
+        }
     }
 }
 
@@ -55,20 +60,15 @@ impl NormalizedCutConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let ranges = [
-            ("normalized-cut.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
-            ("normalized-cut.horizontal_scale_m", self.sigma_h, 0.05..=20.0, "0.05 to 20 metres"),
-            ("normalized-cut.vertical_scale_m", self.sigma_v, 0.05..=20.0, "0.05 to 20 metres"),
-            ("normalized-cut.link_radius_m", self.d_h, 0.1..=20.0, "0.1 to 20 metres"),
-            ("normalized-cut.stop", self.stop, 0.0..=2.0, "0 to 2"),
-            ("normalized-cut.tall", self.tall, 0.0..=100.0, "0 to 100 metres"),
-            ("normalized-cut.wide", self.wide, 0.0..=1_000.0, "0 to 1000 metres"),
-        ];
-        for (key, value, range, expected) in ranges {
-            if !range.contains(&value) {
-                return Err(ConfigError::value(key, value, expected));
-            }
-        }
+        ConfigError::outside([
+            ("normalized-cut.voxel", self.voxel, 0.05..=2.0, "metres"),
+            ("normalized-cut.horizontal_scale_m", self.horizontal_scale_m, 0.05..=20.0, "metres"),
+            ("normalized-cut.vertical_scale_m", self.vertical_scale_m, 0.05..=20.0, "metres"),
+            ("normalized-cut.link_radius_m", self.link_radius_m, 0.1..=20.0, "metres"),
+            ("normalized-cut.stop", self.stop, 0.0..=2.0, ""),
+            ("normalized-cut.tall", self.tall, 0.0..=100.0, "metres"),
+            ("normalized-cut.wide", self.wide, 0.0..=1_000.0, "metres"),
+        ])?;
         if !(1_000..=200_000).contains(&self.max_voxels) {
             let key = "normalized-cut.max_voxels";
             return Err(ConfigError::value(key, self.max_voxels, "1000 to 200,000 voxels"));
@@ -86,12 +86,15 @@ mod tests {
         let default = NormalizedCutConfig::default;
         for (config, key) in [
             (NormalizedCutConfig { voxel: f64::NAN, ..default() }, "normalized-cut.voxel = NaN"),
-            (NormalizedCutConfig { sigma_h: 0.0, ..default() }, "normalized-cut.horizontal_scale_m = 0"),
             (
-                NormalizedCutConfig { sigma_v: f64::INFINITY, ..default() },
+                NormalizedCutConfig { horizontal_scale_m: 0.0, ..default() },
+                "normalized-cut.horizontal_scale_m = 0",
+            ),
+            (
+                NormalizedCutConfig { vertical_scale_m: f64::INFINITY, ..default() },
                 "normalized-cut.vertical_scale_m = inf",
             ),
-            (NormalizedCutConfig { d_h: -1.0, ..default() }, "normalized-cut.link_radius_m = -1"),
+            (NormalizedCutConfig { link_radius_m: -1.0, ..default() }, "normalized-cut.link_radius_m = -1"),
             (NormalizedCutConfig { stop: 2.5, ..default() }, "normalized-cut.stop = 2.5"),
             (NormalizedCutConfig { tall: -0.1, ..default() }, "normalized-cut.tall = -0.1"),
             (NormalizedCutConfig { wide: 1_001.0, ..default() }, "normalized-cut.wide = 1001"),

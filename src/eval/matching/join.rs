@@ -15,11 +15,12 @@ use crate::error::Result;
 use crate::eval::error::EvalError;
 use crate::eval::matching::labels::{Label, Met, Numbers, join_places};
 use crate::eval::matching::order::{Pair, multiples};
-use crate::eval::matching::scratch::{Batch, Buckets, Entry, ScratchFolder, Taken};
+use crate::eval::matching::scratch::{Batch, Buckets, Entry, Taken};
 use crate::eval::matching::sides::{BlockReader, Files, LabelFields, time_bits};
 use crate::eval::table::{Cell, Place, Predicted, Table, Tally};
 use crate::input::record_xyz;
 use crate::model::PointId;
+use crate::scratch_folder::ScratchFolder;
 
 /// Minimum number of buckets that a thread joins before its counts are merged with those of others.
 const BUCKETS_AT_A_TIME: usize = 4;

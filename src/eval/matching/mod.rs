@@ -17,7 +17,6 @@ use crate::model::{Lattice, PointId};
 
 use order::Pair;
 use parts::Parts;
-use scratch::ScratchFolder;
 use sides::Files;
 
 pub use settings::CompareSettings;
@@ -105,7 +104,7 @@ fn by_key(pair: &Pair<'_>, settings: &CompareSettings, note: &dyn Fn(&str)) -> R
         pair.matching_by_key().name(),
         settings.scratch.display()
     ));
-    pair.count_by_key(&ScratchFolder::create(&settings.scratch)?)
+    pair.count_by_key(&scratch::folder(&settings.scratch)?)
 }
 
 impl Pair<'_> {

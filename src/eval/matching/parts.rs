@@ -12,8 +12,9 @@ use std::sync::{Mutex, PoisonError};
 use crate::codec;
 use crate::error::Result;
 use crate::eval::error::EvalError;
-use crate::eval::matching::scratch::ScratchFolder;
+use crate::eval::matching::scratch;
 use crate::eval::table::Table;
+use crate::scratch_folder::ScratchFolder;
 
 /// Entries kept in memory: half a mebibyte, about a kilometre of a dense street.
 const HELD_ENTRIES: usize = 1 << 13;
@@ -83,8 +84,8 @@ impl<'a> Parts<'a> {
 }
 
 impl Waiting {
-    fn create(scratch: &Path) -> Result<Self> {
-        let folder = ScratchFolder::create(scratch)?;
+    fn create(parent: &Path) -> Result<Self> {
+        let folder = scratch::folder(parent)?;
         let path = folder.join("parts");
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path);
         let file = file.map_err(|source| EvalError::Scratch { path: path.clone(), source })?;

@@ -4,13 +4,13 @@
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::eval::error::EvalError;
 use crate::model::PointId;
+use crate::scratch_folder::{NoScratchFolder, ScratchFolder};
 
 /// Entries that a bucket should have: 4 MiB. Every thread has four buckets in memory.
 const BUCKET_ENTRIES: u64 = 1 << 18;
@@ -128,42 +128,13 @@ impl Taken {
     }
 }
 
-/// A folder for scratch files. It is removed when this value is dropped.
-#[derive(Debug)]
-pub(super) struct ScratchFolder {
-    path: PathBuf,
-}
-
-impl ScratchFolder {
-    /// Makes a new folder in `parent`.
-    ///
-    /// # Errors
-    /// [`EvalError::Scratch`].
-    pub(super) fn create(parent: &Path) -> Result<Self, EvalError> {
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        loop {
-            let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-            let path = parent.join(format!("chainage-eval-{}-{number}", std::process::id()));
-            match fs_err::create_dir(&path) {
-                Ok(()) => return Ok(Self { path }),
-                // A killed process of the same number left this folder. The next name is tried.
-                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
-                Err(source) => return Err(EvalError::Scratch { path, source }),
-            }
-        }
-    }
-
-    /// The path of the file of this name.
-    pub(super) fn join(&self, name: &str) -> PathBuf {
-        self.path.join(name)
-    }
-}
-
-impl Drop for ScratchFolder {
-    fn drop(&mut self) {
-        // Nothing depends on the result, and nobody could receive the error.
-        let _ = fs_err::remove_dir_all(&self.path);
-    }
+/// A new folder for the scratch files of a comparison.
+///
+/// # Errors
+/// [`EvalError::Scratch`].
+pub(super) fn folder(parent: &Path) -> Result<ScratchFolder, EvalError> {
+    ScratchFolder::create(parent, "eval")
+        .map_err(|NoScratchFolder { path, source }| EvalError::Scratch { path, source })
 }
 
 /// The buckets of one side.
@@ -276,7 +247,7 @@ mod tests {
     #[test]
     fn buckets_give_back_every_entry_and_the_folder_goes_away() {
         let parent = tempfile::tempdir().unwrap();
-        let folder = ScratchFolder::create(parent.path()).unwrap();
+        let folder = folder(parent.path()).unwrap();
         let buckets = Buckets::new(&folder, "test", 3 * BUCKET_ENTRIES);
         let all: Vec<(u128, Entry)> = (0..10_000_u64)
             .map(|i| (u128::from(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)) << 64 | u128::from(i * 7 % 1000), i))
@@ -303,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_folder_that_is_not_there_is_an_error() {
-        let error = ScratchFolder::create(Path::new("there/is/no/such/folder")).unwrap_err();
+        let error = folder(Path::new("there/is/no/such/folder")).unwrap_err();
         assert!(error.to_string().contains("chainage-eval-"), "{error}");
     }
 }

@@ -75,10 +75,11 @@ const STEM_M: f64 = 2.0;
 /// above cars and hedges).
 const WALL_M: f64 = 1.2;
 
-/// A foot has more points at the surface than this, and than this share of the points between `height` and
-/// `clear` above it, where ground was seen (chosen: a wall alone has the lowest two and, in 6 of 40 cm, a
-/// sixth).
+/// Ground was seen at the foot of what stands if the surface there has more points than this plus
+/// [`FOOT_SHARE`] of those between `height` and `clear` (chosen: a wall alone has the lowest two).
 const FOOT_POINTS: f64 = 2.0;
+/// Points at the surface that are of what stands there, per point of it between `height` and `clear` (chosen:
+/// a wall alone has a sixth, 6 of 40 cm).
 const FOOT_SHARE: f64 = 0.3;
 
 pub(in crate::ground) const ENTRY: GroundEntry = GroundEntry {

@@ -64,28 +64,20 @@ impl OpeningConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        if !(1..=100).contains(&self.lowest_points) {
-            return Err(ConfigError::value("opening.lowest_points", self.lowest_points, "1 to 100 points"));
-        }
-        let ranges = [
-            ("opening.voxel", self.voxel, 0.05..=2.0, "0.05 to 2 metres"),
-            ("opening.low_quantile", self.low_quantile, 0.0..=0.5, "0 to 0.5"),
-            ("opening.depth", self.depth, 0.0..=100.0, "0 to 100 metres"),
-            ("opening.radius", self.radius, 0.0..=20.0, "0 to 20 metres"),
-            ("opening.slope", self.slope, 0.0..=10.0, "0 to 10"),
-            ("opening.slope_radius", self.slope_radius, 0.0..=50.0, "0 to 50 metres"),
-            ("opening.close", self.close, 0.0..=10.0, "0 to 10 metres"),
-            ("opening.height", self.height, 0.0..=10.0, "0 to 10 metres"),
-            ("opening.clear", self.clear, 0.0..=100.0, "0 to 100 metres"),
-            ("opening.sparse", self.sparse, 0.0..=0.5, "0 to 0.5"),
-            ("opening.room", self.room, 0.0..=20.0, "0 to 20 metres"),
-        ];
-        for (key, value, range, expected) in ranges {
-            if !range.contains(&value) {
-                return Err(ConfigError::value(key, value, expected));
-            }
-        }
-        Ok(())
+        ConfigError::outside([("opening.lowest_points", self.lowest_points, 1..=100, "points")])?;
+        ConfigError::outside([
+            ("opening.voxel", self.voxel, 0.05..=2.0, "metres"),
+            ("opening.low_quantile", self.low_quantile, 0.0..=0.5, ""),
+            ("opening.depth", self.depth, 0.0..=100.0, "metres"),
+            ("opening.radius", self.radius, 0.0..=20.0, "metres"),
+            ("opening.slope", self.slope, 0.0..=10.0, ""),
+            ("opening.slope_radius", self.slope_radius, 0.0..=50.0, "metres"),
+            ("opening.close", self.close, 0.0..=10.0, "metres"),
+            ("opening.height", self.height, 0.0..=10.0, "metres"),
+            ("opening.clear", self.clear, 0.0..=100.0, "metres"),
+            ("opening.sparse", self.sparse, 0.0..=0.5, ""),
+            ("opening.room", self.room, 0.0..=20.0, "metres"),
+        ])
     }
 }
 

@@ -24,7 +24,7 @@ impl Attribute for Height {
                 name: "base_above_ground_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "height of the lowest point above `ground_z`, without a few points below a gap or more than 1 m below the ground; empty where that is",
+                definition: "height of the lowest point above `ground_z`, without a few points below a gap or more than 1 m below the ground; empty where `ground_z` is empty",
             },
         ]
     }

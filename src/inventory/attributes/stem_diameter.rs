@@ -26,7 +26,7 @@ impl Attribute for StemDiameter {
                 name: "dbh_error_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "standard error of `dbh_m` from the residuals; empty where that is",
+                definition: "standard error of `dbh_m` from the residuals; empty where `dbh_m` is empty",
             },
         ]
     }

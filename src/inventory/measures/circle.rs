@@ -7,6 +7,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::model::{GOLDEN_GAMMA, splitmix64};
+
 /// Radii that a stem or a pole can have, in metres.
 const RADII_M: [f64; 2] = [0.015, 0.8];
 /// Number of triples that are tried (chosen: with 40 % of the points on the circle, the chance to miss it is
@@ -82,18 +84,14 @@ pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
     })
 }
 
-/// A fixed sequence of numbers: Sebastiano Vigna's `splitmix64`.
+/// A fixed sequence of numbers: SplitMix64.
 struct Chance(u64);
 
 impl Chance {
     fn below(&mut self, count: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        let z = u128::from(z ^ (z >> 31));
+        self.0 = self.0.wrapping_add(GOLDEN_GAMMA);
         #[expect(clippy::cast_possible_truncation, reason = "smaller than `count`")]
-        let number = ((z * count as u128) >> 64) as usize;
+        let number = ((u128::from(splitmix64(self.0)) * count as u128) >> 64) as usize;
         number
     }
 }

@@ -7,12 +7,12 @@ use super::parts::{Frames, Measures};
 use super::rectangle::longest_and_across;
 use crate::model::{Lattice, convex_hull};
 
-/// A layer belongs to the crown if its occupied cells have at least this share of the area of the largest
-/// layer (chosen: single branches below the crown have less), and
+/// The occupied cells of a layer of the crown have at least this share of the area of the largest layer
+/// (chosen: single branches below the crown have less).
 const LEAST_SHARE: f64 = 0.15;
-/// at least this area in square metres.
+/// The occupied cells of a layer of the crown have at least this area, in square metres.
 const LEAST_AREA_M2: f64 = 0.2;
-/// The layers above must belong to it as well, over this height in metres.
+/// The crown begins where all layers over this height belong to it, in metres.
 const STEADY_M: f64 = 0.6;
 /// Cells whose middle is within this distance of the stem do not count, in metres.
 const OF_STEM_M: f64 = 0.35;

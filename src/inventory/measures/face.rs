@@ -1,11 +1,10 @@
 //! The face of a surface: which cells of its plane its points occupy, in parts that merge exactly, and its
 //! outline.
-#![expect(clippy::cast_possible_truncation, reason = "positions of points of a tile fit u32")]
 
 use serde::{Deserialize, Serialize};
 
 use super::outline::{Polygon, outline};
-use super::sketch::{Frame, Heights, Sketch};
+use super::sketch::{Frame, Heights, Sketch, by_object};
 use crate::model::{Lattice, ObjectPart, Plane, TileCloud};
 
 /// Edge of a cell in metres (chosen: the outline lies within half of it of the border of an evenly scanned
@@ -50,11 +49,7 @@ impl Face {
         core: impl Fn(usize) -> bool,
         whole: impl Fn(u32) -> Option<(&'a ObjectPart, &'a Plane)>,
     ) -> Vec<(u32, Self)> {
-        let mut members: Vec<(u32, u32)> = (0..objects.len())
-            .filter(|&point| objects[point] != 0 && core(point))
-            .map(|point| (objects[point], point as u32))
-            .collect();
-        members.sort_unstable();
+        let members = by_object(objects, core);
         let mut faces = Vec::new();
         for group in members.chunk_by(|a, b| a.0 == b.0) {
             let Some((part, plane)) = whole(group[0].0) else { continue };

@@ -1,12 +1,11 @@
 //! What is collected from the points of an object, tile by tile: sketches of bounded size, which merge
 //! exactly.
-#![expect(clippy::cast_possible_truncation, reason = "positions of points of a tile fit u32")]
 
 use serde::{Deserialize, Serialize};
 
 use super::classes::{POLE, TREE};
 use super::profile::Slice;
-use super::sketch::{Frame, Heights, Sketch, Sums};
+use super::sketch::{Frame, Heights, Sketch, Sums, by_object};
 use crate::model::{Kind, Lattice, ObjectPart, TileCloud};
 
 /// Edge of a cell of the plan in metres (chosen: the outline lies within 0.1 m of every point).
@@ -139,11 +138,7 @@ impl Measures {
         core: impl Fn(usize) -> bool,
         whole: impl Fn(u32) -> Option<(&'a ObjectPart, Kind, Option<i64>)>,
     ) -> Vec<(u32, Self)> {
-        let mut members: Vec<(u32, u32)> = (0..objects.len())
-            .filter(|&point| objects[point] != 0 && core(point))
-            .map(|point| (objects[point], point as u32))
-            .collect();
-        members.sort_unstable();
+        let members = by_object(objects, core);
         let mut all = Vec::new();
         let mut points = Vec::new();
         for group in members.chunk_by(|a, b| a.0 == b.0) {

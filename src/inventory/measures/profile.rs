@@ -47,9 +47,9 @@ const OVER_WIRE: u64 = 200;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Slice {
     pub(crate) points: u64,
-    /// Lowest and highest lattice z.
+    /// Smallest lattice z of a point.
     pub(crate) lowest: i64,
-    /// See `lowest`.
+    /// Largest lattice z of a point.
     pub(crate) highest: i64,
 }
 

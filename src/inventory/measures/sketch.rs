@@ -124,6 +124,18 @@ impl<V: Patch> Sketch<V> {
     }
 }
 
+/// The points of objects that are in `core`, as (object, point), ascending. `objects` has the object of each
+/// point, 0 for none.
+#[expect(clippy::cast_possible_truncation, reason = "positions of points of a tile fit u32")]
+pub(super) fn by_object(objects: &[u32], core: impl Fn(usize) -> bool) -> Vec<(u32, u32)> {
+    let mut members: Vec<(u32, u32)> = (0..objects.len())
+        .filter(|&point| objects[point] != 0 && core(point))
+        .map(|point| (objects[point], point as u32))
+        .collect();
+    members.sort_unstable();
+    members
+}
+
 /// Lowest and highest lattice z of the points in a voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Heights {

@@ -43,11 +43,11 @@ const SLICES_TO_M: f64 = 3.5;
 const SLICE_REACH_M: f64 = 0.6;
 /// A circle whose centre is further from the axis than its radius and this is of something else, in metres.
 const OFF_AXIS_M: f64 = 0.1;
-/// A circle is used if at least this much of it was seen, in degrees, and
+/// A circle is used only if at least this much of it was seen, in degrees.
 pub(crate) const LEAST_SEEN_DEG: f64 = 60.0;
-/// its radius is known to this standard error, in metres: for a place on the axis,
+/// Largest standard error of the radius of a circle that gives a place on the axis, in metres.
 const LARGEST_ERROR_M: f64 = 0.02;
-/// and for the section of a stem.
+/// Largest standard error of the radius of a circle that is the section of a stem, in metres.
 const SECTION_ERROR_M: f64 = 0.01;
 /// Circles on the axis of a tree have radii that differ from their median by at most this share of it.
 const ONE_STEM: f64 = 0.25;
@@ -56,36 +56,37 @@ const ONE_STEM: f64 = 0.25;
 const OF_POLE_M: f64 = 0.13;
 /// A layer is one of the bare pole if at least this share of the points within the reach of a slice is of it.
 const BARE_SHARE: f64 = 0.75;
-/// Points this near to the axis of a tree may be of its stem, in metres,
+/// Points this near to the axis of a tree may be of its stem, in metres.
 const OF_STEM_M: f64 = 0.25;
-/// and are if they have this share: leaves that are spread evenly have a sixth.
+/// Points near the axis of a tree are of its stem if they are at least this share of the points within the
+/// reach of a slice. Leaves that are spread evenly have a sixth.
 const STEM_SHARE: f64 = 0.6;
 /// So many bare layers and circles of a stem must have been seen. Else the densest leaves would be the stem.
 /// Measured on a tree of `synth suburb` of which only the crown was seen: its leaves have 2 to 5.
 const STEM_SEEN: usize = 6;
-/// Smallest number of points of such a layer,
+/// Smallest number of points of a bare layer.
 const BARE_POINTS: usize = 3;
-/// and smallest number of layers for the direction of a pole.
+/// Smallest number of bare layers for the direction of a pole.
 const BARE_LAYERS: usize = 8;
 /// Pairs of layers are this share of the height apart: the slopes between nearer ones are mostly noise.
 const BARE_APART: f64 = 1.0 / 3.0;
 /// Rounds of choosing layers and of fitting through them.
 const BARE_ROUNDS: usize = 2;
-/// A section is that of the stem if sections at these distances above it, in metres,
+/// A section of a stem is compared with the circles at these distances above it, in metres.
 const NEIGHBOURS_M: [f64; 4] = [-0.4, -0.2, 0.2, 0.4];
-/// have nearly the same radius: at least this many of them,
+/// Smallest number of circles with which a section is compared.
 const LEAST_NEIGHBOURS: usize = 2;
-/// and their median differs by at most this share of it and this length in metres. What is larger is a fork
-/// or a twig.
+/// The median radius of the circles beside a section differs from its radius by at most this share of it plus
+/// this length in metres. What differs more is a fork or a twig.
 const SAME_RADIUS: (f64, f64) = (0.15, 0.01);
 /// Smallest number of circles for a line through their centres.
 const LEAST_CIRCLES: usize = 4;
 /// Largest distance of their middle from the mean of the side that was seen, in metres: two thirds of a
 /// radius of 0.45 m.
 const LARGEST_SHIFT_M: f64 = 0.3;
-/// Layers above the lowest point of an object in which its lowest part is looked for: one metre,
+/// Layers above the lowest point of an object in which its lowest part is looked for: one metre.
 const LOWEST_LAYERS: i64 = 10;
-/// and how far from its middle, in metres.
+/// Distance from the middle of the lowest part of an object within which points are of it, in metres.
 const OF_LOWEST_M: f64 = 0.3;
 /// Shortest axis whose direction is given, in metres.
 const SHORTEST_M: f64 = 1.0;

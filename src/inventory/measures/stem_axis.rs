@@ -12,9 +12,9 @@ pub(crate) struct StemAxis {
     pub(crate) foot: [f64; 2],
     /// How far it moves per metre of height.
     pub(crate) slope: [f64; 2],
-    /// Lowest and highest point on it.
+    /// Height at which it begins, in metres.
     pub(crate) from: f64,
-    /// See `from`.
+    /// Height at which it ends, in metres.
     pub(crate) to: f64,
     /// Whether its direction is known well enough to be given.
     pub(crate) has_direction: bool,

@@ -13,11 +13,12 @@ const HALF_WEIGHT_M: f64 = 0.5;
 const LIMITS_M: [f64; 5] = [0.6, 0.4, 0.25, 0.2, 0.2];
 /// Rounds in which near cells weigh no more than far ones, because the nearest may be wrong.
 const EVEN_ROUNDS: usize = 2;
-/// The nearest cell is ground if so many cells,
+/// The nearest cell is ground if at least so many cells nearby have its height, itself included. Otherwise it
+/// is a stem or a car.
 const LEAST_SUPPORT: usize = 4;
-/// itself included, within this distance in metres,
+/// Distance from the place within which cells are nearby, in metres.
 const SUPPORT_M: f64 = 1.5;
-/// have its height, to so many metres. It is a stem or a car otherwise.
+/// Largest difference from the height of the nearest cell at which a cell has this height, in metres.
 const SAME_HEIGHT_M: f64 = 0.3;
 /// Smallest number of cells for a slope.
 const LEAST_CELLS: usize = 5;

@@ -11,7 +11,7 @@ use crate::input::layout::{EXTRA_BYTES, SPEC_USER};
 use crate::input::vlr::Vlr;
 use crate::output::error::OutputError;
 
-/// User of the records that make a file a cloud-optimized point cloud.
+/// User of the records that make a file a cloud-optimised point cloud.
 const COPC_USER: &str = "copc";
 // Fields of the header (LAS 1.4 R15, table 3).
 const POINTS_START: usize = 96;

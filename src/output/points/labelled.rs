@@ -269,7 +269,7 @@ fn chunks(input: &InputFile, compressed: bool) -> (ChunkSize, Vec<Range<u64>>) {
 fn note_losses(input: &InputFile, warnings: &mut Vec<String>) {
     if input.is_copc() {
         warnings.push(format!(
-            "{} is a cloud-optimized point cloud; its labelled copy is plain LAZ or LAS without the index",
+            "{} is a cloud-optimised point cloud; its labelled copy is plain LAZ or LAS without the index",
             input.name()
         ));
     }
@@ -283,17 +283,45 @@ fn note_losses(input: &InputFile, warnings: &mut Vec<String>) {
 
 /// The name of the input with the extension of the copy.
 fn output_name(input: &InputFile, compressed: bool) -> String {
-    let name = input.name();
-    let lower = name.to_lowercase();
-    let (stem, keep) = if let Some(stem) = lower.strip_suffix(".copc.laz") {
-        (&name[..stem.len()], false)
-    } else if let Some(stem) = lower.strip_suffix(".las").or_else(|| lower.strip_suffix(".laz")) {
-        (name.get(..stem.len()).unwrap_or(name), compressed == input.is_compressed())
-    } else {
-        (name, compressed == input.is_compressed())
-    };
-    if keep {
+    copy_name(input.name(), input.is_compressed(), compressed)
+}
+
+/// The same from the name, and whether the input and the copy are compressed.
+fn copy_name(name: &str, was_compressed: bool, compressed: bool) -> String {
+    let cloud = without(name, ".copc.laz");
+    if cloud.is_none() && compressed == was_compressed {
         return name.to_owned();
     }
+    let stem = cloud.or_else(|| without(name, ".las")).or_else(|| without(name, ".laz")).unwrap_or(name);
     format!("{stem}.{}", if compressed { "laz" } else { "las" })
+}
+
+/// The name without an ending, in upper or lower case. Endings are ASCII, so they have as many bytes in the
+/// name.
+fn without<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
+    let at = name.len().checked_sub(ending.len())?;
+    name.get(at..)?.eq_ignore_ascii_case(ending).then(|| &name[..at])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_has_the_name_of_its_input_with_the_ending_of_its_format() {
+        for (name, was_compressed, compressed, expected) in [
+            ("a.las", false, false, "a.las"),
+            ("a.LAS", false, true, "a.laz"),
+            ("a.b.Laz", true, false, "a.b.las"),
+            ("a.copc.laz", true, true, "a.laz"),
+            ("a.COPC.LAZ", true, false, "a.las"),
+            ("las", false, true, "las.laz"),
+            // Letters with more or fewer bytes in lower case.
+            ("\u{212A}K.copc.laz", true, true, "\u{212A}K.laz"),
+            ("\u{130}.las", false, true, "\u{130}.laz"),
+            ("\u{212A}.las", false, true, "\u{212A}.laz"),
+        ] {
+            assert_eq!(copy_name(name, was_compressed, compressed), expected, "{name}");
+        }
+    }
 }

@@ -12,4 +12,4 @@ mod tail;
 
 pub use labelled::{LabelledFile, check_names};
 pub use options::LabelOptions;
-pub(crate) use record::RESERVED;
+pub(crate) use record::{RESERVED, is_field_of_records};

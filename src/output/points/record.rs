@@ -15,6 +15,19 @@ const ORIGINAL_CLASS: &str = "original_classification";
 pub(super) const OBJECT_CLASS: &str = "object_class";
 /// Names of dimensions that have their own meaning: the dimension of the objects has another one.
 pub(crate) const RESERVED: [&str; 2] = [ORIGINAL_CLASS, OBJECT_CLASS];
+/// Fields of LAS records as laspy 2 and PDAL 2 name them, in lower case and without underscores. An extra
+/// dimension with such a name would hide the field, or be hidden by it.
+const OF_RECORDS: &str = "x y z intensity returnnumber numberofreturns scandirectionflag edgeofflightline \
+    classification rawclassification classflags synthetic keypoint withheld overlap scannerchannel \
+    scanchannel scanangle scananglerank userdata pointsourceid gpstime red green blue nir infrared bitfields \
+    wavepacketindex wavepacketoffset wavepacketsize returnpointwavelocation xt yt zt";
+
+/// Whether a field of LAS records has this name.
+pub(crate) fn is_field_of_records(name: &str) -> bool {
+    let plain = name.replace('_', "").to_ascii_lowercase();
+    OF_RECORDS.split_whitespace().any(|field| field == plain)
+}
+
 /// Number of the codes of `object_class`.
 const OBJECT_CLASSES: usize = 10;
 /// LAS classes of our classes (LAS 1.4 R15, tables 9 and 17).

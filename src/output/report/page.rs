@@ -71,7 +71,7 @@ impl PageTable {
         frame: PageFrame,
         limit_bytes: u64,
         spill: &dyn Fn() -> io::Result<Spill>,
-    ) -> serde_json::Result<Self> {
+    ) -> io::Result<Self> {
         let own = MARKUP.len() + STYLE.len() + SCRIPT.map(str::len).iter().sum::<usize>();
         let room = usize::try_from(limit_bytes.saturating_sub(own as u64) / TABLE_PART).unwrap_or(usize::MAX);
         let mut largest: Vec<usize> = (0..table.len).collect();
@@ -82,9 +82,9 @@ impl PageTable {
             // Without rows there is nothing left to leave out.
             let most = if shown.is_empty() { usize::MAX } else { room };
             let mut compressor = Compressor::new(most);
-            let mut columns = spill().map_err(serde_json::Error::io)?;
+            let mut columns = spill()?;
             rows::write_json(table, &shown, frame, &mut columns, &mut compressor)?;
-            let packed = compressor.finish().map_err(serde_json::Error::io)?;
+            let packed = compressor.finish()?;
             if packed.text_len() <= room || shown.is_empty() {
                 return Ok(Self { packed: packed.text(), shown: shown.len(), all: table.len });
             }

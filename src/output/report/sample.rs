@@ -7,7 +7,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::model::{Lattice, ObjectPart, PointClass};
+use crate::model::{Lattice, ObjectPart, PointClass, splitmix64};
 
 /// Key of ground points.
 pub(crate) const GROUND: u32 = 0;
@@ -209,13 +209,6 @@ fn quotas(objects: &[ObjectPart], lattice: Lattice, planned: f64) -> Vec<f64> {
     (0..objects.len()).map(|at| quota(low, at)).collect()
 }
 
-/// Spreads the bits of a number over all 64 (the finaliser of SplitMix64; Steele, Lea and Flood 2014).
-fn mixed(mut bits: u64) -> u64 {
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    bits ^ (bits >> 31)
-}
-
 /// Collects the candidates of a unit of the drive.
 #[derive(Debug)]
 pub(crate) struct Sampler<'a> {
@@ -260,7 +253,7 @@ impl<'a> Sampler<'a> {
             ^ (voxel[1] as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
             ^ (voxel[2] as u64).wrapping_mul(0x1656_67b1_9e37_79f9)
             ^ u64::from(key).wrapping_mul(0xff51_afd7_ed55_8ccd);
-        let hash = mixed(bits);
+        let hash = splitmix64(bits);
         let rank = (((hash >> 32) * rule.thinning) >> 16).max(1);
         let first = key > LOOSE && self.sampling.first_points[key as usize - 2] == number;
         if rank >= self.limit && !first {

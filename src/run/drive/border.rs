@@ -13,10 +13,11 @@ use crate::model::{Lattice, convex_hull};
 use crate::spatial::{Cell, CellGrid, PackedCells, PackedCursor};
 use crate::survey::{Axis, AxisSource};
 
-/// A cell is occupied if it has so many points, or a quarter of the median where that is less,
+/// An occupied cell has at least so many points, or a quarter of the median where that is less. Strays have
+/// fewer.
 const LEAST_POINTS: u32 = 5;
-/// and if so many of the nine cells around it, itself included, have points (chosen: an edge has six, the tip
-/// of a narrow street five). Strays have neither.
+/// Around an occupied cell, at least so many of the nine cells have points, itself included (chosen: an edge
+/// has six, the tip of a narrow street five). Strays have fewer.
 const LEAST_CELLS: usize = 5;
 
 /// A shorter stretch of the axis without occupied cells is no gap in the data, in vertices of 1 m (chosen:
@@ -43,10 +44,10 @@ const WITHIN_CELLS: f64 = 1.5;
 /// An end counts for places up to this distance from it along and across the axis, in metres.
 const AROUND_M: f64 = 60.0;
 
-/// A straight border of a scene is at least so long, in metres, and
+/// A straight border of a scene is at least so long, in metres.
 const SHORTEST_M: f64 = 10.0;
-/// this share of its length has occupied cells beside it. A hull also has edges from corner to corner, where
-/// the data ends in nothing but the range of the scanner.
+/// At least this share of the length of a straight border has occupied cells beside it. A hull also has edges
+/// from corner to corner, where the data ends in nothing but the range of the scanner.
 const BESIDE_SHARE: f64 = 0.5;
 
 /// Where the data ends.

@@ -14,7 +14,7 @@ use std::time::Instant;
 use crossbeam_channel::bounded;
 use serde_json::json;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, panic_text};
 use crate::run::engine::in_flight::InFlight;
 use crate::run::engine::pass::Pass;
 use crate::run::engine::{CancelToken, Event, Observer};
@@ -228,12 +228,7 @@ fn on_workers<P: Pass>(
 /// Computes one unit. A panic is caught here and counts as a bug in this unit.
 fn compute_unit<P: Pass>(pass: &P, unit: usize) -> Result<Vec<u8>> {
     catch_unwind(AssertUnwindSafe(|| pass.run(unit))).unwrap_or_else(|panic| {
-        let text = panic
-            .downcast_ref::<&str>()
-            .map(ToString::to_string)
-            .or_else(|| panic.downcast_ref::<String>().cloned())
-            .unwrap_or_else(|| "panic without a message".to_owned());
-        Err(Error::bug(format!("pass {}, unit {unit}: {text}", pass.outline().name)))
+        Err(Error::bug(format!("pass {}, unit {unit}: {}", pass.outline().name, panic_text(&*panic))))
     })
 }
 

@@ -11,7 +11,7 @@ pub(crate) const FINISHED: &str = "finished.json";
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Finished {
     pub(crate) objects: usize,
-    /// Names of the labelled copies.
+    /// Names of the labelled copies and charts.
     pub(crate) files: Vec<String>,
 }
 
@@ -33,7 +33,7 @@ pub(crate) fn already_finished(
     let Some(mark) = run_dir.read_json::<Mark>(FINISHED)? else { return Ok(None) };
     let names = mark.files.iter().map(String::as_str).chain(beside.iter().copied());
     let size = |name: &str| fs_err::metadata(run_dir.out().join(name)).map(|facts| facts.len()).ok();
-    let whole = names.zip(&mark.bytes).all(|(name, &bytes)| size(name) == Some(bytes));
+    let whole = names.map(size).eq(mark.bytes.iter().copied().map(Some));
     let same = mark.fingerprint == export.to_string();
     Ok((same && whole).then_some(Finished { objects: mark.objects, files: mark.files }))
 }

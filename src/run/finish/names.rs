@@ -5,7 +5,7 @@ use crate::config::{ClassificationChoice, Config, ConfigError, LasCodes};
 use crate::error::Result;
 use crate::input::{CLOUD_NAME, Catalog};
 use crate::output::objects;
-use crate::output::points::RESERVED;
+use crate::output::points::{RESERVED, is_field_of_records};
 use crate::output::{LabelOptions, LabelledFile, check_names};
 use crate::store::{RunDir, StoreError};
 
@@ -47,10 +47,15 @@ fn planned(config: &Config, surfaces: bool, files: &[LabelledFile]) -> Vec<Strin
 }
 
 /// Whether the settings name only outputs that exist, and a dimension that is free.
-fn check_settings(config: &Config) -> Result<(), ConfigError> {
-    if RESERVED.contains(&config.output.dimension.as_str()) {
+pub(crate) fn check_settings(config: &Config) -> Result<(), ConfigError> {
+    let dimension = &config.output.dimension;
+    if RESERVED.iter().any(|name| name.eq_ignore_ascii_case(dimension)) {
         let expected = format!("a name other than {}", RESERVED.join(" and "));
-        return Err(ConfigError::value("output.dimension", &config.output.dimension, expected));
+        return Err(ConfigError::value("output.dimension", dimension, expected));
+    }
+    if is_field_of_records(dimension) {
+        let expected = "a name that no field of LAS records has".to_owned();
+        return Err(ConfigError::value("output.dimension", dimension, expected));
     }
     let mut known = vec!["points"];
     known.extend(objects::REGISTRY.iter().map(objects::ObjectFormatEntry::name));
@@ -77,7 +82,6 @@ pub(crate) fn copies(
     config: &Config,
     method: &dyn Method,
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
-    check_settings(config)?;
     let (set_classification, class_codes) = match &config.output.classification {
         ClassificationChoice::Keep => (false, LasCodes::default()),
         ClassificationChoice::Set(codes) => (true, codes.clone()),

@@ -32,8 +32,7 @@ pub(crate) fn finish(
     warnings.extend(outcome.warnings);
     let surfaces = open.chain.method.finds_surfaces();
     if let Some(finished) = &outcome.unmarked {
-        let written = [&finished.files[..], &outcome.charts].concat();
-        for text in names::remove_left_out(run_dir, open.config, surfaces, &written)? {
+        for text in names::remove_left_out(run_dir, open.config, surfaces, &finished.files)? {
             let event = Event::Warning { text: &text };
             observer.event(&event);
             run_dir.log_event(&event.to_json().to_string());

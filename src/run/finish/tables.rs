@@ -12,7 +12,7 @@ use crate::output::report::PageTable;
 use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
 use crate::run::finish::frame::frame;
-use crate::run::finish::names::page_limit_bytes;
+use crate::run::finish::names::{PAGE, page_limit_bytes};
 use crate::run::passes::inventory::Inventory;
 use crate::run::passes::stitch::Objects;
 use crate::store::{RunDir, StoreError};
@@ -55,7 +55,8 @@ pub(crate) fn write_tables(
     let for_page = page_limit_bytes(config)
         .map(|limit| PageTable::of(&table, &points, frame, limit, &spill))
         .transpose();
-    for_page.map_err(|error| Error::bug(error.to_string()))
+    let path = run_dir.out().join(PAGE);
+    for_page.map_err(|source| OutputError::Write { path, source }.into())
 }
 
 /// Writes a table in the formats of the settings.

@@ -9,9 +9,9 @@ use crate::config::{Config, OutputFormat};
 use crate::error::Result;
 use crate::input::InputFile;
 use crate::output::points::copc::CopcFormat;
-use crate::run::chain::Registries;
+use crate::run::chain::{Chain, Registries};
 use crate::run::computed;
-use crate::run::drive::{AxisFacts, Tiled};
+use crate::run::drive::{AxisFacts, Surveyed, Tiled};
 use crate::run::engine::InMemory;
 use crate::run::finish::names;
 use crate::run::flow::{self, Planned};
@@ -97,23 +97,7 @@ pub fn plan_of(
     let survey_s = started.elapsed().as_secs_f64();
     let budget = asked.beside(surveyed.held_bytes());
     let Planned { surveyed, plan } = computed(flow::plan(&open, &mut driver, surveyed)?)?;
-    let view = Tiled::whole_blocks(drive, &surveyed, &plan);
-    let mut read = 0;
-    let tiles: Vec<TileFacts> = (0..plan.tiles.len())
-        .map(|number| {
-            let tile = &plan.tiles[number];
-            let region = plan.region(number, chain.ground_reach);
-            read += view.records_read(&region);
-            TileFacts {
-                from_m: tile.from_m,
-                to_m: tile.to_m,
-                inside: tile.inside,
-                points: tile.points,
-                points_read: region.points,
-                bytes: tile_bytes(chain, &plan, number),
-            }
-        })
-        .collect();
+    let (tiles, read) = tiles(&Tiled::whole_blocks(drive, &surveyed, &plan), chain);
     let points = plan.points_inside();
     let mut needs: Vec<u64> = tiles.iter().map(|tile| tile.bytes).collect();
     needs.sort_unstable_by(|a, b| b.cmp(a));
@@ -126,19 +110,6 @@ pub fn plan_of(
         .filter(|file| file.is_compressed())
         .map(|file| file.point_count() * 12)
         .sum();
-    let mut warnings = config.warnings().to_vec();
-    warnings.extend(drive.catalog.warnings().iter().cloned());
-    warnings.extend(surveyed.warnings.iter().cloned());
-    if largest > budget.memory {
-        warnings.push(over_budget(largest, &budget));
-    }
-    if chain.method.reach_is_provisional() {
-        warnings.push(
-            "the halo of the clustering is known only after epsilon is estimated: \
-             this plan uses the halo of the estimation"
-                .to_owned(),
-        );
-    }
     let ground_points = tiles.iter().map(|tile| tile.points_read).sum();
     let cloud_scratch_bytes = match config.output.writes("copc") {
         true => {
@@ -168,9 +139,48 @@ pub fn plan_of(
         seconds: (*seconds.start(), *seconds.end()),
         axis: AxisFacts::of(&surveyed.axis),
         tiles,
-        warnings,
+        warnings: warnings(&open, &surveyed, &budget, largest),
         svg,
     })
+}
+
+/// The tiles, and the number of records that the ground pass reads for them.
+fn tiles(view: &Tiled<'_>, chain: &Chain) -> (Vec<TileFacts>, u64) {
+    let plan = view.plan;
+    let mut read = 0;
+    let facts = (0..plan.tiles.len()).map(|number| {
+        let tile = &plan.tiles[number];
+        let region = plan.region(number, chain.ground_reach);
+        read += view.records_read(&region);
+        TileFacts {
+            from_m: tile.from_m,
+            to_m: tile.to_m,
+            inside: tile.inside,
+            points: tile.points,
+            points_read: region.points,
+            bytes: tile_bytes(chain, plan, number),
+        }
+    });
+    (facts.collect(), read)
+}
+
+/// The warnings of a plan whose largest tile needs `largest` bytes.
+fn warnings(open: &Opened<'_>, surveyed: &Surveyed, budget: &Budget, largest: u64) -> Vec<String> {
+    let Opened { drive, chain, config, .. } = open;
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(drive.catalog.warnings().iter().cloned());
+    warnings.extend(surveyed.warnings.iter().cloned());
+    if largest > budget.memory {
+        warnings.push(over_budget(largest, budget));
+    }
+    if chain.method.reach_is_provisional() {
+        warnings.push(
+            "the halo of the clustering is known only after epsilon is estimated: \
+             this plan uses the halo of the estimation"
+                .to_owned(),
+        );
+    }
+    warnings
 }
 
 /// What a run with this plan computes, if its tiles read `ground_points` for the ground filter.

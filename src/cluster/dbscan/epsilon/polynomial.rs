@@ -15,12 +15,6 @@ pub struct Polynomial {
 }
 
 impl Polynomial {
-    /// Powers of k itself.
-    #[must_use]
-    pub fn in_k(coefficients: Vec<f64>) -> Self {
-        Self { coefficients, centre: 0.0, half: 1.0 }
-    }
-
     /// The polynomial of this degree with the least sum of squared residuals over `values` at k = `first`,
     /// `first` + 1, ... The variable t goes from -1 to 1 over these k, so that powers up to the fifth remain
     /// well conditioned. `None` if the values do not determine the polynomial.
@@ -115,6 +109,14 @@ fn root_between(coefficients: &[f64], mut low: f64, mut high: f64) -> Option<f64
         } else {
             high = middle;
         }
+    }
+}
+
+#[cfg(test)]
+impl Polynomial {
+    /// Powers of k itself.
+    pub(super) fn in_k(coefficients: Vec<f64>) -> Self {
+        Self { coefficients, centre: 0.0, half: 1.0 }
     }
 }
 

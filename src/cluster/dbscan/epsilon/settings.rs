@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{LARGEST_K, SMALLEST_K};
 use crate::config::ConfigError;
 
 /// Settings of the section `[epsilon]`: how a radius is estimated where a method has `epsilon = "auto"`.
@@ -31,8 +32,9 @@ impl EpsilonConfig {
     /// # Errors
     /// [`ConfigError::Value`] with the key and the range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        if !(8..=200).contains(&self.k) {
-            return Err(ConfigError::value("epsilon.k", self.k, "8 to 200 neighbours"));
+        if !(SMALLEST_K as u64..=LARGEST_K as u64).contains(&self.k) {
+            let expected = format!("{SMALLEST_K} to {LARGEST_K} neighbours");
+            return Err(ConfigError::value("epsilon.k", self.k, expected));
         }
         Ok(())
     }

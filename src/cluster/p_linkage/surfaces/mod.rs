@@ -4,17 +4,15 @@
 //!
 //! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation", ISPRS Annals III-3,
 //! 201-208 (2016), doi:10.5194/isprs-annals-III-3-201-2016, section 3, equations 4 to 11. "The paper" in this
-//! folder is Lu et al.
-//! 2016. Ours: neighbours are within `reach_m`; of equally flat points the one with the smaller id is the
-//!       flatter, so
-//! that a perfectly flat floor is one surface; a point that is linked to nothing is the root of its tree, and
-//! a centre if it is flatter than mean + standard deviation; where the median deviation is 0, all points are
-//! consistent; random numbers follow from ids (`slice`). Merging is transitive, and compares the planes of
-//! slices before any merging. Slices are merged only if their border is near to both planes too, because
-//! parallel planes at different heights became one surface over a kerb (`border`), and planes of slices are
-//! fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times, because narrow
-//! planes such as kerbs are in pieces before (`contest`), and those that agree and lie on one plane are
-//! merged (`merging`). `border_score = 0`, `refit_planes = false` and
+//! folder is Lu et al. 2016. Ours: neighbours are within `reach_m`; of equally flat points the one with the
+//! smaller id is the flatter, so that a perfectly flat floor is one surface; a point that is linked to
+//! nothing is the root of its tree, and a centre if it is flatter than mean + standard deviation; where the
+//! median deviation is 0, all points are consistent; random numbers follow from ids (`slice`). Merging is
+//! transitive, and compares the planes of slices before any merging. Slices are merged only if their border
+//! is near to both planes too, because parallel planes at different heights became one surface over a kerb
+//! (`border`), and planes of slices are fitted once more (`slice`). Then surfaces contest for points,
+//! `contest_rounds` times, because narrow planes such as kerbs are in pieces before (`contest`), and those
+//! that agree and lie on one plane are merged (`merging`). `border_score = 0`, `refit_planes = false` and
 //! `contest_rounds = 0` give the rules as printed.
 //!
 //! All points of a slice have its label, until a contest gives them another one. The plane of a surface fits

@@ -16,7 +16,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::planes::{Consistent, Fit, Moments, Scratch};
-use crate::model::PointId;
+use crate::model::{GOLDEN_GAMMA, PointId, splitmix64};
 use crate::spatial::{Loops, ROW, Work, fill_up, run, threshold};
 
 /// Number of trials, I_t of equation 9, rounded up.
@@ -54,16 +54,13 @@ pub(super) struct Slice {
     pub(super) consistent: Vec<bool>,
 }
 
-/// A fixed sequence of random numbers (SplitMix64: Steele, Lea, Flood, "Fast splittable pseudorandom number
-/// generators", 2014, doi:10.1145/2660193.2660195).
+/// A fixed sequence of random numbers: SplitMix64.
 struct Random(u64);
 
 impl Random {
     fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ (mixed >> 31)
+        self.0 = self.0.wrapping_add(GOLDEN_GAMMA);
+        splitmix64(self.0)
     }
 
     /// A number below `count`.

@@ -105,15 +105,12 @@ fn pairs(
     stored: &Stored,
 ) -> Result<Pairs> {
     let closed = in_u32(stored.of_tile.closed.len(), "trees of a tile");
-    let is_closed = |label: u32| label <= closed;
-    let consistent = |own: u32| stored.consistent[own as usize];
-    // The tree of each slot: 0 without one, none where another tile owns the point.
-    let points = normals.points();
     let label_of = |point: &u32| {
         let own = own.get(*point as usize).copied().unwrap_or(NONE);
         stored.labels.get(own as usize).copied().unwrap_or(NONE)
     };
-    let labels: Vec<u32> = points.iter().map(label_of).collect();
+    let labels: Vec<u32> = normals.points().iter().map(label_of).collect();
+    let search = PairSearch { tile, around, normals, own, stored, closed, labels: &labels };
     let mut pairs = Pairs::default();
     let mut borders: FxHashMap<(u32, u32), Border> = FxHashMap::default();
     // The borders of one point: it has neighbours in a few trees.
@@ -123,6 +120,41 @@ fn pairs(
         if label == 0 || label == NONE {
             continue;
         }
+        search.pairs_of_point(slot, &mut pairs, &mut of_point)?;
+        for (there, border) in of_point.drain(..) {
+            borders.entry((label.min(there), label.max(there))).or_default().merge(&border);
+        }
+    }
+    pairs.ends.sort_unstable();
+    pairs.trees = borders.into_iter().collect();
+    pairs.trees.sort_unstable_by_key(|border| border.0);
+    pairs.places = places(around, own, &pairs);
+    Ok(pairs)
+}
+
+/// The points among which pairs are looked for.
+struct PairSearch<'a> {
+    tile: &'a dyn TileWindow,
+    around: &'a Around,
+    normals: &'a Normals,
+    own: &'a [u32],
+    stored: &'a Stored,
+    /// The largest label of a tree that lies in the tile.
+    closed: u32,
+    /// The tree of each slot: 0 without one, none where another tile owns the point.
+    labels: &'a [u32],
+}
+
+impl PairSearch<'_> {
+    /// Adds the pairs of the point in a slot. Those of trees that lie in the tile go to `borders`, by the
+    /// other tree.
+    #[inline] // one loop with its caller, over all points and their neighbours
+    fn pairs_of_point(&self, slot: usize, pairs: &mut Pairs, borders: &mut Vec<(u32, Border)>) -> Result<()> {
+        let Self { tile, around, normals, own, stored, closed, labels } = *self;
+        let is_closed = |label: u32| label <= closed;
+        let consistent = |own: u32| stored.consistent[own as usize];
+        let points = normals.points();
+        let label = labels[slot];
         let point = points[slot] as usize;
         let place = around.lattice_point(point);
         let mut is_end = false;
@@ -152,26 +184,19 @@ fn pairs(
                     pairs.points.push((own[point], own[at]));
                 }
             } else if consistent(own[point]) && consistent(own[at]) && is_mutual() {
-                let known = of_point.iter().position(|border| border.0 == there).unwrap_or_else(|| {
-                    of_point.push((there, Border::default()));
-                    of_point.len() - 1
+                let known = borders.iter().position(|border| border.0 == there).unwrap_or_else(|| {
+                    borders.push((there, Border::default()));
+                    borders.len() - 1
                 });
                 let [here, beyond] = [label, there].map(|label| &stored.planes[label as usize - 1].plane);
-                of_point[known].1.add((here, place), (beyond, around.lattice_point(at)));
+                borders[known].1.add((here, place), (beyond, around.lattice_point(at)));
             }
         }
         if is_end {
             pairs.ends.push((around.id[point], own[point]));
         }
-        for (there, border) in of_point.drain(..) {
-            borders.entry((label.min(there), label.max(there))).or_default().merge(&border);
-        }
+        Ok(())
     }
-    pairs.ends.sort_unstable();
-    pairs.trees = borders.into_iter().collect();
-    pairs.trees.sort_unstable_by_key(|border| border.0);
-    pairs.places = places(around, own, &pairs);
-    Ok(pairs)
 }
 
 /// Positions and lattice coordinates of own points in pairs, ascending.

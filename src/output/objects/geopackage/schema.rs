@@ -105,9 +105,9 @@ pub(super) struct Layer<'a> {
     pub(super) name: &'static str,
     /// Name of the type of its geometries.
     pub(super) geometry: &'static str,
-    /// Whether geometries have heights and measures: 0 no, 1 yes.
+    /// Whether geometries have heights: 0 no, 1 yes.
     pub(super) z: u8,
-    /// See `z`.
+    /// Whether geometries have measures: 0 no, 1 yes.
     pub(super) m: u8,
     pub(super) columns: &'a [Column],
 }

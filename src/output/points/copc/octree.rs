@@ -8,7 +8,7 @@
 //! points of the whole drive, so the tree is a function of the points alone, and the columns in which it is
 //! built can be chosen by memory.
 
-use crate::model::PointId;
+use crate::model::{GOLDEN_GAMMA, PointId, splitmix64};
 
 /// Binary digits of a place along an axis.
 const DIGITS: u32 = 32;
@@ -136,13 +136,9 @@ fn gathered(bits: u128) -> u32 {
     half(bits >> HALF) << 16 | half(bits)
 }
 
-/// The order in which points are shown: a hash of their number (SplitMix64, Steele et al. 2014,
-/// doi:10.1145/2714064.2660195), so that shown points are spread evenly.
+/// The order in which points are shown: a hash of their number, so that shown points are spread evenly.
 pub(crate) fn rank(id: PointId) -> u64 {
-    let mut value = id.number().wrapping_add(0x9e37_79b9_7f4a_7c15);
-    value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    value ^ (value >> 31)
+    splitmix64(id.number().wrapping_add(GOLDEN_GAMMA))
 }
 
 /// Levels at which a cell of the grid is larger than a column of this level: one column alone cannot decide
