@@ -26,6 +26,10 @@ use crate::error::{Error, Result};
 use crate::model::{Hedge, Kind, Lattice, TileId};
 use crate::spatial::{Cell, VoxelIndex};
 
+/// An object whose highest voxel is so far below the ground, in metres, is made of reflections. The measures
+/// of objects leave single points out from there on, too (chosen).
+const BURIED_M: f64 = 1.0;
+
 /// The payload of a tile.
 #[derive(Debug, Serialize, Deserialize)]
 struct Payload {
@@ -195,11 +199,12 @@ pub(crate) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &Str
     let mut named = BTreeMap::new();
     for (&label, &(points, leaves)) in &of_wholes {
         let Sum { class: before, share, points: own } = sums[&label];
-        let (class, confidence) = match (&model.objects, objects.get(&label)) {
-            (Some(names), Some(object)) => {
-                let figures = pieces.figures(label, &object.figures);
-                model::name(names, &figures.features(before, lattice), before)?
-            }
+        let figures = objects.get(&label).map(|object| pieces.figures(label, &object.figures));
+        if figures.is_some_and(|figures| figures.highest_m(lattice) < -BURIED_M) {
+            continue;
+        }
+        let (class, confidence) = match (&model.objects, figures) {
+            (Some(names), Some(figures)) => model::name(names, &figures.features(before, lattice), before)?,
             _ => (before, (share / own.max(1)) as u8),
         };
         let is_large =
