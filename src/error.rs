@@ -89,7 +89,7 @@ impl Error {
     /// The next command to type or thing to do, if there is one.
     #[must_use]
     pub fn hint(&self) -> Option<Cow<'static, str>> {
-        self.0.hint()
+        self.0.hint().or_else(|| too_many_open_files(&*self.0))
     }
 
     /// Whether every other unit of a pass would fail for the same reason.
@@ -136,6 +136,16 @@ impl std::error::Error for Error {
     }
 }
 
+/// What helps where the system lets a process open no more files. Any area may meet this limit.
+fn too_many_open_files(failure: &dyn Failure) -> Option<Cow<'static, str>> {
+    let causes = std::iter::successors(failure.source(), |cause| cause.source());
+    // `EMFILE` in `errno(3)`. It has no `ErrorKind`, and a wrapped error keeps only the text.
+    let met = causes.map(ToString::to_string).any(|text| text.ends_with("(os error 24)"));
+    let hint = "raise the hard limit of open files (ulimit -Hn; nofile in /etc/security/limits.conf) and type the \
+                same command again";
+    met.then(|| hint.into())
+}
+
 /// What a caught panic says.
 pub(crate) fn panic_text(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied().map(str::to_owned);
@@ -155,5 +165,30 @@ impl Failure for Bug {
 
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some("please report this with the command line and report.json".into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("cannot read a.las")]
+    struct Unread(#[source] std::io::Error);
+
+    impl Failure for Unread {
+        fn kind(&self) -> ErrorKind {
+            ErrorKind::Input
+        }
+    }
+
+    #[test]
+    fn the_limit_of_open_files_has_a_hint_in_every_area() {
+        let hint = |source| Error::from(Unread(source)).hint();
+        let met = || std::io::Error::from_raw_os_error(24);
+        assert!(hint(met()).is_some_and(|hint| hint.contains("ulimit -Hn")));
+        let wrapped = std::io::Error::other(format!("failed to open file: {}", met()));
+        assert!(hint(wrapped).is_some_and(|hint| hint.contains("ulimit -Hn")));
+        assert_eq!(hint(std::io::ErrorKind::NotFound.into()), None);
     }
 }

@@ -2,10 +2,12 @@
 
 mod allocator;
 mod cli;
+mod open_files;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     allocator::return_large_blocks();
+    open_files::raise_limit();
     cli::main()
 }

@@ -2,6 +2,7 @@
 //! and computes only what it must. The result is that of an undisturbed run, byte by byte.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
@@ -496,7 +497,7 @@ fn a_run_that_cannot_write_on_says_so_and_resumes() {
     for blocks in [100, 1_000, 3_000] {
         let command = run_command(&inputs.list("sweep.laz"), &out, &options(&more));
         let limited = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
-        let output = std::process::Command::new("sh")
+        let output = Command::new("sh")
             .args(["-c", &limited])
             .arg(command.get_program())
             .args(command.get_args())
@@ -641,4 +642,35 @@ fn outputs_that_were_removed_or_cut_are_written_again() {
         run_to_the_end(&inputs.list(name), &out, &options(&[]));
         assert_eq!((&report()["result"]["objects"], outputs(&out) == bytes), (&objects, true));
     }
+}
+
+/// A street whose records are in a random order, so that each block has records of all tiles.
+fn shuffled_street(path: &Path) {
+    let mut points = street().points();
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    for last in (1..points.len()).rev() {
+        points.swap(last, random.random_range(0..=last));
+    }
+    Shape::default().write(path, &points);
+}
+
+#[test]
+fn a_drive_with_more_tiles_than_a_process_may_open_files_is_finished() {
+    let folder = scratch();
+    let path = folder.path().join("street.las");
+    shuffled_street(&path);
+    let out = folder.path().join("out");
+    let limited = |files: u32| {
+        let run = run_command(std::slice::from_ref(&path), &out, &["--tile-length", "1", "--threads", "2"]);
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("ulimit -n {files}; exec \"$@\""), "sh"]);
+        let output = shell.arg(run.get_program()).args(run.get_args()).output().expect("starts");
+        ended(&output)
+    };
+    let (code, errors) = limited(8);
+    assert!(code != 0 && errors.contains("hint: raise the hard limit of open files"), "{code} {errors}");
+    let (code, errors) = limited(48);
+    assert_eq!(code, 0, "{errors}");
+    let tiles = finished(&events(&out), "ground");
+    assert!(tiles > 48, "{tiles} tiles");
 }

@@ -6,6 +6,7 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use crate::codec;
 use crate::error::{Error, Result};
@@ -71,14 +72,27 @@ impl<'a> RelabelPass<'a> {
         self.progress.over.classified.tiled.drive
     }
 
-    /// Fills in the values of one tile for a block. Returns the number of these records.
-    fn fill(&self, tile: &mut OpenTile, block: &OwnedBlock, to: &mut Values) -> Result<u64> {
+    /// The tiles that own records of a run, each with its blocks: their place in the run, and what it owns.
+    fn by_tile(&self, run: &BlockRun) -> BTreeMap<TileId, Vec<(usize, &OwnedBlock)>> {
+        let mut tiles = BTreeMap::<_, Vec<_>>::new();
+        for (place, number) in run.blocks.clone().enumerate() {
+            let key = (FileId::at(run.file), in_u32(number, "blocks of a file"));
+            for (tile, owned) in self.owners.get(&key).into_iter().flatten() {
+                tiles.entry(*tile).or_default().push((place, owned));
+            }
+        }
+        tiles
+    }
+
+    /// Fills in the values of one tile for the block at `place` of the run.
+    fn fill(&self, tile: &OpenTile, block: &OwnedBlock, place: usize, to: &mut Values) -> Result<()> {
+        let records = to.blocks[place].clone();
         let runs = lengths(&tile.ground.read(offset(tile.runs, block.runs))?)?;
         let (first, count) = block.points;
         let classes = tile.ground.read(offset(tile.classes, (first, first + count)))?;
         // Beside the section, points keep the class of the input: ground is not certain there.
         if self.progress.plan().tiles[tile.id.index()].inside {
-            scatter(&runs, &classes, &mut to.classes)?;
+            scatter(&runs, &classes, &mut to.classes[records.clone()])?;
         }
         let (first, count) = block.objects;
         let labels = tile.labels.read(offset(tile.first_label, (first * 4, (first + count) * 4)))?;
@@ -89,8 +103,9 @@ impl<'a> RelabelPass<'a> {
             let id = if is_object(class) { ids.next().transpose()? } else { None };
             to.owned.push(id.unwrap_or(0));
         }
-        scatter(&runs, &to.owned, &mut to.objects)?;
-        Ok(block.points.1)
+        scatter(&runs, &to.owned, &mut to.objects[records])?;
+        to.known[place] += block.points.1;
+        Ok(())
     }
 
     /// The object of a label of a tile.
@@ -134,16 +149,36 @@ struct OpenTile {
     first_label: u64,
 }
 
-/// Values of the records of a block.
-#[derive(Default)]
+/// Values of the records of a run of blocks.
 struct Values {
     classes: Vec<u8>,
     objects: Vec<u32>,
-    /// Objects of the records that one tile owns.
+    /// The records of each block.
+    blocks: Vec<Range<usize>>,
+    /// Number of records of each block that tiles own.
+    known: Vec<u64>,
+    /// Objects of the records of a block that one tile owns.
     owned: Vec<u32>,
 }
 
-fn offset(start: u64, (from, to): (u64, u64)) -> std::ops::Range<u64> {
+impl Values {
+    /// For blocks with these numbers of records. A record that no tile owns is of an object without a number.
+    fn of(counts: impl Iterator<Item = u32>) -> Self {
+        let mut records = 0;
+        let blocks: Vec<Range<usize>> = counts
+            .map(|count| {
+                let first = records;
+                records += count as usize;
+                first..records
+            })
+            .collect();
+        let known = vec![0; blocks.len()];
+        let classes = vec![PointClass::Object.code(); records];
+        Self { classes, objects: vec![0; records], blocks, known, owned: Vec::new() }
+    }
+}
+
+fn offset(start: u64, (from, to): (u64, u64)) -> Range<u64> {
     start + from..start + to
 }
 
@@ -170,36 +205,28 @@ impl Pass for RelabelPass<'_> {
             + self.runs[unit].points * 10
     }
 
+    /// Goes through the tiles one after the other, so that the files of one tile are open at a time: records
+    /// in a random order are of more tiles than a process may open files.
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
         let run = &self.runs[unit];
-        let blocks = self.drive().file(run.file).blocks();
-        let mut open = BTreeMap::<TileId, OpenTile>::new();
-        let mut values = Values::default();
-        let mut classes = Vec::new();
-        let mut objects: Vec<u32> = Vec::new();
-        for number in run.blocks.clone() {
-            let block = &blocks[number];
-            values.classes.clear();
-            values.classes.resize(block.count as usize, PointClass::Object.code());
-            values.objects.clear();
-            values.objects.resize(block.count as usize, 0);
-            let key = (FileId::at(run.file), in_u32(number, "blocks of a file"));
-            let mut known = 0;
-            for (tile, entry) in self.owners.get(&key).into_iter().flatten() {
-                let tile = match open.entry(*tile) {
-                    std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-                    std::collections::btree_map::Entry::Vacant(entry) => entry.insert(self.open(*tile)?),
-                };
-                known += self.fill(tile, entry, &mut values)?;
+        let blocks = &self.drive().file(run.file).blocks()[run.blocks.clone()];
+        let mut values = Values::of(blocks.iter().map(|block| block.count));
+        for (tile, owned) in self.by_tile(run) {
+            let tile = self.open(tile)?;
+            for (block, entry) in owned {
+                self.fill(&tile, entry, block, &mut values)?;
             }
-            if self.is_whole() && known != u64::from(block.count) {
-                let text = format!("the tiles own {known} of the {} records of block {number}", block.count);
-                return Err(Error::bug(text));
-            }
-            classes.extend_from_slice(&values.classes);
-            objects.extend_from_slice(&values.objects);
         }
-        Ok(codec::pack(&[&classes[..], bytemuck::cast_slice(&objects)]))
+        if self.is_whole() {
+            for ((number, block), known) in run.blocks.clone().zip(blocks).zip(&values.known) {
+                if *known != u64::from(block.count) {
+                    let text =
+                        format!("the tiles own {known} of the {} records of block {number}", block.count);
+                    return Err(Error::bug(text));
+                }
+            }
+        }
+        Ok(codec::pack(&[&values.classes[..], bytemuck::cast_slice(&values.objects)]))
     }
 
     /// The values of all points.
