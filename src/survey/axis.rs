@@ -3,15 +3,14 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 use serde::Serialize;
 
 use crate::model::Lattice;
-use crate::spatial::{Cell, CellGrid, NearestIndex, PackedCells};
+use crate::spatial::NearestIndex;
 use crate::survey::TimeBin;
 
 /// Distance between vertices of the axis in metres. It is the resolution of chainage along tiles.
-const VERTEX_SPACING_M: f64 = 1.0;
+pub(super) const VERTEX_SPACING_M: f64 = 1.0;
 /// A stretch within this distance of an earlier one is the same street, in metres.
 const CORRIDOR_M: f64 = 12.0;
 /// Length behind a vertex that counts as its own stretch and not as an earlier one, in metres.
@@ -33,7 +32,7 @@ const END_VERTICES: usize = 10;
 /// A shorter track means that the scanner did not move, in metres.
 const SHORTEST_TRACK_M: f64 = 10.0;
 /// Longest axis in metres. A longer one comes from absurd positions.
-const LONGEST_AXIS_M: f64 = 5e6;
+pub(super) const LONGEST_AXIS_M: f64 = 5e6;
 
 /// The source of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -85,38 +84,12 @@ impl Axis {
         if length < SHORTEST_TRACK_M { None } else { Self::from_positions(AxisSource::GpsTime, &track) }
     }
 
-    /// The principal axis of the occupied cells. All cells have the same weight, so that dense spots do not
-    /// turn it.
-    #[must_use]
-    pub fn principal(cells: &PackedCells, grid: CellGrid, lattice: Lattice) -> Self {
-        let edge_m = lattice.metres(grid.edge());
-        let centre = |cell: Cell| Vector2::new(f64::from(cell[0]) + 0.5, f64::from(cell[1]) + 0.5) * edge_m;
-        let share = 1.0 / cells.len().max(1) as f64;
-        let mean = cells.iter().map(|entry| centre(entry.0)).sum::<Vector2<f64>>() * share;
-        let mut covariance = Matrix2::zeros();
-        for (cell, _) in cells.iter() {
-            let arm = centre(cell) - mean;
-            covariance += arm * arm.transpose();
-        }
-        let eigen = SymmetricEigen::new(covariance);
-        let mut direction = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
-        // Chainage grows to the east, or to the north where the axis runs north-south.
-        if direction.x < -1e-9 || (direction.x.abs() <= 1e-9 && direction.y < 0.0) {
-            direction = -direction;
-        }
-        let along = |cell: Cell| (centre(cell) - mean).dot(&direction);
-        let first = cells.iter().map(|entry| along(entry.0)).fold(0.0, f64::min);
-        let last = cells.iter().map(|entry| along(entry.0)).fold(0.0, f64::max);
-        let place = |at: f64| [mean.x + direction.x * at, mean.y + direction.y * at];
-        let limit = LONGEST_AXIS_M / 2.0;
-        let ends = [place(first.max(-limit)), place(last.min(limit) + VERTEX_SPACING_M)];
-        let vertices = resample(&ends).unwrap_or_else(|| ends.to_vec());
-        let chainage = (0..vertices.len()).map(|k| distance(vertices[0], vertices[k])).collect();
-        let joined = vec![true; vertices.len()];
-        Self::assemble(AxisSource::Principal, vertices, chainage, joined)
-    }
-
-    fn assemble(source: AxisSource, vertices: Vec<[f64; 2]>, chainage: Vec<f64>, joined: Vec<bool>) -> Self {
+    pub(super) fn assemble(
+        source: AxisSource,
+        vertices: Vec<[f64; 2]>,
+        chainage: Vec<f64>,
+        joined: Vec<bool>,
+    ) -> Self {
         let index = NearestIndex::new(&vertices);
         Self { source, vertices, chainage, joined, index }
     }
@@ -248,13 +221,13 @@ impl Axis {
     }
 }
 
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 /// Vertices about [`VERTEX_SPACING_M`] apart along `positions`; `None` for a line without length, or with an
 /// absurd one.
-fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
+pub(super) fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
     let total: f64 = positions.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
     if !(total > 0.0 && total <= LONGEST_AXIS_M) {
         return None;
@@ -373,7 +346,6 @@ fn straight_on<'a>(path: impl Iterator<Item = &'a [f64; 2]>, places: &[[f64; 2]]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spatial::CellMap;
 
     fn straight(from: f64, to: f64, y: f64) -> Vec<[f64; 2]> {
         let count = 50;
@@ -457,19 +429,5 @@ mod tests {
         // What was cut out of the middle ends there, too.
         let cut_out = bins.into_iter().map(|(k, bin)| (if k < 20 { k } else { k + 100 }, bin));
         assert!(Axis::from_time_bins(&cut_out.collect(), Lattice::MILLIMETRE).is_some());
-    }
-
-    #[test]
-    fn the_principal_axis_runs_along_the_cells() {
-        let principal = |cells: Vec<(Cell, u32)>| {
-            let mut map = CellMap::default();
-            cells.iter().for_each(|(cell, points)| *map.entry(*cell) = *points);
-            Axis::principal(&PackedCells::from(map), CellGrid::new(1_000), Lattice::MILLIMETRE)
-        };
-        let axis = principal((0..100).flat_map(|i| [([i, 2 * i], 1), ([i, 2 * i + 1], 9)]).collect());
-        assert!((axis.length_m() - 224.0).abs() < 3.0, "{}", axis.length_m());
-        assert!(axis.nearest([1.0, 1.0]) < axis.nearest([90.0, 180.0]));
-        let one = principal(vec![([5, 5], 1)]);
-        assert!(one.length_m() <= 2.0);
     }
 }

@@ -14,6 +14,7 @@
 mod axis;
 mod error;
 mod part;
+mod straight;
 mod trajectory;
 
 pub use axis::{Axis, AxisSource};
