@@ -237,6 +237,11 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         Ok(())
     }
 
+    /// Names of the charts that the method draws ([`Grouped::charts`]). They are files of the run.
+    fn charts(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Distance around a tile within which points are read as a rule. The plan uses it before anything is
     /// known of the drive.
     fn planning_reach(&self, lattice: Lattice) -> Reach;

@@ -73,6 +73,19 @@ pub(super) fn overlay(base: &mut Table, upper: Table, warnings: &mut Vec<String>
     Ok(())
 }
 
+/// The value in `table` of a setting that was assigned, if it is another one by now.
+pub(super) fn overridden(table: &Table, assigned: &Table) -> Option<Value> {
+    let (section, values) = assigned.iter().next()?;
+    let (key, value) = values.as_table()?.iter().next()?;
+    let key = renamed::new_name(section, key).unwrap_or(key);
+    let now = table.get(section)?.get(key)?;
+    let same = match (now, value) {
+        (Value::Float(now), Value::Integer(_)) => value.to_string().parse() == Ok(*now),
+        _ => now == value,
+    };
+    (!same).then(|| now.clone())
+}
+
 /// Every key of a table of sections, dotted.
 fn keys(base: &Table) -> Vec<String> {
     let of_section = |(section, values): (&String, &Value)| {

@@ -199,9 +199,16 @@ impl Config {
                 .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
             merge::overlay(&mut table, merge::parse(&text, &path.display().to_string())?, &mut warnings)?;
         }
+        let mut all = Vec::new();
         for text in assignments {
             let assigned = merge::assignment(text, &table)?;
+            all.push((text, assigned.clone()));
             merge::overlay(&mut table, assigned, &mut warnings)?;
+        }
+        for (text, assigned) in &all {
+            if let Some(later) = merge::overridden(&table, assigned) {
+                warnings.push(format!("{text} has no effect: another option sets it to {later}"));
+            }
         }
         Self::from_table(table, warnings)
     }
@@ -275,8 +282,9 @@ impl Config {
             ));
         }
         let name = &self.output.dimension;
-        if name.is_empty() || name.len() > 31 || !name.is_ascii() {
-            return Err(ConfigError::value("output.dimension", name, "1 to 31 ASCII characters"));
+        if !(1..=31).contains(&name.len()) || !name.bytes().all(|byte| matches!(byte, b' '..=b'~')) {
+            let expected = "1 to 31 printable ASCII characters";
+            return Err(ConfigError::value("output.dimension", format!("{name:?}"), expected));
         }
         Ok(())
     }
@@ -320,17 +328,28 @@ impl Config {
     /// the machine is used are not compared: no result depends on them.
     #[must_use]
     pub fn first_difference(&self, other: &Self) -> Option<(String, String, String)> {
-        let machine = |section: &str, key: &str| section == "run" || (section, key) == ("input", "mmap");
         for (section, values) in &self.table {
             for (key, value) in values.as_table().into_iter().flatten() {
                 let theirs = other.table.get(section).and_then(|values| values.get(key));
-                if theirs != Some(value) && !machine(section, key) {
+                if theirs != Some(value) && !is_of_machine(section, key) {
                     let theirs = theirs.map_or_else(|| "(nothing)".to_owned(), ToString::to_string);
                     return Some((format!("{section}.{key}"), value.to_string(), theirs));
                 }
             }
         }
         None
+    }
+
+    /// A digest of all settings that [`Self::first_difference`] compares.
+    pub(crate) fn digest(&self) -> String {
+        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+        for (section, values) in &self.table {
+            let values = values.as_table().into_iter().flatten();
+            for (key, value) in values.filter(|(key, _)| !is_of_machine(section, key)) {
+                hasher.update(format!("{section}.{key} = {value}\n").as_bytes());
+            }
+        }
+        format!("{:016x}", hasher.digest())
     }
 
     /// All settings as TOML.
@@ -391,6 +410,11 @@ fn wrong_key<'t>(
         part.insert((*key).clone(), (*value).clone());
         fails(&part)
     })
+}
+
+/// Whether a setting says how the machine is used, so that no result depends on it.
+fn is_of_machine(section: &str, key: &str) -> bool {
+    section == "run" || (section, key) == ("input", "mmap")
 }
 
 #[cfg(test)]

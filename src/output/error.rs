@@ -117,6 +117,17 @@ pub enum OutputError {
         /// The name.
         name: String,
     },
+    /// A labelled copy would have the name of another output.
+    #[error(
+        "the labelled copy of {path} would have the name of another output of the run, {name}",
+        path = path.display()
+    )]
+    NameOfOutput {
+        /// The input file.
+        path: PathBuf,
+        /// The name.
+        name: String,
+    },
     /// The chunks of a compressed copy are not the planned ones.
     #[error(
         "{name}: {promised} points were planned and {written} were written, or the chunks differ from the plan"
@@ -176,6 +187,9 @@ impl Failure for OutputError {
             ),
             Self::NameClash { .. } => {
                 Some("rename one of the input files, or process them as separate drives".into())
+            }
+            Self::NameOfOutput { .. } => {
+                Some("rename the input file, or leave points out of --outputs".into())
             }
             Self::RecordLength { .. } | Self::Descriptors { .. } => {
                 Some("write uncompressed copies, or drop extra dimensions of the input first".into())

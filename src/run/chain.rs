@@ -6,12 +6,12 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use crate::cluster::{self, ClusterEntry, Method};
-use crate::config::{self, ClassificationChoice, Config, ConfigError};
+use crate::config::{self, Config, ConfigError};
 use crate::error::Result;
 use crate::ground::{self, GroundEntry, GroundFilter, IsolatedNoise, NoGround, NoiseConfig};
 use crate::input::InputError;
 use crate::model::Lattice;
-use crate::run::finish::names;
+use crate::run::finish::{effect, names};
 use crate::store::Inputs;
 
 /// The registries of methods. A test or another program may add methods.
@@ -61,16 +61,7 @@ impl Chain {
             config.method_table(section)
         })?;
         let mut warnings = without_effect(config, &asked.into_inner())?;
-        if config.output.files.iter().any(|name| name == "ply") && !method.finds_surfaces() {
-            warnings.push(format!("the output ply is of surfaces, and {name} finds none: it is not written"));
-        }
-        let chose_codes =
-            matches!(&config.output.classification, ClassificationChoice::Set(codes) if !codes.is_empty());
-        if chose_codes && !method.classifies() {
-            warnings.push(format!(
-                "the LAS codes of output.classification have no effect: {name} names no objects"
-            ));
-        }
+        warnings.extend(effect::warnings(config, &*method)?);
         if let Some(file) = method.model_file().map(str::to_owned) {
             let content = std::fs::read(&file)
                 .map_err(|source| InputError::Model { path: PathBuf::from(&file), source })?;

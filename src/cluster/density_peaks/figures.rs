@@ -21,6 +21,9 @@ use crate::cluster::DriveWindow;
 use crate::error::Result;
 use crate::model::{Chart, ChartAxis, Series, TileId};
 
+/// Names of the charts: the decision graph and the histogram of curvatures.
+pub(super) const CHARTS: [&str; 2] = ["density-peaks-decision", "density-peaks-curvature"];
+
 /// Width of a class of the histogram of curvatures.
 const CURVATURE_CLASS: f64 = 0.005;
 
@@ -132,7 +135,7 @@ impl Figures {
         }
         let farthest = config.search_radius;
         Chart {
-            name: "density-peaks-decision".into(),
+            name: CHARTS[0].into(),
             title: format!("Decision graph: {} voxels, {} centres", self.of_objects, self.clusters),
             x: ChartAxis {
                 name: "local density rho (voxels)".to_owned(),
@@ -160,7 +163,7 @@ impl Figures {
             bars: bars.filter(|bar| bar[1] < bar[2]).collect(),
         };
         Chart {
-            name: "density-peaks-curvature".into(),
+            name: CHARTS[1].into(),
             title: format!("Mean curvature (CNS) of {} pairs of clusters", self.pairs),
             x: ChartAxis {
                 name: format!("mean curvature over the pairs of points (classes of {CURVATURE_CLASS})"),

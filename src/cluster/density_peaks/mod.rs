@@ -128,6 +128,10 @@ impl Method for DensityPeaks {
         &STAGES
     }
 
+    fn charts(&self) -> &'static [&'static str] {
+        &figures::CHARTS
+    }
+
     fn map(&self, stage: usize, tile: &dyn TileWindow) -> Result<Mapped> {
         let edge = self.edge(tile.lattice());
         match stage {

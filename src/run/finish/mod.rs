@@ -1,5 +1,6 @@
 //! The end of a run: names, tables, report, and the mark that all outputs are complete.
 
+pub(crate) mod effect;
 mod frame;
 pub(crate) mod mark;
 pub(crate) mod names;

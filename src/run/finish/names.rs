@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::input::{CLOUD_NAME, Catalog};
 use crate::output::objects;
 use crate::output::points::{RESERVED, is_field_of_records};
-use crate::output::{LabelOptions, LabelledFile, check_names};
+use crate::output::{LabelOptions, LabelledFile, OutputError, check_names};
 use crate::store::{RunDir, StoreError};
 
 /// Name of the report.
@@ -102,7 +102,34 @@ pub(crate) fn copies(
         files.push(labelled);
     }
     check_names(&files)?;
+    if config.output.writes("points") {
+        check_against_others(catalog, &files, &others(config, method))?;
+    }
     Ok((files, warnings))
+}
+
+/// Names of the outputs of a run that are no labelled copies.
+fn others(config: &Config, method: &dyn Method) -> Vec<String> {
+    let charts = method.charts().iter().filter(|_| config.output.writes("charts"));
+    let beside = beside(config, method.finds_surfaces()).into_iter().map(str::to_owned);
+    beside.chain(charts.map(|name| chart(name))).collect()
+}
+
+/// File name of a chart.
+pub(super) fn chart(name: &str) -> String {
+    format!("{name}.svg")
+}
+
+/// Refuses labelled copies with the name of another output, which would be written over them. Letters in
+/// upper and lower case count as the same, because on some file systems they are.
+fn check_against_others(catalog: &Catalog, files: &[LabelledFile], others: &[String]) -> Result<()> {
+    for (input, copy) in catalog.files().iter().zip(files) {
+        if let Some(name) = others.iter().find(|name| name.eq_ignore_ascii_case(copy.name())) {
+            let (path, name) = (input.path().to_owned(), name.clone());
+            return Err(OutputError::NameOfOutput { path, name }.into());
+        }
+    }
+    Ok(())
 }
 
 /// Refuses a folder in which a foreign file has the name of an output.
@@ -122,8 +149,9 @@ pub(crate) fn refuse_foreign(
     Ok(())
 }
 
-/// Claims the names of all outputs.
+/// Claims the names of all outputs. No foreign file has one of them.
 pub(crate) fn claim(run_dir: &RunDir, config: &Config, surfaces: bool, files: &[LabelledFile]) -> Result<()> {
+    refuse_foreign(run_dir, config, surfaces, files)?;
     Ok(run_dir.claim_outputs(&planned(config, surfaces, files))?)
 }
 

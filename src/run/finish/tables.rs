@@ -12,7 +12,7 @@ use crate::output::report::PageTable;
 use crate::output::{OutputError, chart_svg};
 use crate::run::drive::{Drive, Surveyed};
 use crate::run::finish::frame::frame;
-use crate::run::finish::names::{PAGE, page_limit_bytes};
+use crate::run::finish::names::{self, PAGE, page_limit_bytes};
 use crate::run::passes::inventory::Inventory;
 use crate::run::passes::stitch::Objects;
 use crate::store::{RunDir, StoreError};
@@ -112,7 +112,7 @@ pub(super) fn processed_stretches(surveyed: &Surveyed) -> Vec<Vec<([f64; 2], f64
 /// Writes every chart as `NAME.svg` if the settings have charts, and returns the names of the files.
 pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart], config: &Config) -> Result<Vec<String>> {
     let charts = if config.output.writes("charts") { charts } else { &[] };
-    let names: Vec<String> = charts.iter().map(|chart| format!("{}.svg", chart.name)).collect();
+    let names: Vec<String> = charts.iter().map(|chart| names::chart(&chart.name)).collect();
     let ours = run_dir.own_outputs()?;
     for name in names.iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
