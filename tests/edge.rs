@@ -59,7 +59,7 @@ fn a_drive_without_points_is_refused_and_an_empty_file_among_others_is_not() {
     let scratch = Scratch::new();
     let empty = scratch.file("empty.las", &Shape::default(), &[]);
     let error = drive(std::slice::from_ref(&empty), &scratch.out("out"), &list(5.0, &[])).unwrap_err();
-    assert!(matches!(error.cause(), Some(SurveyError::Empty { files: 1 })), "{error}");
+    assert!(matches!(error.cause(), Some(SurveyError::Empty { files: 1, file: Some(_) })), "{error}");
     assert_eq!(error.kind(), ErrorKind::Input);
     let points = Street::middling(1, Course::Straight).points();
     let files = vec![

@@ -44,7 +44,8 @@ pub fn estimate_epsilon(
     run_dir.begin(false)?;
     let mut warnings = config.warnings().to_vec();
     warnings.extend(catalog.warnings().iter().cloned());
-    let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
+    let open = Opened::to_run(catalog, chain, config, &run_dir)?;
+    open.record(&run_dir, &request.inputs)?;
     let mut driver = Here::new(&run_dir, open.budget.limits(), config.run.fail_fast, observer, cancel);
     let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
     for text in warnings.iter().chain(&surveyed.warnings) {

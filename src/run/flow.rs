@@ -16,7 +16,7 @@ use crate::run::error::RunError;
 use crate::run::finish::mark::{self, Finished};
 use crate::run::finish::page::{self, PageContent};
 use crate::run::finish::{names, tables};
-use crate::run::open::Opened;
+use crate::run::open::{self, Opened};
 use crate::run::passes::copies::Copies;
 use crate::run::passes::export::{self, ExportPass};
 use crate::run::passes::fields::{self, FieldsPass};
@@ -30,7 +30,6 @@ use crate::run::passes::{MethodDrive, Progress, method};
 use crate::run::plan;
 use crate::run::summary::Counts;
 use crate::store::RunDir;
-use crate::survey::SurveyError;
 use crate::tiling::Plan;
 
 /// Largest number of records that tiles may read per needed point before the points are grouped by tile
@@ -67,9 +66,7 @@ pub(crate) fn survey<D: Driver>(
     driver: &mut D,
     run_dir: Option<&RunDir>,
 ) -> Result<Option<Surveyed>> {
-    if open.drive.catalog.point_count() == 0 {
-        return Err(SurveyError::Empty { files: open.drive.catalog.files().len() }.into());
-    }
+    open::refuse_empty(&open.drive.catalog)?;
     let Some(survey) = driver.complete(&SurveyPass::of(&open.drive, open.config, run_dir))? else {
         return Ok(None);
     };

@@ -23,7 +23,7 @@ fn is_ours(name: &str) -> bool {
     // `.part`: a file that a process wrote when it was killed.
     names.contains(&name)
         || RunDir::NAMES.contains(&name)
-        || name.starts_with("pass-")
+        || name.starts_with(RunDir::PASS)
         || name.ends_with(".part")
         || (name.ends_with(".json") && (identity::is_name(name) || plan::is_stored_name(name)))
 }

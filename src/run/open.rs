@@ -11,8 +11,10 @@ use crate::host;
 use crate::input::{Catalog, InputOptions};
 use crate::run::chain::{Chain, Registries};
 use crate::run::drive::{Drive, identity};
+use crate::run::passes::survey::SurveyPass;
 use crate::run::plan::Budget;
 use crate::store::{RunDir, StoreError};
+use crate::survey::SurveyError;
 
 /// A drive with the methods and the settings of a run.
 pub(crate) struct Opened<'a> {
@@ -43,6 +45,16 @@ pub(crate) fn catalog_beside(inputs: &[PathBuf], config: &Config, out: Option<&P
     };
     let options = InputOptions { mmap, unit: config.input.unit };
     Ok(Catalog::open_without(inputs, &written, &options)?)
+}
+
+/// Refuses a drive without points.
+pub(crate) fn refuse_empty(catalog: &Catalog) -> Result<()> {
+    if catalog.point_count() > 0 {
+        return Ok(());
+    }
+    let files = catalog.files();
+    let file = files.first().filter(|_| files.len() == 1).map(|file| file.path().to_owned());
+    Err(SurveyError::Empty { files: files.len(), file }.into())
 }
 
 /// The first of these paths that is on a file system of the network, and its kind.
@@ -79,18 +91,30 @@ impl<'a> Opened<'a> {
     }
 
     /// Opens a drive to run its passes in a locked run directory. Checks that the run directory belongs to
-    /// this input.
+    /// this input, and to its content. Nothing of the request is recorded before [`Self::record`].
     pub(crate) fn to_run(
-        inputs: &[PathBuf],
         catalog: Catalog,
         chain: Chain,
         config: &'a Config,
         run_dir: &RunDir,
     ) -> Result<Self> {
         identity::check_input(run_dir, &catalog)?;
-        record(run_dir, inputs, config)?;
         let drive = Drive::new(catalog, config);
+        SurveyPass::of(&drive, config, Some(run_dir)).check_content()?;
         Ok(Self { config, drive, chain, budget: Budget::resolve(&config.run) })
+    }
+
+    /// Records the input paths and the settings of a run that was not refused, for `status`, workers and
+    /// reductions.
+    pub(crate) fn record(&self, run_dir: &RunDir, inputs: &[PathBuf]) -> Result<()> {
+        let paths: Vec<PathBuf> =
+            inputs.iter().map(|path| fs_err::canonicalize(path).unwrap_or_else(|_| path.clone())).collect();
+        let version = env!("CARGO_PKG_VERSION");
+        let settings = self.config.to_toml();
+        let text = format!("# configuration of the last call, chainage {version}\n{settings}");
+        run_dir.write_text(CONFIGURATION, &text)?;
+        Ok(run_dir
+            .write_json(REQUEST, &Recorded { inputs: paths, configuration: digest(text.as_bytes()) })?)
     }
 
     /// Opens the drive of a run that another process drives. Checks that the run directory belongs to this
@@ -115,16 +139,6 @@ struct Recorded {
     inputs: Vec<PathBuf>,
     /// XXH3 of the text of the settings. A text that was cut off would be settings with defaults at its end.
     configuration: String,
-}
-
-/// Records the input paths and the settings of a run, for `status`, workers and reductions.
-fn record(run_dir: &RunDir, inputs: &[PathBuf], config: &Config) -> Result<()> {
-    let paths: Vec<PathBuf> =
-        inputs.iter().map(|path| fs_err::canonicalize(path).unwrap_or_else(|_| path.clone())).collect();
-    let version = env!("CARGO_PKG_VERSION");
-    let text = format!("# configuration of the last call, chainage {version}\n{}", config.to_toml());
-    run_dir.write_text(CONFIGURATION, &text)?;
-    Ok(run_dir.write_json(REQUEST, &Recorded { inputs: paths, configuration: digest(text.as_bytes()) })?)
 }
 
 fn digest(text: &[u8]) -> String {
@@ -152,9 +166,10 @@ pub(crate) fn recorded(run_dir: &RunDir) -> Result<(Vec<PathBuf>, PathBuf)> {
     }
 }
 
-/// Locks the run directory `out`. It must not contain input files. Its state is not looked at before
-/// [`RunDir::begin`].
+/// Locks the run directory `out`. There are points to process, and none of them are in that directory. Its
+/// state is not looked at before [`RunDir::begin`].
 pub(crate) fn lock(catalog: &Catalog, out: &Path) -> Result<RunDir> {
+    refuse_empty(catalog)?;
     identity::check_apart(catalog, out)?;
     Ok(RunDir::lock(out)?)
 }

@@ -49,10 +49,9 @@ impl<'a> Begun<'a> {
         labelled.iter_mut().for_each(|file| file.in_folder(&request.out));
         let surfaces = chain.method.finds_surfaces();
         // Everything that can refuse the request comes before the state of an earlier run is discarded.
-        let run_dir = RunDir::lock(&request.out)?;
+        let run_dir = open::lock(&catalog, &request.out)?;
         names::refuse_foreign(&run_dir, config, surfaces, &labelled)?;
         run_dir.begin(request.fresh)?;
-        names::claim(&run_dir, config, surfaces, &labelled)?;
         let mut warnings = config.warnings().to_vec();
         warnings.extend(chain.warnings.iter().cloned());
         warnings.extend(catalog.warnings().iter().cloned());
@@ -75,10 +74,14 @@ impl<'a> Begun<'a> {
                 crs.description
             ));
         }
+        let open = Opened::to_run(catalog, chain, config, &run_dir)?;
+        // Not before the input was accepted: a file with a claimed name is taken for an output of a run, and
+        // a later call may remove it.
+        names::claim(&run_dir, config, surfaces, &labelled)?;
         if request.fresh {
             warnings.extend(names::remove_superseded(&run_dir, config, surfaces, &labelled)?);
         }
-        let open = Opened::to_run(&request.inputs, catalog, chain, config, &run_dir)?;
+        open.record(&run_dir, &request.inputs)?;
         Ok(Self { run_dir, open, labelled, warnings })
     }
 }

@@ -380,7 +380,8 @@ impl Work<'_> {
         let run_dir = open::lock(&catalog, &self.state())?;
         run_dir.begin(false)?;
         let warnings = catalog.warnings().to_vec();
-        let open = Opened::to_run(&inputs, catalog, chain, config, &run_dir)?;
+        let open = Opened::to_run(catalog, chain, config, &run_dir)?;
+        open.record(&run_dir, &inputs)?;
         let limits = open.budget.limits();
         let mut driver = Here::new(&run_dir, limits, config.run.fail_fast, self.observer, self.cancel);
         let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;

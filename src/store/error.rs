@@ -56,6 +56,12 @@ pub enum StoreError {
         /// The first difference, with both values.
         what: String,
     },
+    /// The record of the input was lost, and results of passes were not.
+    #[error("{path} is missing, so nothing tells of which input the results beside it are", path = path.display())]
+    NoIdentity {
+        /// The record.
+        path: PathBuf,
+    },
     /// A file of the state was damaged after it was written.
     #[error("{path} is damaged: {what}", path = path.display())]
     Damaged {
@@ -85,9 +91,11 @@ impl Failure for StoreError {
         match self {
             Self::Locked { .. } => ErrorKind::Locked,
             Self::Io { .. } | Self::InTheWay { .. } => ErrorKind::Output,
-            Self::NoRun { .. } | Self::Version { .. } | Self::OtherInput { .. } | Self::Damaged { .. } => {
-                ErrorKind::State
-            }
+            Self::NoRun { .. }
+            | Self::Version { .. }
+            | Self::OtherInput { .. }
+            | Self::NoIdentity { .. }
+            | Self::Damaged { .. } => ErrorKind::State,
         }
     }
 
@@ -101,7 +109,9 @@ impl Failure for StoreError {
             Self::Version { .. } | Self::OtherInput { .. } => {
                 Some("choose another output directory, or start over here with chainage run --fresh".into())
             }
-            Self::Damaged { .. } => Some("start over here with chainage run --fresh".into()),
+            Self::NoIdentity { .. } | Self::Damaged { .. } => {
+                Some("start over here with chainage run --fresh".into())
+            }
             Self::InTheWay { .. } => Some("choose another output directory".into()),
             Self::Io { .. } => None,
         }

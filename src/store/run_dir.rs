@@ -142,17 +142,39 @@ impl RunDir {
     }
 
     /// Removes the state except for the lock and the names of the outputs, which remain files of chainage.
+    /// The passes go first, and what tells their input and their version goes last: if the process is killed
+    /// in between, no result is taken for one of other input.
     fn discard(&self) -> Result<(), StoreError> {
-        for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
-            let path = entry.map_err(StoreError::io("read", &self.state))?.path();
-            if path.file_name().is_some_and(|name| name == LOCK || name == OUTPUTS) {
-                continue;
-            }
+        for path in self.to_discard()? {
             let removed =
                 if path.is_dir() { fs_err::remove_dir_all(&path) } else { fs_err::remove_file(&path) };
             removed.map_err(StoreError::io("remove", &path))?;
         }
         Ok(())
+    }
+
+    /// What is removed to start over, in this order.
+    fn to_discard(&self) -> Result<Vec<PathBuf>, StoreError> {
+        let rank = |path: &Path| match path.file_name() {
+            _ if path.is_dir() => 0,
+            Some(name) if name == Self::INPUT => 2,
+            Some(name) if name == VERSION => 3,
+            _ => 1,
+        };
+        let mut paths = Vec::new();
+        for entry in fs_err::read_dir(&self.state).map_err(StoreError::io("read", &self.state))? {
+            let path = entry.map_err(StoreError::io("read", &self.state))?.path();
+            if path.file_name().is_some_and(|name| name != LOCK && name != OUTPUTS) {
+                paths.push((rank(&path), path));
+            }
+        }
+        paths.sort();
+        Ok(paths.into_iter().map(|(_, path)| path).collect())
+    }
+
+    /// Whether a pass has a folder in the state.
+    pub(crate) fn has_passes(&self) -> Result<bool, StoreError> {
+        Ok(self.entries()?.iter().any(|name| name.starts_with(Self::PASS) && self.path(name).is_dir()))
     }
 
     /// The output directory.
@@ -258,6 +280,12 @@ impl RunDir {
         whole_file::write(&path, |to| to.write_all(text.as_bytes())).map_err(StoreError::io("write", &path))
     }
 
+    /// Name of the record of the input with which the run was started.
+    pub(crate) const INPUT: &'static str = "input.json";
+
+    /// Beginning of the names of the folders of passes.
+    pub(crate) const PASS: &'static str = "pass-";
+
     /// Names of its own files and folders in the state.
     pub(crate) const NAMES: [&'static str; 5] = [LOCK, OUTPUTS, VERSION, EVENTS, EVENTS_OF_WORKERS];
 
@@ -306,4 +334,27 @@ impl RunDir {
 
 fn identity() -> Identity {
     Identity { program: env!("CARGO_PKG_VERSION").to_owned(), state_version: FORMAT_VERSION }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_tells_the_input_is_discarded_after_every_pass() {
+        let out = tempfile::tempdir().unwrap();
+        let run = RunDir::open(out.path(), false).unwrap();
+        for name in [RunDir::INPUT, "a.json", "z.toml", OUTPUTS] {
+            run.write_text(name, "[]").unwrap();
+        }
+        assert!(!run.has_passes().unwrap());
+        for folder in ["pass-05-relabel", "pass-00-survey", "zz"] {
+            fs_err::create_dir(run.path(folder)).unwrap();
+        }
+        assert!(run.has_passes().unwrap());
+        let order = ["pass-00-survey", "pass-05-relabel", "zz", "a.json", "z.toml", RunDir::INPUT, VERSION];
+        assert_eq!(run.to_discard().unwrap(), order.map(|name| run.path(name)));
+        run.begin(true).unwrap();
+        assert_eq!(run.entries().unwrap(), [LOCK, OUTPUTS, VERSION]);
+    }
 }

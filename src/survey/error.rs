@@ -1,7 +1,7 @@
 //! Errors that concern a drive as a whole: its positions, its trajectory.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::error::{ErrorKind, Failure};
 use crate::words::counted;
@@ -79,11 +79,18 @@ pub enum SurveyError {
         limit_m: f64,
     },
     /// Files without a single point.
-    #[error("there are no points in {}", counted(*files as u64, "file"))]
+    #[error("there are no points in {}", one_or_counted(file.as_deref(), *files))]
     Empty {
         /// Number of files.
         files: usize,
+        /// The file, if it is the only one.
+        file: Option<PathBuf>,
     },
+}
+
+/// The file, or the number of files.
+fn one_or_counted(file: Option<&Path>, files: usize) -> String {
+    file.map_or_else(|| counted(files as u64, "file"), |file| file.display().to_string())
 }
 
 impl Failure for SurveyError {
@@ -108,7 +115,8 @@ impl Failure for SurveyError {
             Self::Elsewhere { .. } => {
                 Some("the trajectory must be of this drive, in the coordinate system and the unit of the points".into())
             }
-            Self::Read { .. } | Self::TooShort { .. } | Self::Empty { .. } => None,
+            Self::Empty { .. } => Some("chainage info FILES... shows how many points each file has".into()),
+            Self::Read { .. } | Self::TooShort { .. } => None,
         }
     }
 }

@@ -33,7 +33,7 @@ impl FileIdentity {
     }
 }
 
-const NAME: &str = "input.json";
+const NAME: &str = RunDir::INPUT;
 
 /// Refuses an output directory that contains an input file, so that input is never overwritten.
 pub(crate) fn check_apart(catalog: &Catalog, out: &Path) -> Result<()> {
@@ -49,9 +49,9 @@ pub(crate) fn check_apart(catalog: &Catalog, out: &Path) -> Result<()> {
 }
 
 /// Refuses files whose names, sizes, record counts or headers differ from those at the start of the run. At
-/// the start, it records them.
+/// the start, before any pass has results, it records them.
 pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
-    if run_dir.read_json::<Vec<FileIdentity>>(NAME)?.is_none() {
+    if run_dir.read_json::<Vec<FileIdentity>>(NAME)?.is_none() && !run_dir.has_passes()? {
         let now = catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
         run_dir.write_json(NAME, &now)?;
     }
@@ -63,7 +63,11 @@ pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
 pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     let now = catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
     let Some(stored) = run_dir.await_json::<Vec<FileIdentity>>(NAME)? else {
-        return Err(StoreError::NoRun { path: run_dir.out().to_owned() }.into());
+        // Without the record, results of other input would be taken for those of this one.
+        return Err(match run_dir.has_passes()? {
+            true => StoreError::NoIdentity { path: run_dir.path(NAME) }.into(),
+            false => StoreError::NoRun { path: run_dir.out().to_owned() }.into(),
+        });
     };
     let other = |what: String| Err(StoreError::OtherInput { path: run_dir.out().to_owned(), what }.into());
     if stored.len() != now.len() {
@@ -118,8 +122,7 @@ pub(crate) fn check_content(
 ) -> Result<()> {
     let now = drive.catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
     let stored = run_dir.read_json::<Vec<FileIdentity>>(NAME)?.unwrap_or_default();
-    let record = compared(&now);
-    if stored == now || run_dir.read_json::<Vec<FileIdentity>>(&record)?.as_ref() == Some(&now) {
+    if stored == now || was_compared(run_dir, &now)? {
         return Ok(());
     }
     for (unit, run) in runs.iter().enumerate() {
@@ -131,5 +134,23 @@ pub(crate) fn check_content(
             return Err(StoreError::OtherInput { path: run_dir.out().to_owned(), what }.into());
         }
     }
-    Ok(run_dir.write_json(&record, &now)?)
+    Ok(run_dir.write_json(&compared(&now), &now)?)
+}
+
+/// Whether an earlier call has compared the content of these files with that at the survey.
+fn was_compared(run_dir: &RunDir, now: &[FileIdentity]) -> Result<bool> {
+    let recorded = run_dir.read_json::<Vec<FileIdentity>>(&compared(now))?;
+    Ok(recorded.is_some_and(|recorded| recorded == now))
+}
+
+/// Names of the files with another modification time than at the start of the run, whose content no call has
+/// compared since.
+pub(crate) fn touched(run_dir: &RunDir, catalog: &Catalog) -> Result<Vec<String>> {
+    let now = catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
+    let stored = run_dir.read_json::<Vec<FileIdentity>>(NAME)?.unwrap_or_default();
+    if was_compared(run_dir, &now)? {
+        return Ok(Vec::new());
+    }
+    let changed = now.into_iter().zip(&stored).filter(|(now, stored)| now != *stored);
+    Ok(changed.map(|(now, _)| now.name).collect())
 }

@@ -1,6 +1,6 @@
 //! Names of passes for the user, and of their folders in the state.
 
-use crate::store::Inputs;
+use crate::store::{Inputs, RunDir};
 
 /// Between the folder of a pass and the number of a round.
 const ROUND: &str = "-round-";
@@ -58,5 +58,5 @@ impl Outline {
 
 /// Prefix of the folders of all passes with a number.
 pub(crate) fn prefix(number: u32) -> String {
-    format!("pass-{number:02}-")
+    format!("{}{number:02}-", RunDir::PASS)
 }

@@ -41,6 +41,13 @@ impl<'a> SurveyPass<'a> {
         Self { drive, run_dir, runs: drive.block_runs(), outline: Outline::new(NUMBER, NAME, depends) }
     }
 
+    /// For files that were touched since the survey, compares their content with that at the survey, before
+    /// anything of a run is recorded.
+    pub(crate) fn check_content(&self) -> Result<()> {
+        let Some(run_dir) = self.run_dir else { return Ok(()) };
+        self.verify(&run_dir.pass(&self.outline.folder, self.outline.depends.clone()))
+    }
+
     /// Surveys a unit. With `unpack` it also returns the positions of a compressed file.
     fn survey(&self, unit: usize, unpack: bool) -> Result<(SurveyPart, Vec<[i32; 3]>)> {
         let run = &self.runs[unit];
