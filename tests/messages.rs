@@ -5,7 +5,8 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStringExt;
 use std::path::Path;
 
-use crate::util::drive::scratch;
+use crate::util::drive::{scratch, touch};
+use crate::util::las::Shape;
 use crate::util::program::{ended, program};
 use crate::util::shipped;
 
@@ -279,4 +280,205 @@ fn temporary_folders_are_new_and_are_removed() {
     // The sample is too small for an estimate. Its temporary folder is removed all the same.
     refused(folder.path(), &estimate, 4);
     assert_eq!(std::fs::read_dir(folder.path().join("for a time")).expect("a folder").count(), 0);
+}
+
+#[test]
+fn a_refused_run_claims_no_name_and_records_no_settings() {
+    let folder = with_drive();
+    let path = |name: &str| folder.path().join(name);
+    let run = |input: &'static str, more: &[&'static str]| {
+        [&["run", input, "-o", "out"], more, &CHEAP[..]].concat()
+    };
+    told(folder.path(), &run("drive/first", &[]));
+    let first = path("drive/first").join(SAMPLE);
+    std::fs::copy(&first, path("precious.las")).expect("copied");
+    let other = refused(folder.path(), &run("precious.las", &[]), 6);
+    assert!(other.contains("file mls_profiles.las before, precious.las now"), "{other}");
+    // A file of the user with the name that the refused run would have written.
+    std::fs::copy(&first, path("out/precious.las")).expect("copied");
+    told(folder.path(), &run("drive/first", &["--set", "euclidean.max_gap_m=0.5"]));
+    assert!(path("out/precious.las").exists(), "a file of the user was removed");
+    // Other content under the same name, with other settings.
+    let mut bytes = std::fs::read(&first).expect("readable");
+    let at = u32::from_le_bytes(bytes[96..100].try_into().expect("four bytes")) as usize;
+    bytes[at] ^= 1;
+    std::fs::write(&first, &bytes).expect("written");
+    let changed = refused(folder.path(), &run("drive/first", &["--outputs", "csv,report"]), 6);
+    assert!(changed.contains("the points of mls_profiles.las have changed"), "{changed}");
+    bytes[at] ^= 1;
+    std::fs::write(&first, &bytes).expect("written");
+    let status = told(folder.path(), &["status", "out"]);
+    assert!(status.contains("finished: every output is complete"), "{status}");
+}
+
+#[test]
+fn results_without_the_record_of_their_input_are_refused() {
+    let folder = with_drive();
+    let run = |more: &[&'static str]| [&["run", "drive/first", "-o", "out", "-q"], more, &CHEAP].concat();
+    told(folder.path(), &run(&[]));
+    let record = folder.path().join("out/.chainage/input.json");
+    std::fs::remove_file(&record).expect("removed");
+    for call in [&run(&[])[..], &["status", "out"], &["next", "out"]] {
+        let text = refused(folder.path(), call, 6);
+        assert!(text.contains("input.json is missing, so nothing tells of which input"), "{text}");
+        assert!(text.contains("hint: start over here with chainage run --fresh"), "{text}");
+    }
+    assert!(!record.exists());
+    told(folder.path(), &run(&["--fresh"]));
+    assert!(record.exists());
+}
+
+#[test]
+fn a_labelled_copy_with_the_name_of_another_output_is_refused() {
+    let folder = with_drive();
+    let cases: [(&str, &[&str], &str); 5] = [
+        ("report.json", &[], "report.json"),
+        ("Objects.csv", &[], "objects.csv"),
+        ("report.html", &[], "report.html"),
+        ("drive.copc.las", &["--copc", "--output-format", "laz"], "drive.copc.laz"),
+        ("density-peaks-decision.svg", &["--method", "density-peaks"], "density-peaks-decision.svg"),
+    ];
+    for (input, more, output) in cases {
+        std::fs::copy(shipped("tests/data").join(SAMPLE), folder.path().join(input)).expect("copied");
+        let text = refused(folder.path(), &[&["run", input, "-o", "out"], more].concat(), 5);
+        let told = format!(
+            "the labelled copy of {input} would have the name of another output of the run, {output}"
+        );
+        assert!(text.contains(&told) && text.contains("hint: rename the input file"), "{text}");
+        assert!(!folder.path().join("out").exists(), "a folder for a run that was refused");
+    }
+    // Without labelled copies there is nothing to lose.
+    told(folder.path(), &[&["run", "report.json", "-o", "out", "--outputs", "csv"], &CHEAP[..]].concat());
+}
+
+#[test]
+fn a_dimension_with_a_control_character_is_refused() {
+    let folder = with_drive();
+    for name in ["\"a\\u0000b\"", "\"a\\nb\"", "\"a\\u007Fb\""] {
+        let setting = format!("output.dimension={name}");
+        let text = refused(folder.path(), &["run", "drive/first", "-o", "out", "--set", &setting], 3);
+        assert!(text.contains("must be 1 to 31 printable ASCII characters"), "{text}");
+    }
+}
+
+#[test]
+fn a_drive_without_points_is_named_and_leaves_no_folder() {
+    let folder = with_drive();
+    Shape::default().write(&folder.path().join("empty.las"), &[]);
+    let text = refused(folder.path(), &["run", "empty.las", "-o", "out"], 4);
+    assert!(text.contains("there are no points in empty.las"), "{text}");
+    assert!(!folder.path().join("out").exists());
+    told(folder.path(), &[&["run", "drive/first", "-o", "out", "-q"][..], &CHEAP].concat());
+}
+
+#[test]
+fn outputs_and_settings_of_outputs_without_effect_are_told() {
+    let folder = with_drive();
+    let cases: [(&[&str], &str); 8] = [
+        (&["--outputs", "csv,charts"], "the output charts has no effect: euclidean draws none"),
+        (
+            &["--outputs", "csv", "--output-format", "laz"],
+            "output.format = \"laz\" has no effect: no labelled copies are written",
+        ),
+        (
+            &["--outputs", "copc", "--output-format", "las"],
+            "output.format = \"las\" has no effect: no labelled copies are written",
+        ),
+        (
+            &["--outputs", "copc", "--keep-original"],
+            "output.original_classification = true has no effect: no labelled copies are written",
+        ),
+        (
+            &["--outputs", "csv", "--keep-classification"],
+            "output.classification = \"keep\" has no effect: no points are written",
+        ),
+        (
+            &["--no-report", "--set", "output.report_mb=1"],
+            "output.report_mb = 1.0 has no effect: report.html is not written",
+        ),
+        (
+            &["--no-report", "--outputs", "csv,report"],
+            "the output report has no effect: output.report is false (--no-report)",
+        ),
+        (
+            &["--keep-classification", "--set", "output.classification=pole=20"],
+            "output.classification=pole=20 has no effect: another option sets it to \"keep\"",
+        ),
+    ];
+    for (more, told) in cases {
+        let (code, _, text) =
+            call(folder.path(), &[&["run", "drive/first", "-o", "out"], more, &CHEAP[..]].concat());
+        assert_eq!(code, 0, "{more:?}: {text}");
+        assert_eq!(text.matches("has no effect").count(), 1, "{more:?}: {text}");
+        assert!(text.contains(told), "{more:?}: {text}");
+    }
+    // What has an effect is not told.
+    let (_, _, text) = call(
+        folder.path(),
+        &[&["run", "drive/first", "-o", "out", "--copc", "--keep-original"], &CHEAP[..]].concat(),
+    );
+    assert!(!text.contains("has no effect"), "{text}");
+}
+
+#[test]
+fn status_tells_a_touched_input_and_counts_no_more_stale_units_than_there_are() {
+    let folder = with_drive();
+    let run = ["run", "drive/first", "-o", "out", "-q", "--method", "density-peaks"];
+    told(folder.path(), &run);
+    assert!(!told(folder.path(), &["status", "out", "--why"]).contains("touched"));
+    touch(&folder.path().join("drive/first").join(SAMPLE));
+    let why = told(folder.path(), &["status", "out", "--why"]);
+    let line = "mls_profiles.las was changed or touched since the run was started: the next run compares its content";
+    assert!(why.contains(line) && why.contains("finished: every output is complete"), "{why}");
+    told(folder.path(), &run);
+    let why = told(folder.path(), &["status", "out", "--why"]);
+    assert!(!why.contains("touched"), "{why}");
+    let other = told(folder.path(), &["status", "out", "--set", "noise.voxel=0.6"]);
+    let mut stale_ones = 0;
+    for line in other.lines() {
+        let [.., units, _, stale] = line.split_whitespace().collect::<Vec<_>>()[..] else { continue };
+        let (Ok(units), Ok(stale)) = (units.parse::<u32>(), stale.parse::<u32>()) else { continue };
+        assert!(stale <= units, "{other}");
+        stale_ones += stale;
+    }
+    assert!(stale_ones > 0, "{other}");
+    let text = refused(folder.path(), &["work", "out", "--pass", "ground", "--units", "99"], 3);
+    assert!(text.contains("pass ground has 1 unit, and none has the number 99"), "{text}");
+}
+
+#[test]
+fn a_finished_run_is_finished_when_its_input_is_gone() {
+    let folder = with_drive();
+    let run = [&["run", "drive/first", "-o", "out", "-q"][..], &CHEAP].concat();
+    told(folder.path(), &run);
+    std::fs::rename(folder.path().join("drive"), folder.path().join("moved")).expect("renamed");
+    let status = told(folder.path(), &["status", "out"]);
+    assert!(
+        status.contains("the passes are not compared with the input: ") && status.contains("drive/first"),
+        "{status}"
+    );
+    assert!(status.contains("finished: every output is complete"), "{status}");
+    let next = told(folder.path(), &["next", "out", "--json"]);
+    assert!(next.contains("\"pass\": null"), "{next}");
+    let other = told(folder.path(), &["status", "out", "--set", "euclidean.max_gap_m=0.5"]);
+    assert!(other.contains("finished with the settings of the last call"), "{other}");
+    // An output that is gone as well.
+    std::fs::remove_file(folder.path().join("out/objects.csv")).expect("removed");
+    let text = refused(folder.path(), &["status", "out"], 4);
+    assert!(text.contains("drive/first"), "{text}");
+    refused(folder.path(), &["next", "out"], 4);
+}
+
+#[test]
+fn a_finished_run_is_finished_when_its_model_is_gone() {
+    let folder = with_drive();
+    let model = folder.path().join("model.bin");
+    std::fs::copy(shipped("src/cluster/street/model.bin"), &model).expect("copied");
+    told(folder.path(), &["run", "drive/first", "-o", "out", "-q", "--model", "model.bin"]);
+    std::fs::remove_file(&model).expect("removed");
+    let status = told(folder.path(), &["status", "out"]);
+    assert!(
+        status.contains("cannot read the model") && status.contains("finished: every output"),
+        "{status}"
+    );
 }

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
+use crate::words::counted;
 
 /// A pass is incomplete. Its finished units are kept.
 #[derive(Debug, thiserror::Error)]
@@ -44,7 +45,7 @@ pub enum RunError {
         known: Vec<String>,
     },
     /// A unit with a number that the pass does not have.
-    #[error("pass {pass} has {units} units, and none has the number {unit}")]
+    #[error("pass {pass} has {}, and none has the number {unit}", counted(*units as u64, "unit"))]
     NoSuchUnit {
         /// Title of the pass.
         pass: String,

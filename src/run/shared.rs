@@ -17,8 +17,8 @@ use crate::run::engine::{
     Barrier, CancelToken, Driver, Due, DuePass, Event, Here, Observer, PassFigures, Share, Units,
 };
 use crate::run::error::{RunError, ranges};
-use crate::run::finish::names;
 use crate::run::finish::outputs::{self, Course};
+use crate::run::finish::{mark, names};
 use crate::run::flow::{self, Outcome, Planned};
 use crate::run::open::{self, Opened};
 use crate::run::request::{Begun, RunRequest};
@@ -182,7 +182,8 @@ pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> R
     Ok(Reduced { next: DueUnits::of(None), finished: Some((summary, config.output)) })
 }
 
-/// Which pass and which units are due. Changes nothing.
+/// Which pass and which units are due. Changes nothing. Of a finished run nothing is due, even if its input
+/// is gone.
 ///
 /// # Errors
 /// A [`StoreError`] when there is no run, or one of another version.
@@ -193,8 +194,13 @@ pub fn next(shared: &SharedRun<'_>) -> Result<DueUnits> {
         return Err(StoreError::NoRun { path: shared.out.clone() }.into());
     }
     let config = Config::resolve(Some(&configuration), &[])?;
-    let open = Opened::to_share(&inputs, &config, &shared.registries, &run_dir)?;
-    due_in(&open, &run_dir)
+    match Opened::to_share(&inputs, &config, &shared.registries, &run_dir) {
+        Ok(open) => due_in(&open, &run_dir),
+        Err(error) if error.kind() == ErrorKind::Input && mark::is_finished_with(&run_dir, &config)? => {
+            Ok(DueUnits::of(None))
+        }
+        Err(error) => Err(error),
+    }
 }
 
 fn due_in(open: &Opened<'_>, run_dir: &RunDir) -> Result<DueUnits> {

@@ -47,7 +47,10 @@ fn page(state: &RunStatus, why: bool) -> String {
             vec![pass.title.clone(), shown(pass.units), done, stale]
         })
         .collect();
-    let mut text = print::table(&["pass", "units", "done", "stale"], &rows);
+    let mut text = match &state.missing {
+        Some(missing) => format!("  the passes are not compared with the input: {missing}\n"),
+        None => print::table(&["pass", "units", "done", "stale"], &rows),
+    };
     if why {
         text.push_str(&reasons(state));
     }
@@ -71,6 +74,11 @@ fn reasons(state: &RunStatus) -> String {
     let said = |pass: &PassStatus| pass.why.iter().any(|reason| reason.name == METHOD);
     if let Some(changed) = state.other_method().filter(|_| !state.passes.iter().any(said)) {
         text.push_str(&format!("  other passes are needed: {changed}\n"));
+    }
+    for file in &state.touched {
+        text.push_str(&format!(
+            "  {file} was changed or touched since the run was started: the next run compares its content\n"
+        ));
     }
     let mut following = Vec::new();
     for pass in state.passes.iter().filter(|pass| !pass.why.is_empty()) {

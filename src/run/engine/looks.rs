@@ -46,10 +46,11 @@ fn look(run_dir: &RunDir, outline: &Outline, units: Option<usize>) -> Result<(Pa
     let dir = run_dir.pass(&outline.folder, outline.depends.clone());
     let mut done = 0;
     let mut stale = 0;
-    for unit in dir.stored_units()? {
+    // The global of a pass has the number behind that of its last unit.
+    for unit in dir.stored_units()?.into_iter().filter(|unit| units.is_none_or(|units| *unit < units)) {
         match dir.state(unit)? {
-            UnitState::Done if units.is_none_or(|units| unit < units) => done += 1,
-            UnitState::Done | UnitState::Missing => {}
+            UnitState::Done => done += 1,
+            UnitState::Missing => {}
             UnitState::Refused(_) => stale += 1,
         }
     }

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::Config;
 use crate::error::Result;
+use crate::run::finish::names;
 use crate::store::{Fingerprint, PassDir, RunDir, StoreError};
 
 pub(crate) const FINISHED: &str = "finished.json";
@@ -22,6 +24,19 @@ struct Mark {
     files: Vec<String>,
     /// Size of each file in bytes, so that a cut or replaced file is noticed.
     bytes: Vec<u64>,
+    /// Digest of the settings of the last call that found all outputs complete. Without the input, only it
+    /// tells that they fit. `None` in marks that had no such digest.
+    #[serde(default)]
+    settings: Option<String>,
+}
+
+impl Mark {
+    /// Whether all outputs exist: the files of the mark, and those beside them.
+    fn is_whole(&self, run_dir: &RunDir, beside: &[&str]) -> bool {
+        let names = self.files.iter().map(String::as_str).chain(beside.iter().copied());
+        let size = |name: &str| fs_err::metadata(run_dir.out().join(name)).map(|facts| facts.len()).ok();
+        names.map(size).eq(self.bytes.iter().copied().map(Some))
+    }
 }
 
 /// The outputs of an earlier call with the same fingerprint, if all of them still exist.
@@ -31,11 +46,28 @@ pub(crate) fn already_finished(
     beside: &[&str],
 ) -> Result<Option<Finished>> {
     let Some(mark) = run_dir.read_json::<Mark>(FINISHED)? else { return Ok(None) };
-    let names = mark.files.iter().map(String::as_str).chain(beside.iter().copied());
-    let size = |name: &str| fs_err::metadata(run_dir.out().join(name)).map(|facts| facts.len()).ok();
-    let whole = names.map(size).eq(mark.bytes.iter().copied().map(Some));
-    let same = mark.fingerprint == export.to_string();
-    Ok((same && whole).then_some(Finished { objects: mark.objects, files: mark.files }))
+    let fits = mark.fingerprint == export.to_string() && mark.is_whole(run_dir, beside);
+    Ok(fits.then_some(Finished { objects: mark.objects, files: mark.files }))
+}
+
+/// Whether an earlier call finished with these settings and all of its outputs still exist. It is for runs
+/// whose input or model is gone, so that the values that the outputs depend on cannot be known.
+pub(crate) fn is_finished_with(run_dir: &RunDir, config: &Config) -> Result<bool> {
+    let Some(mark) = run_dir.read_json::<Mark>(FINISHED)? else { return Ok(false) };
+    // Without its model, it is not known whether the method finds surfaces.
+    let whole = [false, true].map(|surfaces| mark.is_whole(run_dir, &names::beside(config, surfaces)));
+    Ok(mark.settings == Some(config.digest()) && whole.contains(&true))
+}
+
+/// Records that the outputs fit these settings as well.
+pub(crate) fn fits_also(run_dir: &RunDir, config: &Config) -> Result<()> {
+    let settings = Some(config.digest());
+    match run_dir.read_json::<Mark>(FINISHED)? {
+        Some(mark) if mark.settings != settings => {
+            Ok(run_dir.write_json(FINISHED, &Mark { settings, ..mark })?)
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Removes the mark before outputs are written again. If the output files already have their names, the units
@@ -57,7 +89,7 @@ pub(crate) fn mark_finished(
     export: &PassDir,
     cloud: &[PassDir],
     finished: &Finished,
-    beside: &[&str],
+    (config, beside): (&Config, &[&str]),
 ) -> Result<()> {
     let mut bytes = Vec::new();
     for name in finished.files.iter().map(String::as_str).chain(beside.iter().copied()) {
@@ -67,7 +99,8 @@ pub(crate) fn mark_finished(
     let fingerprint = export.fingerprint().to_string();
     let objects = finished.objects;
     let files = finished.files.clone();
-    run_dir.write_json(FINISHED, &Mark { fingerprint, objects, files, bytes })?;
+    let settings = Some(config.digest());
+    run_dir.write_json(FINISHED, &Mark { fingerprint, objects, files, bytes, settings })?;
     clear(run_dir, export, cloud)
 }
 

@@ -59,11 +59,13 @@ pub(crate) fn finish(
     let Some(finished) = outcome.unmarked else {
         // An earlier call may have been killed after the mark.
         mark::clear(run_dir, &export, &cloud)?;
+        mark::fits_also(run_dir, open.config)?;
         return Ok(summary);
     };
     let report = report::report(&open.drive, open.config, &planned.surveyed, &summary);
     report::write_report(run_dir, &report)?;
     page::write_page(run_dir, open, &planned.surveyed, &planned.plan, outcome.page, report)?;
-    mark::mark_finished(run_dir, &export, &cloud, &finished, &names::beside(open.config, surfaces))?;
+    let beside = names::beside(open.config, surfaces);
+    mark::mark_finished(run_dir, &export, &cloud, &finished, (open.config, &beside))?;
     Ok(summary)
 }

@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::config::{Config, DEFAULT_TOML};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::run::chain::Registries;
+use crate::run::drive::identity;
 use crate::run::engine::{Nobody, PassState};
+use crate::run::finish::mark;
 use crate::run::flow::{self, Outcome};
 use crate::run::open::{self, Opened};
 use crate::store::{RunDir, StaleReason};
@@ -37,7 +39,8 @@ pub struct RunStatus {
     pub out: PathBuf,
     /// Input files.
     pub inputs: Vec<PathBuf>,
-    /// Passes in order. Of a finished run, the last ones have no units: their state is not kept.
+    /// Passes in order. Of a finished run, the last ones have no units: their state is not kept. Empty if
+    /// something is [`Self::missing`].
     pub passes: Vec<PassStatus>,
     /// The method, if another one is asked for than the last call had.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -48,13 +51,21 @@ pub struct RunStatus {
     pub same_settings: bool,
     /// Whether all outputs exist and fit the settings of the last call.
     pub finished_before: bool,
+    /// Names of the input files that were changed or touched since the run was started. The next run compares
+    /// their content.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub touched: Vec<String>,
+    /// What of the input or the model cannot be opened any more. The run is finished nevertheless.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub missing: Option<String>,
 }
 
 /// The state of the run in `out`. It is compared with the last configuration, or with the settings that
 /// `resolve` returns for the path of that configuration.
 ///
 /// # Errors
-/// When there is no run, or its input can no longer be opened or is another one.
+/// When there is no run, when its input is another one, or when it is not finished and its input can no
+/// longer be opened.
 pub fn status(
     out: &Path,
     registries: &Registries<'_>,
@@ -66,15 +77,25 @@ pub fn status(
     let config = resolve(&configuration)?;
     let seen = |config: &Config| {
         let open = Opened::to_share(&inputs, config, registries, &run_dir)?;
+        let touched = identity::touched(&run_dir, &open.drive.catalog)?;
         let mut driver = Nobody::new(&run_dir);
         let outcome = walk(&open, &mut driver, &run_dir)?;
         let finished = outcome.is_some_and(|outcome| outcome.unmarked.is_none());
         let passes: Vec<PassStatus> = driver.finish()?.into_iter().map(PassStatus::of).collect();
-        Ok::<_, Error>((finished, passes))
+        Ok::<_, Error>(Seen { finished, passes, touched, missing: None })
     };
-    let (finished, passes) = seen(&config)?;
     let same_settings = last.first_difference(&config).is_none();
-    let finished_before = if finished || same_settings { finished } else { seen(&last)?.0 };
+    let (Seen { finished, passes, touched, missing }, finished_before) = match seen(&config) {
+        Ok(now) if now.finished || same_settings => {
+            let before = now.finished;
+            (now, before)
+        }
+        Ok(now) => (now, seen(&last)?.finished),
+        Err(error) if error.kind() == ErrorKind::Input && mark::is_finished_with(&run_dir, &last)? => {
+            (Seen { finished: same_settings, missing: Some(error.to_string()), ..Seen::default() }, true)
+        }
+        Err(error) => return Err(error),
+    };
     let (old, new) = (last.cluster.method, config.cluster.method);
     let method = (old != new).then(|| StaleReason {
         name: "cluster.method".to_owned(),
@@ -82,7 +103,16 @@ pub fn status(
         new: Some(new),
     });
     let out = out.to_owned();
-    Ok(RunStatus { out, inputs, passes, method, finished, same_settings, finished_before })
+    Ok(RunStatus { out, inputs, passes, method, finished, same_settings, finished_before, touched, missing })
+}
+
+/// What is seen with some settings.
+#[derive(Default)]
+struct Seen {
+    finished: bool,
+    passes: Vec<PassStatus>,
+    touched: Vec<String>,
+    missing: Option<String>,
 }
 
 impl RunStatus {
