@@ -340,12 +340,14 @@ fn a_labelled_copy_with_the_name_of_another_output_is_refused() {
     ];
     for (input, more, output) in cases {
         std::fs::copy(shipped("tests/data").join(SAMPLE), folder.path().join(input)).expect("copied");
-        let text = refused(folder.path(), &[&["run", input, "-o", "out"], more].concat(), 5);
-        let told = format!(
-            "the labelled copy of {input} would have the name of another output of the run, {output}"
-        );
-        assert!(text.contains(&told) && text.contains("hint: rename the input file"), "{text}");
-        assert!(!folder.path().join("out").exists(), "a folder for a run that was refused");
+        for dry in [&[][..], &["--dry-run"]] {
+            let text = refused(folder.path(), &[&["run", input, "-o", "out"], more, dry].concat(), 5);
+            let told = format!(
+                "the labelled copy of {input} would have the name of another output of the run, {output}"
+            );
+            assert!(text.contains(&told) && text.contains("hint: rename the input file"), "{text}");
+            assert!(!folder.path().join("out").exists(), "a folder for a run that was refused");
+        }
     }
     // Without labelled copies there is nothing to lose.
     told(folder.path(), &[&["run", "report.json", "-o", "out", "--outputs", "csv"], &CHEAP[..]].concat());

@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn a_straight_axis_has_no_vertices_in_an_empty_stretch() {
         let far = 6_000_000;
-        let cells = [0, far].iter().flat_map(|start| (0..300).map(move |i| ([start + i, i % 7], 1)));
+        let cells = [0, far].into_iter().flat_map(|start| (0..300).map(move |i| ([start + i, i % 7], 1)));
         let axis = principal(cells.collect());
         assert!(axis.vertices().len() < 6_000, "{}", axis.vertices().len());
         assert_eq!(axis.stretches().count(), 1);

@@ -91,6 +91,8 @@ pub fn plan_of(
 ) -> Result<PlanFacts> {
     let open = Opened::to_look(inputs, out, config, registries)?;
     let Opened { drive, chain, budget: asked, .. } = &open;
+    // What a run refuses of its labelled copies, a plan refuses as well.
+    names::copies(&drive.catalog, config, chain.method.as_ref())?;
     let mut driver = InMemory { limits: asked.limits() };
     let started = Instant::now();
     let surveyed = computed(flow::survey(&open, &mut driver, None)?)?;
