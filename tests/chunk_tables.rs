@@ -149,6 +149,46 @@ fn without_a_table_the_chunks_are_searched_where_that_is_possible() {
 }
 
 #[test]
+fn chunks_beyond_the_count_are_noticed() {
+    for (layered, variable) in KINDS {
+        let made = make(layered, variable);
+        let counting = |count: u64| {
+            let mut bytes = made.bytes.clone();
+            let (at, length) = if layered { (247, 8) } else { (107, 4) };
+            put(&mut bytes, at, &count.to_le_bytes()[..length]);
+            bytes
+        };
+        // By the table.
+        let present = if variable { 3_500 } else { 4_000 };
+        assert_eq!(problem(&counting(2_500)), format!("Points {{ promised: 2500, present: {present} }}"));
+        let points = if variable { "3500" } else { "up to 4000" };
+        let none = read(&counting(0)).expect_err("refused").to_string();
+        assert!(none.ends_with(&format!("has 4 compressed chunks with {points} points")), "{none}");
+        // Without a table, as a recorder leaves them that was stopped.
+        let stopped = |count: u64| {
+            let mut bytes = counting(count);
+            bytes.truncate(made.table);
+            put(&mut bytes, made.points_start, &(-1_i64).to_le_bytes());
+            bytes
+        };
+        let bytes = made.table - made.points_start - 8;
+        let none = read(&stopped(0)).expect_err("refused").to_string();
+        assert!(none.ends_with(&format!("has {bytes} bytes of compressed points")), "{none}");
+        if variable && !layered {
+            continue;
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.laz");
+        std::fs::write(&path, stopped(2_000)).expect("written");
+        let catalog = Catalog::open(&[path], &InputOptions::default()).expect("opens");
+        assert_eq!(catalog.point_count(), 2_000);
+        let text = catalog.warnings().join("\n");
+        let expected = "the header promises 2000 points, but ";
+        assert!(text.contains(expected) && text.contains("more bytes follow their chunks"), "{text}");
+    }
+}
+
+#[test]
 fn an_empty_table_counts_as_none() {
     let mut made = make(true, false);
     put(&mut made.bytes, made.table + 4, &[0; 4]);

@@ -140,16 +140,67 @@ fn a_wrong_count_of_a_layered_file_is_noticed_in_its_last_chunk() {
     );
 }
 
+/// A sample whose header promises this many points.
+fn counting(name: &str, count: u32) -> Vec<u8> {
+    let mut bytes = sample(name);
+    let is_new = bytes[25] == 4;
+    if is_new {
+        put(&mut bytes, 247, &u64::from(count).to_le_bytes());
+    }
+    put(&mut bytes, 107, &if is_new { 0 } else { count }.to_le_bytes());
+    bytes
+}
+
 #[test]
 fn a_file_without_points_is_accepted_with_a_warning() {
-    for (name, at, len) in [(LAS, 107, 4), (LAZ, 247, 8)] {
-        let mut bytes = sample(name);
-        put(&mut bytes, at, &vec![0; len]);
-        put(&mut bytes, 107, &[0; 4]);
-        let catalog = open_bytes(&bytes).expect("accepted");
-        assert_eq!(catalog.point_count(), 0);
-        assert!(catalog.files()[0].blocks().is_empty());
-        assert_eq!(catalog.warnings().last().map(String::as_str), Some("a.las: there are no points"));
+    for name in [LAS, LAZ] {
+        let mut bytes = counting(name, 0);
+        let start = u32::from_le_bytes(bytes[96..100].try_into().expect("four bytes")) as usize;
+        bytes.truncate(start);
+        // Nothing, zeros that a writer reserved, and what LASzip writes: a position and a table of no chunks.
+        let mut table = (start as u64 + 8).to_le_bytes().to_vec();
+        table.extend([0; 8]);
+        for rest in [Vec::new(), vec![0; 200_000], table] {
+            let catalog = open_bytes(&[&bytes[..], &rest].concat()).expect("accepted");
+            assert_eq!(catalog.point_count(), 0);
+            assert!(catalog.files()[0].blocks().is_empty());
+            assert_eq!(catalog.warnings().last().map(String::as_str), Some("a.las: there are no points"));
+        }
+    }
+}
+
+#[test]
+fn points_in_a_file_that_promises_none_are_refused_with_their_number() {
+    let folder = Folder::new();
+    let good = folder.file("good.las", &sample(LAS));
+    for (name, found) in [(LAS, "10310 whole records"), (LAZ, "2 compressed chunks with up to 100000 points")]
+    {
+        let bad = folder.file("zero.las", &counting(name, 0));
+        for arguments in [vec![bad.clone()], vec![good.clone(), bad], vec![folder.0.path().to_owned()]] {
+            let text = outcome(&open(&arguments));
+            assert!(text.starts_with("NotCounted"), "{text}");
+            let expected = format!("zero.las: the header promises no points, but the file has {found}");
+            assert!(text.ends_with(&expected), "{text}");
+        }
+    }
+}
+
+#[test]
+fn records_beyond_the_count_are_not_dropped_in_silence() {
+    let warnings = |bytes: &[u8]| open_bytes(bytes).expect("accepted").warnings().to_vec();
+    let text = warnings(&counting(LAS, 10_000)).join("\n");
+    assert!(
+        text.starts_with(
+            "a.las: the header promises 10000 points, but 310 more records follow them (10310 in all)"
+        ) && text.contains("-set_number_of_point_records 10310"),
+        "{text}"
+    );
+    // Reserved space is no record, and neither is less than one.
+    let mut reserved = counting(LAS, 10_000);
+    reserved.extend(vec![0; 300_000]);
+    assert_eq!(warnings(&reserved).join("\n"), text);
+    for padding in [vec![0; 300_000], vec![7; 27]] {
+        assert!(warnings(&[sample(LAS), padding].concat()).is_empty());
     }
 }
 
@@ -176,7 +227,8 @@ fn of_two_counts_the_one_that_the_file_holds_is_taken() {
         (10_310, 0, 10_310, 0),
         (10_310, 10_311, 10_310, 1),
         (77, 10_310, 10_310, 1),
-        (10_000, 9_000, 10_000, 1),
+        // 310 records are beyond both.
+        (10_000, 9_000, 10_000, 2),
     ] {
         let catalog = catalog(legacy, large).expect("accepted");
         assert_eq!(catalog.point_count(), points, "{legacy} {large}");

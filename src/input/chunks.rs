@@ -13,6 +13,7 @@ use super::decode::{Chunking, Coding, MAX_CHUNK_BYTES, MAX_POINTS_PER_BYTE, quie
 use super::error::{ChunkProblem, ChunkTableProblem, InputError};
 use super::header::Header;
 use super::mapped::{ByteSource, RangeReader};
+use super::uncounted;
 
 /// Records of a block of uncompressed points.
 const LAS_BLOCK_RECORDS: u64 = 65_536;
@@ -33,8 +34,15 @@ pub struct Block {
 /// The blocks of a file of uncompressed points.
 ///
 /// # Errors
-/// [`InputError::Truncated`] when no count of the header fits into the file.
-pub(crate) fn las_blocks(path: &Path, header: &Header, size: u64) -> Result<Vec<Block>, InputError> {
+/// [`InputError::Truncated`] when no count of the header fits into the file, [`InputError::NotCounted`] when
+/// the count is 0 but there are records, [`InputError::Read`].
+pub(crate) fn las_blocks(
+    path: &Path,
+    header: &Header,
+    source: &ByteSource,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Block>, InputError> {
+    let size = source.len();
     let record_len = u64::from(header.record_len);
     let end = header.tail_start.unwrap_or(size);
     let present = |end: u64| (end - header.points_start) / record_len;
@@ -46,6 +54,18 @@ pub(crate) fn las_blocks(path: &Path, header: &Header, size: u64) -> Result<Vec<
         promised: counts[0],
         present: present(size),
     })?;
+    let further = uncounted::records(header, source, count)
+        .map_err(|error| InputError::Read { path: path.to_owned(), source: error })?;
+    match (count, further) {
+        (_, 0) => {}
+        (0, further) => {
+            return Err(InputError::NotCounted {
+                path: path.to_owned(),
+                found: format!("{further} whole records"),
+            });
+        }
+        (count, further) => warnings.push(uncounted::warning(count, further)),
+    }
     let step = LAS_BLOCK_RECORDS.min((LAS_BLOCK_BYTES / record_len).max(1));
     let starts = (0..count).step_by(usize::try_from(step).unwrap_or(usize::MAX));
     Ok(starts
@@ -64,7 +84,8 @@ pub(crate) fn las_blocks(path: &Path, header: &Header, size: u64) -> Result<Vec<
 /// The blocks of a file of compressed points.
 ///
 /// # Errors
-/// [`InputError::ChunkTable`], [`InputError::Read`].
+/// [`InputError::ChunkTable`], [`InputError::NotCounted`] when the count is 0 but there are chunks,
+/// [`InputError::Read`].
 pub(crate) fn laz_blocks(
     path: &Path,
     header: &Header,
@@ -72,10 +93,13 @@ pub(crate) fn laz_blocks(
     source: &ByteSource,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Block>, InputError> {
-    if header.counts == [0] {
-        return Ok(Vec::new());
-    }
     let finder = Finder { header, coding, source, end: header.tail_start.unwrap_or(source.len()) };
+    if header.counts == [0] {
+        return match finder.uncounted() {
+            Some(found) => Err(InputError::NotCounted { path: path.to_owned(), found }),
+            None => Ok(Vec::new()),
+        };
+    }
     let found = match coding.chunking {
         Chunking::Whole => finder.whole(),
         Chunking::Fixed(_) | Chunking::Variable => finder.chunks(warnings),
@@ -121,12 +145,12 @@ impl Finder<'_> {
     fn chunks(&self, warnings: &mut Vec<String>) -> Result<Vec<(u64, u64)>, Problem> {
         let Some(table) = self.table_position()? else {
             warnings.push("the table of compressed chunks is missing; the chunks were searched".into());
-            return self.walk();
+            return self.walk(warnings);
         };
         let entries = self.read_table(table)?;
         if entries.is_empty() {
             warnings.push("the table of compressed chunks is empty; the chunks were searched".into());
-            return self.walk();
+            return self.walk(warnings);
         }
         match self.coding.chunking {
             Chunking::Fixed(size) => self.fixed(&entries, size),
@@ -215,7 +239,7 @@ impl Finder<'_> {
     }
 
     /// Chunks without a table, one after the other until all points are found.
-    fn walk(&self) -> Result<Vec<(u64, u64)>, Problem> {
+    fn walk(&self, warnings: &mut Vec<String>) -> Result<Vec<(u64, u64)>, Problem> {
         let promised = self.header.counts[0];
         let mut chunks = Vec::new();
         let mut found = 0;
@@ -239,7 +263,54 @@ impl Finder<'_> {
         if found > promised {
             return Err(ChunkTableProblem::Missing { promised, found }.into());
         }
+        let rest = position..uncounted::limit(self.header, self.source.len(), position);
+        if self.may_be_chunks(&rest) && !self.is_table(position, chunks.len()) {
+            let bytes = rest.end - rest.start;
+            warnings.push(uncounted::warning_of_chunks(promised, bytes));
+        }
         Ok(chunks)
+    }
+
+    /// What the file has although its header promises no points; `None` if that is true. Whatever cannot be
+    /// read counts as absent here: an empty file needs no table.
+    fn uncounted(&self) -> Option<String> {
+        let start = self.chunks_start();
+        let table = match self.coding.chunking {
+            Chunking::Whole => None,
+            Chunking::Fixed(_) | Chunking::Variable => self.table_position().ok().flatten(),
+        };
+        let entries = table.and_then(|table| self.read_table(table).ok()).unwrap_or_default();
+        let used = entries.iter().filter(|entry| entry.byte_count > 0);
+        let chunks = used.clone().count() as u64;
+        if chunks > 0 {
+            let points = match self.coding.chunking {
+                Chunking::Fixed(size) => format!("up to {}", chunks.saturating_mul(u64::from(size))),
+                Chunking::Variable | Chunking::Whole => {
+                    used.fold(0_u64, |sum, entry| sum.saturating_add(entry.point_count)).to_string()
+                }
+            };
+            let plural = if chunks == 1 { "" } else { "s" };
+            return Some(format!("{chunks} compressed chunk{plural} with {points} points"));
+        }
+        let rest = start..table.unwrap_or_else(|| uncounted::limit(self.header, self.source.len(), start));
+        self.may_be_chunks(&rest).then(|| format!("{} bytes of compressed points", rest.end - rest.start))
+    }
+
+    /// Whether bytes have room for a chunk, and are not only padding.
+    fn may_be_chunks(&self, rest: &Range<u64>) -> bool {
+        rest.end.saturating_sub(rest.start) >= self.coding.smallest_chunk()
+            && uncounted::bytes(self.source, rest).is_ok_and(|bytes| bytes > 0)
+    }
+
+    /// Whether the table of so many chunks begins here. A writer that was stopped may not have stored its
+    /// position.
+    fn is_table(&self, position: u64, chunks: usize) -> bool {
+        let mut buffer = Vec::new();
+        let head = self.source.slice(position..position + 8, &mut buffer);
+        head.is_ok_and(|head| {
+            let (version, count) = head.split_at(4);
+            version == [0; 4] && u32::try_from(chunks).is_ok_and(|chunks| count == chunks.to_le_bytes())
+        })
     }
 
     /// A layered chunk states its own length.

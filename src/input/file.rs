@@ -52,7 +52,7 @@ impl InputFile {
         let coding = if header.compressed { Some(Coding::read(path, &header, &source)?) } else { None };
         let blocks = match &coding {
             Some(coding) => chunks::laz_blocks(path, &header, coding, &source, &mut warnings)?,
-            None => chunks::las_blocks(path, &header, source.len())?,
+            None => chunks::las_blocks(path, &header, &source, &mut warnings)?,
         };
         let crs = Crs::read(&header, &source, &mut warnings);
         let mut file = Self {

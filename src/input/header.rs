@@ -55,6 +55,8 @@ pub(crate) struct Header {
     pub(crate) evlrs: Directory,
     /// First byte of the extended records (or of the waveforms of LAS 1.3), if the header names one.
     pub(crate) tail_start: Option<u64>,
+    /// Position of the extended records according to the header, if it promises any. It is not checked.
+    pub(crate) evlr_start: Option<u64>,
     /// Position of the waveform record according to the header. It is not checked, only kept correct in
     /// copies.
     pub(crate) waveform_start: Option<u64>,
@@ -108,6 +110,7 @@ impl Header {
             vlrs,
             evlrs,
             tail_start,
+            evlr_start: raw.evlr.filter(|evlr| evlr.number_of_evlrs > 0).map(|evlr| evlr.start_of_first_evlr),
             waveform_start: raw.start_of_waveform_data_packet_record,
             warnings,
         })

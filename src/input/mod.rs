@@ -31,6 +31,8 @@ pub(crate) mod header;
 pub(crate) mod layout;
 pub(crate) mod mapped;
 mod options;
+mod problem;
+mod uncounted;
 mod unit;
 pub(crate) mod vlr;
 mod wkt;
