@@ -28,6 +28,35 @@ pub fn separated(number: u64) -> String {
     text
 }
 
+/// A number with so many decimals, or with an exponent from 1e15 on: hundreds of digits say nothing.
+///
+/// ```
+/// use chainage::words::decimal;
+///
+/// assert_eq!(decimal(12.345, 2), "12.35");
+/// assert_eq!(decimal(1e300, 2), "1e300");
+/// ```
+#[must_use]
+pub fn decimal(number: f64, places: usize) -> String {
+    if number.abs() < 1e15 { format!("{number:.places$}") } else { format!("{number:e}") }
+}
+
+/// A value as given, or with an exponent if it is a number of more than 24 characters.
+///
+/// ```
+/// use chainage::words::shortened;
+///
+/// assert_eq!(shortened("18446744073709551615".into()), "18446744073709551615");
+/// assert_eq!(shortened(format!("1{}", "0".repeat(300))), "1e300");
+/// ```
+#[must_use]
+pub fn shortened(value: String) -> String {
+    match value.parse::<f64>() {
+        Ok(number) if value.len() > 24 && number.is_finite() => format!("{number:e}"),
+        _ => value,
+    }
+}
+
 /// The known name that is most similar to a mistyped one, if any is similar.
 ///
 /// Similar means: at most a third of the letters must be inserted, removed, replaced or swapped with their

@@ -177,7 +177,9 @@ fn times_that_are_no_numbers_are_counted_and_do_no_harm() {
     assert_eq!((&after.class, &after.label), (&before.class, &before.label));
     let bad = points.iter().filter(|point| !point.time.is_finite() || point.time.abs() >= 1e15).count();
     assert!(
-        summary.warnings.contains(&format!("{bad} points have no finite GPS time")),
+        summary
+            .warnings
+            .contains(&format!("{bad} points have no usable GPS time: it is not finite, or beyond 1e15 s")),
         "{:?}",
         summary.warnings
     );

@@ -483,4 +483,80 @@ fn a_finished_run_is_finished_when_its_model_is_gone() {
         status.contains("cannot read the model") && status.contains("finished: every output"),
         "{status}"
     );
+
+fn points_beyond_the_count_are_named_by_every_command() {
+    let folder = with_drive();
+    let path = folder.path().join("drive/first").join(SAMPLE);
+    let mut bytes = std::fs::read(&path).expect("the sample");
+    bytes[107..111].copy_from_slice(&10_000_u32.to_le_bytes());
+    std::fs::write(&path, &bytes).expect("written");
+    let run = [&["run", "drive/first", "-o", "out", "--json"][..], &CHEAP].concat();
+    let expected = format!(
+        "{SAMPLE}: the header promises 10000 points, but 310 more records follow them (10310 in all)"
+    );
+    for arguments in [&run[..], &["info", "drive/first", "--json"], &["plan", "drive/first", "--json"]] {
+        let text = told(folder.path(), arguments);
+        assert!(text.contains(&expected), "{text}");
+    }
+    bytes[107..111].copy_from_slice(&[0; 4]);
+    std::fs::write(&path, &bytes).expect("written");
+    let text = refused(folder.path(), &run, 4);
+    assert!(
+        text.contains("the header promises no points, but the file has 10310 whole records")
+            && text.contains("-set_number_of_point_records"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_run_without_a_coordinate_system_says_so_in_one_line() {
+    let folder = with_drive();
+    for (outputs, unit, expected) in [
+        (
+            "csv,geojson",
+            "auto",
+            Some(
+                "no coordinate system is known: coordinates are taken as metres (if they are feet, set input.unit), \
+                 and other programs may take objects.geojson for degrees",
+            ),
+        ),
+        (
+            "csv",
+            "auto",
+            Some(
+                "no coordinate system is known: coordinates are taken as metres (if they are feet, set input.unit)",
+            ),
+        ),
+        (
+            "geojson",
+            "metre",
+            Some("no coordinate system is known: other programs may take objects.geojson for degrees"),
+        ),
+        ("csv", "metre", None),
+    ] {
+        let unit = format!("input.unit={unit}");
+        let run =
+            ["run", "drive/first", "-o", "out", "--fresh", "--json", "--outputs", outputs, "--set", &unit];
+        let json: serde_json::Value =
+            serde_json::from_str(&told(folder.path(), &[&run[..], &CHEAP].concat())).expect("JSON");
+        let warnings = json["warnings"].as_array().expect("a list");
+        let found: Vec<&str> = warnings.iter().filter_map(serde_json::Value::as_str).collect();
+        let about: Vec<&&str> = found.iter().filter(|text| text.contains("coordinate system")).collect();
+        assert_eq!(about, expected.iter().collect::<Vec<_>>(), "{outputs} {unit}");
+    }
+}
+
+#[test]
+fn huge_numbers_have_an_exponent() {
+    let folder = with_drive();
+    let plan = [&["plan", "drive/first", "--set", "euclidean.max_gap_m=1e300"][..], &CHEAP].concat();
+    let text = refused(folder.path(), &plan, 3);
+    assert!(text.contains("euclidean.max_gap_m = 1e300: must be"), "{text}");
+    let path = folder.path().join("drive/first").join(SAMPLE);
+    let mut bytes = std::fs::read(&path).expect("the sample");
+    // The largest x of the header, and then the smallest.
+    bytes[179..187].copy_from_slice(&(-1e300_f64).to_le_bytes());
+    std::fs::write(&path, &bytes).expect("written");
+    let text = told(folder.path(), &["info", "drive/first"]);
+    assert!(text.contains("points lie up to 1e300 m outside the boxes"), "{text}");
 }

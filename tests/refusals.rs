@@ -357,12 +357,82 @@ fn coordinate_systems_of_one_drive_must_agree() {
     assert!(catalog.warnings().is_empty(), "{:?}", catalog.warnings());
     let text = outcome(&open(&[one.clone(), other]));
     assert!(text.starts_with("CrsDiffers") && text.contains("zone 33 (EPSG:25833)"), "{text}");
-    let catalog = open(&[plain, one]).expect("one without a system");
+    // A file without points has no coordinates, and counts as none of them.
+    let mut empty = counting(LAS, 0);
+    empty.truncate(227);
+    let empty = folder.file("e.las", &empty);
+    let catalog = open(&[plain, empty, one]).expect("one without a system");
     assert_eq!(catalog.crs().epsg, Some(25_832));
-    assert_eq!(catalog.warnings().len(), 1, "{:?}", catalog.warnings());
+    let warnings = catalog.warnings();
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
+    assert!(
+        warnings[1].starts_with("1 of 2 files does not name a coordinate reference system"),
+        "{warnings:?}"
+    );
     let degrees = folder.file("f.las", &with_wkt("GEOGCS[\"WGS 84\",UNIT[\"degree\",0.0174]]"));
     let stated = InputOptions { unit: LengthUnit::Metre, ..InputOptions::default() };
     Catalog::open(&[degrees], &stated).expect("a stated unit overrides the record");
+}
+
+/// A transverse Mercator projection without a code.
+fn nameless(meridian: u32, end: &str) -> String {
+    format!(
+        "PROJCS[\"site\",GEOGCS[\"g\",DATUM[\"d\",SPHEROID[\"s\",6378137,298.257222101]],PRIMEM[\"Greenwich\",0],\
+         UNIT[\"degree\",0.0174532925199433]],PROJECTION[\"Transverse_Mercator\"],PARAMETER[\"latitude_of_origin\",0],\
+         PARAMETER[\"central_meridian\",{meridian}],PARAMETER[\"scale_factor\",0.9996],\
+         PARAMETER[\"false_easting\",500000],PARAMETER[\"false_northing\",0],UNIT[\"metre\",1]{end}]"
+    )
+}
+
+#[test]
+fn systems_without_a_code_must_agree_in_their_numbers() {
+    let folder = Folder::new();
+    let file = |name: &str, text: &str| folder.file(name, &with_wkt(text));
+    let nine = file("a.las", &nameless(9, ""));
+    let fifteen = file("b.las", &nameless(15, ""));
+    let by_code = file("c.las", "PROJCS[\"UTM 32\",UNIT[\"metre\",1],AUTHORITY[\"EPSG\",\"25832\"]]");
+    let unreadable = file("d.las", "PROJCS[\"another\",UNIT[\"metre\",1]]");
+    let text = outcome(&open(&[nine.clone(), fifteen.clone()]));
+    assert!(text.starts_with("CrsDiffers"), "{text}");
+    // Of the code, the file has a name only.
+    for other in [&by_code, &unreadable] {
+        open(&[nine.clone(), other.clone()]).expect("nothing contradicts");
+        open(&[other.clone(), nine.clone()]).expect("nothing contradicts");
+    }
+    let full = file("e.las", &nameless(15, ",AUTHORITY[\"EPSG\",\"25833\"]"));
+    let text = outcome(&open(&[full.clone(), nine]));
+    assert!(text.starts_with("CrsDiffers"), "{text}");
+    open(&[full, fifteen]).expect("the same numbers");
+}
+
+#[test]
+fn a_code_that_nobody_knows_is_not_named() {
+    let text = nameless(9, ",AUTHORITY[\"EPSG\",\"99999\"]");
+    let catalog = open_bytes(&with_wkt(&text)).expect("accepted");
+    assert_eq!(catalog.crs().epsg, None);
+    let warnings = catalog.warnings().join("\n");
+    assert!(warnings.starts_with("a.las: EPSG:99999 is not known"), "{warnings}");
+    // Programs look up a code in the text as well.
+    assert_eq!(catalog.crs().text(), Some(nameless(9, "").as_str()));
+    // The code of a system in metres, and coordinates in feet.
+    let feet = nameless(9, ",AUTHORITY[\"EPSG\",\"25832\"]").replace("\"metre\",1", "\"foot\",0.3048");
+    let catalog = open_bytes(&with_wkt(&feet)).expect("accepted");
+    assert_eq!(catalog.crs().text(), Some(feet.replace(",AUTHORITY[\"EPSG\",\"25832\"]", "").as_str()));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_and_its_file_are_named_both() {
+    let folder = Folder::new();
+    let file = folder.file("a.las", &sample(LAS));
+    let link = folder.0.path().join("link.las");
+    std::os::unix::fs::symlink(&file, &link).expect("a link");
+    let text = outcome(&open(&[file, link]));
+    assert!(
+        text.starts_with("SameFile")
+            && text.contains("link.las and ")
+            && text.ends_with("a.las are the same file")
+    );
 }
 
 #[test]

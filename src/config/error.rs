@@ -116,7 +116,7 @@ fn suggestion(similar: Option<&str>, known: &[String]) -> String {
 impl ConfigError {
     /// A [`ConfigError::Value`].
     pub fn value(key: impl Into<String>, value: impl ToString, expected: impl Into<String>) -> Self {
-        Self::Value { key: key.into(), value: value.to_string(), expected: expected.into() }
+        Self::Value { key: key.into(), value: words::shortened(value.to_string()), expected: expected.into() }
     }
 
     /// Refuses the first value outside its range, as NaN always is. Given are key, value, range and unit; the

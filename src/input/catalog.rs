@@ -137,7 +137,7 @@ fn find(arguments: &[PathBuf], left_out: &[PathBuf]) -> Result<Vec<PathBuf>, Inp
     if paths.is_empty() {
         return Err(InputError::NothingFound { argument: String::new() });
     }
-    let mut known = std::collections::BTreeSet::new();
+    let mut known = std::collections::BTreeMap::new();
     let mut own = Vec::new();
     for path in &paths {
         let real = path.canonicalize().map_err(|source| InputError::Read { path: path.clone(), source })?;
@@ -146,8 +146,11 @@ fn find(arguments: &[PathBuf], left_out: &[PathBuf]) -> Result<Vec<PathBuf>, Inp
             return Err(InputError::NotUtf8 { path: real });
         }
         own.push(left_out.contains(&real));
-        if !known.insert(real) {
-            return Err(InputError::Duplicate { path: path.clone() });
+        if let Some(first) = known.insert(real, path) {
+            return Err(match first.file_name() == path.file_name() {
+                true => InputError::Duplicate { path: path.clone() },
+                false => InputError::SameFile { path: path.clone(), other: first.clone() },
+            });
         }
     }
     if own.contains(&false) {
@@ -239,11 +242,14 @@ fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>)
             });
         }
     }
-    let without = files.iter().filter(|file| !file.crs().is_known()).count();
+    // A file without points has no coordinates.
+    let filled = files.iter().filter(|file| file.point_count() > 0);
+    let without = filled.clone().filter(|file| !file.crs().is_known()).count();
     if let Some(first) = first.filter(|_| without > 0) {
+        let verb = if without == 1 { "does" } else { "do" };
         warnings.push(format!(
-            "{without} of {} files do not name a coordinate reference system; all are taken to be in that of {}: {}",
-            files.len(),
+            "{without} of {} files {verb} not name a coordinate reference system; all are taken to be in that of {}: {}",
+            filled.count(),
             first.name(),
             first.crs().description
         ));

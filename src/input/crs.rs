@@ -1,20 +1,16 @@
 //! The coordinate reference system of a file, as far as processing needs it: kind, units, name. Coordinates
 //! are never transformed. The records that describe the system are copied to the output unchanged.
 
-use super::geokeys::{DIRECTORY, DOUBLES, GeoKeys, TEXTS};
+use super::crs_records::{geo_keys, wkt_text};
+use super::geokeys::GeoKeys;
 use super::header::Header;
 use super::mapped::ByteSource;
+use super::projection::{Projection, definition, without_codes};
 use super::unit::{plausible, unit_in_words};
-use super::vlr;
 use super::wkt::Node;
 use crate::config::{FOOT, LengthUnit, US_SURVEY_FOOT};
+use crate::words::decimal;
 
-/// User id of the records of the coordinate reference system.
-const PROJECTION_USER: &str = "LASF_Projection";
-/// Record id of the system as well-known text.
-const WKT: u16 = 2112;
-/// Length limit of well-known text.
-const MAX_WKT: u64 = 1 << 20;
 /// Bit of the global encoding: the system is given as well-known text.
 const WKT_BIT: u16 = 1 << 4;
 /// The kind of coordinates.
@@ -34,7 +30,8 @@ pub enum CrsKind {
 /// The coordinate reference system of a file, as far as it is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Crs {
-    /// The well-known text, if the file has one.
+    /// The well-known text, if the file has one. It has no code where `epsg` is unknown: other programs would
+    /// look the code up and ignore the rest.
     pub wkt: Option<String>,
     /// EPSG code of the horizontal system, if the file names one.
     pub epsg: Option<u32>,
@@ -67,7 +64,8 @@ impl Crs {
         self.kind != CrsKind::Unknown || self.wkt.is_some() || self.epsg.is_some()
     }
 
-    /// Whether two known systems contradict each other: by code, kind or unit.
+    /// Whether two known systems contradict each other: by code, kind or unit, or by the numbers of their
+    /// projections if one has no code.
     #[must_use]
     pub fn contradicts(&self, other: &Self) -> bool {
         if !self.is_known() || !other.is_known() {
@@ -77,7 +75,17 @@ impl Crs {
         let codes = matches!((self.epsg, other.epsg), (Some(a), Some(b)) if a != b);
         let units = !same(self.horizontal_unit_m, other.horizontal_unit_m)
             || !same(self.vertical_unit_m, other.vertical_unit_m);
-        codes || self.kind != other.kind || units
+        codes || self.kind != other.kind || units || self.projections_differ(other)
+    }
+
+    /// Whether the texts show different projections. Equal codes say that they are equal; a text that cannot
+    /// be read says nothing.
+    fn projections_differ(&self, other: &Self) -> bool {
+        if self.epsg.is_some() && other.epsg.is_some() {
+            return false;
+        }
+        let [first, second] = [self, other].map(|crs| crs.text().and_then(Projection::of));
+        matches!((first, second), (Some(first), Some(second)) if first.differs_from(&second))
     }
 
     /// Well-known text for an output: that of the file, or that of the EPSG dataset for its code.
@@ -108,8 +116,12 @@ impl Crs {
             (Some(first), Some(second)) => first.completed_by(&second),
             (first, second) => first.or(second).unwrap_or_default(),
         };
-        let claim = claim.dismissed_by(header.extent, warnings).compared_with_epsg(warnings);
+        let claim = claim
+            .dismissed_by(header.extent, warnings)
+            .without_unknown_code(warnings)
+            .compared_with_epsg(warnings);
         let text = text.filter(|_| claim != Claim::default());
+        let text = text.map(|text| if claim.epsg.is_none() { without_codes(text) } else { text });
         claim.warn_about_unit(warnings);
         let is_unknown = claim == Claim::default();
         let crs = claim.into_crs(text);
@@ -168,13 +180,23 @@ impl Claim {
             return self;
         }
         warnings.push(format!(
-            "the coordinate system {:?} is {:?}, which coordinates up to {:.0} cannot be; it is ignored and metres \
-             are assumed",
+            "the coordinate system {:?} is {:?}, which coordinates up to {} cannot be; it is ignored and metres are \
+             assumed",
             self.name.unwrap_or_default(),
             self.kind,
-            largest(0..3)
+            decimal(largest(0..3), 0)
         ));
         Self::default()
+    }
+
+    /// Drops a code that the EPSG dataset does not have. Programs that look it up refuse the whole file.
+    fn without_unknown_code(self, warnings: &mut Vec<String>) -> Self {
+        let Some(code) = self.epsg.filter(|code| definition(*code).is_none()) else { return self };
+        warnings.push(format!(
+            "EPSG:{code} is not known (it is wrong, or newer than this program): the outputs do not name this code"
+        ));
+        let name = self.name.unwrap_or_else(|| format!("EPSG:{code}"));
+        Self { epsg: None, name: Some(format!("{name} (unknown code)")), ..self }
     }
 
     /// Completes the unit from the definition of the code. A projected system with another unit is not that
@@ -237,39 +259,6 @@ impl Claim {
 pub(super) fn looks_like_degrees(scale: [f64; 3], extent: [[f64; 3]; 2]) -> bool {
     let inside = |axis: usize, limit: f64| extent.iter().all(|corner| corner[axis].abs() <= limit);
     scale[0] <= 2e-7 && scale[1] <= 2e-7 && inside(0, 180.0) && inside(1, 90.0)
-}
-
-/// The well-known text (version 1) of a code in the EPSG dataset.
-fn definition(code: u32) -> Option<&'static str> {
-    Some(crs_definitions::from_code(u16::try_from(code).ok()?)?.wkt)
-}
-
-fn wkt_text(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<String> {
-    // The liblas record has the same text; writers of that library added both.
-    let record = [PROJECTION_USER, "liblas"].iter().find_map(|user| {
-        header.records().find(|record| record.is(user, WKT) && !record.payload.is_empty())
-    })?;
-    let Some(bytes) = record.read(source, MAX_WKT) else {
-        warnings.push("the well-known text of the coordinate system is too long and is ignored".into());
-        return None;
-    };
-    let text = vlr::decode(&bytes);
-    let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
-    (!text.is_empty()).then(|| text.to_owned())
-}
-
-fn geo_keys(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<GeoKeys> {
-    let payload = |record: u16| {
-        let record = header.records().find(|candidate| candidate.is(PROJECTION_USER, record))?;
-        record.read(source, u64::from(u16::MAX))
-    };
-    let directory = payload(DIRECTORY)?;
-    let keys =
-        GeoKeys::parse(&directory, payload(DOUBLES).unwrap_or_default(), payload(TEXTS).unwrap_or_default());
-    if keys.is_none() {
-        warnings.push("the GeoTIFF keys of the coordinate system cannot be read and are ignored".into());
-    }
-    keys.filter(|keys| !keys.is_empty())
 }
 
 /// The claim of a well-known text (version 1 or 2); `None` if the kind of its outermost system is unknown.

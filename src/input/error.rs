@@ -47,6 +47,14 @@ pub enum InputError {
         /// The file.
         path: PathBuf,
     },
+    /// A file that is given by two names, for example by a link.
+    #[error("{path} and {other} are the same file", path = path.display(), other = other.display())]
+    SameFile {
+        /// The file.
+        path: PathBuf,
+        /// Its other name, which was given before.
+        other: PathBuf,
+    },
     /// A file whose name, or the name of a folder above it, is not UTF-8.
     #[error("the path {path:?} is not UTF-8")]
     NotUtf8 {
@@ -240,9 +248,10 @@ impl Failure for InputError {
             Self::Read { .. } => return None,
             Self::Model { .. } => "chainage train writes a model; leave it out to use the built-in one",
             Self::NothingFound { .. } | Self::Pattern { .. } => {
-                "give files, folders with *.las or *.laz (folders below them are not searched), or patterns in quotes"
+                "give files, folders with *.las or *.laz (folders below them with --recursive), or patterns in quotes"
             }
             Self::Duplicate { .. } => "name every file once; a folder already names the files in it",
+            Self::SameFile { .. } => "give only one of the two names: its points would count twice",
             Self::NotUtf8 { .. } => {
                 "rename the file or the folder; `convmv -f latin1 -t utf8 FILE` shows the probable name"
             }

@@ -66,13 +66,42 @@ impl Node {
 
     /// The EPSG code: `AUTHORITY["EPSG","25832"]` or `ID["EPSG",25832]`.
     pub(crate) fn epsg(&self) -> Option<u32> {
-        let id = self.child(&["AUTHORITY", "ID"]).filter(|id| id.name() == Some("EPSG"))?;
-        id.values.iter().skip(1).find_map(|value| match value {
+        self.child(&["AUTHORITY", "ID"])?.as_code()
+    }
+
+    /// The EPSG code that this node itself is.
+    fn as_code(&self) -> Option<u32> {
+        if !["AUTHORITY", "ID"].contains(&self.keyword.as_str()) || self.name() != Some("EPSG") {
+            return None;
+        }
+        self.values.iter().skip(1).find_map(|value| match value {
             Value::Text(text) => text.trim().parse().ok(),
             Value::Number(number) => number.to_string().parse().ok(),
             Value::Word(_) | Value::Node(_) => None,
         })
     }
+}
+
+/// A text without `,AUTHORITY["EPSG","..."]` or `,ID["EPSG",...]` of these codes. All else stays as written.
+pub(crate) fn without_codes(text: &str, codes: &[u32]) -> String {
+    let mut kept = String::with_capacity(text.len());
+    let mut from = 0;
+    let mut quoted = false;
+    for (at, character) in text.char_indices() {
+        quoted ^= character == '"';
+        if at < from || quoted || character != ',' {
+            continue;
+        }
+        let mut parser = Parser { rest: &text[at + 1..], depth: 0 };
+        if let Some(Value::Node(node)) = parser.value()
+            && node.as_code().is_some_and(|code| codes.contains(&code))
+        {
+            kept.push_str(&text[from..at]);
+            from = text.len() - parser.rest.len();
+        }
+    }
+    kept.push_str(&text[from..]);
+    kept
 }
 
 struct Parser<'a> {
@@ -173,6 +202,20 @@ mod tests {
         let second = Node::parse("PROJCRS[\"x\",CS[Cartesian,2],ID[\"EPSG\",3857]]").expect("parses");
         assert_eq!(second.child(&["CS"]).and_then(Node::word), Some("CARTESIAN"));
         assert_eq!(second.epsg(), Some(3_857));
+    }
+
+    #[test]
+    fn codes_are_taken_out_of_a_text() {
+        let text =
+            "P[\"a,ID[\"\"EPSG\"\",7]\",G[\"g\",ID[\"EPSG\",5]] , AUTHORITY(\"EPSG\", \"7\"),U[\"m\",1]]\0";
+        assert_eq!(
+            without_codes(text, &[7]),
+            "P[\"a,ID[\"\"EPSG\"\",7]\",G[\"g\",ID[\"EPSG\",5]] ,U[\"m\",1]]\0"
+        );
+        assert_eq!(without_codes(text, &[5, 7]), "P[\"a,ID[\"\"EPSG\"\",7]\",G[\"g\"] ,U[\"m\",1]]\0");
+        assert_eq!(without_codes(text, &[6]), text);
+        assert_eq!(without_codes("P[\"x\",ID[\"EPSG\",7,CITATION[\"c\"]]]", &[7]), "P[\"x\"]");
+        assert_eq!(without_codes("P[\"x\",ID[\"EPSG\",7", &[7]), "P[\"x\",ID[\"EPSG\",7");
     }
 
     #[test]

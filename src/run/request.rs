@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::config::Config;
+use crate::config::{Config, LengthUnit};
 use crate::error::Result;
+use crate::input::Crs;
 use crate::output::LabelledFile;
 use crate::run::chain::{Chain, Registries};
 use crate::run::drive::identity;
@@ -59,13 +60,7 @@ impl<'a> Begun<'a> {
         warnings.extend(file_warnings);
         warnings.extend(foreign::warnings(&run_dir)?);
         let crs = catalog.crs();
-        if config.output.writes("geojson") && crs.is_known() && crs.epsg.is_none() {
-            warnings.push(format!(
-                "objects.geojson names no coordinate system, because no EPSG code of {} is known: other programs may \
-                 take its coordinates for longitude and latitude (objects.gpkg does not have this problem)",
-                crs.description
-            ));
-        }
+        warnings.extend(nameless_warning(crs, config));
         if config.output.writes("copc") && crs.is_known() && crs.text().is_none() {
             warnings.push(format!(
                 "{} names no coordinate system: COPC stores it as well-known text, and the files have none \
@@ -83,5 +78,27 @@ impl<'a> Begun<'a> {
         }
         open.record(&run_dir, &request.inputs)?;
         Ok(Self { run_dir, open, labelled, warnings })
+    }
+}
+
+/// The warning about a system that is not known, or that the GeoJSON cannot name.
+fn nameless_warning(crs: &Crs, config: &Config) -> Option<String> {
+    let is_written = config.output.writes("geojson");
+    match crs.epsg {
+        Some(_) => None,
+        None if crs.is_known() => is_written.then(|| {
+            format!(
+                "objects.geojson names no coordinate system, because no EPSG code of {} is known: other programs may \
+                 take its coordinates for longitude and latitude (objects.gpkg does not have this problem)",
+                crs.description
+            )
+        }),
+        None => {
+            let metres = (config.input.unit == LengthUnit::Auto)
+                .then_some("coordinates are taken as metres (if they are feet, set input.unit)");
+            let degrees = is_written.then_some("other programs may take objects.geojson for degrees");
+            let effects: Vec<&str> = [metres, degrees].into_iter().flatten().collect();
+            (!effects.is_empty()).then(|| format!("no coordinate system is known: {}", effects.join(", and ")))
+        }
     }
 }

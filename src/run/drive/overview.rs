@@ -41,7 +41,7 @@ impl Surveyed {
         if survey.bad_times > 0 {
             let times = counted(survey.bad_times, "point");
             let verb = if survey.bad_times == 1 { "has" } else { "have" };
-            warnings.push(format!("{times} {verb} no finite GPS time"));
+            warnings.push(format!("{times} {verb} no usable GPS time: it is not finite, or beyond 1e15 s"));
         }
         survey.time_bins.clear();
         warn_of_strays(drive, &survey, &cells, &mut warnings);

@@ -30,8 +30,9 @@ pub(super) fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mu
         .fold(0.0, f64::max);
     if beyond > BOX_TOLERANCE_M {
         warnings.push(format!(
-            "points lie up to {beyond:.2} m outside the boxes that the headers give: a header was not updated, \
-             or records are damaged"
+            "points lie up to {} m outside the boxes that the headers give: a header was not updated, or records \
+             are damaged",
+            words::decimal(beyond, 2)
         ));
     }
 }
