@@ -483,7 +483,9 @@ fn a_finished_run_is_finished_when_its_model_is_gone() {
         status.contains("cannot read the model") && status.contains("finished: every output"),
         "{status}"
     );
+}
 
+#[test]
 fn points_beyond_the_count_are_named_by_every_command() {
     let folder = with_drive();
     let path = folder.path().join("drive/first").join(SAMPLE);

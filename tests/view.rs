@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use chainage::input::{Catalog, Fields, InputOptions, record_xyz};
 
@@ -130,6 +130,115 @@ fn readers_that_pause_do_not_stop_it() {
         .collect();
     assert_eq!(server.ask("GET", "/", "").status, 200);
     drop(paused);
+}
+
+/// The resident memory of the server and its threads, as the system counts them.
+fn memory_and_threads(server: &Server) -> (u64, u64) {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", server.child.id())).expect("it lives");
+    let number = |name: &str| {
+        let line = status.lines().find_map(|line| line.strip_prefix(name)).expect("a line");
+        line.trim_start_matches(':').split_whitespace().next().and_then(|word| word.parse().ok())
+    };
+    (number("VmPeak").expect("KiB"), number("Threads").expect("a number"))
+}
+
+/// A length or a chunk that a client promises must not be allocated, read or waited for.
+#[test]
+fn a_request_with_a_body_is_refused_and_ends_nothing() {
+    let folder = folder();
+    let server = Server::start(&folder.path().join("out"));
+    let port = server.port;
+    assert_eq!(server.ask("GET", "/", "").status, 200);
+    let (before, _) = memory_and_threads(&server);
+    let own = format!("Host: 127.0.0.1:{port}\r\n");
+    for (what, request) in [
+        ("foreign", "GET / HTTP/1.1\r\nHost: evil\r\nContent-Length: 999999999999\r\n\r\n".to_owned()),
+        ("large", format!("GET / HTTP/1.1\r\n{own}Content-Length: 30000000000\r\n\r\n")),
+        ("POST", format!("POST / HTTP/1.1\r\n{own}Content-Length: 30000000000\r\n\r\nabc")),
+        ("small", format!("GET / HTTP/1.1\r\n{own}Content-Length: 5\r\n\r\nabcde")),
+        ("too many digits", format!("GET / HTTP/1.1\r\n{own}Content-Length: {}\r\n\r\n", "9".repeat(40))),
+        ("chunked", format!("PUT / HTTP/1.1\r\n{own}Transfer-Encoding: chunked\r\n\r\nffffffffff\r\nabc")),
+        (
+            "waits for 100",
+            format!("PUT / HTTP/1.1\r\n{own}Expect: 100-continue\r\nContent-Length: 30000000000\r\n\r\n"),
+        ),
+    ] {
+        let asked = Instant::now();
+        let answer = server.raw(&request);
+        assert_eq!(answer.status, 413, "{what}");
+        assert!(answer.headers.contains("connection: close"), "{what}: {}", answer.headers);
+        assert!(asked.elapsed() < Duration::from_secs(5), "{what}: {:?}", asked.elapsed());
+    }
+    // A client that sends its body without a look at the answer gets it all the same.
+    let body = "x".repeat(100_000);
+    let sent = server.raw(&format!("POST / HTTP/1.1\r\n{own}Content-Length: 100000\r\n\r\n{body}"));
+    assert_eq!(sent.status, 413);
+    // Without a body, the wait for "100 Continue" has no sense, and the page comes.
+    assert_eq!(server.ask("GET", "/", "Expect: 100-continue\r\nContent-Length: 0\r\n").status, 200);
+    let many = "a: b\r\n".repeat(100_000);
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("connects");
+    // The server may have closed the connection before all of it was sent.
+    let _ = stream.write_all(format!("GET / HTTP/1.1\r\n{own}{many}").as_bytes());
+    assert_eq!(server.ask("GET", "/", "").status, 200);
+    // Each thread reserves address space for its stack and for the heap of the allocator, 64 MiB.
+    let (after, _) = memory_and_threads(&server);
+    assert!(after < before + (4 << 20), "{before} to {after} KiB");
+}
+
+/// Neither half a request nor a silent connection keeps its thread.
+#[test]
+fn slow_requests_end_and_do_not_stop_others() {
+    let folder = folder();
+    let server = Server::start(&folder.path().join("out"));
+    let (_, before) = memory_and_threads(&server);
+    let slow: Vec<TcpStream> = (0..20)
+        .map(|number| {
+            let mut stream = TcpStream::connect(("127.0.0.1", server.port)).expect("connects");
+            stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a time-out");
+            if number % 2 == 0 {
+                stream.write_all(b"GET / HTTP/1.1\r\nHost: ").expect("sent");
+            }
+            stream
+        })
+        .collect();
+    assert_eq!(server.ask("GET", "/", "").status, 200);
+    // One that trickles in has no more time than the others.
+    let mut trickle = TcpStream::connect(("127.0.0.1", server.port)).expect("connects");
+    trickle.write_all(b"GET / HTTP/1.1\r\nX: ").expect("sent");
+    let begun = Instant::now();
+    let mut ended = false;
+    while !ended && begun.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(250));
+        ended = trickle.write_all(b"x").is_err();
+    }
+    assert!(ended, "it is still read after {:?}", begun.elapsed());
+    for (number, mut stream) in slow.into_iter().enumerate() {
+        let mut text = String::new();
+        stream.read_to_string(&mut text).expect("an end");
+        let expected = if number % 2 == 0 { "HTTP/1.1 408 " } else { "" };
+        assert!(text.starts_with(expected) && text.is_empty() == expected.is_empty(), "{number}: {text}");
+    }
+    let (_, after) = memory_and_threads(&server);
+    assert!(after <= before + 1, "{before} to {after} threads");
+}
+
+/// A browser asks for many parts on one connection.
+#[test]
+fn a_connection_answers_one_request_after_the_other() {
+    let folder = folder();
+    let server = Server::start(&folder.path().join("out"));
+    let head = format!("Host: 127.0.0.1:{}\r\n", server.port);
+    let asked = format!(
+        "GET / HTTP/1.1\r\n{head}\r\nHEAD / HTTP/1.1\r\n{head}\r\nGET /drive.laz HTTP/1.1\r\n{head}Range: \
+         bytes=65-67\r\nConnection: close\r\n\r\n"
+    );
+    let mut stream = TcpStream::connect(("127.0.0.1", server.port)).expect("connects");
+    stream.write_all(asked.as_bytes()).expect("sent");
+    let mut text = String::new();
+    stream.read_to_string(&mut text).expect("three answers");
+    assert_eq!(text.matches("HTTP/1.1 200 OK").count(), 2, "{text}");
+    assert_eq!(text.matches("<p>page").count(), 1, "{text}");
+    assert!(text.contains("HTTP/1.1 206 ") && text.ends_with("\r\n\r\nABC"), "{text}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use chainage::config::ConfigError;
 use chainage::output::{check_target, save};
 use chainage::run::SectionFacts;
 pub(crate) use chainage::words::{counted, separated as count};
@@ -47,13 +48,43 @@ impl JsonOutput {
         self.json.is_some()
     }
 
+    /// Whether JSON goes to standard output.
+    pub(crate) fn is_printed(&self) -> bool {
+        self.json.as_deref().is_some_and(is_standard_output)
+    }
+
+    /// Refuses a file in the folder `out` that the command itself writes, as `is_owned` says of its name.
+    pub(crate) fn spares(&self, out: &Path, is_owned: impl Fn(&str) -> bool) -> Result<(), CliError> {
+        let Some(path) = self.json.as_deref().filter(|path| !is_standard_output(path)) else { return Ok(()) };
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if is_owned(&name) && resolved(folder) == resolved(out) {
+            let expected = format!("another file: {name} in {} is an output of the run", out.display());
+            let error = ConfigError::value("--json", path.display(), expected);
+            return Err(chainage::Error::from(error).into());
+        }
+        Ok(())
+    }
+
     /// Prints the page, unless JSON is printed; writes JSON to a file.
     pub(crate) fn show(&self, value: &impl Serialize, page: impl FnOnce() -> String) -> Result<(), CliError> {
-        let printed = deliver(self.json.as_deref(), |to| {
+        if self.deliver(value)? { Ok(()) } else { text(&page()) }
+    }
+
+    /// Writes JSON to its destination. Returns whether this is standard output.
+    pub(crate) fn deliver(&self, value: &impl Serialize) -> Result<bool, CliError> {
+        self.deliver_by(|to| {
             serde_json::to_writer_pretty(&mut *to, value)?;
             to.write_all(b"\n")
-        })?;
-        if printed { Ok(()) } else { text(&page()) }
+        })
+    }
+
+    /// The same for JSON that `content` writes.
+    pub(crate) fn deliver_by(
+        &self,
+        content: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<bool, CliError> {
+        deliver(self.json.as_deref(), content)
     }
 }
 
@@ -85,6 +116,21 @@ pub(crate) fn target() -> impl TypedValueParser<Value = PathBuf> {
             None => error.to_string(),
         })
     })
+}
+
+/// Reads the name of a folder for results.
+pub(crate) fn folder() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        if is_standard_output(&path) {
+            return Err("a folder cannot be standard output; write ./- for a folder of this name");
+        }
+        Ok(path)
+    })
+}
+
+/// A path without links and detours, to compare it with others.
+pub(crate) fn resolved(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_owned())
 }
 
 /// Whether a result is to go to standard output.

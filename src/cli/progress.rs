@@ -39,29 +39,55 @@ impl ProgressChoice {
     }
 }
 
-/// How much a command that processes a drive says.
+/// -q, in every command that shows how far it is.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Display")]
+pub(crate) struct Quiet {
+    /// Show warnings only
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+impl Quiet {
+    /// Whether a command that has a display of its own shows it: a person reads it, and has not refused it.
+    pub(crate) fn shows(&self) -> bool {
+        !self.quiet && std::io::stderr().is_terminal()
+    }
+}
+
+/// How progress is shown, in commands that process a drive.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Display")]
+pub(crate) struct Kind {
+    /// How progress is shown on standard error
+    #[arg(long, value_enum, default_value = "auto", value_name = "KIND", conflicts_with = "quiet")]
+    progress: ProgressChoice,
+    #[command(flatten)]
+    quiet: Quiet,
+}
+
+impl Kind {
+    /// The kind of progress. Call it first: from then on, errors have this form as well.
+    pub(crate) fn progress(&self) -> ProgressChoice {
+        if self.quiet.quiet { ProgressChoice::None } else { self.progress.prepare() }
+    }
+}
+
+/// How much a command says that processes a drive with settings.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Display")]
 pub(crate) struct Show {
-    /// How progress is shown on standard error
-    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
-    progress: ProgressChoice,
-    /// Show warnings only: --progress none
-    #[arg(short, long, conflicts_with_all = ["progress", "verbose"])]
-    quiet: bool,
+    #[command(flatten)]
+    kind: Kind,
     /// Show the settings that differ from the defaults, and a line for each tile
-    #[arg(short, long, conflicts_with = "progress")]
+    #[arg(short, long, conflicts_with_all = ["progress", "quiet"])]
     verbose: bool,
 }
 
 impl Show {
     /// The kind of progress. Call it first: from then on, errors have this form as well.
     pub(crate) fn progress(&self) -> ProgressChoice {
-        match (self.quiet, self.verbose) {
-            (true, _) => ProgressChoice::None,
-            (_, true) => ProgressChoice::Units,
-            _ => self.progress.prepare(),
-        }
+        if self.verbose { ProgressChoice::Units } else { self.kind.progress() }
     }
 
     pub(crate) fn verbose(&self) -> bool {
@@ -105,44 +131,88 @@ struct Whole {
     cost: f64,
 }
 
-/// Time of a pass relative to the survey, on the streets of `benches/results`. Rough: it only divides the
-/// time that is left among the passes ahead.
-fn cost(pass: &str) -> f64 {
-    match pass {
-        "survey" | "scatter" | "relabel" => 1.0,
-        "stitch" => 0.1,
-        "inventory" => 1.5,
-        "export" => 3.0,
-        // Ground, and the steps of the methods.
-        _ => 2.5,
-    }
-}
+/// Times of passes relative to the survey. They divide the time that is left among the passes ahead.
+///
+/// Source: `passes` of `chainage run --json` on the synthetic drives downtown_ts2 (2.0 M points) and
+/// suburb_ts1 (4.0 M points), every method with its default settings, means of both. The passes of `street`
+/// and `p-linkage` were measured on the first only. `chains`, `cores`, `growth` and `leftovers` are means of
+/// these and of a run on a quieter machine; `growth` is one of six rounds. `scatter`, `fields` and `samples`
+/// were not measured.
+const COSTS: [(&str, f64); 24] = [
+    ("survey", 1.0),
+    ("ground", 0.8),
+    ("scatter", 1.0),
+    ("fields", 1.0),
+    // street
+    ("voxels", 0.4),
+    ("classes", 3.1),
+    ("context", 1.4),
+    ("chains", 0.15),
+    ("cores", 0.4),
+    ("edges", 1.3),
+    ("growth", 0.1),
+    ("leftovers", 0.1),
+    ("objects", 1.0),
+    ("samples", 1.0),
+    // p-linkage
+    ("links", 3.4),
+    ("slices", 0.05),
+    ("surfaces", 0.1),
+    // density-peaks
+    ("peaks", 0.3),
+    ("borders", 0.6),
+    // dbscan and euclidean
+    ("cluster", 0.3),
+    ("stitch", 0.05),
+    ("relabel", 0.1),
+    ("inventory", 0.6),
+    ("export", 3.0),
+];
+/// A round of the contest of `p-linkage`.
+const CONTEST: f64 = 1.1;
+/// Where the objects are surfaces, their planes are fitted as well.
+const INVENTORY_OF_SURFACES: f64 = 3.2;
+/// A pass that was not measured.
+const OTHER: f64 = 1.0;
 
 impl Whole {
     fn start(&mut self) {
         self.number += 1;
     }
 
+    /// Time of a pass relative to the survey.
+    fn cost(&self, pass: &str) -> f64 {
+        match pass {
+            "inventory" if self.ahead.contains(&"surfaces") => INVENTORY_OF_SURFACES,
+            _ if pass.starts_with("contest-") => CONTEST,
+            _ => COSTS.iter().find(|(name, _)| *name == pass).map_or(OTHER, |(_, cost)| *cost),
+        }
+    }
+
     /// Counts a pass that was computed in so many seconds.
     fn finish(&mut self, pass: &str, seconds: f64) {
         self.seconds += seconds;
-        self.cost += cost(pass);
+        self.cost += self.cost(pass);
     }
 
-    /// ` 2 of 8` once all passes are known.
-    fn place(&self) -> String {
-        if self.ahead.is_empty() {
-            return String::new();
-        }
-        format!(" {} of {}", self.number, (1 + self.ahead.len()).max(self.number))
+    /// The passes after this one, as far as they are known.
+    fn after(&self, pass: &str) -> Option<&[&'static str]> {
+        let at = self.ahead.iter().rposition(|name| *name == pass)?;
+        Some(&self.ahead[at + 1..])
+    }
+
+    /// ` 2 of 8` once all passes are known. A pass that settles is named once ahead and may start several
+    /// times, so the number of all may grow.
+    fn place(&self, pass: &str) -> String {
+        let all = |after: &[&str]| format!(" {} of {}", self.number, self.number + after.len());
+        self.after(pass).map_or_else(String::new, all)
     }
 
     /// Seconds that are left in all, when the current pass has run for `elapsed` seconds and needs `left`
     /// more. `None` before the passes are known.
     fn left(&self, pass: &str, elapsed: f64, left: f64) -> Option<f64> {
-        let at = self.ahead.iter().rposition(|name| *name == pass)?;
-        let later: f64 = self.ahead[at + 1..].iter().map(|name| cost(name)).sum();
-        let per_cost = (self.seconds + elapsed + left) / (self.cost + cost(pass));
+        let later: f64 = self.after(pass)?.iter().map(|name| self.cost(name)).sum();
+        let per_cost = (self.seconds + elapsed + left) / (self.cost + self.cost(pass));
         Some(left + later * per_cost)
     }
 }
@@ -161,17 +231,31 @@ impl State {
         self.whole.start();
     }
 
-    /// Points per second in this pass, and the seconds that are left in it.
-    fn pace(&self) -> (f64, f64) {
-        let rate = (self.done - self.begun_with) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
-        (rate, (self.total - self.done) as f64 / rate.max(1e-9))
+    /// Points per second in this pass, and the seconds that are left in it. `None` before any point of it
+    /// is done.
+    fn pace(&self, elapsed: f64) -> Option<(f64, f64)> {
+        let done = (self.done - self.begun_with) as f64;
+        let rate = done / elapsed.max(1e-9);
+        (done > 0.0).then(|| (rate, self.total.saturating_sub(self.done) as f64 / rate))
     }
 
-    /// `, about 9 s left in all`, once this can be estimated.
-    fn in_all(&self, pass: &str) -> String {
-        let left = self.pace().1;
-        let whole = self.whole.left(pass, self.started.elapsed().as_secs_f64(), left);
-        whole.map_or_else(String::new, |seconds| format!(", about {seconds:.0} s left in all"))
+    /// `, 0.52 M points/s, 2 s left, about 9 s in all`, as far as this can be estimated.
+    fn outlook(&self, pass: &str, elapsed: f64) -> String {
+        let Some((rate, left)) = self.pace(elapsed) else { return String::new() };
+        let mut text = format!(", {:.2} M points/s, {} left", rate / 1e6, time(left));
+        if let Some(seconds) = self.whole.left(pass, elapsed, left) {
+            text.push_str(&format!(", about {} in all", time(seconds)));
+        }
+        text
+    }
+}
+
+/// A time that is left, as one number.
+pub(crate) fn time(seconds: f64) -> String {
+    match seconds {
+        ..100.0 => format!("{seconds:.0} s"),
+        ..6_000.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{:.0} h", seconds / 3_600.0),
     }
 }
 
@@ -195,24 +279,18 @@ impl Progress {
             Event::PassStarted { pass, units, points, points_done, .. } => {
                 state.start(*points, *points_done, *units);
                 let bar = ProgressBar::new(*points);
-                let template = "{prefix:>16} {wide_bar} {percent:>3}% {per_sec:>14} {eta:>5} left{msg}";
-                if let Ok(style) = ProgressStyle::with_template(template) {
-                    bar.set_style(style.with_key(
-                        "per_sec",
-                        |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
-                            let _ = write!(out, "{:.1} M points/s", state.per_sec() / 1e6);
-                        },
-                    ));
+                if let Ok(style) = ProgressStyle::with_template("{prefix:>18} {wide_bar} {percent:>3} %{msg}")
+                {
+                    bar.set_style(style);
                 }
-                bar.set_prefix(format!("{pass}{}", state.whole.place()));
+                bar.set_prefix(format!("{pass}{}", state.whole.place(pass)));
                 bar.set_position(*points_done);
-                bar.reset_eta();
                 bar.enable_steady_tick(Duration::from_millis(250));
                 state.bar = Some(bar);
             }
             Event::UnitFinished { pass, points, .. } => {
                 state.done += points;
-                let message = state.in_all(pass);
+                let message = state.outlook(pass, state.started.elapsed().as_secs_f64());
                 if let Some(bar) = &state.bar {
                     bar.inc(*points);
                     bar.set_message(message);
@@ -241,7 +319,7 @@ impl Progress {
                     let points = print::counted(*points, "point");
                     let units = print::counted(*units as u64, "unit");
                     let resumed = if *done > 0 { format!(", {done} already done") } else { String::new() };
-                    note(&format!("{pass}{}: {points} in {units}{resumed}", state.whole.place()));
+                    note(&format!("{pass}{}: {points} in {units}{resumed}", state.whole.place(pass)));
                 }
             }
             Event::UnitFinished { pass, unit, points, seconds } => {
@@ -253,14 +331,10 @@ impl Progress {
                 }
                 if state.last_line.elapsed() >= LINE_EVERY {
                     state.last_line = Instant::now();
-                    let (rate, left) = state.pace();
                     let share = 100.0 * state.done as f64 / state.total.max(1) as f64;
-                    let place = state.whole.place();
-                    let in_all = state.in_all(pass);
-                    let rate = rate / 1e6;
-                    note(&format!(
-                        "{pass}{place}: {share:.0} %, {rate:.2} M points/s, {left:.0} s left{in_all}"
-                    ));
+                    let place = state.whole.place(pass);
+                    let outlook = state.outlook(pass, state.started.elapsed().as_secs_f64());
+                    note(&format!("{pass}{place}: {share:.0} %{outlook}"));
                 }
             }
             Event::PassFinished { pass, seconds } => {
@@ -317,12 +391,72 @@ mod tests {
     fn the_time_left_counts_the_passes_ahead() {
         let mut whole = Whole::default();
         whole.start();
-        assert_eq!((whole.place(), whole.left("survey", 1.0, 1.0)), (String::new(), None));
+        assert_eq!((whole.place("survey"), whole.left("survey", 1.0, 1.0)), (String::new(), None));
         whole.finish("survey", 2.0);
         whole.ahead = vec!["ground", "cluster", "relabel"];
         whole.start();
-        assert_eq!(whole.place(), " 2 of 4");
-        // The survey took 2 s per unit of cost. Ground takes 5 s as well, and 3.5 units of cost follow.
-        assert_eq!(whole.left("ground", 4.0, 1.0), Some(1.0 + 3.5 * 2.0));
+        assert_eq!(whole.place("ground"), " 2 of 4");
+        // The survey took 2 s per unit of cost. Ground takes 1.6 s as well, and 0.4 units of cost follow.
+        let left = whole.left("ground", 1.2, 0.4).unwrap();
+        assert!((left - (0.4 + 0.4 * 2.0)).abs() < 1e-9, "{left}");
+    }
+
+    #[test]
+    fn a_pass_that_settles_leaves_the_passes_after_it() {
+        let ahead = ["edges", "growth", "leftovers", "stitch", "export"];
+        let mut whole = Whole { number: 7, ahead: ahead.to_vec(), ..Whole::default() };
+        let mut places = Vec::new();
+        for pass in ["edges", "growth", "growth", "growth", "leftovers", "stitch", "export"] {
+            whole.start();
+            places.push(whole.place(pass));
+        }
+        let expected =
+            [" 8 of 12", " 9 of 12", " 10 of 13", " 11 of 14", " 12 of 14", " 13 of 14", " 14 of 14"];
+        assert_eq!(places, expected);
+    }
+
+    /// A run of 9 s, of which the survey and the ground took 0.7 and 1.7 s, has no 26 s left.
+    #[test]
+    fn the_steps_of_street_have_costs_of_their_own() {
+        let ahead = [
+            "ground",
+            "voxels",
+            "classes",
+            "context",
+            "chains",
+            "cores",
+            "edges",
+            "growth",
+            "leftovers",
+            "objects",
+            "stitch",
+            "relabel",
+            "inventory",
+            "export",
+        ];
+        let mut whole = Whole { ahead: ahead.to_vec(), ..Whole::default() };
+        let all: f64 = 1.0 + ahead.iter().map(|pass| whole.cost(pass)).sum::<f64>();
+        assert!((12.0..16.0).contains(&all), "{all}");
+        for short in ["chains", "cores", "growth", "leftovers", "stitch"] {
+            assert!(whole.cost(short) <= 0.5 * whole.cost("ground"), "{short}");
+        }
+        assert!(whole.cost("inventory") < 1.0);
+        whole.ahead.push("surfaces");
+        assert!(whole.cost("inventory") > 3.0 && (whole.cost("contest-3") - CONTEST).abs() < 1e-9);
+    }
+
+    #[test]
+    fn nothing_is_estimated_before_a_unit_is_done() {
+        let mut state = State::new();
+        state.start(1_000_000, 0, 4);
+        assert_eq!(state.outlook("ground", 0.1), "");
+        state.done = 250_000;
+        assert_eq!(state.outlook("ground", 1.0), ", 0.25 M points/s, 3 s left");
+        state.whole.ahead = vec!["ground", "scatter"];
+        assert_eq!(state.outlook("ground", 1.0), ", 0.25 M points/s, 3 s left, about 8 s in all");
+        assert_eq!([2.4, 250.0, 20_000.0].map(time), ["2 s", "4 min", "6 h"]);
+        // Points of an earlier run say nothing about the pace of this one.
+        state.start(1_000_000, 500_000, 4);
+        assert_eq!(state.outlook("ground", 5.0), "");
     }
 }
