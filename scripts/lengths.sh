@@ -30,7 +30,7 @@ for kilometres in "${lengths[@]}"; do
         rm -rf "$scratch/out"
         measure "$kilometres" run "$scratch/drive" -o "$scratch/out" --memory 150M --progress none
         # eval compares the labelled copies with the drive, matched by record order: it reads two sets of files.
-        measure "$kilometres" eval "$scratch"/out/*.las --reference "$scratch/drive" --json "$scratch/eval.json"
+        measure "$kilometres" eval "$scratch"/out/*.las --reference "$scratch/drive" --json="$scratch/eval.json"
     done
     python3 -c "import json, sys; print(sys.argv[1], 'points', json.load(open(sys.argv[2]))['counts']['points'], 0)" \
         "$kilometres" "$scratch/eval.json" >>"$scratch/figures"

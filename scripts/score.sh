@@ -34,7 +34,7 @@ score() { # NAME INPUT
         *) "$program" run "$2" -o "$scratch/out" --method "$chosen" --ground voxel-column --progress none >/dev/null ;;
         esac
         cp "$scratch/out/report.json" "$kept/$1.$method.report.json"
-        "$program" eval "$scratch/out" --json "$kept/$1.$method.eval.json" >/dev/null
+        "$program" eval "$scratch/out" --json="$kept/$1.$method.eval.json" >/dev/null
     done
 }
 for scene in downtown_ts2 avenue_road60; do

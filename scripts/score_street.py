@@ -184,7 +184,7 @@ def score(program, folder, tag, chosen, options):
         out = folder / tag / f"{name}.out"
         call("rm", "-rf", out)
         call(program, "run", scan, "-o", out, "-q", "--no-report", "--outputs", "points", *options)
-        call(program, "eval", out, "--json", folder / tag / "unfinished")
+        call(program, "eval", out, f"--json={folder / tag / 'unfinished'}")
         (folder / tag / "unfinished").rename(kept)
         call("rm", "-rf", out)
 

@@ -94,7 +94,7 @@ def main():
             if run.returncode:
                 print(f"| {scene} | {name} | {share} | exit {run.returncode}: {run.stderr.strip().splitlines()[-1]} |")
                 continue
-            subprocess.run([program, "eval", out / "copy.laz", "--json", work / "eval.json"], capture_output=True, check=True)
+            subprocess.run([program, "eval", out / "copy.laz", f"--json={work / 'eval.json'}"], capture_output=True, check=True)
             score = json.loads((work / "eval.json").read_text())
             f1 = {one["name"].split()[0]: one["f1"] for one in score["classes"]}
             right = score["object_classes"]["overall"]["class_right_of_matched"]

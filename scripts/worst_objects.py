@@ -3,7 +3,7 @@
 
     scripts/worst_objects.py OUT EVAL.json FOLDER [--count 10]
 
-OUT is the folder of a run. `chainage eval OUT --json EVAL.json` writes EVAL.json. An object's loss is its points times
+OUT is the folder of a run. `chainage eval OUT --json=EVAL.json` writes EVAL.json. An object's loss is its points times
 (1 - best IoU). FOLDER gets sheets of five objects: predicted segments left, reference right, from above and from the side;
 colours are segments or objects, light grey is ground, dark grey is no segment. The table of these objects is
 printed. Needs numpy, laspy[lazrs] and pillow.

@@ -53,6 +53,19 @@ pub(crate) fn temporary(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// Whether this is a temporary file of a process of this host that is no longer alive. Nobody else has names
+/// of this form, and nobody will finish the file.
+pub(crate) fn is_left_behind(path: &Path) -> bool {
+    let process = || {
+        let name = path.file_name()?.to_str()?.strip_suffix(ENDING)?;
+        let (name, number) = name.rsplit_once('-')?;
+        let (name, process) = name.rsplit_once('-')?;
+        number.parse::<u64>().ok()?;
+        name.ends_with(&format!(".{}", host::name())).then(|| process.parse().ok())?
+    };
+    process().is_some_and(|process| !host::is_alive(process)) && path.is_file()
+}
+
 /// Removes the temporary files in a folder that processes left behind. Nobody may need one of them any more.
 pub(crate) fn remove_temporary(folder: &Path) -> io::Result<()> {
     for entry in fs_err::read_dir(folder)? {
@@ -136,6 +149,27 @@ mod tests {
         write(&path, |to| to.write_all(b"half").and(Err(io::ErrorKind::StorageFull.into()))).unwrap_err();
         assert_eq!(fs_err::read_to_string(&path).unwrap(), "two");
         assert_eq!(folder.path().read_dir().unwrap().count(), 1);
+    }
+
+    #[test]
+    fn files_of_processes_that_ended_are_left_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        // No process has this number: it is beyond the largest one.
+        let [dead, alive] = [u32::MAX, std::process::id()]
+            .map(|process| format!("reference.csv.{}-{process}-0.part", host::name()));
+        for (name, expected) in [
+            (dead.as_str(), true),
+            (&alive, false),
+            ("reference.csv", false),
+            ("mine.part", false),
+            ("mine.other-host-4294967295-0.part", false),
+            ("x-4294967295-0.part", false),
+        ] {
+            let path = folder.path().join(name);
+            assert!(!is_left_behind(&path), "{name} is not there yet");
+            std::fs::write(&path, "half").unwrap();
+            assert_eq!(is_left_behind(&path), expected, "{name}");
+        }
     }
 
     #[test]

@@ -562,3 +562,99 @@ fn huge_numbers_have_an_exponent() {
     let text = told(folder.path(), &["info", "drive/first"]);
     assert!(text.contains("points lie up to 1e300 m outside the boxes"), "{text}");
 }
+
+/// `--json` is the same everywhere: alone it prints JSON, and with an equals sign it names a file.
+#[test]
+fn json_means_the_same_in_every_command() {
+    let folder = with_drive();
+    let rows: String = (0..900).map(|i| format!("{} {}\n", i % 30, i / 30)).collect();
+    std::fs::write(folder.path().join("grid.txt"), rows).expect("written");
+    told(folder.path(), &[&["run", "drive", "-r", "-o", "out", "-q"][..], &CHEAP].concat());
+    let eval = ["eval", "out", "--reference-dim", "cluster_id", "--class-dim", "none"];
+    let cluster = ["cluster", "grid.txt", "--no-header", "--method", "p-linkage", "-o", "labelled.txt"];
+    let epsilon = ["estimate-epsilon", "grid.txt", "--no-header"];
+    for command in [&eval[..], &cluster, &epsilon] {
+        for json in [&["--json"][..], &["--json", "-"], &["--json=-"]] {
+            let text = told(folder.path(), &[command, json].concat());
+            assert!(serde_json::from_str::<serde_json::Value>(&text).is_ok(), "{command:?} {json:?}: {text}");
+        }
+        let page = told(folder.path(), &[command, &["--json=facts.json"]].concat());
+        assert!(!page.is_empty() && !page.starts_with('{'), "{page}");
+        let facts = std::fs::read_to_string(folder.path().join("facts.json")).expect("written");
+        assert!(serde_json::from_str::<serde_json::Value>(&facts).is_ok(), "{facts}");
+        std::fs::remove_file(folder.path().join("facts.json")).expect("removed");
+        let blank = refused(folder.path(), &[command, &["--json", "facts.json"]].concat(), 2);
+        assert!(blank.contains("write '--json=facts.json' to write one"), "{blank}");
+        assert!(!folder.path().join("facts.json").exists());
+    }
+    // The option comes before the input, which is not taken for its file.
+    assert!(
+        told(
+            folder.path(),
+            &["eval", "--json", "out", "--reference-dim", "cluster_id", "--class-dim", "none"]
+        )
+        .starts_with('{')
+    );
+}
+
+#[test]
+fn outputs_of_a_run_are_not_replaced_by_json() {
+    let folder = with_drive();
+    let run = [&["run", "drive", "-r", "-o", "out", "-q"][..], &CHEAP].concat();
+    told(folder.path(), &run);
+    let table = || std::fs::read(folder.path().join("out/objects.csv")).expect("the table");
+    let before = table();
+    for name in ["objects.csv", "report.json", "report.html", "drive.copc.laz"] {
+        let json = format!("--json=out/{name}");
+        let errors = refused(folder.path(), &[&run[..], &[&json]].concat(), 3);
+        assert!(errors.contains(&format!("another file: {name} in out is an output of the run")), "{errors}");
+    }
+    let there = folder.path().join("out").display().to_string();
+    refused(folder.path(), &[&run[..], &[&format!("--json={there}/../out/objects.csv")]].concat(), 3);
+    assert!(table() == before);
+    told(folder.path(), &[&run[..], &["--json=out/facts.json"]].concat());
+    assert!(folder.path().join("out/facts.json").is_file());
+}
+
+#[test]
+fn a_folder_is_not_standard_output() {
+    let folder = with_drive();
+    for command in
+        [&["run", "drive", "-r", "-o", "-"][..], &["synth", "suburb", "-o", "-"], &["demo", "-o", "-"]]
+    {
+        let errors = refused(folder.path(), command, 2);
+        assert!(errors.contains("a folder cannot be standard output"), "{errors}");
+    }
+    assert!(!folder.path().join("-").exists());
+}
+
+#[test]
+fn a_list_of_outputs_may_have_blanks_and_surfaces_are_named() {
+    let folder = with_drive();
+    let run = ["run", "drive", "-r", "-o", "out", "-q", "--method", "p-linkage", "--outputs", "csv, report"];
+    let page = told(folder.path(), &run);
+    assert!(page.contains(" surfaces, ") && !page.contains(" objects, "), "{page}");
+    assert!(folder.path().join("out/report.html").is_file());
+    let none = [&["run", "drive", "-r", "-o", "other", "-q", "--outputs", "csv"][..], &CHEAP].concat();
+    told(folder.path(), &none);
+    let view = refused(folder.path(), &["view", "other", "--no-open"], 4);
+    assert!(view.contains("unless --no-report or --outputs leaves it out"), "{view}");
+}
+
+/// `-q` is there where something is shown, and shows warnings only.
+#[test]
+fn quiet_is_the_same_in_every_command_that_shows_progress() {
+    let folder = with_drive();
+    for command in ["run", "demo", "work", "estimate-epsilon", "train", "synth", "bench"] {
+        let help = told(folder.path(), &[command, "--help"]);
+        assert!(help.contains("-q, --quiet"), "{command}: {help}");
+    }
+    let (code, _, errors) = call(folder.path(), &["bench", "-q", "--rounds", "1", "--method", "euclidean"]);
+    assert_eq!((code, errors.as_str()), (0, ""));
+    let epsilon = ["estimate-epsilon", "drive", "-r", "--ground", "none"];
+    let (_, _, shown) = call(folder.path(), &epsilon);
+    let (_, _, quiet) = call(folder.path(), &[&epsilon[..], &["-q"]].concat());
+    assert!(shown.contains("survey: done in") && !quiet.contains("survey"), "{shown}{quiet}");
+    let both = refused(folder.path(), &["work", "out", "--pass", "ground", "-q", "--progress", "plain"], 2);
+    assert!(both.contains("cannot be used with"), "{both}");
+}

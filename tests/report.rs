@@ -158,6 +158,8 @@ fn names_are_never_markup() {
     let page = page(&out);
     assert_eq!(json(&page, "page")["title"], name);
     assert!(!page.contains("<script>alert") && !page.contains("<!-- \\\"b"));
+    // The heading has its text before the script runs.
+    assert!(page.contains("<h1 id=\"title\">a&lt;script>alert(1)&lt;!-- \"b\".las</h1>"));
 }
 
 #[test]

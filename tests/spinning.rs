@@ -2,6 +2,7 @@
 //! repeats.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use chainage::synth::{Preset, Scanner, Sensor, Settings, generate};
@@ -234,7 +235,9 @@ fn mirrors_show_points_below_the_road() {
 #[test]
 fn profile_heads_have_no_sweeps_and_a_spinning_head_has_no_twin() {
     let folder = tempfile::tempdir().unwrap();
-    let text = |settings: &Settings| generate(settings, folder.path(), &mut |_| ()).unwrap_err().to_string();
+    let text = |settings: &Settings| {
+        generate(settings, folder.path(), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
     assert_eq!(
         text(&sweeps(Sensor::Profiler, 3)),
         "sweeps = 3: must be left out, because profile heads do not spin"

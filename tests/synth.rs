@@ -2,6 +2,7 @@
 //! labelled scenes.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use crate::util::skipped;
@@ -20,7 +21,7 @@ fn small(preset: Preset) -> Settings {
 }
 
 pub(crate) fn write(settings: &Settings, folder: &Path) -> chainage::synth::Summary {
-    generate(settings, folder, &mut |_| ()).unwrap()
+    generate(settings, folder, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
 /// One point as stored.
@@ -227,7 +228,9 @@ fn the_loop_comes_back_over_its_first_metres_in_the_other_direction() {
 #[test]
 fn settings_and_folders_that_will_not_do_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let text = |settings: &Settings| generate(settings, folder.path(), &mut |_| ()).unwrap_err().to_string();
+    let text = |settings: &Settings| {
+        generate(settings, folder.path(), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
     let mut settings = small(Preset::Loop);
     assert_eq!(text(&settings), "length = 60: must be 1100 to 2000000 m");
     settings = small(Preset::Suburb);
@@ -236,7 +239,7 @@ fn settings_and_folders_that_will_not_do_are_refused() {
     settings = small(Preset::Suburb);
     let notes = folder.path().join("notes.txt");
     std::fs::write(&notes, "mine").unwrap();
-    let error = generate(&settings, folder.path(), &mut |_| ()).unwrap_err();
+    let error = generate(&settings, folder.path(), &mut |_| ControlFlow::Continue(())).unwrap_err();
     assert!(error.to_string().ends_with("is not empty") && error.hint().unwrap().contains("another folder"));
     assert_eq!(std::fs::read_to_string(notes).unwrap(), "mine");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
@@ -428,4 +431,69 @@ fn statistics_are_those_of_the_labelled_scenes() {
             );
         }
     }
+}
+
+/// A drive that is stopped leaves no half file, and its folder can be used again.
+#[test]
+fn a_stopped_drive_leaves_no_half_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = Settings { length_m: Some(2_000.0), ..small(Preset::Suburb) };
+    let mut calls = 0;
+    let mut stop = |_| {
+        calls += 1;
+        if calls == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let error = generate(&settings, folder.path(), &mut stop).unwrap_err();
+    assert_eq!((error.kind(), calls), (chainage::ErrorKind::Interrupted, 2));
+    assert!(error.to_string().starts_with("interrupted after "), "{error}");
+    assert!(error.hint().unwrap().contains("the same command starts from the beginning"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    generate(&small(Preset::Suburb), folder.path(), &mut |_| ControlFlow::Continue(())).unwrap();
+    assert!(folder.path().join("reference.csv").is_file());
+}
+
+/// Ctrl-C, and the half files of a process that was killed.
+#[test]
+fn an_interrupted_program_leaves_no_half_files() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    use crate::util::program::program;
+
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let begin = || {
+        let child = program()
+            .args(["synth", "suburb", "--length", "200km", "--threads", "1", "-o"])
+            .arg(&out)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        let begun = Instant::now();
+        // Files of an earlier process may be there.
+        let own = format!("-{}-", child.id());
+        let is_own = |file: std::fs::DirEntry| {
+            let name = file.file_name().to_string_lossy().into_owned();
+            name.contains(".laz.") && name.contains(&own)
+        };
+        while !out.read_dir().is_ok_and(|mut files| files.any(|file| file.is_ok_and(is_own))) {
+            assert!(begun.elapsed() < Duration::from_secs(120), "no points are written");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        child
+    };
+    let mut killed = begin();
+    killed.kill().expect("killed");
+    killed.wait().expect("ended");
+    assert!(out.read_dir().unwrap().count() >= 3, "half files stay");
+    // They are no content, and go.
+    let child = begin();
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(sent.success());
+    let ended = child.wait_with_output().expect("ends");
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(130), "{errors}");
+    assert!(errors.contains("error: interrupted after "), "{errors}");
+    assert_eq!(out.read_dir().unwrap().count(), 0);
 }

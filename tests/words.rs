@@ -238,7 +238,7 @@ fn results_never_replace_scans() {
     for arguments in [
         &["plan", "--svg", SAMPLE, SWEEP][..],
         &["info", SWEEP, &json],
-        &["eval", SWEEP, "--json", SAMPLE],
+        &["eval", SWEEP, &json],
         &["run", SWEEP, "-o", "out", &json],
         &["train", SWEEP, "-o", SAMPLE],
         &["train", SWEEP, "-o", "no-folder/a.model"],

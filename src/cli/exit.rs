@@ -82,9 +82,10 @@ impl CliError {
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Library(error) => error.hint(),
-            Self::NoPage { .. } => {
-                Some("chainage run FILES... -o OUT writes it, unless --no-report is given".into())
-            }
+            Self::NoPage { .. } => Some(
+                "chainage run FILES... -o OUT writes it, unless --no-report or --outputs leaves it out"
+                    .into(),
+            ),
             Self::Serve { .. } => Some("choose another --port, or none".into()),
             Self::Write { .. } => None,
         }

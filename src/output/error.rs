@@ -169,10 +169,9 @@ impl Failure for OutputError {
 
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
-            Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => Some(
-                "free some space and type the same command again: run resumes, synth needs an empty folder"
-                    .into(),
-            ),
+            Self::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
+                Some("free some space and type the same command again".into())
+            }
             Self::HoldsPoints { .. } => Some("choose another file for the result".into()),
             Self::NotEmpty { .. } => Some("choose another folder, or empty this one first".into()),
             Self::DimensionName { .. } | Self::DimensionType { .. } => {

@@ -12,6 +12,8 @@
 //! The rest of the crate does not use this module.
 //!
 //! ```
+//! use std::ops::ControlFlow;
+//!
 //! use chainage::synth::{Preset, Settings, generate};
 //!
 //! // 20 m of a suburb, by a slow scanner.
@@ -19,7 +21,7 @@
 //! settings.scanner.pulse_rate_hz = 20_000.0;
 //! settings.scanner.profiles_hz = 50.0;
 //! let folder = tempfile::tempdir()?;
-//! let summary = generate(&settings, folder.path(), &mut |_| ())?;
+//! let summary = generate(&settings, folder.path(), &mut |_| ControlFlow::Continue(()))?;
 //! assert!(summary.points > 10_000 && summary.objects > 1);
 //! assert!(folder.path().join("suburb_0001.laz").exists() && folder.path().join("reference.csv").exists());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -31,6 +33,7 @@
     reason = "geometry of metres and counts below 2^24: chosen here, not read from anywhere"
 )]
 
+mod error;
 mod random;
 mod scan;
 mod scene;
@@ -41,13 +44,15 @@ mod street;
 mod things;
 
 use std::collections::BTreeMap;
-use std::ops::Range;
+use std::io;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::error::Error;
+use crate::output::OutputError;
 
 use scan::Slice;
 use scan::drive::Drive;
@@ -58,6 +63,7 @@ use street::axis::{Axis, CELL};
 use street::preset::Plan;
 use street::{IDS, Library};
 
+pub use error::SynthError;
 pub use scan::scanner::{Scanner, Sensor, Spinning};
 pub use settings::{Settings, Summary};
 pub use street::preset::Preset;
@@ -71,24 +77,50 @@ const LANES: f64 = 15.0;
 /// Length of the longest thing along the street (a facade), metres.
 const LONGEST: f64 = 75.0;
 
+/// Receives the points and metres so far, and says whether to go on.
+pub type Progress<'a> = dyn FnMut(Summary) -> ControlFlow<()> + Send + 'a;
+
 /// Simulates a drive and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json`
-/// into `folder`. `progress` receives the points and metres so far.
+/// into `folder`. `progress` receives the points and metres so far, and says whether to go on.
 ///
 /// # Errors
 /// [`ConfigError`](crate::config::ConfigError) for settings out of range;
-/// [`OutputError`](crate::output::OutputError) if the folder is not empty or cannot be written.
-pub fn generate(
-    settings: &Settings,
-    folder: &Path,
-    progress: &mut (dyn FnMut(Summary) + Send),
-) -> Result<Summary, Error> {
+/// [`OutputError`] if the folder is not empty or cannot be written. [`SynthError`] if `progress` stops the
+/// drive or the disk is full: files that were complete stay.
+pub fn generate(settings: &Settings, folder: &Path, progress: &mut Progress<'_>) -> Result<Summary, Error> {
     settings.check()?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.threads)
         .build()
         .map_err(|error| Error::bug(format!("no worker threads: {error}")))?;
     sink::prepare(folder)?;
-    pool.install(|| Run::new(settings).drive(Sink::create(folder, settings)?, progress))
+    let result = pool.install(|| Run::new(settings).drive(Sink::create(folder, settings)?, progress));
+    result.map_err(|error| {
+        let is_full = |error: &OutputError| {
+            matches!(error, OutputError::Write { source, .. } if source.kind() == io::ErrorKind::StorageFull)
+        };
+        match error {
+            Stopped::Output(source) if is_full(&source) => {
+                SynthError::Full { folder: folder.to_owned(), source }.into()
+            }
+            Stopped::Output(error) => error.into(),
+            Stopped::OnRequest { length_m, files } => {
+                SynthError::Interrupted { folder: folder.to_owned(), length_m, files }.into()
+            }
+        }
+    })
+}
+
+/// Why a drive ends early.
+enum Stopped {
+    Output(OutputError),
+    OnRequest { length_m: f64, files: u32 },
+}
+
+impl From<OutputError> for Stopped {
+    fn from(error: OutputError) -> Self {
+        Self::Output(error)
+    }
 }
 
 /// A drive in progress.
@@ -111,11 +143,7 @@ impl<'a> Run<'a> {
         Self { settings, plan, axis, library: things::models(plan.seed), drive, cells: BTreeMap::new() }
     }
 
-    fn drive(
-        mut self,
-        mut sink: Sink<'_>,
-        progress: &mut (dyn FnMut(Summary) + Send),
-    ) -> Result<Summary, Error> {
+    fn drive(mut self, mut sink: Sink<'_>, progress: &mut Progress<'_>) -> Result<Summary, Stopped> {
         let length = self.settings.length();
         let limit = self.settings.points.unwrap_or(u64::MAX);
         let end = self.settings.pulses();
@@ -144,7 +172,10 @@ impl<'a> Run<'a> {
             let first = self.cells.keys().next().filter(|_| self.axis.end.is_infinite());
             lowest = first.map_or(0, |cell| *cell as u32 * IDS);
             so_far.length_m = self.driven(next);
-            progress(so_far);
+            if progress(so_far).is_break() {
+                // What is not complete goes with the sink.
+                return Err(Stopped::OnRequest { length_m: so_far.length_m, files: sink.complete_files() });
+            }
         }
         sink.write(batch, lowest)?;
         Ok(sink.finish(so_far.length_m)?)

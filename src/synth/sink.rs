@@ -11,7 +11,7 @@ use glam::{DVec3, IVec3};
 use crate::output::points::descriptor::ExtraType;
 use crate::output::points::new_file::{ExtraDimension, NewFile, NewFileSchema};
 use crate::output::{OutputError, save};
-use crate::whole_file::WholeFile;
+use crate::whole_file::{self, WholeFile};
 
 use super::scan::drive::Pose;
 use super::scan::roadway::{Above, Roadway};
@@ -58,14 +58,22 @@ pub(crate) struct Sink<'a> {
     summary: Summary,
 }
 
-/// Makes sure `folder` is there and empty.
+/// Makes sure `folder` is there and empty. Half files of a process that was killed are removed.
 pub(crate) fn prepare(folder: &Path) -> Result<(), OutputError> {
     let entries = fs_err::create_dir_all(folder).and_then(|()| fs_err::read_dir(folder));
-    match entries.map(|mut entries| entries.next()) {
-        Ok(None) => Ok(()),
-        Ok(Some(_)) => Err(OutputError::NotEmpty { path: folder.to_owned() }),
-        Err(source) => Err(OutputError::Write { path: folder.to_owned(), source }),
+    let failed = |source| OutputError::Write { path: folder.to_owned(), source };
+    let mut left_behind = Vec::new();
+    for entry in entries.map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if !whole_file::is_left_behind(&path) {
+            return Err(OutputError::NotEmpty { path: folder.to_owned() });
+        }
+        left_behind.push(path);
     }
+    for path in left_behind {
+        fs_err::remove_file(&path).map_err(|source| OutputError::Write { path, source })?;
+    }
+    Ok(())
 }
 
 impl<'a> Sink<'a> {
@@ -110,6 +118,11 @@ impl<'a> Sink<'a> {
             self.object(id, &tally).map_err(failed)?;
         }
         Ok(())
+    }
+
+    /// Point files that have their final names.
+    pub(crate) fn complete_files(&self) -> u32 {
+        self.summary.files - u32::from(self.file.is_some())
     }
 
     /// Counts points of one object of a window.

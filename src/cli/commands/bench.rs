@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::{Duration, Instant};
 
 use chainage::config::Config;
 use chainage::run::{codec_floor, copy_floor, files_of};
+use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 use crate::cli::commands::demo::{SAMPLE, SAMPLE_NAME};
@@ -12,6 +14,7 @@ use crate::cli::drive_args::Settings;
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::whole;
 use crate::cli::print::{self, JsonOutput};
+use crate::cli::progress::{Quiet, time};
 use crate::cli::{exit, scratch};
 
 #[derive(Debug, clap::Args)]
@@ -25,6 +28,8 @@ pub(crate) struct BenchArgs {
     /// Folder for the outputs, which are removed afterwards [default: the system's temporary folder]
     #[arg(long, value_name = "FOLDER")]
     scratch: Option<PathBuf>,
+    #[command(flatten)]
+    show: Quiet,
     #[command(flatten)]
     json: JsonOutput,
     #[command(flatten)]
@@ -64,6 +69,8 @@ impl BenchArgs {
         let mut codecs: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
         let input_bytes: u64 = files.iter().map(|file| file.1).sum();
         let mut output_bytes = input_bytes;
+        let shown = self.shown();
+        let begun = Instant::now();
         // One more round comes first and is not counted: it brings the input into the page cache.
         for round in 0..=self.rounds {
             settle(&paths, output_bytes, scratch)?;
@@ -71,6 +78,9 @@ impl BenchArgs {
             settle(&paths, output_bytes, scratch)?;
             let durable = copy_floor(&paths, output_bytes, scratch, true)?;
             for (slot, threads) in [1, 2].into_iter().enumerate() {
+                let done = 2 * u64::from(round) + slot as u64;
+                shown.set_position(done);
+                shown.set_message(place(self.rounds, done, begun.elapsed().as_secs_f64()));
                 let codec = codec_floor(&paths, &config, threads)?;
                 settle(&paths, output_bytes, scratch)?;
                 let measured = self.one_run(&paths, scratch, threads)?;
@@ -84,7 +94,22 @@ impl BenchArgs {
                 floors.push((floor, durable));
             }
         }
+        shown.finish_and_clear();
         Ok(self.report(&config, input_bytes, &floors, &runs, &codecs))
+    }
+
+    /// The bar of all runs. Only a person at a terminal waits.
+    fn shown(&self) -> ProgressBar {
+        if !self.show.shows() {
+            return ProgressBar::hidden();
+        }
+        let bar = ProgressBar::new(2 * (u64::from(self.rounds) + 1));
+        if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}") {
+            bar.set_style(style);
+        }
+        bar.set_message(place(self.rounds, 0, 0.0));
+        bar.enable_steady_tick(Duration::from_millis(250));
+        bar
     }
 
     fn one_run(&self, paths: &[PathBuf], scratch: &Path, threads: usize) -> Result<Measured, CliError> {
@@ -177,6 +202,20 @@ impl BenchArgs {
     }
 }
 
+/// Which run is measured, and the time that is left, when `done` runs took `seconds`.
+fn place(rounds: u16, done: u64, seconds: f64) -> String {
+    let (round, threads) = (done / 2, print::counted(done % 2 + 1, "thread"));
+    let mut text = match round {
+        0 => format!("warm-up, {threads}"),
+        _ => format!("round {round} of {rounds}, {threads}"),
+    };
+    if done > 0 {
+        let runs = 2 * (u64::from(rounds) + 1);
+        text.push_str(&format!(", {} left", time(seconds / done as f64 * (runs - done) as f64)));
+    }
+    text
+}
+
 /// Brings the machine into the same state before each measurement. Nothing is left to be written back, and as
 /// much memory as the output takes was in use just before. A virtual machine gives unused memory back to its
 /// host and pays for every page that it needs again: the same copy took 1.1 or 3.0 s.
@@ -240,4 +279,17 @@ fn page(report: &Value) -> String {
         number(&report["speed_up_of_two_threads"])
     ));
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_names_the_round_and_the_threads() {
+        assert_eq!(place(3, 0, 0.0), "warm-up, 1 thread");
+        assert_eq!(place(3, 1, 10.0), "warm-up, 2 threads, 70 s left");
+        assert_eq!(place(3, 2, 20.0), "round 1 of 3, 1 thread, 60 s left");
+        assert_eq!(place(3, 7, 70.0), "round 3 of 3, 2 threads, 10 s left");
+    }
 }

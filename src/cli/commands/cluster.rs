@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::whole;
-use crate::cli::print::{self, deliver, is_standard_output};
+use crate::cli::print::{self, JsonOutput, deliver, is_standard_output};
 use crate::cli::table_points::{self, TablePoints};
 
 /// Clusters the rows of a table: points of 2 to 8 dimensions.
@@ -51,9 +51,8 @@ pub(crate) struct ClusterArgs {
     dbscan: DbscanArgs,
     #[command(flatten)]
     p_linkage: PLinkageArgs,
-    /// Write settings, counts and the estimate as JSON (-: to standard output)
-    #[arg(long, value_name = "FILE", value_parser = print::target())]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOutput,
 }
 
 /// Default of --min-points.
@@ -167,10 +166,7 @@ impl ClusterArgs {
         });
         let table_shown =
             deliver(Some(&self.out), |to| write_with_column(&table, &self.id_column, &found.labels, to))?;
-        let json_shown = deliver(self.json.as_deref(), |to| {
-            serde_json::to_writer_pretty(&mut *to, &report)?;
-            to.write_all(b"\n")
-        })?;
+        let json_shown = self.json.deliver(&report)?;
         let svg_shown = self.dbscan.svg.as_deref().is_some_and(is_standard_output);
         if !table_shown && !json_shown && !svg_shown {
             print::text(&format!(
@@ -188,8 +184,9 @@ impl ClusterArgs {
     /// One output at most goes to standard output.
     fn one_standard_output(&self) -> Result<(), ConfigError> {
         let mut taken = is_standard_output(&self.out).then_some("--out");
-        for (flag, path) in [("--json", &self.json), ("--svg", &self.dbscan.svg)] {
-            if path.as_deref().is_some_and(is_standard_output) {
+        let svg_printed = self.dbscan.svg.as_deref().is_some_and(is_standard_output);
+        for (flag, printed) in [("--json", self.json.is_printed()), ("--svg", svg_printed)] {
+            if printed {
                 if let Some(first) = taken {
                     return Err(ConfigError::value(
                         flag,

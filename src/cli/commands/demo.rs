@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use chainage::config::Config;
 
-use crate::cli::commands::run::{page, process, show_settings};
+use crate::cli::commands::run::{is_output, page, process, show_settings};
 use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
-use crate::cli::print::JsonOutput;
+use crate::cli::print::{self, JsonOutput};
 use crate::cli::progress::Show;
 
 /// The sample: one sweep of a vehicle scanner on a road with two rows of trees, see NOTICE.
@@ -20,7 +20,7 @@ const SETTING: &str = "street.min_points=10";
 #[derive(Debug, clap::Args)]
 pub(crate) struct DemoArgs {
     /// Output directory
-    #[arg(short, long, value_name = "DIRECTORY", default_value = "chainage-demo")]
+    #[arg(short, long, value_name = "DIRECTORY", value_parser = print::folder(), default_value = "chainage-demo")]
     out: PathBuf,
     #[command(flatten)]
     show: Show,
@@ -38,6 +38,7 @@ impl DemoArgs {
             std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&input, SAMPLE)).map_err(failed)?;
         }
         let out = self.out.join("output");
+        self.json.spares(&out, is_output)?;
         let config = Config::resolve(None, &[SETTING.to_owned()]).map_err(chainage::Error::from)?;
         if self.show.verbose() {
             show_settings(&config)?;

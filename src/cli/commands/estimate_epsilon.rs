@@ -13,8 +13,8 @@ use serde_json::{Value, json};
 use crate::cli::drive_args::{Inputs, Settings};
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::whole;
-use crate::cli::print::{deliver, is_standard_output};
-use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::print::{JsonOutput, deliver, is_standard_output};
+use crate::cli::progress::{Kind, Progress};
 use crate::cli::quantities::count;
 use crate::cli::table_points::{self, TablePoints};
 use crate::cli::{exit, interrupt, print, scratch};
@@ -51,12 +51,11 @@ pub(crate) struct EstimateArgs {
     /// Write a drawing of the curve, the fit and the result as SVG (-: to standard output)
     #[arg(long, value_name = "FILE", value_parser = print::target())]
     svg: Option<PathBuf>,
-    /// Write the curve, the fit, the result and its cost as JSON (-: to standard output)
-    #[arg(long, value_name = "FILE", value_parser = print::target())]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOutput,
     /// Keep the state in this directory. The same command resumes, and `chainage run` with the same settings
     /// continues from there [default: a folder in --scratch that is removed at the end]
-    #[arg(short, long, value_name = "DIRECTORY")]
+    #[arg(short, long, value_name = "DIRECTORY", value_parser = print::folder())]
     out: Option<PathBuf>,
     /// Folder for the temporary state [default: the system's temporary folder]
     #[arg(long, value_name = "DIRECTORY", conflicts_with = "out")]
@@ -64,9 +63,8 @@ pub(crate) struct EstimateArgs {
     /// The table has no header; name columns by number
     #[arg(long)]
     no_header: bool,
-    /// How progress is shown on standard error
-    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
-    progress: ProgressChoice,
+    #[command(flatten)]
+    show: Kind,
     #[command(flatten)]
     settings: Settings,
 }
@@ -74,9 +72,8 @@ pub(crate) struct EstimateArgs {
 impl EstimateArgs {
     pub(crate) fn run(&self) -> Outcome {
         // First, because errors have the form of the progress.
-        let progress = Progress::new(self.progress);
-        let to_stdout = |to: &Option<PathBuf>| to.as_deref().is_some_and(is_standard_output);
-        if to_stdout(&self.svg) && to_stdout(&self.json) {
+        let progress = Progress::new(self.show.progress());
+        if self.svg.as_deref().is_some_and(is_standard_output) && self.json.is_printed() {
             return Err(refused("--svg", "-", "a file when --json is standard output").into());
         }
         if let [table] = &self.inputs.files()?[..]
@@ -162,10 +159,7 @@ impl EstimateArgs {
 
     fn show(&self, found: &Estimate, unit: &str, names: &[&str], more: &str, facts: &Value) -> Outcome {
         let svg = deliver(self.svg.as_deref(), |to| to.write_all(epsilon::svg(found, unit).as_bytes()))?;
-        let json = deliver(self.json.as_deref(), |to| {
-            serde_json::to_writer_pretty(&mut *to, facts)?;
-            to.write_all(b"\n")
-        })?;
+        let json = self.json.deliver(facts)?;
         if !svg && !json {
             print::text(&(page(found, unit, names) + more))?;
         }

@@ -11,7 +11,7 @@ use chainage::input::{Catalog, InputOptions};
 
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::whole;
-use crate::cli::print::{self, deliver, is_standard_output, note};
+use crate::cli::print::{self, JsonOutput, deliver, is_standard_output, note};
 use crate::cli::{exit, progress};
 
 /// Scores a segmentation against reference labels.
@@ -94,9 +94,8 @@ pub(crate) struct EvalArgs {
     )]
     hoover: Vec<Tolerance>,
 
-    /// Write every figure and the objects that lower it as JSON (-: to standard output)
-    #[arg(long, value_name = "FILE", help_heading = "Output", value_parser = print::target())]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOutput,
 
     /// Write every reference object with its result in each metric as CSV (-: to standard output)
     #[arg(long, value_name = "FILE", help_heading = "Output", value_parser = print::target())]
@@ -168,9 +167,7 @@ impl EvalArgs {
     }
 
     fn one_standard_output(&self) -> Result<(), ConfigError> {
-        let both =
-            [&self.json, &self.objects].into_iter().all(|to| to.as_deref().is_some_and(is_standard_output));
-        if both {
+        if self.json.is_printed() && self.objects.as_deref().is_some_and(is_standard_output) {
             Err(ConfigError::value("--objects", "-", "a file when --json is standard output"))
         } else {
             Ok(())
@@ -227,7 +224,7 @@ impl EvalArgs {
     }
 
     fn show(&self, report: &Report<'_>) -> Result<(), CliError> {
-        let json = deliver(self.json.as_deref(), |to| report.write_json(to))?;
+        let json = self.json.deliver_by(|to| report.write_json(to))?;
         let objects = deliver(self.objects.as_deref(), |to| report.write_objects_csv(to))?;
         if json || objects { Ok(()) } else { print::text(&report.text(self.worst)) }
     }

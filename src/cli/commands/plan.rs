@@ -38,7 +38,7 @@ struct Shared {
     #[arg(long, requires = "out")]
     units: bool,
     /// Output directory, which all workers reach under the same name
-    #[arg(short, long, value_name = "DIRECTORY", requires = "units")]
+    #[arg(short, long, value_name = "DIRECTORY", value_parser = print::folder(), requires = "units")]
     out: Option<PathBuf>,
     /// Leave the survey, which reads every record, to the workers
     #[arg(long, requires = "units")]

@@ -27,6 +27,7 @@ pub(crate) struct ReduceArgs {
 
 impl ReduceArgs {
     pub(crate) fn run(&self) -> Outcome {
+        self.json.spares(&self.out, run::is_output)?;
         let progress = Progress::new(ProgressChoice::None);
         let reduced = reduce(&next::shared(&self.out, self.wait), &self.after, &progress)?;
         self.json.show(&reduced.next, || {

@@ -20,7 +20,7 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     inputs: Inputs,
     /// Output directory; a run in it resumes
-    #[arg(short, long, value_name = "DIRECTORY")]
+    #[arg(short, long, value_name = "DIRECTORY", value_parser = print::folder())]
     out: PathBuf,
     /// Start again: discard the state of an earlier run in the output directory
     #[arg(long)]
@@ -88,7 +88,8 @@ impl OutputSettings {
             list.push(("output.original_classification", "true".to_owned()));
         }
         if !self.outputs.is_empty() {
-            list.push(("output.files", format!("{:?}", self.outputs)));
+            let names: Vec<&str> = self.outputs.iter().map(|name| name.trim()).collect();
+            list.push(("output.files", format!("{names:?}")));
         }
         if self.copc {
             list.push(("output.copc", "true".to_owned()));
@@ -109,6 +110,7 @@ impl RunArgs {
         let extra: Vec<_> =
             self.output.assignments().into_iter().chain(self.section.assignments()?).collect();
         let config = self.settings.resolve(&extra)?;
+        self.json.spares(&self.out, is_output)?;
         let inputs = self.inputs.files()?;
         if self.dry_run {
             let plan = plan_of(&inputs, Some(&self.out), &config, &Registries::default())?;
@@ -123,6 +125,16 @@ impl RunArgs {
         self.json.show(&summary, || page(&summary, &self.out, &output))?;
         Ok(exit::DONE)
     }
+}
+
+/// Whether a run writes a file of this name, with these settings or others. Labelled copies are refused as
+/// results because they contain points.
+pub(super) fn is_output(name: &str) -> bool {
+    let mut tables = objects::REGISTRY.iter().chain(objects::SURFACES.iter());
+    let is_chart = name.ends_with(".svg") && name.contains("density-peaks");
+    matches!(name, "report.json" | "report.html" | "drive.copc.laz")
+        || is_chart
+        || tables.any(|entry| entry.file_name == name)
 }
 
 /// Shows the settings that differ from the defaults.
@@ -157,7 +169,7 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
     let mut text = format!(
         "  {}, {}, {}\n",
         print::counted(summary.points, "point"),
-        print::counted(summary.objects as u64, "object"),
+        print::counted(summary.objects as u64, if summary.surfaces { "surface" } else { "object" }),
         print::counted(summary.tiles as u64, "tile")
     );
     if let Some(section) = summary.section {

@@ -6,19 +6,21 @@
     reason = "shares and counts that were checked or are shown only"
 )]
 
-use std::io::IsTerminal;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
+use chainage::run::CancelToken;
 use chainage::synth::{Preset, Scanner, Sensor, Settings, Summary, generate};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::exit::Outcome;
 use crate::cli::numbers::whole;
+use crate::cli::progress::{Quiet, time};
 use crate::cli::quantities::{count, length, rate, seconds};
-use crate::cli::{exit, print};
+use crate::cli::{exit, interrupt, print};
 
 /// Generate a labelled synthetic drive: a street, a vehicle, and a scanner. Every pulse of the scanner is
 /// traced.
@@ -36,7 +38,7 @@ pub(crate) struct SynthArgs {
     preset: PresetArg,
 
     /// Output folder; must be empty or missing
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(short, long, value_name = "OUT", value_parser = print::folder())]
     out: PathBuf,
 
     /// Length of the drive, for example 500m or 5km; with --points or --sweeps, the first limit that is
@@ -106,6 +108,9 @@ pub(crate) struct SynthArgs {
     /// Worker threads; 0: one per core
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<usize>(0..=1_024, 2), help_heading = "Files")]
     threads: usize,
+
+    #[command(flatten)]
+    show: Quiet,
 }
 
 /// [`Preset`] on the command line.
@@ -164,25 +169,33 @@ impl SynthArgs {
     /// Writes the drive; 0 when it is complete.
     pub(crate) fn run(&self) -> Outcome {
         let settings = self.settings();
-        let bar =
-            if std::io::stderr().is_terminal() { ProgressBar::new(1_000) } else { ProgressBar::hidden() };
-        if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {eta} left") {
+        let cancel = Arc::new(CancelToken::default());
+        interrupt::listen(&cancel)?;
+        let bar = if self.show.shows() { ProgressBar::new(1_000) } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %{msg}") {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(250));
         let start = Instant::now();
         let mut show = |progress: Summary| {
-            let rate = progress.points as f64 / start.elapsed().as_secs_f64();
+            let elapsed = start.elapsed().as_secs_f64();
+            let rate = progress.points as f64 / elapsed;
             let driven = settings.length_m.map_or(0.0, |length| progress.length_m / length);
             let share =
                 settings.points.map_or(driven, |points| driven.max(progress.points as f64 / points as f64));
             bar.set_position((share * 1_000.0) as u64);
             let points = progress.points as f64 / 1e6;
             let driven = progress.length_m / 1_000.0;
-            bar.set_message(format!("{driven:.2} km, {points:.1} M points, {:.2} M/s", rate / 1e6));
+            let mut text = format!(", {driven:.2} km, {points:.1} M points, {:.2} M points/s", rate / 1e6);
+            if share > 0.0 {
+                text.push_str(&format!(", {} left", time(elapsed * (1.0 - share).max(0.0) / share)));
+            }
+            bar.set_message(text);
+            if cancel.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let summary = generate(&settings, &self.out, &mut show)?;
+        let summary = generate(&settings, &self.out, &mut show);
         bar.finish_and_clear();
+        let summary = summary?;
         let seconds = start.elapsed().as_secs_f64();
         print::text(&format!(
             "{}: {} in {}, {}, {}, {seconds:.1} s, {:.2} M points/s\n",

@@ -17,7 +17,7 @@ use crate::cli::drive_args::Settings;
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::{real, whole};
 use crate::cli::print::{self, deliver};
-use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::progress::{Kind, Progress};
 use crate::cli::{exit, interrupt, scratch};
 
 /// The two uses. One line with everything optional would allow what is refused.
@@ -62,9 +62,8 @@ pub(crate) struct TrainArgs {
     /// Folder for the state of one drive at a time [default: the system's folder for temporary files]
     #[arg(long, value_name = "DIRECTORY")]
     scratch: Option<PathBuf>,
-    /// How progress is shown on standard error
-    #[arg(long, value_enum, default_value = "auto", value_name = "KIND")]
-    progress: ProgressChoice,
+    #[command(flatten)]
+    show: Kind,
     #[command(flatten)]
     learning: LearningArgs,
     #[command(flatten)]
@@ -113,11 +112,6 @@ fn as_scored(model: clap::Arg) -> clap::Arg {
         .requires("test")
 }
 
-/// The path without links and detours, to compare it with others.
-fn resolved(path: &Path) -> PathBuf {
-    std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
-}
-
 /// A share of the points.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share: &f64| *share > 0.0 && *share < 1.0);
@@ -126,7 +120,7 @@ fn share(text: &str) -> Result<f64, String> {
 
 impl TrainArgs {
     pub(crate) fn run(&self) -> Outcome {
-        let progress = Progress::new(self.progress);
+        let progress = Progress::new(self.show.progress());
         let cancel = Arc::new(CancelToken::default());
         interrupt::listen(&cancel)?;
         self.names_drives_once()?;
@@ -171,7 +165,7 @@ impl TrainArgs {
     /// Refuses a drive that is given twice, because its samples would count twice.
     fn names_drives_once(&self) -> Result<(), CliError> {
         for drives in [&self.drives, &self.test] {
-            let all: Vec<PathBuf> = drives.iter().map(|path| resolved(path)).collect();
+            let all: Vec<PathBuf> = drives.iter().map(|path| print::resolved(path)).collect();
             if let Some(at) = (1..all.len()).find(|&at| all[..at].contains(&all[at])) {
                 return Err(refused(&drives[at].display().to_string(), "a drive that is given once").into());
             }
@@ -181,8 +175,8 @@ impl TrainArgs {
 
     /// Refuses to score a model with what it learns from: such scores are too good.
     fn learns_from_no_test(&self) -> Result<(), CliError> {
-        let learned: Vec<PathBuf> = self.drives.iter().map(|path| resolved(path)).collect();
-        match self.test.iter().find(|drive| learned.contains(&resolved(drive))) {
+        let learned: Vec<PathBuf> = self.drives.iter().map(|path| print::resolved(path)).collect();
+        match self.test.iter().find(|drive| learned.contains(&print::resolved(drive))) {
             Some(drive) => {
                 let found = format!("--test {}", drive.display());
                 Err(refused(&found, "a drive that the model does not learn from").into())

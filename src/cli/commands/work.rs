@@ -11,10 +11,12 @@ use crate::cli::drive_args::Settings;
 use crate::cli::exit::Outcome;
 use crate::cli::numbers::whole;
 use crate::cli::print::{self, JsonOutput};
-use crate::cli::progress::{Progress, ProgressChoice};
+use crate::cli::progress::{Kind, Progress};
 use crate::cli::{exit, interrupt};
 
+// Many workers write to one terminal or log.
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("progress", |progress| progress.default_value("none")))]
 pub(crate) struct WorkArgs {
     /// Output directory of a run
     out: PathBuf,
@@ -27,9 +29,8 @@ pub(crate) struct WorkArgs {
     /// Look for missing files of other workers again for so many seconds: other hosts see a new file late
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = whole::<u64>(0..=u64::MAX, 60))]
     wait: u64,
-    /// How progress is shown on standard error
-    #[arg(long, value_enum, default_value = "none", value_name = "KIND")]
-    progress: ProgressChoice,
+    #[command(flatten)]
+    show: Kind,
     #[command(flatten)]
     json: JsonOutput,
     #[command(flatten)]
@@ -45,7 +46,7 @@ impl WorkArgs {
         let cancel = Arc::new(CancelToken::default());
         interrupt::listen(&cancel)?;
         let units = self.units.clone().map_or(Units::All, |numbers| Units::Some(numbers.0));
-        let progress = Progress::new(self.progress);
+        let progress = Progress::new(self.show.progress());
         // The settings of the run, and how this machine is used.
         let resolve = |of_run: &Path| {
             let config = self.settings.resolve_over(of_run)?;

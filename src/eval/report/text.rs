@@ -40,7 +40,7 @@ fn head(report: &Report<'_>) -> String {
         counted(counts.segments, "segment")
     );
     text += &format!(
-        "PQ leaves out {} with fewer than {min} points and {} that are mostly outside of objects\n",
+        "PQ leaves out {} with fewer than {min} points and {} mostly outside of objects\n",
         counted(counts.segments_too_small, "segment"),
         counted(counts.segments_mostly_unlabelled, "segment")
     );

@@ -15,8 +15,8 @@ impl Attribute for Class {
                 name: "class",
                 column_type: ColumnType::Count,
                 unit: ColumnUnit::None,
-                definition: "2 tree, 3 pole, 4 vehicle, 5 building, 6 fence, wall or hedge, 7 small, 8 wire, 9 other; \
-                             0 from methods that do not classify",
+                definition: "2 tree, 3 pole, 4 vehicle, 5 building, 6 fence or hedge, 7 person or small furniture, 8 \
+                             wire, 9 other; 0 from methods that do not classify",
             },
             Column {
                 name: "confidence",
@@ -39,6 +39,17 @@ impl Attribute for Class {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_are_those_of_the_table_of_classes() {
+        let definition = Class.columns()[0].definition;
+        let names =
+            include_str!("../../../config/classes.toml").lines().filter_map(|line| line.split_once(" = \""));
+        let objects = names.filter(|(code, _)| code.parse::<u8>().is_ok_and(|code| code > 1));
+        let listed: Vec<String> =
+            objects.map(|(code, name)| format!("{code} {}", name.trim_end_matches('"'))).collect();
+        assert_eq!(definition.split_once(';').unwrap().0, listed.join(", "));
+    }
     use crate::inventory::object::tests::{BOX, METRES, NO_KIND, values_of};
     use crate::model::Kind;
 

@@ -149,10 +149,14 @@ impl Page<'_> {
             source_of(&script),
             source_of(STYLE)
         );
-        let title = format!("chainage: {}", self.title).replace('&', "&amp;").replace('<', "&lt;");
+        let heading = self.title.replace('&', "&amp;").replace('<', "&lt;");
+        let title = format!("chainage: {heading}");
         let fixed = MARKUP.len()
             + STYLE.len()
-            + [&script, &run, &self.table.packed, &policy, &title].map(String::len).iter().sum::<usize>();
+            + [&script, &run, &self.table.packed, &policy, &title, &heading]
+                .map(String::len)
+                .iter()
+                .sum::<usize>();
         // Sorted in place, because a million points are 24 MB.
         let mut points = std::mem::take(&mut self.points);
         let (page, points) = loop {
@@ -172,6 +176,7 @@ impl Page<'_> {
         let parts = [
             ("policy", policy.as_str()),
             ("title", &title),
+            ("heading", &heading),
             ("style", STYLE),
             ("page", &page),
             ("run", &run),

@@ -5,14 +5,14 @@ use std::fmt::Write;
 
 use crate::output::palette::class_colour;
 
-/// Codes and names of the classes.
+/// Codes and names of the classes, as `config/classes.toml` has them.
 const CLASSES: [(u8, &str); 9] = [
     (2, "tree"),
     (3, "pole"),
     (4, "vehicle"),
     (5, "building"),
-    (6, "fence, wall, hedge"),
-    (7, "person, small furniture"),
+    (6, "fence or hedge"),
+    (7, "person or small furniture"),
     (8, "wire"),
     (9, "other"),
     (0, "no class"),
@@ -148,6 +148,14 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_are_those_of_the_table_of_classes() {
+        let table = include_str!("../../../../config/classes.toml");
+        for (code, name) in CLASSES.iter().filter(|(code, _)| *code > 0) {
+            assert!(table.contains(&format!("\n{code} = \"{name}\"\n")), "{code} {name}");
+        }
+    }
 
     #[test]
     fn every_class_has_a_category_and_a_symbol() {

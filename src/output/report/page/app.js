@@ -12,6 +12,7 @@ class App {
     this.theme = {};
     fillHead(this.page, this.run);
     this.showTab = bindTabs();
+    bindSkip(() => this.showTab($("tab-table")));
     this.unfold = bindFold();
     bindTheme((theme) => {
       this.theme = theme;
@@ -33,7 +34,7 @@ class App {
     fillRun($("run-panel"), this.run, this.page);
     const data = JSON.parse(new TextDecoder().decode(await inflated("data-table")));
     this.outlines = data.outlines;
-    this.axis = new Axis(this.page.axis);
+    this.axis = new Axis(this.page.axis, this.run.result.section);
     this.table = new ObjectTable(data, this.classes, { choose: (row) => { this.unfold(false); this.choose(row, true); }, filtered: (rows) => this.filtered(rows), isHidden: (code) => this.legend?.hidden.has(code) ?? false, showAll: () => this.legend.showAll() });
     this.rowOf = new Map(this.table.values.length ? this.table.values[0].map((id, row) => [id, row]) : []);
     fillStatistics($("classes-panel"), this.table);
@@ -363,6 +364,7 @@ class App {
   /** Binds the controls: those of the 3D view only if there is one. */
   bind() {
     $("keys").addEventListener("click", () => $("help").showModal());
+    $("help-close").addEventListener("click", () => $("help").close());
     $("play").addEventListener("click", () => this.play());
     $("chainage").addEventListener("input", (event) => { this.stop(); this.driveTo(Number(event.target.value)); });
     $("plan").addEventListener("keydown", (event) => this.act(event));

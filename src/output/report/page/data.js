@@ -125,10 +125,11 @@ class Ground {
 
 /** The axis: stretches of vertices with their chainage. */
 class Axis {
-  constructor(stretches) {
+  /** With a section, its ends: the vertices of the axis rarely lie on them. */
+  constructor(stretches, section) {
     this.stretches = stretches.filter((stretch) => stretch.s.length > 0);
-    this.from = this.stretches.length ? this.stretches[0].s[0] : 0;
-    this.to = this.stretches.length ? this.stretches.at(-1).s.at(-1) : 1;
+    this.from = section?.from_m ?? (this.stretches.length ? this.stretches[0].s[0] : 0);
+    this.to = section?.to_m ?? (this.stretches.length ? this.stretches.at(-1).s.at(-1) : 1);
   }
 
   /** Place and heading (radians from the east) at a chainage. */

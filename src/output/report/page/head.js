@@ -58,6 +58,16 @@ function bindTabs() {
   return show;
 }
 
+/** Binds the link to the table. Under another tab the table is hidden, and what is hidden takes no focus: `show` it first. */
+function bindSkip(show) {
+  document.querySelector("a.skip").addEventListener("click", (event) => {
+    event.preventDefault();
+    show();
+    $("table-panel").focus();
+    $("table-panel").scrollIntoView();
+  });
+}
+
 /** Binds the button for light and dark. `changed` gets the theme: its name and colours (shares of red, green, blue). */
 function bindTheme(changed) {
   const system = matchMedia("(prefers-color-scheme: dark)");
