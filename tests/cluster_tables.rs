@@ -118,7 +118,7 @@ proptest! {
         };
         let expected = oracle::dbscan_size(rows.len(), near, epsilon * epsilon, min_points, largest);
         prop_assert_eq!(method(DbscanVariant::Size).cluster(&points).unwrap().0, expected);
-        let expected = oracle::dbscan_core(rows.len(), near, epsilon * epsilon, min_points, largest);
+        let expected = oracle::dbscan_core(rows.len(), near, |row| rows[row].clone(), epsilon * epsilon, min_points, largest);
         prop_assert_eq!(method(DbscanVariant::Core).cluster(&points).unwrap().0, expected);
     }
 }

@@ -39,7 +39,9 @@ fn expected(points: &Points, variant: DbscanVariant, min_points: usize, max_poin
     let largest = if max_points == 0 { usize::MAX } else { max_points };
     match variant {
         DbscanVariant::Size => oracle::dbscan_size(points.len(), near, REACH * REACH, min_points, largest),
-        DbscanVariant::Core => oracle::dbscan_core(points.len(), near, REACH * REACH, min_points, largest),
+        DbscanVariant::Core => {
+            oracle::dbscan_core(points.len(), near, |at| points[at], REACH * REACH, min_points, largest)
+        }
     }
 }
 

@@ -24,6 +24,11 @@ pub trait Clusterer: std::fmt::Debug + Send + Sync {
     /// Smallest and largest number of points of an object, applied to whole objects after stitching.
     fn object_size(&self) -> RangeInclusive<u64>;
 
+    /// Values on which its labels depend and that are no settings, by name.
+    fn depends_on(&self) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
+
     /// Labels the points of `cloud` (objects only, no ground or noise): `labels[i]` in `1..=n`, or 0 if the
     /// point is in no object, whatever its other neighbours are. Returns n. Two points have the same label if
     /// they are connected through points of the cloud. The engine unites labels across tiles.
@@ -97,6 +102,10 @@ impl<C: Clusterer> Method for OneStep<C> {
 
     fn steps(&self) -> &[Step] {
         &self.steps
+    }
+
+    fn depends_on(&self, _step: usize) -> Vec<(&'static str, String)> {
+        self.clusterer.depends_on()
     }
 
     fn planning_reach(&self, lattice: Lattice) -> Reach {

@@ -338,10 +338,11 @@ pub(crate) fn dbscan_size(
 }
 
 /// `dbscan`, variant `core`, over all pairs; border points go to the nearest core point, ties to the smaller
-/// index.
-pub(crate) fn dbscan_core(
+/// place.
+pub(crate) fn dbscan_core<P: Ord>(
     count: usize,
     near: impl Fn(usize, usize) -> i64,
+    place: impl Fn(usize) -> P,
     limit: i64,
     min_points: usize,
     max_points: usize,
@@ -351,7 +352,7 @@ pub(crate) fn dbscan_core(
     let names = components(count, |a, b| is_core[a] && is_core[b] && near(a, b) <= limit);
     let name = |point: usize| {
         let cores = (0..count).filter(|&core| is_core[core] && near(point, core) <= limit);
-        cores.min_by_key(|&core| (near(point, core), core)).map(|core| names[core])
+        cores.min_by_key(|&core| (near(point, core), place(core))).map(|core| names[core])
     };
     numbered(&(0..count).map(name).collect::<Vec<_>>(), 1, max_points)
 }

@@ -38,7 +38,7 @@ pub(super) fn cluster(
             labels[cells.order[at] as usize] = label_of_root[roots[cell]];
         }
     }
-    cells.label_border(&index, reach, cloud, own, |cell| label_of_root[roots[cell]], labels);
+    cells.label_border(&index, reach, own, |cell| label_of_root[roots[cell]], labels);
     Ok(clusters)
 }
 
@@ -157,20 +157,19 @@ impl Cells {
         (labels, as_u32(order.len()))
     }
 
-    /// Gives border points that the tile owns the label of their nearest core point; ties go to the smaller
-    /// id.
+    /// Gives border points that the tile owns the label of their nearest core point; ties go to the first by
+    /// x, then y, then z. Core points in one place have one label.
     fn label_border(
         &self,
         index: &VoxelIndex,
         reach: i64,
-        cloud: &TileCloud,
         own: &[bool],
         label: impl Fn(usize) -> u32,
         labels: &mut [u32],
     ) {
         let limit = reach.pow(2);
-        // Squared distance and id of the nearest core point so far, for points that are not core points.
-        let mut nearest = vec![(limit, PointId::BEYOND_ALL); self.points.len()];
+        // Squared distance and place of the nearest core point so far, for points that are not core points.
+        let mut nearest = vec![(limit, [i32::MAX; 3]); self.points.len()];
         let mut look = |cell: usize, other: usize| {
             if self.core(other).is_empty() {
                 return;
@@ -182,7 +181,7 @@ impl Cells {
                 }
                 for core in self.core(other) {
                     let squared = squared_distance(point, &self.points[core]);
-                    let candidate = (squared, cloud.id[self.order[core] as usize]);
+                    let candidate = (squared, self.points[core]);
                     if candidate < nearest[at] {
                         nearest[at] = candidate;
                         labels[self.order[at] as usize] = label(other);

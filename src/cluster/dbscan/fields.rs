@@ -32,7 +32,7 @@ pub(super) fn label(
         min_points: config.min_points,
         max_points: 0,
     };
-    // Of equal distances, the smaller id counts. The order of the points does not matter.
+    // Of equal distances, the smaller values count. The order of the points does not matter.
     let (found, count) = method.connected_sets(&points, core, &cloud.id).map_err(too_many)?;
     labels.copy_from_slice(&found);
     Ok(count)

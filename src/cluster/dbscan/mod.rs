@@ -5,9 +5,10 @@
 //! Data Segmentation with Automatic Eps Estimation", Sensors 19(1), 172 (2019), doi:10.3390/s19010172. The
 //! variant `core` is that of Ester, Kriegel, Sander, Xu, "A density-based algorithm for discovering clusters
 //! in large spatial databases with noise" (1996). `size` is single link at epsilon, like `euclidean`, with
-//! the same kernel. `core` has its own kernel, see `core_points`. Ours: a border point goes to its nearest
-//! core point, and of equally near ones to the one with the smaller id. So the order of the points does not
-//! matter.
+//! the same kernel. `core` has its own kernel, see `core_points`. A border point of
+//! several clusters may belong to any of them in the paper of Ester et al., whose algorithm gives it to the
+//! first one found. Ours: it goes to its nearest core point, and of equally near ones to the first by x, then
+//! y, then z (in a space of fields: by their values). So the order of the points does not matter.
 //!
 //! Why `core` is exact over tiles: a tile reads its core and everything within 2 epsilon. So for every point
 //! within epsilon of the tile's core it is certain whether it is a core point. Further out, neighbourhoods
@@ -58,6 +59,17 @@ fn build(sections: Sections<'_>) -> Result<Box<dyn Method>, ConfigError> {
     })
 }
 
+/// Raised when results of the variant `core` change and no setting does. From 2 on, places decide where ids
+/// did.
+const CORE_EPOCH: u32 = 2;
+
+fn epoch_of(config: &DbscanConfig) -> Vec<(&'static str, String)> {
+    match config.variant {
+        DbscanVariant::Core => vec![("algorithm epoch", CORE_EPOCH.to_string())],
+        DbscanVariant::Size => Vec::new(),
+    }
+}
+
 /// The method with a known epsilon.
 #[derive(Debug, Clone)]
 pub struct Dbscan {
@@ -92,6 +104,10 @@ impl Clusterer for Dbscan {
 
     fn object_size(&self) -> RangeInclusive<u64> {
         self.config.object_size()
+    }
+
+    fn depends_on(&self) -> Vec<(&'static str, String)> {
+        epoch_of(&self.config)
     }
 
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError> {
@@ -189,6 +205,10 @@ impl Method for OverDrive {
 
     fn fields(&self) -> &[Field] {
         &self.fields
+    }
+
+    fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
+        if self.estimates(step) { Vec::new() } else { epoch_of(&self.config) }
     }
 
     /// The reach of the estimate. The estimated epsilon is not known yet.

@@ -2,7 +2,8 @@
 //!
 //! Source: Wang et al. 2019 (see `dbscan`), algorithm 1 (`size`: single link at epsilon, clusters are kept by
 //! their size), and Ester et al. 1996 (`core`). Ours: a border point goes to its nearest core point, and of
-//! equally near ones to the smaller row. So the order of the rows does not matter.
+//! equally near ones to that with the smaller values, compared column by column. So the order of the rows
+//! does not matter.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -52,9 +53,7 @@ impl Dbscan {
     /// [`SpatialError`] when the points cannot be indexed.
     pub fn cluster(&self, points: &Points) -> Result<(Vec<u32>, u32), SpatialError> {
         let largest = if self.max_points == 0 { u64::MAX } else { self.max_points };
-        // The rows of a table are its points.
-        let rows: Vec<PointId> = (0..points.len()).map(PointId::at).collect();
-        let names = self.names(points, &vec![true; points.len()], &rows)?;
+        let names = self.names(points, &vec![true; points.len()])?;
         Ok(match self.variant {
             DbscanVariant::Size => labels::number(&names, &(self.min_points..=largest)),
             DbscanVariant::Core => labels::number(&names, &(1..=largest)),
@@ -62,7 +61,7 @@ impl Dbscan {
     }
 
     /// The same for a part of the points that is read with its surroundings. Sets of any size are kept, and
-    /// border points get a label only if they are `own`. `ids` break ties and order the labels.
+    /// border points get a label only if they are `own`. `ids` order the labels.
     ///
     /// # Errors
     /// [`SpatialError`] when the points cannot be indexed.
@@ -72,23 +71,18 @@ impl Dbscan {
         own: &[bool],
         ids: &[PointId],
     ) -> Result<(Vec<u32>, u32), SpatialError> {
-        let names = self.names(points, own, ids)?;
+        let names = self.names(points, own)?;
         Ok(labels::number_by_id(&names, ids))
     }
 
-    fn names(
-        &self,
-        points: &Points,
-        own: &[bool],
-        ids: &[PointId],
-    ) -> Result<Vec<Option<u32>>, SpatialError> {
+    fn names(&self, points: &Points, own: &[bool]) -> Result<Vec<Option<u32>>, SpatialError> {
         let index = Index::new(points)?;
         Ok(match self.variant {
             DbscanVariant::Size => self.connected(&index, &vec![true; points.len()]),
             DbscanVariant::Core => {
                 let core = self.core_points(&index, points.len());
                 let mut names = self.connected(&index, &core);
-                self.adopt_border(&index, &core, own, ids, &mut names);
+                self.adopt_border((points, &index), &core, own, &mut names);
                 names
             }
         })
@@ -117,19 +111,19 @@ impl Dbscan {
         (0..members.len()).map(|point| members[point].then(|| sets.find(as_u32(point)))).collect()
     }
 
-    /// Gives border points the name of their nearest core point, where they are `own`.
+    /// Gives border points the name of their nearest core point, where they are `own`. Core points in one
+    /// place have one name.
     fn adopt_border(
         &self,
-        index: &Index<'_>,
+        (points, index): (&Points, &Index<'_>),
         core: &[bool],
         own: &[bool],
-        ids: &[PointId],
         names: &mut [Option<u32>],
     ) {
         for point in (0..core.len()).filter(|&point| !core[point] && own[point]) {
-            let mut nearest: Option<(f64, PointId, usize)> = None;
+            let mut nearest: Option<(f64, &[f64], usize)> = None;
             index.within(point, self.epsilon, |other, squared| {
-                let candidate = (squared, ids[other], other);
+                let candidate = (squared, points.row(other), other);
                 if core[other] && nearest.is_none_or(|best| candidate < best) {
                     nearest = Some(candidate);
                 }
@@ -193,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn border_points_go_to_the_nearest_core_point_and_ties_to_the_smaller_row() {
+    fn border_points_go_to_the_nearest_core_point_and_ties_to_the_smaller_place() {
         // Core points have 4 points within 1: 0.0 and 0.5 of the left group, 2.0 and 2.5 of the right one.
         // 1.0 is a border point of both groups: core points 0.5 (0.5 away) and 2.0 (1.0 away). 1.25 is 0.75
         // from both 0.5 and 2.0.
@@ -201,7 +195,7 @@ mod tests {
         let right = [2.0, 2.3, 2.5, 3.0];
         let places: Vec<f64> = right.iter().chain(&left).copied().chain([1.25]).collect();
         let labels = cluster(DbscanVariant::Core, 4, 0, &line(&places));
-        assert_eq!(labels, [1, 1, 1, 1, 2, 2, 2, 2, 1]);
+        assert_eq!(labels, [1, 1, 1, 1, 2, 2, 2, 2, 2]);
         let swapped: Vec<f64> = left.iter().chain(&right).copied().chain([1.25]).collect();
         assert_eq!(cluster(DbscanVariant::Core, 4, 0, &line(&swapped)), [1, 1, 1, 1, 2, 2, 2, 2, 1]);
     }
