@@ -245,17 +245,46 @@ fn middling() -> impl Iterator<Item = (Course, Vec<Point>)> {
 
 /// The labelled points of one file with these points, in tiles of 5 m.
 fn labelled(points: &[Point]) -> Labelled {
+    labelled_by(points, &[])
+}
+
+/// The same with more settings.
+fn labelled_by(points: &[Point], more: &[String]) -> Labelled {
     let folder = scratch();
     let files = one_file(folder.path(), points);
     let out = folder.path().join("out");
-    let summary = drive(&files, &out, &small(5.0, 2, &[])).unwrap();
+    let summary = drive(&files, &out, &small(5.0, 2, more)).unwrap();
+    // Points at random have few parts that `street` is certain of.
+    let least = if more.iter().any(|setting| setting.contains("street")) { 1 } else { 6 };
     assert!(
-        summary.tiles > 4 && summary.objects > 10,
+        summary.tiles > 4 && summary.objects >= least,
         "{} tiles, {} objects",
         summary.tiles,
         summary.objects
     );
     Labelled::read(&files, &out)
+}
+
+/// Settings with which small things are objects of each registered method, including those written after this
+/// test.
+fn methods() -> Vec<(&'static str, Vec<String>)> {
+    // Small things have few points, and few and low voxels.
+    let peaks = &["density-peaks.min_density=1.0", "density-peaks.min_separation=1.0"][..];
+    let core = &["dbscan.variant=core", "dbscan.min_points=4"][..];
+    let variants = |name: &str| match name {
+        "density-peaks" => vec![peaks],
+        "dbscan" => vec![&["dbscan.min_points=3"][..], core],
+        _ => vec![&[][..]],
+    };
+    let of = |entry: &ClusterEntry, variant| {
+        let mut list = settings(variant);
+        list.push(format!("cluster.method={:?}", entry.name));
+        (entry.name, list)
+    };
+    cluster::REGISTRY
+        .iter()
+        .flat_map(|entry| variants(entry.name).into_iter().map(move |variant| of(entry, variant)))
+        .collect()
 }
 
 #[test]
@@ -278,52 +307,34 @@ fn threads_and_tile_length_change_no_byte() {
     }
 }
 
-/// Every registered method, including those written after this test.
 #[test]
 fn every_method_gives_the_same_bytes_in_any_tiles_files_and_formats() {
-    // Small things have few points, and few and low voxels.
-    let peaks = &["density-peaks.min_density=1.0", "density-peaks.min_separation=1.0"][..];
-    let core = &["dbscan.variant=core", "dbscan.min_points=4"][..];
-    let variants = |name: &str| match name {
-        "density-peaks" => vec![peaks],
-        "dbscan" => vec![&["dbscan.min_points=3"][..], core],
-        _ => vec![&[][..]],
-    };
-    let methods =
-        cluster::REGISTRY.iter().flat_map(|entry| variants(entry.name).into_iter().map(move |v| (entry, v)));
-    for (entry, variant) in methods {
+    for (name, more) in methods() {
         for (course, points) in middling() {
             let folder = scratch();
-            let mut more = settings(variant);
             let shapes = [Shape::default(), Shape::default()];
-            more.push(format!("cluster.method={:?}", entry.name));
             let las = write_files(folder.path(), &points, &shapes, None);
             let laz = write_files(folder.path(), &points, &shapes, Some(300));
             let whole = folder.path().join("whole");
             let summary = drive(&laz, &whole, &small(WHOLE_M, 1, &more)).unwrap();
             // Points at random have few parts that `street` is certain of.
-            let least = if entry.name == "street" { 1 } else { 6 };
-            assert!(summary.objects >= least, "{}: {} objects", entry.name, summary.objects);
+            let least = if name == "street" { 1 } else { 6 };
+            assert!(summary.objects >= least, "{name}: {} objects", summary.objects);
             for (tile_m, threads) in [(2.0, 2), (5.5, 4)] {
                 let out = folder.path().join(format!("{tile_m}"));
                 drive(&laz, &out, &small(tile_m, threads, &more)).unwrap();
-                let what = format!("{}, {course:?}, tiles of {tile_m} m, {threads} threads", entry.name);
+                let what = format!("{name}, {course:?}, tiles of {tile_m} m, {threads} threads");
                 assert_same_outputs(&whole, &out, &what);
             }
             let expected = Labelled::read(&laz, &whole);
             let out = folder.path().join("las");
             drive(&las, &out, &small(5.5, 2, &more)).unwrap();
-            assert_eq!(Labelled::read(&las, &out), expected, "{}, {course:?}: LAS", entry.name);
+            assert_eq!(Labelled::read(&las, &out), expected, "{name}, {course:?}: LAS");
             let one = folder.path().join("one");
             std::fs::create_dir(&one).unwrap();
             let files = one_file(&one, &points);
             drive(&files, &one.join("out"), &small(5.5, 2, &more)).unwrap();
-            assert_eq!(
-                Labelled::read(&files, &one.join("out")),
-                expected,
-                "{}, {course:?}: one file",
-                entry.name
-            );
+            assert_eq!(Labelled::read(&files, &one.join("out")), expected, "{name}, {course:?}: one file");
         }
     }
 }
@@ -344,9 +355,9 @@ fn moving_the_drive_by_whole_voxels_and_cells_changes_no_label_and_no_class() {
 }
 
 /// Compares points at new places in the file with the same points at their old places.
-fn assert_reordered(points: &[Point], order: &[usize], before: &Labelled, what: &str) {
+fn assert_reordered(points: &[Point], order: &[usize], more: &[String], before: &Labelled, what: &str) {
     let moved: Vec<Point> = order.iter().map(|&index| points[index]).collect();
-    let after = labelled(&moved);
+    let after = labelled_by(&moved, more);
     let picked = before.pick(order);
     assert_eq!((&after.at, &after.mark), (&picked.at, &picked.mark), "{what}: the test itself");
     assert_eq!(after.class, picked.class, "{what}");
@@ -363,12 +374,18 @@ fn assert_reordered(points: &[Point], order: &[usize], before: &Labelled, what: 
 
 #[test]
 fn the_order_of_records_changes_neither_partition_nor_classes() {
-    for (course, points) in middling() {
-        let before = labelled(&points);
-        let reversed: Vec<usize> = (0..points.len()).rev().collect();
-        assert_reordered(&points, &reversed, &before, &format!("{course:?} driven backwards"));
-        let shuffled = permutation(points.len(), 4);
-        assert_reordered(&points, &shuffled, &before, &format!("{course:?} shuffled"));
+    for (name, more) in methods() {
+        for (course, mut points) in middling() {
+            // Coordinates of 40 mm make ties everywhere, and some points are in one place.
+            points.iter_mut().for_each(|point| point.mm = point.mm.map(|value| value.div_euclid(40) * 40));
+            points.extend_from_within(points.len() / 3..points.len() / 2);
+            let before = labelled_by(&points, &more);
+            let reversed: Vec<usize> = (0..points.len()).rev().collect();
+            let what = format!("{name} {more:?}, {course:?}");
+            assert_reordered(&points, &reversed, &more, &before, &format!("{what} driven backwards"));
+            let shuffled = permutation(points.len(), 4);
+            assert_reordered(&points, &shuffled, &more, &before, &format!("{what} shuffled"));
+        }
     }
 }
 

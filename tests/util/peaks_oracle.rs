@@ -114,11 +114,12 @@ fn clusters(density: &BTreeMap<Voxel, f64>, s: &Settings) -> (BTreeMap<Voxel, Vo
 
 /// Curvature of the 20 nearest labelled points, and the distance of the last of them.
 fn curvature(points: &[[i64; 3]], labelled: &[usize], at: usize) -> (f64, f64) {
-    let mut near: Vec<(i64, usize)> = labelled.iter().map(|&p| (squared(points[p], points[at]), p)).collect();
+    let mut near: Vec<(i64, [i64; 3])> =
+        labelled.iter().map(|&p| (squared(points[p], points[at]), points[p])).collect();
     near.sort_unstable();
     near.truncate(20);
     let farthest = near.last().map_or(0.0, |last| (last.0 as f64).sqrt());
-    let vectors: Vec<_> = near.iter().map(|(_, p)| points[*p].map(|value| value as f64)).collect();
+    let vectors: Vec<_> = near.iter().map(|(_, place)| place.map(|value| value as f64)).collect();
     let mean = [0, 1, 2].map(|axis| vectors.iter().map(|v| v[axis]).sum::<f64>() / vectors.len() as f64);
     let entry = |a: usize, b: usize| vectors.iter().map(|v| (v[a] - mean[a]) * (v[b] - mean[b])).sum::<f64>();
     let values = Matrix3::from_fn(entry).symmetric_eigenvalues();
@@ -126,21 +127,22 @@ fn curvature(points: &[[i64; 3]], labelled: &[usize], at: usize) -> (f64, f64) {
     (if sum > 0.0 { values.min().max(0.0) / sum } else { 0.0 }, farthest)
 }
 
-/// For each component the squared distance and id of the labelled point nearest to any of its points.
+/// For each component the squared distance, place and id of the labelled point nearest to any of its points.
 fn nearest_labelled(
     points: &[[i64; 3]],
     halo: &[usize],
     labelled: &[usize],
     within: i64,
     component: impl Fn(usize) -> Voxel,
-) -> BTreeMap<Voxel, (i64, usize)> {
+) -> BTreeMap<Voxel, (i64, [i64; 3], usize)> {
     let mut nearest = BTreeMap::new();
     for &p in halo {
         for &q in labelled {
             let distance = squared(points[p], points[q]);
             if distance <= within.pow(2) {
-                let best = nearest.entry(component(p)).or_insert((distance, q));
-                *best = (*best).min((distance, q));
+                let found = (distance, points[q], q);
+                let best = nearest.entry(component(p)).or_insert(found);
+                *best = found.min(*best);
             }
         }
     }
@@ -166,7 +168,10 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
     let mut cells = BTreeMap::<(Voxel, Voxel), usize>::new();
     for &p in &labelled {
         let cell = points[p].map(|value| value.div_euclid(100));
-        cells.entry((cell, cluster_of(p).expect("labelled"))).or_insert(p);
+        let first = cells.entry((cell, cluster_of(p).expect("labelled"))).or_insert(p);
+        if points[p] < points[*first] {
+            *first = p;
+        }
     }
     let representatives: Vec<usize> = cells.into_values().collect();
     let mut sums = BTreeMap::<(Voxel, Voxel), (f64, f64)>::new();
@@ -206,7 +211,7 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
         (0..points.len()).filter(|&p| !ground[p] && halo.contains(&voxel_of(p))).collect();
     let nearest = nearest_labelled(points, &in_halo, &labelled, s.reassign, |p| component[&voxel_of(p)]);
     let joined = |voxel: &Voxel| {
-        nearest.get(&component[voxel]).map(|(_, q)| segment[&cluster_of(*q).expect("labelled")])
+        nearest.get(&component[voxel]).map(|(.., q)| segment[&cluster_of(*q).expect("labelled")])
     };
     let object = |p: usize| match cluster_of(p) {
         Some(cluster) => Some(segment[&cluster]),

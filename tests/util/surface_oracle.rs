@@ -125,7 +125,7 @@ fn slice(points: &[[i64; 3]], members: &[usize], refit: bool) -> Option<Robust> 
     let start = vector(points[members[0]]);
     let places: Vec<Vector> = members.iter().map(|member| vector(points[*member]) - start).collect();
     let half = (members.len() / 2).max(3);
-    let mut random = Random(members[0] as u64);
+    let mut random = Random(members.len() as u64);
     let mut best: Option<(Vector, f64, Vector)> = None;
     for _ in 0..69 {
         let [a, b, c] = random.three(members.len()).map(|at| places[at]);
@@ -233,8 +233,9 @@ pub(crate) fn surfaces(
     ground: &[bool],
     settings: &Settings,
 ) -> (Vec<Option<usize>>, [usize; 4]) {
-    // Points of the ground take no part; ids are those among all points.
-    let kept: Vec<usize> = (0..points.len()).filter(|id| !ground[*id]).collect();
+    // Points of the ground take no part. The others come in the order of their places, which decides ties.
+    let mut kept: Vec<usize> = (0..points.len()).filter(|id| !ground[*id]).collect();
+    kept.sort_by_key(|id| (points[*id], *id));
     let own: Vec<[i64; 3]> = kept.iter().map(|id| points[*id]).collect();
     let facts: Vec<Option<Facts>> = (0..own.len()).map(|of| facts(&own, of, settings)).collect();
     let values: Vec<f64> = facts.iter().flatten().map(|facts| facts.flatness).collect();
@@ -244,6 +245,10 @@ pub(crate) fn surfaces(
 
     let link = |of: usize| {
         let here = facts[of].as_ref()?;
+        // Points in one place are linked to each other.
+        if of > 0 && own[of] == own[of - 1] {
+            return Some(of - 1);
+        }
         let flatter = |other: &usize| {
             facts[*other].as_ref().is_some_and(|there| (there.flatness, *other) < (here.flatness, of))
         };
@@ -272,7 +277,6 @@ pub(crate) fn surfaces(
         if members.len() < 10 || !is_centre(root) {
             continue;
         }
-        // Random numbers follow from ids, which are those among all points.
         let ids: Vec<usize> = members.iter().map(|member| kept[*member]).collect();
         if let Some(robust) = slice(points, &ids, settings.refit_planes) {
             slices.push((members, robust));
@@ -292,8 +296,13 @@ pub(crate) fn surfaces(
     let slice = |number: &usize| if *number == usize::MAX { usize::MAX } else { root(*number) };
     let mut of_point: Vec<usize> = of_point.iter().map(slice).collect();
     let [changed, joined] = contest_oracle::contests(&own, &mut of_point, settings);
-    for (point, &surface) in of_point.iter().enumerate().filter(|(_, surface)| **surface != usize::MAX) {
-        found[kept[point]] = Some(*first.entry(surface).or_insert(kept[point]));
+    let with_surface = || of_point.iter().enumerate().filter(|(_, surface)| **surface != usize::MAX);
+    for (point, &surface) in with_surface() {
+        let smallest = first.entry(surface).or_insert(kept[point]);
+        *smallest = kept[point].min(*smallest);
+    }
+    for (point, surface) in with_surface() {
+        found[kept[point]] = Some(first[surface]);
     }
     (found, [slices.len(), merged.pairs, changed, joined])
 }

@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use super::surroundings::Surroundings;
 use crate::cluster::columns::{Finder, Voxel};
-use crate::model::{PointId, VoxelGrid};
+use crate::model::VoxelGrid;
 use crate::spatial::Cell;
 
 /// Edge of the cells of representatives in metres (chosen: points near the scanner are a few centimetres
@@ -99,9 +99,10 @@ impl<'a> LabelledPoints<'a> {
         self.around.points.cloud.origin
     }
 
-    /// Id of a point.
-    pub(super) fn id(&self, point: u32) -> PointId {
-        self.around.points.cloud.id[self.source[point as usize] as usize]
+    /// Lattice coordinates of a point.
+    pub(super) fn lattice_point(&self, point: u32) -> [i64; 3] {
+        let (by, origin) = (self.relative(point, [0; 3]), self.origin());
+        [0, 1, 2].map(|axis| origin[axis] + by[axis])
     }
 
     /// Cluster of a point.
@@ -115,16 +116,17 @@ impl<'a> LabelledPoints<'a> {
         [0, 1, 2].map(|axis| i64::from(place[axis]) - i64::from(to[axis]))
     }
 
-    /// The smallest id of each cell of [`REPRESENTATIVE_M`] and each cluster, over the `wanted` voxels. Where
-    /// cells cross borders of voxels, `wanted` must contain all voxels of a cluster that share a cell.
+    /// The first place (by x, then y, then z) of each cell of [`REPRESENTATIVE_M`] and each cluster, over the
+    /// `wanted` voxels. Of points in one place it does not matter which one it is. Where cells cross borders
+    /// of voxels, `wanted` must contain all voxels of a cluster that share a cell.
     pub(super) fn representatives(&self, wanted: &[bool]) -> Representatives {
         let cloud = &self.around.points.cloud;
         let cell_edge = cloud.lattice.units(REPRESENTATIVE_M).max(1);
         let grid = VoxelGrid::new(cloud.origin, cell_edge as u32);
         let nested = self.edge % cell_edge == 0;
-        // Cell and cluster, id, voxel, point, for cells that several voxels share.
-        let mut shared: Vec<([u32; 4], PointId, u32, u32)> = Vec::new();
-        let mut of_voxel: Vec<([u32; 3], PointId, u32)> = Vec::new();
+        // Cell and cluster, place, voxel, point, for cells that several voxels share.
+        let mut shared: Vec<([u32; 4], [i32; 3], u32, u32)> = Vec::new();
+        let mut of_voxel: Vec<([u32; 3], [i32; 3], u32)> = Vec::new();
         let mut result = Representatives::default();
         result.places.first.push(0);
         for (voxel, &wanted) in wanted.iter().enumerate() {
@@ -132,7 +134,7 @@ impl<'a> LabelledPoints<'a> {
             if wanted {
                 of_voxel.extend(self.places.of(voxel).map(|point| {
                     let place = self.places.get(point);
-                    ([0, 1, 2].map(|axis| grid.index(axis, place[axis])), self.id(point as u32), point as u32)
+                    ([0, 1, 2].map(|axis| grid.index(axis, place[axis])), place, point as u32)
                 }));
                 of_voxel.sort_unstable();
                 of_voxel.dedup_by_key(|entry| entry.0);
@@ -144,7 +146,7 @@ impl<'a> LabelledPoints<'a> {
                 shared.extend(
                     of_voxel
                         .iter()
-                        .map(|&([i, j, k], id, point)| ([i, j, k, cluster], id, voxel as u32, point)),
+                        .map(|&([i, j, k], place, point)| ([i, j, k, cluster], place, voxel as u32, point)),
                 );
             }
         }
@@ -203,12 +205,13 @@ impl<'a> LabelledPoints<'a> {
         found
     }
 
-    /// Keeps the `most` nearest points, with the farthest at the end. Of equally near points, those with
-    /// smaller ids are kept.
+    /// Keeps the `most` nearest points, with the farthest at the end. Of equally near points, the first in
+    /// the order of places (by x, then y, then z) are kept.
     fn keep_nearest(&self, found: &mut Vec<Neighbour>, most: usize) {
         if found.len() > most {
-            let by_id = |a: &Neighbour, b: &Neighbour| self.id(a.1).cmp(&self.id(b.1));
-            found.select_nth_unstable_by(most - 1, |a, b| a.0.cmp(&b.0).then_with(|| by_id(a, b)));
+            let place = |neighbour: &Neighbour| self.places.get(neighbour.1 as usize);
+            found
+                .select_nth_unstable_by(most - 1, |a, b| a.0.cmp(&b.0).then_with(|| place(a).cmp(&place(b))));
             found.truncate(most);
         }
     }
@@ -259,8 +262,8 @@ const SLACK: usize = 44;
 
 impl Search<'_> {
     /// The `most` nearest points to a local place at a squared distance of at most `limit`, in no particular
-    /// order. Of equally near points, those with smaller ids are kept. `limit` must be within the reach of
-    /// the search.
+    /// order. Of equally near points, the first in the order of places are kept. `limit` must be within the
+    /// reach of the search.
     ///
     /// It visits shells of voxels around the voxel of the place, and stops when the next shell cannot contain
     /// a point that is near enough.

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 
 use super::figures::{Figures, Reassigned};
 use super::settings::{DensityPeaksConfig, STAGE_PEAKS};
-use super::stage_borders::{self, Halo, PairSum, merges};
+use super::stage_borders::{self, Halo, Nearest, PairSum, merges};
 use super::stage_peaks;
 use crate::cluster::columns::join;
 use crate::cluster::{DriveWindow, Grouped};
 use crate::error::Result;
-use crate::model::{PointId, TileId};
+use crate::model::TileId;
 use crate::spatial::DisjointSets;
 
 /// Which labels are one object.
@@ -61,7 +61,7 @@ fn merge(clusters: u32, sums: &BTreeMap<(u32, u32), PairSum>, threshold: f64) ->
 /// Segment of every component of halo voxels of every tile; 0 if no segment is near. `components` gives their
 /// names over the drive.
 fn reassign(components: &[Vec<u32>], halos: &[Vec<Halo>], segments: &[u32]) -> (Vec<Vec<u32>>, Reassigned) {
-    let mut nearest = BTreeMap::<u32, (u64, PointId, u32)>::new();
+    let mut nearest = BTreeMap::<u32, Nearest>::new();
     let all = || components.iter().flatten().zip(halos.iter().flatten());
     for (&component, halo) in all() {
         if let Some(found) = halo.nearest {
@@ -102,13 +102,11 @@ mod tests {
 
     #[test]
     fn a_component_of_two_tiles_joins_what_is_nearest_to_either() {
-        let halo = |voxels, nearest: Option<(u64, u64, u32)>| {
-            let nearest = nearest.map(|(squared, id, cluster)| (squared, PointId::new(id), cluster));
-            Halo { voxels, nearest }
-        };
-        let halos = [vec![halo(5, Some((90, 7, 2))), halo(1, None)], vec![halo(3, Some((90, 6, 3)))]];
-        // Components 0 and 1 of the drive. Of equally near points the smaller id counts: cluster 3, which is
-        // in segment 1.
+        let halo = |voxels, nearest| Halo { voxels, nearest };
+        let halos =
+            [vec![halo(5, Some((90, [8, 7, 1], 2))), halo(1, None)], vec![halo(3, Some((90, [8, 6, 9], 3)))]];
+        // Components 0 and 1 of the drive. Of equally near points the first in the order of places counts:
+        // cluster 3, which is in segment 1.
         let (groups, reassigned) = reassign(&[vec![0, 1], vec![0]], &halos, &[0, 1, 2, 1]);
         assert_eq!(groups, [vec![1, 0], vec![1]]);
         assert_eq!((reassigned.joined, reassigned.dropped), (8, 1));

@@ -6,8 +6,9 @@
 //! equations 3 to 13, Table 2. It builds on Rodriguez, Laio, "Clustering by fast search and find of density
 //! peaks", Science 344(6191), 1492-1496 (2014), doi:10.1126/science.1242072. "The paper" in this folder is Li
 //! et al. 2017. Ours, because the paper does not say: every tie (larger density, then lower (k, j, i);
-//! nearer, then denser; nearer, then smaller id), the 10 m within which ground is searched, representatives
-//! of 0.1 m, the 20 points of a curvature, the threshold `merge_below`, the 1.5 m of re-assignment.
+//! nearer, then denser; nearer, then lower x, y, z), the 10 m within which ground is searched,
+//! representatives of 0.1 m, the 20 points of a curvature, the threshold `merge_below`, the 1.5 m of
+//! re-assignment.
 //!
 //! There are three stages, each with a barrier. `voxels`: points to voxels, components over the drive, the
 //! largest count. `peaks`: densities, parents, centres, chains across tiles. `borders`, again on points: sums
@@ -64,6 +65,9 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
 /// are of objects and a voxel has few of them. The stage `borders` needs most.
 const BYTES_PER_POINT: u64 = 68;
 
+/// Raised when results change and no setting does. From 2 on, places decide where ids did.
+const ALGORITHM_EPOCH: u32 = 2;
+
 const fn stage(name: &'static str, settings: &'static [&'static str]) -> Step {
     Step { name, settings, bytes: BytesPer::Point(BYTES_PER_POINT), repeat: Repeat::Once }
 }
@@ -109,12 +113,20 @@ impl Method for DensityPeaks {
         NAME
     }
 
-    /// The reach of the points of the last stage. Voxels are read from further away, but they need less
-    /// memory.
     fn microseconds_per_point(&self) -> f64 {
         2.9
     }
 
+    fn depends_on(&self, stage: usize) -> Vec<(&'static str, String)> {
+        if stage == STAGE_BORDERS {
+            vec![("algorithm epoch", ALGORITHM_EPOCH.to_string())]
+        } else {
+            Vec::new()
+        }
+    }
+
+    /// The reach of the points of the last stage. Voxels are read from further away, but they need less
+    /// memory.
     fn planning_reach(&self, _lattice: Lattice) -> Reach {
         Reach::Exact { metres: stage_borders::reach_m(&self.config) }
     }

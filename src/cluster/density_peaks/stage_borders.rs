@@ -22,7 +22,7 @@ use crate::cluster::further::{Asking, Further};
 use crate::cluster::{DriveWindow, Labelled, Mapped, TileWindow};
 use crate::codec;
 use crate::error::Result;
-use crate::model::{PointId, TileId};
+use crate::model::TileId;
 use crate::spatial::Cell;
 
 /// Number of points of a curvature (chosen; the paper gives no number).
@@ -36,9 +36,13 @@ const FIRST_SEARCH_M: f64 = 1.5;
 pub(super) struct Halo {
     /// Number of its voxels that the tile owns.
     pub(super) voxels: u64,
-    /// The labelled point nearest to any point of the tile: squared distance, id and cluster.
-    pub(super) nearest: Option<(u64, PointId, u32)>,
+    /// The labelled point nearest to any point of the tile.
+    pub(super) nearest: Option<Nearest>,
 }
+
+/// A labelled point near a component: squared distance, lattice coordinates and cluster. The smallest is the
+/// nearest, and of equally near ones the first in the order of places. Points in one place have one cluster.
+pub(super) type Nearest = (u64, [i64; 3], u32);
 
 /// The pairs of representatives of two clusters. Every pair is counted at both of its points, each by the
 /// tile that owns the point.
@@ -178,7 +182,7 @@ fn nearest_labelled(
         let limit = halo.nearest.map_or(lengths.reassign.unsigned_abs().pow(2), |nearest| nearest.0);
         let place = [cloud.x[point], cloud.y[point], cloud.z[point]];
         if let Some(&(distance, other)) = search.nearest(place, 1, limit).first() {
-            let candidate = (distance, labelled.id(other), labelled.cluster(other));
+            let candidate = (distance, labelled.lattice_point(other), labelled.cluster(other));
             halo.nearest = Some(halo.nearest.map_or(candidate, |nearest| nearest.min(candidate)));
         }
     }
@@ -196,9 +200,8 @@ struct Meeting {
 struct Open {
     meeting: Meeting,
     cell: Cell,
-    /// The nearest points so far, nearest first: squared distance, id, and place relative to the
-    /// representative.
-    found: Vec<(u64, PointId, [i64; 3])>,
+    /// The nearest points so far, nearest first: squared distance, and place relative to the representative.
+    found: Vec<(u64, [i64; 3])>,
 }
 
 impl Open {
@@ -207,11 +210,8 @@ impl Open {
     fn look(&mut self, labelled: &LabelledPoints<'_>, place: [i32; 3]) {
         let limit = self.found.get(NEIGHBOURS - 1).map_or(u64::MAX, |farthest| farthest.0);
         let nearest = labelled.nearest_of_all(place, NEIGHBOURS, limit);
-        self.found.extend(
-            nearest
-                .iter()
-                .map(|&(distance, point)| (distance, labelled.id(point), labelled.relative(point, place))),
-        );
+        let found = |&(distance, point): &Neighbour| (distance, labelled.relative(point, place));
+        self.found.extend(nearest.iter().map(found));
         self.found.sort_unstable();
         self.found.truncate(NEIGHBOURS);
     }
@@ -222,8 +222,8 @@ impl Asking for Open {
         self.cell
     }
 
-    /// One unit more than the distance of the farthest, because of two equally far points the one with the
-    /// smaller id counts.
+    /// One unit more than the distance of the farthest, because of two equally far points the first in the
+    /// order of places counts.
     fn needed(&self) -> i64 {
         let farthest = self.found.get(NEIGHBOURS - 1);
         farthest.map_or(i64::MAX, |farthest| farthest.0.isqrt().cast_signed() + 2)
@@ -385,7 +385,7 @@ impl<'a> Curvatures<'a> {
             &mut |open| certain.push(open),
         )?;
         for Open { meeting, found, .. } in certain {
-            let places: Vec<[i64; 3]> = found.iter().map(|found| found.2).collect();
+            let places: Vec<[i64; 3]> = found.iter().map(|found| found.1).collect();
             self.sum(&meeting, curvature(&places));
         }
         Ok(self.sums.into_iter().map(|((one, other), sum)| (one, other, sum)).collect())

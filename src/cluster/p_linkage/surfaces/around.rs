@@ -1,9 +1,11 @@
-//! The points of a tile and around it, in ascending order of their ids, with what must be known of each.
+//! The points of a tile and around it, with what must be known of each. They are in ascending order of their
+//! places, and of their ids only where several are in one place. So the order of records in files decides
+//! nothing: ids follow it, and places do not.
 
 use super::planes::Moments;
 use crate::cluster::TileWindow;
 use crate::error::Result;
-use crate::model::PointId;
+use crate::model::{PointId, TileCloud};
 
 /// What a tile must know of a point. A neighbour is at most the reach R away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -46,9 +48,7 @@ impl Around {
             let within = cursors.iter_mut().position(|cells| cells.get(cell) != 0);
             within.map_or(Zone::Place, |at| near[at].0)
         };
-        let mut order: Vec<usize> = (0..cloud.len()).collect();
-        // Core points are in order already, which this sort makes use of.
-        order.sort_by_key(|point| cloud.id[*point]);
+        let order = in_order(cloud);
         Ok(Self {
             origin: cloud.origin,
             places: order.iter().map(|&at| [cloud.x[at], cloud.y[at], cloud.z[at]]).collect(),
@@ -61,6 +61,11 @@ impl Around {
         self.places.len()
     }
 
+    /// Whether a point is in the same place as the one before it.
+    pub(super) fn repeats(&self, point: usize) -> bool {
+        point > 0 && self.places[point] == self.places[point - 1]
+    }
+
     pub(super) fn is_core(&self, point: usize) -> bool {
         self.zone[point] == Zone::Core
     }
@@ -69,6 +74,22 @@ impl Around {
     pub(super) fn lattice_point(&self, point: usize) -> [i64; 3] {
         [0, 1, 2].map(|axis| self.origin[axis] + i64::from(self.places[point][axis]))
     }
+}
+
+/// The points of a cloud in ascending order of their places: x, then y, then z, then the id.
+pub(super) fn in_order(cloud: &TileCloud) -> Vec<usize> {
+    // Local coordinates are not negative. Numbers are sorted faster than points by keys.
+    let column = |value: i32| u128::from(value.unsigned_abs());
+    let place = |at: usize| column(cloud.x[at]) << 96 | column(cloud.y[at]) << 64 | column(cloud.z[at]) << 32;
+    let mut keys: Vec<u128> = (0..cloud.len()).map(|at| place(at) | at as u128).collect();
+    keys.sort_unstable();
+    #[expect(clippy::cast_possible_truncation, reason = "the lower half of a key is a position")]
+    let mut order: Vec<usize> = keys.into_iter().map(|key| key as u32 as usize).collect();
+    let at = |point: usize| (cloud.x[point], cloud.y[point], cloud.z[point]);
+    for in_one_place in order.chunk_by_mut(|a, b| at(*a) == at(*b)).filter(|points| points.len() > 1) {
+        in_one_place.sort_unstable_by_key(|point| cloud.id[*point]);
+    }
+    order
 }
 
 /// The moments of lattice points, counted from the lowest corner of the drive.

@@ -7,7 +7,7 @@
 //! leaning slices lose their points to it, and the pieces of the narrow plane touch.
 //!
 //! A point is decided by its neighbours and by the local planes in its cube, so by the points within a fixed
-//! distance. Scores that are equal, as without noise, are decided by the nearer neighbour and its id.
+//! distance. Scores that are equal, as without noise, are decided by the nearer neighbour and its place.
 
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};

@@ -10,7 +10,7 @@ use crate::cluster::{DriveWindow, TileWindow};
 use crate::error::{Error, Result};
 use crate::model::{PointId, TileId};
 
-/// The surface of each point that a tile owns after a step, 0 for none, in ascending order of ids.
+/// The surface of each point that a tile owns after a step, 0 for none, in the order of [`Around`].
 pub(super) fn own(drive: &(impl DriveWindow + ?Sized), tile: TileId, step: usize) -> Result<Vec<u32>> {
     if step != STEP_SLICES {
         return contested::own(drive, tile, step);
@@ -47,17 +47,21 @@ pub(super) fn around(tile: &dyn TileWindow, around: &Around, reach: i64, step: u
     // The list of each tile is in order already, which this sort makes use of.
     of_others.sort();
     let mut of_others = of_others.into_iter().peekable();
-    let mut surfaces = Vec::with_capacity(around.len());
-    for point in 0..around.len() {
+    let lost = |point: usize| {
         let id = around.id[point];
-        let found = if around.is_core(point) {
-            own.next()
-        } else {
-            while of_others.next_if(|other| other.0 < id).is_some() {}
-            of_others.next_if(|other| other.0 == id).map(|other| other.1)
-        };
-        let lost = || Error::bug(format!("{NAME}: tile {here} does not know the surface of point {id}"));
-        surfaces.push(found.ok_or_else(lost)?);
+        Error::bug(format!("{NAME}: tile {here} does not know the surface of point {id}"))
+    };
+    let mut surfaces = vec![0; around.len()];
+    for point in (0..around.len()).filter(|point| around.is_core(*point)) {
+        surfaces[point] = own.next().ok_or_else(|| lost(point))?;
+    }
+    let mut foreign: Vec<usize> = (0..around.len()).filter(|point| !around.is_core(*point)).collect();
+    foreign.sort_unstable_by_key(|point| around.id[*point]);
+    for point in foreign {
+        let id = around.id[point];
+        while of_others.next_if(|other| other.0 < id).is_some() {}
+        let found = of_others.next_if(|other| other.0 == id).map(|other| other.1);
+        surfaces[point] = found.ok_or_else(|| lost(point))?;
     }
     Ok(surfaces)
 }

@@ -3,7 +3,8 @@
 //! To agree at the border is not enough. The two sides of a roof touch at its ridge, and a small
 //! surface on the ridge agrees with both. So pairs are merged one after the other, those with the longest
 //! border first, and only if the points of the smaller one are as near to the plane of the larger one as
-//! points of a plane are.
+//! points of a plane are. Of pairs with equally long borders, sums over their points decide which comes
+//! first: numbers of surfaces follow the tiles.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -24,7 +25,17 @@ pub(super) struct Known {
     pub(super) of_slices: Moments,
 }
 
+/// Orders surfaces by what their points are, whatever their numbers.
+type Rank = [(u64, [i128; 3]); 3];
+/// Two surfaces that touch, in the order in which they are merged: the length of their border, what they are,
+/// and their numbers.
+type Candidate = (Reverse<u64>, (Rank, Rank), (u32, u32));
+
 impl Known {
+    fn rank(&self) -> Rank {
+        [self.now.amid, self.now.at_edges, self.of_slices].map(|moments| (moments.points, moments.sums))
+    }
+
     pub(super) fn merge(&mut self, other: &Self) {
         self.now.merge(&other.now);
         self.of_slices.merge(&other.of_slices);
@@ -60,11 +71,13 @@ pub(super) fn merge(
     sets: &mut DisjointSets,
     known: &mut BTreeMap<u32, Known>,
 ) -> u64 {
-    let mut pairs: Vec<(Reverse<u64>, (u32, u32))> =
-        touching.iter().map(|(pair, touching)| (Reverse(touching.pairs()), *pair)).collect();
+    let rank = |surface: u32| known.get(&surface).copied().unwrap_or_default().rank();
+    let ranks = |(a, b): (u32, u32)| (rank(a).min(rank(b)), rank(a).max(rank(b)));
+    let mut pairs: Vec<Candidate> =
+        touching.iter().map(|(pair, touching)| (Reverse(touching.pairs()), ranks(*pair), *pair)).collect();
     pairs.sort_unstable();
     let mut merged = 0;
-    for (_, (a, b)) in pairs {
+    for (.., (a, b)) in pairs {
         let [a, b] = [a, b].map(|surface| sets.find(surface));
         if a == b {
             continue;
@@ -88,7 +101,8 @@ pub(super) fn merge(
 /// are: in the root of the mean square, below 2.5 deviations (equation 7), the larger one of both planes.
 fn on_one_plane(a: &Known, b: &Known) -> bool {
     let (Some(a), Some(b)) = (a.plane(), b.plane()) else { return false };
-    let (small, large) = if a.0.points < b.0.points { (a, b) } else { (b, a) };
+    let rank = |of: &(Moments, Fit)| (of.0.points, of.0.sums);
+    let (small, large) = if rank(&a) < rank(&b) { (a, b) } else { (b, a) };
     let flatness = small.1.flatness.max(large.1.flatness).max(LEAST_DEVIATION.powi(2));
     small.0.off_plane(&large.1) < LARGEST_SCORE.powi(2) * flatness
 }
@@ -143,6 +157,21 @@ mod tests {
         let sets = merged(&[west, ridge, east], &[((1, 2), 40), ((2, 3), 50)]);
         assert_eq!(sets[1], sets[2], "the longer border comes first");
         assert_ne!(sets[0], sets[1]);
+    }
+
+    #[test]
+    fn numbers_of_surfaces_do_not_decide_between_equally_long_borders() {
+        let west = surface([0, 0, 0], [995, 0, 100], [0, 1_000, 0], [3_000, 4_000]);
+        let ridge = surface([2_985, 0, 300], [1_000, 0, 0], [0, 1_000, 0], [60, 4_000]);
+        let east = surface([3_045, 0, 300], [995, 0, -100], [0, 1_000, 0], [3_000, 4_000]);
+        let joins_west = |sets: [u32; 3]| {
+            assert!((sets[0] == sets[1]) != (sets[1] == sets[2]), "{sets:?}");
+            sets[0] == sets[1]
+        };
+        let [w, r, e] = merged(&[west, ridge, east], &[((1, 2), 50), ((2, 3), 50)])[..] else { panic!() };
+        let first = joins_west([w, r, e]);
+        let [e, r, w] = merged(&[east, ridge, west], &[((1, 2), 50), ((2, 3), 50)])[..] else { panic!() };
+        assert_eq!(joins_west([w, r, e]), first);
     }
 
     #[test]

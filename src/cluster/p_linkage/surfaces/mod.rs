@@ -4,16 +4,17 @@
 //!
 //! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation", ISPRS Annals III-3,
 //! 201-208 (2016), doi:10.5194/isprs-annals-III-3-201-2016, section 3, equations 4 to 11. "The paper" in this
-//! folder is Lu et al. 2016. Ours: neighbours are within `reach_m`; of equally flat points the one with the
-//! smaller id is the flatter, so that a perfectly flat floor is one surface; a point that is linked to
-//! nothing is the root of its tree, and a centre if it is flatter than mean + standard deviation; where the
-//! median deviation is 0, all points are consistent; random numbers follow from ids (`slice`). Merging is
-//! transitive, and compares the planes of slices before any merging. Slices are merged only if their border
-//! is near to both planes too, because parallel planes at different heights became one surface over a kerb
-//! (`border`), and planes of slices are fitted once more (`slice`). Then surfaces contest for points,
-//! `contest_rounds` times, because narrow planes such as kerbs are in pieces before (`contest`), and those
-//! that agree and lie on one plane are merged (`merging`). `border_score = 0`, `refit_planes = false` and
-//! `contest_rounds = 0` give the rules as printed.
+//! folder is Lu et al. 2016. Ours: neighbours are within `reach_m`; of equally flat points the first one in
+//! the order of places (x, then y, then z) is the flatter, so that a perfectly flat floor is one surface;
+//! points in one place are linked to each other; a point that is linked to nothing is the root of its tree,
+//! and a centre if it is flatter than mean + standard deviation; where the median deviation is 0, all points
+//! are consistent; random numbers follow from the size of a slice (`slice`). Merging is transitive, and
+//! compares the planes of slices before any merging. Slices are merged only if their border is near to both
+//! planes too, because parallel planes at different heights became one surface over a kerb (`border`), and
+//! planes of slices are fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times,
+//! because narrow planes such as kerbs are in pieces before (`contest`), and those that agree and lie on one
+//! plane are merged (`merging`). `border_score = 0`, `refit_planes = false` and `contest_rounds = 0` give the
+//! rules as printed.
 //!
 //! All points of a slice have its label, until a contest gives them another one. The plane of a surface fits
 //! the points that are consistent with its slices, or those that are consistent with its local planes, away
@@ -87,6 +88,9 @@ pub(in crate::cluster) const ENTRY: ClusterEntry = ClusterEntry {
     build: |sections| Ok(Box::new(Surfaces::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
+/// Raised when results change and no setting does. From 2 on, places decide where ids did.
+const ALGORITHM_EPOCH: u32 = 2;
+
 const LINKS: Step = Step {
     name: "links",
     settings: &["p-linkage.neighbours", "p-linkage.reach_m", "p-linkage.refit_planes"],
@@ -123,8 +127,9 @@ const SLICES_BYTES_PER_POINT: u64 = 40;
 /// index of all points (23), surfaces before and after (8), and lists of flags and of points by tiles (20).
 /// Estimated from sizes.
 const CONTEST_BYTES_PER_POINT: u64 = 92;
-/// Bytes per point of objects that a tile needs for labels. Estimated from sizes.
-const SURFACES_BYTES_PER_POINT: u64 = 40;
+/// Bytes per point of objects that a tile needs for labels, and for the order of places (24). Estimated from
+/// sizes.
+const SURFACES_BYTES_PER_POINT: u64 = 64;
 
 /// The method, see the module.
 #[derive(Debug, Clone)]
@@ -171,6 +176,10 @@ impl Method for Surfaces {
 
     fn microseconds_per_point(&self) -> f64 {
         4.8
+    }
+
+    fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
+        if step == STEP_LINKS { vec![("algorithm epoch", ALGORITHM_EPOCH.to_string())] } else { Vec::new() }
     }
 
     fn planning_reach(&self, lattice: Lattice) -> Reach {

@@ -137,7 +137,8 @@ impl Normals {
     }
 
     /// The slot to which a slot is linked: of the flatter points in its consistent set the one whose normal
-    /// deviates least. Ties go to the nearer one, then to the smaller id. `None` if there is none.
+    /// deviates least. Ties go to the nearer one, then to the first in the order of places. `None` if there
+    /// is none.
     pub(super) fn link(&self, slot: usize) -> Option<usize> {
         let own = &self.facts[slot];
         let points = self.points();
@@ -146,7 +147,7 @@ impl Normals {
         let mut best: (f64, Option<usize>) = (-1.0, None);
         for other in self.consistent(slot).iter().map(|&other| other as usize) {
             let there = &self.facts[other];
-            // Of two equally flat points, the one with the smaller id is the flatter.
+            // Of two equally flat points, the first in the order of places is the flatter.
             let flatter = there.flatness < own.flatness
                 || (there.flatness.to_bits() == own.flatness.to_bits() && points[other] < points[slot]);
             // A branch could not be predicted.

@@ -89,11 +89,11 @@ pub(super) struct OpenPoint {
     pub(super) id: PointId,
     /// Lattice coordinates.
     pub(super) at: [i64; 3],
-    /// Its position among the points of objects that the tile owns.
+    /// Its position among the points of objects that the tile owns, in the order of places.
     pub(super) own: u32,
 }
 
-/// A mutual pair over a seam, stored by the tile that owns the point with the smaller id.
+/// A mutual pair over a seam, stored by the tile that owns the first point in the order of places.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Across {
     /// Position of the tile's own point.

@@ -6,8 +6,8 @@ use crate::cluster::TileWindow;
 use crate::model::PointId;
 use crate::spatial::CellMap;
 
-/// A value for each point of a tile that others within `reach` of it read, by ids. `of_own` has the values
-/// of all its points, in ascending order of ids.
+/// A value for each point of a tile that others within `reach` of it read, by ids, ascending. `of_own` has
+/// the values of all its points, in the order of `around`.
 pub(super) fn near_others(
     tile: &dyn TileWindow,
     around: &Around,
@@ -22,7 +22,9 @@ pub(super) fn near_others(
         let [x, y, _] = around.lattice_point(*point);
         grid.cell(x, y).is_some_and(|cell| cells.get(cell) != 0)
     });
-    near.map(|(point, value)| (around.id[point], *value)).collect()
+    let mut near: Vec<(PointId, u32)> = near.map(|(point, value)| (around.id[point], *value)).collect();
+    near.sort_unstable();
+    near
 }
 
 /// The cells within `reach` of cells that other tiles own.

@@ -5,8 +5,9 @@
 //! A trial takes three points at random, keeps the half of all points that is nearest to their plane, and
 //! fits a plane to this half. The flattest of these planes is that of the slice. Trials are 69: equation 9
 //! with P = 0.9999 and epsilon = 0.5 gives 68.97. (The paper does not print P; 0.999 would give 51.7.) The
-//! random numbers follow from the smallest id of the slice, and points come in ascending order of ids. So the
-//! plane depends on the slice and on nothing else.
+//! points come in ascending order of their places, and the random numbers follow from their number. So the
+//! plane depends on the slice and on nothing else: not on the order of records, and not on where the drive
+//! lies or how finely its coordinates are stored.
 //!
 //! Not in the paper: with `refit_planes`, the plane that the trials find is replaced by the one that fits all
 //! points which are consistent with it. Half of the points of a small slice fit many planes well, and the
@@ -16,7 +17,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::planes::{Consistent, Fit, Moments, Scratch};
-use crate::model::{GOLDEN_GAMMA, PointId, splitmix64};
+use crate::model::{GOLDEN_GAMMA, splitmix64};
 use crate::spatial::{Loops, ROW, Work, fill_up, run, threshold};
 
 /// Number of trials, I_t of equation 9, rounded up.
@@ -28,7 +29,7 @@ const SMALL: i64 = 1 << 20;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct SlicePlane {
     pub(super) normal: [f64; 3],
-    /// The lattice point from which the plane is counted: that of the point with the smallest id.
+    /// The lattice point from which the plane is counted: the first one of the slice.
     pub(super) origin: [i64; 3],
     /// Position of the plane along its normal, from the origin, in lattice units.
     pub(super) through: f64,
@@ -89,7 +90,6 @@ struct Trials<'a> {
     axes: &'a [Vec<f64>; 3],
     /// Whether coordinates are below [`SMALL`], and points not many.
     small: bool,
-    first: PointId,
 }
 
 impl Work for Trials<'_> {
@@ -97,9 +97,9 @@ impl Work for Trials<'_> {
 
     #[inline(always)]
     fn with<L, K>(self, _: &Loops<L, K>) -> Option<Fit> {
-        let Self { by, axes, small, first } = self;
+        let Self { by, axes, small } = self;
         let half = (by.len() / 2).max(3);
-        let mut random = Random(first.number());
+        let mut random = Random(by.len() as u64);
         let mut nearest = Nearest::of(by, small);
         let mut best: Option<Fit> = None;
         for _ in 0..TRIALS {
@@ -117,14 +117,14 @@ impl Work for Trials<'_> {
     }
 }
 
-/// The plane of the points of a slice, which come in ascending order of ids; `first` is the smallest id.
-/// `None` if no trial finds a plane: the points are fewer than 3, or on one line.
-pub(super) fn slice(points: &[[i64; 3]], first: PointId, refit_plane: bool) -> Option<Slice> {
+/// The plane of the points of a slice, which come in ascending order of their places. `None` if no trial
+/// finds a plane: the points are fewer than 3, or on one line.
+pub(super) fn slice(points: &[[i64; 3]], refit_plane: bool) -> Option<Slice> {
     let start = *points.first().filter(|_| points.len() >= 3)?;
     let by: Vec<[i64; 3]> = points.iter().map(|point| [0, 1, 2].map(|k| point[k] - start[k])).collect();
     let small = points.len() <= 1 << 20 && by.iter().flatten().all(|value| value.abs() < SMALL);
     let axes = [0, 1, 2].map(|axis| by.iter().map(|by| by[axis] as f64).collect::<Vec<f64>>());
-    let mut fit = run(Trials { by: &by, small, axes: &axes, first })?;
+    let mut fit = run(Trials { by: &by, small, axes: &axes })?;
     let mut distances = distances_from(&axes, &fit);
     fill_up(&mut distances);
     let limits = Consistent::of(&distances, points.len(), &mut Scratch::default());
@@ -262,10 +262,10 @@ mod tests {
             |most: u64| i64::try_from(random.next() % (2 * most + 1)).unwrap() - i64::try_from(most).unwrap();
         let mut points: Vec<[i64; 3]> = (0..70).map(|_| [noise(500), noise(500), noise(4)]).collect();
         points.extend((0..30).map(|_| [noise(500), noise(500), 300 + noise(200)]));
-        let found = slice(&points, PointId::new(3), false).unwrap();
+        let found = slice(&points, false).unwrap();
         assert!(likeness(found.plane.normal, [0.0, 0.0, 1.0]) > 0.9999, "{found:?}");
         assert!(found.consistent[70..].iter().all(|consistent| !consistent));
-        let refit = slice(&points, PointId::new(3), true).unwrap();
+        let refit = slice(&points, true).unwrap();
         let leaning = |normal| 1.0 - likeness(normal, [0.0, 0.0, 1.0]);
         assert!(leaning(refit.plane.normal) < leaning(found.plane.normal), "{refit:?} {found:?}");
         assert_eq!(refit.consistent, found.consistent);
@@ -275,16 +275,16 @@ mod tests {
         // Far away and spread over kilometres, sums need more bits.
         let far: Vec<[i64; 3]> =
             points.iter().map(|p| [p[0] * 90_000 + (1 << 50), p[1] * 90_000, p[2]]).collect();
-        let found = slice(&far, PointId::new(3), false).unwrap();
+        let found = slice(&far, false).unwrap();
         assert!(likeness(found.plane.normal, [0.0, 0.0, 1.0]) > 0.9999, "{found:?}");
     }
 
     #[test]
     fn points_on_a_line_and_few_points_have_none() {
         let line: Vec<[i64; 3]> = (0..50).map(|k| [k, 2 * k, -k]).collect();
-        assert!(slice(&line, PointId::new(0), false).is_none());
-        assert!(slice(&line[..2], PointId::new(0), false).is_none());
-        assert!(slice(&[[4; 3]; 30], PointId::new(0), false).is_none());
-        assert!(slice(&[], PointId::new(0), false).is_none());
+        assert!(slice(&line, false).is_none());
+        assert!(slice(&line[..2], false).is_none());
+        assert!(slice(&[[4; 3]; 30], false).is_none());
+        assert!(slice(&[], false).is_none());
     }
 }

@@ -66,7 +66,7 @@ fn add_closed(
     let Some(root) = tree.root.filter(|_| tree.points.len() as u64 >= SLICE_POINTS) else { return };
     let places: Vec<[i64; 3]> =
         tree.points.iter().map(|&point| around.lattice_point(point as usize)).collect();
-    let Some(found) = slice(&places, around.id[tree.points[0] as usize], refit) else { return };
+    let Some(found) = slice(&places, refit) else { return };
     stored.of_tile.closed.push(normals.flatness(root as usize));
     let label = in_u32(stored.of_tile.closed.len(), "trees of a tile");
     for (&point, &consistent) in tree.points.iter().zip(&found.consistent) {
@@ -175,7 +175,7 @@ impl PairSearch<'_> {
                 }
                 continue;
             }
-            // An own pair is seen from both sides, and taken from the smaller id.
+            // An own pair is seen from both sides, and taken from the first point.
             if at < point || there == 0 {
                 continue;
             }

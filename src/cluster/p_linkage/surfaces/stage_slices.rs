@@ -102,10 +102,9 @@ impl Seen<'_> {
             let part = self.parts.get(&tile).and_then(|parts| parts.get(number as usize));
             points.extend(part.ok_or_else(|| Error::bug(format!("tile {tile} has no part {number}")))?);
         }
-        points.sort_unstable_by_key(|point| point.id);
+        points.sort_unstable_by_key(|point| (point.at, point.id));
         let places: Vec<[i64; 3]> = points.iter().map(|point| point.at).collect();
-        let first = points.first().map(|point| point.id).unwrap_or_default();
-        let shared = slice(&places, first, self.refit_planes).map(|Slice { plane, consistent }| {
+        let shared = slice(&places, self.refit_planes).map(|Slice { plane, consistent }| {
             let kept: Vec<&OpenPoint> =
                 points.iter().zip(consistent).filter(|(_, holds)| *holds).map(|(point, _)| point).collect();
             Shared {

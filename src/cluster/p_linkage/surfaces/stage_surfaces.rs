@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::json;
 
+use super::around::in_order;
 use super::known;
 use super::settings::{NAME, STEP_SLICES};
 use super::stage_contest::{self, Merged};
@@ -18,7 +19,7 @@ use crate::model::{TileId, in_u32};
 pub(super) fn map(tile: &dyn TileWindow, step: usize) -> Result<Mapped> {
     let points = tile.points(0, true)?;
     let surfaces = known::own(tile, tile.tile(), step - 1)?;
-    let own: Vec<usize> = (0..points.cloud.len()).filter(|&point| points.core[point]).collect();
+    let own: Vec<usize> = in_order(&points.cloud).into_iter().filter(|&point| points.core[point]).collect();
     if own.len() != surfaces.len() {
         let text =
             format!("{NAME}: tile {} has {} points and {} labels", tile.tile(), own.len(), surfaces.len());

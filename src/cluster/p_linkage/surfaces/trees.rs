@@ -25,8 +25,12 @@ pub(super) fn trees(around: &Around, normals: &Normals) -> Vec<Tree> {
     let mut links = vec![NONE; around.len()];
     let points = normals.points();
     for slot in normals.slots() {
-        if let Some(link) = normals.link(slot) {
-            links[points[slot] as usize] = points[link];
+        let point = points[slot];
+        if around.repeats(point as usize) {
+            // Otherwise ids would decide which of several points in one place is linked to others.
+            links[point as usize] = point - 1;
+        } else if let Some(link) = normals.link(slot) {
+            links[point as usize] = points[link];
         }
     }
     let ends = ends(around, normals, &links);
