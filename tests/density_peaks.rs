@@ -101,6 +101,7 @@ fn method(s: &Settings) -> DensityPeaks {
         pair_gap_m: metres(s.d_th),
         merge_below: s.c_t,
         reassign: metres(s.reassign),
+        most_points: 0,
     })
     .unwrap()
 }

@@ -4,8 +4,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use chainage::run::RunSummary;
+
 use crate::util::drive::{Labelled, assert_same_outputs, drive, scratch, settings};
 use crate::util::las::{Point, Shape};
+use crate::util::program::program;
 
 /// Ground of 0.25 m spacing and 16 m width from `from` to `to` metres along x, a post every 3 m, and a wall
 /// of 22 m every 25 m. The place of a thing decides its size, so that none is like another.
@@ -165,4 +168,71 @@ fn tiles_do_not_show_in_a_section_and_other_files_are_not_copied() {
     run("again", &[]);
     assert!(!again.join("c.las").exists());
     assert_same_outputs(&one, &again, "after the whole drive");
+}
+
+/// A method, the setting of a value that is found over all points, and the value of a run.
+type OverAll = (&'static str, &'static str, fn(&RunSummary) -> f64);
+
+const OVER_ALL: [OverAll; 2] = [
+    ("density-peaks", "density-peaks.most_points", |run| number_at(run, "stages", "most_points_in_a_voxel")),
+    ("p-linkage", "p-linkage.flat_m2", |run| {
+        number_at(run, "p-linkage", "slices grow from points flatter than, in m2")
+    }),
+];
+
+fn number_at(run: &RunSummary, part: &str, name: &str) -> f64 {
+    run.figures[part][name].as_f64().unwrap_or_else(|| panic!("no {name} in {:?}", run.figures))
+}
+
+/// A value of all points decides about every object. So a section has the objects of the whole drive only
+/// with its value.
+#[test]
+fn with_the_value_of_the_whole_drive_a_section_has_its_objects_and_without_it_the_user_is_told() {
+    let folder = scratch();
+    let synth = folder.path().join("mixed");
+    let options = ["--length", "300m", "--pulse-rate", "40kHz", "--seed", "7", "--las"];
+    let made =
+        program().args(["synth", "mixed", "-o"]).arg(&synth).args(options).output().expect("a program");
+    assert!(made.status.success(), "{made:?}");
+    let files = vec![synth.join("mixed_0001.las")];
+    for (method, setting, value) in OVER_ALL {
+        let run = |name: String, list: &[String]| {
+            let out = folder.path().join(name);
+            let list =
+                [list, &[format!("cluster.method={method}"), "output.files=[\"csv\"]".to_owned()]].concat();
+            let summary = drive(&files, &out, &list).expect("a run");
+            (rows(&out), summary)
+        };
+        let (whole, of_whole) = run(format!("{method}-whole"), &[]);
+        let is_told = |summary: &RunSummary| summary.warnings.iter().any(|text| text.contains(setting));
+        assert!(!is_told(&of_whole), "{:?}", of_whole.warnings);
+        let given = format!("{setting}={}", value(&of_whole));
+        for (from, to) in [(60.0, 100.0), (140.0, 170.0), (200.0, 240.0)] {
+            let mut list = vec![
+                format!("tiling.from={from:?}"),
+                format!("tiling.to={to:?}"),
+                "tiling.beyond=30".to_owned(),
+            ];
+            if from > 60.0 {
+                list.push(given.clone());
+            }
+            let (found, summary) = run(format!("{method}-{from}"), &list);
+            assert_eq!(is_told(&summary), from <= 60.0, "{:?}", summary.warnings);
+            if is_told(&summary) {
+                continue;
+            }
+            assert!(found.len() > 8, "{method}: {} objects", found.len());
+            for (uid, row) in found.iter().filter(|(_, row)| row["cut"] == "false") {
+                let expected = whole.get(uid);
+                let expected =
+                    expected.unwrap_or_else(|| panic!("{method}, {from}: {uid} is not in the whole"));
+                assert_eq!(described(row), described(expected), "{method}, {from}");
+            }
+            for (uid, row) in &whole {
+                if (from..=to).contains(&number(row, "chainage_m")) {
+                    assert!(found.contains_key(uid), "{method}, {from}: {uid} is missing");
+                }
+            }
+        }
+    }
 }

@@ -258,6 +258,13 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         2.0 * self.planning_reach(lattice).metres()
     }
 
+    /// What the user should know where only a section of a drive is processed: that a value over all points
+    /// decides, which the whole drive may have another one of. `None` if there is no such value, or if the
+    /// settings give it.
+    fn of_a_section(&self) -> Option<String> {
+        None
+    }
+
     /// Whether [`Self::planning_reach`] is only an estimate, because the reach depends on the drive.
     fn reach_is_provisional(&self) -> bool {
         false

@@ -73,7 +73,12 @@ pub(crate) fn survey<D: Driver>(
     if open.config.tiling.section().is_some() && open.chain.method.reach_is_provisional() {
         return Err(RunError::EstimatedOverSection { method: open.chain.method.name().to_owned() }.into());
     }
-    Surveyed::new(&open.drive, survey, open.config, open.chain.deciding_reach(open.drive.lattice())).map(Some)
+    let deciding = open.chain.deciding_reach(open.drive.lattice());
+    let mut surveyed = Surveyed::new(&open.drive, survey, open.config, deciding)?;
+    if surveyed.section.is_some() {
+        surveyed.warnings.extend(open.chain.method.of_a_section());
+    }
+    Ok(Some(surveyed))
 }
 
 /// Divides the drive into tiles that fit the budget, after the memory for data of the whole drive is

@@ -79,6 +79,7 @@ const STAGES: [Step; 3] = [
         &[
             "density-peaks.min_density",
             "density-peaks.min_separation",
+            "density-peaks.most_points",
             "density-peaks.scale_above",
             "density-peaks.search_radius",
         ],
@@ -129,6 +130,36 @@ impl Method for DensityPeaks {
     /// memory.
     fn planning_reach(&self, _lattice: Lattice) -> Reach {
         Reach::Exact { metres: stage_borders::reach_m(&self.config) }
+    }
+
+    /// As far as stages look, one after the other: for ground, for a denser voxel, once more for that of the
+    /// voxel found, and over the points of borders. Chains of parents and merged clusters reach further.
+    fn deciding_reach_m(&self, _lattice: Lattice) -> f64 {
+        let config = &self.config;
+        stage_peaks::GROUND_SEARCH_M
+            + 2.0 * (config.search_radius.ceil() + 1.0) * config.voxel
+            + stage_borders::reach_m(config)
+    }
+
+    fn of_a_section(&self) -> Option<String> {
+        (self.config.most_points == 0).then(|| {
+            "density-peaks compares voxels with the fullest one that is processed, so objects of a section can \
+             differ from those of the whole drive: give density-peaks.most_points (most_points_in_a_voxel in \
+             report.json of the whole drive) to avoid this"
+                .to_owned()
+        })
+    }
+
+    fn warnings(&self, drive: &dyn DriveWindow) -> Result<Vec<String>> {
+        let (given, found) = (self.config.most_points, stage_voxels::most(drive.global(STAGE_VOXELS))?);
+        Ok(if given == 0 || given >= found {
+            Vec::new()
+        } else {
+            vec![format!(
+                "density-peaks.most_points = {given}, and a voxel has {found} points: give the number of the \
+                 fullest voxel, or 0"
+            )]
+        })
     }
 
     /// Objects of any size. Small sets of points were noise before.

@@ -42,6 +42,10 @@ pub struct DensityPeaksConfig {
     /// Halo voxels join the nearest segment within this, in metres, 0.01 to 10. Default 1.5 (chosen; the
     /// paper filters out what is "far away from all segments").
     pub reassign: f64,
+    /// Points of objects in the fullest voxel, with which those of a voxel are compared (n_max of equation
+    /// 3). Default 0: that of all points that are processed. With that of the whole drive, a section has the
+    /// same densities.
+    pub most_points: u32,
 }
 
 impl Default for DensityPeaksConfig {
@@ -55,6 +59,7 @@ impl Default for DensityPeaksConfig {
             pair_gap_m: 0.5,
             merge_below: 0.04,
             reassign: 1.5,
+            most_points: 0,
         }
     }
 }

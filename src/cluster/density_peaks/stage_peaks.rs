@@ -26,7 +26,7 @@ use crate::model::TileId;
 use crate::spatial::{Cell, CellMap};
 
 /// Search distance for ground around a column, in metres (chosen; the paper says "the horizontally closest").
-const GROUND_SEARCH_M: f64 = 10.0;
+pub(super) const GROUND_SEARCH_M: f64 = 10.0;
 
 /// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -107,7 +107,11 @@ impl Neighbourhood {
         }
         drop(tiles);
         let base = Ground::new(&ground).below(&columns, ground_units.pow(2) / units.pow(2));
-        let density = densities(&columns, &stored, &base, stage_voxels::most(global)?, config);
+        let most = match config.most_points {
+            0 => stage_voxels::most(global)?,
+            given => given,
+        };
+        let density = densities(&columns, &stored, &base, most, config);
         let column = |column: usize| density[columns.voxels(column)].iter().copied();
         let densest = (0..columns.cells().len()).map(|number| column(number).fold(0.0, f64::max)).collect();
         Ok(Self { columns, component, origin, density, densest })

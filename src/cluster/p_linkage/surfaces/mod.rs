@@ -93,7 +93,7 @@ const ALGORITHM_EPOCH: u32 = 2;
 
 const LINKS: Step = Step {
     name: "links",
-    settings: &["p-linkage.neighbours", "p-linkage.reach_m", "p-linkage.refit_planes"],
+    settings: &["p-linkage.flat_m2", "p-linkage.neighbours", "p-linkage.reach_m", "p-linkage.refit_planes"],
     bytes: BytesPer::ObjectPoint(LINKS_BYTES_PER_POINT),
     repeat: Repeat::Once,
 };
@@ -187,6 +187,22 @@ impl Method for Surfaces {
         Reach::Exact { metres: lattice.metres(links.max(contest)) }
     }
 
+    /// As far as the links of a point and every contest after them look. Slices and merged surfaces reach
+    /// further.
+    fn deciding_reach_m(&self, lattice: Lattice) -> f64 {
+        let [links, contest] = self.reaches(lattice);
+        lattice.metres(links + i64::from(self.config.contest_rounds) * contest)
+    }
+
+    fn of_a_section(&self) -> Option<String> {
+        (self.config.flat_m2 <= 0.0).then(|| {
+            "p-linkage compares points with the mean flatness of those that are processed, so surfaces of a \
+             section can differ from those of the whole drive: give p-linkage.flat_m2 (\"slices grow from points \
+             flatter than\" in report.json of the whole drive) to avoid this"
+                .to_owned()
+        })
+    }
+
     fn reach(&self, step: usize, drive: &dyn DriveWindow) -> Result<i64> {
         let [links, contest] = self.reaches(drive.lattice());
         Ok(match step {
@@ -208,7 +224,7 @@ impl Method for Surfaces {
 
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
-            STEP_LINKS => stage_links::reduce(drive).map(Reduced::Global),
+            STEP_LINKS => stage_links::reduce(drive, &self.config).map(Reduced::Global),
             STEP_SLICES => stage_slices::reduce(drive, &self.config).map(Reduced::Global),
             _ if step + 1 == self.steps.len() => stage_surfaces::reduce(drive, step).map(Reduced::Groups),
             _ => stage_contest::reduce(drive, &self.config, step).map(Reduced::Global),

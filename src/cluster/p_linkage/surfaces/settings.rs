@@ -56,6 +56,10 @@ pub struct SurfacesConfig {
     /// Surfaces with fewer points, in the whole drive, are dropped; at least 10, which is the smallest slice.
     /// Default 10 (section 3).
     pub min_points: u64,
+    /// A slice grows from a point that is flatter than this, in square metres, 0 to 100. Default 0: mean +
+    /// standard deviation of all points that are processed (equation 8). With that of the whole drive, a
+    /// section has the same slices.
+    pub flat_m2: f64,
 }
 
 impl Default for SurfacesConfig {
@@ -68,6 +72,7 @@ impl Default for SurfacesConfig {
             neighbours: 50,
             reach_m: 1.0,
             min_points: SLICE_POINTS,
+            flat_m2: 0.0,
         }
     }
 }
@@ -96,6 +101,9 @@ impl SurfacesConfig {
         }
         if !(0.1..=4.0).contains(&self.reach_m) {
             return Err(ConfigError::value("p-linkage.reach_m", self.reach_m, "0.1 to 4 metres"));
+        }
+        if !(0.0..=100.0).contains(&self.flat_m2) {
+            return Err(ConfigError::value("p-linkage.flat_m2", self.flat_m2, "0 to 100 square metres"));
         }
         if self.min_points < SLICE_POINTS {
             return Err(ConfigError::value("p-linkage.min_points", self.min_points, "at least 10 points"));

@@ -247,15 +247,16 @@ pub(super) struct Drive {
     /// Mean and standard deviation of their flatness in square lattice units.
     pub(super) mean: f64,
     pub(super) deviation: f64,
+    /// Roots that are flatter are centres, in square lattice units.
+    pub(super) limit: f64,
     /// Number of slices.
     pub(super) slices: u32,
 }
 
 impl Drive {
-    /// Whether a root with this flatness is a centre (equation 8). Where all points are equally flat, all
-    /// are.
+    /// Whether a root with this flatness is a centre.
     pub(super) fn is_centre(&self, flatness: f64) -> bool {
-        flatness < self.mean + self.deviation || self.deviation <= 0.0
+        flatness < self.limit
     }
 }
 
@@ -263,7 +264,7 @@ impl Drive {
 type Whole = (u64, Option<f64>, Vec<(TileId, u32)>);
 
 /// The numbers of slices.
-pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
+pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result<Vec<u8>> {
     let mut flatness = payload::FlatnessSums::default();
     let mut names: Vec<(PointId, u32)> = Vec::new();
     // The open trees of all tiles: tile, number in the tile, points, flatness of the root.
@@ -278,7 +279,13 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
         }
     }
     let (mean, deviation) = flatness.mean_and_deviation();
-    let mut head = Drive { points: flatness.points, mean, deviation, slices: 0 };
+    // Where all points are equally flat, all are centres.
+    let limit = match config.flat_m2 {
+        given if given > 0.0 => given / drive.lattice().step_m().powi(2),
+        _ if deviation > 0.0 => mean + deviation,
+        _ => f64::INFINITY,
+    };
+    let mut head = Drive { points: flatness.points, mean, deviation, limit, slices: 0 };
     let groups = join(names, open.len());
     let mut whole: BTreeMap<u32, Whole> = BTreeMap::new();
     for (group, (tile, number, points, root)) in groups.iter().zip(open) {

@@ -59,6 +59,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, step: usize) -> Result<Grouped> {
             "points with a normal": links.points,
             "mean flatness in m2": links.mean * square_m,
             "standard deviation of flatness in m2": links.deviation * square_m,
+            "slices grow from points flatter than, in m2": links.limit * square_m,
             "slices": slices.slices,
             "merged pairs of slices": slices.pairs,
             "points that changed their surface in each contest":
