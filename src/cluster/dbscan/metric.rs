@@ -48,11 +48,11 @@ mod tests {
 
     #[test]
     fn border_points_join_the_nearest_core_point_and_noise_nothing() {
-        // Two groups of five core points, 200 apart. 140 is 100 from 240 (id 0) and from 40 (id 9); 139 only
-        // from 40.
+        // Two groups of five core points, 200 apart. 140 is 100 from 240 (id 0) and from 40 (id 9), the
+        // first by x; 139 only from 40.
         let places = [240, 260, 280, 300, 320, -40, -20, 0, 20, 40, 140, 139, 900];
         let (labels, clusters) = core(5, &line(&places), &[true; 13]);
-        assert_eq!((labels, clusters), (vec![1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 1, 2, 0], 2));
+        assert_eq!((labels, clusters), (vec![1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 0], 2));
     }
 
     #[test]

@@ -269,7 +269,8 @@ mod tests {
         let leaning = |normal| 1.0 - likeness(normal, [0.0, 0.0, 1.0]);
         assert!(leaning(refit.plane.normal) < leaning(found.plane.normal), "{refit:?} {found:?}");
         assert_eq!(refit.consistent, found.consistent);
-        assert!((3.0..5.0).contains(&found.plane.deviation), "{found:?}");
+        // Whole numbers from -4 to 4 deviate by 2.58 from their mean.
+        assert!((2.5..5.0).contains(&found.plane.deviation), "{found:?}");
         assert!(points[..70].iter().all(|point| found.plane.distance(*point) < 16.0));
         assert!(found.consistent[..70].iter().filter(|consistent| **consistent).count() > 60);
         // Far away and spread over kilometres, sums need more bits.
