@@ -218,8 +218,12 @@ fn slow_requests_end_and_do_not_stop_others() {
         let expected = if number % 2 == 0 { "HTTP/1.1 408 " } else { "" };
         assert!(text.starts_with(expected) && text.is_empty() == expected.is_empty(), "{number}: {text}");
     }
-    let (_, after) = memory_and_threads(&server);
-    assert!(after <= before + 1, "{before} to {after} threads");
+    // A thread ends soon after its client, within a second at most; more on a busy machine.
+    let closed = Instant::now();
+    while memory_and_threads(&server).1 > before {
+        assert!(closed.elapsed() < Duration::from_secs(20), "{before} threads became more");
+        std::thread::sleep(Duration::from_millis(50));
+    }
 }
 
 /// A browser asks for many parts on one connection.
