@@ -62,7 +62,7 @@ same() { # ONE OTHER WHAT
         [ "$(basename "$file")" = report.json ] && continue
         # It has a layer of the tiles, which differ. The others must not.
         if [ "$(basename "$file")" = objects.gpkg ]; then
-            layers "$file" >"$everything/layers" && layers "$2/objects.gpkg" | cmp -s - "$everything/layers" && continue
+            layers "$file" >"$scratch/layers" && layers "$2/objects.gpkg" | cmp -s - "$scratch/layers" && continue
             echo "DIFFERS: $3: objects.gpkg"
             failed=1
             continue
