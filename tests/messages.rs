@@ -604,7 +604,8 @@ fn outputs_of_a_run_are_not_replaced_by_json() {
     told(folder.path(), &run);
     let table = || std::fs::read(folder.path().join("out/objects.csv")).expect("the table");
     let before = table();
-    for name in ["objects.csv", "report.json", "report.html", "drive.copc.laz"] {
+    for name in ["objects.csv", "report.json", "report.html", "drive.copc.laz", "density-peaks-curvature.svg"]
+    {
         let json = format!("--json=out/{name}");
         let errors = refused(folder.path(), &[&run[..], &[&json]].concat(), 3);
         assert!(errors.contains(&format!("another file: {name} in out is an output of the run")), "{errors}");

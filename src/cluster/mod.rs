@@ -44,6 +44,11 @@ pub use method::{
 pub use normalized_cut::{NormalizedCut, NormalizedCutConfig};
 pub use street::{Scene, Street, StreetConfig, WantedClass};
 
+/// Names of the charts that methods draw.
+pub(crate) fn charts() -> &'static [&'static str] {
+    &density_peaks::CHARTS
+}
+
 /// Every clustering method, in the order in which help lists them.
 pub static REGISTRY: &[ClusterEntry] = &[
     euclidean::ENTRY,

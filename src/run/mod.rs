@@ -53,6 +53,7 @@ pub use drive::AxisFacts;
 pub use engine::{CancelToken, Event, Observer, PassFigures, Silent, Units};
 pub use error::RunError;
 pub use estimate::{EstimateRequest, estimate_epsilon};
+pub use finish::names::is_output;
 pub use look::{
     DriveFacts, FileFacts, PlanFacts, TileFacts, check_settings, codec_floor, copy_floor, files_of, look_at,
     plan_of,

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use chainage::config::Config;
+use chainage::run::is_output;
 
-use crate::cli::commands::run::{is_output, page, process, show_settings};
+use crate::cli::commands::run::{page, process, show_settings};
 use crate::cli::exit;
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::print::{self, JsonOutput};

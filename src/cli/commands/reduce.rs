@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use chainage::run::reduce;
+use chainage::run::{is_output, reduce};
 
 use crate::cli::commands::{next, run};
 use crate::cli::exit;
@@ -27,7 +27,7 @@ pub(crate) struct ReduceArgs {
 
 impl ReduceArgs {
     pub(crate) fn run(&self) -> Outcome {
-        self.json.spares(&self.out, run::is_output)?;
+        self.json.spares(&self.out, is_output)?;
         let progress = Progress::new(ProgressChoice::None);
         let reduced = reduce(&next::shared(&self.out, self.wait), &self.after, &progress)?;
         self.json.show(&reduced.next, || {

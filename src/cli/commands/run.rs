@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use chainage::config::{Config, OutputConfig};
 use chainage::output::objects;
-use chainage::run::{CancelToken, Registries, RunRequest, RunSummary, memory_budget, plan_of, run};
+use chainage::run::{
+    CancelToken, Registries, RunRequest, RunSummary, is_output, memory_budget, plan_of, run,
+};
 
 use crate::allocator;
 use crate::cli::commands::plan;
@@ -125,16 +127,6 @@ impl RunArgs {
         self.json.show(&summary, || page(&summary, &self.out, &output))?;
         Ok(exit::DONE)
     }
-}
-
-/// Whether a run writes a file of this name, with these settings or others. Labelled copies are refused as
-/// results because they contain points.
-pub(super) fn is_output(name: &str) -> bool {
-    let mut tables = objects::REGISTRY.iter().chain(objects::SURFACES.iter());
-    let is_chart = name.ends_with(".svg") && name.contains("density-peaks");
-    matches!(name, "report.json" | "report.html" | "drive.copc.laz")
-        || is_chart
-        || tables.any(|entry| entry.file_name == name)
 }
 
 /// Shows the settings that differ from the defaults.

@@ -22,7 +22,7 @@ use crate::error::Result;
 use crate::model::{Chart, ChartAxis, Series, TileId};
 
 /// Names of the charts: the decision graph and the histogram of curvatures.
-pub(super) const CHARTS: [&str; 2] = ["density-peaks-decision", "density-peaks-curvature"];
+pub(in crate::cluster) const CHARTS: [&str; 2] = ["density-peaks-decision", "density-peaks-curvature"];
 
 /// Width of a class of the histogram of curvatures.
 const CURVATURE_CLASS: f64 = 0.005;

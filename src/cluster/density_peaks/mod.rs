@@ -46,6 +46,7 @@ mod surroundings;
 
 use std::ops::RangeInclusive;
 
+pub(super) use self::figures::CHARTS;
 pub use self::settings::DensityPeaksConfig;
 use self::settings::{NAME, STAGE_BORDERS, STAGE_PEAKS, STAGE_VOXELS};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
@@ -172,7 +173,7 @@ impl Method for DensityPeaks {
     }
 
     fn charts(&self) -> &'static [&'static str] {
-        &figures::CHARTS
+        &CHARTS
     }
 
     fn map(&self, stage: usize, tile: &dyn TileWindow) -> Result<Mapped> {

@@ -1,6 +1,6 @@
 //! The names of the outputs of a run, and whether they may be written.
 
-use crate::cluster::Method;
+use crate::cluster::{self, Method};
 use crate::config::{ClassificationChoice, Config, ConfigError, LasCodes};
 use crate::error::Result;
 use crate::input::{CLOUD_NAME, Catalog};
@@ -26,6 +26,16 @@ pub(crate) fn beside(config: &Config, surfaces: bool) -> Vec<&'static str> {
     names.extend(config.output.writes("report").then_some(PAGE));
     names.extend(config.output.writes("copc").then_some(CLOUD));
     names
+}
+
+/// Whether a run may write an output of this name beside its labelled copies, whatever its method and
+/// settings.
+#[must_use]
+pub fn is_output(name: &str) -> bool {
+    let mut tables = objects::REGISTRY.iter().chain(objects::SURFACES);
+    [REPORT, PAGE, CLOUD].contains(&name)
+        || tables.any(|entry| entry.file_name == name)
+        || cluster::charts().iter().any(|drawn| chart(drawn) == name)
 }
 
 /// Whether an output shows objects one by one: a table or the page.
