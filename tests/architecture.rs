@@ -209,7 +209,7 @@ const WRAPPED: [(&str, &[&str]); 17] = [
     ("clap_complete", &["cli/"]),
     ("clap_mangen", &["cli/"]),
     ("indicatif", &["cli/"]),
-    ("ctrlc", &["cli/"]),
+    ("signal_hook", &["cli/"]),
     ("las", &["input/", "output/"]),
     ("laz", &["input/", "output/"]),
     ("memmap2", &["input/mapped.rs"]),

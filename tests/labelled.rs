@@ -6,6 +6,7 @@ use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use chainage::input::{Catalog, Fields, InputFile, InputOptions, LengthUnit};
+use chainage::model::{Kind, PointClass};
 use chainage::output::{LabelOptions, LabelledFile, OutputError, OutputFormat, check_names};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -259,6 +260,76 @@ fn relabel(copied: &InputFile, folder: &Path) {
         assert_eq!(two[label..label + 4], truth.labels[index].to_le_bytes());
         assert_eq!(one[kept], two[kept]);
     }
+}
+
+/// A run of today on a copy that an earlier run or another program has classified.
+#[test]
+fn classes_that_the_run_decides_are_kept_by_no_other_point() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
+    let catalog = open(&path).expect("opens");
+    let input = &catalog.files()[0];
+    let size = input.layout().record_len;
+    let before = &records(input)[..8 * size];
+    let place = input.layout().classification;
+    let of_run = |object_class| LabelOptions {
+        finds_ground: true,
+        finds_noise: true,
+        object_class,
+        ..LabelOptions::default()
+    };
+    // What the points are before: never classified, ground, three kinds of vegetation, building, noise twice.
+    let old = [0, 2, 3, 4, 5, 6, 7, 18];
+    let mut classified = before.to_vec();
+    classified.chunks_exact_mut(size).zip(old).for_each(|(record, class)| record[place] = class);
+    let new = |options: &LabelOptions, labels: [u32; 8], class: u8, kind: u8| {
+        let plan = LabelledFile::plan(input, options).expect("a plan");
+        let kinds = [Kind { class: kind, ..Kind::default() }; 8];
+        let kinds = if options.object_class { &kinds[..] } else { &[] };
+        let mut out = Vec::new();
+        plan.label(&classified, &labels, &[class; 8], kinds, &mut out);
+        out.chunks_exact(plan.record_len()).map(|record| record[place]).collect::<Vec<_>>()
+    };
+    let [object, ground] = [PointClass::Object, PointClass::Ground].map(PointClass::code);
+    // A method without classes leaves those of other programs, but for ground and noise.
+    assert_eq!(new(&of_run(false), [1; 8], object, 0), [0, 1, 3, 4, 5, 6, 1, 1]);
+    assert_eq!(new(&of_run(false), [0; 8], object, 0), [0, 1, 3, 4, 5, 6, 1, 1]);
+    assert_eq!(new(&of_run(false), [0; 8], ground, 0), [2; 8]);
+    // Points of poles, and points of no object, are neither vegetation nor building.
+    assert_eq!(new(&of_run(true), [1; 8], object, 3), [0, 1, 1, 1, 1, 1, 1, 1]);
+    assert_eq!(new(&of_run(true), [0; 8], object, 0), [0, 1, 1, 1, 1, 1, 1, 1]);
+    assert_eq!(new(&of_run(true), [1; 8], object, 2), [5; 8]);
+    // Beside a section nothing was decided but the objects that reach there.
+    assert_eq!(new(&of_run(true), [0; 8], PointClass::UNDECIDED, 0), old);
+    assert_eq!(new(&of_run(true), [1; 8], PointClass::UNDECIDED, 2), [5; 8]);
+    // Without a ground filter and without a search for noise, both stay.
+    let nothing = LabelOptions { finds_ground: false, finds_noise: false, ..of_run(false) };
+    assert_eq!(new(&nothing, [1; 8], object, 0), old);
+    let kept = LabelOptions { set_classification: false, ..of_run(true) };
+    assert_eq!(new(&kept, [1; 8], object, 2), old);
+}
+
+/// `object_class` of an earlier run is not that of a method without classes.
+#[test]
+fn a_method_without_classes_clears_those_of_an_earlier_run() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
+    let catalog = open(&path).expect("opens");
+    let input = &catalog.files()[0];
+    let folder = tempfile::tempdir().expect("a folder");
+    let named = LabelOptions { object_class: true, ..options(OutputFormat::Las) };
+    let plan = LabelledFile::plan(input, &named).expect("a plan");
+    let truth = Truth::random(input.point_count(), 3);
+    let copy = write(&plan, input, &records(input), &truth, folder.path());
+    let again = open(&copy).expect("opens");
+    let labelled = &again.files()[0];
+    let place = labelled.layout().dimension("object_class").expect("the class").offset;
+    let mut with_classes = records(labelled);
+    let size = labelled.layout().record_len;
+    with_classes.chunks_exact_mut(size).for_each(|record| record[place] = 2);
+    let plan = LabelledFile::plan(labelled, &options(OutputFormat::Las)).expect("a plan");
+    assert_eq!(plan.record_len(), size);
+    let mut out = Vec::new();
+    plan.label(&with_classes, &truth.labels, &truth.classes, &[], &mut out);
+    assert!(out.chunks_exact(size).all(|record| record[place] == 0));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! and computes only what it must. The result is that of an undisturbed run, byte by byte.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
@@ -397,6 +397,41 @@ fn a_lost_half_written_copy_is_written_again() {
     }
 }
 
+/// The copy has its name, and the run ends before its last file has. Then the record of a unit is lost, or
+/// the copy is cut off.
+#[test]
+fn a_copy_that_has_its_name_is_whole_or_written_again() {
+    let inputs = Inputs::new();
+    for name in ["street.las", "street.laz"] {
+        let undisturbed = inputs.undisturbed(name, &[]);
+        let out = inputs.path("out");
+        for harm in ["lost", "cut off"] {
+            run_to_the_end(&inputs.list(name), &out, &options(&["--set", "euclidean.max_gap_m=0.4"]));
+            let report = out.join("report.json");
+            std::fs::remove_file(&report).expect("removed");
+            std::fs::create_dir_all(report.join("in the way")).expect("a folder in the way");
+            refused(&inputs.list(name), &out, &[], 5, &["report.json"]);
+            let part = format!("{}/.chainage/export/00000-*.part", out.display());
+            assert!(!shell(&format!("ls {part}")), "the copy has its name");
+            match harm {
+                "lost" => {
+                    let unit = out.join(".chainage/pass-07-export/unit-000000.bin");
+                    std::fs::remove_file(unit).expect("a unit");
+                }
+                _ => std::fs::File::options()
+                    .write(true)
+                    .open(out.join(name))
+                    .and_then(|copy| copy.set_len(1_000))
+                    .expect("cut off"),
+            }
+            std::fs::remove_dir_all(&report).expect("removed");
+            run_to_the_end(&inputs.list(name), &out, &options(&[]));
+            assert_same_outputs(&undisturbed, &out, &format!("{name}, {harm}"));
+        }
+        std::fs::remove_dir_all(&out).expect("removed");
+    }
+}
+
 /// Starting over after a finished run does not endanger foreign files.
 #[test]
 fn fresh_starts_over_in_the_same_directory() {
@@ -585,6 +620,45 @@ fn ctrl_c_ends_with_130_and_the_same_command_resumes() {
     assert_same_outputs(&undisturbed, &out, "after Ctrl-C");
 }
 
+/// What a shell does with the program after it has executed `before`.
+fn in_shell(before: &str, inputs: &[PathBuf], out: &Path, more: &[&str]) -> Command {
+    let run = run_command(inputs, out, more);
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("{before}; exec \"$@\""), "sh"]).arg(run.get_program()).args(run.get_args());
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// `nohup` has the program ignore the end of the session.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_that_the_caller_ignores_is_ignored() {
+    let inputs = Inputs::new();
+    let more = ["--threads", "1", "--tile-length", "1", "--set", "tiling.cell=0.5"];
+    for (before, expected) in [("trap '' HUP", 0), ("true", 130)] {
+        let out = inputs.path("hung-up");
+        let child = in_shell(before, &inputs.list("sweep.laz"), &out, &more).spawn().expect("starts");
+        wait_until("a tile of the ground pass", || finished(&events(&out), "ground") > 0);
+        assert!(shell(&format!("kill -HUP {}", child.id())));
+        let (code, errors) = ended(&child.wait_with_output().expect("ended"));
+        assert_eq!(code, expected, "{before}: {errors}");
+        std::fs::remove_dir_all(&out).expect("removed");
+    }
+}
+
+#[test]
+fn a_file_above_the_limit_of_its_size_is_an_error_with_its_path() {
+    let inputs = Inputs::new();
+    let undisturbed = inputs.undisturbed("street.las", &[]);
+    let out = inputs.path("limited");
+    let output = in_shell("ulimit -f 10", &inputs.list("street.las"), &out, &options(&[])).output();
+    let (code, errors) = ended(&output.expect("starts"));
+    assert_eq!(code, 5, "{errors}");
+    assert!(errors.contains("cannot write") && errors.contains("limited/"), "{errors}");
+    run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
+    assert_same_outputs(&undisturbed, &out, "after the limit");
+}
+
 #[test]
 fn nothing_foreign_is_overwritten_and_no_input_is_at_risk() {
     let inputs = Inputs::new();
@@ -599,6 +673,11 @@ fn nothing_foreign_is_overwritten_and_no_input_is_at_risk() {
         &["out/sweep.laz would be overwritten", "hint: choose another output"],
     );
     assert_eq!(std::fs::read(out.join("sweep.laz")).expect("still there"), b"mine");
+    let linked = inputs.path("linked");
+    std::fs::create_dir(&linked).expect("a folder");
+    std::os::unix::fs::symlink("/nowhere", linked.join("objects.csv")).expect("a link");
+    refused(&inputs.list("sweep.laz"), &linked, &[], 5, &["linked/objects.csv would be overwritten"]);
+    assert!(linked.join("objects.csv").is_symlink());
     for table in ["objects.csv", "objects.geojson", "report.json", "report.html"] {
         let out = inputs.path(&format!("out-{table}"));
         std::fs::create_dir(&out).expect("a folder");

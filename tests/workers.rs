@@ -154,6 +154,13 @@ fn shuffled(random: &mut ChaCha8Rng, units: &[usize], processes: usize) -> Vec<V
     shares
 }
 
+/// The warnings in the report of a run.
+fn warnings(out: &Path) -> Vec<String> {
+    let report = std::fs::read(out.join("report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+    serde_json::from_value(report["result"]["warnings"].clone()).expect("texts")
+}
+
 #[test]
 fn every_method_gives_the_bytes_of_one_process_for_any_split_of_its_units() {
     let inputs = Inputs::new("street.laz");
@@ -182,6 +189,9 @@ fn every_method_gives_the_bytes_of_one_process_for_any_split_of_its_units() {
         assert!(worker(&out, "copc nodes", &[0]).wait().expect("ended").success());
         assert!(due_after("next", &out, &[]).pass.is_none());
         assert_same_outputs(&alone, &out, &format!("{method:?} by {processes} processes"));
+        let told = [&alone, &out].map(|folder| warnings(folder));
+        assert_eq!(told[0], told[1], "{method:?}");
+        assert!(told[0].iter().any(|text| text.contains("no coordinate system is known")), "{:?}", told[0]);
         for folder in [alone, out] {
             std::fs::remove_dir_all(folder).expect("removed");
         }

@@ -180,6 +180,13 @@ struct Machine {
     no_mmap: bool,
 }
 
+impl Settings {
+    /// The number of threads, if it was given.
+    pub(crate) fn threads(&self) -> Option<usize> {
+        self.machine.threads
+    }
+}
+
 impl Machine {
     fn is_any_given(&self) -> bool {
         !self.assignments().is_empty()

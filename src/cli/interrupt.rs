@@ -1,27 +1,47 @@
-//! What Ctrl-C does.
+//! What Ctrl-C and other signals do.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use chainage::run::CancelToken;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::flag;
+use signal_hook::iterator::Signals;
 
 use crate::cli::exit::{self, CliError};
 
-/// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume.
+/// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume. The end of the
+/// session and `kill` do the same, unless the caller has the program ignore them, as `nohup` does.
 pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
     let cancel = Arc::clone(cancel);
-    let asked = AtomicBool::new(false);
-    ctrlc::set_handler(move || {
-        if asked.swap(true, Ordering::Relaxed) {
-            // The state is consistent at every moment, so leaving at once loses only what is in flight.
-            leave();
+    let ignored = ignored();
+    let heard = [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|signal| ignored & bit(*signal) == 0);
+    let failed = |source| CliError::Write { target: "the handler of Ctrl-C".to_owned(), source };
+    let mut signals = Signals::new(heard).map_err(failed)?;
+    // With a handler that does nothing, a file above the limit of its size is an error with a path. The
+    // system would end the process without a word.
+    flag::register(SIGXFSZ, Arc::default()).map_err(failed)?;
+    let wait = move || {
+        for (count, _) in signals.forever().enumerate() {
+            if count > 0 {
+                // The state is consistent at every moment, so leaving at once loses only what is in flight.
+                leave();
+            }
+            cancel.cancel();
         }
-        cancel.cancel();
-    })
-    .map_err(|error| CliError::Write {
-        target: "the handler of Ctrl-C".to_owned(),
-        source: std::io::Error::other(error),
-    })
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(wait).map(drop).map_err(failed)
+}
+
+/// The signals that this process ignored when it began, as bits. Only Linux tells them.
+fn ignored() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}
+
+/// The bit of a signal: they are counted from one.
+fn bit(signal: i32) -> u64 {
+    1 << (signal - 1)
 }
 
 #[expect(clippy::disallowed_methods, reason = "a second Ctrl-C must not wait for the workers")]

@@ -1,4 +1,5 @@
-//! The command line: arguments, settings, progress, exit codes. The only user of clap, indicatif and ctrlc.
+//! The command line: arguments, settings, progress, exit codes. The only user of clap, indicatif and
+//! signal-hook.
 
 mod args;
 mod colour;

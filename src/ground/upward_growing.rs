@@ -246,11 +246,11 @@ impl GroundFilter for UpwardGrowing {
         NAME
     }
 
-    /// The diagonal of a block.
     fn microseconds_per_point(&self) -> f64 {
         1.8
     }
 
+    /// The diagonal of a block.
     fn reach(&self, lattice: Lattice) -> Reach {
         let block = self.block_voxels(lattice) * lattice.units(self.config.voxel);
         Reach::Exact { metres: lattice.metres(block) * SQRT_2 }

@@ -18,8 +18,7 @@ pub struct Object<'a> {
     pub kind: Kind,
     /// The values that all objects share.
     pub site: &'a Site<'a>,
-    /// Mean of its points on the lattice, rounded towards zero: the lattice is finer than the written
-    /// decimals.
+    /// Mean of its points, rounded to the lattice, which is finer than the written decimals.
     pub centre: [i64; 3],
     /// Height of the ground in metres in the cell nearest to its centre, if one is known nearby.
     pub ground_m: Option<f64>,

@@ -16,6 +16,10 @@ pub enum PointClass {
 }
 
 impl PointClass {
+    /// The code of a point whose class was not decided: it lies beside the section of the drive that is
+    /// processed.
+    pub const UNDECIDED: u8 = u8::MAX;
+
     /// The class stored as `code`; `None` when no class has this code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {

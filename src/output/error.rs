@@ -164,7 +164,13 @@ pub enum OutputError {
 
 impl Failure for OutputError {
     fn kind(&self) -> ErrorKind {
-        ErrorKind::Output
+        match self {
+            // What to change is a setting, and nothing was written.
+            Self::ClassCode { .. } | Self::DimensionName { .. } | Self::DimensionType { .. } => {
+                ErrorKind::Config
+            }
+            _ => ErrorKind::Output,
+        }
     }
 
     fn hint(&self) -> Option<Cow<'static, str>> {

@@ -74,6 +74,11 @@ impl Chain {
         Ok(Self { noise, filter, method, ground_reach, cluster_reach, warnings })
     }
 
+    /// Whether ground and whether noise is looked for.
+    pub(crate) fn finds(&self) -> (bool, bool) {
+        (self.filter.name() != NoGround::NAME, self.noise.is_some())
+    }
+
     /// Distance within which points decide on an object, in lattice units: its ground, and what the method
     /// makes of it.
     pub(crate) fn deciding_reach(&self, lattice: Lattice) -> i64 {

@@ -43,6 +43,7 @@ pub fn estimate_epsilon(
     let run_dir = open::lock(&catalog, &request.out)?;
     run_dir.begin(false)?;
     let mut warnings = config.warnings().to_vec();
+    warnings.extend(chain.warnings.iter().cloned());
     warnings.extend(catalog.warnings().iter().cloned());
     let open = Opened::to_run(catalog, chain, config, &run_dir)?;
     open.record(&run_dir, &request.inputs)?;

@@ -56,8 +56,6 @@ pub(crate) struct Outcome {
     pub(crate) figures: Figures,
     /// What the page shows. `None` if it is not written.
     pub(crate) page: Option<PageContent>,
-    /// Warnings that were not reported before the tiles.
-    pub(crate) warnings: Vec<String>,
 }
 
 /// Surveys the drive.
@@ -242,10 +240,8 @@ pub(crate) fn to_files<D: Driver>(
     through_step(open, driver, run_dir, planned, last, |driver, list, progress| {
         let method = progress.over.method;
         let figures = method.figures(progress)?;
-        let mut warnings = progress.over.classified.warnings.clone();
         for text in method.warnings(progress)? {
             driver.tell(&Event::Warning { text: &text });
-            warnings.push(text);
         }
         let (counts, terrain) = ground::summed_up(progress.over.classified)?;
         let beside = names::beside(open.config, method.finds_surfaces());
@@ -257,7 +253,6 @@ pub(crate) fn to_files<D: Driver>(
             charts: Vec::new(),
             figures,
             page: None,
-            warnings,
         };
         if let Some(finished) = mark::already_finished(run_dir, list.export.depends.fingerprint(), &beside)? {
             return Ok(Some(Outcome { objects: finished.objects, ..outcome }));

@@ -74,17 +74,16 @@ pub use train::{
 /// Any [`Error`]. Finished units are kept, and the next call uses them, unless the state itself is refused.
 pub fn run(request: &RunRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<RunSummary> {
     let started = std::time::Instant::now();
-    let Begun { run_dir, open, labelled, mut warnings } = Begun::from(request)?;
+    let Begun { run_dir, open, labelled, warnings } = Begun::from(request)?;
     let mut driver = Here::new(&run_dir, open.budget.limits(), open.config.run.fail_fast, observer, cancel);
 
     let surveyed = computed(flow::survey(&open, &mut driver, Some(&run_dir))?)?;
-    warnings.extend(surveyed.warnings.iter().cloned());
-    for text in &warnings {
+    for text in warnings.iter().chain(&surveyed.warnings) {
         driver.tell(&Event::Warning { text });
     }
     let planned = computed(flow::plan(&open, &mut driver, surveyed)?)?;
     let outcome = computed(flow::to_files(&open, &mut driver, &run_dir, &planned, labelled)?)?;
-    let course = Course { started, warnings, passes: driver.figures };
+    let course = Course { started, warnings: driver.warnings.take(), passes: driver.figures };
     outputs::finish(&run_dir, &open, &planned, outcome, course, observer)
 }
 

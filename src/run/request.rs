@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::config::{Config, LengthUnit};
 use crate::error::Result;
-use crate::input::Crs;
+use crate::input::{Catalog, Crs};
 use crate::output::LabelledFile;
 use crate::run::chain::{Chain, Registries};
 use crate::run::drive::identity;
@@ -46,29 +46,17 @@ impl<'a> Begun<'a> {
         // Before the names of the copies: a folder with input would give each of its files two of them.
         identity::check_apart(&catalog, &request.out)?;
         let chain = Chain::build(config, &request.registries, catalog.lattice())?;
-        let (mut labelled, file_warnings) = names::copies(&catalog, config, chain.method.as_ref())?;
+        let (mut labelled, file_warnings) =
+            names::copies(&catalog, config, chain.method.as_ref(), chain.finds())?;
         labelled.iter_mut().for_each(|file| file.in_folder(&request.out));
         let surfaces = chain.method.finds_surfaces();
         // Everything that can refuse the request comes before the state of an earlier run is discarded.
         let run_dir = open::lock(&catalog, &request.out)?;
         names::refuse_foreign(&run_dir, config, surfaces, &labelled)?;
         run_dir.begin(request.fresh)?;
-        let mut warnings = config.warnings().to_vec();
-        warnings.extend(chain.warnings.iter().cloned());
-        warnings.extend(catalog.warnings().iter().cloned());
+        let mut warnings = warnings_of(config, &chain, &catalog, file_warnings);
         warnings.extend(open::file_system_warning(&request.inputs, config));
-        warnings.extend(file_warnings);
         warnings.extend(foreign::warnings(&run_dir)?);
-        let crs = catalog.crs();
-        warnings.extend(nameless_warning(crs, config));
-        if config.output.writes("copc") && crs.is_known() && crs.text().is_none() {
-            warnings.push(format!(
-                "{} names no coordinate system: COPC stores it as well-known text, and the files have none \
-                 ({})",
-                names::CLOUD,
-                crs.description
-            ));
-        }
         let open = Opened::to_run(catalog, chain, config, &run_dir)?;
         // Not before the input was accepted: a file with a claimed name is taken for an output of a run, and
         // a later call may remove it.
@@ -79,6 +67,30 @@ impl<'a> Begun<'a> {
         open.record(&run_dir, &request.inputs)?;
         Ok(Self { run_dir, open, labelled, warnings })
     }
+}
+
+/// The warnings about a drive and its settings, of which each process of a run finds the same. `of_copies`
+/// are those about the labelled copies.
+pub(crate) fn warnings_of(
+    config: &Config,
+    chain: &Chain,
+    catalog: &Catalog,
+    of_copies: Vec<String>,
+) -> Vec<String> {
+    let mut warnings = config.warnings().to_vec();
+    warnings.extend(chain.warnings.iter().cloned());
+    warnings.extend(catalog.warnings().iter().cloned());
+    warnings.extend(of_copies);
+    let crs = catalog.crs();
+    warnings.extend(nameless_warning(crs, config));
+    if config.output.writes("copc") && crs.is_known() && crs.text().is_none() {
+        warnings.push(format!(
+            "{} names no coordinate system: COPC stores it as well-known text, and the files have none ({})",
+            names::CLOUD,
+            crs.description
+        ));
+    }
+    warnings
 }
 
 /// The warning about a system that is not known, or that the GeoJSON cannot name.

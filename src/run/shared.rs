@@ -21,7 +21,7 @@ use crate::run::finish::outputs::{self, Course};
 use crate::run::finish::{mark, names};
 use crate::run::flow::{self, Outcome, Planned};
 use crate::run::open::{self, Opened};
-use crate::run::request::{Begun, RunRequest};
+use crate::run::request::{self, Begun, RunRequest};
 use crate::run::summary::RunSummary;
 use crate::store::{RunDir, StoreError};
 
@@ -176,7 +176,12 @@ pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> R
         let known = driver.figures.iter().map(|figures| figures.pass.to_owned()).collect();
         return Err(RunError::NoSuchPass { pass: after.to_owned(), known }.into());
     }
-    let warnings = planned.surveyed.warnings.clone();
+    // The process that opened the run has told those of the drive. The report has them as well.
+    let (_, of_copies) =
+        names::copies(&open.drive.catalog, &config, open.chain.method.as_ref(), open.chain.finds())?;
+    let mut warnings = request::warnings_of(&config, &open.chain, &open.drive.catalog, of_copies);
+    warnings.extend(planned.surveyed.warnings.iter().cloned());
+    warnings.extend(driver.warnings.take());
     let course = Course { started, warnings, passes: driver.figures };
     let summary = outputs::finish(&run_dir, &open, &planned, outcome, course, observer)?;
     Ok(Reduced { next: DueUnits::of(None), finished: Some((summary, config.output)) })
@@ -222,7 +227,8 @@ fn walk<D: Driver>(
 ) -> Result<Option<(Planned, Outcome)>> {
     let Some(surveyed) = flow::survey(open, driver, Some(run_dir))? else { return Ok(None) };
     let Some(planned) = flow::plan(open, driver, surveyed)? else { return Ok(None) };
-    let (labelled, _) = names::copies(&open.drive.catalog, open.config, open.chain.method.as_ref())?;
+    let (labelled, _) =
+        names::copies(&open.drive.catalog, open.config, open.chain.method.as_ref(), open.chain.finds())?;
     let outcome = flow::to_files(open, driver, run_dir, &planned, labelled)?;
     Ok(outcome.map(|outcome| (planned, outcome)))
 }

@@ -70,6 +70,15 @@ pub enum StoreError {
         /// What is wrong with it.
         what: String,
     },
+    /// The record of the files beside the state was damaged. To start over keeps it, because it says which of
+    /// them may be replaced.
+    #[error("{path} is damaged: {what}", path = path.display())]
+    DamagedRecord {
+        /// The record.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
     /// The output directory contains an input file, or a foreign file has the name of an output.
     #[error("{path} would be overwritten", path = path.display())]
     InTheWay {
@@ -95,7 +104,8 @@ impl Failure for StoreError {
             | Self::Version { .. }
             | Self::OtherInput { .. }
             | Self::NoIdentity { .. }
-            | Self::Damaged { .. } => ErrorKind::State,
+            | Self::Damaged { .. }
+            | Self::DamagedRecord { .. } => ErrorKind::State,
         }
     }
 
@@ -108,6 +118,9 @@ impl Failure for StoreError {
             Self::NoRun { .. } => Some("start one with chainage run FILES... -o OUT".into()),
             Self::Version { .. } | Self::OtherInput { .. } => {
                 Some("choose another output directory, or start over here with chainage run --fresh".into())
+            }
+            Self::DamagedRecord { .. } => {
+                Some("remove the file and the outputs of the run, or choose another output directory".into())
             }
             Self::NoIdentity { .. } | Self::Damaged { .. } => {
                 Some("start over here with chainage run --fresh".into())

@@ -22,6 +22,8 @@ use crate::whole_file;
 const INPUTS: &str = "inputs.json";
 /// Name of the mark that all units exist and were checked, and that their reduction is stored.
 const COMPLETE: &str = "complete.json";
+/// How often a folder is emptied again that other processes write to (chosen: each of them can be met once).
+const CLEARED_AGAIN: usize = 100;
 
 /// Whether a unit has a stored result.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -71,8 +73,22 @@ impl UnitReader {
 
     /// The range of a section of the payload, see [`codec::pack`].
     pub(crate) fn section(&self, number: usize) -> Result<Range<u64>> {
-        codec::section_range(&mut |part| self.read(part).ok(), number)
-            .ok_or_else(|| codec::no_section(number))
+        let mut failure = None;
+        let range = codec::section_range(
+            &mut |part| match self.read(part) {
+                Ok(bytes) => Some(bytes),
+                Err(error) => {
+                    failure = Some(error);
+                    None
+                }
+            },
+            number,
+        );
+        match (range, failure) {
+            (Some(range), _) => Ok(range),
+            (None, Some(error)) => Err(error.into()),
+            (None, None) => Err(codec::no_section(number)),
+        }
     }
 
     /// A whole section of the payload.
@@ -341,12 +357,25 @@ impl PassDir {
     /// # Errors
     /// When the file system refuses.
     pub fn clear(&self) -> Result<(), StoreError> {
-        match fs_err::remove_dir_all(&self.folder) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(StoreError::Io { action: "remove", path: self.folder.clone(), source: error })
+        // A worker of the settings before can store a unit while the folder is emptied.
+        for _ in 0..CLEARED_AGAIN {
+            match fs_err::remove_dir_all(&self.folder) {
+                Err(error) if error.kind() == std::io::ErrorKind::DirectoryNotEmpty => {}
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(StoreError::Io {
+                        action: "remove",
+                        path: self.folder.clone(),
+                        source: error,
+                    });
+                }
+                _ => return Ok(()),
             }
-            _ => Ok(()),
         }
+        Err(StoreError::Io {
+            action: "remove",
+            path: self.folder.clone(),
+            source: std::io::ErrorKind::DirectoryNotEmpty.into(),
+        })
     }
 
     /// Invalidates a unit's result, because a file that belongs to it was lost.

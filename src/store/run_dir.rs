@@ -195,7 +195,12 @@ impl RunDir {
     /// # Errors
     /// When the record cannot be read.
     pub fn own_outputs(&self) -> Result<Vec<String>, StoreError> {
-        Ok(self.read_json(OUTPUTS)?.unwrap_or_default())
+        let names: Result<Option<Vec<String>>, StoreError> = self.read_json(OUTPUTS);
+        let names = names.map_err(|error| match error {
+            StoreError::Damaged { path, what } => StoreError::DamagedRecord { path, what },
+            other => other,
+        });
+        Ok(names?.unwrap_or_default())
     }
 
     /// The real paths of the existing files in `out` that runs there have written.

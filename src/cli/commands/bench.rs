@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use chainage::config::Config;
+use chainage::config::{Config, ConfigError};
 use chainage::run::{codec_floor, copy_floor, files_of};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -60,6 +60,10 @@ impl BenchArgs {
             std::fs::write(&sample, SAMPLE)
                 .map_err(|source| CliError::Write { target: sample.display().to_string(), source })?;
             arguments.push(sample);
+        }
+        if let Some(threads) = self.settings.threads() {
+            let expected = "left out: bench measures one and two threads";
+            return Err(chainage::Error::from(ConfigError::value("--threads", threads, expected)).into());
         }
         let config = self.settings.resolve(&[])?;
         let files = files_of(&arguments, &config)?;

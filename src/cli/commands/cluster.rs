@@ -48,11 +48,11 @@ pub(crate) struct ClusterArgs {
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', requires = "standardise")]
     weights: Vec<f64>,
     #[command(flatten)]
+    json: JsonOutput,
+    #[command(flatten)]
     dbscan: DbscanArgs,
     #[command(flatten)]
     p_linkage: PLinkageArgs,
-    #[command(flatten)]
-    json: JsonOutput,
 }
 
 /// Default of --min-points.

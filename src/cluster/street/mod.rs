@@ -76,9 +76,9 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     build: |sections| Ok(Box::new(Street::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
-/// Distance beyond which points do not change an object, as a rule: 18 m of voxels and ground for a class,
-/// and growth that another core may win. Chosen: with it, all 404 objects of four sections of synthetic
-/// streets (suburb and mixed, 400 m each) are those of the whole drive.
+/// Distance beyond which points do not change an object, as a rule: voxels and ground around it decide on
+/// its class, and growth that another core may win. Chosen: with it, all 404 objects of four sections of
+/// synthetic streets (suburb and mixed, 400 m each) are those of the whole drive.
 const DECIDING_REACH_M: f64 = 30.0;
 
 /// Bytes per point that a tile of a step needs at its peak.

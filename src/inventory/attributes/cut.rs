@@ -16,8 +16,8 @@ impl Attribute for Cut {
             unit: ColumnUnit::None,
             definition: "whether it reaches the end of the data: within 1.5 cells of the raster of the last profiles where the drive \
                          begins, stops or has a gap, or within a cell of a straight border of the occupied cells, as of \
-                         a scene that was cut out; cells with few points or few neighbours do not count; in a section \
-                         (`--from`, `--to`) also whether it reaches further beyond it than objects are followed",
+                         a scene that was cut out; cells with few points or few neighbours do not count, and of heads that end \
+                         at different places only the furthest one does; in a section (`--from`, `--to`) also whether it reaches further beyond it than objects are followed",
         }]
     }
 

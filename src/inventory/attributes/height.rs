@@ -17,8 +17,8 @@ impl Attribute for Height {
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
                 definition: "height of the highest point above the ground at the base, without a few points above a gap and one in 200 of a wire; of a fence, hedge \
-                             or wall that is longer than 4 m, height above the ground below it that nine tenths of it do not exceed; empty where \
-                             no ground is within 10 m of it",
+                             or wall that is longer than 4 m, height above the ground below it that nine tenths of it do not exceed, if that \
+                             is less; empty where no ground is within 10 m of it",
             },
             Column {
                 name: "base_above_ground_m",
@@ -34,6 +34,9 @@ impl Attribute for Height {
         let over_base_m = object.foot.ground_m.map(|ground_m| highest_m - ground_m);
         let Object { part, measures, frames, .. } = object;
         let crest_m = crest_m(part, object.ends.top, object.kind, measures, frames, object.site);
+        // Where the ground beside a fence is lower, as at a terrace, that of its cells can be the lower one.
+        let crest_m =
+            crest_m.map(|crest_m| over_base_m.map_or(crest_m, |over_base_m| crest_m.min(over_base_m)));
         values.push(crest_m.or(over_base_m).into());
         values.push(object.above_ground_m(object.ends.bottom).into());
     }

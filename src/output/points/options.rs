@@ -12,13 +12,18 @@ pub struct LabelOptions {
     pub format: OutputFormat,
     /// Name of the dimension with the object of a point: 1 to 31 bytes.
     pub dimension: String,
-    /// Whether ground and noise are written as the class of the point; other points keep theirs.
+    /// Whether ground, noise and objects are written as the LAS class of the point.
     pub set_classification: bool,
+    /// Whether a ground filter ran. Then no other point keeps the class of ground.
+    pub finds_ground: bool,
+    /// Whether noise was looked for. Then no other point keeps a class of noise.
+    pub finds_noise: bool,
     /// LAS codes of classes of objects other than those of ASPRS.
     pub class_codes: LasCodes,
     /// Whether the class of the input is kept in a dimension of its own, `original_classification`.
     pub keep_original: bool,
-    /// Whether the class of the object of a point is written to the dimension `object_class`.
+    /// Whether the class of the object of a point is written to the dimension `object_class`. If not, a
+    /// dimension of this name that the input has gets 0.
     pub object_class: bool,
 }
 
@@ -28,6 +33,8 @@ impl Default for LabelOptions {
             format: OutputFormat::Same,
             dimension: CLUSTER_ID.into(),
             set_classification: true,
+            finds_ground: false,
+            finds_noise: false,
             class_codes: LasCodes::default(),
             keep_original: false,
             object_class: false,

@@ -31,6 +31,7 @@ pub(crate) fn is_field_of_records(name: &str) -> bool {
 /// Number of the codes of `object_class`.
 const OBJECT_CLASSES: usize = 10;
 /// LAS classes of our classes (LAS 1.4 R15, tables 9 and 17).
+const UNCLASSIFIED: u8 = 1;
 const GROUND: u8 = 2;
 const LOW_VEGETATION: u8 = 3;
 const MEDIUM_VEGETATION: u8 = 4;
@@ -49,7 +50,7 @@ pub(super) struct RecordPlan {
     label: usize,
     /// Place of the original class (u8), if it is to be kept and is not kept already.
     original_class: Option<usize>,
-    /// Place of the class of the object (u8), if the method classifies.
+    /// Place of the class of the object (u8), if the method classifies or the input has it.
     object_class: Option<usize>,
     /// Byte of the class, and its bits that are the class; `None` when it stays.
     class: Option<(usize, u8)>,
@@ -59,6 +60,8 @@ pub(super) struct RecordPlan {
     objects: [Option<u8>; OBJECT_CLASSES],
     /// LAS classes of low and of higher hedges and bushes.
     hedges: [u8; 2],
+    /// LAS classes that this run decides. No other point keeps one of them.
+    decided: [bool; 256],
     /// Whether the format has LAS classes above 12.
     extended: bool,
 }
@@ -82,9 +85,10 @@ impl RecordPlan {
         let kept = existing(input, ORIGINAL_CLASS, ExtraType::U8)?;
         let keep = options.keep_original && kept.is_none();
         let mut descriptors = Vec::new();
-        let known = match options.object_class {
-            true => existing(input, OBJECT_CLASS, ExtraType::U8)?,
-            false => None,
+        // The classes of an earlier run are not those of this one, and a method without classes has 0.
+        let known = match existing(input, OBJECT_CLASS, ExtraType::U8) {
+            Err(_) if !options.object_class => None,
+            known => known?,
         };
         let classify = options.object_class && known.is_none();
         if label.is_none() || keep || classify {
@@ -121,6 +125,15 @@ impl RecordPlan {
     ) -> Self {
         // Formats 0 to 5 have no class for wires and high noise: 14 and 18 are reserved there.
         let extended = layout.point_format >= 6;
+        let objects = objects(&options.class_codes, extended);
+        let hedges =
+            [LOW_VEGETATION, MEDIUM_VEGETATION].map(|code| options.class_codes.of_hedges().unwrap_or(code));
+        let of_ground = options.finds_ground.then_some([GROUND]);
+        let of_noise = options.finds_noise.then_some([LOW_NOISE, HIGH_NOISE]);
+        let of_objects = options.object_class.then(|| objects.into_iter().flatten().chain(hedges));
+        let codes = of_ground.into_iter().flatten().chain(of_noise.into_iter().flatten());
+        let mut decided = [false; 256];
+        codes.chain(of_objects.into_iter().flatten()).for_each(|code| decided[usize::from(code)] = true);
         Self {
             input_len: layout.record_len,
             output_len,
@@ -130,9 +143,9 @@ impl RecordPlan {
             class: options.set_classification.then_some((layout.classification, layout.classification_mask)),
             class_byte: layout.classification,
             class_mask: layout.classification_mask,
-            objects: objects(&options.class_codes, extended),
-            hedges: [LOW_VEGETATION, MEDIUM_VEGETATION]
-                .map(|code| options.class_codes.of_hedges().unwrap_or(code)),
+            objects,
+            hedges,
+            decided,
             extended,
         }
     }
@@ -173,18 +186,27 @@ impl RecordPlan {
                 new[at] = kind.class;
             }
             if let Some((at, mask)) = self.class
-                && let Some(code) = self.las_class(*class, kind)
+                && let Some(code) = self.las_class(*class, *label, kind, record[at] & mask)
             {
                 new[at] = (new[at] & !mask) | code;
             }
         }
     }
 
-    /// The LAS class of a class code and of an object; `None` if the point keeps its class.
-    fn las_class(&self, code: u8, kind: Kind) -> Option<u8> {
-        match PointClass::from_code(code)? {
+    /// The LAS class of a class code and of an object; `None` if the point keeps its class, `before`. A class
+    /// that this run decides is kept by no other point: what an earlier run or another program called ground
+    /// would be ground for every reader.
+    fn las_class(&self, code: u8, label: u32, kind: Kind, before: u8) -> Option<u8> {
+        let class = PointClass::from_code(code);
+        if class.is_none() && label == 0 {
+            return None;
+        }
+        match class.unwrap_or_default() {
             PointClass::Object => match kind.hedge {
-                Hedge::No => self.objects.get(usize::from(kind.class)).copied().flatten(),
+                Hedge::No => {
+                    let given = self.objects.get(usize::from(kind.class)).copied().flatten();
+                    given.or_else(|| self.decided[usize::from(before)].then_some(UNCLASSIFIED))
+                }
                 Hedge::Low => Some(self.hedges[0]),
                 Hedge::Medium => Some(self.hedges[1]),
             },

@@ -2,7 +2,6 @@
 //! unit has the values of a run of records, so every value has one writer and is covered by the checksum of
 //! its unit.
 
-use std::marker::PhantomData;
 use std::ops::Range;
 
 use bytemuck::Pod;
@@ -16,7 +15,8 @@ pub(crate) struct PerPoint<T> {
     sections: Sections,
     /// File and records of each unit, ascending.
     runs: Vec<(usize, Range<u64>)>,
-    value: PhantomData<T>,
+    /// The value of records that are in no unit.
+    beside: T,
 }
 
 impl<T: Pod + Default> PerPoint<T> {
@@ -24,11 +24,16 @@ impl<T: Pod + Default> PerPoint<T> {
 
     /// The values in section `number` of the units of a pass. `runs` are file and records of each unit.
     pub(crate) fn new(runs: Vec<(usize, Range<u64>)>, units: &Payloads, number: usize) -> Self {
-        Self { sections: Sections::of(units.clone(), number), runs, value: PhantomData }
+        Self { sections: Sections::of(units.clone(), number), runs, beside: T::default() }
     }
 
-    /// Reads the values of consecutive records of a file. Records that are in no unit, beside a section of
-    /// the drive, have the default.
+    /// The same with another value of records that are in no unit, beside a section of the drive, than the
+    /// default.
+    pub(crate) fn with_beside(self, beside: T) -> Self {
+        Self { beside, ..self }
+    }
+
+    /// Reads the values of consecutive records of a file.
     pub(crate) fn read(&self, file: usize, first: u64, values: &mut [T]) -> Result<()> {
         let mut record = first;
         let mut rest = values;
@@ -49,7 +54,7 @@ impl<T: Pod + Default> PerPoint<T> {
                     let at = (record - self.runs[unit].1.start) * Self::WIDTH;
                     self.sections.get(unit)?.read_into(at, bytemuck::cast_slice_mut(part))?;
                 }
-                None => part.fill(T::default()),
+                None => part.fill(self.beside),
             }
             record += here as u64;
             rest = further;

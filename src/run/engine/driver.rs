@@ -2,6 +2,8 @@
 //! Further drivers look only (`looks.rs`) or share a run with other processes (`shares.rs`). All of them walk
 //! the same list of passes.
 
+use std::sync::{Mutex, PoisonError};
+
 use crate::error::Result;
 use crate::run::engine::folders::Outline;
 use crate::run::engine::pass::{Pass, Payloads};
@@ -42,6 +44,25 @@ pub(crate) trait Driver {
     fn tell(&self, _event: &Event<'_>) {}
 }
 
+/// The warnings that a driver has told, in their order. The report has them all, because what a user reads
+/// on the terminal is lost after a night.
+#[derive(Debug, Default)]
+pub(crate) struct Warnings(Mutex<Vec<String>>);
+
+impl Warnings {
+    /// Keeps the text of a warning. Other events are not kept.
+    pub(crate) fn keep(&self, event: &Event<'_>) {
+        if let Event::Warning { text } = event {
+            self.0.lock().unwrap_or_else(PoisonError::into_inner).push((*text).to_owned());
+        }
+    }
+
+    /// The texts, which are not kept any longer.
+    pub(crate) fn take(&self) -> Vec<String> {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
 /// Computes missing units on the threads of this process, and stores them in the run directory.
 pub(crate) struct Here<'a> {
     run_dir: &'a RunDir,
@@ -51,6 +72,8 @@ pub(crate) struct Here<'a> {
     cancel: &'a CancelToken,
     /// Figures of the passes so far.
     pub(crate) figures: Vec<PassFigures>,
+    /// The warnings so far.
+    pub(crate) warnings: Warnings,
     /// The last pass, complete but not yet marked, and its number of units.
     unmarked: Option<(PassDir, usize)>,
 }
@@ -63,7 +86,8 @@ impl<'a> Here<'a> {
         observer: &'a dyn Observer,
         cancel: &'a CancelToken,
     ) -> Self {
-        Self { run_dir, limits, fail_fast, observer, cancel, figures: Vec::new(), unmarked: None }
+        let (figures, warnings) = (Vec::new(), Warnings::default());
+        Self { run_dir, limits, fail_fast, observer, cancel, figures, warnings, unmarked: None }
     }
 }
 
@@ -121,6 +145,7 @@ impl Driver for Here<'_> {
     }
 
     fn tell(&self, event: &Event<'_>) {
+        self.warnings.keep(event);
         self.observer.event(event);
         self.run_dir.log_event(&event.to_json().to_string());
     }

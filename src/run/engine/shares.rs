@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use crate::error::Result;
-use crate::run::engine::driver::Driver;
+use crate::run::engine::driver::{Driver, Warnings};
 use crate::run::engine::folders::Outline;
 use crate::run::engine::looks::DuePass;
 use crate::run::engine::pass::{Pass, Payloads};
@@ -153,6 +153,8 @@ pub(crate) struct Barrier<'a> {
     pub(crate) opened: Option<DuePass>,
     /// Figures of the passes that were walked over.
     pub(crate) figures: Vec<PassFigures>,
+    /// The warnings so far.
+    pub(crate) warnings: Warnings,
     /// The passes after the survey, once they are known, and whether `after` is none of them.
     known: Vec<String>,
     unknown: bool,
@@ -166,8 +168,9 @@ impl<'a> Barrier<'a> {
         observer: &'a dyn Observer,
     ) -> Self {
         let reached = after.is_none();
-        let (unmarked, opened, figures, known) = (None, None, Vec::new(), Vec::new());
-        Self { run_dir, after, wait, observer, reached, unmarked, opened, figures, known, unknown: false }
+        let (unmarked, opened, known, unknown) = (None, None, Vec::new(), false);
+        let (figures, warnings) = (Vec::new(), Warnings::default());
+        Self { run_dir, after, wait, observer, reached, unmarked, opened, figures, warnings, known, unknown }
     }
 
     /// Whether the pass was met.
@@ -253,6 +256,7 @@ impl Driver for Barrier<'_> {
     }
 
     fn tell(&self, event: &Event<'_>) {
+        self.warnings.keep(event);
         self.observer.event(event);
         self.run_dir.log_event(&event.to_json().to_string());
     }

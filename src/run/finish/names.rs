@@ -91,6 +91,7 @@ pub(crate) fn copies(
     catalog: &Catalog,
     config: &Config,
     method: &dyn Method,
+    (finds_ground, finds_noise): (bool, bool),
 ) -> Result<(Vec<LabelledFile>, Vec<String>)> {
     let (set_classification, class_codes) = match &config.output.classification {
         ClassificationChoice::Keep => (false, LasCodes::default()),
@@ -100,6 +101,8 @@ pub(crate) fn copies(
         format: config.output.format,
         dimension: dimension(config, method).to_owned(),
         set_classification,
+        finds_ground,
+        finds_noise,
         class_codes,
         keep_original: config.output.original_classification,
         object_class: method.classifies(),
@@ -152,7 +155,8 @@ pub(crate) fn refuse_foreign(
     let ours = run_dir.own_outputs()?;
     for name in planned(config, surfaces, files).iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
-        if path.exists() {
+        // A link that leads nowhere is a file of the user, too.
+        if path.symlink_metadata().is_ok() {
             return Err(StoreError::InTheWay { path }.into());
         }
     }

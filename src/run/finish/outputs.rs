@@ -29,7 +29,6 @@ pub(crate) fn finish(
     observer: &dyn Observer,
 ) -> Result<RunSummary> {
     let Course { started, mut warnings, passes } = course;
-    warnings.extend(outcome.warnings);
     let surfaces = open.chain.method.finds_surfaces();
     if let Some(finished) = &outcome.unmarked {
         for text in names::remove_left_out(run_dir, open.config, surfaces, &finished.files)? {

@@ -92,7 +92,7 @@ pub fn plan_of(
     let open = Opened::to_look(inputs, out, config, registries)?;
     let Opened { drive, chain, budget: asked, .. } = &open;
     // What a run refuses of its labelled copies, a plan refuses as well.
-    names::copies(&drive.catalog, config, chain.method.as_ref())?;
+    names::copies(&drive.catalog, config, chain.method.as_ref(), chain.finds())?;
     let mut driver = InMemory { limits: asked.limits() };
     let started = Instant::now();
     let surveyed = computed(flow::survey(&open, &mut driver, None)?)?;

@@ -192,16 +192,28 @@ impl<'a> ExportPass<'a> {
         }
     }
 
-    /// Whether the finished copy of a file has its name. The intent to rename it is on disk before the
-    /// rename, so a missing temporary file means that it was renamed.
+    /// Whether the finished copy of a file has its name and its length. The intent to rename it is on disk
+    /// before the rename, so a missing temporary file means that it was renamed.
     fn is_named(&self, file: usize, dir: &PassDir) -> Result<bool> {
-        let run_dir = self.run_dir;
         let target = &self.targets[file];
-        let meant = run_dir.read_json::<String>(&intent(file))?;
-        let path = run_dir.out().join(target.labelled.name());
-        Ok(meant.is_some_and(|stored| stored == dir.fingerprint().to_string())
-            && path.exists()
-            && !target.part.exists())
+        let meant = self.run_dir.read_json::<String>(&intent(file))?;
+        let path = self.run_dir.out().join(target.labelled.name());
+        let length = fs_err::metadata(path).ok().map(|facts| facts.len());
+        Ok(length.is_some_and(|length| meant == Some(meaning(dir, length))) && !target.part.exists())
+    }
+
+    /// Whether the temporary file of a copy is not needed any more. The record of a unit can be lost after
+    /// the copy has its name. The records of the others are not in the units, so all of them are written
+    /// again.
+    fn is_complete(&self, file: usize, dir: &PassDir) -> Result<bool> {
+        if !self.is_named(file, dir)? {
+            return Ok(false);
+        }
+        if self.targets[file].labelled.is_compressed() {
+            return Ok(true);
+        }
+        let units = self.units.iter().enumerate().filter(|(_, unit)| unit.file == file);
+        Ok(dir.not_done_now(&units.map(|(unit, _)| unit).collect::<Vec<_>>())?.is_empty())
     }
 
     /// The points that the report shows, chosen from the samples of all units.
@@ -286,6 +298,12 @@ fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
 /// Path of the file that records the intent to rename the copy of a file.
 fn intent(file: usize) -> String {
     format!("export/{file:05}.json")
+}
+
+/// What the intent says: the state that the copy belongs to, and its length in bytes. A copy that was cut off
+/// since is written again.
+fn meaning(dir: &PassDir, length: u64) -> String {
+    format!("{} {length}", dir.fingerprint())
 }
 
 fn length(records: &Range<u64>) -> u64 {
@@ -406,7 +424,7 @@ impl Pass for ExportPass<'_> {
         for (file, target) in self.copied() {
             let record = format!("export/{file:05}.begun.json");
             let begun = run_dir.read_json::<String>(&record)?.is_some_and(|stored| stored == fingerprint);
-            if self.is_named(file, dir)? || (begun && target.part.exists()) {
+            if self.is_complete(file, dir)? || (begun && target.part.exists()) {
                 continue;
             }
             for (unit, _) in self.units.iter().enumerate().filter(|(_, unit)| unit.file == file) {
@@ -463,7 +481,8 @@ impl Pass for ExportPass<'_> {
             writer.flush().map_err(failed)?;
             drop(writer);
             part.sync_all().map_err(failed)?;
-            run_dir.write_json(&intent(file), &dir.fingerprint().to_string())?;
+            let length = part.metadata().map_err(failed)?.len();
+            run_dir.write_json(&intent(file), &meaning(dir, length))?;
             publish(&target.part, &path).map_err(failed)?;
         }
         let names = self.copied().map(|(_, target)| target.labelled.name().to_owned()).collect();

@@ -22,6 +22,8 @@ use crate::store::{Inputs, UnitReader};
 
 const NUMBER: u32 = 5;
 const NAME: &str = "relabel";
+/// Raised when the values of points change for the same objects.
+const EPOCH: u32 = 2;
 
 /// Sections of the payload of a unit.
 const CLASSES: usize = 0;
@@ -29,13 +31,14 @@ const OBJECTS: usize = 1;
 
 /// Relabelling depends on the objects.
 pub(crate) fn outline(stitch: &Outline) -> Outline {
-    Outline::new(NUMBER, NAME, Inputs::new().with("pass stitch", stitch.depends.fingerprint()))
+    let depends = Inputs::new().with("pass stitch", stitch.depends.fingerprint());
+    Outline::new(NUMBER, NAME, depends.with("relabel epoch", EPOCH))
 }
 
 /// Class and object of every point.
 #[derive(Debug)]
 pub(crate) struct PointColumns {
-    /// [`PointClass`] codes.
+    /// [`PointClass`] codes. Beside a section it is [`PointClass::UNDECIDED`].
     pub(crate) classes: PerPoint<u8>,
     /// Object ids, 0 for none.
     pub(crate) objects: PerPoint<u32>,
@@ -162,7 +165,7 @@ struct Values {
 }
 
 impl Values {
-    /// For blocks with these numbers of records. A record that no tile owns is of an object without a number.
+    /// For blocks with these numbers of records. A record that no tile owns is beside the section.
     fn of(counts: impl Iterator<Item = u32>) -> Self {
         let mut records = 0;
         let blocks: Vec<Range<usize>> = counts
@@ -173,7 +176,7 @@ impl Values {
             })
             .collect();
         let known = vec![0; blocks.len()];
-        let classes = vec![PointClass::Object.code(); records];
+        let classes = vec![PointClass::UNDECIDED; records];
         Self { classes, objects: vec![0; records], blocks, known, owned: Vec::new() }
     }
 }
@@ -233,7 +236,7 @@ impl Pass for RelabelPass<'_> {
     fn reduce(&self, payloads: &Payloads) -> Result<PointColumns> {
         let drive = self.drive();
         Ok(PointColumns {
-            classes: drive.per_point(&self.runs, payloads, CLASSES),
+            classes: drive.per_point(&self.runs, payloads, CLASSES).with_beside(PointClass::UNDECIDED),
             objects: drive.per_point(&self.runs, payloads, OBJECTS),
         })
     }

@@ -154,6 +154,9 @@ fn top_m(levels: u64) -> f64 {
 /// Height in levels up to which levels are occupied, from the lowest one upwards without a gap of more than
 /// two.
 fn top(levels: u64) -> u32 {
+    if levels == 0 {
+        return 0;
+    }
     let mut top = levels.trailing_zeros();
     while top < u64::BITS {
         let above = levels.checked_shr(top + 1).unwrap_or(0);
@@ -250,6 +253,7 @@ mod tests {
 
     #[test]
     fn the_top_is_below_the_first_gap_of_three_levels() {
+        assert_eq!(top(0), 0, "nothing is above");
         assert_eq!(top(0b1), 1);
         assert_eq!(top(0b1100), 4);
         assert_eq!(top(0b1001), 4);

@@ -75,8 +75,8 @@ pub(crate) fn take_beside(whole: &mut BTreeMap<u32, Part>, lattice: Lattice) -> 
     found.collect()
 }
 
-/// The cuts by the names under which components are after [`uniting`]. Vehicles with a row in them are not
-/// united.
+/// The cuts by the names under which components are after [`uniting`]. Of two rows of vehicles that were
+/// united, the last one counts.
 pub(crate) fn by_name(
     rows: BTreeMap<u32, Row>,
     beside: BTreeMap<u32, Beside>,

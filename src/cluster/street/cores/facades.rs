@@ -235,7 +235,8 @@ fn are_two_houses(one: &Part, other: &Part, lattice: Lattice) -> bool {
     let seen = |part: &Part, extent: &Extent| {
         f64::from(part.voxels) * EDGE_M * EDGE_M >= SEEN_M * lattice.metres(extent.length)
     };
-    let around = if extent.length >= of_other.length { extent } else { of_other };
+    // Of two of the same length the same one, whichever comes first.
+    let around = std::cmp::max_by_key(extent, of_other, |extent| (extent.length, *extent));
     let shorter = spans.length(around.along()).min(others.length(around.along()));
     let overlap = -spans.gap(others, around);
     let follows = shorter >= lattice.units(HOUSE_M) && 100 * overlap <= FOLLOWS * shorter;

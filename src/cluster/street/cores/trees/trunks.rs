@@ -20,9 +20,12 @@ pub(crate) fn trunks(
     places: &BTreeMap<u32, [i64; 2]>,
     lattice: Lattice,
 ) -> Vec<([f64; 2], Vec<u32>)> {
-    let known = chains.iter().filter_map(|chain| Some((*chain, *places.get(chain)?)));
+    // By place: the numbers of chains follow the tiles, and the first chain of a trunk is its place.
+    let mut known: Vec<(u32, [i64; 2])> =
+        chains.iter().filter_map(|chain| Some((*chain, *places.get(chain)?))).collect();
+    known.sort_unstable_by_key(|(_, place)| *place);
     let (chains, at): (Vec<u32>, Vec<[f64; 2]>) =
-        known.map(|(chain, place)| (chain, place.map(|units| lattice.metres(units)))).unzip();
+        known.into_iter().map(|(chain, place)| (chain, place.map(|units| lattice.metres(units)))).unzip();
     let mut sets = DisjointSets::new(chains.len() as u32);
     for (one, other) in near_pairs(&at, ONE_M) {
         sets.union(one, other);
