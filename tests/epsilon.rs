@@ -204,6 +204,44 @@ fn a_sample_of_the_points_is_the_same_in_any_tiles_and_near_the_whole() {
     assert_ne!(other.curve.mean, part.curve.mean);
 }
 
+/// Some points are in one place, so a sample of records would differ from one of places there, too.
+#[test]
+fn a_sample_of_the_points_depends_on_neither_the_order_of_records_nor_the_files() {
+    let folder = scratch();
+    for course in COURSES {
+        let mut points = Street::middling(17, course).points();
+        points.extend_from_within(points.len() / 3..points.len() / 2);
+        let reversed = points.iter().rev().copied().collect();
+        let shuffled = permutation(points.len(), 4).into_iter().map(|index| points[index]).collect();
+        let estimate = |name: &str, points: &[Point], files: usize| {
+            let name = format!("{course:?} {name}");
+            let write = |(part, points): (usize, &[Point])| {
+                let path = folder.path().join(format!("{name} {part}.las"));
+                Shape::default().write(&path, points);
+                path
+            };
+            let inputs: Vec<PathBuf> =
+                points.chunks(points.len().div_ceil(files)).enumerate().map(write).collect();
+            let more = settings(&[
+                "ground.method=none",
+                "noise.enabled=false",
+                "epsilon.k=12",
+                "epsilon.max_queries=400",
+                "tiling.tile_length=9",
+            ]);
+            curve_of(estimated(&inputs, &folder.path().join(name), &more)).expect("a curve")
+        };
+        let expected = estimate("as driven", &points, 1);
+        assert!((200..800).contains(&expected.queries) && points.len() > 1_000, "{}", expected.queries);
+        let orders: [(&str, Vec<Point>); 2] = [("driven backwards", reversed), ("shuffled", shuffled)];
+        for (name, points) in &orders {
+            assert_eq!(estimate(name, points, 1), expected, "{course:?}, {name}");
+        }
+        assert_eq!(estimate("in five files", &points, 5), expected, "{course:?}");
+        assert_eq!(estimate("shuffled in two files", &orders[1].1, 2), expected, "{course:?}");
+    }
+}
+
 /// A run with an estimated epsilon has the bytes of one with one tile, and the labels of a run with this
 /// epsilon.
 #[test]

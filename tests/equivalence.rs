@@ -271,9 +271,11 @@ fn methods() -> Vec<(&'static str, Vec<String>)> {
     // Small things have few points, and few and low voxels.
     let peaks = &["density-peaks.min_density=1.0", "density-peaks.min_separation=1.0"][..];
     let core = &["dbscan.variant=core", "dbscan.min_points=4"][..];
+    // Epsilon from a share of the points.
+    let sampled = &["dbscan.epsilon=auto", "dbscan.min_points=3", "epsilon.max_queries=300"][..];
     let variants = |name: &str| match name {
         "density-peaks" => vec![peaks],
-        "dbscan" => vec![&["dbscan.min_points=3"][..], core],
+        "dbscan" => vec![&["dbscan.min_points=3"][..], core, sampled],
         _ => vec![&[][..]],
     };
     let of = |entry: &ClusterEntry, variant| {

@@ -208,7 +208,11 @@ impl Method for OverDrive {
     }
 
     fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
-        if self.estimates(step) { Vec::new() } else { epoch_of(&self.config) }
+        if self.estimates(step) {
+            vec![("algorithm epoch", epsilon::EPOCH.to_string())]
+        } else {
+            epoch_of(&self.config)
+        }
     }
 
     /// The reach of the estimate. The estimated epsilon is not known yet.

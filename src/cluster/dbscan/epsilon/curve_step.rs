@@ -15,7 +15,7 @@ use crate::cluster::further::{Asking, Further};
 use crate::cluster::method::{BytesPer, DriveWindow, Mapped, Reduced, Repeat, Step, TileWindow};
 use crate::codec;
 use crate::error::Result;
-use crate::model::{FieldSpace, PointId, TileId};
+use crate::model::{FieldSpace, TileId};
 use crate::spatial::{Cell, LookedAt, Neighbours, Points};
 
 /// Maximum number of rounds. Each round uses at least one neighbour more than the round before, and
@@ -27,7 +27,12 @@ pub(crate) const STEP: &str = "epsilon";
 /// Number of points that may wait before their regions are read.
 const ASKING_AT_ONCE: usize = 16_384;
 
-/// Selects the points whose neighbours are searched: a share of all points, by a hash of the id.
+/// Raised when the curve changes and no setting does. From 2 on, places are sampled, where ids were.
+pub(crate) const EPOCH: u32 = 2;
+
+/// Selects the points whose neighbours are searched: a share of all places, by a hash of their coordinates on
+/// the lattice. So neither the order of records nor their files show. Points in one place are selected
+/// together, because nothing but their order tells them apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Sample {
     seed: u64,
@@ -47,8 +52,11 @@ impl Sample {
         Self { seed, below: if all { u64::MAX } else { (share * 64_f64.exp2()) as u64 } }
     }
 
-    fn takes(&self, id: PointId) -> bool {
-        self.below == u64::MAX || xxh3_64_with_seed(&id.number().to_le_bytes(), self.seed) < self.below
+    /// Whether the points in this place are selected. Its coordinates are those of the lattice, which are the
+    /// same in every tile.
+    fn takes(&self, place: [i64; 3]) -> bool {
+        let hash = || xxh3_64_with_seed(place.map(i64::to_le_bytes).as_flattened(), self.seed);
+        self.below == u64::MAX || hash() < self.below
     }
 }
 
@@ -166,7 +174,7 @@ impl CurveStep {
         let mut looked_at: LookedAt<'_> = further.looked_at();
         let mut asking = Vec::new();
         let mut failure = None;
-        let wanted = |point: usize| core[point] && self.sample.takes(cloud.id[point]);
+        let wanted = |point: usize| core[point] && self.sample.takes(cloud.lattice_point(point));
         neighbours.each_nearest(&neighbours.leaves(), self.k, &wanted, &mut |point, found| {
             let needed = self.needed(found);
             let [x, y, _] = cloud.lattice_point(point);
@@ -238,13 +246,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sample_is_about_as_large_as_asked_and_depends_on_the_seed_alone() {
-        let count = |sample: Sample| (0..100_000).filter(|&id| sample.takes(PointId::new(id))).count();
+    fn a_sample_is_about_as_large_as_asked_and_depends_on_places_and_the_seed_alone() {
+        // Neighbours differ by one unit, and the street is far from the origin.
+        let places: Vec<[i64; 3]> = (0..100_000)
+            .map(|point| [651_000_120 + point % 400, point / 400 - 5_423_000_990, point % 7])
+            .collect();
+        let count = |sample: Sample| places.iter().filter(|place| sample.takes(**place)).count();
         assert_eq!(count(Sample::new(1, 0, 100_000)), 100_000);
         assert_eq!(count(Sample::new(1, 100_000, 100_000)), 100_000);
         let one = Sample::new(1, 5_000, 100_000);
         let two = Sample::new(2, 5_000, 100_000);
         assert!((4_700..5_300).contains(&count(one)) && (4_700..5_300).contains(&count(two)));
-        assert!((0..100_000).map(PointId::new).any(|id| one.takes(id) != two.takes(id)));
+        assert!(places.iter().any(|place| one.takes(*place) != two.takes(*place)));
+        // Every axis counts.
+        for axis in 0..3 {
+            let moved = |place: &[i64; 3]| {
+                let mut moved = *place;
+                moved[axis] += 1;
+                moved
+            };
+            assert!(places.iter().any(|place| one.takes(*place) != one.takes(moved(place))), "{axis}");
+        }
     }
 }

@@ -19,7 +19,7 @@ mod settings;
 
 pub use chart::svg;
 pub use curve::{Curve, CurveSums};
-pub(crate) use curve_step::{CurveStep, STEP};
+pub(crate) use curve_step::{CurveStep, EPOCH, STEP};
 pub use error::EpsilonError;
 pub use fit::{Attempt, Estimate, estimate};
 pub(crate) use found::HALO_M;

@@ -12,11 +12,11 @@ pub struct EpsilonConfig {
     /// Number of neighbours of the first curve, the point itself included, 8 to 200. Default 40 (Wang et al.
     /// 2019, section 4.2.2).
     pub k: u64,
-    /// Approximate limit of the points whose neighbours are searched. The neighbours are always searched
-    /// among all points. 0: every point. Default 2,000,000 (chosen: the standard error is then below a
-    /// thousandth of the mean).
+    /// Approximate limit of the points whose neighbours are searched, at least 0. The neighbours are always
+    /// searched among all points. 0: every point. Default 2,000,000 (chosen: the standard error is then below
+    /// a thousandth of the mean).
     pub max_queries: u64,
-    /// Selects these points if there are more. Default 1.
+    /// Selects these points by their coordinates if there are more, at least 0. Default 1.
     pub seed: u64,
 }
 
