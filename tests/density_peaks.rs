@@ -167,3 +167,50 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
     );
     assert!(compared > 50 && centres > 100 && merged > 20 && reassigned > 100 && dropped > 50 && far > 3);
 }
+
+/// Poles with a dense heap at one of their voxels, and dense heaps in halo voxels beside them. Steps of 30 mm
+/// make ties everywhere.
+#[test]
+fn dense_halo_voxels_beside_dense_clusters_join_what_brute_force_says() {
+    let settings = Settings {
+        voxel: 300,
+        rho_t: 4.0,
+        delta_t: 3.0,
+        d_t: 5.0,
+        d_neighbor: 13.0,
+        d_th: 500,
+        c_t: 0.08,
+        reassign: 1_500,
+    };
+    let method = method(&settings);
+    let mut reassigned = 0;
+    for seed in 0..6 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut points = Points::new();
+        // The heaps of the poles are in one voxel.
+        let shift = 300 * rng.random_range(-9..9_i64) + 30 * rng.random_range(0..3);
+        let mut heap = |from: [i64; 3], sides: [i64; 3], count: usize| {
+            let mut point =
+                || [0, 1, 2].map(|axis| shift + from[axis] + 30 * rng.random_range(0..sides[axis]));
+            points.extend((0..count).map(|_| point()));
+        };
+        // Two poles, equally far from the heaps between them and beside them.
+        for x in [0, 2_100] {
+            heap([x, 0, 0], [2, 2, 80], 200);
+            heap([x, 0, 900], [8, 8, 8], 450);
+        }
+        heap([1_050, 0, 900], [6, 8, 8], 300);
+        heap([2_850, 0, 930], [8, 8, 8], 300);
+        let ground = vec![false; points.len()];
+        let expected = peaks_oracle::density_peaks(&points, &ground, &settings);
+        assert!(expected.margin > 1e-9, "seed {seed}");
+        reassigned += expected.reassigned;
+        for tiles in [1_i64, 3] {
+            let deal = |cell: [i32; 2]| u32::try_from(i64::from(cell[0]).rem_euclid(tiles)).unwrap();
+            let outcome =
+                MemoryDrive::new(&points, &ground, u32::try_from(tiles).unwrap(), deal).run(&method);
+            assert_eq!(outcome.objects, expected.objects, "seed {seed}, {tiles} tiles");
+        }
+    }
+    assert!(reassigned > 10, "{reassigned}");
+}

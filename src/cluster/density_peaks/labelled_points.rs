@@ -9,12 +9,13 @@
     reason = "points of a tile fit u32 and local coordinates i32, see TileCloud and VoxelIndex"
 )]
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::surroundings::Surroundings;
 use crate::cluster::columns::{Finder, Voxel};
 use crate::model::VoxelGrid;
-use crate::spatial::Cell;
+use crate::spatial::{Cell, KNearest};
 
 /// Edge of the cells of representatives in metres (chosen: points near the scanner are a few centimetres
 /// apart, and the number of pairs between two borders grows with the square of the number of points).
@@ -192,6 +193,7 @@ impl<'a> LabelledPoints<'a> {
             farthest: (reach / self.edge + 1) as i32,
             centre: None,
             rings: Vec::new(),
+            crowds: BTreeMap::new(),
             found: Vec::new(),
         }
     }
@@ -254,11 +256,28 @@ pub(super) struct Search<'a> {
     centre: Option<Cell>,
     /// Occupied columns sorted by their distance in columns, up to the largest distance needed so far.
     rings: Vec<Vec<Beside>>,
+    /// Voxels of more than [`CROWD`] points in which single points were searched.
+    crowds: BTreeMap<usize, Crowd>,
     found: Vec<Neighbour>,
+}
+
+/// A voxel with many points.
+#[derive(Default)]
+struct Crowd {
+    /// How often all its points were compared.
+    times: u32,
+    index: Option<KNearest>,
 }
 
 /// Number of surplus neighbours that are collected before the farther ones are removed.
 const SLACK: usize = 44;
+/// Largest number of points of a voxel that are always compared one by one. Chosen: about as many comparisons
+/// take as long as a search in an index.
+const CROWD: usize = 256;
+/// Number of times that all points of a voxel are compared before they are indexed. Chosen: an index takes
+/// about as long to make. So an index that is not needed often is not made, and the time of two dense voxels
+/// beside each other does not grow with the product of their points.
+const TIMES: u32 = 64;
 
 impl Search<'_> {
     /// The `most` nearest points to a local place at a squared distance of at most `limit`, in no particular
@@ -323,7 +342,7 @@ impl Search<'_> {
         let stretch = |low: i32, high: i32| {
             let start = heights.partition_point(|&height| height < low);
             let end = start + heights[start..].partition_point(|&height| height <= high);
-            points.places.of_all(voxels.start + start..voxels.start + end)
+            voxels.start + start..voxels.start + end
         };
         // A column of this ring is new as a whole. Columns of inner rings add only the two ends of the shell.
         let stretches = if inner == ring {
@@ -332,15 +351,14 @@ impl Search<'_> {
             [stretch(k - ring, k - ring), stretch(k + ring, k + ring)]
         };
         let before = self.found.len();
-        for stretch in stretches {
-            for (distance, point) in points.places.distances(stretch.clone(), place).zip(stretch) {
-                if distance <= worst {
-                    self.found.push((distance, point as u32));
-                    if self.found.len() >= most + SLACK {
-                        points.keep_nearest(&mut self.found, most);
-                        worst = self.found.last().map_or(worst, |last| worst.min(last.0));
-                    }
+        for voxels in stretches {
+            let all = points.places.of_all(voxels.clone());
+            if most == 1 && all.len() > CROWD {
+                for voxel in voxels {
+                    worst = self.look_for_one(voxel, place, worst);
                 }
+            } else {
+                worst = self.compare(all, place, most, worst);
             }
         }
         if self.found.len() != before && self.found.len() >= most {
@@ -350,6 +368,40 @@ impl Search<'_> {
         worst
     }
 
+    /// Compares consecutive points with a place. Returns the new limit.
+    fn compare(&mut self, stretch: Range<usize>, place: [i32; 3], most: usize, mut worst: u64) -> u64 {
+        let points = self.points;
+        for (distance, point) in points.places.distances(stretch.clone(), place).zip(stretch) {
+            if distance <= worst {
+                self.found.push((distance, point as u32));
+                if self.found.len() >= most + SLACK {
+                    points.keep_nearest(&mut self.found, most);
+                    worst = self.found.last().map_or(worst, |last| worst.min(last.0));
+                }
+            }
+        }
+        worst
+    }
+
+    /// Finds the point of a voxel that is nearest to a place, if it is within the limit. Returns the new
+    /// limit.
+    fn look_for_one(&mut self, voxel: usize, place: [i32; 3], worst: u64) -> u64 {
+        let places = &self.points.places;
+        let stretch = places.of(voxel);
+        if stretch.len() > CROWD {
+            let crowd = self.crowds.entry(voxel).or_default();
+            if crowd.times == TIMES {
+                let points = || stretch.clone().map(|point| (places.get(point), point as u32)).collect();
+                let index = crowd.index.get_or_insert_with(|| KNearest::of(points(), 1));
+                let found = index.nearest_to(place, worst);
+                self.found.extend(found);
+                return found.map_or(worst, |found| found.0);
+            }
+            crowd.times += 1;
+        }
+        self.compare(stretch, place, 1, worst)
+    }
+
     fn ring(&mut self, [i, j]: Cell, ring: i32) -> Vec<Beside> {
         let steps = (-ring..=ring).flat_map(|di| (-ring..=ring).map(move |dj| [di, dj]));
         steps
@@ -357,5 +409,70 @@ impl Search<'_> {
             .map(|step| Beside { step, voxels: self.finder.column([i + step[0], j + step[1]]) })
             .filter(|beside| !beside.voxels.is_empty())
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster::TilePoints;
+    use crate::cluster::columns::{Columns, global_indices};
+    use crate::model::{Lattice, TileCloud};
+    use crate::spatial::VoxelIndex;
+
+    const EDGE: u32 = 300;
+
+    /// Points in voxels of one cluster. Those with x below 0 are in halo voxels.
+    fn surroundings(points: &[[i64; 3]]) -> Surroundings {
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, points);
+        let index = VoxelIndex::build("test", &cloud, EDGE).unwrap();
+        let indices = global_indices("test", &index, |_| true).unwrap();
+        let cluster = indices.iter().map(|([i, ..], _)| u32::from(*i >= 0)).collect();
+        let mut voxel = vec![0; points.len()];
+        for (range, number) in index.streaks() {
+            voxel[range].fill(number as u32);
+        }
+        let voxels = Columns::new(indices.iter().map(|entry| entry.0));
+        let points = TilePoints { cloud, core: vec![true; points.len()], ground: Vec::new() };
+        Surroundings { points, voxel, voxels, cluster, owned: Vec::new() }
+    }
+
+    /// Two dense voxels, one of them in halo, and some more points. Steps of 10 mm make ties everywhere, and
+    /// many points are in one place.
+    #[test]
+    fn beside_dense_voxels_the_nearest_is_that_of_brute_force_and_few_points_are_compared() {
+        let mut state = 3_u64;
+        let mut below = |most: i64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            i64::try_from(state >> 33).unwrap() % most
+        };
+        let mut points = Vec::new();
+        for (count, origin, sides) in [
+            (2_000, [-600, 0, 0], [30, 30, 30]),
+            (3_000, [300, 0, 0], [30, 30, 30]),
+            (400, [0, 910, 30], [2, 20, 20]),
+            (300, [600, -900, -900], [60, 200, 200]),
+        ] {
+            let mut point = || [0, 1, 2].map(|axis| origin[axis] + 10 * below(sides[axis]));
+            points.extend((0..count).map(|_| point()));
+        }
+        let around = surroundings(&points);
+        let labelled = LabelledPoints::new(&around, EDGE);
+        let mut search = labelled.search(1_500);
+        for from in points.iter().filter(|point| point[0] < 0) {
+            let local = [0, 1, 2].map(|axis| i32::try_from(from[axis] - labelled.origin()[axis]).unwrap());
+            let squared = |to: &[i64; 3]| (0..3).map(|axis| from[axis].abs_diff(to[axis]).pow(2)).sum();
+            let others = points.iter().filter(|point| point[0] >= 0);
+            let nearest: (u64, [i64; 3]) = others.map(|to| (squared(to), *to)).min().unwrap();
+            for limit in [1_500_u64.pow(2), nearest.0] {
+                let found = search.nearest(local, 1, limit);
+                let found: Vec<_> =
+                    found.iter().map(|(squared, point)| (*squared, labelled.lattice_point(*point))).collect();
+                assert_eq!(found, [nearest], "{from:?}");
+            }
+            assert!(search.nearest(local, 1, nearest.0 - 1).is_empty());
+        }
+        let dense = search.crowds.values().filter(|crowd| crowd.index.is_some()).count();
+        assert!(dense >= 2 && search.crowds.values().all(|crowd| crowd.times <= TIMES), "{dense}");
     }
 }

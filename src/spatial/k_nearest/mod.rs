@@ -9,9 +9,12 @@
 //! Of the points in one place only the K with the smallest numbers can be among the K nearest of any point.
 //! The tree leaves the others out, so that very many points in one place cost no more than a few.
 //!
+//! The index also finds the one point nearest to a place that need not be a point (`place`).
+//!
 //! A point has a slot in the index: leaf by leaf, then the points that are left out. What is stored by slots
 //! is close together in memory if it is close together in space.
 
+mod place;
 mod tree;
 
 pub(crate) use self::tree::NO_POINT;
