@@ -134,6 +134,26 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
     assert!(all[0] > 150 && all[1] > 50 && all[2] > 500 && all[3] > 2, "{all:?}");
 }
 
+#[test]
+fn in_dense_noise_a_contest_finds_what_brute_force_does() {
+    let mut changed = 0;
+    for seed in 0..4 {
+        let mut rng = ChaCha8Rng::seed_from_u64(500 + seed);
+        // Over a corner of cubes of 0.5 m.
+        let points: Points = (0..2_000).map(|_| [0, 1, 2].map(|_| rng.random_range(400..600))).collect();
+        let ground = vec![false; points.len()];
+        // Without merging, for which brute force has only the rule at borders.
+        let of_contest = Settings { angle_deg: 0.0, contest_rounds: 2, ..settings(&mut rng) };
+        let settings = Settings { neighbours: 30, ..of_contest };
+        let (expected, figures) = surface_oracle::surfaces(&points, &ground, &settings);
+        changed += figures[2];
+        let found = MemoryDrive::new(&points, &ground, 1, |_| 0).run(&method(&settings));
+        let wrong = expected.iter().zip(&found.objects).filter(|(a, b)| a != b).count();
+        assert!(wrong * 100 < points.len(), "seed {seed}, {settings:?}: {wrong} points");
+    }
+    assert!(changed > 500, "{changed}");
+}
+
 /// Walls, floor and ceiling of 4 m by 3 m by 2.5 m, a table, and a niche of 0.3 m: corner, sides, and the
 /// unit normal.
 fn room() -> Vec<(Rectangle, [f64; 3])> {

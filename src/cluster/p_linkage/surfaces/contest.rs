@@ -14,9 +14,13 @@ use serde::{Deserialize, Serialize};
 
 use super::around::{Around, Zone};
 use super::border::steps;
-use super::cubes::{Cubes, LocalPlane, SumsOfCubes};
+use super::cubes::{Cubes, LocalPlane, LocalPlanes, SumsOfCubes};
 use super::planes::{LARGEST_SCORE, likeness, squared_distance};
 use crate::spatial::KNearest;
+
+/// A cube with more local planes than this is one of noise: every point looks for its neighbours. Chosen: the
+/// distances from 2000 planes take as long as the search for the neighbours of a point.
+const MANY_PLANES: usize = 1_000;
 
 /// The points of a tile and around it.
 pub(super) struct Arena<'a> {
@@ -25,6 +29,8 @@ pub(super) struct Arena<'a> {
     /// Number of neighbours of a point, itself included, and how far they may be.
     neighbours: usize,
     reach: i64,
+    /// [`MANY_PLANES`], but in tests.
+    many_planes: usize,
 }
 
 /// The surfaces of points after a contest. Only points that are at most [`Zone::Linked`] are known.
@@ -88,7 +94,15 @@ impl<'a> Arena<'a> {
     /// Cubes have edges of `edge` lattice units.
     pub(super) fn new(around: &'a Around, edge: u32, neighbours: usize, reach: i64) -> Self {
         let cubes = Cubes::new(&around.places, around.origin, edge);
-        Self { around, cubes, neighbours, reach }
+        Self { around, cubes, neighbours, reach, many_planes: MANY_PLANES }
+    }
+
+    /// Whether one of the planes of a cube may be such, for a point that looks for its neighbours if one may.
+    /// Of many planes one mostly is, and the neighbours of a point are few: the time does not grow with the
+    /// planes.
+    #[inline]
+    fn one_may_be(&self, planes: &[LocalPlane], is: impl Fn(&LocalPlane) -> bool) -> bool {
+        planes.len() > self.many_planes || planes.iter().any(is)
     }
 
     /// The points that are asked for, with their neighbours. Few need them, so only the points in the cubes
@@ -115,9 +129,8 @@ impl<'a> Arena<'a> {
         let known = |point: usize| around.zone[point] <= Zone::Linked;
         let sums = cubes.sums(before);
         let planes = cubes.planes(&sums, 1, known);
-        let by = |point: usize| cubes.in_cube(cubes.of(point), around.places[point]);
         let own_score = |point: usize, by: [i32; 3]| {
-            let own = planes.of(cubes.of(point)).iter().find(|plane| plane.surface == before[point]);
+            let own = planes.find(cubes.of(point), before[point]);
             own.map_or(f64::INFINITY, |plane| score(plane, by))
         };
         let mut found = Contested {
@@ -133,24 +146,34 @@ impl<'a> Arena<'a> {
                 let own = own_score(point, by);
                 found.on_plane[point] = own.is_finite();
                 // Its own plane is not better than itself.
-                asked[point] = planes.of(cube).iter().any(|plane| score(plane, by) < own);
+                asked[point] = self.one_may_be(planes.of(cube), |plane| score(plane, by) < own);
             }
         }
+        // Surfaces of neighbours, and how well their planes suit the point.
         let mut rivals: Vec<(u32, f64)> = Vec::new();
         self.each(&asked, |point, near| {
-            let by = by(point);
-            let own = own_score(point, by);
-            let scores = planes.of(cubes.of(point)).iter().map(|plane| (plane.surface, score(plane, by)));
+            let cube = cubes.of(point);
+            let by = cubes.in_cube(cube, around.places[point]);
             rivals.clear();
-            rivals.extend(scores.filter(|(_, score)| *score < own));
+            // Its own plane is not better than itself, and no surface has none.
+            rivals.extend([(before[point], f64::INFINITY), (0, f64::INFINITY)]);
             // Score, squared distance and number of the neighbour, and its surface.
-            let mut best = (own, 0, 0, before[point]);
+            let mut best = (own_score(point, by), 0, 0, before[point]);
             for near in near {
                 let surface = before[near];
-                let Some((_, score)) = rivals.iter().find(|rival| rival.0 == surface) else { continue };
+                let known = rivals.iter().find(|rival| rival.0 == surface).map(|rival| rival.1);
+                let score = known.unwrap_or_else(|| {
+                    let plane = planes.find(cube, surface);
+                    let score = plane.map_or(f64::INFINITY, |plane| score(plane, by));
+                    rivals.push((surface, score));
+                    score
+                });
+                if score > best.0 || score.is_infinite() {
+                    continue;
+                }
                 let apart = squared_distance(around.places[point], around.places[near]);
-                if (*score, apart, near) < (best.0, best.1, best.2) {
-                    best = (*score, apart, near, surface);
+                if (score, apart, near) < (best.0, best.1, best.2) {
+                    best = (score, apart, near, surface);
                 }
             }
             if best.3 != before[point] {
@@ -159,19 +182,33 @@ impl<'a> Arena<'a> {
             found.surfaces[point] = best.3;
             found.on_plane[point] = best.0.is_finite();
         });
+        self.amid(&planes, cosine, &mut found);
+        found
+    }
+
+    /// Which points of the tile are away from the edges of their surfaces.
+    fn amid(&self, planes: &LocalPlanes, cosine: f64, found: &mut Contested) {
+        let Self { around, cubes, .. } = self;
         for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
+            let of_cube = planes.of(cube);
+            // The plane at which the latest point is, which is the first one to try: in noise there are
+            // thousands, and almost every point is at one.
+            let mut latest = 0;
             let may_be_amid = |point: usize| around.is_core(point) && found.on_plane[point];
             for (point, by) in cubes.placed(cube).filter(|(point, _)| may_be_amid(*point)) {
-                let own = planes.of(cube).iter().find(|plane| plane.surface == found.surfaces[point]);
-                let apart = |own: &LocalPlane, other: &LocalPlane| {
-                    likeness(own.normal, other.normal) > cosine
-                        || score(other, by).is_infinite() && own.is_beside(other, by)
+                let Some(own) = planes.find(cube, found.surfaces[point]) else { continue };
+                let at = |other: &LocalPlane| {
+                    likeness(own.normal, other.normal) <= cosine
+                        && (score(other, by).is_finite() || !own.is_beside(other, by))
                 };
-                found.amid[point] =
-                    own.is_some_and(|own| planes.of(cube).iter().all(|other| apart(own, other)));
+                if !at(&of_cube[latest]) {
+                    match of_cube.iter().position(at) {
+                        Some(other) => latest = other,
+                        None => found.amid[point] = true,
+                    }
+                }
             }
         }
-        found
     }
 
     /// The touching surfaces whose local planes deviate by less than the angle with this `cosine`, in
@@ -187,9 +224,7 @@ impl<'a> Arena<'a> {
         let Self { around, cubes, .. } = self;
         let ends = |point: usize| around.is_core(point) && now.on_plane[point];
         let planes = cubes.planes(&now.sums, 2, ends);
-        let own = |point: usize| {
-            planes.of(cubes.of(point)).iter().find(|plane| plane.surface == now.surfaces[point])
-        };
+        let own = |point: usize| planes.find(cubes.of(point), now.surfaces[point]);
         // Whether a point of one plane may touch another one.
         let may_touch = |own: &LocalPlane, other: &LocalPlane, by: [i32; 3]| {
             let deviation = own.deviation.max(other.deviation);
@@ -201,33 +236,35 @@ impl<'a> Arena<'a> {
         for cube in (0..cubes.len()).filter(|cube| planes.of(*cube).len() > 1) {
             for (point, by) in cubes.placed(cube).filter(|(point, _)| ends(*point)) {
                 asked[point] = own(point)
-                    .is_some_and(|own| planes.of(cube).iter().any(|other| may_touch(own, other, by)));
+                    .is_some_and(|own| self.one_may_be(planes.of(cube), |other| may_touch(own, other, by)));
             }
         }
         let mut found: FxHashMap<(u32, u32), Touching> = FxHashMap::default();
-        let mut neighbours = Vec::new();
+        // Surfaces of neighbours, with the local plane if the point may touch it, and pairs with it.
+        let mut beside: Vec<(u32, Option<&LocalPlane>, Touching)> = Vec::new();
         self.each(&asked, |point, near| {
-            neighbours.clear();
-            neighbours.extend(near);
+            beside.clear();
             let cube = cubes.of(point);
             let by = cubes.in_cube(cube, around.places[point]);
             let Some(own) = own(point) else { return };
-            for other in planes.of(cube).iter().filter(|other| may_touch(own, other, by)) {
-                let mut pairs = Touching::default();
-                let (here, deviation) =
-                    (steps(other.distance(by)), steps(own.deviation.max(other.deviation)));
-                for at in neighbours.iter().copied() {
-                    if now.surfaces[at] == other.surface && now.on_plane[at] {
-                        let there = own.distance(cubes.in_cube(cube, around.places[at]));
-                        pairs.pairs += 1;
-                        pairs.distances += here + steps(there);
-                        pairs.deviations += deviation;
-                    }
+            for at in near.filter(|at| now.on_plane[*at] && now.surfaces[*at] != own.surface) {
+                let surface = now.surfaces[at];
+                let known = beside.iter().position(|beside| beside.0 == surface).unwrap_or_else(|| {
+                    let other = planes.find(cube, surface).filter(|other| may_touch(own, other, by));
+                    beside.push((surface, other, Touching::default()));
+                    beside.len() - 1
+                });
+                let (_, other, pairs) = &mut beside[known];
+                if let Some(other) = other {
+                    let there = own.distance(cubes.in_cube(cube, around.places[at]));
+                    pairs.pairs += 1;
+                    pairs.distances += steps(other.distance(by)) + steps(there);
+                    pairs.deviations += steps(own.deviation.max(other.deviation));
                 }
-                if pairs.pairs > 0 {
-                    let pair = (own.surface.min(other.surface), own.surface.max(other.surface));
-                    found.entry(pair).or_default().merge(&pairs);
-                }
+            }
+            for (surface, _, pairs) in beside.iter().filter(|beside| beside.2.pairs > 0) {
+                let pair = (own.surface.min(*surface), own.surface.max(*surface));
+                found.entry(pair).or_default().merge(pairs);
             }
         });
         let mut found: Vec<_> = found.into_iter().collect();
@@ -309,6 +346,69 @@ mod tests {
         surfaces[5_001] = 0;
         let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
         assert_eq!(now.surfaces[5_000..], [5, 5]);
+    }
+
+    /// Points at random in a box of 0.3 m over an edge of cubes, in surfaces that lean in all directions.
+    fn noise() -> (Vec<u32>, Vec<[i32; 3]>) {
+        let mut state = 7_u64;
+        let mut below = |most: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            i32::try_from((state >> 33) % most).unwrap()
+        };
+        (0..6_000)
+            .map(|_| {
+                let [x, y, z] = [(); 3].map(|()| below(300) + 1_300);
+                let along = [x + y, x - y, y + z, y - z, z + x, z - x][below(6) as usize] / 60;
+                (u32::try_from(along + 50).unwrap() % 37, [x, y, z])
+            })
+            .unzip()
+    }
+
+    /// As [`Arena::contest`] is meant: every point is compared with all planes of its cube.
+    fn surfaces_by_all_planes(arena: &Arena<'_>, before: &[u32]) -> Vec<u32> {
+        let Arena { around, cubes, neighbours, reach, .. } = arena;
+        let planes = cubes.planes(&cubes.sums(before), 1, |_| true);
+        let nearest = |point: usize| {
+            let squared = |other: usize| squared_distance(around.places[point], around.places[other]);
+            let mut near: Vec<(u64, usize)> = (0..around.len()).map(|at| (squared(at), at)).collect();
+            near.sort_unstable();
+            near.truncate(*neighbours);
+            near.retain(|near| near.0 <= reach.unsigned_abs().pow(2));
+            near
+        };
+        let surface = |point: usize| {
+            let by = cubes.in_cube(cubes.of(point), around.places[point]);
+            let of = |surface: u32| {
+                let plane = planes.of(cubes.of(point)).iter().find(|plane| plane.surface == surface);
+                plane.map_or(f64::INFINITY, |plane| score(plane, by))
+            };
+            let mut best = (of(before[point]), before[point]);
+            for (_, near) in nearest(point) {
+                if of(before[near]) < best.0 {
+                    best = (of(before[near]), before[near]);
+                }
+            }
+            best.1
+        };
+        (0..around.len()).map(surface).collect()
+    }
+
+    #[test]
+    fn among_many_planes_points_ask_their_neighbours_and_find_the_same() {
+        let (surfaces, places) = noise();
+        let around = around(&places);
+        let mut arena = Arena::new(&around, 500, 20, 200);
+        let few = arena.contest(&surfaces, COSINE);
+        let touching = arena.touching(&few, COSINE, 2.5);
+        assert_eq!(few.surfaces, surfaces_by_all_planes(&arena, &surfaces));
+        let changed = few.surfaces.iter().zip(&surfaces).filter(|(now, before)| now != before).count();
+        assert!(changed > 1_000 && touching.len() > 20, "{changed} {}", touching.len());
+        arena.many_planes = 0;
+        let many = arena.contest(&surfaces, COSINE);
+        assert_eq!((&many.surfaces, &many.on_plane), (&few.surfaces, &few.on_plane));
+        assert_eq!(many.amid, few.amid);
+        assert_eq!(arena.touching(&many, COSINE, 2.5), touching);
+        assert_eq!(arena.touching(&many, COSINE, 0.0), arena.touching(&few, COSINE, 0.0));
     }
 
     #[test]

@@ -109,13 +109,20 @@ impl LocalPlanes {
     pub(super) fn of(&self, cube: usize) -> &[LocalPlane] {
         &self.planes[self.ranges[cube].clone()]
     }
+
+    /// Of a surface in a cube.
+    #[inline]
+    pub(super) fn find(&self, cube: usize, surface: u32) -> Option<&LocalPlane> {
+        let of_cube = self.of(cube);
+        of_cube.binary_search_by_key(&surface, |plane| plane.surface).ok().map(|at| &of_cube[at])
+    }
 }
 
 /// Sums of a surface among those around a cube: the surface, the cube, its place among the 27, and where the
 /// sums are among those of the cube.
 type Near = (u32, u32, [i8; 3], usize);
 
-/// The sums of each surface in each cube.
+/// The sums of each surface in each cube, in ascending order of surfaces: noise has thousands in one cube.
 #[derive(Debug, Clone)]
 pub(super) struct SumsOfCubes(Vec<Vec<(u32, Sums)>>);
 
@@ -123,9 +130,9 @@ impl SumsOfCubes {
     /// The sums of a surface in a cube.
     fn of(&mut self, cube: usize, surface: u32) -> &mut Sums {
         let of_cube = &mut self.0[cube];
-        let at = of_cube.iter().position(|entry| entry.0 == surface).unwrap_or_else(|| {
-            of_cube.push((surface, Sums::default()));
-            of_cube.len() - 1
+        let at = of_cube.binary_search_by_key(&surface, |entry| entry.0).unwrap_or_else(|at| {
+            of_cube.insert(at, (surface, Sums::default()));
+            at
         });
         &mut of_cube[at].1
     }
@@ -247,8 +254,16 @@ impl Cubes {
     /// The sums of all surfaces. `surfaces` has the surface of each point, 0 for none.
     pub(super) fn sums(&self, surfaces: &[u32]) -> SumsOfCubes {
         let mut sums = SumsOfCubes(vec![Vec::new(); self.len()]);
+        let mut here: Vec<u32> = Vec::new();
         for cube in 0..self.len() {
-            // Most points of a cube are of one surface.
+            here.clear();
+            here.extend(self.points(cube).iter().map(|point| surfaces[*point as usize]));
+            // Most points of a cube are of one surface, and follow each other.
+            here.dedup();
+            here.sort_unstable();
+            here.dedup();
+            sums.0[cube] =
+                here.iter().filter(|surface| **surface != 0).map(|of| (*of, Sums::default())).collect();
             let mut latest = (0, Sums::default());
             for (point, place) in self.placed(cube) {
                 let surface = surfaces[point];

@@ -40,8 +40,9 @@
 //! Cost: O(K) per point and 69 trials per slice. Neighbours, medians and trials are loops over columns of
 //! numbers, which use AVX2 if the processor has it (`spatial::vectors`), with the same results to the bit. A
 //! contest takes the sums of a point, its distance from the local planes in its cube, and K neighbours only
-//! for the few points that another plane suits better or that may touch another surface. Memory: about 4 K
-//! bytes per point of a tile for consistent sets.
+//! for the few points that another plane suits better or that may touch another surface. In noise, where a
+//! cube has thousands of planes, it takes the planes of K neighbours instead. Memory: about 4 K bytes per
+//! point of a tile for consistent sets.
 //!
 //! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the
 //! neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of
