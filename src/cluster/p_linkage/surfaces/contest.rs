@@ -358,7 +358,8 @@ mod tests {
         (0..6_000)
             .map(|_| {
                 let [x, y, z] = [(); 3].map(|()| below(300) + 1_300);
-                let along = [x + y, x - y, y + z, y - z, z + x, z - x][below(6) as usize] / 60;
+                let along =
+                    [x + y, x - y, y + z, y - z, z + x, z - x][usize::try_from(below(6)).unwrap()] / 60;
                 (u32::try_from(along + 50).unwrap() % 37, [x, y, z])
             })
             .unzip()
