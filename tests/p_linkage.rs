@@ -329,6 +329,25 @@ fn points_on_a_line_or_a_plane_and_equal_points_get_an_answer() {
     }
 }
 
+#[test]
+fn a_slice_through_many_tiles_is_gathered_by_one_of_them_and_once() {
+    let mut rng = ChaCha8Rng::seed_from_u64(77);
+    // Exactly flat, so it is one slice.
+    let points = rectangle(&mut rng, ([200.0; 3], [23_500.0, 0.0, 0.0], [0.0, 600.0, 0.0]), 6_000, 0.0);
+    let ground = vec![false; points.len()];
+    let method = Surfaces::new(&SurfacesConfig { contest_rounds: 1, ..SurfacesConfig::default() }).unwrap();
+    let whole = MemoryDrive::new(&points, &ground, 1, |_| 0).run(&method);
+    let tiles = 24;
+    let tiled = MemoryDrive::new(&points, &ground, tiles, |cell| cell[0].unsigned_abs()).run(&method);
+    assert_eq!(tiled.objects, whole.objects);
+    assert_eq!(planes(&tiled), planes(&whole));
+    // The tile that fits it reads what each tile has of it. To compare slices, a tile reads what it has
+    // itself and what its two neighbours have.
+    let tiles = tiles as usize;
+    assert_eq!(tiled.reads[1], tiles);
+    assert!((tiles..=3 * tiles).contains(&tiled.reads[2]), "{}", tiled.reads[2]);
+}
+
 const SURFACES: MethodRun = MethodRun {
     method: "p-linkage",
     results: &[
@@ -355,7 +374,8 @@ fn a_run_stopped_in_any_step_ends_in_the_same_bytes() {
     let passes: Vec<&'static str> =
         SURFACES.run_in(&straight, &settings).passes.iter().map(|figures| figures.pass).collect();
     let expected = SURFACES.results(&straight);
-    for pass in ["links", "slices", "contest-1", "contest-2", "contest-3", "contest-4", "surfaces"] {
+    for pass in ["links", "planes", "slices", "contest-1", "contest-2", "contest-3", "contest-4", "surfaces"]
+    {
         for after in [0, 1] {
             let out = folder.path().join(format!("{pass}-{after}"));
             assert!(SURFACES.interrupted_in(pass, after, &out, &settings).is_err());
@@ -375,7 +395,7 @@ fn another_angle_redoes_the_merging_and_not_the_links() {
     let summary = SURFACES.run_in(&out, &["tiling.tile_length=20", "p-linkage.angle_deg=0"]);
     let done: Vec<(&str, bool)> = resumed(&summary);
     let state = |name: &str| done.iter().find(|pass| pass.0 == name).unwrap().1;
-    assert!(state("links") && !state("slices") && !state("surfaces"), "{done:?}");
+    assert!(state("links") && state("planes") && !state("slices") && !state("surfaces"), "{done:?}");
     assert!(summary.objects > of_default, "without merging there are more surfaces: {}", summary.objects);
 }
 

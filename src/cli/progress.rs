@@ -138,7 +138,7 @@ struct Whole {
 /// and `p-linkage` were measured on the first only. `chains`, `cores`, `growth` and `leftovers` are means of
 /// these and of a run on a quieter machine; `growth` is one of six rounds. `scatter`, `fields` and `samples`
 /// were not measured.
-const COSTS: [(&str, f64); 24] = [
+const COSTS: [(&str, f64); 25] = [
     ("survey", 1.0),
     ("ground", 0.8),
     ("scatter", 1.0),
@@ -156,6 +156,7 @@ const COSTS: [(&str, f64); 24] = [
     ("samples", 1.0),
     // p-linkage
     ("links", 3.4),
+    ("planes", 0.05),
     ("slices", 0.05),
     ("surfaces", 0.1),
     // density-peaks

@@ -23,6 +23,8 @@ pub(crate) struct MemoryDrive<'a> {
     globals: Vec<Vec<u8>>,
     again: Vec<u8>,
     round: u32,
+    /// How many payloads tiles have read.
+    reads: std::cell::Cell<usize>,
 }
 
 pub(crate) fn cell_of(point: [i64; 3]) -> Cell {
@@ -41,6 +43,8 @@ pub(crate) struct Outcome {
     pub(crate) objects: Vec<Option<usize>>,
     /// Which labels are one object, where the method says so.
     pub(crate) grouped: Option<Grouped>,
+    /// How many payloads the tiles have read in each step, in its last round.
+    pub(crate) reads: Vec<usize>,
 }
 
 impl<'a> MemoryDrive<'a> {
@@ -68,6 +72,7 @@ impl<'a> MemoryDrive<'a> {
             globals: Vec::new(),
             again: Vec::new(),
             round: 0,
+            reads: std::cell::Cell::new(0),
         }
     }
 
@@ -76,14 +81,17 @@ impl<'a> MemoryDrive<'a> {
     pub(crate) fn run(mut self, method: &dyn Method) -> Outcome {
         let last = method.steps().len() - 1;
         let mut labelled = Vec::new();
+        let mut reads = vec![0; last + 1];
         for (step, facts) in method.steps().iter().enumerate() {
             (self.round, self.again) = (0, Vec::new());
             self.payloads.push(Vec::new());
             loop {
+                self.reads.set(0);
                 let mapped: Vec<_> = (0..self.tiles)
                     .rev()
                     .map(|tile| method.map(step, &Around { drive: &self, tile }).expect("a step"))
                     .collect();
+                reads[step] = self.reads.get();
                 let mut borders = Vec::new();
                 self.payloads[step].clear();
                 labelled.clear();
@@ -118,10 +126,12 @@ impl<'a> MemoryDrive<'a> {
             }
         }
         match method.reduce(last, &self).expect("a reduction") {
-            Reduced::SharedPoints => Outcome { objects: self.by_shared_points(&labelled), grouped: None },
+            Reduced::SharedPoints => {
+                Outcome { objects: self.by_shared_points(&labelled), grouped: None, reads }
+            }
             Reduced::Groups(grouped) => {
                 let objects = self.by_groups(&labelled, &grouped);
-                Outcome { objects, grouped: Some(grouped) }
+                Outcome { objects, grouped: Some(grouped), reads }
             }
             other => panic!("{} ended with {other:?}", method.name()),
         }
@@ -236,6 +246,7 @@ impl DriveWindow for MemoryDrive<'_> {
     }
 
     fn payload(&self, step: usize, tile: TileId) -> Result<Vec<u8>> {
+        self.reads.set(self.reads.get() + 1);
         Ok(self.payloads[step][tile.index()].clone())
     }
 

@@ -24,10 +24,11 @@
 //! takes part.
 //!
 //! Steps. `links`: normals, links, trees, and the planes of trees that lie in one tile. Its reduction has the
-//! mean and the deviation of flatness, and joins the trees of several tiles. `slices`: the planes of these,
-//! and which adjacent slices are similar. Its reduction merges them. `contest-1`, `contest-2`, ...: the
-//! surface of each point whose local plane suits it best, and which surfaces touch and agree then. Their
-//! reduction merges these, and fits planes. `surfaces`: the labels of points. All but `slices` read points.
+//! mean and the deviation of flatness, and joins the trees of several tiles. `planes`: the planes of these,
+//! each fitted by one tile. `slices`: which adjacent slices are similar. Its reduction merges them.
+//! `contest-1`, `contest-2`, ...: the surface of each point whose local plane suits it best, and which
+//! surfaces touch and agree then. Their reduction merges these, and fits planes. `surfaces`: the labels of
+//! points. All but `planes` and `slices` read points.
 //!
 //! Why it is exact over tiles: a tile reads points up to three times `reach_m` around it, so it knows all
 //! neighbours of the neighbours of the points to which its own may be linked. A contest decides about points
@@ -42,7 +43,8 @@
 //! contest takes the sums of a point, its distance from the local planes in its cube, and K neighbours only
 //! for the few points that another plane suits better or that may touch another surface. In noise, where a
 //! cube has thousands of planes, it takes the planes of K neighbours instead. Memory: about 4 K bytes per
-//! point of a tile for consistent sets.
+//! point of a tile for consistent sets, and in one tile about 130 bytes per point of the largest slice that
+//! crosses a seam.
 //!
 //! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the
 //! neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of
@@ -67,6 +69,7 @@ mod slice;
 mod smallest;
 mod stage_contest;
 mod stage_links;
+mod stage_planes;
 mod stage_slices;
 mod stage_surfaces;
 mod trees;
@@ -74,7 +77,7 @@ mod trees;
 use std::ops::RangeInclusive;
 
 pub use self::settings::SurfacesConfig;
-use self::settings::{CONTEST_REACHES, CONTESTS, LINKS_REACHES, NAME, STEP_LINKS, STEP_SLICES};
+use self::settings::{CONTEST_REACHES, CONTESTS, LINKS_REACHES, NAME, STEP_LINKS, STEP_PLANES, STEP_SLICES};
 use crate::cluster::method::{
     BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow,
 };
@@ -89,13 +92,20 @@ pub(in crate::cluster) const ENTRY: ClusterEntry = ClusterEntry {
     build: |sections| Ok(Box::new(Surfaces::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
-/// Raised when results change and no setting does. From 2 on, places decide where ids did.
-const ALGORITHM_EPOCH: u32 = 2;
+/// Raised when results or payloads change and no setting does. From 2 on, places decide where ids did. From 3
+/// on, `planes` has the planes that were in `slices`.
+const ALGORITHM_EPOCH: u32 = 3;
 
 const LINKS: Step = Step {
     name: "links",
     settings: &["p-linkage.flat_m2", "p-linkage.neighbours", "p-linkage.reach_m", "p-linkage.refit_planes"],
     bytes: BytesPer::ObjectPoint(LINKS_BYTES_PER_POINT),
+    repeat: Repeat::Once,
+};
+const PLANES: Step = Step {
+    name: "planes",
+    settings: &[],
+    bytes: BytesPer::ObjectPoint(SLICES_BYTES_PER_POINT),
     repeat: Repeat::Once,
 };
 const SLICES: Step = Step {
@@ -147,7 +157,7 @@ impl Surfaces {
     pub fn new(config: &SurfacesConfig) -> Result<Self, ConfigError> {
         config.validate()?;
         let contests = CONTESTS.into_iter().take(config.contest_rounds as usize).map(contest);
-        let steps = [LINKS, SLICES].into_iter().chain(contests).chain([SURFACES]).collect();
+        let steps = [LINKS, PLANES, SLICES].into_iter().chain(contests).chain([SURFACES]).collect();
         Ok(Self { config: config.clone(), steps })
     }
 
@@ -208,7 +218,7 @@ impl Method for Surfaces {
         let [links, contest] = self.reaches(drive.lattice());
         Ok(match step {
             STEP_LINKS => links,
-            STEP_SLICES => 0,
+            STEP_PLANES | STEP_SLICES => 0,
             _ if step + 1 == self.steps.len() => 0,
             _ => contest,
         })
@@ -217,6 +227,7 @@ impl Method for Surfaces {
     fn map(&self, step: usize, tile: &dyn TileWindow) -> Result<Mapped> {
         match step {
             STEP_LINKS => stage_links::map(tile, &self.config),
+            STEP_PLANES => stage_planes::map(tile, &self.config),
             STEP_SLICES => stage_slices::map(tile, &self.config),
             _ if step + 1 == self.steps.len() => stage_surfaces::map(tile, step),
             _ => stage_contest::map(tile, &self.config, step),
@@ -226,6 +237,7 @@ impl Method for Surfaces {
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         match step {
             STEP_LINKS => stage_links::reduce(drive, &self.config).map(Reduced::Global),
+            STEP_PLANES => stage_planes::reduce(drive).map(Reduced::Global),
             STEP_SLICES => stage_slices::reduce(drive, &self.config).map(Reduced::Global),
             _ if step + 1 == self.steps.len() => stage_surfaces::reduce(drive, step).map(Reduced::Groups),
             _ => stage_contest::reduce(drive, &self.config, step).map(Reduced::Global),

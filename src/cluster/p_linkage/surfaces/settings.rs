@@ -14,7 +14,8 @@ pub(super) const NAME: &str = "p-linkage";
 
 /// Numbers of the first steps. Contests follow, and `surfaces` is the last.
 pub(super) const STEP_LINKS: usize = 0;
-pub(super) const STEP_SLICES: usize = 1;
+pub(super) const STEP_PLANES: usize = 1;
+pub(super) const STEP_SLICES: usize = 2;
 
 /// Distances of a neighbour around a tile within which the step `links` reads points.
 pub(super) const LINKS_REACHES: i64 = 3;

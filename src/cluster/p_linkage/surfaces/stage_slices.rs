@@ -1,25 +1,21 @@
-//! Step `slices`: the planes of slices that several tiles share, and the adjacent slices whose normals agree,
-//! with their border. It reads no points. Its reduction merges the slices whose borders agree too to surfaces
-//! (equation 11).
-//!
-//! Every tile that needs the plane of a shared slice gathers all points of the slice and fits the plane. The
-//! same points give the same plane, so it does not matter that several tiles do this.
+//! Step `slices`: the adjacent slices whose normals agree, with their border. It reads no points. Its
+//! reduction merges the slices whose borders agree too to surfaces (equation 11).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::around::moments;
 use super::border::Border;
-use super::payload::{self, OpenPoint, Stored};
+use super::payload::{self, Stored};
 use super::planes::{Fit, Moments, likeness};
-use super::settings::{STEP_SLICES, SurfacesConfig};
-use super::slice::{Slice, SlicePlane, slice};
-use super::stage_links::{self, OpenSlice, Slices, slice_of_tree};
+use super::settings::{NAME, STEP_SLICES, SurfacesConfig};
+use super::slice::SlicePlane;
+use super::stage_links::{self, slice_of_tree};
+use super::stage_planes::{self, OpenPlane};
 use crate::cluster::{DriveWindow, Mapped, TileWindow, sliced};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{Plane, PointId, TileId};
+use crate::model::{Plane, TileId};
 use crate::spatial::DisjointSets;
 
 /// What a tile finds.
@@ -27,8 +23,6 @@ use crate::spatial::DisjointSets;
 struct Found {
     /// Adjacent slices whose normals deviate by less than the angle, the smaller number first, ascending.
     adjacent: Vec<((u32, u32), Adjacent)>,
-    /// Moments of the consistent points of shared slices of which the tile has the first part.
-    moments: Vec<(u32, Moments)>,
 }
 
 /// Two adjacent slices.
@@ -43,17 +37,10 @@ struct Adjacent {
 /// A tile and its slices.
 struct Known {
     stored: Stored,
-    slices: Slices,
     /// The slice of each tree.
     of_tree: Vec<u32>,
-}
-
-/// A slice that several tiles share.
-struct Shared {
-    plane: SlicePlane,
-    /// Consistent points, ascending.
-    consistent: BTreeSet<PointId>,
-    moments: Moments,
+    /// The plane of each open tree.
+    open: Vec<Option<OpenPlane>>,
 }
 
 /// The end of a pair of points, or of trees.
@@ -62,110 +49,50 @@ struct End {
     plane: SlicePlane,
 }
 
-/// The tiles and shared slices that have been looked at.
+/// The tiles that have been looked at.
 struct Seen<'a> {
     tile: &'a dyn TileWindow,
-    refit_planes: bool,
     head: stage_links::Drive,
     tiles: BTreeMap<TileId, Known>,
-    /// Parts of open trees, by tile.
-    parts: BTreeMap<TileId, Vec<Vec<OpenPoint>>>,
-    /// Shared slices by number; `None` if their points have no plane.
-    shared: BTreeMap<u32, Option<Shared>>,
 }
 
 impl Seen<'_> {
-    fn look_at(&mut self, tile: TileId) -> Result<()> {
+    fn look_at(&mut self, tile: TileId) -> Result<&Known> {
         if !self.tiles.contains_key(&tile) {
             let stored = Stored::load(self.tile, tile)?;
-            let slices = stage_links::slices(self.tile, tile)?;
-            let of_tree = slice_of_tree(&self.head, &slices, &stored.of_tile);
-            self.tiles.insert(tile, Known { stored, slices, of_tree });
+            let of_tree = slice_of_tree(&self.head, &stage_links::slices(self.tile, tile)?, &stored.of_tile);
+            let open = stage_planes::of_open(self.tile, tile)?;
+            self.tiles.insert(tile, Known { stored, of_tree, open });
         }
-        Ok(())
-    }
-
-    fn known(&self, tile: TileId) -> Result<&Known> {
         self.tiles.get(&tile).ok_or_else(|| Error::bug(format!("tile {tile} was not looked at")))
     }
+}
 
-    /// Fits the plane of a shared slice, if this has not been done.
-    fn fit(&mut self, open: &OpenSlice) -> Result<()> {
-        if self.shared.contains_key(&open.number) {
-            return Ok(());
-        }
-        let mut points: Vec<OpenPoint> = Vec::new();
-        for &(tile, number) in &open.parts {
-            if !self.parts.contains_key(&tile) {
-                self.parts.insert(tile, payload::load_parts(self.tile, tile)?);
-            }
-            let part = self.parts.get(&tile).and_then(|parts| parts.get(number as usize));
-            points.extend(part.ok_or_else(|| Error::bug(format!("tile {tile} has no part {number}")))?);
-        }
-        points.sort_unstable_by_key(|point| (point.at, point.id));
-        let places: Vec<[i64; 3]> = points.iter().map(|point| point.at).collect();
-        let shared = slice(&places, self.refit_planes).map(|Slice { plane, consistent }| {
-            let kept: Vec<&OpenPoint> =
-                points.iter().zip(consistent).filter(|(_, holds)| *holds).map(|(point, _)| point).collect();
-            Shared {
-                plane,
-                moments: moments(kept.iter().map(|point| point.at), self.tile.extent().0),
-                consistent: kept.iter().map(|point| point.id).collect(),
-            }
-        });
-        self.shared.insert(open.number, shared);
-        Ok(())
-    }
-
-    /// The slice of a point of a tile, by its position there and its id. `None` if it is in no slice, or if
-    /// it is not consistent with the plane of its slice.
-    fn end(
-        &mut self,
-        tile: TileId,
-        own: u32,
-        id: impl FnOnce(&Stored) -> Option<PointId>,
-    ) -> Result<Option<End>> {
-        self.look_at(tile)?;
-        let Known { stored, slices, of_tree } = self.known(tile)?;
-        let own = own as usize;
-        let Some(tree) = (stored.labels[own] as usize).checked_sub(1) else { return Ok(None) };
+impl Known {
+    /// The slice of a point of the tile, by its position there. `None` if it is in no slice, or if it is not
+    /// consistent with the plane of its slice.
+    fn end(&self, own: u32) -> Result<Option<End>> {
+        let Self { stored, of_tree, open } = self;
+        let Some(tree) = (stored.labels[own as usize] as usize).checked_sub(1) else { return Ok(None) };
         let slice = of_tree[tree];
         if slice == 0 {
             return Ok(None);
         }
         if let Some(closed) = stored.planes.get(tree) {
-            return Ok(stored.consistent[own].then_some(End { slice, plane: closed.plane }));
+            return Ok(stored.consistent[own as usize].then_some(End { slice, plane: closed.plane }));
         }
-        let open = slices.open[tree - stored.planes.len()].clone();
-        let id = id(stored).ok_or_else(|| Error::bug(format!("tile {tile} has no open point {own}")))?;
-        self.fit(&open)?;
-        let shared = self.shared.get(&open.number).and_then(Option::as_ref);
-        Ok(shared
-            .filter(|shared| shared.consistent.contains(&id))
-            .map(|shared| End { slice, plane: shared.plane }))
+        let number = tree - stored.planes.len();
+        let at = stored.parts[number].binary_search_by_key(&own, |point| point.own);
+        let at = at.map_err(|_| Error::bug(format!("{NAME}: point {own} is not in its open tree")))?;
+        let plane = open[number].as_ref().filter(|plane| plane.holds(at));
+        Ok(plane.map(|open| End { slice, plane: open.plane }))
     }
-}
-
-/// The id of a point of an open tree, by its position among the points of its tile.
-fn open_id(stored: &Stored, own: u32) -> Option<PointId> {
-    let tree = (stored.labels[own as usize] as usize).checked_sub(1)?;
-    let part = stored.parts.get(tree.checked_sub(stored.planes.len())?)?;
-    part.binary_search_by_key(&own, |point| point.own).ok().map(|at| part[at].id)
 }
 
 /// Computes the payload of a tile.
 pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapped> {
     let here = tile.tile();
-    let head = stage_links::head(tile)?;
-    let mut seen = Seen {
-        tile,
-        refit_planes: config.refit_planes,
-        head,
-        tiles: BTreeMap::new(),
-        parts: BTreeMap::new(),
-        shared: BTreeMap::new(),
-    };
-    seen.look_at(here)?;
+    let mut seen = Seen { tile, head: stage_links::head(tile)?, tiles: BTreeMap::new() };
     let cosine = config.cosine();
     let mut adjacent: BTreeMap<(u32, u32), Adjacent> = BTreeMap::new();
     let mut add = |a: &End, b: &End, border: Border| {
@@ -181,7 +108,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
         border.add((&a.plane, at_a), (&b.plane, at_b));
         border
     };
-    let known = seen.known(here)?;
+    let known = seen.look_at(here)?;
     for &((a, b), border) in &known.stored.pairs.trees {
         let end = |label: u32| {
             let tree = label as usize - 1;
@@ -192,37 +119,30 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
             add(&a, &b, border);
         }
     }
-    for (a, b) in known.stored.pairs.points.clone() {
-        let Some(one) = seen.end(here, a, |stored| open_id(stored, a))? else { continue };
-        let Some(other) = seen.end(here, b, |stored| open_id(stored, b))? else { continue };
-        let places = &seen.known(here)?.stored.pairs;
-        add(&one, &other, pair((&one, places.place(a)?), (&other, places.place(b)?)));
+    let pairs = &known.stored.pairs;
+    for &(a, b) in &pairs.points {
+        if let (Some(one), Some(other)) = (known.end(a)?, known.end(b)?) {
+            add(&one, &other, pair((&one, pairs.place(a)?), (&other, pairs.place(b)?)));
+        }
     }
-    for across in seen.known(here)?.stored.pairs.across.clone() {
-        let Some(a) = seen.end(here, across.own, |stored| open_id(stored, across.own))? else { continue };
-        seen.look_at(across.owner)?;
-        let ends = &seen.known(across.owner)?.stored.pairs.ends;
+    // The own ends over seams, with their places.
+    let mut ends = Vec::new();
+    for across in &pairs.across {
+        if let Some(end) = known.end(across.own)? {
+            ends.push((*across, end, pairs.place(across.own)?));
+        }
+    }
+    for (across, a, at_a) in ends {
+        let there = seen.look_at(across.owner)?;
+        let pairs = &there.stored.pairs;
         // The other point is in no tree if its owner does not know it as an end.
-        let Ok(at) = ends.binary_search_by_key(&across.other, |end| end.0) else { continue };
-        let own = ends[at].1;
-        if let Some(b) = seen.end(across.owner, own, |_| Some(across.other))? {
-            let at_a = seen.known(here)?.stored.pairs.place(across.own)?;
-            let at_b = seen.known(across.owner)?.stored.pairs.place(own)?;
-            add(&a, &b, pair((&a, at_a), (&b, at_b)));
+        let Ok(at) = pairs.ends.binary_search_by_key(&across.other, |end| end.0) else { continue };
+        let own = pairs.ends[at].1;
+        if let Some(b) = there.end(own)? {
+            add(&a, &b, pair((&a, at_a), (&b, pairs.place(own)?)));
         }
     }
-    let mut found = Found { adjacent: adjacent.into_iter().collect(), moments: Vec::new() };
-    let open = seen.known(here)?.slices.open.clone();
-    for slice in open.iter().filter(|slice| slice.number != 0) {
-        if slice.parts.first().is_some_and(|part| part.0 == here)
-            && found.moments.iter().all(|one| one.0 != slice.number)
-        {
-            seen.fit(slice)?;
-            if let Some(Some(shared)) = seen.shared.get(&slice.number) {
-                found.moments.push((slice.number, shared.moments));
-            }
-        }
-    }
+    let found = Found { adjacent: adjacent.into_iter().collect() };
     Ok(Mapped::payload(codec::encode(&found)?))
 }
 
@@ -242,14 +162,13 @@ pub(super) struct Surfaces {
 pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result<Vec<u8>> {
     let head = stage_links::head(drive)?;
     let mut adjacent: BTreeMap<(u32, u32), Adjacent> = BTreeMap::new();
-    let mut shared: Vec<(u32, Moments)> = Vec::new();
+    let shared = stage_planes::shared(drive)?;
     for tile in TileId::first(drive.tiles()) {
         let found: Found = codec::decode(&drive.payload(STEP_SLICES, tile)?)?;
         for (pair, part) in found.adjacent {
             let none = Adjacent { border: Border::default(), ..part };
             adjacent.entry(pair).or_insert(none).border.merge(&part.border);
         }
-        shared.extend(found.moments);
     }
     let score = config.border_score;
     adjacent.retain(|_, pair| score <= 0.0 || pair.border.agrees(score, pair.deviation));
