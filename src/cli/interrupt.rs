@@ -10,11 +10,12 @@ use signal_hook::iterator::Signals;
 use crate::cli::exit::{self, CliError};
 
 /// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume. The end of the
-/// session and `kill` do the same, unless the caller has the program ignore them, as `nohup` does.
+/// session and `kill` do the same. `nohup` has the program ignore the end of the session, and it does.
+/// Ctrl-C is heard even if it is ignored, as in the background of a script: `kill -INT` ends a run there.
 pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
     let cancel = Arc::clone(cancel);
-    let ignored = ignored();
-    let heard = [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|signal| ignored & bit(*signal) == 0);
+    let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
+    let heard = [SIGINT, SIGTERM].into_iter().chain(hang_up);
     let failed = |source| CliError::Write { target: "the handler of Ctrl-C".to_owned(), source };
     let mut signals = Signals::new(heard).map_err(failed)?;
     // With a handler that does nothing, a file above the limit of its size is an error with a path. The
@@ -32,16 +33,12 @@ pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
     std::thread::Builder::new().name("signals".to_owned()).spawn(wait).map(drop).map_err(failed)
 }
 
-/// The signals that this process ignored when it began, as bits. Only Linux tells them.
-fn ignored() -> u64 {
+/// Whether this process ignored a signal when it began. Only Linux tells: as bits, counted from signal 1.
+fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
-}
-
-/// The bit of a signal: they are counted from one.
-fn bit(signal: i32) -> u64 {
-    1 << (signal - 1)
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal - 1) & 1 == 1
 }
 
 #[expect(clippy::disallowed_methods, reason = "a second Ctrl-C must not wait for the workers")]
