@@ -63,8 +63,9 @@ fn scene(rng: &mut ChaCha8Rng) -> (Points, Vec<bool>) {
     (points, ground)
 }
 
-fn settings(rng: &mut ChaCha8Rng) -> Settings {
-    let printed = Settings {
+/// The settings of Table 2 of the paper, in units of the lattice.
+fn printed() -> Settings {
+    Settings {
         voxel: 300,
         rho_t: 4.0,
         delta_t: 3.0,
@@ -73,7 +74,11 @@ fn settings(rng: &mut ChaCha8Rng) -> Settings {
         d_th: 500,
         c_t: 0.08,
         reassign: 1_500,
-    };
+    }
+}
+
+fn settings(rng: &mut ChaCha8Rng) -> Settings {
+    let printed = printed();
     match rng.random_range(0..3) {
         0 => printed,
         1 => Settings { rho_t: 2.5, delta_t: 1.0, d_neighbor: 5.0, reassign: 400, ..printed },
@@ -172,16 +177,7 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
 /// make ties everywhere.
 #[test]
 fn dense_halo_voxels_beside_dense_clusters_join_what_brute_force_says() {
-    let settings = Settings {
-        voxel: 300,
-        rho_t: 4.0,
-        delta_t: 3.0,
-        d_t: 5.0,
-        d_neighbor: 13.0,
-        d_th: 500,
-        c_t: 0.08,
-        reassign: 1_500,
-    };
+    let settings = printed();
     let method = method(&settings);
     let mut reassigned = 0;
     for seed in 0..6 {

@@ -120,7 +120,7 @@ impl LabelledFile {
 
     /// Appends the new records of a run of records to `out`: the original bytes with label and class.
     ///
-    /// `classes` are codes of [`crate::model::PointClass`]. `kinds` is what the object of each
+    /// `classes` are codes of [`crate::model::PointClass`], or its `UNDECIDED` beside a section. `kinds` is what the object of each
     /// record is, or empty for class 0.
     ///
     /// # Panics
