@@ -120,8 +120,8 @@ impl LabelledFile {
 
     /// Appends the new records of a run of records to `out`: the original bytes with label and class.
     ///
-    /// `classes` are codes of [`crate::model::PointClass`], or its `UNDECIDED` beside a section. `kinds` is what the object of each
-    /// record is, or empty for class 0.
+    /// `classes` are codes of [`crate::model::PointClass`], or its `UNDECIDED` beside a section. `kinds` is
+    /// what the object of each record is, or empty for class 0.
     ///
     /// # Panics
     /// When there is not one label and one class for every record.
