@@ -19,15 +19,18 @@ impl Attribute for Base {
             &[
                 coordinate(
                     "base_x",
-                    "x of the place where it stands: the axis of a pole or stem at the ground, the narrow lowest part of a tree whose stem was not seen \
-                     or else the middle of its crown, the middle of the front of a building, the middle of the box of a vehicle, else the middle of \
-                     the lowest 0.3 m",
+                    "x of the place where the object stands: of a pole or stem, its axis at the ground; of \
+                     a tree whose stem was not seen, its narrow lowest part or else the middle of its \
+                     crown; of a building, the middle of its front; of a vehicle, the middle of its box; \
+                     of others, the middle of the lowest 0.3 m",
                 ),
                 coordinate("base_y", "y of that place"),
                 coordinate(
                     "base_z",
-                    "z of the ground at that place, of a building before its front and continued to it; not above the foot of a stem or most of the lowest \
-                     0.3 m, if a few points below a gap are left out; of its lowest point where no ground is within 10 m",
+                    "z of the ground at that place; of a building, z of the ground in front of it, \
+                     continued to that place; not above the foot of a stem, nor above most of the lowest \
+                     0.3 m, apart from a few points below a gap; z of the lowest point if no ground is \
+                     within 10 m",
                 ),
             ]
         }

@@ -22,9 +22,9 @@ impl Attribute for Class {
                 name: "confidence",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::None,
-                definition: "probability of the class by the model of objects, 0 to 1; low where a rule decided \
-                             against the model; from a model without it the mean over the points; empty from methods \
-                             without probabilities",
+                definition: "probability of the class by the model of objects, 0 to 1; low if a rule \
+                             decided against the model; the mean over the points if the model has no \
+                             probabilities of objects; empty from methods without probabilities",
             },
         ]
     }

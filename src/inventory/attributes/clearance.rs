@@ -26,9 +26,10 @@ impl Attribute for Clearance {
             name: "clearance_m",
             column_type: ColumnType::Decimal { places: 2 },
             unit: ColumnUnit::Metre,
-            definition: "least height above the ground within 3.5 m of the axis, of what begins at least 0.5 m above it (trees, \
-                         poles, wires) or 2 m (others); empty where nothing does, of vehicles and persons (classes 4 and \
-                         7), and where the axis is no driven path",
+            definition: "least height above the ground of the parts that are over the roadway, which is \
+                         3.5 m wide on either side of the axis; a part counts if it begins at least 0.5 m \
+                         (trees, poles, wires) or 2 m (others) above the ground; empty if no part does, of \
+                         vehicles and persons (classes 4 and 7), and if the axis is not a driven path",
         }]
     }
 

@@ -16,20 +16,22 @@ impl Attribute for CrownSize {
                 name: "crown_diameter_m",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::Metre,
-                definition: "mean of the longest extent of the crown in the plane and that across it; only of trees (class 2)",
+                definition: "mean of the longest extent of the crown in the plane and its extent across \
+                             that; trees only (class 2)",
             },
             Column {
                 name: "crown_area_m2",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::SquareMetre,
-                definition: "area of the concave outline of the crown; only of trees",
+                definition: "area of the concave outline of the crown; trees only",
             },
             Column {
                 name: "crown_base_m",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::Metre,
-                definition: "height above the ground from which on the layers of 0.2 m have 15 % of the area of the largest, \
-                             at least 0; only of trees",
+                definition: "height above the ground where the crown begins: from there up, every layer of \
+                             0.2 m has at least 15 % of the area of the largest layer, over 0.6 m; at \
+                             least 0; trees only",
             },
         ]
     }

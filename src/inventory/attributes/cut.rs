@@ -14,10 +14,13 @@ impl Attribute for Cut {
             name: "cut",
             column_type: ColumnType::Flag,
             unit: ColumnUnit::None,
-            definition: "whether it reaches the end of the data: within 1.5 cells of the raster of the last profiles where the drive \
-                         begins, stops or has a gap, or within a cell of a straight border of the occupied cells, as of \
-                         a scene that was cut out; cells with few points or few neighbours do not count, and of heads that end \
-                         at different places only the furthest one does; in a section (`--from`, `--to`) also whether it reaches further beyond it than objects are followed",
+            definition: "whether the object reaches the end of the data, so that a part of it may be \
+                         missing: true within 1.5 cells of the raster of the last profiles, where the \
+                         drive begins, stops or has a gap, and within one cell of a straight border of the \
+                         occupied cells, as in a scene that was cut out; cells with few points or few \
+                         neighbours do not count; if the heads end at different places, only the farthest \
+                         end counts; in a section (`--from`, `--to`) also true if the object reaches \
+                         beyond the distance to which objects are followed",
         }]
     }
 

@@ -16,7 +16,8 @@ impl Attribute for Files {
             name: "files",
             column_type: ColumnType::Texts,
             unit: ColumnUnit::None,
-            definition: "input files that hold points of it, joined by `;` in CSV and GeoPackage (`;` in a name is `%3B`, `%` is `%25`)",
+            definition: "input files that contain points of the object, joined by `;` in CSV and \
+                         GeoPackage (`;` in a name is `%3B`, `%` is `%25`)",
         }]
     }
 

@@ -15,8 +15,9 @@ impl Attribute for Footprint {
             name: "area_m2",
             column_type: ColumnType::Decimal { places: 3 },
             unit: ColumnUnit::SquareMetre,
-            definition: "area of the concave outline in the plane, which is the geometry in GeoJSON and GeoPackage: every point \
-                         is within 0.1 m of it, and gaps below 0.4 m are closed",
+            definition: "area of the concave outline in the plane, which is the geometry in GeoJSON and \
+                         GeoPackage; every point is within 0.1 m of the outline, and gaps below 0.4 m are \
+                         closed",
         }]
     }
 

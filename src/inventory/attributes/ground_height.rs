@@ -14,7 +14,8 @@ impl Attribute for GroundHeight {
             name: "ground_z",
             column_type: ColumnType::Decimal { places: 3 },
             unit: ColumnUnit::Input,
-            definition: "mean z of the ground in the cell nearest to the centroid, without cells that are raised above those around them; empty where none is within 10 m",
+            definition: "mean z of the ground in the cell nearest to the centroid; cells that are raised \
+                         above those around them do not count; empty if none is within 10 m",
         }]
     }
 

@@ -15,9 +15,9 @@ impl Attribute for Hedge {
             name: "hedge",
             column_type: ColumnType::Flag,
             unit: ColumnUnit::None,
-            definition: "whether it is a hedge or bush (true), or a fence, wall or guard rail (false); only of class 6: true \
-                         where the points in cubes of 1.05 m have a standard deviation of at least 0.045 m in every \
-                         direction, on average",
+            definition: "true: hedge or bush; false: fence, wall or guard rail; class 6 only; true if the \
+                         points in cubes of 1.05 m have, on average, a standard deviation of at least \
+                         0.045 m in every direction",
         }]
     }
 

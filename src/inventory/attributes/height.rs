@@ -16,15 +16,19 @@ impl Attribute for Height {
                 name: "height_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "height of the highest point above the ground at the base, without a few points above a gap and one in 200 of a wire; of a fence, hedge \
-                             or wall that is longer than 4 m, height above the ground below it that nine tenths of it do not exceed, if that \
-                             is less; empty where no ground is within 10 m of it",
+                definition: "height of the highest point above the ground at the base; a few points above \
+                             a gap do not count, nor do the highest 1 in 200 points of a wire; of a fence, \
+                             hedge or wall longer than 4 m, the height above the ground below it that nine \
+                             tenths of it do not exceed, if that is less; empty if no ground is within 10 \
+                             m",
             },
             Column {
                 name: "base_above_ground_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "height of the lowest point above `ground_z`, without a few points below a gap or more than 1 m below the ground; empty where `ground_z` is empty",
+                definition: "height of the lowest point above `ground_z`; a few points below a gap do not \
+                             count, nor do points more than 1 m below the ground; empty if `ground_z` is \
+                             empty",
             },
         ]
     }

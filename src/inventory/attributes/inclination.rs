@@ -15,14 +15,16 @@ impl Attribute for Inclination {
                 name: "inclination_deg",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::Degree,
-                definition: "angle between the vertical and the axis of a pole, or of the stem of a tree up to 4 m; only of classes 2 \
-                             and 3, empty where less than 1 m of it or too little of a stem was seen",
+                definition: "angle between the vertical and the axis of a pole, or of the lowest 4 m of \
+                             the stem of a tree; classes 2 and 3 only; empty if less than 1 m of it, or \
+                             too little of a stem, was seen",
             },
             Column {
                 name: "inclination_azimuth_deg",
                 column_type: ColumnType::Decimal { places: 1 },
                 unit: ColumnUnit::Degree,
-                definition: "direction in which it leans, clockwise from north (the y axis), 0 to 360",
+                definition: "direction in which the pole or stem leans, clockwise from north (the y axis), \
+                             0 to 360",
             },
         ]
     }

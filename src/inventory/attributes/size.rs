@@ -16,7 +16,7 @@ impl Attribute for Size {
                 name: "length_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "longer side of the box of least area in the plane",
+                definition: "longer side of the box of least area around the object in the plane",
             },
             Column {
                 name: "width_m",
@@ -28,7 +28,8 @@ impl Attribute for Size {
                 name: "azimuth_deg",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::Degree,
-                definition: "direction of the longer side, clockwise from north (the y axis), 0 to 180; empty of a single place",
+                definition: "direction of the longer side, clockwise from north (the y axis), 0 to 180; \
+                             empty if all points have the same x and y",
             },
         ]
     }

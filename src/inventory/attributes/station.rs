@@ -22,7 +22,8 @@ impl Attribute for StationOnAxis {
                 name: "offset_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "distance of the base from the axis, which goes straight on beyond its ends; positive to its left",
+                definition: "distance of the base from the axis; positive to the left of the axis, which \
+                             continues straight beyond its ends",
             },
         ]
     }

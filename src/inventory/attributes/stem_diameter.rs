@@ -19,14 +19,16 @@ impl Attribute for StemDiameter {
                 name: "dbh_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "diameter of the stem 1.3 m above the ground, by a circle that is robust against twigs; only of trees, \
-                             empty where less than 60 degrees of the stem were seen",
+                definition: "diameter of the stem 1.3 m above the ground, from a circle fit that is robust \
+                             against twigs; trees only; empty if less than 60 degrees of the stem were \
+                             seen",
             },
             Column {
                 name: "dbh_error_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "standard error of `dbh_m` from the residuals; empty where `dbh_m` is empty",
+                definition: "standard error of `dbh_m`, from the residuals of the fit; empty if `dbh_m` is \
+                             empty",
             },
         ]
     }

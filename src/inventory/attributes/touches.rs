@@ -15,7 +15,8 @@ impl Attribute for Touches {
             name: "touches",
             column_type: ColumnType::Counts,
             unit: ColumnUnit::None,
-            definition: "ids of the objects of the table with points in the same or a neighbouring voxel of 0.1 m, ascending, joined by `;` in CSV",
+            definition: "ids of the objects with points in the same voxel of 0.1 m or a neighbouring one, \
+                         ascending, joined by `;` in CSV",
         }]
     }
 

@@ -17,9 +17,10 @@ impl Attribute for Uid {
             name: "uid",
             column_type: ColumnType::Text,
             unit: ColumnUnit::None,
-            definition: "class and base in steps of 0.1 m as `CLASS-X-Y`, of a building the centroid instead of the base, and `-2`, \
-                         `-3` if several stand there: the same for the same whole object in every run, whatever the \
-                         other files, their order and the tiles",
+            definition: "name of the object: `CLASS-X-Y`, of its class and its base (of a building, its \
+                         centroid) in steps of 0.1 m; `-2`, `-3` and so on are added if several objects \
+                         share them; the same whole object has the same `uid` in every run, whatever the \
+                         tiles, the other files and their order",
         }]
     }
 
