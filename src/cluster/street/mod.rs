@@ -1,20 +1,22 @@
-//! The clustering method `street`, our own: it knows what a voxel is before it decides whose it is. A
-//! classifier, trained on labelled drives, gives each voxel probabilities of classes. Objects are then
+//! The clustering method `street`, our own: it classifies a voxel before it assigns the voxel to an object. A
+//! classifier, trained on labelled drives, gives each voxel a probability for each class. Objects are then
 //! separated class by class, from the ground up.
 //!
 //! Steps, by folder, in the order of the flow:
 //!
 //! - `voxels`: points to voxels of 0.15 m and a ground raster.
-//! - `classes`: features of each voxel from the voxels within 5.4 m (the corner of the largest window) and
-//!   the ground 12 m around them, probabilities of classes, smoothed. Step `context`: probabilities of
-//!   classes from those of the voxels around.
-//! - `chains`: upright chains near the ground, each a trunk or a pole as a whole.
+//! - `classes`: features of each voxel, from the voxels within 5.4 m (the corner of the largest window) and
+//!   the ground within 12 m of these; then class probabilities, smoothed. Step `context`: corrected class
+//!   probabilities, from those of the surrounding voxels.
+//! - `chains`: upright chains near the ground. Each chain is classified as a whole: trunk or pole.
 //! - `cores`: the parts of the drive that are certainly one object each, and the stems of trees.
-//! - `growth`: step `edges` finds which voxels are neighbours, and all else that growth needs to know of
-//!   them. Step `growth`: every voxel takes the label of the core with the least path cost to it, in rounds.
-//! - `objects`: step `leftovers` joins what no core reaches to an object nearby, or makes it an object of
-//!   its own. Step `objects`: islands and fixtures, the labels of points, and class and confidence of
-//!   objects, which the third part of the model names as a whole. The fourth part finds pieces of objects.
+//! - `growth`: step `edges` finds which voxels are neighbours, and everything else that growth needs to know
+//!   about them. Step `growth`: every voxel takes the label of the core with the least path cost to it, in
+//!   rounds.
+//! - `objects`: step `leftovers` takes the pieces that no core reaches. It joins each to a nearby object, or
+//!   makes it an object of its own. Step `objects`: islands and fixtures, the labels of points, and the class
+//!   and confidence of each object. The third part of the model names an object as a whole. The fourth part
+//!   recognises pieces of objects.
 //!
 //! `learning` makes samples for the models from labelled drives.
 //!
@@ -76,19 +78,20 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     build: |sections| Ok(Box::new(Street::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
-/// Distance beyond which points do not change an object, as a rule: voxels and ground around it decide on
-/// its class, and growth that another core may win. Chosen: with it, all 404 objects of four sections of
-/// synthetic streets (suburb and mixed, 400 m each) are those of the whole drive.
+/// Distance in metres beyond which points usually do not change an object. The voxels and the ground around
+/// an object decide its class, and cores around it compete for its voxels during growth. Chosen: with it, all
+/// 404 objects of four sections of synthetic streets (suburb and mixed, 400 m each) are those of the whole
+/// drive.
 const DECIDING_REACH_M: f64 = 30.0;
 
-/// Bytes per point that a tile of a step needs at its peak.
+/// Peak memory of a tile in any step, in bytes per point.
 const BYTES_PER_POINT: u64 = 60;
 
 const fn step(name: &'static str, settings: &'static [&'static str], repeat: Repeat) -> Step {
     Step { name, settings, bytes: BytesPer::Point(BYTES_PER_POINT), repeat }
 }
 
-/// The steps, with this one as the last.
+/// All steps, with `last` as the last one.
 const fn steps(last: Step) -> [Step; 9] {
     [
         step("voxels", &[], Repeat::Once),
@@ -113,7 +116,7 @@ const STEPS: [Step; 9] = steps(step(
 #[derive(Debug, Clone)]
 pub struct Street {
     config: StreetConfig,
-    /// The model of a file; `None` for that of the scene, which the program contains.
+    /// The model that was read from a file. `None` means the built-in model of the scene.
     model: Option<Arc<StreetModel>>,
 }
 

@@ -1,8 +1,8 @@
-//! The model of `street`: how it classifies voxels and names objects, and what a model must be to do so.
+//! The model of `street`: how it classifies voxels and names objects, and which models it accepts.
 //!
-//! It is up to four models. The first classifies a voxel by the shape of what is around it, the second by
-//! the classes that the first finds around it. The third, if there is one, names an object by the figures of
-//! its voxels. The fourth, if there is one, says whether an object is whole or a piece.
+//! It consists of two to four models. The first classifies a voxel by the shape of its surroundings, the
+//! second by the classes that the first finds there. The third is optional and names an object by the
+//! features of its voxels. The fourth is optional and says whether an object is whole or a piece.
 
 use std::sync::{Arc, OnceLock};
 
@@ -21,7 +21,7 @@ use crate::error::Result;
 pub(crate) const CLASS_NAMES: [&str; CLASSES] =
     ["none", "tree", "pole", "vehicle", "building", "fence or hedge", "small", "wire"];
 
-/// The model of `street`. Its file is the files of its models, one after the other.
+/// The model of `street`. Its file holds the files of its models, one after the other.
 #[derive(Debug, Clone)]
 pub struct StreetModel {
     /// Classifies voxels by shapes.
@@ -35,14 +35,15 @@ pub struct StreetModel {
 }
 
 impl StreetModel {
-    /// The model in the content of `file` (a name for messages). It is for the features and classes of
-    /// `street`.
+    /// Decodes the model in `content`. It must fit the features and classes of `street`. `file` is its name
+    /// in messages.
     ///
     /// # Errors
     /// A [`BoostingError`] that says what is wrong with the file.
     pub fn decode(file: &str, content: &[u8]) -> Result<Self, BoostingError> {
         let (of_voxels, rest) = Self::split(file, content)?;
-        // What stands at the start of the rest, and what follows. An optional model may be missing.
+        // The first model of the rest, and the bytes that follow it. Both are empty if an optional model is
+        // missing.
         let split = |rest| if <[u8]>::is_empty(rest) { Ok((rest, rest)) } else { Model::split(file, rest) };
         let optional = |bytes: &[u8], features: &[&str], classes: &[&str]| {
             if bytes.is_empty() { Ok(None) } else { read(file, bytes, features, classes).map(Some) }
@@ -53,7 +54,8 @@ impl StreetModel {
         Ok(Self { objects, wholes, ..of_voxels })
     }
 
-    /// The parts of the model that classify voxels. What it knows of objects is not read: it is learned anew.
+    /// Decodes the parts of the model that classify voxels. The parts for objects are not read, because they
+    /// are learned again.
     ///
     /// # Errors
     /// A [`BoostingError`] that says what is wrong with the file.
@@ -61,7 +63,7 @@ impl StreetModel {
         Self::split(file, content).map(|(of_voxels, _)| of_voxels)
     }
 
-    /// The parts that classify voxels, and what follows them.
+    /// The parts that classify voxels, and the bytes that follow them.
     fn split<'a>(file: &str, content: &'a [u8]) -> Result<(Self, &'a [u8]), BoostingError> {
         let (shapes, context) = Model::split(file, content)?;
         let shapes = read(file, shapes, &features::NAMES, &CLASS_NAMES)?;
@@ -77,7 +79,7 @@ impl StreetModel {
     /// The bytes of the model.
     ///
     /// # Errors
-    /// A defect of chainage, if a list of it cannot be encoded.
+    /// A defect of chainage, if a list of the model cannot be encoded.
     pub fn encode(&self) -> Result<Vec<u8>> {
         let mut bytes = self.shapes.encode()?;
         bytes.extend(self.context.encode()?);
@@ -87,21 +89,21 @@ impl StreetModel {
         Ok(bytes)
     }
 
-    /// A number that tells models apart.
+    /// A number that distinguishes models.
     #[must_use]
     pub fn checksum(&self) -> u64 {
         let of_objects = self.objects.iter().chain(&self.wholes);
         of_objects.fold(self.checksum_of_voxels(), |sum, model| of_both(sum, model.checksum()))
     }
 
-    /// A number that tells models apart by how they classify voxels.
+    /// A number that distinguishes models by the parts that classify voxels.
     #[must_use]
     pub(crate) fn checksum_of_voxels(&self) -> u64 {
         of_both(self.shapes.checksum(), self.context.checksum())
     }
 }
 
-/// A part of a model of `file`, if it is for these features and classes.
+/// One part of the model in `file`, if it fits these features and classes.
 fn read(file: &str, bytes: &[u8], features: &[&str], classes: &[&str]) -> Result<Model, BoostingError> {
     let model = Model::decode(file, bytes)?;
     model.check(file, features, classes)?;
@@ -136,10 +138,10 @@ pub(crate) fn classify(model: &Model, rows: &[f32], shares: &mut [Shares]) -> Re
     Ok(())
 }
 
-/// Class and confidence of an object, by its features. `class` is what the steps before call it.
+/// Class and confidence of an object, by its features. `class` is the class that the earlier steps gave it.
 ///
-/// An object gets another class only if that has more than half of the shares, and is not none. Trees and
-/// poles only become vehicles, because they were decided as a whole before, by their stems. The study is in
+/// An object gets another class only if that class has more than half of the shares and is not `none`. A tree
+/// or a pole can only become a vehicle, because its stem already decided it as a whole. The study is in
 /// `benches/results/street.md`.
 pub(crate) fn name(model: &Model, features: &[f32], class: u8) -> Result<(u8, u8)> {
     let shares = model.shares::<CLASSES>(features)?;
@@ -200,7 +202,7 @@ mod tests {
         let named = |length, class| name(&model, &row(length), class).unwrap().0;
         assert_eq!([SMALL, BUILDING, TREE, POLE].map(|class| named(4.0, class)), [VEHICLE; 4]);
         assert_eq!([SMALL, VEHICLE, TREE, POLE].map(|class| named(1.0, class)), [FENCE, FENCE, TREE, POLE]);
-        // It is none, or nothing clear.
+        // The model says `none`, or gives no class more than half of the shares.
         assert_eq!([SMALL, TREE].map(|class| named(9.0, class)), [SMALL, TREE]);
         assert_eq!([SMALL, VEHICLE].map(|class| named(2.0, class)), [SMALL, VEHICLE]);
         assert!(
@@ -239,7 +241,7 @@ mod tests {
             [&half[..], &built_in(Scene::Street).unwrap().context.encode().unwrap(), &other].concat();
         let error = StreetModel::decode("my.model", &foreign).unwrap_err().to_string();
         assert!(error.contains("it has 1 features"), "{error}");
-        // What a model knows of objects may be for another version. Its parts for voxels can be kept.
+        // The parts of a model for objects may fit another version only. Its parts for voxels can be kept.
         let voxels = StreetModel::decode_of_voxels("my.model", &foreign).unwrap();
         assert!(voxels.objects.is_none() && voxels.wholes.is_none());
         assert_eq!(voxels.checksum(), built_in(Scene::Street).unwrap().checksum_of_voxels());

@@ -1,4 +1,4 @@
-//! Fixed values of `street`: lengths, classes, and the numbers of its steps.
+//! Settings and fixed values of `street`: lengths, classes, and the numbers of its steps.
 
 use serde::Deserialize;
 
@@ -27,17 +27,17 @@ pub(crate) const EDGE_M: f64 = 0.15;
 /// vehicle, building, fence or hedge, small, wire.
 pub(crate) const CLASSES: usize = 8;
 
-/// What a model that the program contains has learned from.
+/// The kind of scene that a built-in model learned from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scene {
     /// Streets of many kinds.
     Street,
-    /// Tracks through forests and plantations. It knows no buildings.
+    /// Tracks through forests and plantations. The model knows no buildings.
     Forest,
 }
 
-/// A class of objects in the settings. Its number is its place in the shares of a voxel.
+/// A class of objects in the settings. Its number is its index in the shares of a voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WantedClass {
@@ -72,16 +72,15 @@ pub(crate) fn edge(lattice: Lattice) -> u32 {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
-    /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence needs twice as many, a
-    /// tree, a vehicle and a building three times as many. What the model takes for whole needs only this
-    /// number, and a tree or an object without a core one and a half times as many. Smaller ones that join no
-    /// other are left without an id.
+    /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence needs twice as many; a
+    /// tree, a vehicle or a building needs three times as many. If the model takes an object for whole, this
+    /// number is enough; a tree, or an object without a core, then needs 1.5 times as many. Smaller objects
+    /// that join no other get no id.
     pub min_points: u64,
-    /// Classes of the objects that get an id. Default: all. Objects of other classes are found, too, because
-    /// growth needs them, and then left without an id.
+    /// Classes of the objects that get an id. Default: all. Objects of other classes are found too, because
+    /// growth needs them, but they get no id.
     pub classes: Vec<WantedClass>,
-    /// Which of the models that the program contains classifies voxels, and how thick trunks may be. Default:
-    /// that of streets.
+    /// Selects the built-in model that classifies voxels, and how thick trunks may be. Default: streets.
     pub scene: Scene,
     /// File of another model that classifies voxels. Empty for the model of the scene.
     pub model: String,
@@ -99,14 +98,14 @@ impl Default for StreetConfig {
 }
 
 impl StreetConfig {
-    /// Smallest number of points of a tree with a core, and of an object without one, to be looked at by the
-    /// model: one and a half times [`Self::min_points`]. Smaller ones are mostly pieces of other objects
+    /// Smallest number of points at which the model examines a tree with a core, or an object without one:
+    /// 1.5 times [`Self::min_points`]. Smaller ones are mostly pieces of other objects
     /// (benches/results/street.md).
     pub(crate) fn min_uncertain(&self) -> u64 {
         3 * self.min_points / 2
     }
 
-    /// Whether an object of the class with this index has so many points that it is one without further
+    /// Whether an object of the class with this index has enough points to count as an object without further
     /// evidence. On 18 labelled drives, 10 of 75 trees, fences and buildings with fewer points were right; on
     /// 14, none of 11 vehicles.
     pub(crate) fn is_large(&self, class: u8, points: u64) -> bool {

@@ -1,4 +1,4 @@
-//! The classes of voxels: codes, and the class of the largest share.
+//! The classes of voxels: their indices, and the class with the largest share.
 
 use super::settings::CLASSES;
 
@@ -17,12 +17,12 @@ pub(crate) fn unites(class: u8) -> bool {
     matches!(class, VEHICLE | FENCE | WIRE)
 }
 
-/// Whether it counts how far components of this class reach in the plane.
+/// Whether the extent of components of this class in the plane is needed.
 pub(crate) fn spans(class: u8) -> bool {
     unites(class) || class == BUILDING
 }
 
-/// The class with the largest share. Of equal shares the first class counts.
+/// The class with the largest share. Of equal shares, the first class wins.
 pub(crate) fn class<const N: usize>(shares: &[u8; N]) -> u8 {
     let mut best = 0;
     for class in 1..N {
@@ -40,8 +40,8 @@ pub(crate) fn classes(shares: &[[u8; CLASSES]]) -> Vec<u8> {
     shares.iter().map(class).collect()
 }
 
-/// The shares of a voxel whose class was decided by the object that it is a part of: 95 % for this class, and
-/// a twentieth of what it had for the others.
+/// The shares of a voxel whose object decided its class: a twentieth of its earlier share for each other
+/// class, and the rest, at least 95 %, for this class.
 pub(crate) fn decided(shares: &[u8; CLASSES], class: u8) -> [u8; CLASSES] {
     let mut changed = shares.map(|share| share / 20);
     let rest: u8 = changed.iter().sum();

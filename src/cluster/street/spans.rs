@@ -1,12 +1,12 @@
-//! How far a set of places reaches in 32 directions of the plane. Of two sets, the extremes of both are those
-//! of the union, so the parts of a component in all tiles add up.
+//! The extent of a set of places in 32 directions of the plane. The extremes of two sets give the extremes of
+//! their union, so the parts of a component in all tiles can be merged.
 
 use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-/// Directions in half a turn. A box turns in steps of 5.6 degrees, so a fence of 20 m seems at most 1 m wider
-/// than it is.
+/// Directions in half a turn. A box is turned in steps of 5.6 degrees, so a fence of 20 m appears at most 1 m
+/// wider than it is.
 const DIRECTIONS: usize = 32;
 /// Length of [`VECTORS`], a power of two.
 const SCALE: f64 = 1024.0;
@@ -89,14 +89,14 @@ impl Spans {
         }
     }
 
-    /// Both together.
+    /// The spans of the union of both sets.
     pub(crate) fn union(&self, other: &Self) -> Self {
         let mut union = self.clone();
         union.merge(other);
         union
     }
 
-    /// The box whose shorter side is shortest. Of equal ones the first direction counts.
+    /// The box with the shortest shorter side. Of equal boxes, the first direction wins.
     pub(crate) fn narrowest(&self) -> Extent {
         let around = (0..DIRECTIONS).map(|across| Extent {
             width: self.length(across),

@@ -5,7 +5,8 @@ use std::ops::Range;
 use crate::cluster::columns::{Columns, Finder};
 use crate::spatial::Cell;
 
-/// A window around a voxel: the columns within a radius in the plane, and as many levels below as above.
+/// A window around a voxel: the columns within a radius in the plane, and the same number of levels below and
+/// above.
 #[derive(Debug)]
 pub(crate) struct Window {
     steps: Vec<[i32; 2]>,
@@ -40,16 +41,16 @@ impl Window {
     }
 }
 
-/// Visits the voxels around one voxel after the other. Voxels of a column that follow each other, from the
-/// lowest up, are visited fastest: they have the same columns around them, and what lies below one lies below
-/// the next.
+/// Visits the windows of one voxel after another. It is fastest if the voxels of a column follow each other
+/// from the lowest up: their windows have the same columns, and a voxel below one window is also below the
+/// next.
 pub(crate) struct Visitor<'a> {
     window: Window,
     columns: &'a Columns,
     finder: Finder<'a>,
     /// Where the last voxel was.
     last: Option<(Cell, i32)>,
-    /// The voxels of each column around it that is not empty, without those that are too low.
+    /// The voxels of each non-empty column of the window, without those below the window.
     ranges: Vec<Range<usize>>,
 }
 
