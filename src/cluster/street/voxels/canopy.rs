@@ -1,20 +1,19 @@
-//! Does the drive lead through a forest? Then the model of forests suits it better, and the run says so.
+//! Detects a drive through a forest. The forest model suits such a drive better, and the run says so.
 //!
-//! In a forest there are crowns above most of the ground. A cell of the ground raster is *covered* if its
-//! points reach over more than 6 m of height. Counts of tiles add up: a cell is of one tile, which has all of
-//! its points.
+//! In a forest, crowns are above most of the ground. A cell of the ground raster is *covered* if its points
+//! span 6 m of height or more. Counts of tiles can be added: one tile owns a cell and has all its points.
 
 use serde::{Deserialize, Serialize};
 
 use crate::cluster::street::settings::Scene;
 
-/// Height over which the points of a covered cell reach, in metres.
+/// Smallest height range of the points of a covered cell, in metres.
 pub(crate) const COVERED_M: f64 = 6.0;
-/// Share of covered cells from which a drive leads through a forest. A real forest has 0.75, a plantation
+/// Share of covered cells above which a drive leads through a forest. A real forest has 0.75, a plantation
 /// 0.69; of 17 streets, real, simulated and synthetic, none has more than 0.30.
 const FOREST: f64 = 0.45;
 
-/// Cells with points, and those of them that are covered.
+/// Number of cells with points, and number of covered cells.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Cover {
     pub(crate) cells: u64,
@@ -27,7 +26,7 @@ impl Cover {
         self.covered += other.covered;
     }
 
-    /// What the run says about a drive whose voxels the model of `scene` classifies.
+    /// The warning about a drive whose voxels the model of `scene` classifies.
     pub(crate) fn warning(self, scene: Scene) -> Option<String> {
         let share = self.covered as f64 / self.cells.max(1) as f64;
         (scene == Scene::Street && share > FOREST).then(|| {

@@ -1,4 +1,5 @@
-//! Step `voxels`: the voxels of the points, the height of the ground, and what they say of the whole drive.
+//! Step `voxels`: the voxels of the points, the height of the ground, and what their counts say about the
+//! whole drive.
 
 pub(crate) mod canopy;
 pub(crate) mod plane;

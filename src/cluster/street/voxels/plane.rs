@@ -1,11 +1,12 @@
 //! The plane through heights at cells of a raster, by weighted least squares.
 
-/// Distance from the centre, in cells, below which the slope is drawn to zero: half-way at 1.4 times it. A
-/// plane through neighbouring cells would continue a kerb as a ramp.
+/// Distance of the samples from their centre, in cells, below which the slope is damped towards zero. At 1.4
+/// times this distance the slope is halved. Without damping, a plane through neighbouring cells would
+/// continue a kerb as a ramp.
 const LEVER_CELLS: f64 = 1.0;
 
-/// Weighted sums over samples. Heights are relative to that of the first sample, so that the result does not
-/// depend on how far up the drive is.
+/// Weighted sums over samples. Heights are relative to the first sample, so that the result does not depend
+/// on the elevation of the drive.
 #[derive(Debug, Default)]
 pub(crate) struct Plane {
     base: Option<i64>,
@@ -60,7 +61,7 @@ impl Plane {
         [(xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant]
     }
 
-    /// The height at offset (0, 0), in lattice units. There is at least one sample.
+    /// The height at offset (0, 0), in lattice units. At least one sample must have been added.
     #[expect(clippy::cast_possible_truncation, reason = "heights of a drive in lattice units")]
     pub(crate) fn height(&self) -> i64 {
         let [slope_x, slope_y] = self.slope();
@@ -68,7 +69,7 @@ impl Plane {
         self.base.unwrap_or(0) + (z / w - slope_x * x / w - slope_y * y / w).round() as i64
     }
 
-    /// The mean square of the distances of the samples from the plane along z, in squared lattice units.
+    /// The mean squared distance of the samples from the plane along z, in squared lattice units.
     pub(crate) fn residual(&self) -> f64 {
         let [xx, xy, yy, xz, yz] = self.centred();
         let [u, v] = self.slope();

@@ -1,18 +1,20 @@
-//! Are the points of a drive sparse? Then the classifier knows its voxels less well, and the run says so.
+//! Detects a drive with sparse points. The classifier is less reliable on its voxels, and the run says so.
 //!
-//! A voxel is *stacked* if the voxel above or below it has points as well. On dense drives most are, because
-//! objects stand. The share does not depend on tiles: a tile owns whole columns.
+//! A voxel is *stacked* if the voxel above or below it has points as well. On dense drives most voxels are
+//! stacked, because objects are upright. The share does not depend on tiles, because a tile owns whole
+//! columns.
 
 use serde::{Deserialize, Serialize};
 
 use super::stored::StoredVoxels;
 
-/// Smallest share of stacked voxels without a warning. Scenes thinned to half have 0.49 and more and lose
-/// 0.03 of F1; to a quarter, 0.32 to 0.40 and 0.06 to 0.15; to a tenth, 0.16 to 0.21 and 0.15 to 0.40. The
-/// share of a single sweep is 0.53. From `scripts/study_robustness.py`.
+/// Smallest share of stacked voxels without a warning. Scenes thinned to half of their points have a share of
+/// 0.49 or more and lose 0.03 of F1; to a quarter, 0.32 to 0.40, and they lose 0.06 to 0.15; to a tenth, 0.16
+/// to 0.21, and they lose 0.15 to 0.40. A single sweep has a share of 0.53. From
+/// `scripts/study_robustness.py`.
 const SPARSE: f64 = 0.3;
 
-/// Voxels, and those of them that are stacked. Counts of tiles add up.
+/// Number of voxels, and number of stacked voxels. Counts of tiles can be added.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Stacked {
     voxels: u64,
@@ -36,7 +38,7 @@ impl Stacked {
         self.stacked += other.stacked;
     }
 
-    /// What the run says about them.
+    /// The warning about a drive with these counts.
     pub(crate) fn warning(self) -> Option<String> {
         let share = self.stacked as f64 / self.voxels.max(1) as f64;
         (self.voxels > 0 && share < SPARSE).then(|| {

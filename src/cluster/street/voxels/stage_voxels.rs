@@ -2,8 +2,8 @@
 //! raster. It is the only step before the labels that reads points.
 //!
 //! A tile owns whole columns of voxels and whole cells of the ground raster: the owner of the first occupied
-//! cell that a column meets owns the column. A tile reads points so far around itself that it has all points
-//! of what it owns.
+//! raster cell that meets a column owns the column. A tile reads the points around it as well, so that it has
+//! all points of the columns and cells that it owns.
 #![expect(clippy::cast_possible_truncation, reason = "counts of a tile fit u32, edges are 0.15 m and 0.5 m")]
 
 use super::canopy::{COVERED_M, Cover};

@@ -1,5 +1,5 @@
 //! The voxels of a tile and around it: how a tile stores those that it owns, and how a step loads them. This
-//! file knows no points and no classes.
+//! file has neither points nor classes.
 //!
 //! A tile owns whole columns of voxels. Its voxels are stored in ascending (i, j, k). A later step may store
 //! one value per voxel in the same order, and [`Voxels::gather`] brings the values of all tiles together.
@@ -26,16 +26,16 @@ pub(crate) const SECTION_VOXELS: usize = 0;
 pub(crate) const SECTION_GROUND: usize = 1;
 pub(crate) const SECTION_COUNTS: usize = 2;
 
-/// Columns per edge of the squares that tell which columns are near a tile.
+/// Edge, in columns, of the squares by which the columns near a tile are found.
 const SQUARE: i32 = 8;
 
-/// Voxels in ascending order of their keys, stored as differences to the one before: 7 to 10 bytes per voxel
-/// after the encoding of small numbers in few bytes.
+/// Voxels in ascending order of their keys, stored as differences to the previous one: 7 to 10 bytes per
+/// voxel, because small numbers are encoded in few bytes.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct StoredVoxels {
-    /// Differences of i and j to the column before, and the number of voxels.
+    /// Differences of i and j to the previous column, and the number of voxels.
     columns: Vec<(i32, i32, u32)>,
-    /// Differences of k to the voxel before, whatever its column.
+    /// Differences of k to the previous voxel, also across columns.
     k: Vec<i32>,
     /// Points of each voxel.
     points: Vec<u32>,
@@ -78,7 +78,7 @@ impl StoredVoxels {
     }
 }
 
-/// Takes voxels in ascending order.
+/// Collects voxels, which must come in ascending order.
 #[derive(Debug, Default)]
 pub(crate) struct Storing {
     stored: StoredVoxels,
@@ -86,8 +86,8 @@ pub(crate) struct Storing {
 }
 
 impl Storing {
-    /// Adds a voxel: its points, and the sums over them of the offsets from its lowest corner. The centre is
-    /// the mean, rounded down to a lattice unit.
+    /// Adds a voxel: its number of points, and the sums of their offsets from its lowest corner. The centre
+    /// is the mean, rounded down to a lattice unit.
     pub(crate) fn push(&mut self, key: Voxel, points: u32, sums: [u64; 3]) {
         let [i, j, k] = key;
         match self.stored.columns.last_mut() {
@@ -117,7 +117,7 @@ pub(crate) struct Voxels {
     pub(crate) points: Vec<u32>,
     /// Mean position of the points in lattice units, rounded down.
     pub(crate) centre: Vec<[i64; 3]>,
-    /// Whether the tile owns the voxel. The owned voxels, in order, are those that the tile stores.
+    /// Whether the tile owns the voxel. The owned voxels have the order in which the tile stores them.
     pub(crate) owned: Vec<bool>,
     /// The tile that owns the voxel, and the position among its voxels.
     pub(crate) origin: Vec<(TileId, u32)>,
@@ -209,8 +209,8 @@ impl Voxels {
         tiles
     }
 
-    /// Brings together what a step stored for the voxels of each tile. `read` gives one value per voxel of a
-    /// tile, in the order in which the tile stores its voxels.
+    /// Collects the values that a step stored for the voxels of each tile. `read` gives one value per voxel
+    /// of a tile, in the order in which the tile stores its voxels.
     pub(crate) fn gather<T: Copy>(&self, mut read: impl FnMut(TileId) -> Result<Vec<T>>) -> Result<Vec<T>> {
         let mut tiles: Vec<TileId> = self.origin.iter().map(|origin| origin.0).collect();
         tiles.sort_unstable();
@@ -238,7 +238,7 @@ pub(crate) fn read(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<
     codec::decode(codec::section(&drive.payload(STEP_VOXELS, tile)?, SECTION_VOXELS)?)
 }
 
-/// Which columns are near those of a tile, by squares of columns.
+/// The columns near those of a tile, found by squares of columns.
 struct Near {
     grid: CellGrid,
     squares: CellMap<u8>,
@@ -309,7 +309,7 @@ mod tests {
         assert_eq!(stored.len(), 0);
     }
 
-    /// The second column is one in which the tile has points and which another tile owns.
+    /// The tile has points in the second column, but another tile owns it.
     #[test]
     fn every_column_within_reach_is_near() {
         let near = Near::around([[-3, 5], [40, 7]].into_iter(), 10);

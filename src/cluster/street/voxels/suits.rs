@@ -1,4 +1,4 @@
-//! Does the model suit the drive? Counts of the step `voxels` say so before any class is known.
+//! Whether the model suits the drive, by counts of the step `voxels`, before any class is known.
 
 use super::canopy::Cover;
 use super::sparse::Stacked;
@@ -21,8 +21,8 @@ pub(crate) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     codec::encode(&sums)
 }
 
-/// What the run says about a drive, from the global of the step `voxels`. `scene` is that of the model, if
-/// the program contains it.
+/// The warnings about a drive, from the global result of the step `voxels`. `scene` is the scene of the
+/// model, if the model is built in.
 pub(crate) fn warnings(global: &[u8], scene: Option<Scene>) -> Result<Vec<String>> {
     let (stacked, cover): (Stacked, Cover) = codec::decode(global)?;
     let of_scene = scene.and_then(|scene| cover.warning(scene));

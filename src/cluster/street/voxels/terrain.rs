@@ -1,32 +1,32 @@
 //! The height of the ground: a raster of 0.5 m with one or two layers per cell, and its interpolation over
 //! gaps.
 //!
-//! *Layers.* The ground points of a cell are one layer, unless a gap of 2.5 m or more separates them: below
-//! and on a bridge. Then the points below the lowest such gap are the lower layer, and those above the
-//! highest gap the upper one if they are at least 3. The height of a layer is the lower quartile of its
-//! points, so that single points below the ground and the foot of objects count little.
+//! *Layers.* The ground points of a cell are one layer, unless a gap of 2.5 m or more separates them, as
+//! below and on a bridge. Then the points below the lowest such gap are the lower layer. The points above the
+//! highest such gap are the upper layer if there are at least 3. The height of a layer is the lower quartile
+//! of its points, so that single points below the ground and the feet of objects count little.
 //!
 //! *Which layer.* A voxel stands on the upper layer if its centre is above it or less than 0.5 m below it,
-//! and otherwise on the lower one. So what stands on a bridge is measured from its deck, and what stands
-//! under it (or is part of its girders) from the road below.
+//! and otherwise on the lower one. So the height of an object on a bridge is measured from the deck. The
+//! height of an object under the bridge, or of a girder, is measured from the road below.
 //!
-//! *Gaps.* A cell without ground takes the nearest cell with ground in each of eight sectors within 12 m. A
-//! plane is fitted to them with weights 1 / d^2. Its slope is drawn to zero where the cells are near and on
-//! one side only: a plane through neighbouring cells would continue a kerb as a ramp. So a gap between ground
-//! follows the slope (within 2 cm below a car on a slope of 10 %), and beyond the edge of the ground its
-//! height goes on level. If one of the cells has two layers, the gap has two layers as well, provided that
-//! they differ by 2.5 m there.
+//! *Gaps.* For a cell without ground, the nearest cell with ground in each of eight sectors within 12 m is
+//! used. A plane is fitted to these with weights 1 / d^2. Its slope is damped towards zero where the cells
+//! are near and on one side only: a plane through neighbouring cells would continue a kerb as a ramp. So a
+//! gap surrounded by ground follows the slope (within 2 cm below a car on a slope of 10 %), and beyond the
+//! edge of the ground the height continues level. If one of the cells has two layers, the gap has two layers
+//! as well, provided that they differ by 2.5 m there.
 //!
-//! *Rough ground.* Where the scanner saw no ground, the ground filter takes the lower side of crowns for it,
-//! and every bough that hangs from it would be a trunk. There, cells with ground are few, and their heights
-//! are on no plane. They count as cells without ground.
+//! *Rough ground.* Where the scanner saw no ground, the ground filter takes the lower side of crowns for
+//! ground, and every hanging bough would be a trunk. Such places have few cells with ground, and their
+//! heights are not on a plane. These cells count as cells without ground.
 //!
-//! *No ground within 12 m.* The height is counted from the lowest rough cell there, and without rough cells
-//! from the lowest voxel of the column.
+//! *No ground within 12 m.* The height is measured from the lowest rough cell within 12 m. Without rough
+//! cells it is measured from the lowest voxel of the column.
 //!
 //! Everything is computed from whole cells on the global lattice in a fixed order, and rounded to lattice
-//! units. So two tiles that see the same 15 m around a cell find the same height: 12 m, and 3 m around each
-//! cell that may be rough.
+//! units. So two tiles that see the same 15 m around a cell find the same height: 12 m for the gap, and 3 m
+//! around each cell that may be rough.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "offsets of cells within 12 m, heights of a drive in lattice units"
@@ -51,24 +51,25 @@ pub(crate) const REACH_M: f64 = 12.0;
 pub(crate) const LAYER_GAP_M: f64 = 2.5;
 /// Depth below the upper layer at which a voxel still stands on it, in metres.
 const BELOW_UPPER_M: f64 = 0.5;
-/// Fewest points of an upper layer.
+/// Smallest number of points of an upper layer.
 const UPPER_POINTS: usize = 3;
-/// Distance within which ground is sparse or not, in metres: less than between two crowns.
+/// Radius around a cell within which ground counts as sparse or not, in metres: less than the distance
+/// between two crowns.
 const SPARSE_REACH_M: f64 = 3.0;
-/// Sparse ground is in less than this share of the cells.
+/// Share of cells with ground below which ground is sparse.
 const SPARSE: f64 = 0.2;
-/// Sparse ground is rough if its distance to a plane, the root of the mean square, is larger than this, in
-/// metres. How often such ground is none is in `benches/results/street.md`, "Ground below crowns".
+/// Root mean square distance of sparse ground to a plane above which it is rough, in metres.
+/// `benches/results/street.md`, "Ground below crowns", says how often such ground is not ground.
 const ROUGH_M: f64 = 0.2;
-/// Fewer cells are always near a plane. They are rough, too.
+/// Smallest number of cells for this test. Fewer cells are always near a plane, so they count as rough.
 const FEWEST: u32 = 4;
 
-/// The ground raster of a tile, as differences to the cell before.
+/// The ground raster of a tile, as differences to the previous cell.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct StoredGround {
     /// Differences of i, j and lower height, and the upper height above the lower one.
     cells: Vec<(i32, i32, i64, u64)>,
-    /// The cell before and its lower height.
+    /// The previous cell and its lower height.
     #[serde(skip)]
     last: (Cell, i64),
 }
@@ -92,8 +93,8 @@ impl StoredGround {
     }
 }
 
-/// Lower and upper height of ground points in a cell, where a gap of `gap` separates layers. `None` without
-/// points. Changes the order of `heights`.
+/// Lower and upper height of the ground points in a cell. A gap of at least `gap` separates layers. `None` if
+/// there are no points. Changes the order of `heights`.
 pub(crate) fn layers(heights: &mut [i32], gap: i32) -> Option<[i32; 2]> {
     let lowest = *heights.iter().min()?;
     let highest = *heights.iter().max()?;
@@ -120,7 +121,7 @@ fn quartile(heights: &mut [i32]) -> i32 {
 #[derive(Debug)]
 pub(crate) struct Terrain {
     lattice: Lattice,
-    /// Position in `layers` plus one of the cells that are not rough, and of those that are.
+    /// Position in `layers` plus one: of the cells that are not rough, and of the rough cells.
     places: CellMap<u32>,
     rough: CellMap<u32>,
     /// Lower and upper height of cells with ground; equal where there is one layer.
@@ -130,7 +131,7 @@ pub(crate) struct Terrain {
 }
 
 impl Terrain {
-    /// Loads the ground for voxels within `reach` lattice units of those of the tile.
+    /// Loads the ground for voxels within `reach` lattice units of the voxels of the tile.
     pub(crate) fn load(tile: &dyn TileWindow, reach: i64) -> Result<Self> {
         let lattice = tile.lattice();
         let further = lattice.units(REACH_M)
@@ -144,7 +145,7 @@ impl Terrain {
         Ok(Self::new(lattice, cells))
     }
 
-    /// The ground with these cells and their lower and upper heights.
+    /// The ground of these cells, given their lower and upper heights.
     pub(crate) fn new(lattice: Lattice, cells: impl IntoIterator<Item = (Cell, [i64; 2])>) -> Self {
         let (cells, layers): (Vec<Cell>, Vec<[i64; 2]>) = cells.into_iter().unzip();
         let mut all = CellMap::default();
@@ -190,7 +191,7 @@ impl Terrain {
         places.filter_map(|place| Some(self.layers[place.checked_sub(1)? as usize][0])).min()
     }
 
-    /// Lower and upper height of the ground in a cell that has none, from the cells around it.
+    /// Lower and upper height of the ground in a cell without ground, from the cells around it.
     fn fill(&self, cell: Cell) -> Option<[i64; 2]> {
         let mut samples: Vec<([i32; 2], [i64; 2])> = Vec::with_capacity(8);
         let mut sectors = 0_u8;
@@ -217,7 +218,7 @@ impl Terrain {
     }
 }
 
-/// The cells around a cell that decide whether it is rough.
+/// The surrounding cells that decide whether a cell is rough.
 struct Patch {
     offsets: Vec<[i32; 2]>,
     /// Number of cells from which ground is not sparse.
@@ -278,7 +279,7 @@ impl Surfaces<'_> {
 }
 
 /// Offsets within reach in ascending (distance, i, j), with a bit for the sector. A sector contains the
-/// direction at which it begins and not the one at which it ends.
+/// direction at which it begins, but not the one at which it ends.
 fn around() -> Vec<([i32; 2], u8)> {
     let most = (REACH_M / CELL_M) as i32;
     let mut offsets: Vec<(i32, [i32; 2])> = (-most..=most)
@@ -387,7 +388,7 @@ mod tests {
         assert!(below.iter().all(|(cell, _)| at(&beside, *cell) == Some([0; 2])));
         let alone = Terrain::new(Lattice::MILLIMETRE, below.iter().copied());
         assert!(below.iter().all(|(cell, _)| at(&alone, *cell) == Some([2_100; 2])));
-        // On a slope that is as sparse, every cell has its own height.
+        // On an equally sparse slope, every cell has its own height.
         let slope = below.iter().map(|&(cell @ [i, _], _)| (cell, [150 * i64::from(i); 2]));
         let slope: Vec<_> = slope.collect();
         let terrain = Terrain::new(Lattice::MILLIMETRE, slope.iter().copied());
