@@ -1,4 +1,4 @@
-//! What the steps `classes` and `context` store: height above ground and probabilities of classes for each
+//! The results of the steps `classes` and `context`: height above ground and class probabilities for each
 //! voxel of a tile, and how later steps load them.
 
 use crate::cluster::TileWindow;
@@ -16,7 +16,7 @@ const SECTION_SHARES: usize = 1;
 /// Probabilities of the classes of a voxel in steps of 1/255. Their sum is 255.
 pub(crate) type Shares = [u8; CLASSES];
 
-/// Voxels of a tile and around it with what one of these steps found, in the same order.
+/// Voxels of a tile and around it with the results of one of these steps, in the same order.
 #[derive(Debug)]
 pub(crate) struct Classified {
     pub(crate) voxels: Voxels,
@@ -49,7 +49,7 @@ impl Classified {
     }
 }
 
-/// The payload of a tile: heights as differences to the voxel before, and the probabilities that are not 0.
+/// The payload of a tile: heights as differences to the previous voxel, and the probabilities that are not 0.
 pub(crate) fn encode(heights: &[i32], shares: &[Shares]) -> Result<Vec<u8>> {
     let mut last = 0;
     let steps: Vec<i32> =

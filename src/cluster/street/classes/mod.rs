@@ -1,4 +1,4 @@
-//! Steps `classes` and `context`: the probabilities of classes of each voxel.
+//! Steps `classes` and `context`: the class probabilities of each voxel.
 
 pub(crate) mod classified;
 pub(crate) mod features;

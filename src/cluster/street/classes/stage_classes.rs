@@ -1,8 +1,8 @@
-//! Step `classes`: height above ground and probabilities of classes for each voxel that a tile owns. It reads
-//! no points.
+//! Step `classes`: height above ground and class probabilities for each voxel that a tile owns. It reads no
+//! points.
 //!
-//! The probabilities of a voxel are smoothed: half its own, half the mean over the occupied voxels of the 3 x
-//! 3 x 3 around it. For that the tile also classifies the voxels that touch its own.
+//! The probabilities of a voxel are smoothed: half its own, half the mean over the occupied voxels in the 3 x
+//! 3 x 3 block around it. So the tile also classifies the voxels that touch its own.
 #![expect(clippy::cast_possible_truncation, reason = "at most 27 voxels, shares of 255")]
 
 use super::classified::{self, Shares};
@@ -13,11 +13,11 @@ use crate::cluster::street::voxels::terrain::Terrain;
 use crate::cluster::{Mapped, TileWindow};
 use crate::error::Result;
 
-/// Gives the probabilities of some voxels from their features. The lengths agree.
+/// Computes the probabilities of some voxels from their features. The two slices have matching lengths.
 pub(crate) type Classify<'a> = &'a dyn Fn(&[f32], &mut [Shares]) -> Result<()>;
 
-/// The probabilities of voxels whose features `compute` passes on, as numbers of voxels and a row for each.
-/// Those of others are 0.
+/// The probabilities of the voxels whose features `compute` passes on: the numbers of the voxels, and a row
+/// for each. The probabilities of other voxels are 0.
 pub(crate) fn classified_by(
     classify: Classify<'_>,
     voxels: usize,
@@ -39,8 +39,8 @@ pub(crate) fn classified_by(
     result.map(|()| shares)
 }
 
-/// Voxels around a tile with their heights, so many that the features of its own voxels and of those that
-/// touch them are those of the whole drive.
+/// Voxels around a tile with their heights. They suffice to give its own voxels, and those that touch them,
+/// the same features as in the whole drive.
 #[derive(Debug)]
 pub(crate) struct Around {
     pub(crate) voxels: Voxels,
@@ -102,7 +102,7 @@ fn smooth(voxels: &Voxels, shares: &[Shares]) -> Vec<Shares> {
 }
 
 /// Values divided by `divisor` such that the sum of the quotients is the quotient of the sum. The largest
-/// remainders are rounded up, of equal ones that of the first class.
+/// remainders are rounded up; of equal remainders, the one of the first class.
 fn divided(values: [u32; CLASSES], divisor: u32) -> Shares {
     let mut quotients = values.map(|value| (value / divisor) as u8);
     let sum: u32 = quotients.iter().map(|&quotient| u32::from(quotient)).sum();
@@ -136,9 +136,9 @@ mod tests {
         let one = |class: usize| std::array::from_fn(|other| if other == class { 255 } else { 0 });
         assert_eq!(voxels.key, [[0, 0, 0], [0, 0, 1], [0, 0, 6], [1, 1, 2]]);
         let smoothed = smooth(&voxels, &[one(0), one(1), one(2), one(3)]);
-        // The first: 1/2 + 1/4 its own, 1/4 of the second.
+        // The first voxel: 1/2 + 1/4 of its own, 1/4 of the second.
         assert_eq!(smoothed[0], [191, 64, 0, 0, 0, 0, 0, 0]);
-        // The second: 1/2 + 1/6 its own, 1/6 of the first and of the last: 42.5, 170 and 42.5.
+        // The second voxel: 1/2 + 1/6 of its own, 1/6 of the first and of the last: 42.5, 170 and 42.5.
         assert_eq!(smoothed[1], [43, 170, 0, 42, 0, 0, 0, 0]);
         assert_eq!(smoothed[2], one(2));
         assert!(

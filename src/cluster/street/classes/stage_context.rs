@@ -1,5 +1,5 @@
-//! Step `context`: the probabilities of each voxel that a tile owns, from those of the voxels around it. It
-//! reads no points.
+//! Step `context`: the class probabilities of each voxel that a tile owns, from the probabilities of the
+//! surrounding voxels. It reads no points.
 
 use super::classified::{self, Classified, Shares};
 use super::features::context::{self, REACH_EDGES};
@@ -8,8 +8,8 @@ use crate::cluster::street::settings::edge;
 use crate::cluster::{Mapped, TileWindow};
 use crate::error::Result;
 
-/// Voxels around a tile with what step `classes` found, so many that the features of its own are those of the
-/// drive.
+/// Voxels around a tile with the results of step `classes`. They suffice to give its own voxels the same
+/// features as in the whole drive.
 pub(crate) fn load(tile: &dyn TileWindow) -> Result<Classified> {
     Classified::at_first(tile, REACH_EDGES * i64::from(edge(tile.lattice())))
 }
@@ -24,7 +24,7 @@ pub(crate) fn map(tile: &dyn TileWindow, classify: Classify<'_>) -> Result<Mappe
     Ok(Mapped::payload(classified::encode(&heights, &shares)?))
 }
 
-/// The probabilities of the voxels that the tile owns. Those of others are 0.
+/// The probabilities of the voxels that the tile owns. The probabilities of other voxels are 0.
 pub(crate) fn classified(around: &Classified, classify: Classify<'_>) -> Result<Vec<Shares>> {
     let Classified { voxels, height, shares } = around;
     classified_by(classify, voxels.len(), |rows| {

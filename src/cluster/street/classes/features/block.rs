@@ -17,26 +17,26 @@ use crate::model::Lattice;
 
 /// Cells of the inner part of a block, per edge: 28.8 m.
 const CORE: i32 = 96;
-/// Cells of the margin: the largest window, and one more.
+/// Cells of the margin: the largest window, plus one.
 const MARGIN: i32 = 13;
 const SIDE: usize = (CORE + 2 * MARGIN) as usize;
 
 /// Limits of the height bands above ground in metres.
 const BANDS_M: [f64; 7] = [0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0];
 const BANDS: usize = BANDS_M.len() + 1;
-/// Height of columns without voxels in metres.
+/// Height given to columns without voxels, in metres.
 const EMPTY_M: f64 = -1.0;
 /// Cubes of 0.3 m per level.
 const LEVEL: i32 = 2;
-/// Fewest levels of a tall column.
+/// Smallest number of levels of a tall column.
 const TALL: u32 = 4;
 
 /// Number of features of a column.
 pub(crate) const COLUMN: usize = 43;
-/// Windows of the slice at the height of a voxel, in cells.
+/// Reaches of the windows in the slice at the height of a voxel, in cells.
 pub(crate) const SLICES: [i32; 4] = [1, 2, 5, 10];
 
-/// No wanted column in a cell of the raster.
+/// Marks a cell of the raster without a wanted column.
 const NONE: u32 = u32::MAX;
 
 /// Cubes in one cell of the raster and at one level.
@@ -74,7 +74,8 @@ pub(crate) struct Block<'a> {
     levels: Vec<u32>,
     profile: Vec<[u32; BANDS]>,
     entries: Vec<Entry>,
-    /// Occupied levels around each wanted column, and those where nothing else is near.
+    /// Levels occupied within one cell of each wanted column: the number of levels with at most one further
+    /// cell in the ring around, and the number of all.
     around: Vec<[u32; 2]>,
     stamps: Vec<u32>,
     marked: Vec<bool>,
@@ -189,7 +190,7 @@ impl<'a> Block<'a> {
 
     /// The windows of all levels.
     fn slices(&mut self) {
-        // Levels are independent of each other, and the order within a level is of no consequence.
+        // Levels are independent of each other, and the order within a level does not matter.
         self.entries.sort_unstable_by_key(|entry| entry.level);
         reset(&mut self.stamps, 0);
         self.around.clear();

@@ -1,6 +1,6 @@
-//! Cubes of several voxels: the coarser scales of the features. A cube is one thing with one position,
-//! however many of its voxels are occupied. So a wall that is scanned densely weighs as much as a wall that
-//! is not.
+//! Cubes of several voxels: the coarser scales of the features. A cube counts once and has one position,
+//! however many of its voxels are occupied. So a densely scanned wall weighs as much as a sparsely scanned
+//! one.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,

@@ -1,9 +1,9 @@
-//! Features of the classes around a voxel: from these a second classifier corrects the first. A patch of
+//! Features of the classes around a voxel. From these, a second classifier corrects the first: a patch of
 //! leaves in the middle of a facade is a part of the facade.
 //!
 //! This is the auto-context of Tu and Bai, "Auto-context and its application to high-level vision tasks and
 //! 3D brain image segmentation", IEEE TPAMI 32(10), 1744-1757 (2010), doi:10.1109/TPAMI.2009.186, with means
-//! over cubes in place of single places around a voxel.
+//! over cubes instead of single positions around a voxel.
 //!
 //! A feature is the mean probability of a class over the occupied voxels of a window of whole cubes on the
 //! global lattice. Sums are integers, so a feature depends only on the voxels within [`REACH_EDGES`].
@@ -24,7 +24,7 @@ const WIDE: i32 = 12;
 const SLAB: i32 = 3;
 
 /// Distance within which other voxels change a feature, in edges of a voxel: the corner of a window of three
-/// wide cubes, of which the voxel is in the middle one.
+/// wide cubes with the voxel in the middle one.
 pub(in crate::cluster::street) const REACH_EDGES: i64 = 36;
 const _: () = assert!(2 * (2 * WIDE as i64).pow(2) <= REACH_EDGES.pow(2) && (SLAB + 1) * MIDDLE <= 2 * WIDE);
 
@@ -110,7 +110,7 @@ impl Sum {
         }
     }
 
-    /// The means; 0 where there are no voxels.
+    /// The means; 0 if there are no voxels.
     fn means(&self) -> [f32; CLASSES] {
         self.shares.map(|sum| sum as f32 / self.voxels.max(1) as f32)
     }
@@ -206,8 +206,8 @@ fn square(radius: i32) -> impl Iterator<Item = (i32, i32)> {
     (-radius..=radius).flat_map(move |di| (-radius..=radius).map(move |dj| (di, dj)))
 }
 
-/// Computes the features of the wanted voxels and gives them to `sink`, some at a time and each voxel once,
-/// in ascending order. `heights` (in lattice units) and `shares` are those of all voxels.
+/// Computes the features of the wanted voxels and gives them to `sink` in batches, each voxel once, in
+/// ascending order. `heights` (in lattice units) and `shares` cover all voxels.
 pub(in crate::cluster::street) fn compute(
     voxels: &Voxels,
     heights: &[i32],

@@ -1,15 +1,17 @@
-//! Features of voxels: numbers from which the classifier tells classes apart.
+//! Features of voxels: the numbers by which the classifier distinguishes classes.
 //!
-//! *Scales.* Shapes of what is within 0.3 m (voxels), 0.6 m (cubes of 0.3 m), 1.35 m (cubes of 0.45 m) and
-//! 2.2 m (cubes of 0.9 m; facades are flat there, crowns are not). Windows of the raster of 0.3 m columns up
-//! to 3.6 m. A voxel sees nothing that is further away than [`REACH_EDGES`] horizontally. No feature counts
-//! points: their number depends on the scanner and on its distance. A voxel or a cube is occupied or not.
+//! *Scales.* Shapes of the surroundings within 0.3 m (voxels), 0.6 m (cubes of 0.3 m), 1.35 m (cubes of 0.45
+//! m) and 2.2 m (cubes of 0.9 m; facades are flat there, crowns are not). Windows of the raster of 0.3 m
+//! columns up to 3.6 m. The features of a voxel use nothing beyond [`REACH_EDGES`] in the plane. No feature
+//! counts points, because their number depends on the scanner and on its distance. A voxel or a cube is
+//! either occupied or not.
 //!
 //! *Exact.* Every sum is an integer, every mean is rounded down on the global lattice, and the rest is a
 //! fixed sequence of IEEE operations. So a feature depends only on the voxels and heights within reach.
 //!
 //! *Cost.* Features of a column are computed once for its voxels, and those of a cube once for the voxels in
-//! it. What remains per voxel is a ball of 0.3 m, found by lower bounds that move up the columns around it.
+//! it. Only a ball of 0.3 m remains to be computed per voxel. It is found by lower bounds that move up the
+//! surrounding columns.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32 (VoxelIndex)")]
 
 mod block;
@@ -24,8 +26,8 @@ use self::shape::{Shape, balls};
 use crate::cluster::street::voxels::stored::Voxels;
 
 /// Distance within which other voxels change a feature, in edges of a voxel: the corner of a window of 21
-/// columns of 0.3 m, and a disc of 12 such columns, whichever is further. With the rest of the outermost
-/// columns it is 25 edges per axis at most.
+/// columns of 0.3 m, and a disc of 12 such columns, whichever is further. Including the outermost columns in
+/// full, it is at most 25 edges per axis.
 pub(in crate::cluster) const REACH_EDGES: i64 = 36;
 
 /// Names of the features, in their order.
@@ -40,8 +42,8 @@ pub(crate) const NAMES: [&str; 80] = [
     "nzw", "vzw", "offw",
 ];
 
-/// Squared radii of the balls, in edges of the voxel or cube: 2 and a half on all scales, except 3.5 on that
-/// of 0.45 m.
+/// Squared radii of the balls, in edges of the voxel or cube. The radius is about 2.5 edges on all scales,
+/// except 3.5 on the scale of 0.45 m.
 const BALL: i64 = 6;
 const BALL_COARSE: i64 = 12;
 
@@ -59,8 +61,8 @@ const ROWS: usize = 4_096;
 /// Takes the numbers of some voxels, and their features: `NAMES.len()` values per voxel.
 pub(crate) type Sink<'a> = &'a mut dyn FnMut(&[u32], &[f32]);
 
-/// Computes the features of the wanted voxels and gives them to `sink`, some at a time and each voxel once.
-/// The order is not defined. `heights` are those of all voxels above ground, in lattice units.
+/// Computes the features of the wanted voxels and gives them to `sink`, in batches, each voxel once. The
+/// order is not defined. `heights` are the heights of all voxels above ground, in lattice units.
 pub(crate) fn compute(voxels: &Voxels, heights: &[i32], wanted: &[bool], sink: Sink<'_>) {
     let fine = Scale::voxels(voxels, wanted);
     let middle = Scale::cubes(voxels, wanted, MIDDLE, BALL);
@@ -142,7 +144,7 @@ impl Scale {
     }
 }
 
-/// Which columns of cubes contain wanted voxels.
+/// Whether each column of cubes contains a wanted voxel.
 fn wanted_columns(cells: &Cells, wanted: &[bool]) -> Vec<bool> {
     let mut cube_wanted = vec![false; cells.len()];
     for (&cube, &wanted) in cells.of_voxel.iter().zip(wanted) {
@@ -152,7 +154,7 @@ fn wanted_columns(cells: &Cells, wanted: &[bool]) -> Vec<bool> {
     (0..count).map(|column| cube_wanted[cells.columns.voxels(column)].contains(&true)).collect()
 }
 
-/// Number of voxels down to the end of the run in the column of each voxel, and up to its other end. A run
+/// Number of voxels from each voxel down to the lower end of its vertical run, and up to the upper end. A run
 /// steps over up to two empty voxels.
 fn runs(voxels: &Voxels) -> Vec<[i32; 2]> {
     let mut runs = Vec::with_capacity(voxels.len());
@@ -230,7 +232,7 @@ mod tests {
         for seed in 0..6 {
             let points = scene(seed);
             let mut rng = ChaCha8Rng::seed_from_u64(seed + 100);
-            // Anywhere on the lattice of blocks and cubes.
+            // An origin anywhere on the lattice of blocks and cubes.
             let shift = [(); 3].map(|()| rng.random_range(-200_000..200_000_i64));
             let shift = if seed % 2 == 0 { [0; 3] } else { shift };
             let points: Vec<[i64; 3]> =
@@ -241,7 +243,7 @@ mod tests {
             let middle = [0, 1].map(|axis| one[axis]);
             let inside =
                 |key: [i32; 3]| (0..2).all(|axis| (i64::from(key[axis]) * edge - middle[axis]).abs() < 1_000);
-            // Whole columns within reach of a wanted one, in the way in which they are loaded.
+            // Whole columns within reach of a wanted one, as they are loaded.
             let wanted: Vec<[i32; 3]> = all.key.iter().copied().filter(|&key| inside(key)).collect();
             let gap = |a: i32, b: i32| (i64::from(a.abs_diff(b)) - 1).max(0);
             let near = |point: &&[i64; 3]| {

@@ -53,8 +53,8 @@ impl<const N: usize> Sums<N> {
     }
 }
 
-/// The maximum over the cells `by` rows or columns before and after each cell, and the cell itself if
-/// `itself`. Near the border of the raster the cells outside do not count.
+/// The maximum over the cells `by` rows or columns before and after each cell, and over the cell itself if
+/// `itself`. Cells outside of the raster do not count.
 pub(crate) fn spread(values: &[i32], side: usize, by: usize, itself: bool) -> Vec<i32> {
     let mut rows = vec![i32::MIN; values.len()];
     for (out, row) in rows.chunks_exact_mut(side).zip(values.chunks_exact(side)) {
@@ -99,8 +99,8 @@ impl Rows {
         }
     }
 
-    /// The moments of the weights in the disc of `half_widths` around a cell. Its first value belongs to the
-    /// row of the cell, and the others to the rows on both sides. The disc lies within the raster.
+    /// The moments of the weights in the disc of `half_widths` around a cell. The first half width belongs to
+    /// the row of the cell, the others to the rows on both sides. The disc lies within the raster.
     pub(crate) fn disc(&self, row: usize, column: usize, half_widths: &[usize]) -> Plane {
         let mut plane = Plane::default();
         let c = column as i64;
@@ -126,7 +126,7 @@ impl Rows {
     }
 }
 
-/// Half widths of the rows of a disc of `radius` cells, from its middle row.
+/// Half widths of the rows of a disc of `radius` cells, from its middle row outwards.
 pub(crate) fn half_widths(radius: usize) -> Vec<usize> {
     (0..=radius).map(|step| (radius * radius - step * step).isqrt()).collect()
 }
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_row_of_columns_is_elongated_along_itself() {
-        // Three columns on a diagonal through (1, 0): the cell lies 0.5 sqrt(2) beside their line.
+        // Three columns on a diagonal through (1, 0): the cell lies 0.5 sqrt(2) away from their line.
         let mut plane = Plane::default();
         for [x, y] in [[0, -1], [1, 0], [2, 1]] {
             plane.n += 1;

@@ -1,8 +1,9 @@
-//! The shape of what is around a voxel or a cube: sums over the balls around it, and their principal axes.
+//! The shape of the surroundings of a voxel or a cube: sums over the balls around it, and their principal
+//! axes.
 //!
-//! The sums are integers, over differences to the centre of the ball. So neither their order nor the tile
-//! changes them. A ball costs the number of its columns plus the number of its members: the columns around a
-//! column are found once, and a lower bound moves up with the centre.
+//! The sums are integers over differences to the centre of the ball. So they depend neither on their order
+//! nor on the tile. The cost of a ball is the number of its columns plus the number of its members: the
+//! columns around a column are found once, and a lower bound moves up with the centre.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "isqrt of radii below 10, and features are single precision"
@@ -54,7 +55,7 @@ pub(crate) struct Shape {
     axis_z: f32,
     /// The normal, or 0.
     normal: [f32; 3],
-    /// Component along the normal of the way from the centre of the ball to the mean of its members, in
+    /// Component along the normal of the vector from the centre of the ball to the mean of its members, in
     /// lattice units.
     offset: f32,
 }
