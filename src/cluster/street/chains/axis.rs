@@ -1,9 +1,9 @@
 //! The axis of an upright chain: the straight line through its voxels, by least squares of x and y over z.
-//! Sums of integers, so the axis does not depend on the order of the voxels.
+//! All sums are integers, so the axis does not depend on the order of the voxels.
 
 use serde::{Deserialize, Serialize};
 
-/// Sums over the centres of voxels, from a place that the sums share, in lattice units.
+/// Sums over the centres of voxels relative to `from`, in lattice units.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Axis {
     from: [i64; 3],
@@ -16,7 +16,7 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
-    /// No voxels yet. Sums stay far below 2⁶³ where `from` is near the voxels.
+    /// An axis without voxels. Its sums stay far below 2⁶³ if `from` is near the voxels.
     pub(crate) fn new(from: [i64; 3]) -> Self {
         Self { from, count: 0, sum: [0; 3], zz: 0, xz: 0, yz: 0 }
     }
@@ -43,7 +43,7 @@ impl Axis {
         self.yz += other.yz + dy * z + dz * y + count * dy * dz;
     }
 
-    /// How far the axis leans: metres in the plane per metre of height. 0 for voxels of one height.
+    /// How far the axis leans: metres in the plane per metre of height. 0 if all voxels have the same height.
     pub(crate) fn slope(&self) -> f64 {
         let [x, y, z] = self.sum.map(|sum| sum as f64);
         let count = self.count as f64;

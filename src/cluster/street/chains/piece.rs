@@ -1,4 +1,4 @@
-//! A piece of an upright chain: what a tile finds out about one component of a slice of height.
+//! A piece of an upright chain: what a tile knows about one component of a height slice.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,10 +26,11 @@ pub(crate) struct Piece {
     pub(crate) tree: u32,
     /// The line through its voxels.
     pub(crate) axis: Axis,
-    /// Levels above the slices with pole voxels near the axis, and with any tree or pole voxel.
+    /// Bits of the levels above the slices that have a pole voxel near the axis, and of those that have any
+    /// tree or pole voxel there.
     pub(crate) pole_above: u64,
     pub(crate) any_above: u64,
-    /// Levels with any tree or pole voxel near the axis.
+    /// Bits of all levels that have any tree or pole voxel near the axis.
     pub(crate) any_levels: u64,
     /// Tree voxels in the ring around the axis.
     pub(crate) crown: u32,

@@ -1,11 +1,11 @@
 //! Step `chains`: upright chains near the ground, and whether each is a trunk or a pole.
 //!
-//! A *piece* is a component of voxels in a slice of height. It is upright and narrow, and fills most of its
-//! slice. Its voxels are trees or poles, or look like a hedge or like something small, as the foot of a trunk
-//! in low growth does. Pieces of the same or of adjacent slices whose centres are near each other in the
-//! plane are one *chain*. The classifier mixes trunks and poles up voxel by voxel. A chain is decided as a
-//! whole, by the classes of its voxels and by what goes on above it. Without this decision F1 falls from 0.71
-//! to 0.56 on an avenue (prototype).
+//! A *piece* is a component of voxels in a height slice. It is upright and narrow, and fills most of its
+//! slice. Its voxels are trees or poles, or look like a hedge or something small, as the foot of a trunk in
+//! low growth does. Pieces of the same or of adjacent slices form one *chain* if their centres are near each
+//! other in the plane. The classifier confuses single voxels of trunks and poles. So a chain is decided as a
+//! whole, by the classes of its voxels and by what continues above it. Without this decision F1 falls from
+//! 0.71 to 0.56 on an avenue (prototype).
 //!
 //! A piece is narrow, so a tile sees the whole of every piece that it owns. The tile with the column of the
 //! piece's first voxel owns the piece. Pieces become chains in the reduction.
@@ -35,34 +35,34 @@ use crate::spatial::DisjointSets;
 /// Distance around a tile within which voxels are read, in metres: a piece (1.1 m) next to an owned voxel,
 /// a piece linked to it (0.45 m and 1.1 m), and the columns around its centre.
 const REACH_M: f64 = 3.0;
-/// Slices of height above ground in metres. They overlap, so that a piece that one border cuts is whole in
-/// another slice.
+/// Slices of height above ground in metres. They overlap, so that a piece cut by the border of one slice is
+/// whole in another.
 const SLICES_M: [(f64, f64); 5] = [(0.15, 0.9), (0.6, 1.4), (1.1, 1.9), (1.6, 2.4), (2.1, 2.9)];
 /// Largest diagonal of a piece in the plane, in metres. Wider pieces are foliage.
 const WIDTH_M: f64 = 0.75;
 /// The same in a forest, for a piece that is mostly tree: a stem of 0.7 m has a diagonal of 1 m. On streets
-/// it takes bushes for trunks: trees downtown have F1 0.922 with it and 0.950 without.
+/// this width would take bushes for trunks: trees downtown have F1 0.922 with it and 0.950 without.
 const STEM_WIDTH_M: f64 = 1.1;
-/// Smallest part of the slice that a piece fills in height.
+/// Smallest share of the height of its slice that a piece fills.
 const FILL: f64 = 0.6;
 /// Smallest number of voxels of a piece.
 const VOXELS: u32 = 4;
-/// Smallest height in metres and number of voxels of a piece of the lowest slice. What stands in front hides
-/// most of the trunk of a small tree.
+/// Smallest height in metres and smallest number of voxels of a piece of the lowest slice. They are small
+/// because objects in front hide most of the trunk of a small tree.
 const STUB_M: f64 = 0.25;
 const STUB_VOXELS: u32 = 3;
 /// Largest distance in the plane between the centres of linked pieces, in metres.
 const LINK_M: f64 = 0.45;
-/// Radius around the centre of a piece within which a chain goes on above, in metres.
+/// Radius around the centre of a piece within which voxels above count as its continuation, in metres.
 const AXIS_M: f64 = 0.45;
-/// Height from which voxels are above a chain, in metres.
+/// Height above ground from which voxels are above a chain, in metres.
 const ABOVE_M: f64 = 2.9;
 /// Radius and heights of the ring around the axis in which the voxels of a crown are counted, in metres.
 const CROWN_M: f64 = 1.5;
 const CROWN_HEIGHTS_M: (f64, f64) = (2.0, 6.0);
 /// Lowest height at which a crown covers a side, in metres.
 const SIDES_M: f64 = 2.1;
-/// Levels that are told apart. Everything higher is in the last one.
+/// Number of levels. Everything higher is in the last one.
 const LEVELS: i64 = 64;
 
 /// What the drive decides about a piece.
@@ -82,7 +82,7 @@ struct Payload {
     pieces: Vec<Piece>,
 }
 
-/// The pieces of a tile and the tiles around it that are in chains.
+/// The pieces of the tiles `near` that are in chains, with their verdicts.
 pub(crate) fn load(tile: &dyn TileWindow, near: &[TileId]) -> Result<Vec<(Piece, Verdict)>> {
     let mut pieces = Vec::new();
     for &near in near {
@@ -213,8 +213,8 @@ fn parts(around: &Classified, inside: impl Fn(usize) -> bool) -> Vec<Part> {
     parts.into_values().collect()
 }
 
-/// The component as a piece, and whether the tile owns it. `None` if it is wide, or lower or smaller than the
-/// `least`.
+/// The component as a piece, and whether the tile owns it. `None` if it is too wide, or if its height or its
+/// number of voxels is below `least`.
 fn piece(
     around: &Classified,
     class: &[u8],
@@ -274,9 +274,9 @@ fn piece(
     Some((piece, owned))
 }
 
-/// The occupied levels around the axis of a piece, and the crown around it.
+/// Fills in the occupied levels around the axis of a piece, and the crown around it.
 fn look_up(around: &Classified, class: &[u8], units: &Units, piece: &mut Piece) {
-    // Half the width of a piece and the radius of the ring.
+    // 15 voxels (2.25 m) contain half the width of a piece plus the radius of the ring.
     let mut near = Window::new(15, i32::MAX / 4).over(&around.voxels.columns);
     let [i, j, k] = piece.first;
     near.visit([i, j], k, |voxel| {
@@ -307,7 +307,7 @@ fn look_up(around: &Classified, class: &[u8], units: &Units, piece: &mut Piece) 
     });
 }
 
-/// On which of the eight sides of a place a voxel lies.
+/// The side of a place on which a voxel lies, one of eight.
 fn side([x, y]: [i64; 2], [u, v, _]: [i64; 3]) -> usize {
     let (dx, dy) = (u - x, v - y);
     usize::from(dx > 0) | usize::from(dy > 0) << 1 | usize::from(dx.abs() > dy.abs()) << 2
@@ -402,7 +402,7 @@ impl Places {
         Self(places)
     }
 
-    /// Whether one of them is at most so far away.
+    /// Whether one of the places is at most this distance away.
     fn any_within(&self, [x, y]: [i64; 2], distance: i64) -> bool {
         let from = self.0.partition_point(|place| place[0] < x - distance);
         let near = self.0[from..].iter().take_while(|place| place[0] <= x + distance);

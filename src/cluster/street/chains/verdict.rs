@@ -1,69 +1,72 @@
 //! Whether an upright chain is a trunk or a pole.
 //!
-//! The classifier mixes the two up voxel by voxel, above all in crowns. The chain as a whole tells more: of
-//! its voxels together, most look like one of the two; poles stand upright, stems lean; a pole goes on above
-//! as a pole; a stem has its crown on all sides. What they say is weighed by a logistic regression. It was
-//! learned from the chains of synthetic drives, see `benches/results/street.md`.
+//! The classifier confuses single voxels of the two, above all in crowns. The chain as a whole is clearer:
+//! most of its voxels look like one of the two; poles stand upright, stems lean; a pole continues above as a
+//! pole; a stem has its crown on all sides. A logistic regression weighs this evidence. It was learned from
+//! the chains of synthetic drives, see `benches/results/street.md`.
 //!
-//! A crown needs a trunk. So a chain inside a crown that is narrowly a pole is a trunk if no other trunk is
-//! near.
+//! A crown needs a trunk. So a chain inside a crown is a trunk if its score is narrowly that of a pole and no
+//! other trunk is near.
 
 use super::piece::{LEVEL_M, Piece};
 use crate::model::Lattice;
 
-/// Weights of what speaks for a pole: its share of the voxels that are a tree or a pole, the slope of the
-/// axis, the share of poles of what goes on above, the sides that a crown covers, and the size of the crown;
-/// and what their sum must exceed. Learned from 1,221 chains of 14 synthetic drives that no classifier
-/// learned from (449 poles). There, 17 trunks are taken for poles and 15 poles for trunks. On six other
-/// scenes, of 511 chains 5 and 16; by the rules that these replaced, 4 and 25.
+/// Weights of the evidence for a pole: the share of pole in tree and pole together, the slope of the axis,
+/// the share of pole levels in the occupied levels above, the sides that a crown covers, and the size of the
+/// crown. The last value is the sum that a pole must exceed. Learned from 1,221 chains (449 of them poles) of
+/// 14 synthetic drives from which no classifier learned. There, 17 trunks are taken for poles and 15 poles
+/// for trunks. Of 511 chains on six other scenes, 5 and 16; with the rules that these weights replaced, 4 and
+/// 25.
 const OF_POLE: f64 = 9.48;
 const OF_SLOPE: f64 = -26.2;
 const OF_ABOVE: f64 = 1.61;
 const OF_SIDES: f64 = -4.91;
 const OF_CROWN: f64 = 3.32;
 const LEAST: f64 = 4.16;
-/// Slope, in metres per metre, from which a chain does not lean more, and number of voxels from which a crown
-/// is not larger, for this purpose. Chains of few voxels lean by chance.
+/// Largest slope (in metres per metre) and largest crown (in voxels) that the score distinguishes. Larger
+/// values count as these. Chains of few voxels lean by chance.
 const MOST_SLOPE: f64 = 0.12;
 const MOST_CROWN: u32 = 500;
-/// Added to the shares of poles and of trees: where both are small, they say little.
+/// Constant added to the shares of pole and of tree, because they are weak evidence where both are small.
 const DOUBT: f64 = 0.1;
-/// Smallest share of trees and poles together of a chain. Below it, a chain under a crown is a passer-by or a
-/// bollard: of 34 such chains with less, none was a trunk.
+/// Smallest share of tree and pole together in a chain. Below it, a chain under a crown is a passer-by or a
+/// bollard: none of 34 such chains was a trunk.
 const EITHER: f64 = 0.08;
 /// The same for a chain that needs no crown.
 const MOSTLY: f64 = 0.5;
-/// Highest slice in which a chain begins. From there on it is a trunk or nothing: signs and lamps hang there,
-/// and undergrowth hides the feet of trunks. Of 22 such chains in two forests 18 are trunks; on six streets
-/// there are six, three of them trunks.
+/// Highest slice in which a chain may begin. A chain that begins there is a trunk or nothing: signs and lamps
+/// hang there, and undergrowth hides the feet of trunks. Of 22 such chains in two forests, 18 are trunks; of
+/// six on six streets, three are.
 const HIGHEST: u32 = 3;
-/// Number of voxels from which they are a crown, and height in metres that a trunk reaches without a gap of
-/// more than two levels. Signs end below.
+/// Smallest number of voxels of a crown, and smallest height in metres that a trunk in it reaches without a
+/// gap of more than two levels. Signs end lower.
 const CROWN_VOXELS: u32 = 140;
 const TRUNK_TOP_M: f64 = 3.0;
-/// A chain may carry the crown around it although its score says pole: up to this score, this share of poles
-/// above, and from this number of covered sides, voxels of the crown, and height without a gap.
+/// Limits for a chain that may carry the crown around it although its score says pole. Its score above the
+/// threshold and its share of pole levels above must be below the first two. The covered sides, the voxels of
+/// the crown, and the height in metres without a gap must be at least the last three.
 const NARROW: f64 = 2.5;
 const NARROW_ABOVE: f64 = 0.88;
 const CARRIES_SIDES: usize = 5;
 const CARRIES_VOXELS: u32 = 200;
 const CARRIES_TOP_M: f64 = 4.5;
-/// A crown stands over a chain that it covers on this number of sides, with this number of voxels. A chain
-/// that leans more than this slope, in metres per metre, is a branch of it. The score is as far from that of
-/// a pole.
+/// A crown is over a chain if it covers at least this number of sides and has at least this number of voxels.
+/// A chain with a larger slope than this, in metres per metre, is a branch of the crown. The score minus the
+/// threshold of a pole must be at most the last value.
 const UNDER_SIDES: usize = 6;
 const UNDER_VOXELS: u32 = 50;
 const UNDER_SLOPE: f64 = 0.25;
 const UNDER_SCORE: f64 = -1.0;
-/// A stub is a chain of the lowest slice alone: what stands in front hides the rest of the trunk. If it is
-/// not wider than this radius in metres and a crown stands over it, it is a trunk: 341 of 346 on ten scenes
+/// Largest radius of a stub in metres. A stub is a chain of the lowest slice alone: objects in front hide the
+/// rest of the trunk. A stub within this radius and under a crown is a trunk: 341 of 346 on ten scenes
 /// (`benches/results/street.md`, "Stubs").
 const STUB_M: f64 = 0.3;
-/// Distance in metres within which another trunk carries the crown. Of such chains on seven scenes, 8 have no
-/// trunk within it, and all 8 are trunks; of 11 that have one, 10 are poles. On 17 synthetic drives 3 of 3
-/// and 14 of 14.
+/// Largest distance in metres at which another trunk carries the crown instead. On seven scenes, 8 such
+/// chains have no trunk within it, and all 8 are trunks; 11 have one, and 10 of these are poles. On 17
+/// synthetic drives, 3 of 3 are trunks and 14 of 14 are poles.
 pub(crate) const OTHER_TRUNK_M: f64 = 3.3;
-/// A side that a crown covers has this number of tree voxels, and this share of those on all sides.
+/// Smallest number of tree voxels on a side that a crown covers, and their smallest share in the tree voxels
+/// on all sides.
 const SIDE_VOXELS: u32 = 3;
 const SIDE_SHARE: f64 = 0.03;
 
@@ -76,7 +79,7 @@ pub(crate) enum Kind {
     PoleBesideTrunk,
 }
 
-/// What a chain is. `None` if the pieces are no upright chain.
+/// What a chain is. `None` if the pieces are not an upright chain.
 pub(crate) fn decide(chain: &[&Piece], lattice: Lattice) -> Option<Kind> {
     let slices = chain.iter().fold(0_u8, |slices, piece| slices | 1 << piece.slice);
     let lowest = chain.iter().min_by_key(|piece| (piece.height.0, piece.slice, piece.first))?;
@@ -126,7 +129,7 @@ pub(crate) fn decide(chain: &[&Piece], lattice: Lattice) -> Option<Kind> {
         return (tree >= MOSTLY && over <= 0.0).then_some(Kind::Trunk);
     }
     if pole + tree < MOSTLY {
-        // It looks like a hedge or like something small. It is a trunk only if a crown is on it.
+        // The chain mostly looks like a hedge or something small. It is a trunk only under a crown.
         let rises_into_crown = crown >= CROWN_VOXELS && top_m(above) >= TRUNK_TOP_M;
         return ((rises_into_crown && over <= 0.0) || under_crown).then_some(Kind::Trunk);
     }
@@ -138,7 +141,7 @@ pub(crate) fn decide(chain: &[&Piece], lattice: Lattice) -> Option<Kind> {
     })
 }
 
-/// The levels between two heights above ground in lattice units.
+/// Bits of the levels between two heights above ground, which are in lattice units.
 fn levels_of((low, high): (i32, i32), lattice: Lattice) -> u64 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it is clamped to 0..=62")]
     let level = |height: i32| (lattice.metres(height.into()) / LEVEL_M).clamp(0.0, 62.0) as u32;
