@@ -1,7 +1,7 @@
-//! The parts of a pole that hang: arms, lamps and signals, where leaves hide what holds them.
+//! Hanging parts of poles: arms, lamps and signals whose support is hidden by leaves.
 //!
-//! A piece that hangs is certainly of a pole if nearly all of its voxels are. It is a part of the pole that
-//! is nearest in the plane and ends at about the same height.
+//! A hanging piece is certainly a part of a pole if nearly all of its voxels are certainly pole. It belongs
+//! to the pole that is nearest in the plane and ends at about the same height.
 
 use std::collections::BTreeMap;
 
@@ -9,37 +9,37 @@ use super::part::Part;
 use crate::cluster::street::shares::POLE;
 use crate::model::Lattice;
 
-/// Smallest piece, in voxels, and the share of them that are certainly of a pole. On fourteen drives, 37 of
-/// 44 such pieces that hang are of a pole, and by the limits below 24 have one, 23 the right one. Pieces that
-/// are less certain are branches for the most part (`benches/results/street.md`, "Wires, arms and dense
-/// fences").
+/// Smallest number of voxels of a piece, and smallest share of them that are certainly pole. On fourteen
+/// drives, 37 of 44 such hanging pieces are parts of a pole. With the limits below, 24 get a pole, and 23 of
+/// these the right one. Less certain pieces are mostly branches (`benches/results/street.md`, "Wires, arms
+/// and dense fences").
 const VOXELS: u32 = 25;
 const SURE: f64 = 0.8;
-/// Height above ground from which a piece hangs, in metres. What stands and is no core is a pipe of a facade
-/// or a stem among leaves.
+/// Height above ground from which a piece hangs, in metres. A lower piece that is not a core is a pipe of a
+/// facade or a stem among leaves.
 const HANGS_M: f64 = 1.6;
-/// Share of poles from which a voxel is certainly one, in steps of 1/255.
+/// Smallest pole share of a voxel that is certainly pole, in steps of 1/255.
 pub(crate) const SURE_SHARE: u8 = 230;
 /// Longest gap between a piece and its pole in the plane, in metres. Leaves hide 2.8 m of a mast arm.
 const GAP_M: f64 = 4.0;
-/// How far the pole may end below its piece and above it, in metres: leaves hide its top; a taller lamp has
-/// an arm of its own.
+/// Largest distance by which the pole may end below its piece, and above it, in metres. Leaves may hide the
+/// top of the pole; a taller lamp has an arm of its own.
 const BELOW_M: f64 = 2.2;
 const ABOVE_M: f64 = 1.5;
-/// What a metre of difference in height costs, in metres of the gap.
+/// Cost of a metre of height difference, in metres of the gap.
 const HEIGHT: i64 = 3;
 
-/// Whether a component is certainly of a pole.
+/// Whether a component is certainly a part of a pole.
 pub(crate) fn is_sure(part: &Part) -> bool {
     part.class == POLE && part.voxels >= VOXELS && f64::from(part.sure_pole) >= SURE * f64::from(part.voxels)
 }
 
-/// Whether a component hangs and is certainly of a pole.
+/// Whether a component hangs and is certainly a part of a pole.
 pub(crate) fn may_be_arm(part: &Part, lattice: Lattice) -> bool {
     is_sure(part) && i64::from(part.height.0) >= lattice.units(HANGS_M)
 }
 
-/// The pole of each component that hangs and is a part of one. `keeps` says whether a component is a core.
+/// The pole of each hanging component that is a part of one. `keeps` says whether a component is a core.
 pub(crate) fn join(
     parts: &BTreeMap<u32, Part>,
     keeps: impl Fn(&Part) -> bool,
@@ -66,7 +66,7 @@ pub(crate) fn join(
     hanging.into_iter().filter_map(of).collect()
 }
 
-/// What it costs to call a piece a part of a pole; `None` if it is none.
+/// The cost of joining a piece to a pole; `None` if it is not a part of that pole.
 fn cost(piece: &Part, pole: &Part, lattice: Lattice) -> Option<i64> {
     let apart = [0, 1].map(|k| (piece.min[k].max(pole.min[k]) - piece.max[k].min(pole.max[k])).max(0));
     let gap = (apart[0].pow(2) + apart[1].pow(2)).isqrt();

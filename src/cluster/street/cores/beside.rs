@@ -1,8 +1,8 @@
-//! What stands before or behind a fence or hedge and was joined with it: bushes, bins, benches.
+//! Objects in front of or behind a fence or hedge that were joined with it: bushes, bins, benches.
 //!
-//! A fence is a line. Its two sides are followed along it, as medians over some metres, so that it may bend.
-//! What sticks out of a side over a short piece of the line is an object of its own. A line that turns off is
-//! thin where it does, and long pieces that stick out are lines beside each other.
+//! A fence is a line. Each of its two sides is followed as a running median over some metres, so that the
+//! line may bend. A bulge of a side over a short piece of the line is an object of its own. A line that turns
+//! off makes a thin bulge, and a long bulge is a parallel line.
 
 use std::ops::Range;
 
@@ -15,35 +15,37 @@ use crate::cluster::street::spans::{self, Spans};
 use crate::model::Lattice;
 use crate::spatial::Cell;
 
-/// Shortest and narrowest box of a component beside whose line something may stand, in metres.
+/// Smallest length and width of the box around a component beside whose line an object may stand, in metres.
 const LINE_M: f64 = 3.0;
 const WIDE_M: f64 = 1.0;
-/// Length along the line, before and behind a place, over which its sides there are medians, in metres.
+/// Length along the line, before and after a place, over which the medians of the sides are taken, in metres.
 const AROUND_M: f64 = 4.0;
-/// How far what stands beside it sticks out of the line, in metres: each column of voxels at the outside,
-/// the farthest one, and those that belong to it.
+/// Smallest distances from the side of the line, in metres: of the outermost column of voxels at each step
+/// along an object, of its farthest column, and of any column that belongs to it.
 const EACH_M: f64 = 0.3;
 const FARTHEST_M: f64 = 0.45;
 const BESIDE_M: f64 = 0.15;
-/// The farthest one also sticks out so many times as far as the side varies by itself (median). Most fences
-/// and clipped hedges vary by at most 0.25 m, rows of shrubs by up to 0.8 m. `benches/results/street.md` has
-/// the study.
+/// The farthest column must exceed its limit by this multiple of the side's own (median) variation. Most
+/// fences and clipped hedges vary by at most 0.25 m, rows of shrubs by up to 0.8 m.
+/// `benches/results/street.md` has the study.
 const TIMES_ITSELF: i64 = 3;
-/// Shortest and longest piece of the line that it takes, in metres, and the longest gap in it, in voxels.
+/// Shortest and longest piece of the line that an object takes up, in metres, and the longest gap in this
+/// piece, in voxels.
 const PIECE_M: (f64, f64) = (0.45, 4.0);
 const GAP: usize = 2;
-/// Least length of this piece, as a part of how far it sticks out. Otherwise a line turns off.
+/// Smallest ratio of the length of this piece to the distance by which it sticks out. Below it, a line turns
+/// off.
 const STOUT: f64 = 0.4;
-/// Smallest number of voxels.
+/// Smallest number of voxels of an object.
 const VOXELS: u32 = 12;
 
-/// Whether something may stand beside the line of a component.
+/// Whether an object may stand beside the line of a component.
 pub(crate) fn may_be_beside(spans: &Spans, lattice: Lattice) -> bool {
     let around = spans.narrowest();
     around.length > lattice.units(LINE_M) && around.width > lattice.units(WIDE_M)
 }
 
-/// What stands beside the line of a component.
+/// The objects beside the line of a component.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Beside {
     /// The columns of voxels of each object, ascending, and its number from 1.
@@ -55,7 +57,7 @@ pub(crate) struct Beside {
 }
 
 impl Beside {
-    /// What stands beside the line of a component with these spans and columns, if anything does.
+    /// The objects beside the line of a component with these spans and columns; `None` if there are none.
     pub(crate) fn of(spans: &Spans, footprint: &Footprint, lattice: Lattice) -> Option<Self> {
         if !may_be_beside(spans, lattice) {
             return None;
@@ -82,7 +84,7 @@ impl Beside {
         Some(Self { columns, places, edge })
     }
 
-    /// Makes the figures of a component those of its line.
+    /// Restricts the figures of a component to its line.
     pub(crate) fn leave_line(&self, part: &mut Part, footprint: &Footprint) {
         let line = footprint.columns().iter().filter(|(column, _)| self.of_column(**column) == 0);
         let figures = |(&column, &(top, count)): (&Cell, &(i32, u32))| {
@@ -107,7 +109,7 @@ impl Beside {
         };
     }
 
-    /// Adds what stands beside another line that is united with this one.
+    /// Adds the objects beside another line that is united with this one.
     pub(crate) fn merge(&mut self, other: Self) {
         let before = u32::try_from(self.places.len()).unwrap_or(u32::MAX);
         self.columns.extend(other.columns.into_iter().map(|(column, number)| (column, before + number)));
@@ -132,7 +134,7 @@ impl Beside {
     }
 }
 
-/// The columns of each object that sticks out of the upper side of a line. `steps` are those of
+/// The columns of each object that sticks out of the upper side of a line. `steps` comes from
 /// [`footprint::along`].
 fn out_of(steps: &[Vec<(i64, Cell)>], columns: &Columns, lattice: Lattice) -> Vec<Vec<Cell>> {
     let units = |metres: f64| lattice.units(metres) * spans::SCALE_UNITS;
@@ -191,7 +193,7 @@ mod tests {
 
     const LATTICE: Lattice = Lattice::MILLIMETRE;
 
-    /// A component with these columns, each as many voxels high as said, and 0.15 m a voxel.
+    /// A component with these columns, each with its height in voxels of 0.15 m.
     fn component(columns: impl IntoIterator<Item = (Cell, u32)>) -> Part {
         let edge = LATTICE.units(EDGE_M);
         let voxel = |(column, level): (Cell, u32)| {

@@ -1,9 +1,9 @@
-//! The voxels of chains take the class of their chain: those of its pieces, and those along its axis.
+//! Gives the voxels of chains the class of their chain: the voxels of its pieces, and those along its axis.
 //!
-//! The branches above a sign look like poles to the classifier, less surely than a pole does. A sign below a
-//! crown took them, and was up to four times as large as it is. So above its pieces a pole takes only what is
-//! surely a pole or close to its axis. What else looks like a pole around it, but not surely, is a branch.
-//! `benches/results/street.md` has the study ("Branches above signs").
+//! The classifier takes branches above a sign for poles, but less surely than a real pole. Without this rule,
+//! a sign below a crown took these branches and grew to up to four times its size. So above its pieces, a
+//! pole takes only voxels that are surely pole or close to its axis. Other voxels around it that look like a
+//! pole, but not surely, are branches. `benches/results/street.md` has the study ("Branches above signs").
 #![expect(
     clippy::cast_possible_truncation,
     reason = "heights above ground in lattice units and indices of voxels fit i32"
@@ -23,24 +23,24 @@ use crate::spatial::Cell;
 
 /// Distance from the centre of a piece within which its chain takes voxels above and below it, in metres.
 const AXIS_M: f64 = 0.45;
-/// The same for voxels above [`LOW_M`] that are not surely of a pole: one and a half voxels.
+/// The same for voxels above [`LOW_M`] that are not surely pole: one and a half voxels.
 const THIN_M: f64 = 0.225;
-/// Distance from a pole within which something else that looks like one may be a branch, in metres. Farther
-/// away it may be a pole that is no chain.
+/// Distance from a pole within which other voxels that look like a pole may be a branch, in metres. Farther
+/// away they may be a pole that is not a chain.
 const BESIDE_M: f64 = 1.8;
-/// Share of poles from which a voxel is surely of one, and share of trees above which another one may be of
-/// a tree, in steps of 1/255: 0.8 and 0.15.
+/// Pole share from which a voxel is surely pole, and tree share above which any other voxel may be tree, in
+/// steps of 1/255: 0.8 and 0.15.
 const SURE: u8 = 204;
 const MAYBE_TREE: u8 = 38;
-/// Distance within which a tile looks for the pieces that change the class of a voxel, in metres. A piece
-/// belongs to the tile of its first voxel, which is at most 1.1 m from its centre.
+/// Distance within which a piece may change the class of a voxel, in metres. A piece belongs to the tile of
+/// its first voxel, which is at most 1.1 m from its centre.
 pub(crate) const REACH_M: f64 = BESIDE_M + 1.1;
 /// Height in metres up to which every voxel that looks like a pole is one. Crowns begin above.
 const LOW_M: f64 = 2.4;
 /// Height up to which a trunk takes the voxels around its axis, in metres.
 const TRUNK_M: f64 = 4.0;
-/// Distance from the centre of a piece within which these voxels are the trunk's core, in metres. Where a
-/// trunk is hidden below its crown, its growth begins in the crown too.
+/// Distance from the centre of the highest piece within which the voxels above it are in the core of the
+/// trunk, in metres. So where a trunk is hidden below its crown, its growth begins in the crown too.
 const STEM_M: f64 = 0.34;
 
 /// These lengths in lattice units.
@@ -84,7 +84,8 @@ impl Units {
         class == POLE && (thin || shares[usize::from(POLE)] >= SURE)
     }
 
-    /// Whether a voxel beside a pole that no chain takes looks like a pole, and is rather a branch.
+    /// Whether a voxel beside a pole is more likely a branch, although it looks like a pole. No chain takes
+    /// it.
     fn is_branch(&self, class: u8, shares: &Shares, height: i32) -> bool {
         let [pole, tree] = [POLE, TREE].map(|class| shares[usize::from(class)]);
         class == POLE && pole < SURE && tree > MAYBE_TREE && height > self.low
@@ -92,7 +93,7 @@ impl Units {
 }
 
 /// Gives the voxels of chains the class of their chain. Returns for each voxel whether its class was decided
-/// here, and the chain if it is a part of a trunk.
+/// here, and the chain if the voxel is in the core of a trunk (otherwise 0).
 pub(crate) fn take(
     around: &mut Classified,
     class: &mut [u8],
@@ -130,7 +131,8 @@ pub(crate) fn take(
     trunk
 }
 
-/// The nearest piece of each voxel whose chain takes it: squared distance, slice, first voxel, and number.
+/// For each voxel, the nearest piece whose chain takes the voxel: squared distance, slice, first voxel,
+/// number.
 fn taken(
     around: &Classified,
     class: &[u8],

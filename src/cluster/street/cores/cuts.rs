@@ -36,7 +36,7 @@ impl Cut {
         }
     }
 
-    /// Where the objects stand. `middle` is that of the component, which stands for each vehicle of a row.
+    /// Where the objects stand. `middle` is the middle of the component. Every vehicle of a row gets it.
     pub(crate) fn places(&self, middle: [i64; 2]) -> Vec<[i64; 2]> {
         match self {
             Self::Row(row) => vec![middle; row.count()],
@@ -63,7 +63,7 @@ pub(crate) fn rows(whole: &BTreeMap<u32, Part>, lattice: Lattice) -> BTreeMap<u3
     whole.iter().filter_map(|(&component, part)| Some((component, row(part)?))).collect()
 }
 
-/// What stands beside fences and hedges. The figures of a component are those of its line then.
+/// The objects beside fences and hedges. Restricts the figures of their components to the line.
 pub(crate) fn take_beside(whole: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeMap<u32, Beside> {
     let fences = whole.iter_mut().filter(|(_, part)| part.class == FENCE);
     let found = fences.filter_map(|(&component, part)| {
@@ -75,8 +75,8 @@ pub(crate) fn take_beside(whole: &mut BTreeMap<u32, Part>, lattice: Lattice) -> 
     found.collect()
 }
 
-/// The cuts by the names under which components are after [`uniting`]. Of two rows of vehicles that were
-/// united, the last one counts.
+/// The cuts, by the names that components have after [`uniting`]. Of two united rows of vehicles, the last
+/// one wins.
 pub(crate) fn by_name(
     rows: BTreeMap<u32, Row>,
     beside: BTreeMap<u32, Beside>,

@@ -1,9 +1,9 @@
-//! Which components of buildings are one building: pieces of a facade with a gap, what floats beside a
-//! building, and what lies along the back of a facade.
+//! Which components of buildings are one building: pieces of a facade with a gap, pieces that float beside a
+//! building, and pieces along the back of a facade.
 //!
 //! A scanner sees a building from one side. A roof behind a parapet, the rear wall of a courtyard and rooms
-//! behind windows are pieces that nothing joins to the facade, and a tree before a facade hides a part of it.
-//! Houses of a row stand apart along the street: two long pieces that follow each other are two houses.
+//! behind windows are pieces that nothing joins to the facade. A tree in front of a facade hides a part of
+//! it. Houses of a row follow each other along the street: two long pieces that do so are two houses.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,31 +23,32 @@ use crate::cluster::street::window::Window;
 use crate::model::Lattice;
 use crate::spatial::{Cell, DisjointSets};
 
-/// Buildings are near each other if columns of both lie in cells of so many voxels that are so many cells
-/// apart. All pairs up to 3.0 m apart are near, and none beyond 3.6 m. On two labelled scenes, five pieces
-/// lie 2.2 to 3.0 m from their building.
+/// Edge of a cell in voxels, and largest distance in cells between columns of two buildings that are near
+/// each other. All pairs up to 3.0 m apart are near, and none beyond 3.6 m. On two labelled scenes, five
+/// pieces lie 2.2 to 3.0 m from their building.
 const CELL: i32 = 2;
 const NEAR_CELLS: i32 = 11;
-/// Pieces of a facade are so many cells apart at most: all up to 1.8 m, and none beyond 2.4 m. Houses of a
-/// row with more between them are two, however short they are.
+/// Largest distance between pieces of a facade, in cells: it includes all pairs up to 1.8 m apart, and none
+/// beyond 2.4 m. Pieces of a row that are farther apart are two houses, however short they are.
 const FACADE_CELLS: i32 = 7;
 /// Shortest front of a house, in metres. Of two pieces that follow each other along the longer one, the
 /// shorter one has at most 5.8 m if they are one building (21 of 23 pairs on seven labelled scenes and eight
-/// drives), and 9.5 m and more if they are two (33 of 35 pairs).
+/// drives), and at least 9.5 m if they are two (33 of 35 pairs).
 const HOUSE_M: f64 = 8.0;
-/// Two pieces follow each other if at most this share of the shorter one, in percent, lies along the longer.
+/// Largest share of the shorter of two pieces, in percent, that lies along the longer one if they follow each
+/// other.
 const FOLLOWS: i64 = 25;
-/// Mean height of a wall that is seen, in metres: the area of its voxels over its length. Where it is less,
-/// gaps are those of the scan. Houses have 2.5 m and more, on scenes with a tenth of the points facades have
-/// at most 1.6 m.
+/// Smallest mean height of a wall that is seen densely, in metres: the area of its voxels divided by its
+/// length. Below it, gaps come from the scan. Houses have at least 2.5 m; on scenes with a tenth of the
+/// points, facades have at most 1.6 m.
 const SEEN_M: f64 = 1.8;
-/// Lowest height above ground of what floats, in metres. Heights of rooms and roofs are measured from the
-/// ground before the house, and are up to 2 m lower than they are.
+/// Lowest height above ground of a floating piece, in metres. Heights of rooms and roofs are measured from
+/// the ground in front of the house, so they come out up to 2 m too low.
 const FLOATS_M: f64 = 2.0;
-/// A facade is at least so many times as long as wide. The walls of a detached house are no such facade: what
-/// is beside it may be the next house.
+/// Smallest ratio of length to width of a facade. The walls of a detached house are not such a facade: a
+/// piece beside them may be the next house.
 const FACADE: i64 = 2;
-/// Share of the length of a piece, in percent, that lies along a facade if the piece is behind it.
+/// Smallest share of the length of a piece, in percent, that lies along a facade if the piece is behind it.
 const ALONG: i64 = 50;
 
 /// Two components of buildings that are near each other.
@@ -55,8 +56,8 @@ const ALONG: i64 = 50;
 pub(crate) struct Near {
     /// The smaller number first.
     pub(crate) of: (u32, u32),
-    /// The smallest squared distance of cells with high columns of both, at most that of [`FACADE_CELLS`];
-    /// `None` beyond.
+    /// The smallest squared distance between cells with high columns of both, if it is within
+    /// [`FACADE_CELLS`]; otherwise `None`.
     pub(crate) apart: Option<u8>,
 }
 
@@ -68,7 +69,7 @@ impl Near {
     }
 }
 
-/// The cell of each building column, with its lowest building voxel, and whether its highest one is high.
+/// The cell of each building column, with its lowest building voxel, and whether its highest voxel is high.
 fn cells<'a>(
     around: &'a Classified,
     class: &'a [u8],
@@ -83,14 +84,14 @@ fn cells<'a>(
     })
 }
 
-/// Numbers in cells, in an order in which they can be looked up.
+/// Numbers in cells, sorted so that they can be searched.
 fn numbered(mut cells: Vec<[i32; 3]>) -> Columns {
     cells.sort_unstable();
     cells.dedup();
     Columns::new(cells.into_iter())
 }
 
-/// Names the columns of buildings that are near a building column of another tile. Both tiles name them then.
+/// Names the building columns that are near a building column of another tile. The other tile names them too.
 pub(crate) fn touch(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let owned = |voxel: usize| around.voxels.owned[voxel];
     let side = |([i, j], voxel, _): (Cell, usize, bool)| [i, j, i32::from(owned(voxel))];
@@ -108,7 +109,7 @@ pub(crate) fn touch(around: &Classified, class: &[u8], links: &mut Links<'_>) {
 /// Pairs of components of buildings that are near each other, each once. `high` is the height from which a
 /// column is high, in lattice units above ground.
 pub(crate) fn near(around: &Classified, class: &[u8], parts: &Parts, high: i32) -> Vec<Near> {
-    // The number of a component, twice, plus one for its high columns.
+    // Twice the number of a component, plus one for its high columns.
     let named = |([i, j], voxel, high): (Cell, usize, bool)| {
         let number = i32::try_from(parts.of[voxel]).ok()?.checked_mul(2)?;
         Some([i, j, number + i32::from(high)])
@@ -146,9 +147,9 @@ fn nearest(one: Option<u8>, other: Option<u8>) -> Option<u8> {
     one.into_iter().chain(other).min()
 }
 
-/// Unites components of `parts` that are near each other in `pairs`. `parts` has one entry for each united
-/// component then, under the name of one of its components. Returns this name for all others. `keeps` says
-/// which components are buildings by themselves.
+/// Unites components of `parts` that are near each other according to `pairs`. `parts` then has one entry for
+/// each united component, under the name of one of its components. The result maps the other names to this
+/// one. `keeps` says which components are buildings by themselves.
 pub(crate) fn unite(
     parts: &mut BTreeMap<u32, Part>,
     pairs: Vec<Near>,
@@ -177,7 +178,7 @@ pub(crate) fn unite(
     united
 }
 
-/// Unites pieces that float or lie behind a facade with the largest building that is near them.
+/// Unites pieces that float or lie behind a facade with the largest building near them.
 fn unite_wholes(
     parts: &mut BTreeMap<u32, Part>,
     pairs: &BTreeSet<(u32, u32)>,
@@ -186,8 +187,8 @@ fn unite_wholes(
     let names: Vec<u32> =
         pairs.iter().flat_map(|&(one, other)| [one, other]).collect::<BTreeSet<_>>().into_iter().collect();
     let number = |name: u32| names.binary_search(&name).ok();
-    // The largest building that a component is a piece of. Of two that are as large, the one with the first
-    // voxel counts.
+    // The largest building that a component is a piece of. Of two equally large ones, the one with the first
+    // voxel wins.
     let mut whole = vec![None::<(u32, Reverse<[i32; 3]>, u32)>; names.len()];
     for &(one, other) in pairs {
         let (Some(a), Some(b)) = (parts.get(&one), parts.get(&other)) else { continue };
@@ -223,19 +224,19 @@ fn unite_wholes(
     united
 }
 
-/// Whether a component does not reach down to where a wall begins.
+/// Whether the lowest voxel of a component is above the height at which walls begin.
 fn floats(piece: &Part, lattice: Lattice) -> bool {
     i64::from(piece.height.0) >= lattice.units(FLOATS_M)
 }
 
-/// Whether two pieces follow each other along a street, and both are as long as houses and seen densely.
+/// Whether two pieces follow each other along a street, and both are as long as a house and densely seen.
 fn are_two_houses(one: &Part, other: &Part, lattice: Lattice) -> bool {
     let (Some(spans), Some(others)) = (&one.spans, &other.spans) else { return false };
     let (extent, of_other) = (spans.narrowest(), others.narrowest());
     let seen = |part: &Part, extent: &Extent| {
         f64::from(part.voxels) * EDGE_M * EDGE_M >= SEEN_M * lattice.metres(extent.length)
     };
-    // Of two of the same length the same one, whichever comes first.
+    // For two pieces of equal length, the choice does not depend on their order.
     let around = std::cmp::max_by_key(extent, of_other, |extent| (extent.length, *extent));
     let shorter = spans.length(around.along()).min(others.length(around.along()));
     let overlap = -spans.gap(others, around);
@@ -244,8 +245,8 @@ fn are_two_houses(one: &Part, other: &Part, lattice: Lattice) -> bool {
 }
 
 /// Whether a piece lies along the long side of a facade, in front of it or behind it. The box around a house
-/// whose side wall is seen is turned. So a piece that is a facade itself must lie along the other by its own
-/// direction, too, unless it stands across.
+/// whose side wall is seen is turned. So a piece that is a facade itself must also lie along the other in its
+/// own direction, unless it stands across.
 fn behind(piece: &Part, facade: &Part) -> bool {
     let (Some(spans), Some(others)) = (&facade.spans, &piece.spans) else { return false };
     let (around, of_piece) = (spans.narrowest(), others.narrowest());
@@ -262,10 +263,10 @@ mod tests {
     use crate::cluster::street::cores::part::NO_BAND;
     use crate::cluster::street::voxels::stored::Voxels;
 
-    /// Walls, each from a place to another one, with their lowest and highest height, in decimetres.
+    /// A wall from one place to another, with its lowest and highest height, in decimetres.
     type Wall = ([i64; 2], [i64; 2], (i64, i64));
 
-    /// Which of these components, each of some walls, are one building.
+    /// The components of each building. A component consists of some walls.
     fn buildings(components: &[&[Wall]]) -> Vec<Vec<usize>> {
         let lattice = Lattice::MILLIMETRE;
         let places = |&(from, to, (low, high)): &Wall| {
@@ -328,16 +329,16 @@ mod tests {
         let from_to = |from, to, top| ([from, 0], [to, 0], (0, top));
         let next = from_to(312, 500, 80);
         assert_eq!(buildings(&[&[FRONT], &[next]]), [vec![0], vec![1]]);
-        // A tree hides a metre of a facade: one of the two is no house.
+        // A tree hides a metre of a facade: one of the two pieces is not a house.
         assert_eq!(buildings(&[&[FRONT], &[from_to(312, 360, 80)]]), [vec![0, 1]]);
-        // The wall beside it goes along the alley and is no front.
+        // The wall beside it runs along the alley and is not a front.
         assert_eq!(buildings(&[&[FRONT], &[([312, 0], [312, 90], (0, 80))]]), [vec![0, 1]]);
         // A pillar in the alley does not join them.
         assert_eq!(
             buildings(&[&[FRONT], &[([310, 0], [314, 0], (0, 80))], &[from_to(321, 500, 80)]]),
             [vec![0, 1], vec![2]]
         );
-        // Of walls of which little is seen nothing is known.
+        // Too little is seen of these walls to call them two houses.
         let low = |from, to| ([from, 0], [to, 0], (18, 24));
         assert_eq!(buildings(&[&[low(0, 300)], &[low(312, 500)]]), [vec![0, 1]]);
         // A low wall joins nothing.

@@ -41,8 +41,8 @@ pub(crate) fn column([x, y]: [i64; 2], edge: i64) -> Cell {
     [x, y].map(|at| i32::try_from(at.div_euclid(edge)).unwrap_or(i32::MAX))
 }
 
-/// The columns by steps of `edge` along the narrowest box around them, each with its position across the box,
-/// as [`spans::position`] gives it. `spans` are those of the columns.
+/// The columns grouped by steps of `edge` along the narrowest box around them. Each has its position across
+/// the box, as [`spans::position`] gives it. `spans` are the spans of the columns.
 pub(crate) fn along(columns: &Columns, spans: &Spans, edge: i64) -> Vec<Vec<(i64, Cell)>> {
     let narrowest = spans.narrowest();
     let start = spans.from(narrowest.along());

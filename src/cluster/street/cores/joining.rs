@@ -1,8 +1,7 @@
-//! Which voxels are joined to components: by class, with a reach of this class, and low tree voxels by bands
-//! of height.
+//! Joins voxels to components: by class, within the reach of the class, and low tree voxels by height bands.
 //!
-//! Distances in voxels of 0.15 m are those of the prototype, but for fences. `benches/results/street.md` has
-//! their study.
+//! The distances, in voxels of 0.15 m, are those of the prototype, except for fences.
+//! `benches/results/street.md` has their study.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -17,31 +16,32 @@ use crate::cluster::street::shares::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE
 use crate::cluster::street::window::Window;
 use crate::model::Lattice;
 
-/// Lowest height and height of a band of low tree voxels.
+/// Height above ground of the lowest band of low tree voxels, and height of a band, in metres.
 const LOW_M: f64 = 0.15;
 const BAND_M: f64 = 0.25;
-/// Voxels of a class are joined within so many voxels in the plane and so many levels.
+/// Two voxels of a class are joined if they are at most this many voxels apart in the plane and this many
+/// levels apart.
 const REACHES: [(u8, i32, i32); 5] =
     [(POLE, 2, 16), (VEHICLE, 2, 2), (FENCE, 3, FENCE_LEVELS), (SMALL, 3, 3), (WIRE, 4, 4)];
 const FENCE_LEVELS: i32 = 8;
-/// Voxels of fences that are in lines are joined within so many voxels in the plane: few profiles or beams
-/// reached them, and what is between the lines was not seen. Such a voxel has at most so many others above
-/// and below it, within two levels and the eight columns around. A dense hedge and the bush before it stay
-/// apart.
+/// Reach of fence voxels in lines, in voxels in the plane. Few profiles or beams reached such voxels, and the
+/// space between the lines was not seen. The second value is the largest number of fence voxels above and
+/// below such a voxel, within two levels in its own column and the eight around it. A dense hedge and the
+/// bush in front of it stay apart.
 const FENCE_LINES_REACH: i32 = 6;
 const LINE_STACKED: usize = 3;
-/// Columns of buildings are joined within so many voxels on either axis of the plane, whatever their height:
-/// 0.3 m. `facades` joins high columns that are further apart.
+/// Largest distance of joined building columns on either axis of the plane, in voxels (0.3 m), whatever their
+/// height. `facades` joins high columns that are further apart.
 const BUILDING_REACH: i32 = 2;
-/// A column that has so many times fewer voxels of buildings than one near it is sparse.
+/// A column is sparse if a column near it has more than this many times as many building voxels.
 const SPARSE_WALL: usize = 8;
-/// Columns of buildings that end below this height in metres are low. Parts of cars and fences look like
-/// walls, and would lead from one facade over the car in front of it to the next.
+/// Height in metres below which the top of a low building column lies. Parts of cars and fences look like
+/// walls. They would link one facade to the next over the car in front of it.
 const LOW_WALL_M: f64 = 1.8;
-/// Canopy is looked for within so many voxels of a low tree voxel.
+/// Distance from a low tree voxel within which the canopy is searched, in voxels.
 const CANOPY_REACH: i32 = 5;
 
-/// The band of height of each low tree voxel.
+/// The height band of each low tree voxel.
 pub(crate) fn bands(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<u8> {
     let low = lattice.units(LOW_M) as i32;
     let band = lattice.units(BAND_M) as i32;
@@ -55,8 +55,8 @@ pub(crate) fn bands(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<
     (0..class.len()).map(of).collect()
 }
 
-/// Joins the voxels of each class of [`REACHES`] within the reach of the class, and voxels of fences that are
-/// in lines within a longer one.
+/// Joins the voxels of each class of [`REACHES`] within the reach of the class, and fence voxels in lines
+/// within a longer reach.
 pub(crate) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let columns = &around.voxels.columns;
     let mut far = Window::new(FENCE_LINES_REACH, FENCE_LEVELS).over(columns);
@@ -91,15 +91,16 @@ pub(crate) fn join_classes(around: &Classified, class: &[u8], links: &mut Links<
     }
 }
 
-/// Height above ground in lattice units from which a column of a building is no low wall.
+/// Height above ground in lattice units from which a building column is not a low wall.
 pub(crate) fn low_wall(lattice: Lattice) -> i32 {
     lattice.units(LOW_WALL_M) as i32
 }
 
 /// Joins the columns with building voxels that are near each other in the plane.
 ///
-/// A column with few of them may be a reflection between two houses. It joins the nearest column with more,
-/// and no second one. Where all columns around have few, the scan is sparse, and they join each other.
+/// A sparse column may be a reflection between two houses. It joins the nearest dense column, and no second
+/// one. Where no column nearby has many more voxels, the scan itself is sparse, and the columns join each
+/// other.
 pub(crate) fn join_buildings(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     let columns = &around.voxels.columns;
     let window = Window::square(BUILDING_REACH);
@@ -170,7 +171,8 @@ pub(crate) fn join_bands(around: &Classified, band: &[u8], links: &mut Links<'_>
     rising
 }
 
-/// The figures of the components, over the voxels of the tile. `decided` says whose class `chained` decided.
+/// The figures of the components, over the voxels of the tile. `decided` says whether `chained` decided the
+/// class of a voxel.
 pub(crate) fn figures(
     around: &Classified,
     class: &[u8],
@@ -234,7 +236,7 @@ mod tests {
     use super::*;
     use crate::cluster::street::voxels::stored::Voxels;
 
-    /// The number of components of buildings, of columns with so many voxels in steps of 0.15 m.
+    /// The number of building components in a row of adjacent columns with these numbers of voxels of 0.15 m.
     fn components(row: &[usize]) -> u32 {
         let levels =
             |column: usize| (0..i64::try_from(row[column]).unwrap()).map(move |level| (column, level));

@@ -5,11 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::part::Part;
 use crate::model::Lattice;
 
-/// Edge of the blocks in which boxes are looked up, in metres: a few vehicles or pieces of a fence.
+/// Edge of the blocks by which boxes are searched, in metres: a few vehicles or pieces of a fence.
 const BLOCK_M: f64 = 16.0;
 
-/// Pairs of positions in `parts` whose boxes are at most `reach` apart in x and in y, each once, ascending.
-/// Both are of one class. `reach` is that of a class, in lattice units.
+/// Pairs of positions in `parts` whose boxes are at most `reach` apart in x and in y. Each pair is listed
+/// once, in ascending order, and has one class. `reach` gives the reach of a class, in lattice units.
 pub(crate) fn pairs(
     parts: &[&Part],
     reach: impl Fn(u8) -> i64,

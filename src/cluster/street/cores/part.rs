@@ -1,4 +1,5 @@
-//! Figures of a component of voxels: sums and extremes, so that the figures of its parts in all tiles add up.
+//! Figures of a component of voxels: sums and extremes, so that the figures of its parts in all tiles can be
+//! merged.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +8,7 @@ use crate::cluster::columns::Voxel;
 use crate::cluster::street::shares::{self, FENCE, VEHICLE};
 use crate::cluster::street::spans::Spans;
 
-/// Number of bands of height of low tree voxels.
+/// Number of height bands of low tree voxels.
 pub(crate) const BANDS: u8 = 9;
 /// The band of all other voxels.
 pub(crate) const NO_BAND: u8 = u8::MAX;
@@ -16,7 +17,7 @@ pub(crate) const NO_BAND: u8 = u8::MAX;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Part {
     pub(crate) class: u8,
-    /// Band of height of low tree voxels.
+    /// Height band, for low tree voxels.
     pub(crate) band: u8,
     /// First voxel in the order (i, j, k).
     pub(crate) first: Voxel,
@@ -28,19 +29,19 @@ pub(crate) struct Part {
     pub(crate) max: [i64; 2],
     /// Sums of the coordinates of centres.
     pub(crate) sum: [i64; 2],
-    /// Neighbours (of 26) that are trees or buildings.
+    /// Neighbours that are trees or buildings, of 26 per voxel, summed over the voxels.
     pub(crate) contact: u32,
     /// Voxels whose class `chained` decided.
     pub(crate) decided: u32,
-    /// Voxels that are certainly of a pole, if the class is that of poles.
+    /// Voxels that are certainly pole, if the class is pole.
     pub(crate) sure_pole: u32,
-    /// Voxels beside a facade, if the class is that of poles.
+    /// Voxels beside a facade, if the class is pole.
     pub(crate) at_facade: u32,
     /// Highest tree voxel around low tree voxels, in lattice units above ground.
     pub(crate) canopy: i32,
-    /// How far it reaches in the plane, where [`shares::spans`] says that it counts.
+    /// Its extent in the plane, if [`shares::spans`] says that the class needs it.
     pub(crate) spans: Option<Box<Spans>>,
-    /// Where it stands, for what may be several objects (`cuts`).
+    /// Its columns of voxels, for classes that may be cut into several objects (`cuts`).
     pub(crate) footprint: Option<Box<Footprint>>,
 }
 

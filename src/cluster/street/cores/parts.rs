@@ -1,5 +1,5 @@
-//! Components of voxels over many tiles: a tile names the components that it sees, and names of the same
-//! voxel in two tiles are one component.
+//! Components of voxels over many tiles: a tile names the components that it sees. If two tiles name the same
+//! voxel, their components are one.
 
 use crate::cluster::columns::Border;
 use crate::cluster::street::voxels::stored::Voxels;

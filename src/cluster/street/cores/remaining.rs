@@ -1,9 +1,9 @@
-//! The components of a tile that count in the reduction of step `cores`. The others are left out when the
-//! tile is read, because all that is kept is in memory for the whole drive.
+//! The components of a tile that matter in the reduction of step `cores`. The others are dropped when the
+//! tile is read, because everything that is kept is in memory for the whole drive.
 //!
-//! A component is *open* if other tiles may know more of it: it has a voxel that another tile names too, or a
-//! chain runs through it. A component that is not open is whole, and the tile knows all components that touch
-//! it. It can be judged at once.
+//! A component is *open* if other tiles may know more about it: it has a voxel that another tile names too,
+//! or a chain runs through it. A component that is not open is whole, and the tile knows all components that
+//! touch it. It can be judged at once.
 #![expect(clippy::cast_possible_truncation, reason = "components of a tile fit u32")]
 
 use std::collections::BTreeMap;
@@ -17,15 +17,15 @@ use crate::cluster::street::shares::unites;
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;
 
-/// What counts of a tile.
+/// The components and pairs of a tile that matter.
 #[derive(Debug, Default)]
 pub(crate) struct Remaining {
     /// Components with their figures, ascending.
     pub(crate) parts: Vec<(u32, Part)>,
-    /// Those of them in adjacent bands that touch, the lower first.
+    /// Pairs of low tree components in adjacent bands that touch, the lower first.
     pub(crate) rising: Vec<(u32, u32)>,
-    /// Buildings that are near each other. Pairs that another tile has as well are left out: a pair counts
-    /// where one of the two has voxels.
+    /// Pairs of buildings that are near each other. A tile keeps a pair only if one of the two has voxels in
+    /// it. Otherwise another tile has the pair.
     pub(crate) near: Vec<Near>,
 }
 
@@ -47,8 +47,8 @@ struct Group {
 }
 
 impl Remaining {
-    /// `parts` are those of the payload of the tile. `open` are the open components. `keeps` says of a whole
-    /// component without a band whether it is a core.
+    /// `parts` are the components in the payload of the tile. `open` are the open components. `keeps` says
+    /// whether a whole component without a band is a core.
     pub(crate) fn of(
         parts: Vec<Option<Part>>,
         Pairs { rising, near }: Pairs<'_>,
@@ -76,7 +76,7 @@ impl Remaining {
         }
         let counts = |component: u32, part: &Part, sets: &mut DisjointSets| {
             if part.band == NO_BAND {
-                // What is united may be a core together with others.
+                // A component that can be united may be a core together with others.
                 let joins =
                     unites(part.class) || arms::may_be_arm(part, lattice) || joins[component as usize];
                 return joins || is_open[component as usize] || keeps(part, lattice);
@@ -96,7 +96,7 @@ impl Remaining {
             is_open[low as usize] || is_open[high as usize] || (has(low) && has(high))
         };
         remaining.rising = rising.iter().filter(counts).copied().collect();
-        // What has voxels here and was left out is no core.
+        // A component that has voxels here and was dropped is not a core.
         let may_count = |component: u32| has(component) || !owned[component as usize];
         let counts = |near: &&Near| {
             let (one, other) = near.of;
@@ -112,16 +112,18 @@ impl Remaining {
 #[derive(Default)]
 pub(crate) struct Components {
     pub(crate) whole: BTreeMap<u32, Part>,
-    /// Those of low tree voxels, ascending. These are many. A list takes half the memory of a map.
+    /// Components of low tree voxels, ascending. There are many of them, and a list takes half the memory of
+    /// a map.
     pub(crate) low: Vec<(u32, Part)>,
-    /// Those of them in adjacent bands that touch, the lower first.
+    /// Pairs of low tree components in adjacent bands that touch, the lower first.
     pub(crate) rising: Vec<(u32, u32)>,
-    /// Buildings that are near each other.
+    /// Pairs of buildings that are near each other.
     pub(crate) near: Vec<Near>,
 }
 
 impl Components {
-    /// Merges what counts of the tiles. `component` has the component of the drive for each one of a tile.
+    /// Merges the remaining components of the tiles. `component` has, for each tile, the component of the
+    /// drive for each of its components.
     pub(crate) fn merge(component: &[Vec<u32>], remaining: Vec<Remaining>) -> Self {
         let mut all = Self::default();
         for (component, remaining) in component.iter().zip(remaining) {
@@ -158,7 +160,7 @@ mod tests {
     use super::*;
     use crate::cluster::street::shares::{BUILDING, FENCE, SMALL, TREE};
 
-    /// A column of voxels of 0.15 m from a height on, in metres.
+    /// A column of voxels of 0.15 m that begins at a height in metres.
     fn part(class: u8, band: u8, voxels: i32, low_m: f64) -> Option<Part> {
         let low = Lattice::MILLIMETRE.units(low_m) as i32;
         let one = |k: i32| Part::of_voxel(class, band, [0, 0, k], low + 150 * k, [0, 0, 150 * i64::from(k)]);
@@ -181,15 +183,15 @@ mod tests {
     #[test]
     fn leaves_that_can_be_no_stem_are_left_out_with_all_that_they_touch() {
         let leaf = || part(TREE, 3, 2, 1.0);
-        // Two pieces of two voxels each that touch may be a stem, one of them may not.
+        // Two touching pieces of two voxels each may be a stem, but one of them alone may not.
         assert_eq!(remaining(vec![leaf(), leaf(), leaf()], &[(0, 2)], &[]), (vec![0, 2], vec![(0, 2)]));
         assert_eq!(remaining(vec![leaf(), leaf(), leaf()], &[], &[]), (vec![], vec![]));
         // All are too high.
         let high = || part(TREE, 5, 4, 1.6);
         assert_eq!(remaining(vec![high(), high()], &[(0, 1)], &[]), (vec![], vec![]));
-        // Other tiles may know more of one of them, and so of the other.
+        // Other tiles may know more about one of them, and so about the other.
         assert_eq!(remaining(vec![high(), high(), high()], &[(0, 1)], &[1]), (vec![0, 1], vec![(0, 1)]));
-        // The other one has voxels of another tile only.
+        // The other one has voxels in another tile only.
         assert_eq!(remaining(vec![high(), None], &[(0, 1)], &[1]), (vec![0], vec![(0, 1)]));
     }
 
@@ -213,13 +215,13 @@ mod tests {
         let near = |parts, near: &[(u32, u32)], open: &[u32]| found(parts, near, open, None);
         let all = [(0, 1), (0, 2), (1, 2)];
         assert_eq!(near(vec![building(5), building(5), building(4)], &all, &[]), [(0, 1)]);
-        // Other tiles may know more of the third one.
+        // Other tiles may know more about the third one.
         assert_eq!(near(vec![building(5), building(5), building(4)], &all, &[2]), all);
         // Neither of the last two has voxels here. The tile that owns them has this pair.
         assert_eq!(near(vec![building(5), None, None], &all, &[1, 2]), [(0, 1), (0, 2)]);
-        // A small one that is whole is no core, and what is near it does not count.
+        // A small component that is whole is not a core, and its pairs do not matter.
         assert_eq!(near(vec![building(4), None, None], &all, &[1, 2]), []);
-        // But it may be a piece of a facade, if it is as near as that.
+        // But it may be a piece of a facade if it is near enough.
         assert_eq!(found(vec![building(4), None, None], &all, &[1, 2], Some(9)), [(0, 1), (0, 2)]);
     }
 }

@@ -6,13 +6,13 @@ use super::part::Part;
 use crate::cluster::street::shares::{BUILDING, FENCE, POLE, SMALL, VEHICLE, WIRE};
 use crate::model::Lattice;
 
-/// Neighbours in crowns and facades, of 26, that a voxel of a piece has on average, from which the piece lies
-/// in them. Whether one with fewer is whole, the model of pieces says later (`benches/results/street.md`,
-/// "Cutting more").
+/// Mean number of neighbours in crowns and facades, of 26, per voxel of a piece, above which the piece is
+/// embedded in them. For a piece with fewer, the model of pieces says later whether it is whole
+/// (`benches/results/street.md`, "Cutting more").
 const EMBEDDED: f64 = 3.0;
-/// Share of the voxels of an upright piece that are within 0.5 m of a facade from which it is a part of it.
-/// Bins, fences and people do stand at facades and in front of cars. Whether one of them is whole, the model
-/// of pieces says later (`benches/results/street.md`, "What stands at facades").
+/// Share of voxels within 0.5 m of a facade from which an upright piece is a part of the facade. Bins, fences
+/// and people do stand at facades and in front of cars. For these, the model of pieces says later whether a
+/// piece is whole (`benches/results/street.md`, "What stands at facades").
 const AT_FACADE: f64 = 0.7;
 
 /// Whether a component is a core.
@@ -26,12 +26,12 @@ pub(crate) fn keeps(part: &Part, lattice: Lattice) -> bool {
     let embedded = f64::from(part.contact) > EMBEDDED * f64::from(voxels);
     let free = voxels >= 80 || !embedded;
     let stands = low < 0.8;
-    // What is fixed to a facade is a part of it: drain pipes.
+    // An upright piece that is fixed to a facade, such as a drain pipe, is a part of it.
     let fixed = f64::from(part.at_facade) >= AT_FACADE * f64::from(voxels);
     match part.class {
         BUILDING => voxels >= 150 && high > 2.5,
-        // Without a chain that is a pole, an upright piece among leaves is a part of a stem, unless it
-        // certainly looks like a pole: a hedge around its foot leaves no chain.
+        // An upright piece among leaves without a pole chain is a part of a stem, unless it certainly looks
+        // like a pole: a pole with a hedge around its foot has no chain.
         POLE => {
             let free = part.decided > 0 || !embedded || arms::is_sure(part);
             tall >= 1.0 && voxels >= 6 && (stands || (low < 1.6 && tall >= 1.5)) && free && !fixed

@@ -1,10 +1,10 @@
 //! Step `cores`: the parts of the drive that are certainly one object each, class by class.
 //!
 //! Chains are decided before: their voxels take the class of the chain (`chained`). Then the voxels of one
-//! class are joined with a reach of this class, over all tiles. Wires are cut at the poles that carry them
-//! (`supports`), and what hangs joins its pole (`arms`). Components that are large enough, stand on the
-//! ground (not buildings and wires) and do not hang in foliage are cores. Trees are different, because crowns
-//! touch: their voxels near the ground are cut into bands of height, and `seeds` finds the stems in them.
+//! class are joined within the reach of this class, over all tiles. Wires are cut at the poles that carry
+//! them (`supports`), and hanging parts join their pole (`arms`). Components that are large enough, stand on
+//! the ground (not buildings and wires) and do not hang in foliage are cores. Trees are different, because
+//! crowns touch: their voxels near the ground are cut into height bands, and `seeds` finds the stems in them.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "voxels of a tile fit u32; heights above ground in lattice units fit i32"
@@ -52,7 +52,7 @@ pub(crate) struct Payload {
     part: Vec<u32>,
     /// Voxels of trunks: number of the voxel in the tile, and chain.
     pub(crate) trunks: Vec<(u32, u32)>,
-    /// Figures of the components. Empty for those without voxels of the tile.
+    /// Figures of the components; `None` for components without voxels that the tile owns.
     pub(crate) parts: Vec<Option<Part>>,
     pub(crate) border: Border,
     /// Components of low tree voxels in adjacent bands that touch, the lower first.
@@ -73,11 +73,11 @@ pub(crate) struct Core {
     /// Number from 1 in an order that does not depend on tiles.
     pub(crate) label: u32,
     pub(crate) class: u8,
-    /// Where it stands, in lattice units. Of a vehicle in a row: the middle of the row.
+    /// Where it stands, in lattice units. For a vehicle in a row, this is the middle of the row.
     pub(crate) place: [i64; 2],
 }
 
-/// The slice of a tile of the global.
+/// The slice of the global result for one tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct OfTile {
     /// Label of each component, or 0.
@@ -227,16 +227,16 @@ fn keep_footprints(figures: &mut [Option<Part>], border: &Border, lattice: Latti
 struct Found {
     joining: Joining,
     remaining: Vec<Remaining>,
-    /// Chains of trunks and the components, plus one, in which they have voxels. This tells which chain rises
-    /// from which piece near the ground.
+    /// Chains of trunks, each with a component, plus one, in which it has voxels. These pairs say which chain
+    /// rises from which piece near the ground.
     trunks: Vec<BTreeSet<(u32, u32)>>,
     crowns: Vec<Crown>,
     in_crowns: Vec<BTreeSet<Cell>>,
 }
 
 impl Found {
-    /// A component that cannot become a core is left out at once. There are 13,000 of them per kilometre of
-    /// street.
+    /// Reads the results of the tiles. A component that cannot become a core is dropped at once. There are
+    /// 13,000 of them per kilometre of street.
     fn of(drive: &dyn DriveWindow) -> Result<Self> {
         let lattice = drive.lattice();
         let mut found = Self::default();
@@ -316,7 +316,8 @@ pub(crate) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     let stems = seeds::find(&low, rising.into_iter(), chains, &places, lattice);
     drop(low);
     let crowns = crowns::without_stem(&found.crowns, stems.seeds.iter().map(|stem| stem.place), lattice);
-    // Between the stripes of a trail is nothing, which would be a valley. So rows are found before.
+    // Rows are found before trails are united, because the empty space between the stripes of a trail would
+    // be a valley.
     let rows = cuts::rows(&whole, lattice);
     let beside = cuts::take_beside(&mut whole, lattice);
     let mut united = trails::unite(&mut whole, &rows, lattice);

@@ -1,7 +1,7 @@
-//! Poles that carry wires. The wires of two spans touch at the pole between them, and are two objects.
+//! Poles that carry wires. The wires of two spans touch at the pole between them, but they are two objects.
 //!
-//! A voxel of a wire is carried if voxels of a pole are beside it and below it. Around such voxels wires are
-//! cut: these voxels are in no component, and growth gives them to a span.
+//! A voxel of a wire is carried if voxels of a pole are beside it and below it. Wires are cut around such
+//! voxels: the wire voxels there are in no component, and growth gives them to a span.
 
 use crate::cluster::street::classes::classified::Classified;
 use crate::cluster::street::settings::EDGE_M;
@@ -9,11 +9,12 @@ use crate::cluster::street::shares::{POLE, WIRE};
 use crate::cluster::street::window::Window;
 use crate::model::Lattice;
 
-/// Largest distance in the plane of a carried wire to the pole, in metres. Measured on three drives of `synth
-/// suburb`: the wire that is nearest to the axis of its pole is at most 0.4 m from it at 25 of 26 poles, and
-/// that of a lamp beside wires is at least 0.96 m from it.
+/// Largest distance in the plane of a carried wire to the pole, in metres. Measured on three drives of
+/// `synth suburb`: at 25 of 26 poles, the wire nearest to the axis of the pole is at most 0.4 m from it; the
+/// wire nearest to a lamp is at least 0.96 m from the axis of the lamp.
 const BESIDE_M: f64 = 0.7;
-/// The pole is there in at least so many of so many levels of two voxels, the highest at the wire.
+/// Smallest number of levels with pole voxels, and the number of levels that are examined. A level is two
+/// voxels high, and the highest one is at the wire.
 const LEVELS: (u32, i32) = (6, 8);
 /// Distance from a carried voxel within which wires are cut, in metres: the other wires of the cross-arm are
 /// 0.75 m away. Voxels of wires that are at most 0.66 m apart are joined.
@@ -48,8 +49,8 @@ mod tests {
     use super::*;
     use crate::cluster::street::voxels::stored::Voxels;
 
-    /// A wire along x at a height of 7.5 m, and points of a pole at x = 10 m, beside the wire by `beside` and
-    /// up to a height, all in decimetres. Returns the places along the wire, in voxels, at which it is cut.
+    /// Cuts a wire along x at a height of 7.5 m. A pole at x = 10 m is `beside` decimetres away from the wire
+    /// and `top` decimetres high. Returns the places along the wire, in voxels, at which it is cut.
     fn cut_at(beside: i64, top: i64) -> Vec<i32> {
         let wire = (0..200).map(|x| [100 * x, 20, 7_520]);
         let pole = (0..=top).map(|z| [10_020, 100 * beside + 20, 100 * z]);

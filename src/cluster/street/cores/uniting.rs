@@ -4,8 +4,8 @@
 //! Two pieces are one vehicle if both fit into a box of the size of a passenger car. Two pieces are one fence
 //! if both lie on one line, end at about the same height, and the gap between them is short. Two pieces are
 //! one span of wires if both lie along one line, and no pole that reaches their height stands between them.
-//! Pairs are decided one after another, and what was united before counts as one piece. Their order does not
-//! depend on tiles.
+//! Pairs are decided one after another, and pieces that were united before count as one piece. Their order
+//! does not depend on tiles.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,37 +17,37 @@ use crate::cluster::street::spans::{self, Extent};
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;
 
-/// Longest and widest box of a vehicle that is united, in metres, and the longest gap between its pieces. A
-/// box of an estate car with its mirrors, turned by at most 2.8 degrees. Lorries are not cut: they are large,
-/// so their pieces touch.
+/// Largest length and width of the box around a united vehicle, in metres, and the longest gap between its
+/// pieces. The box fits an estate car with its mirrors, turned by at most 2.8 degrees. Lorries do not fall
+/// into pieces: they are large, so their pieces touch.
 const VEHICLE_M: (f64, f64) = (5.2, 2.3);
 const VEHICLE_GAP_M: f64 = 0.6;
-/// Widest box of a fence, in metres: of a short one, and for each metre of length. Real ones are up to 0.8 m
-/// wide and bend.
+/// Largest width of the box around a fence, in metres: for a short fence, and in addition for each metre of
+/// length. Real fences are up to 0.8 m wide, and they bend.
 const FENCE_M: f64 = 1.2;
 const FENCE_BEND: f64 = 0.03;
 /// Longest gap between two pieces of a fence, in metres. Cars and stems hide 2 m of what is behind them. With
-/// 1.5 m, 13 pieces of ten rails behind small trees stay apart, with 2.5 m and with 4 m 5 of them.
+/// 1.5 m, 13 pieces of ten rails behind small trees stay apart; with 2.5 m and with 4 m, 5 of them do.
 const FENCE_GAP_M: f64 = 2.5;
 /// Largest difference of the heights at which two pieces of a fence end, in metres.
 const FENCE_TOP_M: f64 = 0.5;
-/// Widest box of the wires of a span, in metres: a cross-arm of 2.4 m, and more for each metre of length,
-/// because a box turns in steps of 5.6 degrees.
+/// Largest width of the box around the wires of a span, in metres: a cross-arm of 2.4 m, and in addition for
+/// each metre of length, because a box is turned in steps of 5.6 degrees.
 const WIRE_M: f64 = 2.5;
 const WIRE_TURN: f64 = 0.05;
-/// Longest gap between two pieces of a span, in metres: what stands in front hides as much.
+/// Longest gap between two pieces of a span, in metres: objects in front of the wires hide this much.
 const WIRE_GAP_M: f64 = 8.0;
 /// Largest difference in height between the pieces of a span, in metres.
 const WIRE_RISE_M: f64 = 1.0;
 /// Smallest piece of a wire that is united: number of voxels, and extent in metres. Smaller ones are twigs.
 const WIRE_VOXELS: u32 = 6;
 const WIRE_EXTENT_M: f64 = 0.9;
-/// Distance of a pole to the box around two pieces up to which it stands between them, in metres, as in
-/// [`super::supports`].
+/// Largest distance of a pole from the box around two pieces at which it still stands between them, in
+/// metres, as in [`super::supports`].
 const BETWEEN_M: f64 = 0.7;
 
-/// Unites components. `parts` has one entry for each united component then, under the name of one of its
-/// components. Returns this name for all others. `keeps` says whether a component is a core.
+/// Unites components. `parts` then has one entry for each united component, under the name of one of its
+/// components. The result maps the other names to this one. `keeps` says whether a component is a core.
 pub(crate) fn unite(
     parts: &mut BTreeMap<u32, Part>,
     keeps: impl Fn(&Part) -> bool,
@@ -58,8 +58,8 @@ pub(crate) fn unite(
     near(parts, |_, part| unites(part.class), |class| reach(class, lattice), cost, lattice)
 }
 
-/// Unites those of the components that `counts` names which are within the reach of their class, in lattice
-/// units, if `cost` says what that costs. `parts` and the result are those of [`unite`].
+/// Unites pairs of the components that `counts` selects, if they are within the reach of their class, in
+/// lattice units, and `cost` gives a cost. `parts` and the result are as for [`unite`].
 pub(crate) fn near(
     parts: &mut BTreeMap<u32, Part>,
     counts: impl Fn(u32, &Part) -> bool,
@@ -77,9 +77,9 @@ pub(crate) fn near(
     one_by_one(parts, pairs.into_iter(), |one, other| cost(one, other).is_some())
 }
 
-/// Unites pairs of components where `fits` says so of what both are a part of by then. Pairs are a cost and
-/// two names. Cheaper ones are decided first, of equal ones those with the first voxels. `parts` and the
-/// result are those of [`unite`].
+/// Unites pairs of components, one after another, if `fits` accepts the united components that the two belong
+/// to by then. A pair is a cost and two names. Cheaper pairs are decided first; of equal costs, the pair with
+/// the first voxels. `parts` and the result are as for [`unite`].
 pub(crate) fn one_by_one(
     parts: &mut BTreeMap<u32, Part>,
     pairs: impl Iterator<Item = (i64, u32, u32)>,
@@ -114,13 +114,13 @@ pub(crate) fn one_by_one(
     roots.filter(|(name, root)| name != root).collect()
 }
 
-/// The name under which a component is in the parts. `united` has those of the components that became a part
-/// of another.
+/// The name of a component in the parts. `united` has the new names of the components that became a part of
+/// another.
 pub(crate) fn by_name(united: &BTreeMap<u32, u32>, component: u32) -> u32 {
     *united.get(&component).unwrap_or(&component)
 }
 
-/// Adds what was united later, among the names that were left.
+/// Adds the result of a later step, which united components under the names that were left.
 pub(crate) fn go_on(united: &mut BTreeMap<u32, u32>, later: BTreeMap<u32, u32>) {
     united.values_mut().for_each(|name| *name = by_name(&later, *name));
     united.extend(later);
@@ -135,7 +135,7 @@ fn reach(class: u8, lattice: Lattice) -> i64 {
     })
 }
 
-/// What it costs to call two pieces one object; `None` if they are two. Cheaper pairs are united first.
+/// The cost of uniting two pieces; `None` if they are two objects. Cheaper pairs are united first.
 fn cost(one: &Part, other: &Part, poles: &Poles, lattice: Lattice) -> Option<i64> {
     let (spans, others) = (one.spans.as_ref()?, other.spans.as_ref()?);
     let around = spans.union(others).narrowest();
@@ -277,7 +277,7 @@ mod tests {
         assert_eq!(with(pole(12.0, 2.9, 8.6)), 2, "a lamp beside them");
         assert_eq!(with(pole(12.0, 1.3, 6.7)), 2, "a signal below them");
         assert_eq!(with(pole(5.0, 0.5, 8.6)), 2, "a lamp that they pass");
-        // Wires of one cross-arm are one, and those of the other side of the street are not.
+        // Wires of one cross-arm are one object. Wires on the other side of the street are another.
         assert_eq!(united(vec![wire([0.0, 0.0], [30.0, 0.0]), wire([2.0, 1.5], [28.0, 1.5])]), 1);
         assert_eq!(united(vec![wire([0.0, 0.0], [30.0, 0.0]), wire([2.0, 6.0], [28.0, 6.0])]), 2);
         assert_eq!(united(vec![wire([0.0, 0.0], [10.0, 0.0]), wire([18.5, 0.0], [30.0, 0.0])]), 2);

@@ -1,11 +1,12 @@
-//! Crowns of small trees: places over which many tree voxels stand. A tree whose stem is hidden behind others
+//! Crowns of small trees: places with many tree voxels above them. A tree whose stem is hidden behind others
 //! is found by its crown.
 //!
 //! Tree voxels are counted in cells of the plane and smoothed with a kernel that grows with the height of the
 //! canopy. The peaks of this field are crowns. A peak is a tree of its own if no stem claims it, and if the
 //! field falls far enough on the way to every higher peak nearby. This is the density peak of Rodriguez and
-//! Laio (2014, doi:10.1126/science.1242072) in the plane, with the prominence of a peak in place of the
-//! distance to the next higher one. All sums are integers, and all distances are local, so tiles do not show.
+//! Laio (2014, doi:10.1126/science.1242072) in the plane, with the prominence of a peak instead of the
+//! distance to the next higher one. All sums are integers, and all distances are local, so the result does
+//! not depend on tiles.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "heights in lattice units fit i32; sums over a kernel are clamped to u32"
@@ -29,27 +30,28 @@ const LOW_M: f64 = 0.9;
 /// Radius of the kernel in cells, by the height of the canopy in metres. Its standard deviation is about a
 /// tenth of the height, which separates small trees 2.5 m apart.
 const KERNELS: [(f64, i32); 3] = [(3.5, 3), (5.0, 4), (f64::INFINITY, 5)];
-/// Radius within which the canopy is looked for, in cells.
+/// Radius within which the canopy is searched, in cells.
 const CANOPY: i32 = 5;
-/// Radius within which rivals of a peak are looked for, in cells: 3.9 m.
+/// Radius within which rivals of a peak are searched, in cells: 3.9 m.
 const RIVAL: i32 = 13;
-/// Part of the field of a peak to which it falls on the way to every higher peak, in hundredths.
+/// Share of its value at a peak to which the field must fall on the way to every higher peak, in percent.
 const SADDLE: u64 = 60;
-/// Distance within which a stem claims a peak, in parts of the height of the peak. Crowns lean, one side of
-/// them may be hidden, and large ones have lobes. A street tree is about half as wide as it is high.
+/// Distance within which a stem claims a peak, as a fraction of the canopy height at the peak. Crowns lean,
+/// one side of a crown may be hidden, and large crowns have lobes. A street tree is about half as wide as it
+/// is high.
 const CLAIM: f64 = 0.3;
 /// Largest distance within which a stem claims a peak, in metres.
 const CLAIM_M: f64 = 4.0;
 /// Smallest field of a crown: a quarter of a voxel per cell. With one voxel, sparse drives lose trees
 /// (`benches/results/street.md`, "Few points").
 const LEAST: u32 = ONE as u32 / 4;
-/// Lowest and highest canopy of a tree that is found by its crown, in metres. The scanner looks at small
-/// trees from above their stems, so those in front hide the stems behind. It looks below the crowns of high
+/// Lowest and highest canopy of a tree that is found by its crown, in metres. The scanner sees small trees
+/// from above their stems, so the trees in front hide the stems behind them. It sees below the crowns of high
 /// trees. Without the upper limit, trees found increase from 576 to 605 of 805 on smalltrees_opt, and false
 /// pieces from 13 to 25 on suburb_ts1.
 const TOP_M: (f64, f64) = (2.0, 6.0);
-/// A crown with a smaller field, two voxels per cell, may be of any height. So few points are seen of it that
-/// its stem is mostly not among them (`benches/results/street.md`, "Few points").
+/// Field below which a crown may have any height: two voxels per cell. So few points of such a crown are seen
+/// that its stem is mostly not among them (`benches/results/street.md`, "Few points").
 const SPARSE: u32 = 2 * ONE as u32;
 /// Distance from the peak in the plane within which voxels are the core of the tree, in metres.
 const CORE_M: f64 = 0.45;
@@ -69,14 +71,14 @@ pub(crate) struct Crown {
     pub(crate) first: Voxel,
     /// Where it stands, in lattice units.
     pub(crate) place: [i64; 2],
-    /// Highest tree voxel around it above the ground, in lattice units.
+    /// Height above ground of the highest tree voxel around it, in lattice units.
     top: i32,
     field: u32,
-    /// Higher peaks nearby, and the lowest value of the field on the way there.
+    /// Higher peaks nearby, each with the lowest value of the field on the way to it.
     rivals: Vec<(Cell, u32)>,
 }
 
-/// Weights, and steps to the cells that they belong to.
+/// Weights, each with the step to its cell.
 type Kernel = Vec<(u64, [i32; 2])>;
 
 /// The counts in the cells around a tile.
@@ -127,7 +129,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Highest tree voxel around a cell, in lattice units.
+    /// Height above ground of the highest tree voxel around a cell, in lattice units.
     fn canopy(&self, finder: &mut Finder<'_>, [i, j]: Cell) -> i32 {
         let around = self.canopy.iter().filter_map(|[di, dj]| finder.number([i + di, j + dj]));
         around.map(|cell| self.top[cell]).max().unwrap_or(i32::MIN)
@@ -171,7 +173,7 @@ fn kernel(radius: i32) -> Kernel {
     steps.into_iter().map(|(d, step)| (weight(d) * ONE / sum, step)).collect()
 }
 
-/// The crowns around a tile: the peaks, and which of them the tile owns. `class` is that of each voxel.
+/// The crowns around a tile: the peaks, and whether the tile owns each. `class` is the class of each voxel.
 pub(crate) fn find(around: &Classified, class: &[u8], lattice: Lattice) -> Vec<(Crown, bool)> {
     let field = Field::new(around, class, lattice);
     let mut finder = field.cells.finder();
@@ -226,7 +228,7 @@ fn saddle(field: &Field<'_>, finder: &mut Finder<'_>, [i, j]: Cell, [u, v]: Cell
     cells.map(|cell| field.at(finder, cell)).min().unwrap_or(u32::MAX)
 }
 
-/// The crown that each tree voxel of the tile is in the core of: number of the voxel among those around the
+/// The tree voxels of the tile that are in the core of a crown: number of the voxel among those around the
 /// tile, and cell of the crown.
 pub(crate) fn cores(
     around: &Classified,
@@ -355,7 +357,7 @@ mod tests {
 
     #[test]
     fn a_high_crown_needs_no_stem_if_few_points_are_seen_of_it() {
-        // Balls with a radius of 1.5 m around a point, their points `step` millimetres apart.
+        // Balls with a radius of 1.5 m around a point. Their points are `step` millimetres apart.
         let ball = |x: i64, z: i64, step: usize| {
             let axis = || (-1_500..=1_500_i64).step_by(step);
             let all = axis().flat_map(move |a| axis().flat_map(move |b| axis().map(move |c| [a, b, c])));

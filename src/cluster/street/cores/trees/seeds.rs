@@ -1,11 +1,11 @@
 //! The stems of trees: where each tree begins near the ground.
 //!
-//! Low tree voxels are cut into bands of height. The components of a band are nodes, and nodes of adjacent
-//! bands that touch are edges. A sweep from below joins nodes. Two pieces that have both risen by [`RISE_M`]
-//! before they meet stay apart: they are two stems. A piece that has risen less joins the other. This is the
+//! Low tree voxels are cut into height bands. The components of a band are nodes, and nodes of adjacent bands
+//! that touch are edges. A sweep from below joins nodes. Two pieces that have both risen by [`RISE_M`] before
+//! they meet stay apart: they are two stems. A piece that has risen less joins the other. This is the
 //! persistence of a merge tree. The piece in which stems meet belongs to none of them: it is their crowns,
-//! which growth divides. Chains of trunks come from step `chains` and are certain stems. Of stems that are
-//! nearer to each other than trees of their height stand, the more certain one remains.
+//! which growth divides. Chains of trunks come from step `chains` and are certain stems. If stems are nearer
+//! to each other than trees of their height can be, the more certain one remains.
 //!
 //! Everything here works on sums over the whole drive, in an order that does not depend on tiles.
 
@@ -24,35 +24,37 @@ use crate::spatial::DisjointSets;
 
 /// Height by which a piece must rise before it meets another, in metres.
 const RISE_M: f64 = 0.5;
-/// Distance in the plane from which half of this is enough, in metres.
+/// Distance in the plane beyond which half of this rise is enough, in metres.
 const APART_M: f64 = 1.5;
 /// Smallest number of voxels of a stem.
 const VOXELS: u32 = 4;
 /// Largest height at which a stem begins, in metres. Higher pieces are branches.
 const BASE_M: f64 = 1.5;
-/// Stems whose axes are at most this far apart are one, in metres.
+/// Largest distance between the axes of pieces that are one stem, in metres.
 const SAME_M: f64 = 0.5;
-/// A stem that begins below this height stands on the ground, in metres.
+/// Largest height at which a stem that stands on the ground begins, in metres.
 const GROUNDED_M: f64 = 0.5;
-/// Smallest distance between two stems that stand on the ground, in parts of the height of the canopy.
+/// Smallest distance of a stem that stands on the ground to another stem, as a fraction of the canopy height.
 const SPACING: f64 = 0.3;
 /// The same for a stem that does not stand on the ground.
 const SPACING_HANGING: f64 = 0.5;
-/// Smallest distance of a stem that stands on the ground to a trunk, in parts of the height of the canopy.
+/// Smallest distance of a stem that stands on the ground to a trunk, as a fraction of the canopy height.
 const SPACING_TO_TRUNK: f64 = 0.3;
 /// The same for a stem that does not stand on the ground.
 const SPACING_HANGING_TO_TRUNK: f64 = 0.6;
-/// A piece of this number of voxels is more certain: these distances are shorter by this factor.
+/// Number of voxels from which a piece is more certain, and the factor that shortens these distances for it.
 const SURE_VOXELS: u32 = 120;
 const SURE_SPACING: f64 = 0.7;
 /// Limits of these distances, in metres.
 const SPACING_M: (f64, f64) = (0.8, 4.0);
-/// In a forest stems stand nearer: below a canopy of this height, a stem that stands on the ground and rises
-/// by this much is at least this far from others, in metres (`benches/results/street.md`, "Forests").
+/// Height of a forest canopy, smallest rise of a stem, and upper limit of these distances in a forest, in
+/// metres. Stems stand nearer to each other there. The limit applies to a stem that stands on the ground
+/// below such a canopy and has this rise (`benches/results/street.md`, "Forests").
 const FOREST_CANOPY_M: f64 = 14.0;
 const FOREST_RISE_M: f64 = 1.5;
 const FOREST_SPACING_M: f64 = 2.0;
-/// A stem that does not stand on the ground has at least this many voxels, and a canopy this far above it.
+/// Smallest number of voxels of a stem above the ground, and smallest height of the canopy over it, in
+/// metres.
 const HANGING_VOXELS: u32 = 8;
 const HANGING_CANOPY_M: f64 = 0.5;
 
@@ -69,7 +71,7 @@ pub(crate) struct Seed {
 #[derive(Debug, Default)]
 pub(crate) struct Stems {
     pub(crate) seeds: Vec<Seed>,
-    /// Stem of each component of low tree voxels that belongs to one.
+    /// Stem of each component of low tree voxels that belongs to a stem.
     pub(crate) components: BTreeMap<u32, u32>,
     /// Stem of each chain.
     pub(crate) chains: BTreeMap<u32, u32>,
@@ -97,7 +99,7 @@ impl Candidate {
 
 /// Finds the stems among the components of low tree voxels, which are in ascending order. `rising` are pairs
 /// of components that touch, the lower first. `chains` are pairs of a chain and a component in which it has
-/// voxels, and `places` is where each chain stands.
+/// voxels. `places` has the place of each chain.
 pub(crate) fn find(
     nodes: &[(u32, Part)],
     rising: impl Iterator<Item = (u32, u32)>,
@@ -135,11 +137,11 @@ pub(crate) fn find(
 /// A set of nodes during the sweep.
 #[derive(Debug, Clone)]
 struct Rising {
-    /// Height of its lowest voxel and the first voxel of the node with it.
+    /// Height of its lowest voxel, and the first voxel of the node that contains it.
     birth: (i32, Voxel),
     place: [i64; 2],
     voxels: u32,
-    /// Whether stems in it have been found.
+    /// Whether stems have been found in it.
     split: bool,
     /// Nodes that belong to no stem yet.
     open: Vec<usize>,
@@ -153,7 +155,7 @@ struct Limits {
 }
 
 impl Rising {
-    /// Whether it is large and low enough for a stem.
+    /// Whether the set is large and low enough for a stem.
     fn is_grown(&self, limits: &Limits) -> bool {
         is_grown(self.voxels, self.birth.0, limits.base)
     }
@@ -204,18 +206,19 @@ fn meet(
     }
 }
 
-/// Whether so many voxels, the lowest at this height in lattice units, are large and low enough for a stem.
+/// Whether a piece with this number of voxels, the lowest at this height in lattice units, is large and low
+/// enough for a stem.
 fn is_grown(voxels: u32, lowest: i32, base: i32) -> bool {
     voxels >= VOXELS && lowest <= base
 }
 
 /// Whether there may be a stem among pieces that touch each other and no others, if no chain runs through
-/// them: they have so many voxels, the lowest at this height in lattice units.
+/// them. Together they have this number of voxels, the lowest at this height in lattice units.
 pub(crate) fn may_stand(voxels: u32, lowest: i32, lattice: Lattice) -> bool {
     is_grown(voxels, lowest, lattice.units(BASE_M) as i32)
 }
 
-/// The stem of each node, named by a node of it.
+/// The stem of each node. A stem is named by one of its nodes.
 fn sweep(parts: &[&Part], mut edges: Vec<(usize, usize)>, lattice: Lattice) -> Vec<Option<usize>> {
     let low = |metres: f64| lattice.units(metres) as i32;
     let limits = Limits { rise: low(RISE_M), apart: lattice.units(APART_M), base: low(BASE_M) };
@@ -234,8 +237,8 @@ fn sweep(parts: &[&Part], mut edges: Vec<(usize, usize)>, lattice: Lattice) -> V
         .collect();
     let mut stem: Vec<Option<usize>> = vec![None; parts.len()];
     for edges in edges.chunk_by(|a, b| a.1 == b.1) {
-        // The sets below the node that meet in it, with the height at which they do. No set contains the node
-        // yet.
+        // The sets below the node that meet in it, with the height at which they meet. No set contains the
+        // node yet.
         let node = edges[0].1;
         let mut below: BTreeMap<usize, i32> = BTreeMap::new();
         for &(low, _) in edges {
@@ -274,8 +277,7 @@ fn sweep(parts: &[&Part], mut edges: Vec<(usize, usize)>, lattice: Lattice) -> V
     stem
 }
 
-/// The pieces that may be stems: those of the sweep, joined by the chains that run through them, and chains
-/// that no piece contains.
+/// Candidates for stems: pieces of the sweep, joined by the chains through them, and chains without a piece.
 fn candidates(
     parts: &[&Part],
     seed: &[Option<usize>],
@@ -431,8 +433,8 @@ mod tests {
         part
     }
 
-    /// Upright stems at these places, as high as so many bands, and what is above them. Returns the parts and
-    /// the edges.
+    /// Upright stems at these places, each `bands` bands high, and the parts `above` them. Returns the parts
+    /// and the edges.
     fn stems(places: &[i32], bands: u8, above: &[Part]) -> (Vec<Part>, Vec<(usize, usize)>) {
         let mut parts = Vec::new();
         let mut edges = Vec::new();
@@ -460,7 +462,7 @@ mod tests {
 
     #[test]
     fn where_the_crowns_of_two_stems_meet_is_neither_of_them() {
-        // The crowns meet 1.25 m above the feet, and are one above.
+        // The crowns meet 1.25 m above the feet. Above that they are one.
         let met = stems(&[0, 1_800], 5, &[part(5, 900, 90), part(6, 900, 200)]);
         let stem = swept(&met);
         assert_eq!(stem[..5], [Some(0); 5]);

@@ -13,14 +13,15 @@ use crate::spatial::DisjointSets;
 /// that leans, and the stems of a tree that divides near the ground, are nearer.
 const ONE_M: f64 = 1.0;
 
-/// Chains by the trunk that they are parts of, with the place of the trunk in metres: chains of one trunk are
-/// near each other.
+/// The trunks that these chains form: the place of each trunk in metres, and its chains. Chains of one trunk
+/// are near each other.
 pub(crate) fn trunks(
     chains: &[u32],
     places: &BTreeMap<u32, [i64; 2]>,
     lattice: Lattice,
 ) -> Vec<([f64; 2], Vec<u32>)> {
-    // By place: the numbers of chains follow the tiles, and the first chain of a trunk is its place.
+    // Sorted by place, because the first chain of a trunk gives its place, which must not depend on numbers
+    // of chains.
     let mut known: Vec<(u32, [i64; 2])> =
         chains.iter().filter_map(|chain| Some((*chain, *places.get(chain)?))).collect();
     known.sort_unstable_by_key(|(_, place)| *place);
@@ -37,7 +38,7 @@ pub(crate) fn trunks(
     trunks.into_values().collect()
 }
 
-/// The nodes in which two trunks or more have voxels. `of_chain` has the nodes of each chain.
+/// The nodes in which two or more trunks have voxels. `of_chain` has the nodes of each chain.
 pub(crate) fn shared<'a>(
     trunks: impl Iterator<Item = &'a [u32]>,
     of_chain: &BTreeMap<u32, BTreeSet<usize>>,

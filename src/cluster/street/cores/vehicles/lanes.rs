@@ -1,8 +1,8 @@
-//! Vehicles side by side: which columns of voxels of a component are in which lane.
+//! Vehicles side by side: the lane of each column of voxels of a component.
 //!
-//! Noise and ghosts join what moves to the parked cars beside it. They are thin. A body is what is left
-//! without the columns that have empty ones around them. Bodies that follow each other are one lane, and
-//! every other column belongs to the body that it is nearest to.
+//! Noise and ghosts join a moving vehicle to the parked cars beside it. They are thin. A body is what remains
+//! without the columns that have empty columns around them. Bodies that follow each other are one lane. Every
+//! other column belongs to the nearest body.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,15 +12,15 @@ use crate::cluster::street::spans::{Extent, Spans};
 use crate::model::Lattice;
 use crate::spatial::Cell;
 
-/// Neighbours of eight from which a column is inside of a body.
+/// Smallest number of occupied neighbours, of eight, of a column inside a body.
 const NEIGHBOURS: usize = 6;
-/// Fewest columns inside of a body: half of a small car.
+/// Smallest number of columns inside a body: half of a small car.
 const BODY: usize = 150;
-/// Widest box of bodies that follow each other, in metres: a lorry with its mirrors.
+/// Largest width of the box around bodies that follow each other, in metres: a lorry with its mirrors.
 const WIDTH_M: f64 = 2.8;
-/// How much wider the box around a lane may be, for each metre of its length and at most, in metres. A box
-/// turns in steps, and a road bends: in a bend of 120 m whose middle is 9 m beside its chord, 4 m of the lane
-/// go aside by 1.3 m. In lanes of 3.5 m, cars of 1.8 m are 1.7 m apart.
+/// Extra width of the box around a lane, in metres: for each metre of its length, and at most. A box is
+/// turned in steps, and a road bends: in a bend of 120 m whose middle is 9 m beside its chord, 4 m of the
+/// lane deviate by 1.3 m. In lanes of 3.5 m, cars of 1.8 m are 1.7 m apart.
 const BEND: f64 = 0.1;
 pub(crate) const ASIDE_M: f64 = 1.5;
 
@@ -39,7 +39,7 @@ pub(crate) fn of<T: Copy>(columns: &BTreeMap<Cell, T>, lattice: Lattice) -> Opti
     Some(lanes)
 }
 
-/// Whether what is in a box is in one lane, if a vehicle is at most `width_m` metres wide.
+/// Whether the content of a box is in one lane, if a vehicle is at most `width_m` metres wide.
 pub(crate) fn is_one(around: Extent, width_m: f64, lattice: Lattice) -> bool {
     #[expect(clippy::cast_possible_truncation, reason = "a part of a length in lattice units")]
     let bend = ((BEND * around.length as f64) as i64).min(lattice.units(ASIDE_M));
@@ -51,7 +51,7 @@ fn around([i, j]: Cell) -> impl Iterator<Item = Cell> {
     steps.filter(|&step| step != [0, 0]).map(move |[x, y]| [i + x, j + y])
 }
 
-/// The number of the body of each column that is inside of one. Bodies are numbered by their first columns.
+/// The number of the body of each column that is inside a body. Bodies are numbered by their first columns.
 fn bodies<T>(columns: &BTreeMap<Cell, T>) -> BTreeMap<Cell, usize> {
     let is_inside =
         |&cell: &Cell| around(cell).filter(|near| columns.contains_key(near)).count() >= NEIGHBOURS;
@@ -73,8 +73,8 @@ fn bodies<T>(columns: &BTreeMap<Cell, T>) -> BTreeMap<Cell, usize> {
     body
 }
 
-/// Replaces numbers of bodies by those of lanes, and returns the number of lanes. The two lanes with the
-/// narrowest box around both are joined first, of equal ones those with the first columns.
+/// Replaces the numbers of bodies by numbers of lanes, and returns the number of lanes. The two lanes with
+/// the narrowest box around both are joined first; of equal widths, the lanes with the first columns.
 fn follow_each_other(body: &mut BTreeMap<Cell, usize>, lattice: Lattice) -> usize {
     let edge = lattice.units(EDGE_M);
     let mut boxes: Vec<Option<Spans>> = Vec::new();
@@ -111,8 +111,8 @@ fn follow_each_other(body: &mut BTreeMap<Cell, usize>, lattice: Lattice) -> usiz
     kept.len()
 }
 
-/// Gives each column without a lane that of its neighbours, step by step: the first one of several. Columns
-/// that touch no lane belong to the lane of the nearest column.
+/// Gives each column without a lane the lane of a neighbour, step by step; of several lanes, the first.
+/// Columns that touch no lane get the lane of the nearest column.
 fn spread<T>(columns: &BTreeMap<Cell, T>, lane: &mut BTreeMap<Cell, usize>) {
     let mut edge: Vec<Cell> = lane.keys().copied().collect();
     while !edge.is_empty() {
@@ -150,7 +150,7 @@ mod tests {
         boxes.iter().flat_map(of_box).collect()
     }
 
-    /// The number of columns of each lane; none if there is one lane.
+    /// The number of columns of each lane; empty if there is one lane.
     fn sizes(boxes: &[[i32; 4]]) -> Vec<usize> {
         let Some(lanes) = of(&columns(boxes), Lattice::MILLIMETRE) else { return Vec::new() };
         assert_eq!(lanes.iter().map(BTreeMap::len).sum::<usize>(), columns(boxes).len());

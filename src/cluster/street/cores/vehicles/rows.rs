@@ -1,14 +1,14 @@
-//! Rows of vehicles that touch: where one ends and the next begins. What is side by side is in lanes, see
+//! Rows of vehicles that touch: where one ends and the next begins. Vehicles side by side are in lanes, see
 //! [`super::lanes`], and each lane is cut by itself.
 //!
 //! The profile of a row is the height of its top along it. Between two vehicles it falls below both roofs. A
-//! row that is longer than a car is cut where its profile is lowest, if this is a valley, and both parts
-//! again. A bus has no valley. A bonnet or a loading area is no valley either: it is nearer to the end than
-//! the shortest car is long.
+//! row that is longer than a car is cut where its profile is lowest, if that is a valley, and both parts are
+//! cut in the same way. A bus has no valley. A bonnet or a loading area is not a valley either: its distance
+//! from the end is less than the length of the shortest car.
 //!
-//! What moves leaves a trail that is longer than any vehicle. Where it is far from the scanner, single
-//! outlines stand out, and a trail has valleys there. They have fewer voxels than a vehicle that stands, and
-//! are not cut off.
+//! A moving vehicle leaves a trail that is longer than any vehicle. Far from the scanner its single outlines
+//! are distinct, so the trail has valleys there. An outline has fewer voxels than a standing vehicle, and is
+//! not cut off.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,26 +23,29 @@ use crate::spatial::Cell;
 const ROW_M: f64 = 6.2;
 /// Length of the shortest car, in metres.
 const SHORTEST_M: f64 = 3.0;
-/// The same two lengths for a component up to the third one: a car that moves and that two heads saw one
-/// after the other. Each of them sees it shorter than it is, 2.9 to 3.5 m long, because it comes or drives
-/// away while the head passes it.
+/// The same two lengths for a component that is at most as long as the third: a moving car that two scanner
+/// heads saw one after the other. Each head sees it too short, 2.9 to 3.5 m long, because the car approaches
+/// or drives away while the head passes it.
 const TWICE_M: (f64, f64, f64) = (5.4, 2.6, 7.0);
-/// Length from which a vehicle is the trail of one that moves, by the height of its top, in metres. Cars and
-/// vans are lower than 2.4 m and at most 6 m long, lorries and buses at most 12 m.
+/// Upper limit of the height of the top, and length above which a vehicle below this limit is the trail of a
+/// moving one, in metres. Cars and vans are lower than 2.4 m and at most 6 m long, lorries and buses at most
+/// 12 m.
 const TRAIL_M: [(f64, f64); 2] = [(2.4, LOW_TRAIL_M), (f64::INFINITY, 13.0)];
-/// The smaller one of these lengths, in metres.
+/// The smaller of these lengths, in metres.
 pub(crate) const LOW_TRAIL_M: f64 = 8.0;
-/// Width from which what is longer than a vehicle is not one that moves, but several side by side, in metres.
+/// Width above which a piece longer than a vehicle is not a moving vehicle but several side by side, in
+/// metres.
 const WIDEST_M: f64 = 3.0;
-/// Voxels per metre of an outline at the end of a trail, as a part of those of the trail. In eight drives of
-/// `synth` with spinning scanners, the dense middles of trails have 50 to 280. Cars that stand beside the
-/// lane have 250 and more, but a car that stands far from the path has as few as an outline.
+/// Number of voxels per metre, as a fraction of the trail's number, below which a piece at the end of a trail
+/// is an outline. In eight drives of `synth` with spinning scanners, the dense middles of trails have 50 to
+/// 280 voxels per metre. Cars that stand beside the lane have 250 or more, but a car that stands far from the
+/// path has as few as an outline.
 pub(crate) const OUTLINE: f64 = 0.5;
-/// The same for a trail that is longer than any vehicle. Beside the dense middle, it has up to 0.72 of its
-/// voxels. A shorter one may be two cars that stand, without a valley in between.
+/// The same for a trail that is longer than any vehicle. Outside its dense middle, it has up to 0.72 of the
+/// voxels per metre of the middle. A shorter one may be two standing cars without a valley in between.
 const LONG_OUTLINE: f64 = 0.75;
-/// Height of a valley, as a part of the lower one of the roofs within the length of the shortest car on both
-/// sides.
+/// Largest height of a valley, as a fraction of the lower of the roofs within the length of the shortest car
+/// on both sides.
 const VALLEY: f64 = 0.75;
 
 /// Whether a component of vehicles may be a row.
@@ -103,7 +106,7 @@ impl Row {
         self.lanes.iter().any(|lane| lane.has_trail)
     }
 
-    /// Number of the vehicle at a place. What was united with the row is in the lane that it is nearest to.
+    /// Number of the vehicle at a place. A piece that was united with the row is in the nearest lane.
     pub(crate) fn vehicle(&self, place: [i64; 2]) -> usize {
         let column = footprint::column(place, self.edge);
         let lane = match self.columns.binary_search_by_key(&column, |&(column, _)| column) {
@@ -123,17 +126,17 @@ impl Row {
 struct Lane {
     /// Number of the direction along the lane.
     along: usize,
-    /// Positions along it at which the next vehicle begins, ascending.
+    /// Positions along the lane at which the next vehicle begins, ascending.
     cuts: Vec<i64>,
     /// Whether one of its vehicles is a trail.
     has_trail: bool,
-    /// Number of the direction across the lane, and how far it reaches.
+    /// Number of the direction across the lane, and the extent of the lane in this direction.
     across: usize,
     sides: (i64, i64),
 }
 
 impl Lane {
-    /// `spans` are those of the columns.
+    /// The cuts of a lane. `spans` are the spans of its columns.
     fn of(spans: &Spans, columns_of_lane: &Columns, lattice: Lattice) -> Self {
         let narrowest = spans.narrowest();
         let (along, across) = (narrowest.along(), narrowest.across());
@@ -184,7 +187,7 @@ impl Lane {
     }
 }
 
-/// What is in a step of a voxel along a row.
+/// The content of one step along a row. A step is as long as a voxel.
 #[derive(Debug, Clone, Copy, Default)]
 struct Bin {
     /// Height of its top above ground, in lattice units.
@@ -204,7 +207,7 @@ impl Bin {
         };
     }
 
-    /// In lattice units.
+    /// The width across the row, in lattice units.
     fn width(&self) -> i64 {
         self.sides.map_or(0, |(from, to)| (to - from) / spans::SCALE_UNITS)
     }
@@ -215,7 +218,7 @@ struct Profile(Vec<Bin>);
 
 impl Profile {
     /// Adds the bins from `from` to `to` at which vehicles are cut: the lowest valley, and the valleys on
-    /// both sides of it. Of two equally low bins the one with fewer voxels counts, then the first one.
+    /// both sides of it. Of two equally low bins, the one with fewer voxels wins, then the first one.
     fn cut(&self, from: usize, to: usize, (row, shortest): (usize, usize), cuts: &mut Vec<usize>) {
         if to - from <= row {
             return;
@@ -233,12 +236,12 @@ impl Profile {
         }
     }
 
-    /// Bins in the order in which they are cut.
+    /// The key by which bins are ordered for cutting.
     fn order(&self, bin: usize) -> (i32, u32, usize) {
         (self.0[bin].top, self.0[bin].voxels, bin)
     }
 
-    /// What is between ascending cuts.
+    /// The vehicles between ascending cuts.
     fn vehicles(&self, cuts: &[usize]) -> Vec<Vehicle> {
         let ends: Vec<usize> = [0].into_iter().chain(cuts.iter().copied()).chain([self.0.len()]).collect();
         let vehicle = |ends: &[usize]| {
@@ -255,8 +258,9 @@ impl Profile {
         ends.windows(2).map(vehicle).collect()
     }
 
-    /// Of ascending cuts those that are not within a trail. An outline belongs to the trail that it follows,
-    /// up to the lowest cut between two trails. `outline` has [`OUTLINE`] or [`LONG_OUTLINE`] for a trail.
+    /// The ascending cuts without those within a trail. An outline belongs to the trail that it adjoins.
+    /// Between two trails, only the lowest cut remains. `outline` gives [`OUTLINE`] or [`LONG_OUTLINE`] for a
+    /// trail, and otherwise `None`.
     fn around_trails(&self, cuts: &[usize], outline: impl Fn(&Vehicle) -> Option<f64>) -> Vec<usize> {
         let vehicles = self.vehicles(cuts);
         let limits = vehicles.iter().filter_map(|vehicle| Some(outline(vehicle)? * vehicle.density()));
@@ -291,7 +295,7 @@ impl Profile {
     }
 }
 
-/// What is between two cuts.
+/// The vehicle between two cuts.
 struct Vehicle {
     /// Its length in bins.
     bins: usize,
@@ -303,7 +307,7 @@ struct Vehicle {
 }
 
 impl Vehicle {
-    /// Voxels in each bin.
+    /// Voxels per bin.
     #[expect(clippy::cast_precision_loss, reason = "a row of vehicles")]
     fn density(&self) -> f64 {
         self.voxels as f64 / self.bins as f64
@@ -375,7 +379,7 @@ mod tests {
         let row = found(&[(2.9, 1.5), (3.2, 1.5)]).unwrap();
         let at = |metres: f64| row.vehicle([Lattice::MILLIMETRE.units(metres), 800]);
         assert_eq!([0.1, 2.7, 3.3, 6.0].map(at), [0, 0, 1, 1]);
-        // Two halves of a small car are no cars.
+        // Two halves of a small car are not cars.
         assert_eq!(found(&[(2.5, 1.5), (2.6, 1.5)]), None);
     }
 
@@ -389,7 +393,8 @@ mod tests {
 
     #[test]
     fn a_trail_keeps_its_outlines_and_two_trails_are_two() {
-        // Vehicles of a length in bins, with voxels in each bin but the first, and where they are cut.
+        // Vehicles, each with its length in bins and its voxels in each bin but the first. Returns the
+        // profile and the cuts between the vehicles.
         let profile = |vehicles: &[(usize, u32)]| {
             let bins = vehicles.iter().flat_map(|&(length, voxels)| {
                 (0..length).map(move |bin| Bin {
@@ -435,7 +440,8 @@ mod tests {
 
     #[test]
     fn cars_side_by_side_are_no_trail() {
-        // No valley in 10 m of cars, once one beside another, and a car of half as many voxels.
+        // 10 m of cars without a valley, in one row or in two side by side, and then a car with half as many
+        // voxels.
         let row = |rows: i32| {
             let lattice = Lattice::MILLIMETRE;
             let edge = lattice.units(EDGE_M);

@@ -1,8 +1,8 @@
 //! Which stripes are the trail of one moving vehicle.
 //!
-//! A spinning scanner sees a car that moves once in each rotation, 1 to 2 m farther on. Away from the scanner
-//! these outlines do not touch, and the trail is a line of stripes across the lane. What stands is seen from
-//! many places, so a parked car is hardly ever one of several stripes in a row.
+//! A spinning scanner sees a moving car once in each rotation, each time 1 to 2 m farther on. Away from the
+//! scanner these outlines do not touch, and the trail is a line of stripes across the lane. A standing object
+//! is seen from many places, so a parked car is hardly ever one of several stripes in a row.
 
 use std::collections::BTreeMap;
 
@@ -13,19 +13,19 @@ use crate::cluster::street::cores::uniting;
 use crate::cluster::street::shares::VEHICLE;
 use crate::model::Lattice;
 
-/// Length below which a piece of a vehicle is a stripe, in metres: an outline from behind, and what is seen
-/// of a side in one rotation.
+/// Length below which a piece of a vehicle is a stripe, in metres: an outline from behind, together with the
+/// part of a side that is seen in one rotation.
 const STRIPE_M: f64 = 2.5;
-/// Fewest voxels of a stripe. Fewer are noise.
+/// Smallest number of voxels of a stripe. Fewer are noise.
 const STRIPE_VOXELS: u32 = 3;
-/// Fewest stripes of a trail.
+/// Smallest number of stripes of a trail.
 const STRIPES: usize = 5;
-/// Longest gap to the next stripe, in metres: what a car goes on in a rotation at 60 km/h.
+/// Longest gap to the next stripe, in metres: the distance that a car covers in one rotation at 60 km/h.
 pub(crate) const GAP_M: f64 = 1.7;
-/// Widest box of stripes, in metres: that of one car.
+/// Largest width of the box around stripes, in metres: the width of one car.
 const WIDTH_M: f64 = 2.3;
 
-/// Joins the stripes of a trail. `parts` and the result are those of [`uniting::unite`].
+/// Joins the stripes of a trail. `parts` and the result are as for [`uniting::unite`].
 pub(crate) fn unite(parts: &mut BTreeMap<u32, Part>, lattice: Lattice) -> BTreeMap<u32, u32> {
     let stripe = |part: &Part| {
         let length = part.spans.as_deref().map(|spans| spans.narrowest().length);
@@ -79,7 +79,7 @@ mod tests {
         })
     }
 
-    /// The number of pieces that remain of outlines.
+    /// The number of pieces that remain when outlines at these places are united.
     fn left(places: impl IntoIterator<Item = (f64, f64)>) -> usize {
         let pieces = places.into_iter().map(|(x, y)| outline(x, y));
         let mut parts: BTreeMap<u32, Part> = (0..).zip(pieces).collect();

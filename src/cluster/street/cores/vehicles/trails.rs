@@ -1,10 +1,10 @@
 //! Which pieces are the trail that a moving vehicle leaves in the points of a spinning scanner.
 //!
-//! A rotation takes 0.1 s, in which a car goes on by 1 to 2 m. Near the scanner its outlines overlap, and the
-//! trail is one component that is longer than any vehicle of its height. Farther away each rotation sees its
-//! front or its rear alone, and the trail ends in stripes across the lane. In the box of a car are three or
-//! four of them, so they seem to be cars. Stripes join a trail one after another while they go on along its
-//! line. What is left of them joins each other, see [`super::stripes`].
+//! A rotation takes 0.1 s, in which a car moves on by 1 to 2 m. Near the scanner its outlines overlap, and
+//! the trail is one component that is longer than any vehicle of its height. Farther away each rotation sees
+//! its front or its rear alone, and the trail ends in stripes across the lane. The box of a car contains
+//! three or four of them, so they look like cars. Stripes join a trail one after another while they continue
+//! along its line. The remaining stripes join each other, see [`super::stripes`].
 
 use std::collections::BTreeMap;
 
@@ -17,14 +17,15 @@ use crate::cluster::street::shares::VEHICLE;
 use crate::cluster::street::spans::Extent;
 use crate::model::Lattice;
 
-/// Length below which a piece is a stripe, in metres: less than the shortest car. Of longer ones those are
-/// stripes that have as few voxels as an outline.
+/// Length below which a piece is a stripe, in metres: it is shorter than the shortest car. A longer piece is
+/// a stripe if it has as few voxels as an outline.
 const STRIPE_M: f64 = 3.0;
-/// How far a stripe may lie within the trail, in metres. What lies beside a trail is another vehicle.
+/// Largest overlap of a stripe with the trail along its line, in metres. A piece beside a trail is another
+/// vehicle.
 const WITHIN_M: f64 = 1.0;
 
-/// Joins stripes to trails, then to each other, and these lines to trails. `parts` and the result are those
-/// of [`uniting::unite`]. Of what is in `rows`, those without a trail are parked cars. Nothing joins them.
+/// Joins stripes to trails, then to each other, and these lines to trails. `parts` and the result are as for
+/// [`uniting::unite`]. Rows without a trail are parked cars. Nothing joins them.
 pub(crate) fn unite(
     parts: &mut BTreeMap<u32, Part>,
     rows: &BTreeMap<u32, Row>,
@@ -36,11 +37,12 @@ pub(crate) fn unite(
     united
 }
 
-/// Joins to each trail what goes on along its line.
+/// Joins to each trail the pieces that continue along its line.
 fn go_on(parts: &mut BTreeMap<u32, Part>, rows: &BTreeMap<u32, Row>, lattice: Lattice) -> BTreeMap<u32, u32> {
     let mut united = BTreeMap::new();
     let parked = |name: u32| rows.get(&name).is_some_and(|row| !row.has_trail());
-    // A stripe joins when what it follows has joined, so there is a round for each stripe of the longest end.
+    // A stripe can join only after the piece that it follows has joined. So there is a round for each stripe
+    // of the longest end.
     loop {
         let moves = |name: u32, part: &Part| part.class == VEHICLE && !parked(name);
         let (gap, cost) = (lattice.units(GAP_M), |one: &Part, other: &Part| cost(one, other, lattice));
@@ -56,18 +58,18 @@ fn is_trail((part, extent): (&Part, Extent), lattice: Lattice) -> bool {
     rows::is_trail(extent.length, part.height.1, lattice)
 }
 
-/// Voxels in each lattice unit of the length.
+/// Voxels per lattice unit of length.
 #[expect(clippy::cast_precision_loss, reason = "a length of vehicles")]
 fn density((part, extent): (&Part, Extent)) -> f64 {
     f64::from(part.voxels) / extent.length.max(1) as f64
 }
 
-/// The gap between a trail and a stripe that goes on along its line; `None` if the two are something else.
+/// The gap between a trail and a stripe that continues along its line; `None` for any other pair.
 fn cost(one: &Part, other: &Part, lattice: Lattice) -> Option<i64> {
     let (spans, others) = (one.spans.as_deref()?, other.spans.as_deref()?);
     let (mut trail, mut stripe) = ((one, spans.narrowest()), (other, others.narrowest()));
     let order = |of| (is_trail(of, lattice), density(of));
-    // A line of stripes is as long as a trail. Of two trails it is the sparser one.
+    // A line of stripes is as long as a trail. So of two trails, the sparser one is taken as the stripe.
     if order(stripe) > order(trail) {
         std::mem::swap(&mut trail, &mut stripe);
     }
@@ -115,14 +117,14 @@ mod tests {
     }
 
     proptest! {
-        /// Names depend on tiles, and which pieces are one trail does not.
+        /// Names depend on tiles, but the pieces of a trail do not.
         #[test]
         fn names_do_not_matter(
             places in prop::collection::btree_map((0..70_u8, 0..3_u8), 1..25_u8, 1..12),
             order in any::<prop::sample::Index>(),
         ) {
             let mut pieces = vec![vehicle([10.0, 0.0], [30.0, 1.8]), vehicle([34.0, 1.5], [50.0, 3.3])];
-            // No two have the same first voxel, as components never have.
+            // No two pieces have the same first voxel, as in real components.
             pieces.extend(places.iter().map(|(&(x, y), &length)| {
                 let [x, y] = [f64::from(x), 0.3 + f64::from(y)];
                 vehicle([x, y], [x + 0.15 * f64::from(length), y + 1.2])
@@ -148,7 +150,7 @@ mod tests {
     fn stripes_go_on_along_a_trail() {
         let stripe = |x: f64| vehicle([x, 0.0], [x + 0.3, 1.8]);
         let trail = || vehicle([10.0, 0.0], [40.0, 1.8]);
-        // The farthest first, so that it can only join after the others.
+        // The farthest one comes first, so that it can only join after the others.
         let (left, of) = united(vec![stripe(6.0), stripe(7.2), stripe(8.5), trail(), stripe(41.5)]);
         assert_eq!(left, 1);
         assert_eq!(of, BTreeMap::from([(1, 0), (2, 0), (3, 0), (4, 0)]));
