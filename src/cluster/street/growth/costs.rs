@@ -1,4 +1,4 @@
-//! What a step of growth costs, and which voxels are closed to a class, see [`super::stage_growth`].
+//! The cost of a step of growth, and which voxels are closed to a class, see [`super::stage_growth`].
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -12,14 +12,14 @@ use crate::model::Lattice;
 
 /// Smallest share of a class that opens a voxel to it, by class.
 const OPEN: [u8; CLASSES] = [255, 5, 127, 25, 13, 51, 51, 26];
-/// How much dearer an edge is to a voxel that is of another class.
+/// Extra cost of an edge to a voxel that is entirely of other classes, as a multiple of its cost.
 const OTHER_CLASS: f64 = 8.0;
-/// How much dearer an edge is that leads straight down, for trees.
+/// Extra cost of an edge that leads straight down, as a multiple of its cost, for trees.
 const DOWN: f64 = 3.0;
-/// Cost of a voxel's edge of distance from the stem in the plane, for trees.
+/// Cost of one voxel length of additional distance from the stem in the plane, for trees.
 const AWAY: f64 = 0.5;
-/// Cost of a square metre of the square of this distance. Between two crowns that touch, it moves the
-/// boundary towards the middle between their stems, however much denser one of them was seen.
+/// Cost of an increase of the square of this distance by one square metre. Between two crowns that touch, it
+/// moves the boundary towards the middle between their stems, however much denser one of them was scanned.
 const AWAY_SQUARE: f64 = 10.0;
 /// Cost of an edge of the length of a voxel.
 const UNIT: f64 = 256.0;

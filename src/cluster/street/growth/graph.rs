@@ -1,7 +1,8 @@
-//! The voxels of a tile as a graph: its vertices are the voxels of the tile and those of other tiles to which
-//! an edge leads. The step `edges` stores it once, and every round of growth reads nothing else of the tile.
+//! The voxels of a tile as a graph: its vertices are the voxels of the tile, and the voxels of other tiles to
+//! which an edge leads. The step `edges` stores it once, and every round of growth reads nothing else of the
+//! tile.
 //!
-//! A round changes few values. So the graph is not decoded: a vertex is read where it lies in the payload.
+//! A round changes few values. So the graph is not decoded: a vertex is read in place from the payload.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "voxels of a tile fit u32; a tile is shorter than 2^31 lattice units"
@@ -17,34 +18,34 @@ use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::TileId;
 
-/// Sections of the payload: [`Head`], a [`Vertex`] after the other, and the neighbours of all vertices.
+/// Sections of the payload: the [`Head`], each [`Vertex`] in turn, and the neighbours of all vertices.
 const SECTION_HEAD: usize = 0;
 const SECTION_VERTICES: usize = 1;
 const SECTION_NEIGHBOURS: usize = 2;
 
-/// What a round reads whole.
+/// The part that a round decodes as a whole.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Head {
     /// Number of the voxels of the tile.
     own: u32,
-    /// Tile and number there of the other vertices, ascending.
+    /// The other vertices, each with its tile and its number there, ascending.
     outside: Vec<(TileId, u32)>,
     /// Voxels of the tile that have an edge to another tile, ascending.
     at_border: Vec<u32>,
     /// The cores of the vertices.
     cores: Vec<Core>,
-    /// Place from which the centres of the vertices are counted, in lattice units.
+    /// Origin of the centres of the vertices, in lattice units.
     start: [i64; 3],
 }
 
 /// A vertex in the payload.
 struct Vertex {
-    /// Centre from the start, in lattice units.
+    /// Centre relative to the start, in lattice units.
     centre: [i32; 3],
     shares: Shares,
     /// Label of the core, or 0.
     label: u32,
-    /// Where its neighbours end. They begin where those of the vertex before end.
+    /// Where its neighbours end. They begin where the neighbours of the previous vertex end.
     end: u32,
 }
 
@@ -72,8 +73,8 @@ impl Vertex {
 }
 
 /// Writes ascending numbers as their differences, 7 bits in a byte, the lowest first. The last byte of a
-/// difference has its highest bit clear. The first number is counted from `from`, with its sign in the lowest
-/// bit.
+/// difference has its highest bit clear. The first number is stored relative to `from`, with the sign in the
+/// lowest bit.
 fn write_numbers(numbers: &[u32], from: u32, to: &mut Vec<u8>) {
     let mut last = None;
     for &number in numbers {
@@ -114,7 +115,7 @@ fn read_numbers(bytes: &[u8], from: u32) -> impl Iterator<Item = u32> + '_ {
     })
 }
 
-/// The vertices of a graph: the voxels of a tile in their order, and then those of other tiles.
+/// The vertices of a graph: the voxels of a tile in their order, and then the voxels of other tiles.
 #[derive(Debug, Default)]
 struct Vertices {
     own: u32,
@@ -137,7 +138,7 @@ impl Vertices {
         for vertex in 0..centre.len() {
             end[vertex + 1] += end[vertex];
         }
-        // end[v] moves from where the neighbours of v begin to where they end.
+        // end[v] moves from the begin of the neighbours of v to their end.
         let mut to = vec![0_u32; 2 * edges.len()];
         for (one, other) in edges.into_iter().flat_map(|(one, other)| [(one, other), (other, one)]) {
             let at = &mut end[one as usize];
@@ -166,8 +167,8 @@ impl Vertices {
     }
 }
 
-/// The payload of a tile. `edges` are pairs of numbers of `cored`, each once. One of a pair at least is a
-/// voxel of the tile.
+/// The payload of a tile. `edges` are pairs of voxel numbers in `cored`, each once. At least one voxel of a
+/// pair belongs to the tile.
 pub(crate) fn encode(cored: &Cored, mut edges: Vec<(u32, u32)>) -> Result<Vec<u8>> {
     let voxels = &cored.around.voxels;
     let owned = |voxel: u32| voxels.owned[voxel as usize];
@@ -239,12 +240,12 @@ impl Graph {
         self.count
     }
 
-    /// Number of those that are voxels of the tile.
+    /// Number of vertices that are voxels of the tile.
     pub(crate) fn own(&self) -> usize {
         self.head.own as usize
     }
 
-    /// Tile and number there of the other vertices, ascending.
+    /// The other vertices, each with its tile and its number there, ascending.
     pub(crate) fn outside(&self) -> &[(TileId, u32)] {
         &self.head.outside
     }
@@ -264,12 +265,12 @@ impl Graph {
         Vertex::read(&vertices[number])
     }
 
-    /// Centre of a vertex in lattice units, from a place of the tile.
+    /// Centre of a vertex relative to [`Self::start`], in lattice units.
     pub(crate) fn centre(&self, vertex: usize) -> [i32; 3] {
         self.vertex(vertex).centre
     }
 
-    /// The place of the tile from which centres are counted, in lattice units.
+    /// The origin of the centres, in lattice units.
     pub(crate) fn start(&self) -> [i64; 3] {
         self.head.start
     }
@@ -284,8 +285,8 @@ impl Graph {
         self.vertex(vertex).label
     }
 
-    /// Vertices to which a vertex has edges, ascending. An edge leads both ways. Those between vertices of
-    /// other tiles are not among them.
+    /// Vertices to which a vertex has edges, ascending. An edge leads both ways. Edges between vertices of
+    /// other tiles are not included.
     pub(crate) fn neighbours(&self, vertex: usize) -> impl Iterator<Item = usize> + '_ {
         let from = vertex.checked_sub(1).map_or(0, |before| self.vertex(before).end as usize);
         let bytes = &self.payload[self.neighbours + from..self.neighbours + self.vertex(vertex).end as usize];
@@ -295,8 +296,8 @@ impl Graph {
 
 #[cfg(test)]
 impl Graph {
-    /// A graph of vertices of which the first `own` are a tile's, with these labels and edges. The shares are
-    /// those of the vertices in turn, or of all.
+    /// A graph with these vertices, labels and edges. The first `own` vertices belong to the tile. `shares`
+    /// has an entry for each vertex, or one for all.
     pub(crate) fn of(
         own: u32,
         centre: &[[i64; 3]],

@@ -1,4 +1,4 @@
-//! Steps `edges` and `growth`: which voxels are neighbours, and whose core each voxel belongs to.
+//! Steps `edges` and `growth`: which voxels are neighbours, and which core each voxel belongs to.
 
 pub(crate) mod costs;
 pub(crate) mod graph;

@@ -4,13 +4,13 @@
 //! Costs are integers. A vertex takes the smallest (cost, label) over its edges. All costs are positive, so
 //! exactly one assignment satisfies this for all vertices, in whatever order they are computed. The cost of
 //! an edge depends on the label. So a better value of a vertex may mean a worse one further on: if a value
-//! changes, all values that came from it are found anew. That makes it possible to start from an earlier
-//! assignment: only what has changed is computed, and the result is that of a computation from nothing.
+//! changes, all values that came from it are computed again. Growth can therefore start from an earlier
+//! assignment: it computes only the changes, and the result is the same as from scratch.
 //!
 //! A path may leave the tile and come back. The value of a vertex of another tile then comes from a vertex of
-//! this one, and it is an echo if that vertex has another value by now. Two tiles would pass an echo to each
-//! other without end. So such a value only counts while the vertex that it came through has the value that
-//! it came from.
+//! this tile. If that vertex has another value by now, the value is a stale echo, and two tiles would pass it
+//! to each other without end. So such a value is valid only while the vertex that it came through still has
+//! the value that it came from.
 #![expect(clippy::cast_possible_truncation, reason = "vertices fit u32")]
 
 use std::cmp::Reverse;
@@ -35,8 +35,8 @@ pub(crate) struct Reached {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Offer {
     pub(crate) value: Reached,
-    /// The last voxel of this tile on its path, and the cost there; `None` if the path was never in this tile
-    /// or went through another one since.
+    /// The last voxel of this tile on its path, and the cost there; `None` if the path was never in this
+    /// tile, or has passed through another one since.
     pub(crate) through: Option<(u32, u32)>,
 }
 
@@ -47,11 +47,11 @@ impl Offer {
     }
 }
 
-/// What was found for the voxels of a tile.
+/// The result for the voxels of a tile.
 pub(crate) struct Found {
     pub(crate) reached: Vec<Reached>,
-    /// For each voxel at the border the number of the vertex of another tile at which its path came into this
-    /// one; `None` if it began here.
+    /// For each voxel at the border, the number of the vertex of another tile from which its path entered
+    /// this tile; `None` if the path began in this tile.
     pub(crate) through: Vec<Option<usize>>,
 }
 
@@ -75,7 +75,7 @@ pub(crate) struct Paths<'a> {
 }
 
 impl<'a> Paths<'a> {
-    /// The values that are given. `outside` are those of the vertices of other tiles.
+    /// Starts with the given values. `outside` has the values of the vertices of other tiles.
     pub(crate) fn new(
         graph: &'a Graph,
         cores: &'a FxHashMap<u32, Core>,
@@ -107,7 +107,7 @@ impl<'a> Paths<'a> {
         Self { graph, cores, costs, reached, given, passed, queue: BinaryHeap::new(), outside, echoes }
     }
 
-    /// The values of the voxels of the tile.
+    /// The values of the voxels of the tile, computed from scratch.
     pub(crate) fn found(mut self) -> Found {
         for vertex in 0..self.graph.len() {
             self.enqueue(vertex);
@@ -115,7 +115,7 @@ impl<'a> Paths<'a> {
         self.run()
     }
 
-    /// The same, starting from the values that were found when the vertices of other tiles had other values.
+    /// The same, from earlier values, which were found when the vertices of other tiles had other values.
     pub(crate) fn changed_from(mut self, earlier: &[Reached]) -> Found {
         for (vertex, &value) in earlier.iter().enumerate() {
             self.reached[vertex] = value;
@@ -176,7 +176,7 @@ impl<'a> Paths<'a> {
             }
             let graph = self.graph;
             for other in graph.neighbours(vertex) {
-                // Every edge costs something, so the cheaper end cannot gain by it.
+                // Every edge has a positive cost, so it cannot improve the cheaper end.
                 if self.given[other] || self.reached[other].cost <= cost {
                     continue;
                 }
@@ -196,7 +196,7 @@ impl<'a> Paths<'a> {
         Found { reached: self.reached, through }
     }
 
-    /// See [`Found::through`]. Of several vertices that a value can come from, the first one counts.
+    /// See [`Found::through`]. Of several vertices that a value can come from, the first one is taken.
     fn through(&self) -> Vec<Option<usize>> {
         let mut known: FxHashMap<usize, Option<usize>> = FxHashMap::default();
         let mut of_vertex = |vertex: &u32| {
@@ -222,7 +222,7 @@ impl<'a> Paths<'a> {
         self.graph.at_border().iter().map(&mut of_vertex).collect()
     }
 
-    /// Whether the value of a vertex comes from that of another.
+    /// Whether the value of a vertex comes from the value of another.
     fn supports(&self, other: usize, vertex: usize) -> bool {
         let (value, offer) = (self.reached[vertex], self.reached[other]);
         offer.label == value.label && self.over_edge(other, offer, vertex) == Some(value)
@@ -239,22 +239,22 @@ impl<'a> Paths<'a> {
         Some(Reached { label: value.label, cost: value.cost.saturating_add(step) })
     }
 
-    /// Whether the value of a vertex comes from a neighbour whose value is given or was passed on. Another
-    /// value may still change, and nobody would take back then what seemed to come from it.
+    /// Whether the value of a vertex comes from a neighbour whose value is given or was passed on. Any other
+    /// value may still change, and then nothing would invalidate a value that seemed to come from it.
     fn supported(&self, vertex: usize) -> bool {
         let mut neighbours = self.graph.neighbours(vertex);
         neighbours.any(|other| (self.given[other] || self.passed[other]) && self.supports(other, vertex))
     }
 
-    /// Takes back all values that came from this value, which a vertex no longer has, and finds others for
-    /// them; for the vertex itself too if it is `bare`.
+    /// Invalidates all values that came from this value, which a vertex no longer has, and finds new ones for
+    /// them. If `bare`, it also finds one for the vertex itself.
     fn find_anew(&mut self, vertex: usize, before: Reached, bare: bool) {
         let graph = self.graph;
         let mut stack = vec![(vertex, before)];
         let mut bare: Vec<usize> = if bare { vec![vertex] } else { Vec::new() };
         while let Some((vertex, before)) = stack.pop() {
             for (echo, value) in self.echoes_of(vertex, before) {
-                // Values may come from it although it was not passed on yet: those that were found earlier.
+                // Values that were found earlier may come from this value although it was not passed on yet.
                 if self.reached[echo] == value {
                     self.reached[echo] = NOWHERE;
                     self.passed[echo] = false;
@@ -277,7 +277,7 @@ impl<'a> Paths<'a> {
             }
         }
         for vertex in bare {
-            // Neighbours whose value was not passed on yet will offer it.
+            // Neighbours whose value was not passed on yet will offer it later.
             let best = graph
                 .neighbours(vertex)
                 .filter(|&other| self.passed[other])
@@ -316,7 +316,7 @@ mod tests {
         (label, Core { label, class, place: [i64::from(label) * 400, 300] })
     }
 
-    /// Vertices in a box, of which the last tenth are another tile's; edges between those that are near.
+    /// Vertices in a box, the last tenth of them in another tile, with edges between near ones.
     fn graph(random: &mut SplitMix64) -> Graph {
         let centre: Vec<[i64; 3]> =
             (0..300).map(|_| [2_000, 1_000, 1_000].map(|most| random.random_range(0..most))).collect();
@@ -334,8 +334,8 @@ mod tests {
         Graph::of(own, &centre, &[[20, 60, 10, 60, 10, 60, 35, 0]], &label, &pairs)
     }
 
-    /// The least costs by repeated passes over all edges, from nothing (Bellman and Ford, by value and not by
-    /// improvement).
+    /// The least costs from scratch, by repeated passes over all edges (Bellman and Ford, but each pass
+    /// computes every value again instead of improving it).
     fn by_repetition(paths: &Paths<'_>) -> Vec<Reached> {
         let graph = paths.graph;
         let mut reached = paths.reached.clone();
@@ -378,7 +378,7 @@ mod tests {
                     let value =
                         Reached { label: random.random_range(1..7), cost: random.random_range(0..9_000) };
                     let at = random.random_range(0..outside.len());
-                    // Some come from a voxel of the tile, often with the cost that it has.
+                    // Some values come from a voxel of the tile, often with the cost that the voxel has.
                     let voxel = random.random_range(0..graph.own());
                     let before = earlier[voxel];
                     let echo = Reached { label: before.label, cost: before.cost.saturating_add(value.cost) };
@@ -403,7 +403,7 @@ mod tests {
 
     #[test]
     fn a_value_that_loses_its_way_is_taken_back() {
-        // Two vertices in a row, and one of another tile that first has a value and then none.
+        // Two vertices in a row, and a vertex of another tile that first has a value and then none.
         let graph = Graph::of(
             2,
             &[[0, 0, 0], [150, 0, 0], [300, 0, 0]],
@@ -420,8 +420,8 @@ mod tests {
         assert_eq!(without.reached, [NOWHERE; 2]);
     }
 
-    /// Vertex 1 loses its value, and the core beside it would offer it one that fits the value of vertex 2 by
-    /// chance. But then another tile offers vertex 1 a better one.
+    /// Vertex 1 loses its value. The core beside it would offer a value that fits vertex 2 by chance. But
+    /// then another tile offers vertex 1 a better value.
     #[test]
     fn a_value_that_is_not_passed_on_yet_supports_no_other() {
         let centre = [[6_000, 500, 0], [6_000, 300, 0], [6_150, 300, 0], [6_100, 300, 0], [6_150, 400, 0]];
@@ -445,8 +445,8 @@ mod tests {
     }
 
     /// A vehicle grows from vertex 0 over 1 to the vertex of another tile, and from there back to 2. Then a
-    /// fence takes 1, which cannot go on, and the way is cut. The tiles must not pass on to each other what
-    /// was beyond.
+    /// fence takes vertex 1 but cannot grow further, so the path is cut. The tiles must not keep passing the
+    /// values beyond the cut to each other.
     #[test]
     fn an_echo_ends() {
         let (vehicle, fence) = (1, 2);
@@ -465,8 +465,8 @@ mod tests {
             Graph::of(1, &[beyond, gate, back], &[vehicles, both, vehicles], &[0; 3], &[(0, 1), (0, 2)]);
         assert_eq!((here.at_border(), there.at_border()), ([1, 2].as_slice(), [0].as_slice()));
         let find = |graph: &Graph, offers: &[Option<Offer>]| paths(graph, &cores, offers).found();
-        // Of the vertices of `there`, 1 and 2 are those of `here`. Of those of `here`, 3 is vertex 0 of
-        // `there`, and 4 is that of a third tile.
+        // Vertices 1 and 2 of `there` are vertices of `here`. Vertex 3 of `here` is vertex 0 of `there`, and
+        // vertex 4 of `here` belongs to a third tile.
         let rounds = |tells_through: bool| {
             let mut offers = (vec![None; 2], vec![None; 2]);
             let mut found = (find(&here, &offers.0), find(&there, &offers.1));

@@ -1,7 +1,8 @@
-//! Step `edges`: which voxels are neighbours. Growth needs it in every round, so it is found once.
+//! Step `edges`: finds which voxels are neighbours. Growth needs the edges in every round, so they are found
+//! once.
 //!
-//! A voxel has edges to the voxels that touch it or, where these are few, to the nearest ones further away.
-//! An edge of one end is an edge of both.
+//! A voxel has edges to the voxels that touch it or, if these are few, to the nearest ones further away. An
+//! edge that one voxel chooses is an edge of both.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32; lengths are a few voxels")]
 
 use super::graph;
@@ -13,29 +14,29 @@ use crate::cluster::{Mapped, TileWindow};
 use crate::error::Result;
 use crate::model::Lattice;
 
-/// Largest number of voxels that a voxel has edges to by itself. Edges lead both ways, so it may have more.
+/// Largest number of edges that a voxel chooses itself. Edges lead both ways, so it may have more.
 const NEIGHBOURS: usize = 14;
-/// Number of neighbours from which none are looked for further away.
+/// Number of neighbours from which the search goes no further.
 const ENOUGH: usize = 8;
 /// Largest length of an edge in metres.
 const MOST_M: f64 = 1.0;
 
-/// Distance within which the voxels lie to which the voxels of a tile have edges, in lattice units.
+/// Largest distance of the voxels to which the voxels of a tile have edges, in lattice units.
 pub(crate) fn reach(lattice: Lattice) -> i64 {
     lattice.units_up(MOST_M)
 }
 
-/// Finds the edges of a tile, and stores them with all that growth needs to know of their ends.
+/// Finds the edges of a tile, and stores them with everything that growth needs to know about their ends.
 pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let lattice = tile.lattice();
-    // Which voxels are the neighbours of a neighbour depends on voxels up to twice as far away.
+    // The neighbours of a neighbour depend on voxels up to twice as far away.
     let cored = Cored::load(tile, 2 * reach(lattice) + lattice.units_up(EDGE_M), &[])?;
     let voxels = &cored.around.voxels;
     let mut search = Search::new(voxels, lattice);
     let mut edges: Vec<(u32, u32)> = Vec::new();
     for voxel in 0..voxels.len() {
         for &(_, other) in search.neighbours(voxel) {
-            // A tile keeps the edges with an end that it owns. The first end is one of these.
+            // A tile keeps the edges with an end that it owns. The first end of an edge is always owned.
             match (voxels.owned[voxel], voxels.owned[other as usize]) {
                 (true, true) => edges.push(((voxel as u32).min(other), (voxel as u32).max(other))),
                 (true, false) => edges.push((voxel as u32, other)),
@@ -49,7 +50,7 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     Ok(Mapped::payload(graph::encode(&cored, edges)?))
 }
 
-/// The neighbours of a voxel: those that touch it or, where these are few, the nearest ones further away.
+/// The neighbours of a voxel: the voxels that touch it or, if these are few, the nearest ones further away.
 struct Search<'a> {
     voxels: &'a Voxels,
     windows: Vec<Visitor<'a>>,
@@ -86,7 +87,7 @@ impl<'a> Search<'a> {
             }
         }
         if found.len() > NEIGHBOURS {
-            // Of equally far voxels the first counts: numbers are in the order of keys in every tile.
+            // Of equally distant voxels, the first wins: numbers are in the order of keys in every tile.
             found.select_nth_unstable(NEIGHBOURS - 1);
             found.truncate(NEIGHBOURS);
         }

@@ -2,13 +2,13 @@
 //! [`super::paths`].
 //!
 //! A path runs over edges to the nearest voxels. An edge costs (length / 0.15 m)^1.5, so that many short
-//! steps through a dense crown are cheaper than a jump over a gap. It costs more where the voxel hardly is of
-//! the class of the core. For trees it costs more downwards, and where it leads away from the stem in the
-//! plane. A voxel is closed to a class that it hardly can be.
+//! steps through a dense crown are cheaper than a jump over a gap. It costs more to a voxel with a small
+//! share of the class of the core. For trees it costs more downwards, and away from the stem in the plane. A
+//! voxel is closed to a class of which its share is very small.
 //!
-//! In a round, a tile finds the values of its voxels from the borders of its neighbours in the round before.
-//! It starts from its own earlier values, and computes what the borders changed. After r rounds, all voxels
-//! are right whose path crosses at most r seams.
+//! In a round, a tile finds the values of its voxels from the borders of its neighbours in the previous
+//! round. It starts from its own earlier values, and computes only what the borders change. After r rounds,
+//! all voxels whose path crosses at most r seams have their final values.
 
 use std::collections::BTreeMap;
 
@@ -42,7 +42,7 @@ pub(crate) struct Payload {
     pub(crate) cores: Vec<Core>,
 }
 
-/// What other tiles see: voxels near the border of the tile that a core reaches, and the cores.
+/// The part that other tiles see: the voxels near the border of the tile that a core reaches, and the cores.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Border {
     reached: Vec<AtBorder>,
@@ -65,13 +65,13 @@ struct AtBorder {
     through: Option<(TileId, u32, u32)>,
 }
 
-/// Distance within which a tile sees the borders of others, in lattice units. The owner of a column of voxels
-/// owns a cell that meets it.
+/// Distance within which a tile sees the borders of other tiles, in lattice units. The owner of a column of
+/// voxels owns a cell that meets it.
 pub(crate) fn border_reach(lattice: Lattice) -> i64 {
     stage_edges::reach(lattice) + 4 * lattice.units_up(EDGE_M)
 }
 
-/// The labels of the voxels of a tile, from the borders of other tiles in the round before.
+/// The labels of the voxels of a tile, from the borders of other tiles in the previous round.
 pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let graph = Graph::load(tile)?;
     let mut cores: FxHashMap<u32, Core> = graph.cores().iter().map(|core| (core.label, *core)).collect();
@@ -103,7 +103,7 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     Ok(Mapped { payload, border: codec::encode(&border)?, labelled: None })
 }
 
-/// The values of the vertices of other tiles in the round before. Their cores are added to `cores`. A value
+/// The values of the vertices of other tiles in the previous round. Their cores are added to `cores`. A value
 /// whose path came through a third tile is left out if the voxel there has another value by now.
 fn seen(
     tile: &dyn TileWindow,
@@ -133,7 +133,7 @@ fn seen(
     Ok(graph.outside().iter().map(offer).collect())
 }
 
-/// What the tile found when it ran last. Its cores are added to `cores`.
+/// The values that the tile found when it ran last. Its cores are added to `cores`.
 fn earlier(tile: &dyn TileWindow, cores: &mut FxHashMap<u32, Core>) -> Result<Vec<Reached>> {
     let payload = tile.payload(STEP_GROWTH, tile.tile())?;
     let Payload { labels, cores: named } = labels_of(&payload)?;
@@ -143,7 +143,8 @@ fn earlier(tile: &dyn TileWindow, cores: &mut FxHashMap<u32, Core>) -> Result<Ve
 }
 
 /// The trees of the drive with fewer than `smallest` points: their labels, ascending. They are pieces of
-/// crowns that were taken for stems: of 80 trees with fewer than 60 points on labelled drives, 8 were trees.
+/// crowns that were taken for stems: of 80 such trees with fewer than 60 points on labelled drives, only 8
+/// were really trees.
 pub(crate) fn reduce(drive: &dyn DriveWindow, smallest: u64) -> Result<Vec<u8>> {
     let mut trees: BTreeMap<u32, u64> = BTreeMap::new();
     for tile in TileId::first(drive.tiles()) {
@@ -166,7 +167,7 @@ fn labels_of(payload: &[u8]) -> Result<Payload> {
     codec::decode(codec::section(payload, SECTION_LABELS)?)
 }
 
-/// The labels of the voxels around a tile. Trees that are too small have none.
+/// The labels of the voxels around a tile. The voxels of trees that are too small have none.
 pub(crate) struct Grown {
     pub(crate) cored: Cored,
     /// Label of each voxel, or 0.
