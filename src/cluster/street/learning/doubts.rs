@@ -1,18 +1,18 @@
-//! Copies of objects whose voxels are classified worse than those of synthetic drives.
+//! Copies of sample objects whose voxels are classified worse than on synthetic drives.
 //!
 //! The models of voxels learned from synthetic drives, and classify such drives well. So a model of names
-//! that learned from these alone believes the shares of the voxels, whatever shape the object has. On real
-//! scenes the shares are worse: a car whose voxels look like a crown was a tree. So it also learns from a
-//! copy of each object. The shares of the copy are a mean of those of the object and those of another object
-//! of the drive, with a random weight. The study is in `benches/results/street.md`, section "Cars of real
-//! scenes".
+//! that learned from synthetic drives alone believes the shares of the voxels, whatever the shape of the
+//! object. On real scenes the shares are worse: a car whose voxels look like a crown was named a tree. So
+//! this model also learns from a copy of each object. The shares of the copy are a weighted mean of the
+//! shares of the object and of another object of the drive, with a random weight. The study is in
+//! `benches/results/street.md`, section "Cars of real scenes".
 
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 use super::training::Sample;
 use crate::cluster::street::settings::CLASSES;
 
-/// A copy of each sample to learn from. Those that are held out have none.
+/// A copy of each sample to learn from. Samples that are held out have none.
 pub(crate) fn doubtful(samples: &[Sample]) -> Vec<Sample> {
     let learned: Vec<&Sample> = samples.iter().filter(|sample| !sample.held_out).collect();
     let count = learned.len() as u64;
@@ -21,7 +21,7 @@ pub(crate) fn doubtful(samples: &[Sample]) -> Vec<Sample> {
         let other = learned[usize::try_from(number % count).unwrap_or_default()];
         // The upper 16 bits, as a number from 0 to 1 that is exact.
         let weight = f32::from((number >> 48) as u16) / 65_536.0;
-        // The first features are the shares of the classes. The class of the steps before follows.
+        // The first features are the shares of the classes. The class that the earlier steps gave follows.
         let mut copy = (*sample).clone();
         let features = &mut copy.features;
         for (share, other) in features.iter_mut().zip(&other.features).take(CLASSES) {
@@ -59,7 +59,7 @@ mod tests {
             assert_eq!((copy.class, copy.held_out), (own.class, false));
             let share = copy.features[0];
             assert!((0.0..40.0).contains(&share), "{share}");
-            // Nearer to the object whose class it has.
+            // The copy is nearer to the object whose class it has.
             let [from_own, from_other] =
                 [own.features[0], copy.features[CLASSES]].map(|of| (share - of).abs());
             let has_own_class = (copy.features[CLASSES] - own.features[CLASSES]).abs() < 0.5;

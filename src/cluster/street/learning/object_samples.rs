@@ -1,9 +1,10 @@
-//! Samples for the models of objects: what `street` finds in a labelled drive with the models of voxels.
+//! Samples for the models of objects: the objects that `street` finds in a labelled drive with the models of
+//! voxels.
 //!
-//! Each object is a sample. Its class is that of most of its points, if that is the class of at least
-//! [`CLEAR`] of those that have one. It is whole if it has more than half of the points of the true object
-//! that most of its points belong to. Otherwise it is a part, if the larger object that it touches mostly
-//! belongs to the same true object, and a stray piece, if not.
+//! Each object is a sample. Its class is the most frequent true class of its points, if at least [`CLEAR`] of
+//! the points with a class have it. Its main true object is the one that most of its points belong to. The
+//! object is whole if it has more than half of the points of its main true object. Otherwise it is a part if
+//! the larger object that it touches has the same main true object. If not, it is a stray piece.
 
 use std::collections::BTreeMap;
 
@@ -20,20 +21,20 @@ use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::Lattice;
 
-/// Share of the points of an object that have one class, if its class is clear.
+/// Smallest share of the points of an object that have the same class if its class is clear.
 const CLEAR: f64 = 0.6;
 
-/// What a tile knows of objects, by their labels.
+/// What a tile knows about objects, by their labels.
 #[derive(Debug, Serialize, Deserialize)]
 struct ObjectsOfTile {
     objects: BTreeMap<u32, ObjectPart>,
     contacts: Contacts,
-    /// Points of the true objects in all voxels that the tile owns; empty if the drive does not know any.
+    /// Points of the true objects in all voxels that the tile owns; empty if the drive has no true objects.
     instances: BTreeMap<u32, u64>,
 }
 
-/// An object over the voxels of a tile: what the steps before call it, its figures, and its points of each
-/// true class and of each true object (0 for none).
+/// An object over the voxels of a tile: the class that the earlier steps gave it, its figures, and its points
+/// of each true class and of each true object (0 for none).
 #[derive(Debug, Serialize, Deserialize)]
 struct ObjectPart {
     class: u8,
@@ -73,20 +74,20 @@ impl Truth {
     }
 }
 
-/// What is learned from an object.
+/// The sample of an object.
 #[derive(Debug)]
 pub(crate) struct ObjectSample {
     pub(crate) label: u32,
-    /// Its true class, if that is clear.
+    /// Its true class, if it is clear.
     pub(crate) class: Option<u8>,
-    /// Whether it is whole, a part or a stray piece, if the drive knows its objects.
+    /// Whether it is whole, a part or a stray piece, if the drive has true objects.
     pub(crate) whole: Option<u8>,
-    /// Features for both models. The first ones are those for names.
+    /// Features for both models. The first ones are for the model of names.
     pub(crate) features: Vec<f32>,
 }
 
-/// The objects of a tile. `labelled` are the keys and codes of the voxels that it owns, and `instances` their
-/// true objects, or empty.
+/// The objects of a tile. `labelled` has the keys and class codes of the voxels that it owns. `instances` has
+/// their true objects, or is empty.
 pub(crate) fn map(tile: &dyn TileWindow, labelled: Vec<(Voxel, u8)>, instances: &[u32]) -> Result<Vec<u8>> {
     let Settled { whole, contacts, .. } = Settled::load(tile, &[], true)?;
     let voxels = &whole.grown.cored.around.voxels;
@@ -156,8 +157,9 @@ pub(crate) fn reduce(payloads: &[Vec<u8>], lattice: Lattice) -> Result<Vec<Objec
     Ok(samples)
 }
 
-/// Whether an object is whole, a part or a stray piece; `None` if half of its `points` have no label.
-/// `larger` is the main true object of the larger object, and `points_of` are the points of the true objects.
+/// Whether an object is whole, a part or a stray piece; `None` if at least half of its `points` have no
+/// label. `larger` is the main true object of the larger object. `points_of` has the points of the true
+/// objects.
 fn is_whole(
     truth: &Truth,
     points: u64,
@@ -190,10 +192,10 @@ mod tests {
         assert_eq!(of(&[(1, 51)], None), Some(WHOLE));
         assert_eq!(of(&[(1, 50)], Some((2, 9))), Some(STRAY));
         assert_eq!(of(&[(1, 50)], Some((1, 9))), Some(PART));
-        // Most of it is another object, or none.
+        // Most of its points belong to another object, or to none.
         assert_eq!(of(&[(1, 31), (2, 30)], Some((2, 9))), Some(STRAY));
         assert_eq!(of(&[(0, 31), (2, 29)], Some((2, 9))), Some(STRAY));
-        // Nobody labelled it.
+        // At least half of its points are unlabelled.
         assert_eq!(of(&[(1, 30)], None), None);
         assert_eq!(of(&[], None), None);
     }

@@ -1,18 +1,18 @@
-//! Labelled voxels of a drive, to learn from or to score a model with. It runs the first steps of `street` on
-//! the points of a labelled drive, in its own steps `voxels`, `classes` (where the model of shapes is known)
-//! and `samples`.
+//! Labelled voxels of a drive, to learn from or to score a model with. This method runs the first steps of
+//! `street` on the points of a labelled drive, in its own steps `voxels`, `classes` (if the model of shapes
+//! is known) and `samples`.
 //!
-//! *Which voxels.* The voxels with the smallest hashes of their keys, up to a number: of each class for the
-//! model of shapes, of all classes together for that of the context. So the second one learns how frequent
-//! the classes are. A voxel is chosen whatever the tiles are. One of five squares of 20 m is held out: its
-//! voxels are not learned from, and a model is scored with them. Voxels of one square see each other, so a
-//! choice among single voxels would score the memory of the model.
+//! *Which voxels.* The voxels with the smallest hashes of their keys are chosen, up to a number: of each
+//! class for the model of shapes, and of all classes together for the model of the context. So the second
+//! model learns how frequent the classes are. The choice does not depend on tiles. One square of 20 m in five
+//! is held out: no model learns from its voxels, and models are scored on them. The features of voxels in one
+//! square overlap, so holding out single voxels would score the memory of the model.
 //!
 //! *Objects.* For the models of objects, all steps of `street` run with the models of voxels. See
 //! `object_samples.rs`.
 //!
-//! *Thinning.* A share of the points, chosen by a hash of their ids, is taken before the voxels are made. The
-//! ground is that of all points.
+//! *Thinning.* A share of the points is taken before the voxels are made, chosen by a hash of their ids. The
+//! ground is the ground of all points.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -43,7 +43,7 @@ use crate::model::{Field, Lattice, PointId, Reach, TileCloud, TileId};
 /// Bytes per point that a tile needs at its peak: the features of all voxels of a tile of the step `classes`.
 const BYTES_PER_POINT: u64 = 90;
 
-/// One of so many objects of a drive is held out.
+/// One object of a drive in this many is held out.
 const OBJECTS_HELD_OUT: u32 = 5;
 
 const STEPS: [Step; 2] = [step("voxels"), step("samples")];
@@ -56,26 +56,27 @@ const fn step(name: &'static str) -> Step {
 
 /// Edge of a square that is held out or not, in voxels: 20 m.
 const SQUARE: i32 = 133;
-/// One of so many squares is held out.
+/// One square in this many is held out.
 const HELD_OUT: u64 = 5;
-/// So many times as many samples of the context, of all classes together, as samples of one class of shapes.
+/// Ratio of the number of samples for the context, of all classes together, to the number of samples of one
+/// class for the shapes.
 const CONTEXT_SAMPLES: usize = 4;
-/// A class has so many times fewer samples that are held out than samples to learn from.
+/// Ratio of the number of samples to learn from to the number of held-out samples, per class.
 const FEWER: usize = 4;
 
-/// What the voxels are for.
+/// The purpose of the voxels.
 #[derive(Debug, Clone)]
 pub(crate) enum Purpose {
-    /// Samples for the model of shapes, so many of each class at most.
+    /// Samples for the model of shapes, up to a number per class.
     Shapes {
-        /// Decides which.
+        /// Seed of the hashes that choose the voxels.
         seed: u64,
         /// The largest number to learn from, per class.
         most: usize,
     },
     /// Samples for the model of the context.
     Context {
-        /// Decides which.
+        /// Seed of the hashes that choose the voxels.
         seed: u64,
         /// The largest number to learn from is four times this.
         most: usize,
@@ -102,19 +103,19 @@ pub(crate) struct Training {
     pub(crate) purpose: Purpose,
     /// Share of the points that is taken, from 0 to 1.
     pub(crate) share: f64,
-    /// What the drive says of its points.
+    /// What the drive knows about its points.
     pub(crate) known: Known,
 }
 
 /// A voxel with a label.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Sample {
-    /// By this the samples of a drive are in an order.
+    /// The samples of a drive are sorted by this.
     hash: u64,
     key: Voxel,
-    /// Place of its class.
+    /// Index of its class.
     pub(crate) class: u8,
-    /// Whether it is not to be learned from.
+    /// Whether it is held out from learning.
     pub(crate) held_out: bool,
     /// Its features.
     pub(crate) features: Vec<f32>,
@@ -129,11 +130,10 @@ pub(crate) struct SamplesOfObjects {
     pub(crate) wholes: Vec<Sample>,
 }
 
-/// Voxels of each class (first) and what a model says of them (second).
+/// Number of voxels by true class (first) and by the class that a model gives them (second).
 pub(crate) type Counts = [[u64; CLASSES]; CLASSES];
 
-/// Largest hash that is chosen, per class: among the samples to learn from, and among those that are held
-/// out.
+/// Largest chosen hash per class: for the samples to learn from, and for the held-out samples.
 #[derive(Debug, Serialize, Deserialize)]
 struct Limits([[u64; CLASSES]; 2]);
 
@@ -197,7 +197,7 @@ impl Training {
         Ok(Mapped::payload(codec::pack(&of_both)))
     }
 
-    /// The largest hashes that are chosen: `most` voxels of each class, or of all together.
+    /// The largest chosen hashes, for `most` voxels of each class, or of all classes together.
     fn limits(drive: &dyn DriveWindow, seed: u64, most: usize, together: bool) -> Result<Limits> {
         let limits = [most, most.div_ceil(FEWER)];
         let mut smallest: [[Smallest; CLASSES]; 2] =
@@ -214,7 +214,7 @@ impl Training {
         Ok(Limits(if together { largest.map(|classes| [classes[0]; CLASSES]) } else { largest }))
     }
 
-    /// The label of each of these voxels (0 for those of other tiles), and which are chosen.
+    /// The label of each of these voxels (0 for voxels of other tiles), and whether it is chosen.
     fn chosen(tile: &dyn TileWindow, voxels: &Voxels, seed: u64) -> Result<(Vec<u8>, Vec<bool>)> {
         let limits: Limits = codec::decode(tile.global(STEP_VOXELS))?;
         let mut labels = truth::labelled(tile, tile.tile())?.into_iter();
@@ -282,13 +282,13 @@ impl Sample {
 
 #[cfg(test)]
 impl Sample {
-    /// One of no voxel.
+    /// A sample that belongs to no voxel.
     pub(crate) fn of_class(class: u8, held_out: bool, features: Vec<f32>) -> Self {
         Self { hash: 0, key: [0; 3], class, held_out, features }
     }
 }
 
-/// A number for a voxel that looks random.
+/// A pseudo-random number for a voxel.
 fn hash(key: Voxel, seed: u64) -> u64 {
     xxh3_64_with_seed(bytemuck::bytes_of(&key), seed)
 }
@@ -299,7 +299,7 @@ fn held_out([i, j, _]: Voxel, seed: u64) -> bool {
     xxh3_64_with_seed(bytemuck::bytes_of(&square), seed).is_multiple_of(HELD_OUT)
 }
 
-/// The smallest of many numbers, so many at most.
+/// The smallest of many numbers, `most` of them at most.
 struct Smallest {
     most: usize,
     numbers: Vec<u64>,
@@ -322,7 +322,7 @@ impl Smallest {
         self.numbers.truncate(self.most);
     }
 
-    /// The largest of them; 0 without any.
+    /// The largest of them; 0 if there are none.
     fn largest(mut self) -> u64 {
         self.shorten();
         self.numbers.last().copied().unwrap_or(0)
@@ -429,7 +429,8 @@ impl Method for Training {
 
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced> {
         let limits = match (step, &self.purpose) {
-            // The warning of sparse points needs what the points stack, which labels have no place for.
+            // There is no warning of sparse points: its counts would be in the section that has the labels
+            // here.
             (STEP_VOXELS, Purpose::Objects(_)) => return Ok(Reduced::Global(Vec::new())),
             (STEP_VOXELS.., Purpose::Objects(street)) if step < STEP_OBJECTS => {
                 return street.reduce(step, drive);

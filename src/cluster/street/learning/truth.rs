@@ -1,8 +1,8 @@
 //! The true classes and objects of the voxels of a labelled drive.
 //!
 //! The label of a voxel is the class of most of its points (ties: the smaller code). Points without a class
-//! (code 0, stray returns and what nobody labelled) and points outside `gt_core` give no label. The true
-//! object of a voxel is that of most of its labelled points (ties: the smaller number).
+//! (code 0: stray returns and unlabelled points) and points outside `gt_core` give no label. The true object
+//! of a voxel is the object of most of its labelled points (ties: the smaller number).
 
 use crate::cluster::DriveWindow;
 use crate::cluster::columns::Voxel;
@@ -13,17 +13,18 @@ use crate::codec;
 use crate::error::Result;
 use crate::model::{Field, TileId};
 
-/// Section of the labels in the payload of the step `voxels`, behind those of `street`.
+/// Section of the labels in the payload of the step `voxels`, after the two sections of `street` that are
+/// kept.
 const SECTION_LABELS: usize = 2;
 /// Section of the true objects of the voxels, four bytes each. Empty if they are not known.
 const SECTION_INSTANCES: usize = 3;
 
-/// What a labelled drive says of its points, beside their classes.
+/// What a labelled drive knows about its points, besides their classes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Known {
-    /// Whether it says where it is labelled completely.
+    /// Whether it knows where it is labelled completely.
     pub(crate) has_core: bool,
-    /// Bytes of the number of the object that a point belongs to, 2 or 4; 0 if it does not say.
+    /// Bytes of the number of the object that a point belongs to, 2 or 4; 0 if the objects are not known.
     pub(crate) instance_bytes: usize,
 }
 
@@ -57,7 +58,7 @@ impl Known {
         counts.iter().map(label).collect()
     }
 
-    /// The points with a class: each with its number, its voxel and the place of its class.
+    /// The points with a class: each with its number, its voxel and the index of its class.
     fn labelled_points<'a>(self, cut: &'a Cut) -> impl Iterator<Item = (usize, usize, usize)> + 'a {
         let cloud = &cut.points.cloud;
         let class = cloud.field(Field::Class).unwrap_or_default();
@@ -71,7 +72,7 @@ impl Known {
         })
     }
 
-    /// The true object of each voxel that a tile owns; 0 for none. Empty if the drive does not know any.
+    /// The true object of each voxel that a tile owns; 0 for none. Empty if the drive has no true objects.
     fn instances(self, cut: &Cut) -> Vec<u32> {
         let cloud = &cut.points.cloud;
         let Some(lower) = cloud.field(Field::Instance) else { return Vec::new() };
