@@ -1,5 +1,5 @@
-//! Contacts of objects: how many voxels of a small one lie beside or in another. Tiles count the voxels that
-//! they own, so the counts of all tiles add up.
+//! Contacts of objects: the number of voxels of a small object that lie beside or inside another object.
+//! Tiles count the voxels that they own, so the counts of all tiles add up.
 
 use std::collections::BTreeMap;
 
@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 use super::stage_leftovers::Whole;
 use crate::cluster::street::window::Window;
 
-/// A voxel lies beside an object that has a voxel within so many voxels, in the plane and in levels: 0.45 m.
-/// Crowns that a scanner sees through others have gaps.
+/// Largest distance of a voxel to an object that it lies beside, in voxels in the plane and in levels: 0.45
+/// m. Crowns that a scanner sees through other crowns have gaps.
 const BESIDE: i32 = 3;
 
-/// What a tile knows of the contacts of small objects.
+/// What a tile knows about the contacts of small objects.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Contacts {
     /// Voxels of each label.
@@ -22,8 +22,8 @@ pub(crate) struct Contacts {
     beside: Vec<(u32, u32, u64)>,
 }
 
-/// Counts the voxels that the tile owns. What has more than so many in the tile alone is not small, and has
-/// no contacts. Labels must be right for what is beside them, too.
+/// Counts the voxels that the tile owns. An object with more than `most` voxels in the tile alone is not
+/// small, and has no contacts. Labels must also be right for the voxels beside the owned ones.
 pub(crate) fn count(whole: &Whole, most: u64) -> Contacts {
     let voxels = &whole.grown.cored.around.voxels;
     let label = &whole.grown.label;
@@ -52,8 +52,8 @@ pub(crate) fn count(whole: &Whole, most: u64) -> Contacts {
     Contacts { sizes, beside }
 }
 
-/// The small objects, each with what it touches and the number of its voxels that do. It has at most so many
-/// voxels in all tiles together: how tiles cut it does not count.
+/// The small objects, each with the objects that it touches and the number of its voxels that touch each. A
+/// small object has at most `most` voxels in all tiles together, so it does not matter how tiles cut it.
 pub(crate) fn of_objects(tiles: &[Contacts], most: u64) -> BTreeMap<u32, BTreeMap<u32, u64>> {
     let mut sizes = BTreeMap::<u32, u64>::new();
     for (label, voxels) in tiles.iter().flat_map(|tile| &tile.sizes) {
@@ -77,8 +77,8 @@ mod tests {
 
     #[test]
     fn voxels_beside_those_of_another_object_count_once_per_object() {
-        // In decimetres; three voxels on an edge each. The second stands beside the first, the third on both,
-        // the last one is 0.6 m away.
+        // In decimetres; each block is three voxels high and deep. The second stands beside the first, the
+        // third on both, and the last one is 0.6 m away.
         let cube = [4, 4, 4];
         let blocks = [
             (TREE, [0, 0, 0], cube),
@@ -91,7 +91,7 @@ mod tests {
         assert_eq!(found[&1], BTreeMap::from([(2, 27), (3, 27)]));
         assert_eq!(found[&2], BTreeMap::from([(1, 27), (3, 27)]));
         assert!(found[&4].is_empty());
-        // The third is too large for this question.
+        // The third is too large to be small.
         assert!(!found.contains_key(&3));
         let found = of_objects(&[count(&whole, 1_000)], 1_000);
         assert_eq!(found[&3].keys().copied().collect::<Vec<_>>(), [1, 2]);

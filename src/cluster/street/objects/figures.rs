@@ -1,9 +1,9 @@
 //! Figures of an object as a whole, from which the model of objects names it.
 //!
-//! The steps before name voxels. An object can be one piece and have the wrong name: a car whose roof looks
-//! like a hedge, voxel by voxel. Its size, its profile and how full it is say what it is. The figures are
-//! sums of whole numbers over its voxels. So those of all tiles add up, and the name does not depend on
-//! tiles.
+//! The earlier steps name voxels. An object can be complete and still have the wrong name: a car with a roof
+//! whose voxels look like a hedge. Its size, its profile and how densely it is filled say what it is. The
+//! figures are integer sums over its voxels. So the figures of all tiles add up, and the name does not depend
+//! on tiles.
 #![expect(clippy::cast_possible_truncation, reason = "features are single numbers")]
 
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ use crate::cluster::street::window::Window;
 use crate::model::Lattice;
 use crate::spatial::Cell;
 
-/// Upper borders of the bands of height above ground, in metres. The last band has none.
+/// Upper limits of the bands of height above ground, in metres. The last band has none.
 const BANDS_M: [f64; BANDS - 1] = [0.5, 1.0, 1.5, 2.0, 3.0, 5.0];
 const BANDS: usize = 7;
 
@@ -58,16 +58,16 @@ pub(crate) struct Figures {
     voxels: u64,
     points: u64,
     columns: u64,
-    /// Occupied voxels among the 27 in and around each voxel, whatever they belong to.
+    /// Occupied voxels among the 27 in and around each voxel, whatever object they belong to.
     occupied: u64,
     shares: [u64; CLASSES],
-    /// Of i and j of the columns, and of i i, i j and j j.
+    /// Sums of i and j over the voxels, and of i i, i j and j j.
     place: [i64; 2],
     products: [i128; 3],
     /// Lowest and highest height above ground, in lattice units.
     low: i32,
     high: i32,
-    /// Of the heights and of their squares.
+    /// Sums of the heights and of their squares.
     height: i64,
     squares: i128,
     bands: [u64; BANDS],
@@ -127,12 +127,13 @@ impl Figures {
         add(&mut self.bands, &other.bands);
     }
 
-    /// The features of the object, which the steps before call `class`, in the order of [`NAMES`].
+    /// The features of the object, in the order of [`NAMES`]. `class` is the class that the earlier steps
+    /// gave it.
     pub(crate) fn features(&self, class: u8, lattice: Lattice) -> [f32; NAMES.len()] {
         let count = self.voxels as f64;
         let mean = |sum: u64| sum as f64 / count;
         let metres = |units: f64| metres(units, lattice);
-        // Exact, so that only the difference is rounded.
+        // The products are exact, so that only the difference is rounded.
         let voxels = i128::from(self.voxels);
         let moment = |product: i128, one: usize, other: usize| {
             let places = i128::from(self.place[one]) * i128::from(self.place[other]);
@@ -142,7 +143,7 @@ impl Figures {
         let [xx, xy, yy] = [moment(xx, 0, 0), moment(xy, 0, 1), moment(yy, 1, 1)];
         let middle = 0.5 * (xx + yy);
         let spread = (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
-        // A bar of this length has this variance. A voxel is one edge long.
+        // The length of a bar with this variance. A single voxel is one edge long.
         let side = |variance: f64| EDGE_M * (12.0 * variance.max(0.0) + 1.0).sqrt();
         let [length, width] = [side(middle + spread), side(middle - spread)];
         let height = i128::from(self.height);
@@ -226,7 +227,7 @@ mod tests {
 
     #[test]
     fn a_block_has_its_length_width_and_height() {
-        // 4.5 x 1.8 x 1.5 m, in decimetres; a thing of one voxel beside it.
+        // 4.5 x 1.8 x 1.5 m, in decimetres, with an object of one voxel beside it.
         let blocks = [(VEHICLE, [0, 0, 3], [45, 18, 15]), (TREE, [90, 0, 0], [1, 1, 1])];
         let found = find(&Whole::of_blocks(&blocks), Lattice::MILLIMETRE);
         let block = &found[&1];

@@ -1,10 +1,10 @@
 //! Fixtures: small objects on a wall. They are a part of the building.
 //!
-//! Balconies, gutters, signs on brackets and what grows on a wall look like poles, fences or crowns, voxel by
-//! voxel. But an object that stands on its own does not lie along a wall with nearly all of its voxels. On
-//! nine labelled drives, seven of seven poles and seven of seven trees that do were pieces of something else.
-//! Small things are left out: bins and passers-by do stand at walls. But what most of the building is above
-//! is inside it, seen through a window.
+//! The voxels of balconies, gutters, signs on brackets and plants on a wall look like poles, fences or
+//! crowns. But an object that stands on its own does not have nearly all of its voxels along a wall. On nine
+//! labelled drives, seven of seven poles and seven of seven trees that do were pieces of something else.
+//! Objects of the class small are exempt: bins and passers-by do stand at walls. But an object along a wall
+//! with much of the building above it is inside the building, seen through a window.
 
 use std::collections::BTreeMap;
 
@@ -15,27 +15,28 @@ use crate::cluster::street::settings::EDGE_M;
 use crate::cluster::street::shares::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE};
 use crate::cluster::street::window::Window;
 
-/// A voxel within so many voxels of a building, in the plane and in levels, lies on it: 0.6 m.
+/// Largest distance of a voxel to a building that it lies on, in voxels in the plane and in levels: 0.6 m.
 const ON_WALL: i32 = 4;
-/// Share of the voxels of an object that lie on a building, in percent, from which it is a fixture, by class.
-/// More than 100: this alone does not make it one.
+/// Share of voxels on a building, in percent, from which an object is a fixture, by class. More than 100
+/// means that this share alone does not make it one.
 const SHARES: [(u8, usize); 5] = [(POLE, 50), (TREE, 85), (FENCE, 85), (VEHICLE, 85), (SMALL, 101)];
-/// The same share of any of these classes, if a building is above so many percent of the voxels. With 50
-/// instead of 65 three passers-by below the balconies of a narrow street are lost.
+/// The same share for any of these classes if a building is above many of the voxels, and the smallest
+/// percentage of such voxels. With 50 instead of 65, three passers-by below the balconies of a narrow street
+/// are lost.
 const INSIDE: usize = 65;
 const BELOW: usize = 40;
-/// A voxel is below a building if a voxel of it in the same column or in one beside it is so many levels
-/// higher.
+/// Smallest number of levels by which a building voxel is higher than a voxel below the building. The
+/// building voxel is in the same column or in one beside it.
 const ROOF_LEVELS: i32 = 3;
-/// Half of the levels above that are looked at: buildings are lower than 300 m.
+/// Half of the number of levels above that are searched: buildings are lower than 300 m.
 const ABOVE: i32 = 1000;
 /// Longest side of a fixture in the plane, in metres. Its pieces are at most 3 m apart, so a tile that reads
 /// [`super::islands::REACH_M`] around a voxel sees all of it, or enough to see that it is longer.
 const SIDE_M: f64 = 3.3;
 
 /// The labels of fixtures, with the label of the building that most of their voxels lie on. Of two such
-/// labels the smaller counts. This is right for the labels of voxels around which `whole` has those within
-/// [`super::islands::REACH_M`].
+/// buildings, the smaller label wins. The result is right for the labels of voxels if `whole` has all voxels
+/// within [`super::islands::REACH_M`] of these.
 pub(crate) fn find(whole: &Whole) -> BTreeMap<u32, u32> {
     let voxels = &whole.grown.cored.around.voxels;
     let label = &whole.grown.label;

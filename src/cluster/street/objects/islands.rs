@@ -1,8 +1,10 @@
-//! Islands: compact groups of voxels with free space around them. All voxels of an island are of one object.
+//! Islands: compact groups of voxels with free space around them. All voxels of an island belong to one
+//! object.
 //!
-//! The steps before decide class by class. So a car whose door looks like a wall to the classifier is two
-//! objects, although nothing else stands near it. Where a group of voxels is no larger than a car, the gaps
-//! around it say more than the classes inside it: it belongs to the object that has most of its points.
+//! The earlier steps decide class by class. So a car whose door looks like a wall to the classifier becomes
+//! two objects, although nothing else stands near it. If a group of voxels is not larger than a car, the gaps
+//! around it are better evidence than the classes inside it: the group belongs to the object that has most of
+//! its points.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile fit u32")]
 
 use std::collections::BTreeMap;
@@ -16,20 +18,20 @@ use crate::cluster::street::window::Window;
 use crate::model::Lattice;
 use crate::spatial::DisjointSets;
 
-/// Voxels of an island are at most so many voxels apart, in the plane and in levels.
+/// Largest distance between neighbouring voxels of an island, in voxels in the plane and in levels.
 const GAP: i32 = 2;
-/// Longest and widest box of an island in the plane, and its height, in metres: a large car, a shrub, a group
-/// of bins.
+/// Largest length and width of the box around an island in the plane, and its largest height, in metres: a
+/// large car, a shrub, a group of bins.
 const LENGTH_M: f64 = 5.5;
 const WIDTH_M: f64 = 3.0;
 const HEIGHT_M: f64 = 3.0;
 /// Distance around a voxel within which others decide whether it is in an island, in metres: the diagonal of
-/// the box, and a gap. A group that reaches further is no island.
+/// the box plus a gap. A group that reaches further is not an island.
 pub(crate) const REACH_M: f64 = 7.0;
 
-/// Gives the voxels of each island the label that most of its points have. Of two such labels the smaller
-/// counts. Voxels without a label stay without. This is right for the voxels around which `whole` has those
-/// within [`REACH_M`].
+/// Gives the voxels of each island the label that most of its points have. Of two such labels, the smaller
+/// wins. Voxels without a label stay without. The result is right for voxels if `whole` has all voxels within
+/// [`REACH_M`] of them.
 pub(crate) fn settle(whole: &mut Whole, lattice: Lattice) {
     let around = &whole.grown.cored.around;
     let group = groups(&around.voxels, |voxel| around.shares[voxel][usize::from(GROUND)] <= 127);
@@ -48,7 +50,7 @@ pub(crate) fn settle(whole: &mut Whole, lattice: Lattice) {
     }
 }
 
-/// The group of each voxel, by its first voxel. A voxel that is not `open` has none.
+/// The group of each voxel, named by the first voxel of the group. A voxel that is not `open` has none.
 fn groups(voxels: &Voxels, open: impl Fn(usize) -> bool) -> Vec<Option<u32>> {
     let count = voxels.len();
     let mut sets = DisjointSets::new(count as u32);
@@ -67,7 +69,8 @@ fn groups(voxels: &Voxels, open: impl Fn(usize) -> bool) -> Vec<Option<u32>> {
 /// The voxels of each group that is an island.
 fn islands(voxels: &Voxels, group: &[Option<u32>], lattice: Lattice) -> Vec<Vec<usize>> {
     let count = voxels.len();
-    // What is longer on an axis of the lattice than the diagonal of the box is no island, at little cost.
+    // A group that is longer than the diagonal of the box on an axis of the lattice is not an island. This
+    // test costs little.
     let most = (LENGTH_M.hypot(WIDTH_M) / EDGE_M) as i32 + 1;
     let levels = (HEIGHT_M / EDGE_M) as i32;
     let mut corners = vec![([i32::MAX; 3], [i32::MIN; 3]); count];

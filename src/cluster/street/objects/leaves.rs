@@ -1,10 +1,10 @@
-//! How thick the surface of an object is. That tells hedges and bushes from fences, walls and guard rails,
-//! which have the same class.
+//! The thickness of the surface of an object. It distinguishes hedges and bushes from fences, walls and guard
+//! rails, which have the same class.
 //!
-//! In a cube of a metre, the points of a fence lie near a plane or a line, and those of leaves do not. The
-//! least standard deviation of the points of an object in a cube, in any direction, is its thickness there.
-//! Cubes lie on the global lattice. Figures of objects are sums of whole numbers over voxels, so those of all
-//! tiles add up.
+//! In a cube of a metre, the points of a fence lie near a plane or a line, but the points of leaves do not.
+//! The least standard deviation of the points of an object in a cube, in any direction, is its thickness
+//! there. Cubes lie on the global lattice. The sums of an object are integer sums over voxels, so the sums of
+//! all tiles add up.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -21,24 +21,24 @@ use crate::cluster::eigen::eigen;
 use crate::cluster::street::settings::edge;
 use crate::model::{Hedge, Lattice};
 
-/// Edge of a cube in voxels: 1.05 m. In cubes of 0.45 and 0.75 m, hedges and fences are less apart, because
-/// the leaves that a scanner sees are a surface, too (`benches/results/street.md`, "Hedges").
+/// Edge of a cube in voxels: 1.05 m. In cubes of 0.45 and 0.75 m, hedges and fences differ less, because the
+/// leaves that a scanner sees are a surface too (`benches/results/street.md`, "Hedges").
 const CUBE: i32 = 7;
-/// Fewest voxels of an object in a cube that counts.
+/// Smallest number of voxels of an object in a cube that counts.
 const LEAST: u32 = 6;
-/// What is at least so thick on average over its points is a hedge or bush, in metres.
+/// Smallest thickness of a hedge or bush, averaged over its points, in metres.
 const LEAVES_M: f64 = 0.045;
-/// What is nowhere higher above ground is low vegetation, in metres.
+/// Largest height of low vegetation above ground, in metres.
 const LOW_M: f64 = 0.5;
 
-/// Moments of the points of an object in a cube, in lattice units from its corner. The points of a voxel are
-/// in its centre.
+/// Moments of the points of an object in a cube, in lattice units from its corner. All points of a voxel
+/// count at their mean position.
 #[derive(Debug, Default)]
 struct Cube {
     voxels: u32,
     points: i128,
     sums: [i128; 3],
-    /// Of x x, x y, x z, y y, y z and z z.
+    /// Sums of x x, x y, x z, y y, y z and z z.
     products: [i128; 6],
 }
 
@@ -55,7 +55,8 @@ impl Cube {
         }
     }
 
-    /// The least standard deviation in any direction, in whole lattice units; `None` of few voxels.
+    /// The least standard deviation in any direction, in whole lattice units; `None` if there are too few
+    /// voxels.
     fn thickness(&self) -> Option<u64> {
         if self.voxels < LEAST {
             return None;
@@ -71,8 +72,8 @@ impl Cube {
     }
 }
 
-/// The thickness of what the object of each voxel has in its cube, in lattice units. `None` for voxels of no
-/// object, and where the object has few voxels in the cube. Labels must be right for all voxels of a cube
+/// For each voxel, the thickness of its object in its cube, in lattice units. `None` for voxels without an
+/// object, and if the object has too few voxels in the cube. Labels must be right for all voxels of a cube
 /// with an owned voxel.
 pub(crate) fn thickness(whole: &Whole) -> Vec<Option<u64>> {
     let voxels = &whole.grown.cored.around.voxels;
@@ -104,7 +105,7 @@ pub(crate) fn thickness(whole: &Whole) -> Vec<Option<u64>> {
 /// Sums over the voxels of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(crate) struct Leaves {
-    /// Points of the voxels whose thickness is known, and the sum of it over these points.
+    /// Points of the voxels whose thickness is known, and the sum of the thickness over these points.
     points: u64,
     thickness: u64,
     /// Greatest height of a voxel above ground, in lattice units.
@@ -119,7 +120,7 @@ impl Leaves {
         self.highest = self.highest.max(other.highest);
     }
 
-    /// Whether it is a hedge or bush, if it is of the class of these.
+    /// Whether the object is a hedge or bush, if it has their class.
     pub(crate) fn hedge(&self, lattice: Lattice) -> Hedge {
         let metre = lattice.units(1.0) as f64;
         if self.points == 0 || (self.thickness as f64) < LEAVES_M * metre * self.points as f64 {

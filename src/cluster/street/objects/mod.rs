@@ -1,4 +1,5 @@
-//! Steps `leftovers` and `objects`: what no core reaches, the labels of points, and the names of objects.
+//! Steps `leftovers` and `objects`: the voxels that no core reaches, the labels of points, and the names of
+//! objects.
 
 pub(crate) mod contacts;
 pub(crate) mod figures;

@@ -1,5 +1,5 @@
-//! Step `leftovers`: voxels that no core reaches. Components of them join the nearest object of a class that
-//! they may be, or are objects of their own.
+//! Step `leftovers`: voxels that no core reaches. Their components join the nearest object of a class that
+//! they may have, or become objects of their own.
 #![expect(clippy::cast_possible_truncation, reason = "voxels of a tile and components of a drive fit u32")]
 
 use std::collections::BTreeMap;
@@ -20,27 +20,27 @@ use crate::error::Result;
 use crate::model::{Lattice, TileId};
 use crate::spatial::Cell;
 
-/// Leftover voxels at most so many voxels apart, in the plane and in levels, are one component.
+/// Largest distance between leftover voxels of one component, in voxels in the plane and in levels.
 const JOIN: (i32, i32) = (4, 4);
-/// A leftover voxel with at most so many voxels within [`JOIN`], itself included, is sparse. With 20 instead,
+/// Largest number of voxels within [`JOIN`] of a sparse leftover voxel, itself included. With 20 instead,
 /// single sweeps have the same figures (`benches/results/street.md`, "Few points").
 const SPARSE: u32 = 12;
-/// Sparse voxels at most so many voxels apart are one component: far from a spinning scanner, its rings are
-/// one to two metres apart.
+/// Largest distance between sparse voxels of one component, in the same units: far from a spinning scanner,
+/// its rings are one to two metres apart.
 const JOIN_SPARSE: (i32, i32) = (4, 10);
-/// Distance within which a component joins an object that it may be a part of, in metres.
+/// Largest distance at which a component joins an object that it may be a part of, in metres.
 const NEAR_M: f64 = 1.5;
-/// Mean share of the class of this object in the component, in steps of 1/255.
+/// Mean share of the class of this object in the component above which it may join, in steps of 1/255.
 const NEAR_SHARE: u64 = 51;
 /// Smallest number of voxels of an object without a core: of trees and buildings, and of other classes. It
-/// leaves out crumbs. Whether a larger piece is a far tree or the tip of a branch is for the model to say
+/// excludes crumbs. The model decides whether a larger piece is a far tree or the tip of a branch
 /// (`wholes.rs`).
 const OWN_VOXELS: (u32, u32) = (20, 12);
-/// Lowest height above ground of a fence that stands, in metres. On eleven labelled drives, seven of seven
-/// fences that hang higher were pieces of balconies and crowns.
+/// Height of the lowest voxel above ground from which a fence hangs, in metres. On eleven labelled drives,
+/// seven of seven fences that hang higher were pieces of balconies and crowns.
 const HANGS_M: f64 = 1.0;
-/// Distance within which a component of trees or buildings joins one of these, in metres, and the number of
-/// points from which it does not: then it is an object of its own.
+/// Largest distance at which a component of the class tree or building joins an object of its class, in
+/// metres, and the number of points from which it does not join but is an object of its own.
 const FAR_M: f64 = 3.0;
 const FAR_POINTS: u64 = 1000;
 
@@ -60,7 +60,7 @@ struct Left {
     near: [Option<Near>; CLASSES],
 }
 
-/// The smaller one, of those that there are.
+/// The smaller value, or the only one if one is missing.
 fn least<T: Ord>(one: Option<T>, other: Option<T>) -> Option<T> {
     match (one, other) {
         (Some(one), Some(other)) => Some(one.min(other)),
@@ -86,7 +86,7 @@ impl Left {
         best.unwrap_or(usize::from(GROUND)) as u8
     }
 
-    /// Whether it is called a fence and does not stand on the ground.
+    /// Whether its class is fence and it does not stand on the ground.
     fn hangs(&self, lattice: Lattice) -> bool {
         let low = self.lowest.map_or(0, i64::from);
         self.class() == FENCE && low >= lattice.units(HANGS_M)
@@ -180,8 +180,8 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     Ok(Mapped::payload(codec::encode(&payload)?))
 }
 
-/// The leftover voxels with few others around them. This is right for all that may be joined to a voxel of
-/// the tile: twice the radius of [`JOIN`] around it is enough, and [`FAR_M`] is read.
+/// The leftover voxels with few others around them. The result is right for all voxels that may be joined to
+/// a voxel of the tile: twice the radius of [`JOIN`] around it would be enough, and [`FAR_M`] is read.
 fn sparse(voxels: &Voxels, left: &[bool]) -> Vec<bool> {
     let mut near = Window::new(JOIN.0, JOIN.1).over(&voxels.columns);
     let mut is_sparse = |voxel: usize| {
@@ -238,7 +238,7 @@ impl Nearest<'_> {
     }
 }
 
-/// Where a component goes: the label of an object, or 0.
+/// The label of the object that each component joins or becomes, or 0, and its class.
 pub(crate) fn reduce(drive: &dyn DriveWindow, cores: u32, smallest: u64) -> Result<Vec<u8>> {
     let lattice = drive.lattice();
     let mut borders = Vec::new();
@@ -352,7 +352,7 @@ mod tests {
         for (key, sparse) in voxels.key.iter().zip(found) {
             assert_eq!(sparse, key[0] < 30, "{key:?}");
         }
-        // What has a core is not left over. It counts beside what is.
+        // Voxels with a core are not leftovers, but they count as neighbours of leftovers.
         let left: Vec<bool> = voxels.key.iter().map(|key| key[0] == 60).collect();
         assert!(!sparse(&voxels, &left).contains(&true));
     }

@@ -26,8 +26,8 @@ use crate::error::{Error, Result};
 use crate::model::{Hedge, Kind, Lattice, TileId};
 use crate::spatial::{Cell, VoxelIndex};
 
-/// An object whose highest voxel is so far below the ground, in metres, is made of reflections. The measures
-/// of objects leave single points out from there on, too (chosen).
+/// Depth of the highest voxel below the ground, in metres, from which an object is made of reflections. The
+/// measures of objects also leave out single points from this depth on (chosen).
 const BURIED_M: f64 = 1.0;
 
 /// The payload of a tile.
@@ -36,7 +36,7 @@ struct Payload {
     labels: Vec<OfTile>,
     /// Figures of each label over the voxels of the tile, if a model names objects or finds pieces.
     figures: BTreeMap<u32, Figures>,
-    /// How thick the objects of the tile are.
+    /// Thickness of the objects of the tile.
     leaves: BTreeMap<u32, Leaves>,
     /// Contacts of the labels of growth and leftovers, if a model finds pieces.
     contacts: Contacts,
@@ -53,12 +53,13 @@ struct OfTile {
     points: u64,
 }
 
-/// The objects of the voxels of a tile, corrected by what is around them, and what was counted before.
+/// The objects of the voxels of a tile, corrected by their surroundings, and the counts from before the
+/// correction.
 pub(crate) struct Settled {
     pub(crate) whole: Whole,
     /// Thickness around each voxel, in lattice units.
     thickness: Vec<Option<u64>>,
-    /// Empty if nobody asks for contacts.
+    /// Empty if contacts are not requested.
     pub(crate) contacts: Contacts,
 }
 
@@ -66,8 +67,8 @@ impl Settled {
     /// The objects of the voxels of a tile and of these columns.
     pub(crate) fn load(tile: &dyn TileWindow, columns: &[Cell], with_contacts: bool) -> Result<Self> {
         let mut whole = Whole::load(tile, tile.lattice().units_up(islands::REACH_M), columns)?;
-        // Neighbours of the voxels of the tile count too. Labels are right for all of these before they are
-        // settled.
+        // Contacts are counted before labels are settled, because until then the labels of the neighbours of
+        // the tile's voxels are right too.
         let contacts = if with_contacts { contacts::count(&whole, MOST_VOXELS) } else { Contacts::default() };
         let thickness = leaves::thickness(&whole);
         settle(&mut whole, tile.lattice());
@@ -75,7 +76,7 @@ impl Settled {
     }
 }
 
-/// Labels the points of a tile, with what the model needs to know of objects.
+/// Labels the points of a tile, and collects what the model needs to know about objects.
 pub(crate) fn map(tile: &dyn TileWindow, model: &StreetModel) -> Result<Mapped> {
     let edge = edge(tile.lattice());
     let points = tile.points(0, true)?;
@@ -133,9 +134,9 @@ pub(crate) fn map(tile: &dyn TileWindow, model: &StreetModel) -> Result<Mapped> 
     })
 }
 
-/// Corrects labels by what is around an object. Both rules see the labels of growth and leftovers, because
-/// these are right for all voxels that were read. Free space around a group counts more than a wall beside an
-/// object.
+/// Corrects labels by the surroundings of an object. Both rules use the labels of growth and leftovers,
+/// because these are right for all voxels that were read. Free space around a group outweighs a wall beside
+/// an object.
 fn settle(whole: &mut Whole, lattice: Lattice) {
     let fixtures = fixtures::find(whole);
     let before = whole.grown.label.clone();
@@ -147,7 +148,7 @@ fn settle(whole: &mut Whole, lattice: Lattice) {
     }
 }
 
-/// Over the points of an object: its class, the sum of the shares of this class, and their number.
+/// The class of an object, the sum of the shares of this class over its points, and their number.
 #[derive(Debug, Clone, Copy)]
 struct Sum {
     class: u8,
@@ -155,7 +156,7 @@ struct Sum {
     points: u64,
 }
 
-/// The objects of the drive that are wanted.
+/// The wanted objects of the drive.
 pub(crate) fn reduce(drive: &dyn DriveWindow, config: &StreetConfig, model: &StreetModel) -> Result<Grouped> {
     let lattice = drive.lattice();
     let mut labels = Vec::new();

@@ -1,9 +1,9 @@
-//! Is what was found a whole object, a part of a larger one that it touches, or a stray piece? The fourth
-//! part of the model says so, by the figures of the object (`figures.rs`) and by what it touches
-//! (`contacts.rs`).
+//! Decides whether a found object is whole, a part of a larger object that it touches, or a stray piece. The
+//! fourth part of the model decides this by the figures of the object (`figures.rs`) and by the objects that
+//! it touches (`contacts.rs`).
 //!
-//! The steps before leave pieces: a branch that no path reached, a balcony, the side of a car seen through a
-//! hedge. Each of them would be an object in the inventory that does not exist. A part goes to the larger
+//! The earlier steps leave pieces: a branch that no path reached, a balcony, the side of a car seen through a
+//! hedge. Each of them would enter the inventory as an object that does not exist. A part goes to the larger
 //! object, and the points of a stray piece go to none. The study is in `benches/results/street.md`, section
 //! "Pieces of objects".
 #![expect(clippy::cast_possible_truncation, reason = "features are single numbers")]
@@ -22,23 +22,24 @@ pub(crate) const WHOLE: u8 = 0;
 pub(crate) const PART: u8 = 1;
 pub(crate) const STRAY: u8 = 2;
 
-/// Smallest share of "whole" with which an object stays one, in steps of 1/255: 0.25. With 0.2, 51 drives
-/// have 29 objects more that are right and 77 more that are not; from 0.25 to 0.37 F1 over all objects is the
-/// same within 0.001 (`benches/results/street.md`, "Stray pieces that are an object together").
+/// Smallest share of "whole" with which an object is kept, in steps of 1/255: 0.25. With 0.2, 51 drives have
+/// 29 more right objects and 77 more wrong ones; from 0.25 to 0.37, F1 over all objects is the same within
+/// 0.001 (`benches/results/street.md`, "Stray pieces that are an object together").
 const LEAST_WHOLE: u8 = 64;
-/// Share from which a few points are enough for an object: a half. With 0.9, twelve single sweeps have 45
-/// objects less that are right and 11 less that are not (`benches/results/street.md`, "Few points").
+/// Share of "whole" from which a few points are enough for an object: a half. With 0.9, twelve single sweeps
+/// have 45 fewer right objects and 11 fewer wrong ones (`benches/results/street.md`, "Few points").
 const LIKELY_WHOLE: u8 = 128;
-/// What has more voxels is no piece.
+/// Largest number of voxels of a piece.
 pub(crate) const MOST_VOXELS: u64 = 2_000;
-/// What has more voxels is no stray piece. A user would miss an object of some square metres, however unsure
-/// it is. When this was chosen, it added 2 objects that are right and 13 that are not on 51 drives
+/// Largest number of voxels of a stray piece. A user would miss an object of some square metres, however
+/// unsure it is. When this was chosen, it added 2 right objects and 13 wrong ones on 51 drives
 /// (`benches/results/street.md`, "What stands at facades").
 const MOST_STRAY: u64 = 600;
 
 const TOUCHING: usize = 8;
 const FEATURES: usize = figures::NAMES.len() + TOUCHING;
-/// What an object touches. The larger object is the one with more voxels that most of its voxels touch.
+/// Names of the features of contacts. The larger object is the one that most voxels of the object touch,
+/// among those with more voxels than it has.
 const TOUCHING_NAMES: [&str; TOUCHING] = [
     "objects that it touches",
     "share that touches others",
@@ -50,7 +51,7 @@ const TOUCHING_NAMES: [&str; TOUCHING] = [
     "highest of the larger object, m",
 ];
 
-/// Names of the features: those of the figures, then those of what the object touches.
+/// Names of the features: first of the figures, then of the contacts.
 pub(crate) const NAMES: [&str; FEATURES] = {
     let mut names = [""; FEATURES];
     let mut at = 0;
@@ -62,14 +63,14 @@ pub(crate) const NAMES: [&str; FEATURES] = {
     names
 };
 
-/// An object of the drive: what the steps before call it, and its figures.
+/// An object of the drive: the class that the earlier steps gave it, and its figures.
 #[derive(Debug, Clone)]
 pub(crate) struct Object {
     pub(crate) class: u8,
     pub(crate) figures: Figures,
 }
 
-/// What is known of an object among the others.
+/// What is known about an object among the others.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Seen {
     pub(crate) features: [f32; FEATURES],
@@ -77,8 +78,8 @@ pub(crate) struct Seen {
     pub(crate) larger: Option<u32>,
 }
 
-/// What is known of an object. `touched` are the objects that it touches, each with the number of its voxels
-/// that do.
+/// Finds what is known about an object. `touched` has the objects that it touches, each with the number of
+/// its voxels that touch it.
 pub(crate) fn see(
     object: &Object,
     touched: Option<&BTreeMap<u32, u64>>,
@@ -93,7 +94,7 @@ pub(crate) fn see(
         of.filter(|(.., other)| other.figures.voxels() > voxels)
     };
     let same = larger().filter(|(.., other)| other.class == object.class).map(|(_, count, _)| count).max();
-    // Of two with as many voxels, the smaller label counts.
+    // Of two equal counts, the smaller label wins.
     let most = larger().rev().max_by_key(|&(_, count, _)| count);
     let of_most = most.map_or([0.0; 5], |(_, count, Object { class, figures })| {
         [
@@ -122,20 +123,20 @@ pub(crate) fn see(
     Seen { features, larger: most.map(|(label, ..)| label) }
 }
 
-/// What becomes of pieces.
+/// The pieces, and the objects that they become parts of.
 #[derive(Debug, Default)]
 pub(crate) struct Pieces {
     /// The object that a piece is a part of; `None` for stray pieces.
     of: BTreeMap<u32, Option<u32>>,
-    /// Objects that the model takes for whole rather than not.
+    /// Objects that the model considers more likely whole than not.
     likely: BTreeSet<u32>,
-    /// Figures of the objects that stray pieces are together, by the label of their largest piece.
+    /// Figures of the objects that stray pieces form together, by the label of their largest piece.
     united: BTreeMap<u32, Figures>,
 }
 
 impl Pieces {
-    /// The pieces among the objects, as `model` sees them. `touched` has the small ones, each with what it
-    /// touches.
+    /// The pieces among the objects, according to `model`. `touched` has the small objects, each with the
+    /// objects that it touches.
     pub(crate) fn find(
         model: &Model,
         objects: &BTreeMap<u32, Object>,
@@ -145,7 +146,7 @@ impl Pieces {
         let mut of = BTreeMap::new();
         let mut likely = BTreeSet::new();
         for (label, touched) in touched {
-            // All of its voxels may have become parts of others.
+            // All voxels of this object may have become parts of other objects.
             let Some(object) = objects.get(label) else { continue };
             let Seen { features, larger } = see(object, Some(touched), objects, lattice);
             let shares = model.shares::<{ CLASS_NAMES.len() }>(&features)?;
@@ -162,10 +163,10 @@ impl Pieces {
         Ok(pieces)
     }
 
-    /// Stray pieces that touch one another are one object if together they are too large to be stray. Growth
-    /// cuts what it knows badly into pieces: a tree at the end of the drive, the trail of a car. None of them
-    /// looks whole, but a user would miss all of them. On 51 drives this added 8 objects that are right and
-    /// none that is not (`benches/results/street.md`, "Stray pieces that are an object together").
+    /// Unites stray pieces that touch each other into one object, if together they are too large to be stray.
+    /// Growth cuts badly scanned objects into pieces: a tree at the end of the drive, the trail of a car.
+    /// None of the pieces looks whole, but a user would miss all of them. On 51 drives this added 8 right
+    /// objects and no wrong one (`benches/results/street.md`, "Stray pieces that are an object together").
     fn unite_strays(&mut self, objects: &BTreeMap<u32, Object>, touched: &BTreeMap<u32, BTreeMap<u32, u64>>) {
         let strays: Vec<u32> = self.of.keys().copied().filter(|label| self.whole(*label).is_none()).collect();
         let mut sets = DisjointSets::new(strays.len() as u32);
@@ -181,7 +182,7 @@ impl Pieces {
         for group in groups.into_values() {
             let mut figures = Figures::default();
             group.iter().for_each(|label| figures.merge(&objects[label].figures));
-            // Of two with as many voxels, the smaller label counts.
+            // Of two equal counts, the smaller label wins.
             let largest = group.iter().rev().max_by_key(|label| objects[label].figures.voxels());
             if let Some(&largest) = largest.filter(|_| figures.voxels() > MOST_STRAY) {
                 self.of.extend(group.iter().map(|label| (*label, Some(largest))));
@@ -191,12 +192,12 @@ impl Pieces {
         }
     }
 
-    /// The figures of a whole object, with those of the stray pieces that are a part of it.
+    /// The figures of a whole object, including the stray pieces that are a part of it.
     pub(crate) fn figures<'a>(&'a self, label: u32, own: &'a Figures) -> &'a Figures {
         self.united.get(&label).unwrap_or(own)
     }
 
-    /// Whether the model takes an object for whole rather than not.
+    /// Whether the model considers an object more likely whole than not.
     pub(crate) fn is_likely(&self, label: u32) -> bool {
         self.likely.contains(&label)
     }
@@ -248,8 +249,8 @@ mod tests {
 
     #[test]
     fn the_larger_object_is_the_one_that_most_voxels_touch() {
-        // A cube of 4 voxels on an edge. Three layers lie beside a crown, and the lowest one near the top of
-        // a wall.
+        // A cube with an edge of 4 voxels. Three layers lie beside a crown, and the lowest one is near the
+        // top of a wall.
         let (objects, touched) = scene(&[
             (TREE, [0, 0, 30], [6, 6, 6]),
             (TREE, [6, 0, 30], [30, 30, 30]),
@@ -273,7 +274,7 @@ mod tests {
 
     #[test]
     fn parts_go_to_the_larger_object_and_strays_to_none() {
-        // Few voxels are a piece: a part, if it touches something.
+        // An object with few voxels is a piece. It is a part if it touches something.
         let row = |voxels: f32, touches: f32| {
             let mut row = [0.0; FEATURES];
             row[place("voxels")] = voxels;
@@ -288,7 +289,7 @@ mod tests {
             samples.push(&row(f32::from(number % 70), 0.0), STRAY).unwrap();
         }
         let model = learned(&samples);
-        // A large crown, a twig at it with a leaf at its end, something far away, and a tree beside the
+        // A large crown, a twig on it with a leaf at the end, an object far away, and a tree beside the
         // crown.
         let (objects, touched) = scene(&[
             (TREE, [0, 0, 30], [30, 30, 30]),
@@ -315,7 +316,7 @@ mod tests {
             samples.push(&row(0.0), STRAY).unwrap();
         }
         let model = learned(&samples);
-        // Cubes of 8 and 9 voxels on an edge, far from each other.
+        // Cubes with edges of 8 and 9 voxels, far from each other.
         let (objects, touched) = scene(&[(TREE, [0, 0, 0], [12, 12, 12]), (TREE, [90, 0, 0], [13, 13, 13])]);
         let voxels = |label| objects[&label].figures.voxels();
         assert!(voxels(1) <= MOST_STRAY && voxels(2) > MOST_STRAY, "{} {}", voxels(1), voxels(2));
@@ -326,7 +327,7 @@ mod tests {
 
     #[test]
     fn stray_pieces_that_touch_are_one_object_if_they_are_large_together() {
-        // What has fewer than a thousand voxels is stray.
+        // An object with fewer than a thousand voxels is stray.
         let mut samples = Samples::new(&NAMES, &CLASS_NAMES);
         for number in 0..600_u16 {
             let mut row = [0.0; FEATURES];
@@ -336,8 +337,8 @@ mod tests {
             samples.push(&row, STRAY).unwrap();
         }
         let model = learned(&samples);
-        // A row of three cubes, the middle one larger; two far from it, with fewer voxels than a large
-        // object.
+        // A row of three cubes, the middle one larger, and two cubes far from it, with fewer voxels than a
+        // large object.
         let (objects, touched) = scene(&[
             (TREE, [0, 0, 0], [9, 9, 9]),
             (TREE, [9, 0, 0], [10, 10, 10]),
