@@ -1,4 +1,4 @@
-//! What an object is among the others: what it touches, and which objects stand in the same place.
+//! How an object relates to the others: which objects it touches, and which stand in the same place.
 
 use std::collections::BTreeMap;
 
@@ -12,10 +12,10 @@ use crate::inventory::object::Object;
 pub struct Place {
     /// Class of the object.
     pub(super) class: u8,
-    /// Where it stands, in steps of 0.1 m. Of a building the mean of its points: which part of it is its
-    /// front depends on the axis, and an axis that is found from the points depends on the other files.
+    /// Where the object stands, in steps of 0.1 m. For a building, the mean of its points: its front depends
+    /// on the axis, and an axis that is found from the points depends on the other files.
     pub(super) decimetres: [i64; 2],
-    /// Decides the order of objects in one place. Follows from their points alone: lowest and highest corner,
+    /// Orders the objects in one place. Follows from their points alone: lowest corner, highest corner,
     /// number of points.
     order: ([i64; 3], [i64; 3], u64),
 }
@@ -35,12 +35,12 @@ impl Place {
     }
 }
 
-/// What all objects of a drive are to each other.
+/// How all objects of a drive relate to each other.
 #[derive(Debug, Default)]
 pub struct Among {
-    /// Which of the objects in one place an object is, from 1. Only those that are not the first.
+    /// Number of an object among those in its place, from 1. The first of a place is left out.
     twins: BTreeMap<u32, u32>,
-    /// Pairs of objects that touch each other, both ways round, ascending.
+    /// Pairs of objects that touch each other, in both orders, ascending.
     touching: Vec<(u32, u32)>,
 }
 
@@ -60,7 +60,7 @@ impl Among {
         Self { twins, touching }
     }
 
-    /// Which of the objects in its place an object is, from 1.
+    /// Number of an object among those in its place, from 1.
     pub(super) fn number(&self, id: u32) -> u32 {
         self.twins.get(&id).copied().unwrap_or(1)
     }

@@ -26,7 +26,7 @@ pub struct Object<'a> {
     pub(super) measures: &'a Measures,
     /// The frames of the sketches.
     pub(super) frames: Frames,
-    /// The heights between which it is whole.
+    /// The heights between which it extends.
     pub(super) ends: Ends,
     /// Where it stands.
     pub(super) foot: Foot,
@@ -53,7 +53,7 @@ impl<'a> Object<'a> {
         Self { id, part, kind, site, centre, ground_m, measures, frames, ends, foot, outline }
     }
 
-    /// The corners of its box on the lattice, without points that are not of it below its lowest.
+    /// The corners of its box on the lattice, without detached points below it.
     #[must_use]
     pub fn corners(&self) -> [[i64; 3]; 2] {
         let [x, y, _] = self.part.lo;
@@ -66,8 +66,8 @@ impl<'a> Object<'a> {
         self.ground_m.map(|ground_m| self.site.lattice.metres(z) - ground_m)
     }
 
-    /// Where it stands, in the units of the input. Its z is that of the ground, or that of its lowest point
-    /// that is not detached where no ground is known within 10 m.
+    /// Where it stands, in the units of the input. Its z is the height of the ground. Where no ground is
+    /// known within 10 m, it is that of the lowest point that is not detached.
     #[must_use]
     pub fn base(&self) -> [f64; 3] {
         let [x, y] = self.foot.place;
@@ -84,7 +84,7 @@ impl<'a> Object<'a> {
     }
 }
 
-/// Between which heights an object is whole. Without points, as the centre.
+/// The heights between which an object extends; 0 and 0 without points.
 fn ends(part: &ObjectPart, measures: &Measures, kind: Kind, frames: &Frames, site: &Site<'_>) -> Ends {
     let found = Ends::new(&measures.profile, kind.class, site.lattice);
     let found = found.unwrap_or(Ends { bottom: 0, top: 0 });
@@ -98,8 +98,8 @@ fn ends(part: &ObjectPart, measures: &Measures, kind: Kind, frames: &Frames, sit
     }
 }
 
-/// Lattice z of the ground below an object where it is the lowest, without one cell of the terrain in 20:
-/// reflections were taken for ground there. `None` if no ground is within 10 m of any of them.
+/// Lattice z of the lowest ground below an object, without the lowest 1 in 20 of the terrain cells:
+/// reflections may have been classified as ground there. `None` if no cell has ground within 10 m.
 fn lowest_ground(measures: &Measures, frames: &Frames, site: &Site<'_>) -> Option<i64> {
     let level = measures.plan.level;
     let middle = |axis, index| frames.plan.doubled_middle(level, axis, index).div_euclid(2);
@@ -173,7 +173,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// What an attribute gives for these points.
+    /// The values of an attribute for these points.
     pub(crate) fn values_of(
         attribute: &dyn Attribute,
         points: &[[i64; 3]],

@@ -21,10 +21,11 @@ pub struct Site<'a> {
     pub units_m: [f64; 3],
     /// Heights of the ground.
     pub terrain: &'a Terrain,
-    /// Finds where a place, in metres, is along the axis. A function, so that attributes do not depend on how
-    /// the axis is found.
+    /// Finds where a place, in metres, is along the axis. It is a function, so that attributes do not depend
+    /// on how the axis is found.
     pub locate: &'a (dyn Fn([f64; 2]) -> Station + Sync),
-    /// Whether the axis is a driven path. An axis that was guessed from the points has no roadway around it.
+    /// Whether the axis is a driven path. Around an axis that was estimated from the points, no roadway is
+    /// known.
     pub is_driven: bool,
     /// Whether a place, in lattice units, is at the end of the data.
     pub at_end: &'a (dyn Fn([i64; 2]) -> bool + Sync),

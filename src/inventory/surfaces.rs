@@ -70,7 +70,7 @@ pub struct SurfaceRow {
 }
 
 impl SurfaceRow {
-    /// The row of surface `id`, of which all points are in `part` and `face`.
+    /// The row of surface `id`. `part` and `face` contain all its points.
     #[must_use]
     pub fn new(id: u32, part: &ObjectPart, plane: &Plane, face: &Face, site: &Site<'_>) -> Self {
         let lattice = site.lattice;

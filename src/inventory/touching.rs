@@ -6,16 +6,16 @@ use rustc_hash::FxHashSet;
 
 use crate::model::{Lattice, TileCloud, VoxelGrid};
 
-/// Edge of the voxels in metres: objects that are up to 0.1 m apart touch, and none that are 0.35 m apart
-/// (twice the diagonal of a voxel).
+/// Edge of the voxels in metres. Objects up to 0.1 m apart touch; objects 0.35 m apart (twice the diagonal of
+/// a voxel) do not.
 const EDGE_M: f64 = 0.1;
 /// Edge of the blocks that are compared first, in voxels. Blocks of 2, 4 and 8 take the same time.
 const BLOCK: u32 = 4;
 
-/// Indices of a voxel or a block along x, y and z, from 1 on.
+/// Indices of a voxel or a block along x, y and z, from 1.
 type Voxel = [u32; 3];
 
-/// Distance around a tile within which points decide what its objects touch, in lattice units.
+/// Largest distance from a tile of points that decide which objects its objects touch, in lattice units.
 #[must_use]
 pub fn reach(lattice: Lattice) -> i64 {
     2 * edge(lattice)
@@ -25,11 +25,11 @@ fn edge(lattice: Lattice) -> i64 {
     lattice.units(EDGE_M).max(1)
 }
 
-/// The pairs of objects, the smaller number first, with points in the same voxel or in two that have a corner
-/// in common. `objects` has the object of each point, 0 for none. Voxels are the same in every tile.
+/// The pairs of objects, the smaller number first, with points in the same voxel or in two voxels that share
+/// at least a corner. `objects` has the object of each point, 0 for none. Voxels are the same in every tile.
 ///
-/// Most points are inside an object. So blocks of voxels are compared first, and only those count that have
-/// another object in them or around them.
+/// Most points are far from other objects. So blocks of voxels are compared first, and only blocks that
+/// contain or adjoin another object are compared voxel by voxel.
 #[must_use]
 pub fn touching(cloud: &TileCloud, objects: &[u32]) -> BTreeSet<(u32, u32)> {
     let blocks = cells(cloud, objects, BLOCK, |_| true);
@@ -52,7 +52,7 @@ pub fn touching(cloud: &TileCloud, objects: &[u32]) -> BTreeSet<(u32, u32)> {
 }
 
 /// The cells of `voxels` voxels along each axis that have points, each with an object in it, sorted. Indices
-/// are from 1 on, so that a neighbour is never below 0. `counts` says which cells of an object count.
+/// begin at 1, so that a neighbour is never below 0. `counts` says which cells of an object count.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "edges are 100 or 1,000 units")]
 fn cells(
     cloud: &TileCloud,
@@ -62,7 +62,7 @@ fn cells(
 ) -> Vec<(Voxel, u32)> {
     let grid = VoxelGrid::new(cloud.origin, edge(cloud.lattice) as u32);
     let mut cells: Vec<(Voxel, u32)> = Vec::new();
-    // Points that follow each other are mostly in one cell.
+    // Consecutive points are mostly in one cell.
     let mut last = None;
     for (point, &object) in objects.iter().enumerate().filter(|(_, object)| **object != 0) {
         let index = |axis: usize, local: i32| grid.index(axis, local) / voxels + 1;
@@ -76,8 +76,8 @@ fn cells(
     cells
 }
 
-/// Calls `see` for every pair of entries in one cell or in neighbouring ones. Shifted by a fixed step,
-/// sorted cells stay sorted, so each of the steps is one walk along both.
+/// Calls `see` for every pair of entries in one cell or in neighbouring ones. Sorted cells that are shifted
+/// by a fixed step stay sorted, so each step needs one walk along both lists.
 fn for_neighbours(cells: &[(Voxel, u32)], mut see: impl FnMut(&(Voxel, u32), &(Voxel, u32))) {
     for step in 0..27_u32 {
         let by = [step / 9, step / 3 % 3, step % 3];

@@ -52,7 +52,7 @@ mod tests {
         // Only the two low corners are in the lowest part. Cells are 0.1 m wide.
         assert!(near(&decimals(&Base, &[([1, 3], 250)], METRES), &[1.55, 3.05, 0.25]));
         assert!(near(&decimals(&Base, &[], FEET), &[1.55 / 0.304_8, 3.05 / 0.304_8, 1.0 / 0.304_8]));
-        // On a step, both corners are as high above the ground as each other.
+        // On a step, both corners have the same height above the ground.
         let step = [([0, 0], 0), ([3, 0], 0), ([3, 6], 3_000)];
         let high = [[50, 50, 200], [3_050, 50, 200], [3_050, 6_050, 3_100]];
         let found = as_decimals(&values_of(&Base, &high, NO_KIND, &step, METRES));
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn a_plant_with_leaves_down_to_the_ground_stands_in_their_middle() {
-        // Leaves that arch to the ground 1.5 m away, and are dense at the side that is seen.
+        // Leaves that arch to the ground 1.5 m away. They are dense on the side that the scanner saw.
         let mut leaves = Vec::new();
         for step in 0..600_i64 {
             let (angle, along) = ((step % 40) as f64 * 0.157, step / 40);
@@ -95,23 +95,23 @@ mod tests {
         let plain: Vec<[i64; 3]> = facade().collect();
         let expected = base(&plain, &ground);
         assert!((expected[0] - 10.0).abs() < 1e-6 && (expected[2] - 0.2).abs() < 1e-6, "{expected:?}");
-        // Reflections below the ground at every height, so that no gap divides them from the facade.
+        // Reflections below the ground at every height, so that no gap separates them from the facade.
         let reflections = (0..30).map(|n| [4_050 + n % 3 * 100, 50, 200 - n * 100]);
         let found = base(&facade().chain(reflections).collect::<Vec<_>>(), &ground);
         assert!((found[0] - 10.0).abs() < 0.1 && (found[2] - 0.2).abs() < 1e-6, "{found:?}");
-        // A cell of the model that is a roof.
+        // One cell of the ground model is a roof.
         let mut roof = ground.clone();
         roof[15].1 = 2_400;
         let found = base(&plain, &roof);
         assert!((found[0] - 10.0).abs() < 0.1 && (found[2] - 0.2).abs() < 1e-6, "{found:?}");
-        // Where the model is too high everywhere, the object decides.
+        // Where the ground model is too high everywhere, the object decides.
         let high: Vec<([i32; 2], i64)> = (0..20).map(|i| ([i, 0], 1_200)).collect();
         assert!((base(&plain, &high)[2] - 0.22).abs() < 1e-6);
     }
 
     #[test]
     fn a_crown_without_stem_stands_in_its_middle() {
-        // A crown of 6 m, 2.5 m above the ground, whose lowest leaves are at the side that is seen.
+        // A crown of 6 m, 2.5 m above the ground. Its lowest leaves are on the side that the scanner saw.
         let base = |layer: i64| {
             let crown = (0..7_200_i64).map(|n| {
                 let (i, j, k) = (n % 60, n / 60 % 60, n / 3_600);
@@ -121,7 +121,7 @@ mod tests {
             let points: Vec<[i64; 3]> = crown.chain(low).collect();
             as_decimals(&values_of(&Base, &points, Kind::new(2, 255), &[([5, 3], 0)], METRES))
         };
-        // Of a crown that is lower than wide, the extents are its own.
+        // A crown that is lower than wide stands in the middle of its extents.
         assert!(near(&base(3_000), &[(2.0 + 8.05) / 2.0, (1.0 + 6.9) / 2.0, 0.0]), "{:?}", base(3_000));
         let found = base(6_000);
         let off = (found[0].unwrap() - 4.95).hypot(found[1].unwrap() - 3.95);
@@ -130,8 +130,8 @@ mod tests {
 
     #[test]
     fn the_ground_of_a_building_is_that_of_the_street() {
-        // A facade along y = 12 m. The axis is y = 5 m. Behind panes is a floor 0.4 m above the street, which
-        // was taken for ground; one cell of it is a reflection far below.
+        // A facade along y = 12 m. The axis is y = 5 m. Behind the panes, a floor 0.4 m above the street was
+        // classified as ground. One of its cells is a reflection far below.
         let wall = (0..3_000_i64).map(|n| [n % 100 * 100 + 50, 12_050, 20 + n / 100 * 200]);
         let inside =
             (0..6_000_i64).map(|n| [n % 100 * 100 + 50, 12_500 + n / 100 % 20 * 100, 420 + n / 2_000]);
@@ -142,14 +142,14 @@ mod tests {
         let ground: Vec<_> = street.chain(floor).collect();
         let kind = Kind::new(5, 255);
         let found = as_decimals(&values_of(&Base, &points, kind, &ground, METRES));
-        // The plane through the cells around has a part of the floor's.
+        // The plane through the surrounding cells is partly raised by the floor.
         assert!((found[2].unwrap()).abs() < 0.1 && (found[1].unwrap() - 12.05).abs() < 0.1, "{found:?}");
         // Reflections of the facade deep inside are not its front.
         let reflections = (0..40_i64).map(|n| [4_550 + n % 3 * 100, 14_050, -6_000 + n * 40]);
         let with: Vec<_> = points.iter().copied().chain(reflections).collect();
         let with = as_decimals(&values_of(&Base, &with, kind, &ground, METRES));
         assert!((with[1].unwrap() - 12.05).abs() < 0.1 && with[2].unwrap().abs() < 0.1, "{with:?}");
-        // Other objects have the ground of the place where they stand.
+        // For other objects, the ground is that of the place where they stand.
         let found = as_decimals(&values_of(&Base, &points, NO_KIND, &ground, METRES));
         assert!(found[2].unwrap() > 0.3, "{found:?}");
     }
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_vehicle_stands_in_the_middle_of_its_box() {
-        // A side of 4 m by 1.5 m that begins at the ground, and a roof of 1.8 m that is seen above it.
+        // A side of 4 m by 1.5 m that begins at the ground, and a roof of 1.8 m that is visible above it.
         let side = (0..600_i64).map(|n| [1_000 + n % 40 * 100, 3_000, n / 40 * 100]);
         let roof = (0..720_i64).map(|n| [1_000 + n % 40 * 100, 3_000 + n / 40 * 100, 1_500]);
         let points: Vec<[i64; 3]> = side.chain(roof).collect();

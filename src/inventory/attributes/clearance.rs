@@ -1,4 +1,4 @@
-//! Attribute `clearance`: the room below what is above the roadway.
+//! Attribute `clearance`: the free height below an object that is above the roadway.
 
 use std::collections::BTreeMap;
 
@@ -7,13 +7,12 @@ use crate::inventory::measures::{POLE, SMALL, TREE, VEHICLE, WIRE};
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
-/// Distance from the axis up to which a place is in the roadway, in metres.
+/// Largest distance of a place in the roadway from the axis, in metres.
 const ROADWAY_M: f64 = 3.5;
-/// A cell of the plan in which a tree, a pole or a wire begins lower than this over the ground stands on the
-/// roadway and is not above it, in metres (chosen: a branch above it hits a vehicle, what is lower is a
-/// foot).
+/// Smallest height over the ground at which a cell of a tree, a pole or a wire is above the roadway, in
+/// metres. A lower cell stands on it (chosen: a higher branch can hit a vehicle, a lower part is a foot).
 const LEAST_M: f64 = 0.5;
-/// The same for everything else, in metres. What stands before a wall or fence hides its foot.
+/// The same for everything else, in metres. An object in front of a wall or fence hides its foot.
 const LEAST_OF_OTHERS_M: f64 = 2.0;
 
 /// The attribute.
@@ -39,12 +38,12 @@ impl Attribute for Clearance {
     }
 }
 
-/// Least height over the ground of the cells of the plan that are above the roadway, in metres.
+/// Smallest height over the ground of the plan cells that are above the roadway, in metres.
 fn least(object: &Object<'_>) -> Option<f64> {
     let site = object.site;
     let plan = &object.measures.plan;
     let frame = &object.frames.plan;
-    // Ground, and distance of the middle from the axis, by cell of the terrain.
+    // For each cell of the terrain: height of the ground, and distance of its middle from the axis.
     let mut around = BTreeMap::new();
     let mut least = None::<f64>;
     let lowest_m = match object.kind.class {
@@ -64,7 +63,7 @@ fn least(object: &Object<'_>) -> Option<f64> {
         let Some(ground_m) = ground_m else { continue };
         let over_m = site.lattice.metres(heights.lowest) - ground_m;
         let lower = over_m >= lowest_m && least.is_none_or(|least| over_m < least);
-        // A cell of the terrain that is too far away has no place that is near enough.
+        // If the middle of a terrain cell is too far away, no place in the cell is near enough.
         if lower && middle_offset_m <= ROADWAY_M + diagonal_m && offset_m(place) <= ROADWAY_M {
             least = Some(over_m);
         }
@@ -93,7 +92,7 @@ mod tests {
         assert_eq!(found(NO_KIND, &[]), [None], "no ground");
         let beside: Vec<[i64; 3]> = points.iter().map(|[x, y, z]| [*x, y + 6_000, *z]).collect();
         assert_eq!(as_decimals(&values_of(&Clearance, &beside, NO_KIND, &ground, METRES)), [None]);
-        // A branch at 1.2 m over the ground is what a vehicle meets first. Before a wall it may be hidden.
+        // A vehicle hits a branch at 1.2 m over the ground first. The foot of a wall may be hidden.
         let low: Vec<[i64; 3]> =
             points.into_iter().chain((0..20).map(|k| [1_050, 4_000 + k * 50, 1_700])).collect();
         let least = |class| {

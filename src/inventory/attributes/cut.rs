@@ -25,7 +25,7 @@ impl Attribute for Cut {
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        // What is nearest to a straight border is a vertex of the hull.
+        // The point of an object that is nearest to a straight border is a vertex of its hull.
         values.push(Value::Flag(object.part.hull.iter().any(|vertex| (object.site.at_end)(*vertex))));
     }
 }

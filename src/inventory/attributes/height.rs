@@ -38,7 +38,8 @@ impl Attribute for Height {
         let over_base_m = object.foot.ground_m.map(|ground_m| highest_m - ground_m);
         let Object { part, measures, frames, .. } = object;
         let crest_m = crest_m(part, object.ends.top, object.kind, measures, frames, object.site);
-        // Where the ground beside a fence is lower, as at a terrace, that of its cells can be the lower one.
+        // Where the ground beside a fence is lower, as at a terrace, the ground below its cells can be too
+        // low. Then the height over the ground at the base is the smaller one.
         let crest_m =
             crest_m.map(|crest_m| over_base_m.map_or(crest_m, |over_base_m| crest_m.min(over_base_m)));
         values.push(crest_m.or(over_base_m).into());

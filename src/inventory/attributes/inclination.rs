@@ -1,4 +1,4 @@
-//! Attribute `inclination`: how far a pole or the stem of a tree leans, and where to.
+//! Attribute `inclination`: how far a pole or the stem of a tree leans, and in which direction.
 
 use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;

@@ -1,4 +1,4 @@
-//! Attribute `uid`: a name of the object that other runs give it as well.
+//! Attribute `uid`: a name that other runs also give to the object.
 
 use std::fmt::Write;
 
@@ -59,7 +59,8 @@ mod tests {
 
     #[test]
     fn the_name_of_a_building_does_not_depend_on_the_axis() {
-        // A facade of 30 m with a side of 10 m. Another drive found its axis 0.6 m further along and turned.
+        // A facade of 30 m with a side of 10 m. The axis of another drive was found 0.6 m further along and
+        // rotated.
         let front = (0..3_000).map(|n| [n % 300 * 100, 12_000, n / 300 * 500]);
         let side = (0..1_000).map(|n| [0, 12_000 + n % 100 * 100, n / 100 * 500]);
         let facade: Vec<[i64; 3]> = front.chain(side).collect();

@@ -1,9 +1,9 @@
-//! A circle through points of the plane, of which some belong to something else.
+//! A circle through points of the plane, some of which belong to something else.
 //!
-//! The circle with the largest consensus (Fischler and Bolles, "Random sample consensus", Communications of
-//! the ACM 24, 381-395, 1981, doi:10.1145/358669.358692) over a fixed sequence of triples, then least squares
-//! of the distances from it (Gauss-Newton). Points inside a stem cannot be seen, so they count against a
-//! circle.
+//! The circle has the largest consensus (Fischler and Bolles, "Random sample consensus", Communications of
+//! the ACM 24, 381-395, 1981, doi:10.1145/358669.358692) over a fixed sequence of triples. Then least squares
+//! of the distances from it refine it (Gauss-Newton). Points inside a stem cannot be seen, so they count
+//! against a circle.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,10 +11,10 @@ use crate::model::{GOLDEN_GAMMA, splitmix64};
 
 /// Radii that a stem or a pole can have, in metres.
 const RADII_M: [f64; 2] = [0.015, 0.8];
-/// Number of triples that are tried (chosen: with 40 % of the points on the circle, the chance to miss it is
-/// 3e-9).
+/// Number of triples that are tried (chosen: with 40 % of the points on the circle, it is missed with
+/// probability 3e-9).
 const TRIES: usize = 300;
-/// More points than this are thinned evenly before triples are tried.
+/// Largest number of points from which triples are drawn. More are thinned evenly before.
 const MOST_POINTS: usize = 500;
 /// A point within this distance of a circle is on it, in metres: three times the range noise of survey
 /// scanners.
@@ -23,7 +23,7 @@ const TOLERANCE_M: f64 = 0.015;
 const LEAST_POINTS: usize = 8;
 /// Rounds of least squares.
 const ROUNDS: usize = 12;
-/// Directions in which a circle can be seen.
+/// Sectors into which the circumference is divided to measure how much of it was seen.
 const SECTORS: usize = 36;
 
 /// A circle, and how well it is known.
@@ -39,8 +39,8 @@ pub(crate) struct Circle {
     pub(crate) seen_deg: f64,
 }
 
-/// The circle on which most of the points lie. Points in metres, in an order that does not depend on chance.
-/// `None` if no circle has enough points.
+/// The circle on which most of the points lie. Points are in metres. Their order must be reproducible. `None`
+/// if no circle has enough points.
 pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
     if points.len() < LEAST_POINTS {
         return None;
@@ -96,7 +96,7 @@ impl Chance {
     }
 }
 
-/// Length of a vector of metres. `f64::hypot` also serves lengths whose squares are no numbers, takes several
+/// Length of a vector of metres. `f64::hypot` also handles lengths whose squares overflow. It takes several
 /// times as long, and its last digit depends on the system's library.
 pub(super) fn length([x, y]: [f64; 2]) -> f64 {
     (x * x + y * y).sqrt()
@@ -121,8 +121,8 @@ fn through([a, b, c]: [[f64; 2]; 3]) -> Option<[f64; 3]> {
     (RADII_M[0]..=RADII_M[1]).contains(&radius).then_some([a[0] + x, a[1] + y, radius])
 }
 
-/// Points on the circle, less those inside; `None` if these are not more than `most`. Most circles are given
-/// up after a part of the points: each of the others adds at most 1.
+/// Score of a circle: points on it minus points inside it; `None` unless it exceeds `most`. Most circles are
+/// rejected after a part of the points, because each remaining point adds at most 1.
 fn better_score(points: &[[f64; 2]], circle: [f64; 3], most: f64) -> Option<f64> {
     let mut score = 0.0;
     let mut left = points.len();

@@ -7,14 +7,14 @@ use super::parts::{Frames, Measures};
 use super::rectangle::longest_and_across;
 use crate::model::{Lattice, convex_hull};
 
-/// The occupied cells of a layer of the crown have at least this share of the area of the largest layer
-/// (chosen: single branches below the crown have less).
+/// Smallest area of the occupied cells of a crown layer, as a share of the area of the largest layer (chosen:
+/// single branches below the crown have less).
 const LEAST_SHARE: f64 = 0.15;
-/// The occupied cells of a layer of the crown have at least this area, in square metres.
+/// Smallest area of the occupied cells of a crown layer, in square metres.
 const LEAST_AREA_M2: f64 = 0.2;
-/// The crown begins where all layers over this height belong to it, in metres.
+/// Height over which all layers must belong to the crown where it begins, in metres.
 const STEADY_M: f64 = 0.6;
-/// Cells whose middle is within this distance of the stem do not count, in metres.
+/// Distance from the stem within which cells do not count (by their middle), in metres.
 const OF_STEM_M: f64 = 0.35;
 
 /// The crown of a tree.
@@ -24,7 +24,7 @@ pub(crate) struct Crown {
     pub(crate) base_m: f64,
     /// Area of its outline in square metres.
     pub(crate) area_m2: f64,
-    /// Mean of its longest extent and that across it, in metres.
+    /// Mean of its longest extent and the extent across it, in metres.
     pub(crate) diameter_m: f64,
 }
 
@@ -47,7 +47,7 @@ pub(crate) fn crown(measures: &Measures, frames: &Frames, lattice: Lattice, stem
     Some(Crown {
         base_m: lattice.metres(lowest),
         area_m2: polygon.area_units2() * step_m * step_m,
-        // Half for the doubled middles, half for the mean.
+        // A factor of one half for the doubled middles, and one for the mean.
         diameter_m: (longest + across) * step_m / 4.0,
     })
 }
@@ -74,7 +74,7 @@ fn begin(measures: &Measures, frames: &Frames, lattice: Lattice, stem: [f64; 2])
     let least = (LEAST_SHARE * largest).max(LEAST_AREA_M2);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few layers")]
     let steady = ((STEADY_M / edge_m).ceil() as usize).max(1);
-    // A crown that is thinner than this is steady over what there is of it.
+    // A crown with fewer layers needs only the layers that it has.
     let wide = |from: &usize| areas[*from..].iter().take(steady).all(|area| *area >= least);
     let first = (0..areas.len()).find(wide)?;
     Some(frame.corner[2] + i64::try_from(first).ok()? * edge)

@@ -10,9 +10,9 @@ use crate::model::{Lattice, ObjectPart, Plane, TileCloud};
 /// Edge of a cell in metres (chosen: the outline lies within half of it of the border of an evenly scanned
 /// surface).
 const EDGE_M: f64 = 0.05;
-/// Largest number of cells. With more, cells become larger. A facade of 20 m by 8 m has as many at 0.1 m.
+/// Largest number of cells. With more, cells become larger. A facade of 20 m by 8 m has this many at 0.1 m.
 const MOST_CELLS: usize = 1 << 14;
-/// All points of a face have the same height over its plane, which is not looked at.
+/// Height of every point of a face over its plane: the same for all, because it is not used.
 const LEVEL: Heights = Heights { lowest: 0, highest: 0 };
 
 /// The cells of the plane of a surface, or of a part of it, that have points.

@@ -14,37 +14,38 @@ use super::tree_foot::TreeFoot;
 use crate::inventory::site::Site;
 use crate::model::{Kind, Lattice, ObjectPart};
 
-/// The lowest part of an object: cells of the plan whose lowest point is at most this much further above the
-/// ground than the lowest of all, in metres (chosen: wheels and sills, not mirrors).
+/// Largest height of a cell of the lowest part of an object above its lowest cell, in metres. Both are
+/// heights over the ground (chosen: wheels and sills, not mirrors).
 const LOWEST_PART_M: f64 = 0.3;
-/// If most of the lowest part of an object without stem is this much below the ground model, in metres, the
-/// model is wrong there: the ground was not seen, for example behind a hedge (chosen: steps and kerbs within
-/// a cell are lower). Most, because single cells of the model are wrong as well, and reflections of a facade
-/// are up to 16 m below the ground.
+/// Depth below the ground model, in metres. If most of the lowest part of an object without a stem is deeper,
+/// the model is wrong: the ground was not seen there, for example behind a hedge (chosen: steps and kerbs
+/// within a cell are lower). Most of the part must be deeper, because single cells of the model are wrong
+/// too, and reflections of a facade are up to 16 m below the ground.
 const BELOW_GROUND_M: f64 = 0.2;
-/// A tree that is lower than this share of its width hides its stem in leaves down to the ground, as a cycad
-/// or a bush does: it stands in the middle of them. Its densest leaves are at the side that was seen, and are
-/// no stem. Chosen between 0.56, the largest of cycads, and 1.07, the smallest of all other trees of `synth
-/// avenue`.
+/// Ratio of height to width below which a tree is low. Leaves down to the ground hide its stem, as with a
+/// cycad or a bush, so its place is the middle of the leaves. The densest leaves are on the side that was
+/// seen, and are not a stem. Chosen between 0.56, the largest ratio of cycads, and 1.07, the smallest ratio
+/// of all other trees of `synth avenue`.
 const LOW_TREE: f64 = 0.75;
-/// The middle of a crown is the mean of cells of about this edge in metres, so that what was seen best counts
-/// no more. Of 155 trees without a stem, the middle was 0.28 m off (RMSE) with 0.1 to 0.3 m, 0.39 m with 1 m,
-/// and that of their extents 0.37 m. Of low plants, that of their extents is as good.
+/// Approximate edge of the cells whose mean is the middle of a crown, in metres. Cells give the side that was
+/// seen best no more weight. For 155 trees without a stem, the error of the middle (RMSE) was 0.28 m with
+/// edges of 0.1 to 0.3 m and 0.39 m with 1 m; the middle of the extents was 0.37 m off. For low plants, the
+/// middle of the extents is as good.
 const CROWN_CELL_M: f64 = 0.3;
-/// The plane of the ground of a building is fitted around the place so far before its front, in metres: in
-/// the next cell of the model. Within the walls the model is a floor, or reflections below one.
+/// Distance before the front of a building at which the plane of its ground is fitted, in metres: in the next
+/// cell of the model. Within the walls the model shows a floor, or reflections below one.
 const BEFORE_FRONT_M: f64 = 1.0;
-/// A building has one front in so many metres of chainage: those of a cell of the model.
+/// Length of chainage that has one front of a building, in metres: the edge of a cell of the model.
 const FRONT_M: f64 = 1.0;
-/// What begins further than this above the lowest points of the front is an eave or a balcony, in metres
-/// (chosen: it is less than the height of a shop window).
+/// Height above the lowest points of the front from which a part is an eave or a balcony, in metres (chosen:
+/// less than the height of a shop window).
 const EAVES_M: f64 = 1.0;
-/// Distance in metres over which the way to the axis of the drive is found.
+/// Step in metres over which the direction to the axis of the drive is measured.
 const WAY_M: f64 = 0.5;
-/// Rounds in which the foot of an axis is found on the ground. A stem that leans by 10 degrees on a slope of
-/// 30 degrees gains a digit in each.
+/// Rounds of intersecting an axis with the ground. For a stem that leans by 10 degrees on a slope of 30
+/// degrees, each round gains a digit.
 const ROUNDS: usize = 4;
-/// A mean of a voxel may be this much outside its points by rounding, in metres.
+/// Largest distance by which rounding moves the mean of a voxel outside its points, in metres.
 const ROUNDING_M: f64 = 1e-6;
 
 /// Where an object stands.
@@ -52,8 +53,8 @@ const ROUNDING_M: f64 = 1e-6;
 pub(crate) struct Foot {
     /// Place in the plane, in metres.
     pub(crate) place: [f64; 2],
-    /// Height of the ground there in metres, which is not above the lowest point of the stem. `None` if none
-    /// is known within 10 m.
+    /// Height of the ground there in metres, never above the lowest point of the stem. `None` if no ground is
+    /// known within 10 m.
     pub(crate) ground_m: Option<f64>,
     /// Stem or pole with its axis, in metres from the corner of the frame of the stem.
     pub(crate) stem: Option<(Stem, StemAxis)>,
@@ -121,7 +122,7 @@ impl Foot {
     }
 }
 
-/// The front of a building: of its cells at each metre of chainage, the one that is the nearest to the axis.
+/// The front of a building: at each metre of chainage, its cell nearest to the axis.
 #[derive(Debug, Default)]
 struct Fronts(BTreeMap<i64, Front>);
 
@@ -132,8 +133,8 @@ struct Front {
     place: [i64; 2],
     /// Distance of the place from the axis in metres.
     offset_m: f64,
-    /// Height of the ground there in metres: that before it, continued to it. `None` if none is known within
-    /// 10 m.
+    /// Height of the ground there in metres, extrapolated from the ground before the front. `None` if no
+    /// ground is known within 10 m.
     ground_m: Option<f64>,
 }
 
@@ -169,8 +170,8 @@ impl Fronts {
     }
 
     /// The middle of the front, half way between both ends of the building along the drive: its place in
-    /// metres, and the ground there. It is as far from the axis as the median of all metres of the front,
-    /// because a porch or an open door may be in the middle. `None` of what is no building.
+    /// metres, and the ground there. Its distance from the axis is the median over all metres of the front,
+    /// because a porch or an open door may be in the middle. `None` for other objects.
     #[expect(clippy::cast_possible_truncation, reason = "metres of a drive")]
     fn middle(&self, whole: &ObjectPart, site: &Site<'_>) -> Option<([f64; 2], Option<f64>)> {
         let offset_m = upper_median(self.0.values().map(|front| front.offset_m).collect())?;
@@ -190,7 +191,7 @@ impl Fronts {
     }
 }
 
-/// Height of the ground in metres at a front in lattice units: that before it, continued to it.
+/// Height of the ground in metres at a front in lattice units, extrapolated from the ground before it.
 fn ground_before_m(place: [i64; 2], site: &Site<'_>) -> Option<f64> {
     let [wall, before] =
         [place, before(place, site)].map(|place| place.map(|value| site.lattice.metres(value)));
@@ -205,8 +206,7 @@ struct FrontCell {
     lowest: i64,
 }
 
-/// The cell that is the nearest to the axis, of those that reach down to less than [`EAVES_M`] above the
-/// lowest.
+/// The cell nearest to the axis among those that reach down to at most [`EAVES_M`] above the lowest point.
 fn nearest_to_axis<'a>(cells: &'a [FrontCell], site: &Site<'_>) -> Option<&'a FrontCell> {
     let bottom = cells.iter().map(|cell| cell.lowest).min()?;
     let low = cells.iter().filter(|cell| cell.lowest <= bottom + site.lattice.units(EAVES_M));
@@ -222,8 +222,8 @@ fn plan_cells(measures: &Measures, ends: Ends, frames: &Frames) -> impl Iterator
     voxels.map(move |([i, j, _], heights)| ([middle(0, *i), middle(1, *j)], lowest(heights)))
 }
 
-/// Number of the front of a building that is at the chainage of a place in lattice units, and distance of the
-/// place from the axis in metres.
+/// Number of the front at the chainage of a place in lattice units, and distance of the place from the axis
+/// in metres.
 #[expect(clippy::cast_possible_truncation, reason = "metres of a drive")]
 fn front_of(place: [i64; 2], site: &Site<'_>) -> (i64, f64) {
     let station = (site.locate)(place.map(|value| site.lattice.metres(value)));
@@ -236,8 +236,8 @@ fn before(place: [i64; 2], site: &Site<'_>) -> [i64; 2] {
     [0, 1].map(|k| place[k] + site.lattice.units(nearer[k] * BEFORE_FRONT_M))
 }
 
-/// The ways to the axis of the drive and onwards along it at a place in metres, both 1 m long. `None` on the
-/// axis.
+/// The directions at a place in metres: towards the axis of the drive, and onwards along it. Both have length
+/// 1. `None` on the axis.
 fn ways(place: [f64; 2], site: &Site<'_>) -> Option<([f64; 2], [f64; 2])> {
     let at = |x: f64, y: f64| (site.locate)([place[0] + x, place[1] + y]);
     let [here, east, north] = [at(0.0, 0.0), at(WAY_M, 0.0), at(0.0, WAY_M)];
@@ -250,7 +250,7 @@ fn ways(place: [f64; 2], site: &Site<'_>) -> Option<([f64; 2], [f64; 2])> {
     Some((nearer, onwards))
 }
 
-/// What is known of the place of a tree with this lowest part.
+/// The candidate places of a tree with this lowest part.
 fn tree_foot(
     whole: &ObjectPart,
     measures: &Measures,
@@ -291,7 +291,7 @@ fn is_low(whole: &ObjectPart, ends: Ends) -> bool {
     ((ends.top - ends.bottom) as f64) < LOW_TREE * f64::midpoint(x, y)
 }
 
-/// The lowest part of an object, all of whose cells weigh the same. Metres.
+/// The lowest part of an object, in metres. All its cells have the same weight.
 struct LowestPart {
     middle: [f64; 2],
     /// Its larger extent in x and y.
@@ -310,8 +310,8 @@ struct PlanCell {
     over_m: f64,
 }
 
-/// The lowest part of an object, with the height of the ground of a place in lattice units, which is the same
-/// for all places in a cell of the terrain. `None` without cells.
+/// The lowest part of an object. `ground_m` gives the height of the ground at a place in lattice units; it
+/// must be the same for all places in a cell of the terrain. `None` without cells.
 fn lowest_part(
     measures: &Measures,
     ends: Ends,
@@ -322,7 +322,8 @@ fn lowest_part(
     let frame = &frames.plan;
     let level = measures.plan.level;
     let mut known = BTreeMap::new();
-    // What is above detached points is not known. Where they are in every cell, it begins at the bottom.
+    // A plan cell keeps only its lowest point, so the object above a detached point is unknown there. If
+    // every cell has a detached point, the object begins at its bottom in each of them.
     let is_clear = |lowest: i64| lowest >= ends.bottom;
     let any_clear = measures.plan.voxels.iter().any(|(_, heights)| is_clear(heights.lowest));
     let cells = measures.plan.voxels.iter().filter(|(_, heights)| is_clear(heights.lowest) || !any_clear);
@@ -354,7 +355,7 @@ fn lowest_part(
     Some(LowestPart { middle: [mean(0), mean(1)], width_m, below_m })
 }
 
-/// The upper median; `None` of nothing.
+/// The upper median; `None` without values.
 fn upper_median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()

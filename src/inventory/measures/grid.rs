@@ -1,5 +1,5 @@
-//! A dense raster over the cells of an outline: gaps are closed, holes filled, parts joined. Then its border
-//! is one ring that does not touch itself.
+//! A dense raster over the cells of an outline. Gaps are closed, holes filled and parts joined, so that its
+//! border is one ring that does not touch itself.
 
 use crate::spatial::NearestIndex;
 
@@ -68,8 +68,8 @@ impl Grid {
     pub(super) fn close(&mut self, reach: u32) {
         let reach = i64::from(reach);
         let all = (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |j| [i, j]));
-        // A little rounder than a circle through the cell at (reach, 0), so that slanting lines do not become
-        // wide.
+        // A little larger than the circle through the cell at (reach, 0), so that slanting lines do not
+        // become wide.
         let disc: Vec<[i64; 2]> = all.filter(|[i, j]| i * i + j * j <= reach * reach + reach / 2).collect();
         let cells = |grid: &Self, value: bool| -> Vec<usize> {
             grid.filled.iter().enumerate().filter(|(_, filled)| **filled == value).map(|(at, _)| at).collect()
@@ -176,7 +176,8 @@ impl Grid {
         }
     }
 
-    /// Fills holes, and one cell of every two that meet only at a corner, until there are neither.
+    /// Fills holes, and one cell beside every two filled cells that meet only at a corner, until there are
+    /// neither.
     pub(super) fn solidify(&mut self) {
         loop {
             self.fill_holes();
@@ -204,8 +205,8 @@ impl Grid {
         }
     }
 
-    /// Fills a cell at every place where two filled and two empty cells meet crosswise. Whether there was
-    /// one.
+    /// Fills a cell at every place where two filled and two empty cells meet crosswise. Returns whether there
+    /// was one.
     fn fill_corners(&mut self) -> bool {
         let mut any = false;
         for i in 0..self.width - 1 {
@@ -223,7 +224,8 @@ impl Grid {
     }
 
     /// The border of a solid part, counter-clockwise: the corners of cells that it passes, one cell apart,
-    /// from the leftmost lowest on. Corners are counted as the cells to their upper right.
+    /// beginning at the lowest of the leftmost corners. A corner has the index of the cell to its upper
+    /// right.
     pub(super) fn border(&self) -> Vec<[i64; 2]> {
         let Some(start) = self.filled.iter().position(|filled| *filled) else { return Vec::new() };
         let start = [start / self.height, start % self.height];
@@ -309,8 +311,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the cells, the border of the joined grid is one ring that passes no corner twice and
-        /// holds every cell.
+        /// For any cells, the border of the joined grid is one ring that passes no corner twice and contains
+        /// every cell.
         #[test]
         fn borders_are_simple_and_hold_every_cell(
             cells in prop::collection::btree_set((0..24_u32, 0..24_u32), 1..60),
@@ -327,7 +329,7 @@ mod tests {
             prop_assert_eq!(grid.parts().len(), 1);
             let border = grid.border();
             prop_assert_eq!(border.iter().collect::<BTreeSet<_>>().len(), border.len(), "a corner twice");
-            // Twice the area by the shoelace formula is that of the filled cells.
+            // The area by the shoelace formula, doubled, is twice that of the filled cells.
             let next = |k: usize| border[(k + 1) % border.len()];
             let doubled: i64 = (0..border.len()).map(|k| border[k][0] * next(k)[1] - next(k)[0] * border[k][1]).sum();
             prop_assert_eq!(doubled, 2 * i64::try_from(grid.count()).unwrap());

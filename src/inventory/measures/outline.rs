@@ -1,24 +1,24 @@
 //! The outline of an object: a polygon around its occupied cells of the plane.
 //!
-//! The border of the cells is followed, its steps are cut at their middles, and vertices that hardly matter
-//! are dropped. No outline touches itself, and every point is inside or within 0.1 m of it. Exact integers
-//! decide.
+//! The border of the cells is followed, its corners are cut off from middle to middle of its edges, and
+//! vertices that hardly matter are dropped. No outline touches itself. Every point is inside the outline or
+//! within 0.1 m of it. All decisions use exact integers.
 
 use super::grid::Grid;
 use super::sketch::{Frame, Heights, Sketch};
 use crate::model::Lattice;
 
-/// Gaps narrower than twice this are closed, in metres (chosen: the distance of profiles of a vehicle
+/// Half the width below which gaps are closed, in metres (chosen: the distance between profiles of a vehicle
 /// scanner).
 const CLOSE_M: f64 = 0.2;
 /// Largest distance of a point from the outline in metres.
 const WITHIN_M: f64 = 0.1;
-/// Largest distance of a dropped vertex from the outline in metres (chosen: below the half of a cell, so that
+/// Largest distance of a dropped vertex from the outline in metres (chosen: less than half a cell, so that
 /// corners stay).
 const DROPPED_M: f64 = 0.045;
 /// Largest number of cells of the raster in which an outline is found. With more, its cells become larger.
 const MOST_CELLS: usize = 1 << 22;
-/// Rounds of dropping vertices. Each drops about every other one of those that can be.
+/// Rounds of dropping vertices. Each round drops about half of the vertices that can be dropped.
 const ROUNDS: usize = 12;
 
 /// A simple polygon on the lattice: counter-clockwise from its smallest vertex (x, y), not closed.
@@ -63,9 +63,9 @@ pub(crate) fn outline(
     }
 }
 
-/// The corners of one solid part that holds these cells, without those on straight lines: counter-clockwise,
-/// counted as the cells to their upper right. Cells that are too many for one raster are taken together, 2 by
-/// 2.
+/// The corners of one solid part that contains these cells, counter-clockwise, without corners on straight
+/// lines. A corner has the index of the cell to its upper right. If there are too many cells for one raster,
+/// blocks of 2 by 2 cells become one cell.
 pub fn around_cells(cells: &[[i32; 2]]) -> Vec<[i64; 2]> {
     // Counted from the smallest, so that they are not negative.
     let least = [0, 1].map(|k| cells.iter().map(|cell| cell[k]).min().unwrap_or(0));
@@ -104,8 +104,7 @@ fn of_border(border: &[[i64; 2]], edge: i64, frame: &Frame, lattice: Lattice) ->
     let place = |corner: &[i64; 2]| [0, 1].map(|k| frame.corner[k] + corner[k] * edge);
     let corners: Vec<[i64; 2]> = border.iter().map(place).collect();
     let within = WITHIN_M * f64::from(lattice.units_per_m());
-    // Cutting a corner of a cell from middle to middle takes away points that are up to this far from the
-    // cut.
+    // A cut from middle to middle of two edges removes points at up to this distance from the cut.
     let cut = edge as f64 * std::f64::consts::SQRT_2 / 4.0;
     let (ring, tolerance) = if cut < 0.75 * within {
         let middle = |k: usize| {
@@ -138,9 +137,9 @@ fn without_collinear(ring: &[[i64; 2]]) -> Vec<[i64; 2]> {
     (0..count).filter(bends).map(|k| ring[k]).collect()
 }
 
-/// A ring with fewer vertices, within `tolerance` lattice units of it. A vertex is dropped if all dropped
-/// vertices between its neighbours are that near to the new edge, and if no other vertex is in the triangle
-/// that is cut off or added. Then the ring stays simple.
+/// A ring with fewer vertices, within `tolerance` lattice units of the given one. A vertex is dropped if all
+/// dropped vertices between its neighbours are within the tolerance of the new edge, and if no other vertex
+/// is in the triangle that is cut off or added. Then the ring stays simple.
 fn simplified(ring: &[[i64; 2]], tolerance: f64) -> Vec<[i64; 2]> {
     let mut by_x: Vec<usize> = (0..ring.len()).collect();
     by_x.sort_unstable_by_key(|k| ring[*k]);
@@ -153,8 +152,8 @@ fn simplified(ring: &[[i64; 2]], tolerance: f64) -> Vec<[i64; 2]> {
         let mut next_kept = Vec::with_capacity(kept.len());
         while at < kept.len() {
             let left = before - (at - next_kept.len());
-            // The neighbours of a dropped vertex stay for this round, so that no end of the ring is eaten up
-            // first.
+            // The neighbours of a dropped vertex stay for this round, so that vertices are dropped evenly
+            // along the ring.
             let prev = next_kept.last().copied().unwrap_or(kept[kept.len() - 1]);
             let here = kept[at];
             let last_of_ring = at + 1 == kept.len();
@@ -171,7 +170,7 @@ fn simplified(ring: &[[i64; 2]], tolerance: f64) -> Vec<[i64; 2]> {
             at += 1;
         }
         kept = next_kept;
-        // Another vertex is the first of the next round, which is never dropped.
+        // The next round begins at another vertex, because the first one is never dropped.
         kept.rotate_left(1);
         if kept.len() == before {
             break;
@@ -225,7 +224,7 @@ mod tests {
         (frame, sketch)
     }
 
-    /// Whether the closed segments have a point in common.
+    /// Whether the closed segments ab and cd have a point in common.
     fn meet(a: [i64; 2], b: [i64; 2], c: [i64; 2], d: [i64; 2]) -> bool {
         let side = |a, b, p| turn(a, b, p).signum();
         let on = |a: [i64; 2], b: [i64; 2], p: [i64; 2]| {
@@ -320,7 +319,7 @@ mod tests {
         let cells: Vec<[i32; 2]> = (0..50).map(|k| [k / 10 - 3, k % 10 + 1_000]).collect();
         assert_eq!(around_cells(&cells), [[-3, 1_000], [2, 1_000], [2, 1_010], [-3, 1_010]]);
         assert_eq!(around_cells(&[]), [[0; 2]; 0]);
-        // Two cells a million apart are taken together until they fit a raster.
+        // Two cells a million apart are merged with their neighbours until they fit a raster.
         let far = around_cells(&[[0, 0], [1_000_000, 700_000]]);
         assert!(far.len() >= 4 && far.iter().any(|corner| corner[0] > 1_000_000), "{far:?}");
     }
@@ -330,7 +329,7 @@ mod tests {
         let points: Vec<[i64; 2]> =
             (0..200).map(|k| [(k % 2) * 6_000 + k * 3, (k % 3) * 40_000 + k * 7]).collect();
         check(&points);
-        // So many that they cannot be joined: the cells become larger.
+        // Too many parts to join: the cells become larger.
         let many: Vec<[i64; 2]> = (0..100).map(|k| [(k % 10) * 3_000, (k / 10) * 3_000]).collect();
         check(&many);
     }

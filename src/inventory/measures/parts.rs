@@ -1,4 +1,4 @@
-//! What is collected from the points of an object, tile by tile: sketches of bounded size, which merge
+//! The measures of the points of an object, collected tile by tile: sketches of bounded size that merge
 //! exactly.
 
 use serde::{Deserialize, Serialize};
@@ -10,30 +10,30 @@ use crate::model::{Kind, Lattice, ObjectPart, TileCloud};
 
 /// Edge of a cell of the plan in metres (chosen: the outline lies within 0.1 m of every point).
 const PLAN_EDGE_M: f64 = 0.1;
-/// Largest number of cells of a plan. A crown of 14 m in diameter has as many.
+/// Largest number of cells of a plan. A crown of 14 m in diameter has this many.
 const PLAN_CELLS: usize = 1 << 14;
-/// Edge of a voxel of a stem in metres. On a stem of 0.3 m, the mean of the points of a voxel is 0.3 mm
-/// inside.
+/// Edge of a voxel of a stem in metres. On a stem of 0.3 m, the mean of the points of a voxel lies 0.3 mm
+/// inside the surface.
 const STEM_EDGE_M: f64 = 0.02;
 /// Largest number of voxels of a stem.
 const STEM_VOXELS: usize = 1 << 13;
-/// Height over the lowest point of a tree in which its stem is looked for, in metres.
+/// Height over the lowest point of a tree up to which its stem is searched, in metres.
 const STEM_HEIGHT_M: f64 = 4.0;
-/// Points that are further below the ground than this are not the lowest of a stem, in metres (chosen: the
-/// ground model may be as wrong behind a hedge; reflections were seen 5 m below).
+/// Largest depth of the lowest point of a stem below the ground model, in metres (chosen: the model may be
+/// wrong by this much behind a hedge; reflections were seen 5 m below).
 const DEEPEST_FOOT_M: f64 = 1.0;
 /// Edge of a slice of the profile in metres (chosen: a third of the shortest gap that counts).
 const SLICE_EDGE_M: f64 = 0.1;
-/// Largest number of slices. An object of 100 m has as many.
+/// Largest number of slices. An object of 100 m has this many.
 const SLICES: usize = 1 << 10;
-/// Edge of a voxel of a crown in metres (chosen: above the distance of profiles of a vehicle scanner).
+/// Edge of a voxel of a crown in metres (chosen: above the distance between profiles of a vehicle scanner).
 const CROWN_EDGE_M: f64 = 0.2;
 /// Largest number of voxels of a crown.
 const CROWN_VOXELS: usize = 1 << 14;
-/// Points of an object that are sketched at once: it bounds the memory of large objects.
+/// Number of points of an object that are sketched at once. Bounds the memory of large objects.
 const POINTS_AT_ONCE: usize = 1 << 16;
 
-/// The frames of the sketches of an object: they follow from its extent, which is known before its points are
+/// The frames of the sketches of an object. They follow from its extent, which is known before its points are
 /// read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Frames {
@@ -75,7 +75,7 @@ impl Frames {
     }
 }
 
-/// What is known of the points of an object, or of a part of it, beside its [`ObjectPart`].
+/// The sketches of the points of an object, or of a part of it, in addition to its [`ObjectPart`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Measures {
     /// Occupied cells of the plane, with the lowest and highest point of each.
@@ -89,7 +89,7 @@ pub struct Measures {
 }
 
 impl Measures {
-    /// Nothing, of an object with these frames.
+    /// The measures of no points of an object with these frames.
     pub(crate) fn empty(frames: &Frames) -> Self {
         Self {
             plan: Sketch::empty(&frames.plan),
@@ -174,8 +174,9 @@ mod tests {
     use crate::model::FileId;
 
     proptest! {
-        /// However the points are divided, and in whatever order the parts are merged, the measures are those
-        /// that are found directly. Few enough points, so that sketches stay at level 0.
+        /// Measures of merged parts equal the measures of all points at once, however the points are divided
+        /// and in whatever order the parts are merged. There are few points, so that sketches stay at level
+        /// 0.
         #[test]
         fn parts_in_any_order_are_the_whole(
             points in prop::collection::vec(

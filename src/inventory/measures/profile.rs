@@ -1,6 +1,6 @@
-//! The heights of an object: how many points are in each slice, and between which heights the object is
-//! whole. A few points that a gap divides from the rest are not of it: reflections below the ground, leaves
-//! above a sign.
+//! The heights of an object: how many points are in each slice, and between which heights the object extends.
+//! A few points that a gap separates from the rest do not belong to it, for example reflections below the
+//! ground, or leaves above a sign.
 
 use std::ops::Range;
 
@@ -10,37 +10,39 @@ use super::classes::{BUILDING, WIRE};
 use super::sketch::{Patch, Sketch};
 use crate::model::Lattice;
 
-/// Shortest gap in metres. Measured on three drives of `synth` and one labelled scene: at 0.25 m, the top of
-/// a tree was lost; at 0.4 m, leaves stayed on hedges.
+/// Shortest gap that can detach points, in metres. Measured on three drives of `synth` and one labelled
+/// scene: at 0.25 m, the top of a tree was lost; at 0.4 m, leaves stayed on hedges.
 const SHORTEST_GAP_M: f64 = 0.3;
-/// A gap below the object is at least so many times as long as the longest one beside it in the object,
-/// within this height in metres (both chosen).
+/// Smallest ratio of a gap below the object to the longest gap in the lowest part of the object, and the
+/// height of this part in metres (both chosen).
 const TIMES_BESIDE: i64 = 2;
 const BESIDE_M: f64 = 2.0;
-/// A gap above the object is at least so many times as long as the longest one in it. The rings of a spinning
-/// head are half a metre apart on a tree or lamp, and farther apart the higher they are; few points of a far
-/// lamp are at its top. Measured on 29 drives and scenes (`benches/results/attributes.md`): the tops of 214
-/// of 2,451 trees and 68 of 727 poles are wrong by more than 0.3 m. With twice the longest gap within 2 m,
-/// 275 and 111 were.
+/// Smallest ratio of a gap above the object to the longest gap in it. The rings of a spinning head are half a
+/// metre apart on a tree or lamp, and farther apart the higher they are; few points of a far lamp are at its
+/// top. Measured on 29 drives and scenes (`benches/results/attributes.md`): the tops of 214 of 2,451 trees
+/// and 68 of 727 poles are wrong by more than 0.3 m. With twice the longest gap within 2 m, 275 and 111 were
+/// wrong.
 const TIMES_BELOW: i64 = 6;
-/// What stands on a roof is of the building. A single point is not, above a gap of so many metres. Measured
-/// there: right for three of three buildings. More points, or points above a shorter gap, belonged to the
-/// building in 32 of 33.
+/// Shortest gap that detaches a single point above a building, in metres. Everything else above a roof
+/// belongs to the building. Measured in the same study: a single point above this gap did not belong to the
+/// building in three of three cases; more points, or points above a shorter gap, did in 32 of 33.
 const ABOVE_ROOF_M: f64 = 1.0;
-/// Share of the points that a gap detaches at most, per metre of the gap. Measured there: what was not of the
-/// object had up to 0.17 of its points per metre, and no object lost a part.
+/// Largest share of the points that a gap can detach, per metre of the gap. Measured in the same study:
+/// points that did not belong to the object were up to 0.17 of its points per metre, and no object lost a
+/// part.
 const SHARE_PER_M: f64 = 1.0 / 6.0;
-/// Largest share that is detached, however long the gap is: half of a lamp may be hidden behind a crown.
-/// Measured there: 0.18 of the points of a sign were leaves 4 m above it.
+/// Largest share of the points that a gap of any length can detach: half of a lamp may be hidden behind a
+/// crown. Measured in the same study: 0.18 of the points of a sign were leaves 4 m above it.
 const LARGEST_SHARE: f64 = 0.2;
 
-/// What is further below the ground than this is a reflection, in metres (chosen: where a hedge hides the
-/// ground, its model is as wrong). At most [`LARGEST_SHARE`] of the points: with more, the model is wrong.
+/// Depth below the ground from which points are reflections, in metres (chosen: the ground model is wrong by
+/// this much where a hedge hides the ground). They are at most [`LARGEST_SHARE`] of the points: if there are
+/// more, the model is wrong.
 const DEEPEST_M: f64 = 1.0;
 
-/// One in so many points of a wire, the highest, are leaves or the top of its pole. Measured on the six wires
-/// of `synth suburb` with seed 7 that are found: with all of their points they end 0.14 m too high (RMSE), so
-/// 0.04 m.
+/// One point of a wire in this many is dropped from its top: the highest points are leaves or the top of a
+/// pole. Measured on the six wires of `synth suburb` with seed 7 that are found: with all points, their tops
+/// are 0.14 m too high (RMSE); with this rule, 0.04 m.
 const OVER_WIRE: u64 = 200;
 
 /// The points of a horizontal slice.
@@ -61,7 +63,7 @@ impl Patch for Slice {
     }
 }
 
-/// The heights between which an object is whole, in lattice z: its ends without detached points.
+/// The heights between which an object extends, in lattice z, without detached points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Ends {
     pub(crate) bottom: i64,
@@ -85,13 +87,14 @@ impl Ends {
         Some(ends)
     }
 
-    /// Whether they reach far below ground of this lattice z.
+    /// Whether the object reaches far below ground of this lattice z.
     pub(crate) fn is_far_below(self, ground: i64, lattice: Lattice) -> bool {
         self.bottom < ground - lattice.units(DEEPEST_M)
     }
 
-    /// The same ends without a few points far below the ground, of which `lowest` is the lattice z where it
-    /// is the lowest below the object. Reflections of a facade have no gap between them and the object.
+    /// The same ends without a few points far below the ground. `lowest` is the lattice z of the lowest
+    /// ground below the object. Reflections of a facade need this rule, because no gap separates them from
+    /// the facade.
     pub(crate) fn above_ground(mut self, profile: &Sketch<Slice>, lowest: i64, lattice: Lattice) -> Self {
         let deepest = lowest - lattice.units(DEEPEST_M);
         let slices = || profile.voxels.iter().map(|(_, slice)| slice);
@@ -111,7 +114,7 @@ impl Ends {
         let slices: Vec<Slice> = profile.voxels.iter().map(|(_, slice)| *slice).collect();
         let gaps: Vec<i64> = slices.windows(2).map(|pair| pair[1].lowest - pair[0].highest).collect();
         let near = lattice.units(BESIDE_M);
-        // The longest gap within reach of a place, of those above it.
+        // The longest gap that begins at most `near` above a place.
         let longest_above = |number: usize, place: i64| {
             let reached = (number..gaps.len()).take_while(|&gap| slices[gap].highest - place <= near);
             reached.map(|gap| gaps[gap]).max().unwrap_or(0)
@@ -121,7 +124,7 @@ impl Ends {
         let (first, last) = (slices.first()?, slices.last()?);
         let mut ends = Self { bottom: first.lowest, top: last.highest };
         let mut below = 0;
-        // The first slice that no gap detaches below.
+        // The first slice above all gaps that detach points below.
         let mut lowest = 0;
         let mut top_found = false;
         for (number, pair) in slices.windows(2).enumerate() {
@@ -132,8 +135,8 @@ impl Ends {
                 continue;
             }
             let most = all as f64 * (gap_m * SHARE_PER_M).min(LARGEST_SHARE);
-            // The highest gap with few points below it, and the lowest one with few points above it. Both
-            // shares are below a half, so they are different gaps.
+            // The bottom is above the highest gap with few points below it, the top is below the lowest gap
+            // with few points above it. Both shares are below a half, so these gaps differ.
             if below as f64 <= most {
                 if gap >= TIMES_BESIDE * longest_above(number + 1, pair[1].lowest) {
                     ends.bottom = pair[1].lowest;
@@ -160,7 +163,7 @@ mod tests {
     use super::*;
     use crate::inventory::measures::sketch::Frame;
 
-    /// The ends of points at these heights in millimetres: from, to, step.
+    /// The ends of an object with points in these runs: from, to and step, in millimetres.
     fn ends(runs: &[(i64, i64, usize)]) -> Ends {
         ends_of(3, runs)
     }
@@ -179,7 +182,7 @@ mod tests {
         // Rings of a spinning head: the gaps grow with the height, and few points are in the highest ring.
         let rings = [(400, 460, 1), (900, 960, 1), (1_480, 1_540, 1), (2_120, 2_180, 1), (2_900, 2_910, 1)];
         assert_eq!(ends(&rings), Ends { bottom: 400, top: 2_910 });
-        // What is far above them is something else.
+        // Points far above the rings belong to something else.
         let above = |gap: i64| ends(&[&rings[..], &[(2_910 + gap, 2_920 + gap, 1)]].concat()).top;
         assert_eq!([4_300, 4_400].map(above), [2_910 + 4_300 + 10, 2_910]);
     }
@@ -233,7 +236,7 @@ mod tests {
     fn leaves_above_a_sign_are_not_its_top() {
         let sign = (0, 2_700, 10);
         assert_eq!(ends(&[sign, (4_500, 5_500, 50), (6_000, 6_500, 50)]), Ends { bottom: 0, top: 2_700 });
-        // A short gap detaches few points only.
+        // A short gap detaches only a few points.
         assert_eq!(ends(&[sign, (3_030, 3_480, 30)]).top, 3_480);
         assert_eq!(ends(&[sign, (3_030, 3_080, 30)]).top, 2_700);
         assert_eq!(ends(&[sign, (2_950, 2_950, 1)]).top, 2_950);

@@ -10,8 +10,8 @@ pub(crate) struct Rectangle {
     pub(crate) length: f64,
     /// Shorter side.
     pub(crate) width: f64,
-    /// Direction of the longer side in degrees clockwise from north (the y axis), from 0 up to 180. `None` of
-    /// a point.
+    /// Direction of the longer side in degrees clockwise from north (the y axis), from 0 up to 180. `None`
+    /// for a point.
     pub(crate) azimuth_deg: Option<f64>,
     /// Its middle.
     pub(crate) middle: [f64; 2],
@@ -49,7 +49,7 @@ pub(crate) fn least_area(hull: &[[i64; 2]]) -> Rectangle {
     best
 }
 
-/// Where a hull begins and ends along a direction of length 1, from the origin.
+/// Where a hull begins and ends along a direction of length 1, measured from `origin`.
 fn ends(hull: &[[i64; 2]], origin: &[i64; 2], along: [f64; 2]) -> [f64; 2] {
     let at = |p: &[i64; 2]| (p[0] - origin[0]) as f64 * along[0] + (p[1] - origin[1]) as f64 * along[1];
     let least = hull.iter().map(at).fold(f64::INFINITY, f64::min);
@@ -69,7 +69,7 @@ fn azimuth_deg(direction: [f64; 2]) -> f64 {
     if degrees >= 180.0 { 0.0 } else { degrees }
 }
 
-/// The longest extent of a hull and that across it, in the units of the hull.
+/// The longest extent of a hull and the extent across it, in the units of the hull.
 pub(crate) fn longest_and_across(hull: &[[i64; 2]]) -> [f64; 2] {
     let mut longest = (0.0, [1.0, 0.0]);
     for (number, a) in hull.iter().enumerate() {

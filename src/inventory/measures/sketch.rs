@@ -1,15 +1,14 @@
-//! A sketch: the occupied voxels of an object with a value each, of bounded size, merged exactly in any
-//! order.
+//! A sketch: the occupied voxels of an object, each with a value. Its size is bounded, and parts merge
+//! exactly in any order.
 //!
-//! Voxels of level 0 have an edge that is the same for all objects; those of level k have 2^k times that edge
-//! and consist of whole voxels of the level before. If a sketch has more voxels than it may have, it goes to
-//! the next level. The level of a sketch is therefore the smallest at which its points occupy few enough
-//! voxels. A part of an object never needs a higher level than the whole, so the order in which parts are
-//! merged does not matter.
+//! Voxels of level 0 have an edge that is the same for all objects. Voxels of level k have 2^k times that
+//! edge and consist of whole voxels of the previous level. A sketch with more voxels than its limit goes to
+//! the next level. So its level is the smallest at which its points occupy few enough voxels. A part of an
+//! object never needs a higher level than the whole, so the order in which parts are merged does not matter.
 
 use serde::{Deserialize, Serialize};
 
-/// A value of a voxel. Merging is associative and commutative, and exact.
+/// A value of a voxel. Merging is associative, commutative and exact.
 pub(crate) trait Patch: Copy {
     /// Adds the value of other points in the same voxel.
     fn merge(&mut self, other: &Self);
@@ -25,7 +24,7 @@ pub(crate) struct Frame {
     pub(crate) edge: i64,
     /// Lattice coordinates of the lower corner of voxel (0, 0, 0): multiples of the edge.
     pub(crate) corner: [i64; 3],
-    /// The level from which on keys fit 32 bits.
+    /// The lowest level at which keys fit 32 bits.
     first_level: u8,
 }
 
@@ -69,13 +68,13 @@ pub(crate) struct Sketch<V> {
 }
 
 impl<V: Patch> Sketch<V> {
-    /// No points.
+    /// A sketch of no points.
     pub(crate) fn empty(frame: &Frame) -> Self {
         Self { level: frame.first_level, voxels: Vec::new() }
     }
 
-    /// The sketch of points, each with the voxel of [`Frame::key`] and its value; at most `most` voxels
-    /// remain.
+    /// The sketch of points. Each entry has the voxel of a point by [`Frame::key`], and its value. At most
+    /// `most` voxels remain.
     pub(crate) fn of(frame: &Frame, voxels: Vec<(Key, V)>, most: usize) -> Self {
         let mut sketch = Self { level: frame.first_level, voxels };
         sketch.unite();
@@ -166,7 +165,7 @@ impl Patch for Sums {
     }
 }
 
-/// That there are points in a voxel.
+/// No value: the voxel has points.
 impl Patch for () {
     fn merge(&mut self, _other: &Self) {}
 }

@@ -1,14 +1,16 @@
 //! The axis of a stem or a pole, and its section at a height.
 //!
-//! A stem is where the object is occupied at the most heights. Of the places in a tree at which it is
-//! occupied at nearly as many, it is the one with the most bare layers and circles: leaves, and a sign in the
-//! crown, may rise as high. A straight line is fitted there by iterated
-//! weighted least squares with Tukey's biweight (Beaton and Tukey, Technometrics 16, 147-185, 1974,
-//! doi:10.2307/1267936) of the horizontal distances; every height has the same weight. Then only heights
-//! count at which there is nothing beside a pole, so that signs and arms do not pull it, and the direction is
-//! the median of those between heights (Theil, 1950; Sen, 1968, doi:10.1080/01621459.1968.10480934). The
-//! direction of a tree is that between circles in slices, which leaves do not pull. Circles also correct for
-//! the side that was not seen. `benches/results/attributes.md` has the errors.
+//! The stem stands where the object is occupied at the most heights. In a tree, leaves or a sign in the crown
+//! may be occupied at nearly as many heights. So of all such places, the stem is the one with the most bare
+//! layers and circles. A straight line is fitted there by iterated weighted least squares with Tukey's
+//! biweight (Beaton and Tukey, Technometrics 16, 147-185, 1974, doi:10.2307/1267936) of the horizontal
+//! distances. Every height has the same weight.
+//!
+//! For a pole, the fit is then repeated with only the heights at which nothing is beside it, so that signs
+//! and arms do not bias it. Its direction is the median of the slopes between heights (Theil, 1950; Sen,
+//! 1968, doi:10.1080/01621459.1968.10480934). For a tree, the direction comes from the circles in slices,
+//! which leaves do not bias. Circles also correct for the side that was not seen.
+//! `benches/results/attributes.md` has the errors.
 //!
 //! Places are metres from the corner of the frame of the sketch, so that all numbers are small.
 
@@ -21,87 +23,92 @@ use crate::model::Lattice;
 
 /// Edge of the cells in which occupied heights are counted, and height of a layer, in metres.
 const CELL_M: f64 = 0.1;
-/// Layers above the lowest point in which heights are counted. Above them, a crown has more of them than its
-/// stem.
+/// Number of layers above the lowest point in which occupied heights are counted. Higher up, a crown occupies
+/// more heights than its stem.
 const VOTING_LAYERS: i64 = 30;
-/// Places of a tree that are occupied at this share of the most heights may be its stem as well (chosen: a
-/// stem of which a branch or a car hides some heights has it).
+/// Smallest number of occupied heights of a place that may be the stem of a tree, as a share of the largest
+/// number (chosen: a stem still has this share if a branch or a car hides some heights).
 const NEARLY_AS_TALL: f64 = 0.8;
-/// Such places are at least this many cells from each other, along one axis.
+/// Smallest distance between two such places, in cells along one axis.
 const OTHER_STEM_CELLS: i64 = 5;
-/// Axes through them whose feet are nearer than this are of the same stem, in metres.
+/// Distance between the feet of two axes below which they belong to the same stem, in metres.
 const SAME_STEM_M: f64 = 0.4;
-/// Cut-off of the biweight in metres, from round to round: the first sees a stem that leans by 4 degrees.
+/// Cut-off of the biweight in metres, by round. The first is wide enough for a stem that leans by 4 degrees.
 const CUT_OFFS_M: [f64; 10] = [0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.25, 0.25, 0.25, 0.25];
 /// Half the height of a slice in metres.
 pub(crate) const HALF_SLICE_M: f64 = 0.1;
-/// Slices are cut at these steps in metres, up to the height below.
+/// Distance between slices in metres, up to [`SLICES_TO_M`].
 const SLICE_STEP_M: f64 = 0.25;
 /// Highest slice over the lowest point in metres.
 const SLICES_TO_M: f64 = 3.5;
-/// A slice reaches this far from the axis, in metres.
+/// Radius of a slice around the axis, in metres.
 const SLICE_REACH_M: f64 = 0.6;
-/// A circle whose centre is further from the axis than its radius and this is of something else, in metres.
+/// Largest distance of the axis outside a circle on it, in metres. A circle farther away belongs to something
+/// else.
 const OFF_AXIS_M: f64 = 0.1;
-/// A circle is used only if at least this much of it was seen, in degrees.
+/// Smallest part of a circle that must have been seen, in degrees.
 pub(crate) const LEAST_SEEN_DEG: f64 = 60.0;
 /// Largest standard error of the radius of a circle that gives a place on the axis, in metres.
 const LARGEST_ERROR_M: f64 = 0.02;
 /// Largest standard error of the radius of a circle that is the section of a stem, in metres.
 const SECTION_ERROR_M: f64 = 0.01;
-/// Circles on the axis of a tree have radii that differ from their median by at most this share of it.
+/// Largest difference of the radius of a circle from the median radius along a stem, as a share of the
+/// median.
 const ONE_STEM: f64 = 0.25;
-/// Points this near to the axis of a pole are of the pole, in metres: its radius and the side that was not
-/// seen.
+/// Largest distance of the points of a pole from its axis, in metres: its radius, and the shift of the axis
+/// because only one side was seen.
 const OF_POLE_M: f64 = 0.13;
-/// A layer is one of the bare pole if at least this share of the points within the reach of a slice is of it.
+/// Smallest share of the points within the radius of a slice that belong to the pole, in a layer of the bare
+/// pole.
 const BARE_SHARE: f64 = 0.75;
-/// Points this near to the axis of a tree may be of its stem, in metres.
+/// Largest distance of the points of a stem from the axis of its tree, in metres.
 const OF_STEM_M: f64 = 0.25;
-/// Points near the axis of a tree are of its stem if they are at least this share of the points within the
-/// reach of a slice. Leaves that are spread evenly have a sixth.
+/// Smallest share of the points within the radius of a slice that are near the axis, in a bare layer of a
+/// stem. With evenly spread leaves, the share is a sixth.
 const STEM_SHARE: f64 = 0.6;
-/// So many bare layers and circles of a stem must have been seen. Else the densest leaves would be the stem.
+/// Smallest number of bare layers and circles of a stem, so that dense leaves are not taken for a stem.
 /// Measured on a tree of `synth suburb` of which only the crown was seen: its leaves have 2 to 5.
 const STEM_SEEN: usize = 6;
 /// Smallest number of points of a bare layer.
 const BARE_POINTS: usize = 3;
 /// Smallest number of bare layers for the direction of a pole.
 const BARE_LAYERS: usize = 8;
-/// Pairs of layers are this share of the height apart: the slopes between nearer ones are mostly noise.
+/// Smallest distance between the two layers of a pair, as a share of the height. Slopes between nearer layers
+/// are mostly noise.
 const BARE_APART: f64 = 1.0 / 3.0;
-/// Rounds of choosing layers and of fitting through them.
+/// Rounds of choosing bare layers and fitting a line through them.
 const BARE_ROUNDS: usize = 2;
-/// A section of a stem is compared with the circles at these distances above it, in metres.
+/// Heights of the circles with which a section of a stem is compared, relative to the section, in metres.
 const NEIGHBOURS_M: [f64; 4] = [-0.4, -0.2, 0.2, 0.4];
 /// Smallest number of circles with which a section is compared.
 const LEAST_NEIGHBOURS: usize = 2;
-/// The median radius of the circles beside a section differs from its radius by at most this share of it plus
-/// this length in metres. What differs more is a fork or a twig.
+/// Largest difference between the radius of a section and the median radius of the circles above and below
+/// it: a share of the radius, plus a length in metres. A section that differs more is a fork or a twig.
 const SAME_RADIUS: (f64, f64) = (0.15, 0.01);
 /// Smallest number of circles for a line through their centres.
 const LEAST_CIRCLES: usize = 4;
-/// Largest distance of their middle from the mean of the side that was seen, in metres: two thirds of a
-/// radius of 0.45 m.
+/// Largest distance of the median centre of the circles from the fitted axis, in metres. The axis runs
+/// through the mean of the side that was seen, which is about two thirds of a radius from the centre: this is
+/// the distance for a radius of 0.45 m.
 const LARGEST_SHIFT_M: f64 = 0.3;
-/// Layers above the lowest point of an object in which its lowest part is looked for: one metre.
+/// Number of layers above the lowest point of an object that are checked for its lowest part: one metre.
 const LOWEST_LAYERS: i64 = 10;
-/// Distance from the middle of the lowest part of an object within which points are of it, in metres.
+/// Largest distance of the points of the lowest part of an object from its middle, in metres.
 const OF_LOWEST_M: f64 = 0.3;
-/// Shortest axis whose direction is given, in metres.
+/// Length of the shortest axis whose direction is known, in metres.
 const SHORTEST_M: f64 = 1.0;
 
 /// The points of a stem or a pole: means of voxels.
 #[derive(Debug)]
 pub(crate) struct Stem {
     places: Vec<[f64; 3]>,
-    /// Numbers of the places from the lowest one on, so that a slice is a range of them.
+    /// Numbers of the places in ascending height, so that a slice is a range of them.
     by_height: Vec<usize>,
     is_tree: bool,
 }
 
-/// The axis of a tree through the circles in its slices. Without enough of them it has no direction,
-/// since leaves and branches pull the means of layers.
+/// The axis of a tree through the circles in its slices. With too few circles it has no direction, because
+/// leaves and branches bias the means of layers.
 fn through_circles(axis: StemAxis, centres: &[[f64; 3]]) -> StemAxis {
     let through = steady_line(centres, 0.0).filter(|line| line.to - line.from >= SHORTEST_M);
     match through.filter(|_| centres.len() >= LEAST_CIRCLES) {
@@ -110,8 +117,8 @@ fn through_circles(axis: StemAxis, centres: &[[f64; 3]]) -> StemAxis {
     }
 }
 
-/// How far a place is from another in the plane, if this is less than `most`. Most places of a crown are
-/// farther, and a distance costs more than two comparisons.
+/// Distance between two places in the plane, if it is less than `most`. Most places of a crown are farther
+/// away, and a distance costs more than two comparisons.
 fn away_within(most: f64, place: [f64; 2], other: [f64; 2]) -> Option<f64> {
     let apart = [0, 1].map(|k| place[k] - other[k]);
     let near = apart.iter().all(|along| along.abs() < most);
@@ -119,7 +126,7 @@ fn away_within(most: f64, place: [f64; 2], other: [f64; 2]) -> Option<f64> {
 }
 
 impl Stem {
-    /// The stem in a sketch of an object: what is between two heights, in metres from the corner.
+    /// The stem in a sketch of an object: its points between two heights, in metres from the corner.
     pub(crate) fn new(sketch: &Sketch<Sums>, between: [f64; 2], lattice: Lattice, is_tree: bool) -> Self {
         let place = |sums: &Sums| {
             // Sums are counted from the corner, so that they fit 64 bits and a mean is a small number.
@@ -137,7 +144,8 @@ impl Stem {
         Self { places, by_height, is_tree }
     }
 
-    /// In how many layers of the lowest metre there are points at a place, in metres from the corner.
+    /// Number of layers of the lowest metre that have points at a place. The place is in metres from the
+    /// corner.
     pub(crate) fn layers_at(&self, at: [f64; 2]) -> usize {
         #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
         let index = |value: f64| (value / CELL_M).floor() as i64;
@@ -148,7 +156,7 @@ impl Stem {
         near.map(|place| index(place[2] - lowest)).collect::<BTreeSet<_>>().len()
     }
 
-    /// The axis; `None` without points, and of a tree of whose stem hardly anything was seen.
+    /// The axis; `None` without points, and for a tree whose stem was hardly seen.
     pub(crate) fn axis(&self) -> Option<StemAxis> {
         let columns = self.tall_columns();
         if !self.is_tree {
@@ -171,12 +179,12 @@ impl Stem {
                 stems.push((seen, axis, centres));
             }
         }
-        // Of equal ones, the first.
+        // Of several with the same number, the first.
         let (_, axis, centres) = stems.into_iter().rev().max_by_key(|(seen, ..)| *seen)?;
         Some(if axis.to - axis.from < SHORTEST_M { axis.upright() } else { through_circles(axis, &centres) })
     }
 
-    /// The line along which the object is occupied, from one through a place on.
+    /// The line along which the object is occupied. The fit begins with a vertical line through a place.
     fn through(&self, foot: [f64; 2]) -> Option<StemAxis> {
         let mut axis = StemAxis { foot, slope: [0.0; 2], from: 0.0, to: 0.0, has_direction: false };
         for cut_off in CUT_OFFS_M {
@@ -185,7 +193,7 @@ impl Stem {
         Some(axis)
     }
 
-    /// The axis of a pole, from a line along it on.
+    /// The axis of a pole. The fit begins with a line along the pole.
     fn axis_of_pole(&self, mut axis: StemAxis) -> Option<StemAxis> {
         if axis.to - axis.from < SHORTEST_M {
             return Some(axis.upright());
@@ -200,8 +208,8 @@ impl Stem {
         Some(shifted(axis, &self.centres(&axis)))
     }
 
-    /// Mean places of the points in the cells of 0.3 m that are occupied at the most heights: the one with
-    /// the most, and of a tree others with nearly as many.
+    /// Mean places of the points in the tallest columns, which are squares of 3 x 3 cells: the one that is
+    /// occupied at the most heights, and for a tree others with nearly as many.
     fn tall_columns(&self) -> Vec<[f64; 2]> {
         #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
         let index = |value: f64| (value / CELL_M).floor() as i64;
@@ -265,8 +273,8 @@ impl Stem {
         means
     }
 
-    /// The mean place of the points within `radius` of an axis in every layer with hardly anything beside it:
-    /// at least `share` of the points within the reach of a slice.
+    /// The mean place of the points within `radius` of an axis in every bare layer. In a bare layer these are
+    /// at least `share` of the points within the radius of a slice.
     fn bare_layers(&self, axis: &StemAxis, radius: f64, share: f64) -> Vec<[f64; 3]> {
         #[expect(clippy::cast_possible_truncation, reason = "metres of an object in tenths")]
         let layer = |z: f64| (z / CELL_M).floor() as i64;
@@ -289,7 +297,7 @@ impl Stem {
         bare.map(|(_, near)| [0, 1, 2].map(|k| mean(&near, k))).collect()
     }
 
-    /// Centres of the circles in the slices, of those with nearly the same radius.
+    /// Centres of the circles in the slices, without circles whose radius differs from the median.
     fn centres(&self, axis: &StemAxis) -> Vec<[f64; 3]> {
         let mut circles = Vec::new();
         let mut z = axis.from + SLICE_STEP_M;
@@ -302,7 +310,8 @@ impl Stem {
         circles.into_iter().map(|(circle, z)| [circle.centre[0], circle.centre[1], z]).collect()
     }
 
-    /// The circle in a slice around height `z`, if those in slices above and below have nearly its radius.
+    /// The circle in a slice around height `z`, if the circles in the slices above and below have nearly its
+    /// radius.
     pub(crate) fn section(&self, axis: &StemAxis, z: f64) -> Option<Circle> {
         let circle = self.circle(axis, z)?;
         let near = NEIGHBOURS_M.iter().filter_map(|by| self.circle(axis, z + by));
@@ -322,7 +331,7 @@ impl Stem {
         let from = self.by_height.partition_point(|number| above(number) < -HALF_SLICE_M);
         let within = self.by_height[from..].iter().take_while(|number| above(number) <= HALF_SLICE_M);
         let mut numbers: Vec<usize> = within.copied().collect();
-        // The circles that are tried depend on the order.
+        // The circles that are tried depend on the order of the points.
         numbers.sort_unstable();
         let slice: Vec<[f64; 2]> = numbers
             .into_iter()
@@ -348,8 +357,8 @@ fn around([i, j]: [i64; 2]) -> [[i64; 2]; 9] {
     all
 }
 
-/// The axis, moved by the median distance of the centres of circles from it. Few circles, or such that are
-/// far away, are of something else.
+/// The axis, moved by the median distance of the centres of circles from it. The axis stays where it is if
+/// there are only a few circles, or if they are far away: they belong to something else.
 fn shifted(axis: StemAxis, places: &[[f64; 3]]) -> StemAxis {
     if places.len() < LEAST_CIRCLES {
         return axis;

@@ -1,7 +1,7 @@
 //! A straight axis, and lines through places.
 //!
-//! The direction of a steady line is the median of those between pairs of places (Theil, 1950; Sen, 1968,
-//! doi:10.1080/01621459.1968.10480934). Places are metres from the corner of the frame of the sketch.
+//! The direction of a steady line is the median of the slopes between pairs of places (Theil, 1950; Sen,
+//! 1968, doi:10.1080/01621459.1968.10480934). Places are metres from the corner of the frame of the sketch.
 
 use super::circle::length;
 
@@ -43,7 +43,8 @@ impl StemAxis {
     }
 }
 
-/// The line through places (x, y, z) by least squares of x and y over z. Vertical where all have one height.
+/// The line through places (x, y, z) by least squares of x and y over z. Vertical if all places have the same
+/// height.
 pub(super) fn line(places: &[[f64; 3]]) -> Option<StemAxis> {
     let count = places.len() as f64;
     if places.is_empty() {
@@ -61,8 +62,8 @@ pub(super) fn line(places: &[[f64; 3]]) -> Option<StemAxis> {
     Some(StemAxis { foot, slope, from, to, has_direction: true })
 }
 
-/// The line through places whose slope is the median of the slopes of pairs that are at least `apart` of its
-/// height apart.
+/// The line through places whose slope is the median of the slopes of pairs. The heights of a pair differ by
+/// at least `apart` times the height of the line.
 pub(super) fn steady_line(places: &[[f64; 3]], apart: f64) -> Option<StemAxis> {
     let ends = line(places)?;
     let least = (ends.to - ends.from) * apart;
@@ -81,7 +82,7 @@ pub(super) fn steady_line(places: &[[f64; 3]], apart: f64) -> Option<StemAxis> {
     Some(StemAxis { foot, slope, ..ends })
 }
 
-/// The median; 0 of nothing.
+/// The median; 0 without values.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let half = values.len() / 2;

@@ -1,25 +1,26 @@
-//! Where a tree stands: which stem is its own, and its place without one.
+//! Where a tree stands: whether a stem belongs to it, and its place if no stem was found.
 //!
-//! What looks like a stem may be leaves that hang down, a post, or the stem of the next tree. Three places
-//! are known of every tree: its lowest part, the middle of its crown, and the foot of the stem that was
-//! found, if any. They must agree. Measured on 1,184 trees of the labelled scenes and of five drives of
-//! `synth`: `benches/results/attributes.md`, "Where trees stand".
+//! An apparent stem may be hanging leaves, a post, or the stem of the next tree. Every tree has three
+//! candidate places: its lowest part, the middle of its crown, and the foot of the stem that was found, if
+//! any. They must agree. Measured on 1,184 trees of the labelled scenes and of five drives of `synth`:
+//! `benches/results/attributes.md`, "Where trees stand".
 
 use super::circle::length;
 
-/// A stem ends in the lowest part of its tree, within this distance of its middle, in metres.
+/// Largest distance of the foot of a stem from the middle of the lowest part of its tree, in metres.
 const AT_LOWEST_M: f64 = 0.4;
-/// The lowest part of a tree is of its crown if it is wider than this, in metres. Measured on 23 trees of
-/// `synth` that had no direction and were not low: it was at most 0.42 m wide, or at least 1.04 m.
+/// Largest width of a lowest part that can be a stem, in metres. A wider one belongs to the crown. Measured
+/// on 23 trees of `synth` that had no direction and were not low: it was at most 0.42 m wide, or at least
+/// 1.04 m.
 const WIDEST_STEM_M: f64 = 0.7;
-/// A narrow lowest part is the stem if so many of the ten layers above its lowest point have points there.
-/// With 1, single points below a crown were stems; with 5, thin stems were none.
+/// Smallest number of the ten layers above the lowest point of a tree that have points at a narrow lowest
+/// part which is the stem. With 1, single points below a crown became stems; with 5, thin stems were lost.
 const LEAST_LAYERS: usize = 3;
-/// A stem is at most this share of the radius of its tree from the middle of the crown, or else ends in the
-/// lowest part. Of 944 stems that were right within 0.2 m, 99 in 100 had at most 0.46.
+/// Largest distance of a stem from the middle of the crown, as a share of the radius of the tree, unless it
+/// ends in the lowest part. Of 944 stems that were right within 0.2 m, 99 in 100 had at most 0.46.
 const OFF_MIDDLE: f64 = 0.5;
 
-/// What is known of the place of a tree, in metres.
+/// The candidate places of a tree, in metres.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TreeFoot {
     /// Middle of its crown, from above.
@@ -30,13 +31,13 @@ pub(super) struct TreeFoot {
     pub(super) lowest: [f64; 2],
     /// Width of its lowest part.
     pub(super) width_m: f64,
-    /// In how many of the ten lowest layers there are points at its lowest part.
+    /// Number of the ten lowest layers that have points at its lowest part.
     pub(super) layers: usize,
 }
 
 impl TreeFoot {
-    /// Whether a stem with this foot is that of the tree. So many circles of a stem were seen that it has a
-    /// direction, or else it may be leaves.
+    /// Whether a stem with this foot belongs to the tree. A stem without a direction may be leaves, because
+    /// too few of its circles were seen.
     pub(super) fn has_stem_at(&self, foot: [f64; 2], has_direction: bool) -> bool {
         if apart(foot, self.lowest) <= AT_LOWEST_M {
             return true;
@@ -75,7 +76,7 @@ mod tests {
     #[test]
     fn a_stem_ends_in_the_lowest_part_of_its_tree() {
         assert!(TREE.has_stem_at([0.5, 0.3], false));
-        // Leaves that hang down, although they are nearer to the middle. What has circles is a stem.
+        // Hanging leaves, although they are nearer to the middle. With circles, it is a stem.
         assert!(!TREE.has_stem_at([0.0, 0.3], false));
         assert!(TREE.has_stem_at([0.0, 0.3], true));
         assert!(apart(TREE.without_stem(), [0.5, 0.0]) < 1e-9);

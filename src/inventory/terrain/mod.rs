@@ -12,19 +12,20 @@ use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 /// distance).
 const SEARCH_M: f64 = 10.0;
 
-/// Cells whose middle is within this distance of a place decide on the slope of the ground there, in metres
-/// (chosen: more of them are ground than were taken for ground by mistake, below a tree or a car).
+/// Largest distance between a place and the middle of a cell that determines the slope of the ground there,
+/// in metres (chosen: below a tree or a car, more of these cells are ground than are wrongly classified as
+/// ground).
 const SLOPE_M: f64 = 4.0;
 
-/// Neighbouring cells that differ by less are of one patch of ground, in metres (chosen: a slope of 1 in 5,
-/// or more than a kerb), see `raised.rs`.
+/// Height difference below which neighbouring cells belong to one patch of ground, in metres (chosen: a slope
+/// of 1 in 5, or more than a kerb), see `raised.rs`.
 const STEP_M: f64 = 0.2;
 
-/// The ground before a wall is continued to it with at most this slope (chosen: front gardens are less steep,
-/// steps are steeper).
+/// Largest slope with which the ground before a wall is extrapolated to it (chosen: front gardens are less
+/// steep, steps are steeper).
 const STEEPEST: f64 = 0.25;
 
-/// Mean height of the ground points of every cell that has any, without those that are raised above the
+/// Mean height of the ground points of every cell that has any, without cells that are raised above the
 /// ground around them.
 #[derive(Debug)]
 pub struct Terrain {
@@ -125,18 +126,18 @@ impl Terrain {
         self.lattice.metres(self.grid.edge()) * std::f64::consts::SQRT_2
     }
 
-    /// Height of the ground in metres at a place in metres: that of a plane through the cells within 4 m, in
-    /// which nearer cells have more weight and those that are not ground have none. Where there are too few
-    /// cells for a slope, that of the nearest cell ([`Self::height_m`]). `None` where no cell is within 10 m.
+    /// Height of the ground in metres at a place in metres. A plane is fitted to the cells within 4 m; nearer
+    /// cells have more weight, and cells that are not ground have none. If there are too few cells for a
+    /// slope, it is the height of the nearest cell ([`Self::height_m`]). `None` where no cell is within 10 m.
     #[must_use]
     pub fn surface_m(&self, place: [f64; 2]) -> Option<f64> {
         let nearest = self.height_m(place.map(|value| self.lattice.units(value)))?;
         Some(height_amid(&self.near(place), nearest))
     }
 
-    /// Height of the ground in metres before a wall, continued to it: the plane of [`Self::surface_m`] at the
-    /// place `before`, through the cells on its side of the wall alone. Beyond the wall are floors and what
-    /// windows reflect. `None` where there are no such cells within 4 m.
+    /// Height of the ground in metres at a wall, extrapolated from the ground before it: the plane of
+    /// [`Self::surface_m`] at the place `before`, through the cells on this side of the wall only. Beyond the
+    /// wall are floors and reflections of windows. `None` if no such cell is within 4 m.
     pub(super) fn before_wall_m(&self, wall: [f64; 2], before: [f64; 2]) -> Option<f64> {
         let way = [0, 1].map(|k| wall[k] - before[k]);
         let length = way[0].hypot(way[1]);

@@ -1,27 +1,27 @@
-//! Raised cells of the terrain: small patches above the ground around them, where nobody saw the ground.
+//! Raised cells of the terrain: small patches above the ground around them, where the ground was not seen.
 //!
-//! Behind a parked car or a hedge, the lowest points are those of the car, of the hedge or of a floor. They
-//! lie flat, and no ground was seen below them, so every filter takes some of them for ground. Heights of
-//! objects beside them would be too small.
+//! Behind a parked car or a hedge, the lowest points lie on the car, the hedge or a floor. They are flat, and
+//! no ground was seen below them, so every filter classifies some of them as ground. Heights of objects
+//! beside them would be too small.
 //!
-//! Cells that touch and differ by less than a step are a patch. A patch is raised if it is short, and if most
-//! pairs of one of its cells and another cell near it have a step down.
+//! Cells that touch and differ by less than a step are a patch. A patch is raised if it is short, and if
+//! there is a step down in most pairs of one of its cells and a nearby cell of another patch.
 //!
 //! Chosen on nine labelled scenes and drives of `synth`, in which 3,500 cells are more than 0.2 m wrong. The
 //! rule finds 1,580 of them, and calls 42 other cells raised. It cannot tell a short terrace from a hedge. On
 //! the real street `kitti_street_22`, which has such gardens, it finds 72 of 129, and calls 116 others
 //! raised.
 //!
-//! Each cell is decided by itself, from its patch and without sets over the drive. So the memory beside the
+//! Each cell is decided from its own patch, without sets over the whole drive. So the only memory beside the
 //! heights is that of the short patches.
 
 use rustc_hash::FxHashMap;
 
 use crate::spatial::{Cell, PackedCells, PackedCursor};
 
-/// Longest raised patch along x and y, in cells: the strip behind two parked cars.
+/// Largest extent of a raised patch along x and y, in cells: the strip behind two parked cars.
 const LONGEST: i32 = 9;
-/// The surroundings of a patch are the cells up to so many cells away from it.
+/// Largest distance of the surroundings of a patch from it, in cells.
 const AROUND: i32 = 2;
 
 /// The cells without those that are raised. Values and `step` are in lattice units.
@@ -33,7 +33,7 @@ pub(super) fn without_raised(heights: &PackedCells, step: u32) -> PackedCells {
 struct Search<'a> {
     heights: PackedCursor<'a>,
     step: u32,
-    /// Whether the cells of patches that were looked at are raised, without cells of long ones.
+    /// Whether each cell is raised, for the cells of the short patches that have been examined.
     known: FxHashMap<Cell, bool>,
 }
 
@@ -52,7 +52,7 @@ impl Search<'_> {
         raised
     }
 
-    /// Whether more than [`LONGEST`] cells in a row through this cell are of its patch.
+    /// Whether more than [`LONGEST`] cells in a row through this cell belong to its patch.
     fn is_long(&mut self, cell: Cell, height: u32, [di, dj]: [i32; 2]) -> bool {
         let mut run = 1;
         for sign in [-1, 1] {
@@ -73,7 +73,7 @@ impl Search<'_> {
         false
     }
 
-    /// The cells of the patch of a cell with their heights. `None` of a patch that is too long.
+    /// The cells of the patch of a cell with their heights. `None` if the patch is too long.
     fn short_patch(&mut self, cell: Cell, height: u32) -> Option<Vec<(Cell, u32)>> {
         let mut patch = vec![(cell, height)];
         let mut ends = [cell, cell];
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
     use crate::spatial::CellMap;
 
-    /// The cells of a field of 30 x 30 that are raised, where `height` is that of each cell.
+    /// The raised cells of a field of 30 x 30 cells; `height` gives the height of each cell.
     fn raised(height: impl Fn(i32, i32) -> Option<u32>) -> Vec<Cell> {
         let mut map = CellMap::<u32>::default();
         let cells = || (0..30).flat_map(|i| (0..30).map(move |j| [i, j]));
@@ -156,7 +156,8 @@ mod tests {
     #[test]
     fn ground_is_not_raised() {
         assert_eq!(raised(|_, _| Some(5_000)), [[0; 2]; 0]);
-        // A pit, a slope of 60 %, on which no cell has its height beside it along x, and a terrace.
+        // A pit, a slope of 60 % (each cell differs by more than a step from its neighbours along x), and a
+        // terrace.
         assert_eq!(raised(|i, j| Some(if is_within(i, j, 3) { 4_000 } else { 5_000 })), [[0; 2]; 0]);
         assert_eq!(raised(|i, _| Some(1_000 + 600 * i.unsigned_abs())), [[0; 2]; 0]);
         assert_eq!(raised(|i, _| Some(if i < 5 { 6_000 } else { 5_000 })), [[0; 2]; 0]);

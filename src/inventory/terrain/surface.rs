@@ -1,31 +1,32 @@
 //! Height of the ground at a place, from the mean heights of the cells around it.
 //!
-//! A plane is fitted by least squares; cells that are far above or below it are left out, and it is fitted
-//! again, with ever narrower limits. So cells in which a stem or the underside of a car was taken for ground
-//! do not count, nor do those beyond a kerb or a wall.
+//! A plane is fitted by least squares. Cells far above or below it are left out, and it is fitted again, with
+//! narrower limits in each round. So cells in which a stem or the underside of a car was classified as ground
+//! do not count, and neither do cells beyond a kerb or a wall.
 
 use nalgebra::{Matrix3, Vector3};
 
 /// Distance in metres at which a cell has half the weight of one at the place.
 const HALF_WEIGHT_M: f64 = 0.5;
-/// Largest distance of a cell from the plane in metres, from round to round (chosen: a slope of 1 in 5
-/// differs by 0.6 m over 3 m; a kerb is 0.15 m).
+/// Largest distance of a cell from the plane in metres, by round (chosen: a slope of 1 in 5 differs by 0.6 m
+/// over 3 m; a kerb is 0.15 m).
 const LIMITS_M: [f64; 5] = [0.6, 0.4, 0.25, 0.2, 0.2];
 /// Rounds in which near cells weigh no more than far ones, because the nearest may be wrong.
 const EVEN_ROUNDS: usize = 2;
-/// The nearest cell is ground if at least so many cells nearby have its height, itself included. Otherwise it
-/// is a stem or a car.
+/// Smallest number of nearby cells at the height of the nearest cell, itself included, if it is ground.
+/// Otherwise it is a stem or a car.
 const LEAST_SUPPORT: usize = 4;
 /// Distance from the place within which cells are nearby, in metres.
 const SUPPORT_M: f64 = 1.5;
-/// Largest difference from the height of the nearest cell at which a cell has this height, in metres.
+/// Largest height difference of a cell from the nearest cell that counts as the same height, in metres.
 const SAME_HEIGHT_M: f64 = 0.3;
-/// Smallest number of cells for a slope.
+/// Smallest number of cells from which a slope is fitted.
 const LEAST_CELLS: usize = 5;
-/// Smallest variance of the places of these cells in any direction, in square metres: less is a row of cells.
+/// Smallest variance of the places of these cells in any direction, in square metres. With less, the cells
+/// are a row.
 const LEAST_VARIANCE_M2: f64 = 0.15;
 
-/// A cell of the terrain: where its middle is from the place, and its height, in metres.
+/// A cell of the terrain: the offset of its middle from the place, and its height, in metres.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Near {
     pub(super) away: [f64; 2],
@@ -38,13 +39,13 @@ impl Near {
     }
 }
 
-/// Height of the ground in metres amid these cells, of which the nearest has the height `nearest`.
+/// Height of the ground in metres amid these cells. `nearest` is the height of the nearest one.
 pub(super) fn height_amid(cells: &[Near], nearest: f64) -> f64 {
     plane_amid(cells, nearest)[0]
 }
 
 /// The plane of the ground amid these cells: its height at the place, and its rise per metre along x and y.
-/// It is level at the height `nearest`, that of the nearest cell, where there are too few cells for a slope.
+/// If there are too few cells for a slope, the plane is level. `nearest` is the height of the nearest cell.
 pub(super) fn plane_amid(cells: &[Near], nearest: f64) -> [f64; 3] {
     if cells.len() < LEAST_CELLS {
         return [nearest, 0.0, 0.0];
@@ -73,8 +74,8 @@ fn lower_third(cells: &[Near]) -> f64 {
     heights[heights.len() / 3]
 }
 
-/// The plane through cells: its height at the place and its slopes. `None` of too few cells, or of a row of
-/// them.
+/// The plane through cells: its height at the place and its slopes. `None` if there are too few cells, or if
+/// they are a row.
 fn fitted(cells: &[Near], nearer_counts_more: bool, around: f64) -> Option<Vector3<f64>> {
     if cells.len() < LEAST_CELLS {
         return None;
@@ -86,7 +87,7 @@ fn fitted(cells: &[Near], nearer_counts_more: bool, around: f64) -> Option<Vecto
         let weight = 1.0 / (1.0 + far);
         let terms = Vector3::new(1.0, cell.away[0], cell.away[1]);
         matrix += terms * terms.transpose() * weight;
-        // Heights above sea are large numbers.
+        // Relative to `around`, because heights above sea level are large numbers.
         right += terms * (weight * (cell.height - around));
     }
     if least_variance(&matrix) < LEAST_VARIANCE_M2 {
@@ -95,8 +96,8 @@ fn fitted(cells: &[Near], nearer_counts_more: bool, around: f64) -> Option<Vecto
     Some(matrix.try_inverse()? * right + Vector3::new(around, 0.0, 0.0))
 }
 
-/// Smallest variance, in any direction, of places whose weighted sums of 1, x, y, and their products are in
-/// `sums`.
+/// Smallest variance of places in any direction. `sums` has their weighted sums of 1, x, y and the products
+/// of these.
 fn least_variance(sums: &Matrix3<f64>) -> f64 {
     let weight = sums[(0, 0)];
     let mean = [sums[(0, 1)] / weight, sums[(0, 2)] / weight];
@@ -134,10 +135,10 @@ mod tests {
 
     #[test]
     fn an_object_on_a_terrace_stands_on_the_terrace() {
-        // A wall of 1 m, 2 m to the east of the place.
+        // The ground is 1 m lower beyond a wall 2 m to the east of the place.
         let cells = around(|x, _| if x > 1.5 { -1.0 } else { 0.0 });
         assert!(height_amid(&cells, 0.0).abs() < 1e-6);
-        // And below it.
+        // The place is below the wall.
         let cells = around(|x, _| if x > 1.5 { 1.0 } else { 0.0 });
         assert!(height_amid(&cells, 0.0).abs() < 1e-6);
     }
