@@ -15,11 +15,12 @@ use crate::spatial::VoxelIndex;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Floor {
     pub(super) at: u32,
-    /// Whether stems are all that was seen there.
+    /// Whether nothing but stems was seen there.
     pub(super) of_stems: bool,
 }
 
-/// The columns of an index by square blocks at multiples of their edge in the coordinates of the drive.
+/// The columns of an index, grouped into square blocks. Blocks lie at multiples of their edge in the
+/// coordinates of the drive.
 pub(super) struct Blocks {
     /// Number of columns along the edge of a block.
     span: i64,
@@ -28,7 +29,7 @@ pub(super) struct Blocks {
     /// Place of each block.
     place: Vec<[i64; 2]>,
     number: FxHashMap<[i64; 2], u32>,
-    /// Columns by block, and the first of each block, and the end.
+    /// Columns, sorted by block. `first` has the position of the first column of each block, and the end.
     columns: Vec<u32>,
     first: Vec<u32>,
 }
@@ -82,9 +83,9 @@ impl Blocks {
         self.number.get(&[i + di, j + dj]).map(|&block| block as usize)
     }
 
-    /// For every block the height at which its ground begins: the quantile of the `lows` of the columns in
+    /// For every block, the height at which its ground begins: the quantile of the `lows` of the columns in
     /// the blocks up to `reach` away along each axis; [`NONE`] where no column has a low. Where only stems
-    /// were seen below that, it is where the lowest of them begins, see `stems.rs`. `is_stem` says which
+    /// were seen below the quantile, it is the foot of the lowest stem, see `stems.rs`. `is_stem` says which
     /// columns are stems, and `depth` how far ground may lie from the quantile.
     pub(super) fn floors(
         &self,
@@ -117,8 +118,8 @@ impl Blocks {
         (0..self.place.len()).map(&mut of_block).collect()
     }
 
-    /// For every block the share of the columns that have points, of all columns in the blocks up to `reach`
-    /// away along each axis.
+    /// For every block, the share of columns with points among all columns in the blocks up to `reach` away
+    /// along each axis.
     pub(super) fn filled(&self, reach: i64) -> Vec<f64> {
         let all = ((2 * reach + 1) * self.span).pow(2) as f64;
         let of_block = |block| {
@@ -193,7 +194,7 @@ mod tests {
 
     #[test]
     fn blocks_are_filled_by_the_columns_around_them() {
-        // 3 and 1 of four columns side by side, and one three blocks further.
+        // Two adjacent blocks with 3 and 1 of four columns, and a block with one column three blocks further.
         let blocks = blocks(&[[0, 0], [0, 1], [1, 0], [2, 0], [8, 0]]);
         assert_eq!(blocks.filled(0), [0.75, 0.25, 0.25]);
         assert_eq!(blocks.filled(1), [4.0 / 36.0, 4.0 / 36.0, 1.0 / 36.0]);

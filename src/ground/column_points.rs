@@ -5,10 +5,10 @@ use super::lowest::NONE;
 use crate::model::{Lattice, TileCloud};
 use crate::spatial::VoxelIndex;
 
-/// A layer of a column has more than one in so many of the points of the column, or more than [`MOST`]. Fewer
-/// points are multipath or stray returns (chosen by the study in benches/results/ground.md).
+/// A layer of a column has more than one in this many of the points of the column, or more than [`MOST`]
+/// points. Fewer points are multipath or stray returns (chosen by the study in benches/results/ground.md).
 const SHARE: u32 = 16;
-/// More points than this are a layer, however many points the column has (chosen by the same study).
+/// More points than this are always a layer, however many points the column has (chosen by the same study).
 const MOST: u32 = 8;
 
 /// The points of a tile by column.
@@ -37,9 +37,9 @@ impl<'a> Tile<'a> {
         self.index.voxel_points(voxel).flatten().map(|point| (point, self.z[point].unsigned_abs()))
     }
 
-    /// The lowest point of the lowest layer of each column. A layer is a voxel and the one on it that hold
-    /// more than one in `SHARE` of the points of the column, or more than `MOST` of them. A column without
-    /// any layer begins with its lowest point.
+    /// The lowest point of the lowest layer of each column. A layer is a voxel and the voxel above it, if
+    /// they contain more than one in `SHARE` of the points of the column, or more than `MOST` points. A
+    /// column without any layer begins with its lowest point.
     pub(super) fn lowest_layers(&self) -> Vec<u32> {
         let lowest_of = |column| {
             let voxels = self.index.column_voxels(column);
@@ -52,7 +52,7 @@ impl<'a> Tile<'a> {
         (0..self.index.columns().len()).map(lowest_of).collect()
     }
 
-    /// Points of a voxel, and of the one on it if there is one before `end`.
+    /// Number of points of a voxel and of the voxel directly above it, if that is occupied and before `end`.
     fn layer(&self, voxel: usize, end: usize) -> u32 {
         let heights = self.index.heights();
         let above =
@@ -60,8 +60,8 @@ impl<'a> Tile<'a> {
         self.counts[voxel] + above.unwrap_or(0)
     }
 
-    /// The `rank`-th lowest point of a column that is not below `floor`, or its highest where it has fewer.
-    /// `found` is a buffer.
+    /// The `rank`-th lowest point of a column among its points not below `floor`, or the highest if there are
+    /// fewer. `found` is a buffer.
     pub(super) fn low_above(&self, column: usize, floor: i64, rank: usize, found: &mut Vec<u32>) -> u32 {
         found.clear();
         for voxel in self.index.column_voxels(column) {

@@ -9,7 +9,7 @@ pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     /// Name in the registry and of the section of its settings.
     fn name(&self) -> &'static str;
 
-    /// Largest distance of other points that decide the class of a point.
+    /// Largest distance from a point to other points that decide its class.
     fn reach(&self, lattice: Lattice) -> Reach;
 
     /// Processor time per point that a tile reads, in microseconds on the machine of `benches/results`, noise
@@ -19,9 +19,9 @@ pub trait GroundFilter: std::fmt::Debug + Send + Sync {
     }
 
     /// Sets [`PointClass::Ground`] where a point is ground. `classes` holds [`PointClass::Object`], or noise,
-    /// for every point of `view`. Noise points are invisible to the filters of papers and keep their class. A
-    /// filter may look at them and find ground among them. A filter with the same edge uses the voxels that
-    /// the view has.
+    /// for every point of `view`. Noise points are invisible to the filters of papers and keep their class.
+    /// Another filter may use them and find ground among them. A filter with the same edge reuses the voxels
+    /// of the view.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].

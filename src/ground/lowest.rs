@@ -1,16 +1,15 @@
-//! The lowest of something within a horizontal radius of every column; both noise and ground filter ask for
-//! it.
+//! The lowest value within a horizontal radius of every column. The noise filter and ground filters use it.
 #![expect(clippy::cast_possible_truncation, reason = "indices of columns fit u32, see VoxelIndex")]
 
 use crate::spatial::VoxelIndex;
 
-/// Stands for "this column has none"; above every k.
+/// Means "this column has none". Above every k.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// For every column of `index` the smallest of `lows` (one k, or [`NONE`], per column) over the columns whose
-/// centres are within `radius_units`, inclusive, itself included.
+/// For every column of `index`, the smallest of the `lows` of the columns whose centres are within
+/// `radius_units` (inclusive), itself included. `lows` has one k, or [`NONE`], per column.
 ///
-/// A sliding minimum along each pair of rows: O(columns * radius / edge), whatever the shape.
+/// A sliding minimum along each pair of rows: O(columns * radius / edge), whatever the shape of the scan.
 pub(super) fn lowest_within(index: &VoxelIndex, radius_units: i64, lows: &[u32]) -> Vec<u32> {
     let edge = i64::from(index.grid().edge);
     // (di^2 + dj^2) edge^2 <= radius^2, in whole numbers: di^2 + dj^2 <= floor(radius^2 / edge^2).

@@ -45,5 +45,5 @@ pub use scarce::LowPoints;
 pub use upward_growing::{UpwardGrowing, UpwardGrowingConfig};
 pub use voxel_column::{VoxelColumn, VoxelColumnConfig};
 
-/// Every ground filter, in the order in which help lists them.
+/// Every ground filter, in the order of the help.
 pub static REGISTRY: &[GroundEntry] = &[voxel_column::ENTRY, upward_growing::ENTRY, opening::ENTRY];

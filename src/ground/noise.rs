@@ -5,16 +5,16 @@
 //! not say it: voxels are connected if they touch at a face, edge or corner; the threshold counts points; low
 //! noise (LAS class 7) and high noise (LAS class 18) are distinguished.
 //!
-//! The decision is exact, and needs only a limited neighbourhood. Let n be `min_component_points`. A
-//! component of fewer than n points has at most n - 1 voxels. So the component and the empty voxels around it
-//! lie at most n - 1 voxels from any of its points. A larger component has at least n voxels, and so n
-//! points, within n - 1 voxels of any of its points. Its full size does not matter.
+//! The decision is exact and needs only a limited neighbourhood. Let n be `min_component_points`. A component
+//! of fewer than n points has at most n - 1 voxels. So the component and the empty voxels around it lie at
+//! most n - 1 voxels from any of its points. A larger component has at least n voxels, and so n points,
+//! within n - 1 voxels of any of its points. Its full size does not matter.
 //!
-//! Ours, too: where points are few, far from the scanner, those of trees and facades are as far apart as
-//! noise. So a component is kept where 12 to 150 points lie in the cubes of 1.5 m around it, and each
-//! occupied voxel there has at most 4 on average. Fewer points are noise all the same. Beside more of them,
-//! or where they are dense, real things are no small components: the edge of a crown near the scanner has
-//! few points, too, but dense ones. The study is `benches/results/noise.md`.
+//! Ours, too: far from the scanner, the points of trees and facades are as far apart as noise. So a component
+//! is kept if the 27 cubes of 1.5 m around it contain 12 to 150 points, and if their occupied voxels have at
+//! most 4 points on average. With fewer points in the cubes, a component stays noise. With more or denser
+//! points, real things do not form small components: the edge of a crown near the scanner also has few
+//! points, but they are dense. The study is `benches/results/noise.md`.
 //!
 //! Cost: O(points) for the voxels (shared with a ground filter of the same edge), then O(voxels).
 //! Memory per voxel: 8 bytes beside the voxels themselves, and 50 to 100 per cube. The bench is
@@ -36,23 +36,22 @@ use crate::spatial::{Linker, TileView, VoxelIndex};
 
 const NAME: &str = "noise";
 
-/// The height of noise is measured above the lowest point within this horizontal radius, in metres. It is the
-/// default radius of `voxel-column`.
+/// Horizontal radius in metres. The height of noise is measured above the lowest voxel within it that is not
+/// noise. The same as the default radius of `voxel-column`.
 const NEIGHBOURHOOD_M: f64 = 1.5;
 
 /// Edge of the cubes in which points are counted, in metres (chosen by `benches/results/noise.md`).
 const CUBE_M: f64 = 1.5;
-/// A small component can be kept if the 27 cubes around it hold so many points (chosen by the same study).
+/// Number of points in the 27 cubes around a small component that can be kept (chosen by the same study).
 const FEW: RangeInclusive<u64> = 12..=150;
-/// A small component is kept only if the occupied voxels of these 27 cubes have at most so many points on
-/// average (chosen by the same study).
+/// Largest mean number of points per occupied voxel in these 27 cubes (chosen by the same study).
 const MOST_PER_VOXEL: u64 = 4;
 
 /// Settings of the section `[noise]`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NoiseConfig {
-    /// Whether isolated noise is searched. Default true (Li et al. 2017, section 3.1).
+    /// Whether isolated noise is detected. Default true (Li et al. 2017, section 3.1).
     pub enabled: bool,
     /// Edge of a voxel in metres, 0.05 to 2. Default 0.5 (chosen by `benches/results/noise.md`; the paper has
     /// 0.3, twice the spacing of points on its far objects, section 4.1).
@@ -60,11 +59,11 @@ pub struct NoiseConfig {
     /// Connected voxels with fewer points than this, in the whole drive, are noise; 1 to 100. Default 5
     /// (chosen by the same study; the paper gives no number). The context that tiles need grows with it.
     pub min_component_points: u32,
-    /// Whether a small component is kept where few points lie, because there those of trees and facades
-    /// are as far apart as noise. Default true (chosen by the same study; the paper does not have it).
+    /// Whether small components are kept in sparse places, because the points of trees and facades are as far
+    /// apart as noise there. Default true (chosen by the same study; the paper does not have it).
     pub keep_sparse: bool,
     /// Noise that is more than this many metres above the lowest other voxel nearby is high noise, 0 to
-    /// 1,000. Default 2.0 (chosen, because below it stand people and cars).
+    /// 1,000. Default 2.0 (chosen: the height of people and cars).
     pub high: f64,
 }
 
@@ -103,9 +102,9 @@ impl IsolatedNoise {
         Ok(Self { config: config.clone() })
     }
 
-    /// Largest distance of other points that decide whether a point is noise: n voxels along each axis
-    /// (see above), or two cubes, and sqrt(2) times that in the plane. The engine uses the decision only
-    /// for points with this much context.
+    /// Largest distance in the plane from a point to other points that decide whether it is noise: sqrt(2)
+    /// times n voxels (see above) or two cubes, which is the distance along each axis. The engine uses the
+    /// decision only for points with this much context.
     #[must_use]
     pub fn reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -123,9 +122,9 @@ impl IsolatedNoise {
         (CUBE_M / self.config.voxel).round().max(1.0) as u32
     }
 
-    /// Largest distance of other points whose classes decide whether a noise point is high or low. It is
-    /// added to [`Self::reach`], like the reach of the ground filter. The larger of the two is enough for
-    /// both.
+    /// Largest distance from a noise point to other points whose classes decide whether it is high or low.
+    /// This reach and that of the ground filter both start from decided classes. So the larger of the two is
+    /// added to [`Self::reach`].
     #[must_use]
     pub fn height_reach(&self, lattice: Lattice) -> Reach {
         if !self.config.enabled {
@@ -135,9 +134,9 @@ impl IsolatedNoise {
         Reach::Exact { metres: NEIGHBOURHOOD_M + voxel_m * SQRT_2 }
     }
 
-    /// Sets the noise among the points of `view` to [`PointClass::LowNoise`] or [`PointClass::HighNoise`];
-    /// `classes` has one entry per point; the entries of other points stay. Components consist of the given
-    /// points. At the edge of the context they are cut, so decisions there are wrong and are not used.
+    /// Sets the noise among the points of `view` to [`PointClass::LowNoise`] or [`PointClass::HighNoise`].
+    /// `classes` has one entry per point; other entries stay. Components consist of the given points only. At
+    /// the edge of the context they are cut, so decisions there may be wrong and must not be used.
     ///
     /// # Errors
     /// When the points cannot be indexed, see [`AlgorithmError`].
@@ -168,7 +167,7 @@ impl IsolatedNoise {
         Ok(())
     }
 
-    /// High or low for every noise voxel.
+    /// The class of every noise voxel: high or low. `None` for other voxels.
     fn heights(&self, index: &VoxelIndex, is_noise: &[bool], lattice: Lattice) -> Vec<Option<PointClass>> {
         let lows: Vec<u32> = (0..index.columns().len())
             .map(|column| index.column_voxels(column).find(|&voxel| !is_noise[voxel]))
@@ -210,7 +209,7 @@ fn small_components(index: &VoxelIndex, min_points: u32) -> Vec<bool> {
     roots.into_iter().map(|root| sizes[root] < min_points).collect()
 }
 
-/// What is in some cubes.
+/// Contents of some cubes.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 struct Content {
     points: u64,
@@ -224,14 +223,14 @@ impl Content {
         self.voxels += other.voxels;
     }
 
-    /// Whether points are so few that those of an object can be as far apart as noise.
+    /// Whether points are so sparse that the points of an object can be as far apart as noise.
     fn is_sparse(self) -> bool {
         FEW.contains(&self.points) && self.points <= MOST_PER_VOXEL * self.voxels
     }
 }
 
-/// What is in the 27 cubes around a voxel, by its column and its number. Cubes of `edge` voxels are those of
-/// the drive.
+/// Contents of the 27 cubes around a voxel, by its column and its number. Cubes have an edge of `edge` voxels
+/// and lie at multiples of it in the coordinates of the drive.
 fn around(index: &VoxelIndex, edge: u32) -> impl Fn(usize, usize) -> Content {
     let base = index.grid().base;
     let along = move |axis: usize, at: u32| (base[axis] + i64::from(at)).div_euclid(i64::from(edge));
@@ -295,7 +294,7 @@ mod tests {
         // Voxels (0, 0, 0) and (1, 1, 1): three points. One voxel further on an axis: two and one.
         assert_eq!(mark(&config, &[[0, 0, 0], [299, 299, 299], [300, 599, 300]]), [Object; 3]);
         assert_eq!(mark(&config, &[[0, 0, 0], [299, 299, 299], [300, 599, 600]]), [LowNoise; 3]);
-        // (1, -1): the pair of columns that a forward walk easily forgets.
+        // (1, -1): the column offset that a walk in one direction easily misses.
         assert_eq!(mark(&config, &[[0, 599, 0], [0, 599, 0], [300, 299, 599]]), [Object; 3]);
     }
 
@@ -322,7 +321,7 @@ mod tests {
     #[test]
     fn where_few_points_lie_they_are_kept() {
         let config = NoiseConfig::default();
-        // Points that are 0.9 m apart, in a square: a tree far away.
+        // Points 0.9 m apart, in a square: a distant tree.
         let tree = |count: i64| (0..count).map(|n| [n % 4 * 900, n / 4 * 900, 0]).collect::<Vec<_>>();
         assert_eq!(mark(&config, &tree(16))[5], Object);
         assert_eq!(mark(&config, &tree(8)), [LowNoise; 8], "too few for anything");
@@ -333,7 +332,8 @@ mod tests {
         let road = |count: i64| (0..count).map(|n| [n % 16 * 250, n / 16 * 250, 0]);
         assert_eq!(mark(&config, &road(149).chain([stray]).collect::<Vec<_>>())[149], Object);
         assert_eq!(mark(&config, &road(150).chain([stray]).collect::<Vec<_>>())[150], LowNoise);
-        // Beside a wall of 14 voxels, and beside its lower half with all of its points: an edge of a crown.
+        // Beside a wall of 14 voxels, then beside the same points squeezed to half the height: an edge of a
+        // crown.
         let wall = || (0..52).map(|n| [n % 13 * 250, 0, n / 13 * 250]);
         let half = || wall().map(|[x, y, z]| [x, y, z / 2]);
         let beside: [i64; 3] = [1_500, 1_100, 0];

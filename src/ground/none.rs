@@ -9,7 +9,7 @@ use crate::spatial::TileView;
 pub struct NoGround;
 
 impl NoGround {
-    /// The word in the place of the name of a filter.
+    /// The word that is given instead of the name of a filter.
     pub const NAME: &'static str = "none";
 }
 

@@ -9,13 +9,13 @@ use crate::spatial::{CellGrid, CellMap};
 /// Points at most this far above the lowest of their cell lie low, in metres.
 const LOW_M: f64 = 0.3;
 
-/// Ground is scarce where less than this share of the points that lie low is ground. Chosen by the study in
-/// benches/results/ground.md: filters that suit a scene have 0.64 and more, even in a forest and in a single
-/// sweep. Filters that do not have 0.43 and less, on a steep street and where the ground is missing.
+/// Share of ground among the points that lie low, below which ground is scarce. Chosen by the study in
+/// benches/results/ground.md: filters that suit a scene reach 0.64 or more, even in a forest and in a single
+/// sweep. Filters that do not suit it reach 0.43 or less, on a steep street and where the ground is missing.
 const SCARCE: f64 = 0.5;
 
-/// Points that lie low in their cell, and how many of them are ground. Counts of tiles add up: a cell is of
-/// one tile.
+/// Points that lie low in their cell, and how many of them are ground. Counts of tiles add up, because a cell
+/// belongs to one tile.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LowPoints {
     /// Points that lie low and are not noise.
@@ -25,7 +25,7 @@ pub struct LowPoints {
 }
 
 impl LowPoints {
-    /// Counts the points of a cloud that `counted` takes, by cells of `grid`; noise is left out.
+    /// Counts the points of a cloud that `counted` accepts, by cells of `grid`. Noise is left out.
     #[must_use]
     pub fn count(
         cloud: &TileCloud,
@@ -38,7 +38,7 @@ impl LowPoints {
             let [x, y, _] = cloud.lattice_point(point);
             [x, y].map(|value| i32::try_from(grid.index(value)).unwrap_or(i32::MAX))
         };
-        // Cells begin with 0, so the depth below the largest value is kept.
+        // Cells of the map begin at 0, so they keep the depth below the largest value.
         let depth = |point: usize| u32::MAX - cloud.z[point].unsigned_abs();
         let mut deepest = CellMap::<u32>::default();
         for point in points() {
@@ -57,8 +57,8 @@ impl LowPoints {
         counts
     }
 
-    /// What the run says when ground is scarce after the filter named `method`. Two filters miss ground for
-    /// different reasons, and where the scan has none, neither helps: the text says which applies.
+    /// The warning of a run if ground is scarce after the filter `method`. Two filters miss ground for
+    /// different reasons; if the scan has hardly any ground, neither helps. The text names these cases.
     #[must_use]
     pub fn warning(self, method: &str) -> Option<String> {
         let share = self.ground as f64 / self.low.max(1) as f64;

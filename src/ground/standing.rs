@@ -1,56 +1,57 @@
-//! Columns in which something stands: their foot is ground only beside clear ground, and what walls enclose
-//! is a room.
+//! Columns in which an object stands, and rooms. A foot is ground only if ground was seen there or beside it.
+//! A patch enclosed by walls is a room, and not ground.
 //!
-//! Both rules need the surface of the ground in every column, and know nothing of how it was found. A column
+//! Both rules need the surface of the ground in every column, but do not depend on how it was found. A column
 //! is *clear* where nothing stands on its surface.
 //!
 //! * *Foot.* The lowest points of a facade, a trunk or a hedge lie on the surface even where the ground below
-//!   was not seen. They are ground if so many points lie there that the thing alone does not explain them, or
-//!   if a clear column nearby has the same height.
+//!   was not seen. They are ground if the object alone does not explain the number of points there, or if a
+//!   clear column nearby has the same height.
 //! * *Room.* The floor behind a window is as flat as a road. Clear columns that touch and differ by less than
 //!   a step are a patch. A patch is a room if it is short, if walls are a large part of the border that was
-//!   seen, and if there are enough of them for its size. Columns without points do not count in the border: a
-//!   room is seen through a window, and its border in parts. So single columns between wall and nothing are
-//!   rooms, too. The size is there for a lawn around a post, where nothing but the post was seen beside it.
+//!   seen, and if there are enough wall columns for its size. Columns without points do not count in the
+//!   border, because only parts of a room and its border are seen through a window. So single columns between
+//!   a wall and unseen columns are rooms, too. The size counts because of a lawn around a post, where nothing
+//!   but the post was seen beside the lawn.
 //!
-//! Both decisions are exact over tiles. A patch that is as long as `room` reaches that far from each of its
-//! columns, so nothing beyond matters.
+//! Both decisions are exact over tiles. A patch that extends farther than `room` from one of its columns is
+//! not a room, so nothing beyond matters.
 #![expect(clippy::cast_possible_truncation, reason = "numbers of columns fit u32, see VoxelIndex")]
 
 use super::lowest::NONE;
 use crate::spatial::{DisjointSets, VoxelIndex};
 
-/// Columns to each side in which clear ground is sought (chosen: 0.9 m by default).
+/// Number of columns to each side in which clear ground is searched (chosen: 0.9 m by default).
 pub(super) const FOOT_REACH: i64 = 3;
 
-/// A patch is a room if more than this share of its border are walls (chosen by the study in
+/// Share of walls in the border of a patch above which it can be a room (chosen by the study in
 /// benches/results/ground.md).
 const WALLS: f64 = 0.25;
 
-/// A patch is a room if it has more columns of wall beside it than this share of the circumference of its box
-/// (chosen: a wall along one side of a square is 0.25, and a post in a lawn of 3 m is 0.025; by the same
+/// Number of wall columns beside a patch above which it can be a room, as a share of the circumference of its
+/// box (chosen: a wall along one side of a square is 0.25, and a post in a lawn of 3 m is 0.025; by the same
 /// study).
 const ENCLOSED: f64 = 0.1;
 
-/// What a column holds above its surface.
+/// What stands on the surface of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// It has no surface.
     Unseen,
     /// Nothing stands there.
     Clear,
-    /// Something stands there; as high as a wall, and on ground that was seen.
+    /// An object stands there. `wall`: it is as high as a wall. `ground`: ground was seen at its foot.
     Standing { wall: bool, ground: bool },
 }
 
-/// What the rules compare, in lattice units and columns.
+/// Limits of the rules, in lattice units and columns.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     /// Neighbouring columns of a patch differ by less than this.
     pub(super) step: u32,
     /// A foot differs from the clear ground beside it by at most this.
     pub(super) close: u32,
-    /// A patch this many columns long along an axis is no room.
+    /// A patch that is longer than this many columns along an axis is not a room.
     pub(super) room: u32,
 }
 
@@ -59,10 +60,10 @@ pub(super) struct Limits {
 struct Patch {
     low: [u32; 2],
     high: [u32; 2],
-    /// Pairs of a column of the patch and a column beside it, and those of them where the latter is a wall.
+    /// Pairs of a column of the patch and a column beside it. `walls` counts the pairs with a wall.
     border: u32,
     walls: u32,
-    /// Columns of wall beside it, each once.
+    /// Wall columns beside it, each counted once.
     wall_columns: u32,
 }
 
@@ -108,7 +109,7 @@ pub(super) fn has_ground(index: &VoxelIndex, surface: &[u32], kinds: &[Kind], li
     ground
 }
 
-/// Whether each column is clear and not of a room.
+/// Whether each column is clear and not part of a room.
 fn clear_ground(index: &VoxelIndex, surface: &[u32], kinds: &[Kind], limits: Limits) -> Vec<bool> {
     const BESIDE: [[i64; 2]; 4] = [[0, 1], [1, -1], [1, 0], [1, 1]];
     let is_clear = |column: usize| kinds[column] == Kind::Clear;
@@ -199,10 +200,10 @@ mod tests {
     fn patches_that_walls_enclose_are_rooms_unless_they_are_long() {
         let room = ["######", "#....#", "#....#", "######"];
         assert_eq!(ground(&room, LIMITS, |_, _| 0), ["oooooo"; 4]);
-        // As long as the limit: a yard. Its walls stand on ground.
+        // Longer than the limit: a yard. Its walls stand on ground.
         let yard = ["########", "#......#", "#......#", "########"];
         assert_eq!(ground(&yard, LIMITS, |_, _| 0), ["........"; 4]);
-        // Hedges are no walls. One wall is not a quarter of what lies around.
+        // Hedges are not walls. A single wall column is not a quarter of the border.
         let garden = ["hhhhhh", "h....h", "h....h", "hhhhhh"];
         assert_eq!(ground(&garden, LIMITS, |_, _| 0), ["......"; 4]);
         assert_eq!(ground(&["h..h", "h..h", "hh#h"], LIMITS, |_, _| 0), ["...."; 3]);
@@ -221,7 +222,8 @@ mod tests {
 
     #[test]
     fn a_step_separates_a_room_from_the_street() {
-        // The wall between them was seen in part: the floor joins the street unless it is a step higher.
+        // The wall between room and street was only partly seen: the floor joins the street unless it is a
+        // step higher.
         let front = ["######", "#....#", "#....#", "#.##.#", "......", "......"];
         let floor = |height: u32| move |row: u32, _: u32| if row < 4 { height } else { 0 };
         assert_eq!(ground(&front, LIMITS, floor(299)), ["......"; 6]);

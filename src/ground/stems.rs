@@ -1,23 +1,24 @@
-//! Stems, where they are all that was seen of the lowest things.
+//! Stems, where nothing else was seen near the ground.
 //!
-//! Under a canopy the scanner may see stems and crowns, and no ground: undergrowth hides it, or somebody cut
-//! it off. Then nearly all columns have their low in a crown. A quantile of the lows lies in the crowns, too,
-//! and the feet of the stems lie below it, as multipath lies below a road. Two things tell them apart:
+//! Under a canopy the scanner may see stems and crowns, but no ground: undergrowth hides it, or its points
+//! have been removed. Then nearly all columns have their low in a crown. A quantile of the lows lies in the
+//! crowns, too, and the feet of the stems lie below it, as multipath lies below a road. Two properties
+//! distinguish them:
 //!
-//! * A stem is occupied without a gap from its low upwards. Between a road and what is mirrored below it, or
-//!   a stray return, there is a gap.
-//! * A road is where many columns have their low. The lows of crowns are at all heights.
+//! * A stem is occupied without a gap from its low upwards. Between a road and a reflection or stray return
+//!   below it, there is a gap.
+//! * Many columns have their low on a road. The lows of crowns are at all heights.
 //!
-//! So the feet count where the columns of stems that begin below the quantile are at least half as many as
-//! the columns that have their low at it.
+//! So the feet of stems that begin below the quantile determine the floor if these stem columns are at least
+//! half as many as the columns with their low at the quantile.
 
 use crate::spatial::VoxelIndex;
 
-/// Fewest columns of stems that count (chosen: a thick stem or two thin ones).
+/// Smallest number of stem columns (chosen: a thick stem or two thin ones).
 const FEWEST: usize = 3;
 
-/// Their smallest share of the columns that have their low at the quantile. `benches/results/ground.md` has
-/// how often this happens.
+/// Smallest ratio of their number to that of the columns with their low at the quantile.
+/// `benches/results/ground.md` has how often this happens.
 const SHARE: f64 = 0.5;
 
 /// Whether each column is a stem: its voxels are occupied without a gap from the lowest one up to `height`
@@ -32,9 +33,9 @@ pub(super) fn columns(index: &VoxelIndex, height: i64) -> Vec<bool> {
     (0..index.columns().len()).map(is_stem).collect()
 }
 
-/// Where the lowest of the `stems` begins, if they show that nobody saw the ground at `level`, a quantile of
-/// `lows`. `stems` are the lows of those columns that are stems; those above `level` are removed. `depth` is
-/// how far ground may lie from the level.
+/// The foot of the lowest of the `stems`, if they show that `level`, a quantile of `lows`, is not the ground.
+/// `stems` has the lows of the stem columns. Lows that are not more than `depth` below `level` are removed.
+/// `depth` is how far ground may lie from the level.
 pub(super) fn feet(level: u32, lows: &[u32], stems: &mut Vec<u32>, depth: u32) -> Option<u32> {
     stems.retain(|&low| low < level.saturating_sub(depth));
     if stems.len() < FEWEST {

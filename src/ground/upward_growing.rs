@@ -1,4 +1,4 @@
-//! `upward-growing`: a voxel is ground if only little rises from it within its block.
+//! `upward-growing`: a voxel is ground if nothing high grows upward from it within its block.
 //!
 //! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning data"
 //! (2016), section 3.1, with the values of its section 4. The plane is divided into blocks of `block`, and a
@@ -12,8 +12,8 @@
 //! multiples of their edges in the coordinates of the drive. So no point depends on where a file or a tile
 //! begins.
 //!
-//! A path upward passes through every layer up to its top. So a top lies `height` or more above the low
-//! exactly if the first layer at that height is reached. Higher layers are not examined. One bit per column
+//! A path upward passes through every layer up to its top. So a top lies `height` or more above the low if
+//! and only if the first layer at that height is reached. Higher layers are not examined. One bit per column
 //! says which voxels of the layer above were reached.
 //!
 //! Cost: O(points + columns log columns). Memory: five bytes per voxel beside the voxels themselves. The
@@ -177,7 +177,7 @@ type Layer = [u128; MOST_VOXELS];
 struct Block {
     lows: Vec<u32>,
     voxels: Vec<Voxel>,
-    /// What of the layer above reaches the limit, and of this one.
+    /// Columns of the layer above from which the limit is reached. `here` has those of the current layer.
     above: Box<Layer>,
     here: Box<Layer>,
 }
@@ -190,7 +190,7 @@ impl Default for Block {
 }
 
 impl Block {
-    /// The low of the block: a quantile of the lows of its columns, of which there is one at least.
+    /// The low of the block: a quantile of the lows of its columns. There is at least one column.
     fn low(&mut self, columns: &[Column], quantile: f64) -> u32 {
         self.lows.clear();
         self.lows.extend(columns.iter().map(|column| column.low));
@@ -198,7 +198,7 @@ impl Block {
         *self.lows.select_nth_unstable(rank).1
     }
 
-    /// Takes the voxels up to the layer `limit`, from the highest down.
+    /// Collects the voxels up to the layer `limit`, from the highest down.
     fn gather(&mut self, index: &VoxelIndex, visible: &[u32], columns: &[Column], limit: u32) {
         self.voxels.clear();
         for column in columns {
@@ -210,7 +210,7 @@ impl Block {
         self.voxels.sort_unstable_by_key(|voxel| Reverse(voxel.k));
     }
 
-    /// Makes the voxels ground from which the layer `limit` is not reached.
+    /// Marks as ground the voxels from which the layer `limit` is not reached.
     fn grow(&mut self, limit: u32, ground: &mut [bool]) {
         self.above.fill(0);
         let mut layer_above = None;
@@ -296,7 +296,7 @@ mod tests {
         let tower = |top: i64| (0..=top).map(|k| [10, 10, k]).collect::<Vec<_>>();
         assert_eq!(voxels(&tower(5)), [Ground; 6]);
         assert_eq!(voxels(&tower(6)), [Object; 7]);
-        // A gap ends the growth, and what is above it is too high by itself.
+        // A gap ends the growth. The voxels above it are too high themselves.
         assert_eq!(
             voxels(&[[10, 10, 0], [10, 10, 1], [10, 10, 3], [10, 10, 6]]),
             [Ground, Ground, Ground, Object]
@@ -311,7 +311,7 @@ mod tests {
             assert_eq!(voxels(&lean(20, di, dj)), [Object; 7], "{di} {dj}");
         }
         assert_eq!(voxels(&lean(20, 2, 0))[..6], [Ground; 6], "two columns further is not a neighbour");
-        // Columns 55 to 59 are of the first block, 60 and 61 of the second, where they are the low
+        // Columns 55 to 59 belong to the first block, 60 and 61 to the second, where they are the low
         // themselves.
         assert_eq!(voxels(&lean(55, 1, 0)), [Ground; 7]);
         assert_eq!(voxels(&lean(-3, 1, 0)), [Ground; 7]);
@@ -319,8 +319,8 @@ mod tests {
 
     #[test]
     fn one_return_below_the_road_does_not_move_the_low() {
-        // 40 columns: the quantile is the third lowest. Two returns 2 m below are below the low, and three
-        // are the low.
+        // 40 columns: the quantile is the third lowest. Two returns 2 m below the road lie below the low;
+        // with three, they are the low.
         let road = |strays: i64| {
             (0..40).map(|i| [i * 50, 0, if i < strays { -2_000 } else { 0 }]).collect::<Vec<_>>()
         };

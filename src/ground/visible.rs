@@ -1,4 +1,4 @@
-//! What a filter that works on voxels sees and says: points that are not noise in, ground points out.
+//! Input and output of filters that work on voxels: points that are not noise in, ground points out.
 
 use crate::model::PointClass;
 use crate::spatial::VoxelIndex;
@@ -12,7 +12,7 @@ pub(super) fn visible_points(index: &VoxelIndex, classes: &[PointClass]) -> Vec<
     visible
 }
 
-/// Makes the points of ground voxels ground; noise stays noise.
+/// Marks the points of ground voxels as ground; noise stays noise.
 pub(super) fn mark_ground(index: &VoxelIndex, ground: &[bool], classes: &mut [PointClass]) {
     for (points, voxel) in index.streaks() {
         if ground[voxel] {

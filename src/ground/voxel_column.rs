@@ -3,8 +3,8 @@
 //! Source: Li, Li, Li, Yang, Liu, "A density-based clustering method for urban scene mobile laser scanning
 //! data segmentation" (2017), section 3.1.2 and eq. 2. Ours: voxels lie at multiples of their edge, not at
 //! the minimum of the data, so an added file moves nothing; lengths are compared in lattice units, so no
-//! rounding decides; the lowest voxel of a column has two points if it can; the paper does not give the
-//! radius of the neighbourhood.
+//! rounding decides; the lowest voxel of a column is the lowest with two points, if there is one; the paper
+//! does not give the radius of the neighbourhood.
 //!
 //! The voxels contain all points that are not noise. A *run* is a maximal sequence of occupied voxels of one
 //! column with consecutive k. The lowest voxel of a column is ground if its run is shorter than `run_height`,
@@ -140,8 +140,8 @@ impl GroundFilter for VoxelColumn {
         NAME
     }
 
-    /// `radius`, and a voxel at both ends: a point may lie at the far corner of its column, and so may its
-    /// neighbour.
+    /// `radius` between the centres, and half the diagonal of a column at both ends: a point may lie at the
+    /// far corner of its column, and so may its neighbour.
     fn reach(&self, lattice: Lattice) -> Reach {
         let voxel_m = lattice.metres(lattice.units(self.config.voxel));
         Reach::Exact { metres: self.config.radius + voxel_m * SQRT_2 }
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_run_of_three_voxels_is_ground_and_one_of_four_is_not() {
-        // 3 * 0.3 m < 1 m <= 4 * 0.3 m. What is above a gap is not of the run.
+        // 3 * 0.3 m < 1 m <= 4 * 0.3 m. Voxels above a gap do not belong to the run.
         assert_eq!(
             classify(&voxels(&[[0, 0], [0, 1], [0, 2], [0, 4]]), &[Object; 4]),
             [Ground, Ground, Ground, Object]
@@ -221,14 +221,14 @@ mod tests {
             classify(&points, &[LowNoise, Object, Object, LowNoise, Object]),
             [LowNoise, Ground, Ground, LowNoise, Object]
         );
-        // A voxel with noise and other points is there, and its noise stays noise.
+        // A voxel with noise and other points counts as occupied, and its noise stays noise.
         let points = [[0, 0, 0], [1, 1, 1]];
         assert_eq!(classify(&points, &[LowNoise, Object]), [LowNoise, Ground]);
     }
 
     #[test]
     fn a_voxel_of_too_few_points_is_not_the_lowest_and_not_ground() {
-        // A return 0.6 m below the road takes the road from the ground, unless a lowest voxel needs two
+        // A return 0.6 m below the road removes the road from the ground, unless a lowest voxel needs two
         // points.
         let mut points = voxels(&[[0, 2], [0, 2], [1, 2], [1, 2], [1, 0]]);
         assert_eq!(classify(&points, &[Object; 5]), [Ground, Ground, Ground, Ground, Object]);
@@ -242,7 +242,7 @@ mod tests {
         // ground.
         assert_eq!(classify(&points[..2], &[Object, LowNoise]), [Ground, LowNoise]);
         assert_eq!(classify(&voxels(&[[0, 2], [0, 5]]), &[Object; 2]), [Ground, Object]);
-        // Above the lowest voxel, the run goes on whatever its voxels hold.
+        // Above the lowest voxel, the run continues however many points its voxels have.
         points = voxels(&[[0, 2], [0, 2], [0, 3]]);
         assert_eq!(classify(&points, &[Object; 3]), [Ground; 3]);
     }

@@ -1,28 +1,32 @@
-//! `opening`: ground is close above a surface from which objects have been removed.
+//! `opening`: points close above a surface from which objects have been removed are ground.
 //!
 //! Ours. It uses the morphological opening of the lowest points, as in Zhang et al., "A progressive
 //! morphological filter for removing nonground measurements from airborne LIDAR data" (2003), and in Pingel,
 //! Clarke, McBride, "An improved simple morphological filter for the terrain classification of airborne LIDAR
 //! data" (2013). It opens only once, with a small disc, because a mobile scanner sees the ground beside
 //! everything that stands on a road. It also uses the points that were classified as noise. Far from the
-//! scanner the points of the ground are so sparse that they look like isolated noise (1 % of the true ground
-//! on sparsely sampled streets). If such a point is ground, it is no longer noise. The steps work on the
-//! columns of voxels:
+//! scanner, ground points are so sparse that they look like isolated noise (1 % of the true ground on
+//! sparsely sampled streets). If such a point is ground, it stops being noise. The steps work on the columns
+//! of voxels:
 //!
-//! 1. *Floor.* A quantile of the lowest layers of all columns in the 5 x 5 blocks around, minus `depth`. A
-//!    layer holds a part of the points of its column, because where a road is wet or a facade mirrors, most
-//!    columns have points below it, see `column_points.rs`. Points below the floor are multipath or stray
-//!    returns. Where stems are all that was seen below it, the floor lies at their feet, see `stems.rs`.
-//! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor. So single returns do not count.
+//! 1. *Floor.* A quantile of the lowest layers of all columns in the surrounding 5 x 5 blocks, minus `depth`.
+//!    A layer must contain a certain share of the points of its column, because most columns have points
+//!    below a wet road or a reflecting facade, see `column_points.rs`. Points below the floor are multipath
+//!    or stray returns. Where nothing but stems was seen below it, the floor lies at their feet, see
+//!    `stems.rs`.
+//! 2. *Low* of a column: its `lowest_points`-th lowest point above the floor, so that single returns do not
+//!    count.
 //! 3. *Surface*: the opening of the lows by a disc of `radius`: the minimum over the disc, then the maximum
 //!    of these. It removes cars, hedges and trunks. It follows slopes, and never lies above a low. Where
-//!    stems are all that was seen, it is the minimum: most of a disc has no low near the ground there.
+//!    nothing but stems was seen, it is the minimum over the disc only, because most columns of a disc have
+//!    no low near the ground there.
 //! 4. *Ceiling.* The ground does not rise faster than `slope` over `slope_radius`. The surface stays below
 //!    this ceiling. Crowns and roofs without ground below them lie above it. Where few columns have points,
-//!    it rises slower, and the column of the next step is empty further up, see `sparse.rs`.
+//!    the ceiling rises more slowly, and a clear column of the next step must be empty to a greater height,
+//!    see `sparse.rs`.
 //! 5. A column is clear if it is empty between `height` and `clear` above the surface. There, points between
 //!    `depth` below the surface and `height` above it are ground. So kerbs and rough ground are ground.
-//! 6. Where something stands, only points less than `close` above the surface are ground, and only if ground
+//! 6. Where an object stands, only points less than `close` above the surface are ground, and only if ground
 //!    was seen there or beside it. Clear columns enclosed by walls are the floor of a room, and not ground.
 //!    See `standing.rs`.
 //!
@@ -67,19 +71,19 @@ const BLOCK: i64 = 5;
 /// sparse (chosen: 7.5 m by default, which is larger than a patch of multipath).
 const FLOOR_REACH: i64 = 2;
 
-/// What is occupied without a gap from its low up to this height above it is a stem, in metres (chosen: above
-/// hedges and undergrowth).
+/// Height of a stem in metres: a column is a stem if it is occupied without a gap from its lowest voxel up to
+/// this height (chosen: above hedges and undergrowth).
 const STEM_M: f64 = 2.0;
 
-/// What stands and has points in a voxel that begins this far above the surface is a wall, in metres (chosen:
-/// above cars and hedges).
+/// Height of a wall in metres: an object in a column is a wall if the highest voxel begins at least this far
+/// above the surface (chosen: above cars and hedges).
 const WALL_M: f64 = 1.2;
 
-/// Ground was seen at the foot of what stands if the surface there has more points than this plus
-/// [`FOOT_SHARE`] of those between `height` and `clear` (chosen: a wall alone has the lowest two).
+/// Ground was seen at the foot of an object if more points lie at the surface there than this number plus
+/// [`FOOT_SHARE`] times the points between `height` and `clear` (chosen: a wall alone has the lowest two).
 const FOOT_POINTS: f64 = 2.0;
-/// Points at the surface that are of what stands there, per point of it between `height` and `clear` (chosen:
-/// a wall alone has a sixth, 6 of 40 cm).
+/// Points at the surface that belong to the object there, per point of it between `height` and `clear`
+/// (chosen: a wall alone has a sixth, 6 of 40 cm).
 const FOOT_SHARE: f64 = 0.3;
 
 pub(in crate::ground) const ENTRY: GroundEntry = GroundEntry {
@@ -144,15 +148,16 @@ impl Opening {
     }
 }
 
-/// The opening of `lows` by a disc, not above the lows themselves; [`NONE`] stays. In columns that are
-/// `eroded_only` the first half of it, the minimum over the disc.
+/// The opening of `lows` by a disc, never above the lows themselves; [`NONE`] stays. In columns that are
+/// `eroded_only`, only its first half: the minimum over the disc.
 fn opening(
     index: &VoxelIndex,
     radius_units: i64,
     lows: &[u32],
     eroded_only: impl Fn(usize) -> bool,
 ) -> Vec<u32> {
-    // The maximum is the minimum of what is left of the largest value below NONE.
+    // A maximum is a minimum of complements. The complement of a value is its difference to the largest value
+    // below NONE.
     let turned = |value: u32| if value == NONE { NONE } else { NONE - 1 - value };
     let mut eroded = lowest_within(index, radius_units, lows);
     for (eroded, &low) in eroded.iter_mut().zip(lows) {
@@ -197,7 +202,7 @@ impl Heights {
     }
 }
 
-/// Lengths and numbers that are not negative.
+/// A length or number that is not negative.
 fn units_of(value: i64) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
 }
@@ -211,9 +216,9 @@ impl GroundFilter for Opening {
         1.5
     }
 
-    /// A column; from there to the far corner of a block `slope_radius` away; twice the disc; to the far
-    /// corner of the blocks that make the floor, of as many as say whether a place is sparse; and across a
-    /// room.
+    /// The sum of these distances: across a column; to the far corner of a block `slope_radius` away; twice
+    /// the radius of the disc; to the far corner of the blocks that determine the floor, which also say
+    /// whether a place is sparse; and across a room.
     fn reach(&self, lattice: Lattice) -> Reach {
         let voxel_m = lattice.metres(lattice.units(self.config.voxel));
         let block_m = voxel_m * BLOCK as f64 * SQRT_2;
@@ -288,7 +293,7 @@ mod tests {
         columns.flat_map(|(i, j)| [40, 150, 260].map(|at| [i * 300 + at, j * 300 + at, i * rise])).collect()
     }
 
-    /// What becomes of points beside those of a plane, which is all ground.
+    /// The classes of points beside those of a plane. The whole plane must be ground.
     fn on(plane: &[[i64; 3]], points: &[[i64; 3]]) -> Vec<PointClass> {
         let classes = classify(&[plane, points].concat(), Object);
         assert!(classes[..plane.len()].iter().all(|class| *class == Ground));
@@ -297,20 +302,20 @@ mod tests {
 
     #[test]
     fn returns_below_the_road_take_nothing_from_the_ground() {
-        // Single ones 0.1 to 5 m below, and ten of multipath in one column.
+        // Single returns 0.1 to 5 m below, and ten multipath returns in one column.
         for below in [-100, -200, -400, -600, -5_000] {
             let expected = if below > -300 { Ground } else { Object };
             assert_eq!(on(&plane(0), &[[4_500, 4_500, below]]), [expected], "{below}");
         }
         assert_eq!(on(&plane(0), &[[4_500, 4_500, -2_000]; 10]), [Object; 10]);
-        // What is mirrored below the road is as high as it, but there is a gap between it and the road.
+        // A reflection below the road is as high as a stem, but there is a gap between it and the road.
         let mirrored: Vec<_> = (10..50).map(|k| [4_500, 4_500, k * -100]).collect();
         assert_eq!(on(&plane(0), &mirrored), [Object; 40]);
     }
 
     #[test]
     fn returns_below_most_of_the_road_take_nothing_from_the_ground() {
-        // 60 points of road in each column, and below two of three columns 1 to 5 returns, down to 9 m.
+        // 60 points of road in each column. Below two of three columns there are 1 to 5 returns, down to 9 m.
         let columns = || (0..30_i64).flat_map(|i| (0..30).map(move |j| (i, j)));
         let road: Vec<_> = columns()
             .flat_map(|(i, j)| {
@@ -348,7 +353,7 @@ mod tests {
         let kerb = [[4_500, 4_500, 120], [4_500, 4_500, 299], [4_500, 4_500, 300]];
         assert_eq!(on(&plane(0), &kerb[..2]), [Ground; 2]);
         assert_eq!(on(&plane(0), &kerb), [Object; 3]);
-        // 0.7 m above the ground is clear of it.
+        // A point 0.7 m above the ground leaves the column clear.
         assert_eq!(on(&plane(0), &[[4_500, 4_500, 120], [4_500, 4_500, 700]]), [Ground, Object]);
         assert_eq!(
             on(&plane(0), &[[4_500, 4_500, 59], [4_500, 4_500, 60], [4_500, 4_500, 699]]),
@@ -388,7 +393,8 @@ mod tests {
         assert!(classes[3_601..].iter().all(|class| *class == Object));
     }
 
-    /// Rings of 24 m, of which one is 0.1 m above the other, and more behind them on a wall or on ground.
+    /// Two rings of 24 m on ground, one 0.1 m above the other, and more rings behind them on a wall or on
+    /// ground.
     #[test]
     fn rings_far_from_the_scanner_are_ground_only_if_they_are_little_above_the_nearest() {
         let rings = |rings: &[[i64; 2]]| {
@@ -408,7 +414,7 @@ mod tests {
         assert_eq!(grounds(&[[9_000, 500]], 0.2), [true; 3]);
         assert_eq!(grounds(&[[9_000, 1_800]], 0.2), [true, true, false]);
         assert_eq!(grounds(&[[9_000, 1_800]], 0.0), [true; 3]);
-        // The next ring on the wall is 2 m above. It stands on ground that was not seen.
+        // The next ring on the wall is 2 m higher. The wall stands on ground that was not seen.
         assert_eq!(grounds(&[[9_000, 500], [9_000, 2_500]], 0.2), [true, true, false, false]);
         assert_eq!(grounds(&[[9_000, 500], [9_000, 2_500]], 0.0), [true, true, true, false]);
     }

@@ -17,7 +17,7 @@ pub struct OpeningConfig {
     pub low_quantile: f64,
     /// Largest depth of ground below that quantile and below the surface, in metres, 0 to 100. Default 0.3.
     pub depth: f64,
-    /// Radius of the disc in metres, 0 to 20. Default 1.2: half of what is wider than a car.
+    /// Radius of the disc in metres, 0 to 20. Default 1.2: the disc is wider than a car.
     pub radius: f64,
     /// Largest slope of the ground, 0 to 10 metres per metre. Default 0.8, so that embankments of 1 : 1.5 are
     /// ground.
@@ -31,11 +31,12 @@ pub struct OpeningConfig {
     /// Nothing stands where the column is empty from `height` up to this above the surface, 0 to 100. Default
     /// 0.7.
     pub clear: f64,
-    /// A place is sparse where less than this share of the columns within about 3.75 m has points, 0 to 0.5;
-    /// 0: no place is. There the ground rises by at most 15 %, and `clear` is at least 6 m. Default 0.2.
+    /// A place is sparse if less than this share of the columns within about 3.75 m has points, 0 to 0.5;
+    /// with 0, no place is sparse. In a sparse place, the ground rises by at most 15 %, and `clear` is at
+    /// least 6 m. Default 0.2.
     pub sparse: f64,
-    /// Flat patches that are shorter than this along both axes and enclosed by walls are rooms, in metres, 0
-    /// to 20; 0: there are no rooms. Default 7.5.
+    /// Largest extent of a room along both axes, in metres, 0 to 20; with 0, there are no rooms. A room is a
+    /// flat patch enclosed by walls. Default 7.5.
     pub room: f64,
 }
 

@@ -1,29 +1,30 @@
 //! Sparse places: where few columns have points, the lowest points need not be ground.
 //!
-//! Far from a scanner its profiles and rings lie metres apart, and ground between them was not seen. What is
-//! lowest there is often a ring on a wall, a hedge or a car. So `opening` is stricter there:
+//! Far from a scanner, its profiles and rings lie metres apart, and the ground between them was not seen. The
+//! lowest points there are often a ring on a wall, a hedge or a car. So `opening` is stricter there:
 //!
-//! * *Slope.* The ground rises by at most 15 %. Such a ring lies a metre above the ground of the next few
-//!   metres, which the slope of an embankment allows. A road does not rise so fast, with few exceptions.
+//! * *Slope.* The ground rises by at most 15 %. Such a ring lies a metre above the ground a few metres away,
+//!   and the slope of an embankment would allow this. With few exceptions, roads are less steep than 15 %.
 //! * *Clear.* The next ring on a wall may be metres above, so a column is clear only if it is empty up to
 //!   6 m. That costs ground below crowns.
 //!
-//! Both were chosen by single sweeps, beside the ground of steep land: `benches/results/ground.md`.
+//! Both were chosen on single sweeps, weighed against the ground lost on steep land:
+//! `benches/results/ground.md`.
 
 /// Largest slope of the ground in a sparse place.
 const SLOPE: f64 = 0.15;
 
-/// Places with this many times the share of a sparse one have the slope of the settings, and those between
-/// have slopes between (chosen: without that, one column more would change the slope from 15 % to 80 %).
+/// Multiple of the share of a sparse place from which the slope of the settings applies. In between, the
+/// slope is interpolated (chosen: otherwise one more column would change the slope from 15 % to 80 %).
 const FULL: f64 = 1.5;
 
-/// Nothing stands in a sparse place where the column is empty up to this above the surface, in metres.
+/// Height above the surface up to which a column in a sparse place must be empty to be clear, in metres.
 pub(super) const CLEAR_M: f64 = 6.0;
 
 /// Which places are sparse.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sparse {
-    /// Places of which a smaller share of the columns has points are sparse; 0: none is.
+    /// Share of columns with points below which a place is sparse; with 0, no place is sparse.
     pub(super) share: f64,
 }
 
