@@ -1,32 +1,32 @@
 //! Distances from very many points of one cloud to their K nearest neighbours, for the curve from which
-//! epsilon is estimated. It has its own tree because one look-up serves all points of a leaf, which saves
-//! most look-ups. Its benchmark is `curve` of `benches/kernels.rs`; `scripts/compare_speed_dbscan.py`
-//! compares it with the kd-tree of scipy.
+//! epsilon is estimated. This index has its own tree, because one look-up then serves all points of a leaf,
+//! which saves most look-ups. Its benchmark is `curve` of `benches/kernels.rs`;
+//! `scripts/compare_speed_dbscan.py` compares it with the kd-tree of scipy.
 //!
 //! The kd-tree splits the points at the median of the longest side until a leaf has at most [`LEAF_POINTS`].
 //! Points of a leaf are close together, so they need nearly the same neighbours. The distance from the leaf's
 //! centre to its K-th neighbour bounds that of each of its points (triangle inequality). The leaves within
-//! this bound are searched once for all points of the leaf. A squared distance is a sum over exact
-//! differences in the order of the axes. No result depends on the shape of the tree, and so none depends on
-//! which other points are present.
+//! this bound are searched once for all points of the leaf. A squared distance is the sum of squared exact
+//! differences, in the order of the axes. So no result depends on the shape of the tree, nor on which other
+//! points are present.
 
 use std::cmp::Ordering;
 
 use crate::spatial::{Points, SpatialError};
 
-/// Largest number of points in a leaf. Chosen: with fewer, there are more look-ups; with more, more useless
+/// Largest number of points in a leaf. Chosen: fewer points cost more look-ups, more points cost more useless
 /// distances.
 const LEAF_POINTS: usize = 16;
 /// Slack of bounds from the triangle inequality, far above the rounding error of a few operations.
 const SLACK: f64 = 1.0 + 1e-9;
 
-/// A box of the tree and its points.
+/// A node of the tree: its box and its points.
 struct Node<const D: usize> {
     low: [f64; D],
     high: [f64; D],
     first: u32,
     end: u32,
-    /// Its halves, as positions in the list of nodes; 0 for a leaf.
+    /// Positions of its halves in the list of nodes; 0 for a leaf.
     lower: u32,
     upper: u32,
 }
@@ -35,7 +35,7 @@ struct Node<const D: usize> {
 struct Crowd<const D: usize> {
     /// The points, leaf by leaf.
     places: Vec<[f64; D]>,
-    /// The number of each of them.
+    /// The number of each point.
     number: Vec<u32>,
     nodes: Vec<Node<D>>,
 }
@@ -67,7 +67,7 @@ struct Smallest {
     slots: Vec<u64>,
     /// Slots in use.
     len: usize,
-    /// A larger distance cannot be among the smallest any more.
+    /// A squared distance above this cannot be among the smallest any more.
     limit: f64,
 }
 
@@ -86,7 +86,7 @@ impl Smallest {
         let mut len = self.len;
         let limit = self.limit;
         for other in others {
-            // Always written, and counted only if it is near: a branch could not be predicted.
+            // Every point is written, but counted only if it is near: a branch could not be predicted.
             let squared = squared(place, other);
             self.slots[len] = squared.to_bits();
             len += usize::from(squared <= limit);
@@ -132,7 +132,7 @@ impl<const D: usize> Crowd<D> {
     }
 
     /// Squared distances from each `wanted` point of the `leaves` to its `k` nearest points, itself included,
-    /// ascending. If there are fewer than `k`, all of them.
+    /// ascending. If there are fewer than `k` points, to all of them.
     fn each_nearest(&self, leaves: &[u32], k: usize, wanted: Wanted<'_>, visit: &mut Visit<'_>) {
         let mut smallest = Smallest::new(k);
         let mut near: Vec<(f64, u32)> = Vec::new();
@@ -272,7 +272,7 @@ impl Neighbours {
         }))
     }
 
-    /// The leaves, in an order in which consecutive ones are mostly close together.
+    /// The leaves, ordered so that consecutive leaves are mostly close together.
     pub(crate) fn leaves(&self) -> Vec<u32> {
         self.0.leaves()
     }

@@ -1,7 +1,7 @@
 //! The geometry of the occupancy raster: cells of the plane on the lattice, and sparse paged maps over them.
 //!
 //! A cell is a square of `edge` lattice units, anchored at multiples of its edge. A map consists of pages of
-//! 64 x 64 cells, so that a stray point kilometres away costs one page and not the area in between.
+//! 64 x 64 cells, so that a stray point kilometres away costs one page, not the area in between.
 
 use crate::model::in_u32;
 use rustc_hash::FxHashMap;
@@ -232,7 +232,7 @@ mod tests {
         let grid = CellGrid::new(1_000);
         // A reach below one cell: the eight neighbours, whose borders touch.
         assert_eq!(grid.disc(300).len(), 9);
-        // A reach of exactly one cell: along an axis, cells two away have a gap of one cell. So do those a
+        // A reach of exactly one cell: along an axis, cells two away have a gap of one cell. So do cells a
         // knight's move away.
         assert_eq!(grid.disc(1_000).len(), 9 + 4 * 3);
         assert!(grid.disc(0).contains(&[1, 1]));

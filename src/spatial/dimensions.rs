@@ -1,8 +1,8 @@
-//! How many dimensions points may have, and how large their numbers may be.
+//! Limits of points: their number of dimensions, and the size of their numbers.
 
 use std::ops::RangeInclusive;
 
-/// Dimensions that can be clustered; every one of them is compiled.
+/// Numbers of dimensions that can be clustered. The code is compiled for each of them.
 pub const DIMENSIONS: RangeInclusive<usize> = 2..=8;
 
 /// Largest number of a point. The squares of distances must be finite numbers.

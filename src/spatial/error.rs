@@ -22,7 +22,7 @@ pub enum SpatialError {
         /// Number of points.
         points: usize,
     },
-    /// A number whose square could not be computed with.
+    /// A number that is too large to be squared, or not a number.
     #[error("point {point} has the value {value:e}; numbers above {:e} cannot be clustered", LARGEST)]
     TooLarge {
         /// The point, from 1.

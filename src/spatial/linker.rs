@@ -1,4 +1,4 @@
-//! Joins voxels that touch. The caller defines what touching means; the walk over neighbours is here.
+//! Joins voxels that touch. The caller defines touching; this file walks over the neighbours.
 //!
 //! Neighbouring voxels mostly belong to one set already. Consecutive voxels of a column in one set are
 //! therefore handled as one *span*. Two spans of one set are skipped as a whole. For two spans of different

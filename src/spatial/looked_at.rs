@@ -1,39 +1,39 @@
-//! Which cells of the drive have been looked at for a set of points, and how far around a cell that is
-//! everything there is.
+//! Which cells of the drive have been searched for a set of points, and how far around a cell the search is
+//! complete.
 //!
-//! A neighbour at a known distance is certain when no occupied cell that has not been looked at is nearer.
-//! Distances between cells are those of their borders, so that no point of another cell is nearer than they
-//! say.
+//! A nearest neighbour is certain if no occupied cell that has not been searched is nearer. Distances between
+//! cells are measured between their borders, so that no points of the two cells are closer to each other.
 
 use std::collections::BTreeMap;
 
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 
-/// Rings of cells that are looked at around a cell before the list of all cells is.
+/// Number of rings of cells around a cell that are tried before the list of all cells.
 const RINGS: i32 = 48;
-/// Largest extent of the cells that are read at once, in lattice units: as for the core of a tile.
+/// Largest extent of cells that are read at once, in lattice units: the same as for the core of a tile.
 const EXTENT_UNITS: i64 = 60_000_000;
 
-/// The cells that have been looked at.
+/// The cells that have been searched.
 pub(crate) struct LookedAt<'a> {
     occupied: &'a PackedCells,
     grid: CellGrid,
     base: &'a CellMap<u8>,
     added: CellMap<u8>,
-    /// What has been asked for.
+    /// Results of earlier queries.
     known: BTreeMap<Cell, Clear>,
 }
 
-/// How far around a cell everything has been looked at, in lattice units.
+/// Distance around a cell within which every occupied cell has been searched, in lattice units.
 #[derive(Debug, Clone, Copy)]
 struct Clear {
     distance: i64,
-    /// Whether something that has not been looked at is that far away; else it may be further.
+    /// Whether the nearest cell that has not been searched is exactly this far away. Otherwise it may be
+    /// further.
     exact: bool,
 }
 
 impl<'a> LookedAt<'a> {
-    /// Of the `occupied` cells of a drive, those of `base` have been looked at.
+    /// The state in which the cells of `base` have been searched, out of the `occupied` cells of a drive.
     pub(crate) fn of(occupied: &'a PackedCells, grid: CellGrid, base: &'a CellMap<u8>) -> Self {
         Self { occupied, grid, base, added: CellMap::default(), known: BTreeMap::new() }
     }
@@ -51,7 +51,7 @@ impl<'a> LookedAt<'a> {
         self.gap_squared([0, 1].map(|k| i64::from(a[k]) - i64::from(b[k])))
     }
 
-    /// Whether everything within a distance in lattice units of any point of `cell` has been looked at.
+    /// Whether everything within `distance` lattice units of any point of `cell` has been searched.
     pub(crate) fn is_clear(&mut self, cell: Cell, distance: i64) -> bool {
         let known = self.known.get(&cell).copied();
         let mut clear = known.unwrap_or_else(|| self.clear_nearby(cell));
@@ -62,11 +62,12 @@ impl<'a> LookedAt<'a> {
         distance <= clear.distance
     }
 
-    /// How far around a cell everything has been looked at, by the rings of cells around it.
+    /// The distance around a cell within which everything has been searched, from the rings of cells around
+    /// it.
     fn clear_nearby(&self, cell: Cell) -> Clear {
         let mut least = None::<i128>;
         for ring in 0..=RINGS {
-            // No cell of this ring or further out is nearer than that.
+            // No cell of this ring or of an outer one is nearer than this.
             let ring_gap = self.gap_squared([i64::from(ring), 0]);
             if let Some(least) = least.filter(|&least| least <= ring_gap) {
                 return Clear { distance: root(least), exact: true };
@@ -84,15 +85,15 @@ impl<'a> LookedAt<'a> {
         Clear { distance: root(least.map_or(rings, |least| least.min(rings))), exact: false }
     }
 
-    /// The same by all cells there are.
+    /// The same from the list of all cells.
     fn clear_far(&self, cell: Cell) -> Clear {
         let far = self.occupied.iter().filter(|(other, _)| self.is_missing(*other));
         let distance = far.map(|(other, _)| self.between(cell, other)).min().map_or(i64::MAX, root);
         Clear { distance, exact: true }
     }
 
-    /// Occupied cells that have not been looked at and lie within a distance of some cell, ascending;
-    /// `around` has cells and distances in lattice units.
+    /// Occupied cells that have not been searched and lie within the given distance of some cell, ascending.
+    /// `around` has cells and their distances in lattice units.
     pub(crate) fn missing_within(&self, around: &BTreeMap<Cell, i64>) -> Vec<(Cell, u32)> {
         let farthest = around.values().copied().max().unwrap_or(0);
         let near =
@@ -120,7 +121,7 @@ impl<'a> LookedAt<'a> {
         found
     }
 
-    /// These cells have been looked at now.
+    /// Marks cells as searched.
     pub(crate) fn add(&mut self, cells: &[(Cell, u32)]) {
         for (cell, _) in cells {
             *self.added.entry(*cell) = 1;
@@ -128,7 +129,7 @@ impl<'a> LookedAt<'a> {
         self.known.clear();
     }
 
-    /// Cells cut into pieces of about `most` points that can be read at once.
+    /// Divides cells into pieces of at most `most` points (or one cell) that can be read at once.
     pub(crate) fn pieces(&self, cells: &[(Cell, u32)], most: u64) -> Vec<Vec<Cell>> {
         let mut pieces: Vec<Vec<Cell>> = Vec::new();
         let (mut points, mut lo, mut hi) = (0, [0; 2], [0; 2]);
@@ -151,8 +152,8 @@ impl<'a> LookedAt<'a> {
     }
 }
 
-/// The root of a squared distance, downwards; distances are whole, so that nothing within an asked one is
-/// forgotten.
+/// The square root of a squared distance, rounded down. Queried distances are integers, so no cell within one
+/// is missed.
 fn root(squared: i128) -> i64 {
     i64::try_from(squared.isqrt()).unwrap_or(i64::MAX)
 }
@@ -197,7 +198,7 @@ mod tests {
         );
         held.add(&all);
         assert!(held.is_clear([19, 0], i64::MAX));
-        // Over the corner: what was not within reach is further away than reach.
+        // Across a corner: a cell that was not within reach is further away than the reach.
         let (occupied, base) = (packed(&[([0, 0], 1), ([20, 20], 1)]), looked([[0, 0]]));
         let mut held = LookedAt::of(&occupied, CellGrid::new(METRE), &base);
         assert!(clear(&mut held, 0, 26_870));

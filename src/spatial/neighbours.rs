@@ -9,10 +9,10 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use crate::spatial::{Points, SpatialError};
 
-/// Slack of squared radii: candidates are searched a little further away than the radius of the decision.
+/// Slack of squared radii: candidates are searched slightly beyond the radius of the decision.
 const SLACK: f64 = 1.0 + 1e-12;
 
-/// The queries of methods to a tree of any dimension.
+/// The queries that methods make to a tree of any dimension.
 pub(crate) trait Neighbours {
     /// Calls `visit` for every candidate within a squared distance of about `limit` (> 0) of a point.
     fn candidates(&self, point: usize, limit: f64, visit: &mut dyn FnMut(usize));
@@ -42,7 +42,7 @@ impl<const D: usize> Neighbours for Tree<D> {
 fn tree<const D: usize>(points: &Points) -> Result<Box<dyn Neighbours>, SpatialError> {
     let row = |row: &[f64]| std::array::from_fn(|axis| row[axis]);
     let rows: Vec<[f64; D]> = points.rows().map(row).collect();
-    // Fails only if u32 cannot count the points, and `Points` does not accept so many.
+    // Fails only if u32 cannot count the points, but `Points` does not accept that many.
     let tree = ImmutableKdTree::new_from_slice(&rows)
         .map_err(|_| SpatialError::TooManyPoints { points: points.len() })?;
     Ok(Box::new(Tree { tree, rows }))

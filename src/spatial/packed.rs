@@ -1,8 +1,8 @@
-//! Values of cells that no longer change, in as few bits as each page of them needs.
+//! Values of cells that no longer change, stored with as few bits as each page needs.
 //!
 //! The values per cell grow with the street and are kept during the whole run. Neighbouring cells have
-//! similar values: points in a square metre, the stretch of the axis, the tile. A page of 64 x 64 cells
-//! stores the smallest value once, and for every cell the difference in 1, 2, 4, 8, 16 or 32 bits.
+//! similar values: number of points, stretch of the axis, tile. A page of 64 x 64 cells stores the smallest
+//! value once, and for every cell the difference in 1, 2, 4, 8, 16 or 32 bits.
 
 use rustc_hash::FxHashMap;
 
@@ -12,7 +12,7 @@ use crate::spatial::cells::{self, Cell, CellMap, PAGE_CELLS};
 #[derive(Debug, Clone, Default)]
 pub struct PackedCells {
     index: FxHashMap<[i32; 2], u32>,
-    /// Ascending by position.
+    /// The pages, ascending by position.
     pages: Vec<Page>,
     /// The words of all pages, in one block. With a block per page, the freed memory between them could not
     /// be returned to the system.
@@ -34,7 +34,7 @@ struct Page {
 }
 
 impl Page {
-    /// The value at a position of the page; `words` are those of all pages.
+    /// The value at a position of the page; `words` has the words of all pages.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "masked to at most 32 bits")]
     fn value(&self, words: &[u64], slot: usize) -> u32 {

@@ -1,34 +1,35 @@
-//! Which of some values are the smallest, without sorting: a threshold is guessed and corrected until the
-//! right number of values is not above it. Values are distances, or squares of distances in a plane, so their
-//! number below a threshold is about proportional to it, and a few guesses suffice. Each guess counts without
-//! branches, several values at a time: values come in whole rows, and what is beyond them is infinite.
+//! Finds the smallest of some values without sorting: a threshold is guessed and corrected until the right
+//! number of values is not above it. Values are distances, or squared distances in a plane. So the number of
+//! values below a threshold is about proportional to it, and a few guesses suffice. Each guess counts several
+//! values at a time, without branches: values are stored in whole rows, and unused places are infinite.
 
-/// Values of a row.
+/// Number of values of a row.
 pub(crate) const ROW: usize = 8;
-/// Most guesses. Equal values may have no threshold between them, then no guess is right.
+/// Largest number of guesses. There may be no threshold between equal values, and then no guess is right.
 const GUESSES: usize = 12;
 
-/// Fills the last row of values. Returns how many they were.
+/// Fills the last row of values with infinity. Returns the number of values before.
 pub(crate) fn fill_up(values: &mut Vec<f32>) -> usize {
     let len = values.len();
     values.resize(len.next_multiple_of(ROW), f32::INFINITY);
     len
 }
 
-/// A value above which all but the `count` smallest of the first `len` values are. `None` if it is not found,
-/// for example because the values around it are equal. Values are finite and not negative; `count` is 1 to
-/// their number.
+/// A threshold that separates the `count` smallest of the first `len` values, which are not above it, from
+/// the others. `None` if none is found, for example because the values around it are equal. Values are finite
+/// and not negative; `count` is 1 to their number.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
 pub(crate) fn threshold(values: &[f32], len: usize, count: usize) -> Option<f32> {
-    // Sums side by side, because additions of floats keep their order.
+    // Several sums side by side, because the compiler must not reorder additions of floats.
     let (rows, rest) = values[..len].as_chunks::<ROW>();
     let mut sums = [0.0_f32; ROW];
     for row in rows {
         sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
     }
     let sum = sums.iter().chain(rest).sum::<f32>();
-    // Even values from 0 have this share below: twice the mean is the largest.
+    // If values were evenly spread from 0, the largest would be twice the mean, and this guess would be
+    // right.
     let guess = 2.0 * sum / len as f32 * (count as f32 / len as f32);
     threshold_from(values, len, count, guess)
 }
@@ -37,7 +38,7 @@ pub(crate) fn threshold(values: &[f32], len: usize, count: usize) -> Option<f32>
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
 pub(crate) fn threshold_from(values: &[f32], len: usize, count: usize, guess: f32) -> Option<f32> {
-    // `low` is below, `high` is above: the numbers of values that are not above them.
+    // A threshold that is too low and one that is too high, each with the number of values not above it.
     let (mut low, mut high) = ((0.0_f32, 0_usize), (f32::INFINITY, len + 1));
     let mut guess = guess;
     for _ in 0..GUESSES {
@@ -51,7 +52,7 @@ pub(crate) fn threshold_from(values: &[f32], len: usize, count: usize, guess: f3
             high = (guess, found);
         }
         guess = if high.0.is_finite() {
-            // Between both, aimed at the middle between two values.
+            // Interpolated between both.
             let share = (count as f32 - low.1 as f32) / (high.1 as f32 - low.1 as f32);
             low.0 + (high.0 - low.0) * share.clamp(0.05, 0.95)
         } else {
@@ -82,7 +83,7 @@ pub(crate) fn median(values: &[f32], len: usize, scratch: &mut Vec<f32>) -> f32 
     let Some(last) = len.checked_sub(1) else { return 0.0 };
     let count = last / 2 + 1;
     let (lower, upper) = if let Some(limit) = threshold(values, len, count) {
-        // The largest and the smallest value of each column of the rows, on both sides.
+        // For each column of the rows, the largest value not above the limit and the smallest value above it.
         let (mut lower, mut upper) = ([0.0_f32; ROW], [f32::INFINITY; ROW]);
         for row in values.as_chunks::<ROW>().0 {
             for ((lower, upper), &value) in lower.iter_mut().zip(&mut upper).zip(row) {

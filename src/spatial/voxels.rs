@@ -25,7 +25,7 @@ pub struct VoxelIndex {
     height: Vec<u32>,
     /// Points of each voxel.
     count: Vec<u32>,
-    /// Index in `sorted_streaks` of the first streak of each voxel, and the end.
+    /// Position in `sorted_streaks` of the first streak of each voxel, and the end.
     streak_first: Vec<u32>,
     /// (i, j) of each column.
     column: Vec<[u32; 2]>,
@@ -240,7 +240,7 @@ impl<'a> TileView<'a> {
     /// # Errors
     /// Those of [`VoxelIndex::build`].
     pub fn voxels(&mut self, method: &'static str, edge: u32) -> Result<&VoxelIndex, AlgorithmError> {
-        // Others are freed before new ones are built.
+        // Voxels of another edge are freed before new ones are built.
         let same = self.voxels.take().filter(|index| index.grid.edge == edge);
         let index = match same {
             Some(index) => index,
@@ -298,7 +298,7 @@ impl Packing {
     }
 }
 
-/// The number of bits for every value below `count`.
+/// The number of bits that hold every value below `count`.
 fn bits(count: u64) -> u32 {
     u64::BITS - count.saturating_sub(1).leading_zeros()
 }

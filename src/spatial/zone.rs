@@ -17,7 +17,7 @@ pub struct BlockZone {
     pub lo: Cell,
     /// Largest cell on each axis.
     pub hi: Cell,
-    /// First and last GPS time in seconds, if there is a finite one.
+    /// First and last finite GPS time in seconds, if there is one.
     pub time: Option<(f64, f64)>,
     /// Coarse cells (8 x 8 cells) with points, sorted. Empty if there are too many to list.
     pub coarse: Vec<Cell>,

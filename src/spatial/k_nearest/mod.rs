@@ -4,15 +4,15 @@
 //! One look-up serves all points of a leaf of a kd-tree, as in `all_nearest`: they need nearly the same
 //! neighbours. The distance from the middle of a leaf to its K-th neighbour bounds that of each of its points
 //! (triangle inequality). The points of all leaves within this bound are listed once, and each point of the
-//! leaf looks through this list, several points at a time (`vectors`).
+//! leaf searches this list, several points at a time (`vectors`).
 //!
-//! Of the points in one place only the K with the smallest numbers can be among the K nearest of any point.
+//! Of many points in one place, only the K with the smallest numbers can be among the K nearest of any point.
 //! The tree leaves the others out, so that very many points in one place cost no more than a few.
 //!
 //! The index also finds the one point nearest to a place that need not be a point (`place`).
 //!
-//! A point has a slot in the index: leaf by leaf, then the points that are left out. What is stored by slots
-//! is close together in memory if it is close together in space.
+//! Every point has a slot in the index: first the points of the tree, leaf by leaf, then the points that are
+//! left out. Values stored by slot are close together in memory if the points are close together in space.
 
 mod place;
 mod tree;
@@ -38,12 +38,11 @@ pub(crate) struct KNearest {
     tree: Tree,
 }
 
-/// Room for a search.
+/// Buffers of a search.
 struct Room {
-    /// Leaves near a leaf: the bits of the squared distance from it in the upper half, the number in the
-    /// lower.
+    /// Leaves near a leaf: the upper half has the bits of the squared distance, the lower half the number.
     leaves: Vec<u64>,
-    /// The boxes of their blocks, and the end of those of each leaf.
+    /// The boxes of their blocks. `ends` has the end of the boxes of each leaf.
     boxes: Boxes,
     ends: Vec<usize>,
     found: Box<Columns>,
@@ -88,9 +87,9 @@ impl KNearest {
         self.tree.place(slot)
     }
 
-    /// Calls `visit` for the slot of every `wanted` point with its nearest points within `reach` units
-    /// (inclusive, at most [`LARGEST_REACH`]), itself included unless K others are in its place. They are the
-    /// K nearest, or all if there are fewer, in no particular order.
+    /// Calls `visit` with the slot of every `wanted` point and its nearest points within `reach` units
+    /// (inclusive, at most [`LARGEST_REACH`]): the K nearest, or all if there are fewer, in no particular
+    /// order. The point itself is included unless K others are in its place.
     pub(crate) fn each(
         &self,
         reach: i64,
@@ -149,7 +148,7 @@ impl KNearest {
             let corner = root_of_squared(centre, leaf.high);
             let limit = within(corner);
             self.leaves_within(leaf, limit, &mut room);
-            // Coordinates of the leaf are exact, too.
+            // The coordinates of the leaf are exact in single precision, too.
             let exact = limit < EXACT && corner < 1e6;
             if exact {
                 self.list(centre, &mut room);
@@ -167,7 +166,7 @@ impl KNearest {
                     let limit = room.found.separate(self.k, &self.tree.number);
                     (loops.keep)(&mut room.found, limit);
                 }
-                // Those of points in the same place are the same.
+                // Points in the same place have the same neighbours.
                 let is_repeated = !repeated.is_empty() && in_place(at).next().is_some();
                 let found = is_repeated.then(|| room.found.clone());
                 let others = in_place(at).map(|at| at as usize);
@@ -181,7 +180,7 @@ impl KNearest {
         }
     }
 
-    /// Lists the blocks of the leaves that are near, counted from the centre of the leaf.
+    /// Lists the blocks of the near leaves, with coordinates relative to `centre`.
     #[expect(clippy::cast_possible_truncation, reason = "there are fewer blocks than points")]
     fn list(&self, centre: [i32; 3], room: &mut Room) {
         let Room { leaves, boxes, ends, .. } = room;
@@ -197,7 +196,7 @@ impl KNearest {
         boxes.end();
     }
 
-    /// Looks through the blocks that are listed.
+    /// Searches the listed blocks.
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     fn look<L, K>(&self, loops: &Loops<L, K>, [place, origin]: [[i32; 3]; 2], limit: u64, room: &mut Room)
@@ -230,8 +229,8 @@ impl KNearest {
         }
     }
 
-    /// Looks through the points of the leaves that are near where distances in single precision are not
-    /// exact: on very fine lattices, and where points are kilometres apart.
+    /// Searches the points of the near leaves where distances in single precision are not exact: on very fine
+    /// lattices, and where points are kilometres apart.
     #[expect(clippy::cast_possible_truncation, reason = "slots fit 32 bits")]
     fn look_far<L, K>(&self, loops: &Loops<L, K>, place: [i32; 3], limit: u64, room: &mut Room)
     where
@@ -258,8 +257,9 @@ impl KNearest {
         }
     }
 
-    /// An upper bound of the distance from a place to its K-th nearest point. `None` if fewer are within the
-    /// limit (squared). Distances are in single precision, so the bound is one with [`SLACK`].
+    /// An upper bound of the distance from a place to its K-th nearest point. `None` if fewer than K points
+    /// are within the limit (squared). Distances are in single precision, so the bound only applies with
+    /// [`SLACK`].
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     fn kth(&self, place: [i32; 3], limit: u64, room: &mut Room) -> Option<f64> {
@@ -281,7 +281,8 @@ impl KNearest {
                     let mut kept = squared.len();
                     squared.extend_from_slice(&row);
                     for value in &row[..*len as usize] {
-                        // Always written, and counted only if it is near: a branch could not be predicted.
+                        // Every value is written, but counted only if it is near: a branch could not be
+                        // predicted.
                         squared[kept] = *value;
                         kept += usize::from(*value <= limit);
                     }
@@ -303,7 +304,7 @@ impl KNearest {
     /// Finds the leaves whose box is within `limit` (squared) of the box of `leaf`, the nearest first.
     fn leaves_within(&self, leaf: &Node, limit: u64, room: &mut Room) {
         let Room { leaves, stack, .. } = room;
-        // With slack, as distances are rounded.
+        // With slack, because distances are rounded.
         let limit = limit as f32 * SLACK;
         leaves.clear();
         stack.clear();
@@ -311,7 +312,7 @@ impl KNearest {
         while let Some((apart, number)) = stack.pop() {
             let node = &self.tree.nodes[number as usize];
             if node.is_leaf() {
-                // Bits of numbers that are not negative are ordered like the numbers.
+                // The bits of non-negative numbers are ordered like the numbers.
                 leaves.push(u64::from(apart.to_bits()) << 32 | u64::from(number));
                 continue;
             }
@@ -326,8 +327,8 @@ impl KNearest {
     }
 }
 
-/// Leaves the `count` smallest values, of at least as many. Returns the largest of them, or a value between
-/// it and the others.
+/// Keeps the `count` smallest values; there must be at least as many. Returns the largest of them, or a value
+/// between it and the others.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
 fn cut(values: &mut Vec<f32>, count: usize) -> f32 {
@@ -343,20 +344,20 @@ fn cut(values: &mut Vec<f32>, count: usize) -> f32 {
     limit
 }
 
-/// The squared distance of a leaf that is near.
+/// The squared distance of an entry of [`Room::leaves`].
 #[inline]
 fn apart_of(leaf: u64) -> f32 {
     f32::from_bits((leaf >> 32) as u32)
 }
 
-/// The number of a leaf that is near.
+/// The number of the leaf of an entry of [`Room::leaves`].
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "the lower half")]
 fn number_of(leaf: u64) -> usize {
     leaf as u32 as usize
 }
 
-/// The way from one place to another one. Coordinates are not negative.
+/// The vector from one place to another. Coordinates are not negative.
 #[inline]
 fn sub(to: [i32; 3], from: [i32; 3]) -> [i32; 3] {
     [0, 1, 2].map(|axis| to[axis] - from[axis])

@@ -1,5 +1,5 @@
-//! The point nearest to any place. Distances are exact integers, and of equally near points the first by x,
-//! then y, then z is found. So neither the shape of the tree nor the order of the points decides.
+//! The point nearest to any place. Distances are exact integers. Of equally near points, the first by x, then
+//! y, then z is found. So the result depends neither on the shape of the tree nor on the order of the points.
 
 use super::KNearest;
 use crate::spatial::k_nearest::tree::{NO_POINT, Node};
@@ -20,7 +20,7 @@ fn squared_to(node: &Node, place: [i32; 3]) -> u64 {
 
 impl KNearest {
     /// The point nearest to a place, at a squared distance of at most `limit`. Coordinates of the place are
-    /// not negative. Of several points in the place that is found, it is any one.
+    /// not negative. If several points are in the place found, any one of them is returned.
     ///
     /// The nearer half of a box is searched first, so that the limit shrinks early.
     pub(crate) fn nearest_to(&self, place: [i32; 3], limit: u64) -> Option<(u64, u32)> {

@@ -4,20 +4,20 @@ use std::ops::Range;
 
 use crate::spatial::vectors::{Block, LANES};
 
-/// Number of points of a leaf that is not one place. Chosen: with fewer there are more look-ups, with more
-/// there are more useless distances.
+/// Largest number of points of a leaf, unless they are all in one place. Chosen: fewer points cost more
+/// look-ups, more points cost more useless distances.
 const LEAF_POINTS: usize = 16;
-/// In a slot without a point.
+/// Stored in a slot without a point.
 pub(crate) const NO_POINT: u32 = u32::MAX;
 
-/// A box of the tree and its points.
+/// A node of the tree: its box and its points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
     pub(super) low: [i32; 3],
     pub(super) high: [i32; 3],
     first: u32,
     end: u32,
-    /// Its halves, as positions in the list of nodes; 0 for a leaf.
+    /// Positions of its halves in the list of nodes; 0 for a leaf.
     pub(super) lower: u32,
     pub(super) upper: u32,
 }
@@ -51,7 +51,7 @@ impl Node {
     }
 }
 
-/// The tree. `k` points in one place are as good as any number of them.
+/// The tree. Of more than `k` points in one place, it contains only `k`.
 #[derive(Debug)]
 pub(super) struct Tree {
     k: usize,
@@ -61,14 +61,15 @@ pub(super) struct Tree {
     pub(super) boxes: Vec<[[i32; 3]; 2]>,
     /// Number of the point in each slot, [`NO_POINT`] for none.
     pub(super) number: Vec<u32>,
-    /// The first is the root.
+    /// The nodes; the first is the root.
     pub(super) nodes: Vec<Node>,
-    /// Slots of points that are left out, each after that of one in the same place that is not.
+    /// Points that are left out, as pairs: the slot of a point of the tree in the same place, then the slot
+    /// of the point.
     pub(super) repeated: Vec<(u32, u32)>,
 }
 
 impl Tree {
-    /// Of points with their numbers.
+    /// The tree of points with their numbers.
     #[expect(clippy::cast_possible_truncation, reason = "there are fewer than 2^32 points")]
     pub(super) fn new(mut points: Vec<([i32; 3], u32)>, k: usize) -> Self {
         let blocks = points.len() / LANES + 1;
@@ -128,7 +129,7 @@ impl Tree {
     fn fill(&mut self, points: &[([i32; 3], u32)]) {
         for points in points.chunks(LANES) {
             let (low, high) = box_of(points);
-            // What is beyond the points is in the place of the first one, and does not count.
+            // Unused lanes have the place of the first point, and do not count.
             let mut block = Block { axes: points[0].0.map(|value| [value; LANES]), len: points.len() as u32 };
             for (lane, (place, _)) in points.iter().enumerate() {
                 block.axes.iter_mut().zip(place).for_each(|(axis, value)| axis[lane] = *value);
@@ -146,7 +147,7 @@ impl Tree {
         self.blocks[slot / LANES].axes.map(|axis| axis[slot % LANES])
     }
 
-    /// The slots of a leaf with points.
+    /// The slots of a leaf that have points.
     pub(super) fn slots(&self, leaf: &Node) -> impl Iterator<Item = usize> {
         leaf.slots().filter(|slot| self.number[*slot] != NO_POINT)
     }

@@ -1,4 +1,4 @@
-//! The two inner loops of a search for processors with AVX2. Their results are those of `columns.rs` to the
+//! The two inner loops of a search for processors with AVX2. Their results equal those of `columns.rs` bit by
 //! bit.
 
 use std::arch::x86_64::{
@@ -10,7 +10,7 @@ use std::arch::x86_64::{
 
 use super::columns::{Block, Boxes, Columns, LANES, Look, SLOTS};
 
-/// For each mask the lanes whose bits are set, ascending, a byte each.
+/// For each mask, the lanes whose bits are set, ascending, one byte each.
 const CHOSEN: [u64; 256] = chosen();
 
 const fn chosen() -> [u64; 256] {
@@ -52,7 +52,7 @@ pub(super) fn look(blocks: &[Block], boxes: &Boxes, look: Look, found: &mut Colu
         while near != 0 {
             let next = eight + near.trailing_zeros() as usize;
             near &= near - 1;
-            // The last boxes may be beyond the end.
+            // The last lanes may be beyond the end of the boxes.
             let Some(number) = numbers.get(next) else { break };
             let block = &blocks[*number as usize];
             let by = [0, 1, 2].map(|axis| _mm256_sub_epi32(bytemuck::cast(block.axes[axis]), place[axis]));
@@ -84,7 +84,7 @@ pub(super) fn keep(found: &mut Columns, limit: f32) {
     let Columns { len, limit: farthest, squared, by: [x, y, z], at } = found;
     *farthest = limit;
     let limit = _mm256_set1_ps(limit);
-    // What is behind the last point must not be kept.
+    // Values behind the last point must not be kept.
     squared[*len..*len + LANES].fill(f32::INFINITY);
     let mut kept = 0;
     for next in (0..*len).step_by(LANES) {
@@ -92,7 +92,7 @@ pub(super) fn keep(found: &mut Columns, limit: f32) {
         let apart = vector(&squared[lanes.clone()]);
         let mask = within(apart, limit);
         let order = order(mask);
-        // What is written was read before.
+        // Only values that have been read already are overwritten.
         let room = kept..kept + LANES;
         put(&mut squared[room.clone()], apart, order);
         for axis in [&mut *x, &mut *y, &mut *z] {
@@ -106,28 +106,28 @@ pub(super) fn keep(found: &mut Columns, limit: f32) {
     *len = kept;
 }
 
-/// The lanes that are not above the limit, a bit for each.
+/// The lanes that are not above the limit, one bit each.
 #[target_feature(enable = "avx2,popcnt")]
 #[inline]
 fn within(values: __m256, limit: __m256) -> u32 {
     _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(values, limit)).cast_unsigned()
 }
 
-/// The lanes of a mask in front.
+/// A permutation that moves the lanes of a mask to the front.
 #[target_feature(enable = "avx2,popcnt")]
 #[inline]
 fn order(mask: u32) -> __m256i {
     _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(CHOSEN[mask as usize & 255].cast_signed()))
 }
 
-/// A vector of as many values.
+/// A vector of the first values.
 #[target_feature(enable = "avx2,popcnt")]
 #[inline]
 fn vector(values: &[f32]) -> __m256 {
     bytemuck::cast::<[f32; LANES], __m256>(std::array::from_fn(|lane| values[lane]))
 }
 
-/// The same of whole numbers.
+/// The same for integers.
 #[target_feature(enable = "avx2,popcnt")]
 #[inline]
 fn whole<T: bytemuck::Pod>(values: &[T]) -> __m256i {

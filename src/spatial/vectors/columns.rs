@@ -1,27 +1,28 @@
-//! Points by columns, and the two inner loops of a search: which points are near a place, and which of these
-//! remain. `avx2.rs` has the same loops for processors with AVX2.
+//! Points in columns, and the two inner loops of a search: `look` finds points near a place, `keep` drops
+//! those that are no longer near enough. `avx2.rs` has the same loops for processors with AVX2.
 //!
-//! Squared distances are in single precision. Whole numbers up to 2^24 are exact in it, and larger ones are
-//! not rounded below that. So below [`EXACT`] a squared distance is exact, and comparisons with limits are.
+//! Squared distances are in single precision. Integers up to 2^24 are exact in it, and larger ones are never
+//! rounded below 2^24. So squared distances below [`EXACT`] are exact, and so are comparisons with limits
+//! below it.
 
 use crate::spatial::ranks::threshold_from;
 
-/// Values of a vector. Columns have room for one vector more than there are values.
+/// Number of values of a vector. Columns have room for one vector after the last value.
 pub(in crate::spatial) const LANES: usize = SLOTS as usize;
-/// The same as a number of slots: block n has the slots from 8 n on.
+/// The same as a number of slots: block n has the 8 slots from 8 n.
 pub(super) const SLOTS: u32 = 8;
-/// Below this squared distances are exact.
+/// Squared distances below this are exact.
 pub(in crate::spatial) const EXACT: u64 = 1 << 24;
 
-/// Most points for which columns have room.
+/// Largest number of points in columns.
 pub(in crate::spatial) const MOST: usize = 1_024;
-/// With a vector for what is beyond the last point.
+/// Room of columns: one more vector, for values beyond the last point.
 const ROOM: usize = MOST + LANES;
 
-/// As many points as a vector has values, or fewer.
+/// At most as many points as a vector has values.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Block {
-    /// Whole coordinates, which are not negative.
+    /// Integer coordinates, not negative.
     pub(in crate::spatial) axes: [[i32; LANES]; 3],
     /// Number of points.
     pub(in crate::spatial) len: u32,
@@ -32,13 +33,14 @@ pub(crate) struct Block {
 pub(crate) struct Boxes {
     /// Numbers of the blocks.
     pub(super) blocks: Vec<u32>,
-    /// Their lower and upper corners, counted from any one place. What is beyond them is infinitely far away.
+    /// Their lower and upper corners, relative to one common place. Entries beyond the last box are
+    /// infinitely far away.
     pub(super) low: [Vec<f32>; 3],
     pub(super) high: [Vec<f32>; 3],
 }
 
 impl Boxes {
-    /// Begins a list.
+    /// Begins a new list.
     pub(in crate::spatial) fn clear(&mut self) {
         self.blocks.clear();
         self.low.iter_mut().chain(&mut self.high).for_each(Vec::clear);
@@ -59,29 +61,29 @@ impl Boxes {
         }
     }
 
-    /// Ends the list.
+    /// Completes the list with boxes that are infinitely far away.
     pub(in crate::spatial) fn end(&mut self) {
         let len = self.blocks.len() + LANES;
         self.low.iter_mut().chain(&mut self.high).for_each(|corner| corner.resize(len, f32::INFINITY));
     }
 }
 
-/// What to look for.
+/// A search request.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Look {
-    /// The first box, and the end of the boxes.
+    /// The first box and the end of the boxes that are searched.
     pub(in crate::spatial) first: usize,
     pub(in crate::spatial) end: usize,
-    /// The place around which points are looked for, and how far they may be (squared).
+    /// The place around which points are searched. `limit` is their largest squared distance.
     pub(in crate::spatial) place: [i32; 3],
-    /// The place from which boxes are counted.
+    /// The place to which the corners of the boxes are relative.
     pub(in crate::spatial) origin: [i32; 3],
     pub(in crate::spatial) limit: f32,
-    /// The search stops when more than this number of points are found, which is below [`MOST`] by a vector.
+    /// The search stops when more points than this are found. At most [`MOST`] minus one vector.
     pub(in crate::spatial) most: usize,
 }
 
-/// Points near a place. Arrays of a known size save most checks of bounds.
+/// Points near a place. Arrays of fixed size save most bounds checks.
 #[derive(Debug, Clone)]
 pub(crate) struct Columns {
     pub(super) len: usize,
@@ -105,7 +107,7 @@ impl Columns {
         self.limit = limit;
     }
 
-    /// Adds a point, for which there is room.
+    /// Adds a point. There must be room for it.
     pub(in crate::spatial) fn push(&mut self, squared: f32, by: [i32; 3], at: u32) {
         self.squared[self.len] = squared;
         self.by.iter_mut().zip(by).for_each(|(axis, by)| axis[self.len] = by);
@@ -131,32 +133,32 @@ impl Columns {
         self.limit
     }
 
-    /// Squared distances of whole rows, after [`Columns::separate`]: those beyond the points are infinite.
+    /// Squared distances in whole rows, after [`Columns::separate`]. Entries beyond the points are infinite.
     #[inline]
     pub(crate) fn squared(&self) -> &[f32] {
         &self.squared[..self.len.next_multiple_of(LANES)]
     }
 
-    /// Coordinates of whole rows, counted from the place; those beyond the points are of any value.
+    /// Coordinates relative to the place, in whole rows. Entries beyond the points have any value.
     #[inline]
     pub(crate) fn by(&self) -> [&[i32]; 3] {
         [0, 1, 2].map(|axis| &self.by[axis][..self.len.next_multiple_of(LANES)])
     }
 
-    /// Replaces squared distances by other values, of whole rows.
+    /// Replaces squared distances by other values, in whole rows.
     #[inline]
     pub(crate) fn value_by(&mut self, values: &[f32]) {
         self.squared[..values.len()].copy_from_slice(values);
     }
 
-    /// A limit within which are the `count` nearest points and no others, if equally near ones are ordered by
-    /// `number`. Distances of others that are as far are made a little larger. `count` is 1 to the number of
-    /// points.
+    /// A limit within which the `count` nearest points are, and no others. Equally near points are ordered by
+    /// `number`. Other points at exactly this distance get a slightly larger one. `count` is 1 to the number
+    /// of points.
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     pub(crate) fn separate(&mut self, count: usize, number: &[u32]) -> f32 {
         self.squared[self.len..self.len + LANES].fill(f32::INFINITY);
-        // In a plane, the number of points within a distance is about proportional to its square.
+        // On a plane, the number of points within a distance is about proportional to its square.
         let guess = self.limit * (count as f32 / self.len as f32);
         match threshold_from(self.squared(), self.len, count, guess) {
             Some(limit) => limit,
@@ -164,10 +166,10 @@ impl Columns {
         }
     }
 
-    /// The same for points among which no limit is between two distances.
+    /// The same if no limit separates the distances.
     #[cold]
     fn separate_ties(&mut self, count: usize, number: &[u32]) -> f32 {
-        // Rounded distances keep their order, but different ones may be equal. Coordinates are exact.
+        // Rounding keeps the order of distances, but different ones may become equal. Coordinates are exact.
         let exact = |point: usize| self.by.iter().map(|axis| f64::from(axis[point]).powi(2)).sum::<f64>();
         let key = |point: usize| (exact(point).to_bits(), number[self.at[point] as usize], point);
         let mut order: Vec<(u64, u32, usize)> = (0..self.len).map(key).collect();
@@ -181,8 +183,7 @@ impl Columns {
     }
 }
 
-/// Adds the points of blocks that are near, until there are too many. Returns the first box that was not
-/// looked at.
+/// Adds the points of near blocks until there are too many. Returns the first box that was not searched.
 pub(super) fn look(blocks: &[Block], boxes: &Boxes, look: Look, found: &mut Columns) -> usize {
     let Look { first, end, place, origin, limit, most } = look;
     let from_origin = [0, 1, 2].map(|axis| (place[axis] - origin[axis]) as f32);
@@ -206,7 +207,7 @@ pub(super) fn look(blocks: &[Block], boxes: &Boxes, look: Look, found: &mut Colu
         let (to_squared, to) = (&mut found.squared[room.clone()], &mut found.at[room]);
         let mut kept = 0;
         for (lane, at) in (0..*len as usize).zip(number * SLOTS..) {
-            // Always written, and counted only if it is near: a branch could not be predicted.
+            // Every point is written, but counted only if it is near: a branch could not be predicted.
             (to_x[kept], to_y[kept], to_z[kept]) = (x[lane], y[lane], z[lane]);
             (to_squared[kept], to[kept]) = (squared[lane], at);
             kept += usize::from(squared[lane] <= limit);

@@ -1,8 +1,8 @@
-//! Loops over columns of numbers for the processor at hand. Everything else is in plain Rust; it is compiled
-//! twice, so that it has the instructions of the processor too.
+//! Loops over columns of numbers for the processor at hand. Everything else is plain Rust, which is compiled
+//! twice so that it also uses the instructions of the processor.
 //!
-//! Processors give the same results: operations are the same, in the same order, and IEEE 754 defines each of
-//! them to the last bit.
+//! All processors give the same results: the operations and their order are the same, and IEEE 754 defines
+//! each of them to the last bit.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -25,7 +25,7 @@ pub(crate) trait Work {
     /// Its result.
     type Output;
 
-    /// Does the work. It must be compiled into its caller, with `#[inline(always)]`, or it does not have the
+    /// Does the work. It must be inlined with `#[inline(always)]`; otherwise it is not compiled with the
     /// instructions of the processor.
     fn with<L, K>(self, loops: &Loops<L, K>) -> Self::Output
     where
@@ -47,7 +47,8 @@ pub(crate) fn run<W: Work>(work: W) -> W::Output {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,popcnt")]
 fn with_avx2<W: Work>(work: W) -> W::Output {
-    // Closures have the instructions of the function that they are in; a function as a value has not.
+    // A closure is compiled with the instructions of the surrounding function; a function passed as a value
+    // is not.
     let look = |blocks: &[Block], boxes: &Boxes, look: Look, found: &mut Columns| {
         avx2::look(blocks, boxes, look, found)
     };
@@ -108,7 +109,7 @@ mod tests {
                 let (limit, mut found) = (1_500_000.0, Columns::default());
                 found.begin(limit);
                 let mut first = 3;
-                // In two parts: the search stops when it has more than 20 points.
+                // With `most` 20, the search needs two parts: it stops when it has more than 20 points.
                 for most in [20, 500] {
                     let look = Look { first, end: boxes.len() - 1, place: *place, origin, limit, most };
                     first = (loops.look)(&self.blocks, &boxes, look, &mut found);
