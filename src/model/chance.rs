@@ -1,10 +1,10 @@
-//! Numbers that look random and are a function of another number, so that no result depends on chance.
+//! Pseudo-random numbers that are a function of another number, so that no result depends on chance.
 //!
 //! Source: SplitMix64, Steele, Lea, Flood, "Fast splittable pseudorandom number generators" (2014),
 //! doi:10.1145/2660193.2660195.
 
 /// Step of a sequence: its numbers are [`splitmix64`] of the seed plus one step, of the seed plus two steps,
-/// and so on. It is 2^64 divided by the golden ratio, as an odd number.
+/// and so on. It is 2^64 divided by the golden ratio, rounded to an odd number.
 pub(crate) const GOLDEN_GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Spreads the bits of a number over all 64 (the finaliser of SplitMix64).

@@ -1,4 +1,4 @@
-//! A chart as data: what a method wants to show. Drawing is the task of the output.
+//! A chart as data, made by a method. The output draws it.
 
 use std::borrow::Cow;
 
@@ -19,7 +19,7 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
-/// An axis of a chart. It begins at 0, or, when logarithmic, below the smallest positive value.
+/// An axis of a chart. It begins at 0, or below the smallest positive value if it is logarithmic.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChartAxis {
     /// What is measured, with its unit.

@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 #[repr(u8)]
 pub enum PointClass {
-    /// Neither ground nor noise: what objects are made of.
+    /// Neither ground nor noise: the points of objects.
     #[default]
     Object = 0,
     /// Ground (LAS class 2).
@@ -16,8 +16,8 @@ pub enum PointClass {
 }
 
 impl PointClass {
-    /// The code of a point whose class was not decided: it lies beside the section of the drive that is
-    /// processed.
+    /// The code of a point whose class was not decided, because it lies outside the section of the drive that
+    /// is processed.
     pub const UNDECIDED: u8 = u8::MAX;
 
     /// The class stored as `code`; `None` when no class has this code.

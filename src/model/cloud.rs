@@ -95,7 +95,7 @@ impl TileCloud {
     }
 }
 
-/// Voxels of one edge length over a tile: local coordinates to voxel indices that are the same in every tile.
+/// Voxels of one edge length over a tile. Maps local coordinates to voxels, which are the same in every tile.
 ///
 /// An index is `floor(lattice coordinate / edge)` minus `base`, the index of the voxel that contains the
 /// tile's origin. Indices are therefore small and never negative, and adding `base` gives the global index.

@@ -1,5 +1,5 @@
-//! A column of the table of objects and the values in it. What they mean is said where they are computed, and
-//! how they are written is said in each format.
+//! A column of the table of objects and its values. Their meaning is defined where they are computed, their
+//! notation in each format.
 
 use std::borrow::Cow;
 
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Column {
-    /// Name in every format: lower-case letters, digits and underscores; it ends with the unit where there is
+    /// Name in every format: lower-case letters, digits and underscores; it ends with the unit if there is
     /// one.
     pub name: &'static str,
     /// Type of the values.
@@ -131,7 +131,7 @@ pub enum Value<'a> {
     Missing,
     /// A whole number.
     Count(u64),
-    /// A number. Formats treat one that is not finite as missing.
+    /// A number. Formats treat a number that is not finite as missing.
     Decimal(f64),
     /// A text.
     Text(Cow<'a, str>),

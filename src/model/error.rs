@@ -1,4 +1,4 @@
-//! Why a kernel (ground filter or clustering method) cannot process the points that it was given.
+//! Errors of a kernel (ground filter or clustering method) that cannot process its points.
 
 use std::borrow::Cow;
 

@@ -22,24 +22,25 @@ pub enum Field {
     Blue,
     /// Near infrared.
     Nir,
-    /// Class of a labelled drive, the extra dimension `gt_class`. It is to learn from, not to measure
-    /// distances in, and so no setting can name it.
+    /// Class in a labelled drive: the extra dimension `gt_class`. It is for learning, not for distances, so
+    /// no setting can name it.
     #[serde(skip)]
     Class,
-    /// Whether a labelled drive is labelled completely here, the extra dimension `gt_core`. As above.
+    /// Whether a labelled drive is completely labelled at this point: the extra dimension `gt_core`. For
+    /// learning only.
     #[serde(skip)]
     Core,
-    /// Number of the object in a labelled drive, the extra dimension `gt_instance`: its lower 16 bits. As
-    /// above.
+    /// Number of the object in a labelled drive: the lower 16 bits of the extra dimension `gt_instance`. For
+    /// learning only.
     #[serde(skip)]
     Instance,
-    /// Its upper 16 bits, where the dimension has four bytes.
+    /// The upper 16 bits of `gt_instance`, if the dimension has four bytes.
     #[serde(skip)]
     InstanceUpper,
 }
 
 impl Field {
-    /// The coordinate that the field is, if it is one.
+    /// The axis of the field (0 for x, 1 for y, 2 for z), if it is a coordinate.
     #[must_use]
     pub fn axis(self) -> Option<usize> {
         match self {

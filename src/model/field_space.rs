@@ -1,4 +1,4 @@
-//! The space of fields that distances between points are taken in.
+//! The space of fields in which distances between points are measured.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ pub struct FieldAxis {
     pub field: Field,
     /// The value that maps to 0, in lattice units or as stored in the record.
     pub centre: f64,
-    /// Factor from one such unit to the space.
+    /// Factor from this unit to the space.
     pub factor: f64,
 }
 
@@ -20,13 +20,13 @@ pub struct FieldAxis {
 pub struct FieldSpace {
     /// Its axes; x and y are among them.
     pub axes: Vec<FieldAxis>,
-    /// Factor applied to a distance in this space: metres per lattice unit if the space is that of the
-    /// points, else 1.
+    /// Factor applied to a distance in this space: metres per lattice unit if the axes are x, y and z in
+    /// lattice units, else 1.
     pub unit: f64,
 }
 
 impl FieldSpace {
-    /// x, y and z without a change. Coordinates remain integers, so distances are exact.
+    /// x, y and z, unchanged. Coordinates remain integers, so distances are exact.
     #[must_use]
     pub fn metres(lattice: Lattice) -> Self {
         let axis = |field| FieldAxis { field, centre: 0.0, factor: 1.0 };
@@ -36,7 +36,7 @@ impl FieldSpace {
     /// Each field minus its mean, divided by its standard deviation, times its weight (1 if none is given).
     ///
     /// # Errors
-    /// The field that has no spread.
+    /// The first field without spread.
     pub fn standardised(fields: &[(Field, FieldSums)], weights: &[f64]) -> Result<Self, Field> {
         let axis = |(at, (field, sums)): (usize, &(Field, FieldSums))| {
             let (centre, deviation) = sums.mean_and_deviation();
@@ -87,7 +87,7 @@ impl FieldSpace {
     pub fn horizontal(&self, distance: f64) -> i64 {
         let flat = self.axes.iter().filter(|axis| matches!(axis.field, Field::X | Field::Y));
         let least = flat.map(|axis| axis.factor).fold(f64::INFINITY, f64::min);
-        // Rounded up, and by more than the rounding error of the distance.
+        // Rounded up by more than the rounding error of the distance.
         (distance / least * (1.0 + 1e-9)).ceil() as i64
     }
 

@@ -96,8 +96,8 @@ mod tests {
     }
 
     proptest! {
-        /// Vertices are points, each turn is to the left, and every point is to the left of each edge. Only
-        /// the hull has these properties.
+        /// Vertices are points, each turn is to the left, and no point is to the right of an edge. Only the
+        /// hull has these properties.
         #[test]
         fn hulls_are_convex_and_hold_every_point(
             points in prop::collection::vec([-30..30_i64, -30..30_i64], 3..150),

@@ -1,14 +1,16 @@
-//! Numbers of tiles, files and points, as types of their own: a number of one thing is never taken for that
-//! of another, and one that does not fit is a panic with a reason instead of wrong data.
+//! Numbers of tiles, files and points, as types of their own. So the number of one thing is never mistaken
+//! for the number of another, and a number that does not fit causes a panic with a reason instead of wrong
+//! data.
 
 use std::ops::{Add, Sub};
 
 use serde::{Deserialize, Serialize};
 
-/// A count or a number that fits 32 bits wherever memory and files allow it.
+/// A count or a number as 32 bits. Any count that memory and files allow fits.
 ///
 /// # Panics
-/// With `what`, when it does not fit: wrong data would be worse. A panic is caught at the tile.
+/// With `what` in the message if the number does not fit: wrong data would be worse. The panic is caught at
+/// the tile.
 #[must_use]
 pub(crate) fn in_u32<N: TryInto<u32>>(number: N, what: &str) -> u32 {
     match number.try_into() {
@@ -54,7 +56,7 @@ impl PointId {
 impl Add<u64> for PointId {
     type Output = Self;
 
-    /// The point that many records later.
+    /// The point `records` records later.
     fn add(self, records: u64) -> Self {
         Self(self.0 + records)
     }

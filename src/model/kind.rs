@@ -1,4 +1,4 @@
-//! What an object is: its class, how certain it is, and whether it grows.
+//! The kind of an object: its class, the confidence in it, and whether it is vegetation.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,12 +10,12 @@ pub struct Kind {
     pub class: u8,
     /// Confidence in steps of 1/255. 0 where the method has no probabilities.
     pub confidence: u8,
-    /// Of class 6: whether it is a hedge or bush.
+    /// Whether an object of class 6 is a hedge or bush.
     pub hedge: Hedge,
 }
 
 impl Kind {
-    /// What has a class, with a confidence in steps of 1/255, and is not known to be a hedge.
+    /// The kind of an object with a class, a confidence in steps of 1/255, and no knowledge of a hedge.
     #[must_use]
     pub const fn new(class: u8, confidence: u8) -> Self {
         Self { class, confidence, hedge: Hedge::No }
@@ -25,7 +25,7 @@ impl Kind {
 /// Whether an object of class 6 is a hedge or bush, by its height above ground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Hedge {
-    /// It is a fence, wall or guard rail, or of another class, or nobody knows.
+    /// A fence, wall or guard rail, an object of another class, or unknown.
     #[default]
     No,
     /// Low vegetation: up to half a metre.

@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 use super::hull::{convex_hull, without_inner_points};
 use crate::model::{FileId, PointId, TileCloud};
 
-/// Above this number of points, inner ones are dropped before the hull; below it, sorting all is as fast.
+/// Number of points above which inner points are dropped before the hull is computed. With fewer, sorting all
+/// is as fast.
 const MANY_POINTS: usize = 64;
 
 /// An object, or a part of one.
@@ -39,7 +40,7 @@ pub struct ObjectPart {
 }
 
 impl ObjectPart {
-    /// No points. Merging it changes nothing.
+    /// A part without points. Merging it changes nothing.
     #[must_use]
     pub fn empty() -> Self {
         Self {
@@ -53,7 +54,7 @@ impl ObjectPart {
         }
     }
 
-    /// The parts with the labels 1 to `count`, over the points for which `core` (by position) is true. A
+    /// The parts with the labels 1 to `count`, from the points for which `core` (by position) is true. A
     /// label without points gives [`Self::empty`]. `file` maps a point id to its file and must not decrease
     /// with the id ([`TileCloud`]). O(points), and O(m log m) for the few points that may be on a hull.
     #[must_use]
@@ -177,7 +178,7 @@ mod tests {
     fn parts_sum_up_their_points() {
         let points = [[-5, 0, 7], [1, 1, 1], [3, 0, 9], [8, 8, 8], [-1, 4, 2], [0, 1, 5]];
         let labels = [2, 0, 2, 1, 2, 2];
-        // The last of label 2 is in the halo, label 3 has no points. Files of three points each.
+        // The last point of label 2 is in the halo, label 3 has no points. Each file has three points.
         let parts = ObjectPart::collect(&cloud(&points), &labels, 3, |point| point != 5, |id| file_of(id, 3));
         assert_eq!(parts.len(), 3);
         assert_eq!(

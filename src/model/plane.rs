@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A plane through a lattice point, with the figures of the points that it fits.
+/// A plane through a lattice point, with figures of the points to which it is fitted.
 ///
 /// ```
 /// use chainage::model::Plane;
@@ -16,13 +16,13 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Plane {
-    /// Mean of the points that it fits, rounded to the lattice. The plane goes through it.
+    /// Mean of the fitted points, rounded to the lattice. The plane goes through it.
     pub centre: [i64; 3],
     /// Unit normal. Its z is positive; if that is 0, its y; if both are 0, its x.
     pub normal: [f64; 3],
-    /// Mean squared distance of these points from the plane, in square lattice units.
+    /// Mean squared distance of the fitted points from the plane, in square lattice units.
     pub flatness_units2: f64,
-    /// Number of these points.
+    /// Number of fitted points.
     pub points: u64,
 }
 
@@ -37,8 +37,8 @@ impl Plane {
         [u, v]
     }
 
-    /// Coordinates (u, v) in the plane of the foot of a lattice point, counted from its centre, in lattice
-    /// units.
+    /// Coordinates (u, v) of the projection of a lattice point onto the plane, relative to the centre of the
+    /// plane, in lattice units.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "not longer than the distance of two lattice points")]
     pub fn local(&self, point: [i64; 3]) -> [i64; 2] {
@@ -54,7 +54,7 @@ impl Plane {
         [0, 1, 2].map(|axis| self.centre[axis] as f64 + (by_u * u[axis] + by_v * v[axis]))
     }
 
-    /// A normal in the direction that this type has.
+    /// A normal with the sign that this type requires.
     #[must_use]
     pub fn upward(normal: [f64; 3]) -> [f64; 3] {
         let decides = if normal[2].abs() > 0.0 { 2 } else { usize::from(normal[1].abs() > 0.0) };

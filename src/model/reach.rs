@@ -11,8 +11,8 @@ pub enum Reach {
         /// Horizontal distance in metres.
         metres: f64,
     },
-    /// An iterative or global method that only converges with distance. In tile cores, at least the share
-    /// `tolerance` of the points agrees.
+    /// An iterative or global method whose result only converges with distance. In tile cores, at least the
+    /// share `tolerance` of the points agrees with the untiled result.
     Settling {
         /// Horizontal distance in metres.
         metres: f64,
