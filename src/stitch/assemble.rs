@@ -12,7 +12,7 @@ pub struct Stitcher {
     /// Number of labels before each tile's first label.
     first_node: Vec<u32>,
     parts: Vec<ObjectPart>,
-    /// Ranges of labels of tiles beside the section.
+    /// Ranges of labels of the tiles outside the section.
     beside: Vec<std::ops::Range<u32>>,
     sets: Option<DisjointSets>,
 }
@@ -36,8 +36,8 @@ impl Stitcher {
         self.parts.extend(objects.into_iter().map(|object| object.part));
     }
 
-    /// Adds the objects of the next tile, which is beside the section that is processed. An object needs a
-    /// part in some other tile.
+    /// Adds the objects of the next tile, which is outside the section that is processed. An object counts
+    /// only if it has a part in a tile inside the section.
     pub fn tile_beside(&mut self, objects: Vec<LocalObject>) {
         let first = in_u32(self.parts.len(), "labels of all tiles");
         self.tile(objects);

@@ -1,5 +1,5 @@
-//! What a tile knows after clustering: its objects, whole or in part, and the points that it shares with
-//! other tiles.
+//! The result of clustering a tile: its objects, whole or in part, and the points that it shares with other
+//! tiles.
 
 use std::ops::RangeInclusive;
 
@@ -10,7 +10,7 @@ use crate::model::{FileId, ObjectPart, PointId, TileCloud, TileId};
 /// An object, or its part in the core.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LocalObject {
-    /// Whether it may continue outside of the core.
+    /// Whether it may continue outside the core.
     pub open: bool,
     /// Its points in the core.
     pub part: ObjectPart,
@@ -27,7 +27,7 @@ pub struct SeamPoint {
     pub label: u32,
 }
 
-/// What a tile knows after clustering.
+/// The result of clustering a tile.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LocalLabels {
     /// Object of label 1, 2, ...

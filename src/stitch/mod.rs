@@ -3,8 +3,8 @@
 //!
 //! Every link between two points has one end in some core, and the halo of that tile contains the other end.
 //! So a tile keeps the labels that have a point in its core. A label without a halo point is *closed*: no
-//! point outside of the core can be linked to it. Every other label is *open*. At each of its halo points, it
-//! is united with the label that the owner of the point gave to this point.
+//! point outside the core can be linked to it. Every other label is *open*. At each of its halo points, it is
+//! united with the label that the owner of the point gave to this point.
 //!
 //! ```
 //! use chainage::model::{ObjectPart, PointId, TileId};
