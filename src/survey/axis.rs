@@ -1,5 +1,5 @@
-//! The axis of the drive: a polyline in the plane along which chainage is measured. Among the results, only
-//! the columns chainage and offset of the object table depend on it. Tiles follow it only to be compact.
+//! The axis of the drive: a polyline in the plane along which chainage is measured. Of the results, only the
+//! columns chainage and offset of the object table depend on it. Tiles follow it only to be compact.
 
 use std::collections::BTreeMap;
 
@@ -11,27 +11,28 @@ use crate::survey::TimeBin;
 
 /// Distance between vertices of the axis in metres. It is the resolution of chainage along tiles.
 pub(super) const VERTEX_SPACING_M: f64 = 1.0;
-/// A stretch within this distance of an earlier one is the same street, in metres.
+/// Largest distance between two stretches of the same street, in metres.
 const CORRIDOR_M: f64 = 12.0;
-/// Length behind a vertex that counts as its own stretch and not as an earlier one, in metres.
+/// Length of the axis behind a vertex that belongs to its own stretch and not to an earlier one, in metres.
 const OWN_STRETCH_M: f64 = 40.0;
-/// Time bins averaged on each side: two seconds, because the mean of the scanned points wobbles within that
-/// time.
+/// Number of time bins averaged on each side: two seconds, because the mean of the scanned points fluctuates
+/// within this time.
 const SMOOTHING_BINS: usize = 4;
-/// A longer gap in the clock means that what was scanned between was cut away, in time bins: four seconds.
+/// Longest gap in GPS time within a stretch, in time bins: four seconds. A longer gap means that a part of
+/// the drive was cut out.
 const GAP_BINS: i64 = 8;
-/// Time bins at each end of the data that may be incomplete: four seconds. Where a box was cut out of a
-/// drive, the last profiles reach into it from outside, on one side of the road. The mean of their points
-/// moves there, up to 16 m on a scene that was cut.
+/// Number of time bins at each end of the data that may be incomplete: four seconds. If the data is a box cut
+/// out of a drive, its first and last profiles were measured from outside the box and cover one side of the
+/// road only. The mean of their points moves to this side, by up to 16 m on such a scene.
 const INCOMPLETE_BINS: usize = 8;
-/// Share of the median of points below which such a bin is incomplete.
+/// Number of points below which such a bin is incomplete, as a share of the median.
 const INCOMPLETE_SHARE: f64 = 0.5;
-/// Vertices at an end of the axis that give the direction in which it goes straight on. A single step
-/// wobbles.
+/// Number of vertices at an end of the axis that give the direction of its extension. A single step
+/// fluctuates.
 const END_VERTICES: usize = 10;
-/// A shorter track means that the scanner did not move, in metres.
+/// Length of the shortest track in metres. A shorter one means that the scanner did not move.
 const SHORTEST_TRACK_M: f64 = 10.0;
-/// Longest axis in metres. A longer one comes from absurd positions.
+/// Longest axis in metres. A longer one results from absurd positions.
 pub(super) const LONGEST_AXIS_M: f64 = 5e6;
 
 /// The source of the axis.
@@ -130,7 +131,8 @@ impl Axis {
     pub fn marks(&self, spacing_m: f64) -> impl Iterator<Item = ([f64; 2], f64)> {
         let mut due = 0.0;
         self.vertices.iter().zip(&self.chainage).filter_map(move |(vertex, &chainage)| {
-            // Up to half a vertex early: chainage is a sum of steps, and 50 m may be 49.9999999.
+            // A mark may come half a vertex early, because chainage is a sum of steps: 50 m may be
+            // 49.9999999.
             if chainage + 0.5 * VERTEX_SPACING_M < due {
                 return None;
             }
@@ -158,7 +160,7 @@ impl Axis {
     }
 
     /// Chainage of the foot of a place on the axis, and its signed offset (positive to the left), in metres.
-    /// Beyond its two ends the axis goes straight on: before its beginning chainage is negative.
+    /// The axis is extended straight beyond its two ends. Before its beginning, chainage is negative.
     #[must_use]
     pub fn locate(&self, place: [f64; 2]) -> (f64, f64) {
         let Some(vertex) = self.index.nearest(place) else { return (0.0, 0.0) };
@@ -199,8 +201,8 @@ impl Axis {
 }
 
 impl Axis {
-    /// Chainage and offset of a place beyond the end of the axis that `vertex` is; `None` if it is no end, or
-    /// the place is not beyond it.
+    /// Chainage and offset of a place beyond the end of the axis at `vertex`; `None` if the vertex is not an
+    /// end, or the place is not beyond it.
     fn beyond(&self, vertex: usize, place: [f64; 2]) -> Option<(f64, f64)> {
         let last = self.vertices.len() - 1;
         let inner = if vertex == 0 {
@@ -225,8 +227,8 @@ pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// Vertices about [`VERTEX_SPACING_M`] apart along `positions`; `None` for a line without length, or with an
-/// absurd one.
+/// Vertices about [`VERTEX_SPACING_M`] apart along `positions`; `None` if the line has no length or an absurd
+/// one.
 pub(super) fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
     let total: f64 = positions.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
     if !(total > 0.0 && total <= LONGEST_AXIS_M) {
@@ -302,7 +304,7 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
 }
 
 /// The smoothed mean positions of time bins without a gap. Bins with fewer than `least` points at the ends
-/// are left out, and the path goes straight on as far as their points are.
+/// are left out; the path is extended straight to the mean positions of these bins.
 fn path(run: &[(i64, &TimeBin)], least: f64, lattice: Lattice) -> Vec<[f64; 2]> {
     #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
     let mean = |sum: i128, count: u64| lattice.metres((sum / i128::from(count.max(1))) as i64);
@@ -329,8 +331,8 @@ fn path(run: &[(i64, &TimeBin)], least: f64, lattice: Lattice) -> Vec<[f64; 2]> 
     path
 }
 
-/// The place straight on before the first vertices of a path, as far as `places` are. `None` if there is
-/// none.
+/// The end of the straight extension before the first vertex of a path, as far as `places` extend. `None` if
+/// they do not extend beyond the path.
 fn straight_on<'a>(path: impl Iterator<Item = &'a [f64; 2]>, places: &[[f64; 2]]) -> Option<[f64; 2]> {
     let path: Vec<[f64; 2]> = path.take(INCOMPLETE_BINS + 1).copied().collect();
     let (end, inner) = (*path.first()?, *path.last()?);
@@ -373,7 +375,7 @@ mod tests {
             let (chainage, offset) = axis.locate(place);
             assert!((chainage - expected.0).abs() < 1e-6 && (offset - expected.1).abs() < 1e-6, "{place:?}");
         }
-        // The vertex in the middle of a bend is no end.
+        // The vertex in the middle of a bend is not an end.
         let mut bend = straight(0.0, 50.0, 0.0);
         bend.extend((1..=50).map(|k| [50.0, f64::from(k)]));
         let axis = Axis::from_positions(AxisSource::Trajectory, &bend).unwrap();
@@ -386,7 +388,7 @@ mod tests {
         let mut there_and_back = straight(0.0, 200.0, 0.0);
         there_and_back.extend(straight(200.0, 0.0, 4.0));
         let axis = Axis::from_positions(AxisSource::Trajectory, &there_and_back).unwrap();
-        // The turn itself is counted once more, for OWN_STRETCH_M.
+        // The first `OWN_STRETCH_M` after the turn count, too.
         assert!(axis.length_m() < 200.0 + 2.0 * OWN_STRETCH_M, "{}", axis.length_m());
         assert!((axis.chainage_m()[axis.nearest([20.0, 4.0])] - 20.0).abs() <= 1.0);
     }
@@ -401,8 +403,8 @@ mod tests {
         assert!(axis.chainage.windows(2).all(|pair| pair[0] < pair[1]));
     }
 
-    /// The drive goes east at 5 m per bin. In its first and last three bins most points are missing, and the
-    /// others are beside the road.
+    /// The drive goes east at 5 m per bin. In its first and last three bins, most points are missing, and the
+    /// remaining ones are beside the road.
     #[test]
     fn the_axis_goes_straight_on_where_a_drive_was_cut_off() {
         let bin = |x: i128, y: i128, count: u64| TimeBin {
@@ -426,7 +428,7 @@ mod tests {
         assert!(beside < 1e-6, "{beside} m");
         assert!((axis.length_m() - 195.0).abs() < 0.01, "{}", axis.length_m());
         assert!(axis.vertices()[0][0].abs() < 1e-6);
-        // What was cut out of the middle ends there, too.
+        // The same applies at a part that was cut out of the middle.
         let cut_out = bins.into_iter().map(|(k, bin)| (if k < 20 { k } else { k + 100 }, bin));
         assert!(Axis::from_time_bins(&cut_out.collect(), Lattice::MILLIMETRE).is_some());
     }

@@ -1,4 +1,4 @@
-//! The contribution of one run of blocks to the survey. Parts merge exactly, in any order.
+//! The contribution of some consecutive blocks of a file to the survey. Parts merge exactly, in any order.
 
 use std::collections::BTreeMap;
 
@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::model::{LatticeTransform, RecordView, record_xyz};
 use crate::spatial::{BlockZone, Cell, CellCounter, CellGrid, CellMap};
 
-/// Seconds of GPS time per bin. At 30 km/h this is about 4 m of driving, short compared with any bend of a
-/// road.
+/// Seconds of GPS time per bin. At 30 km/h, this is about 4 m of driving, which is short compared with any
+/// bend of a road.
 pub const TIME_BIN_S: f64 = 0.5;
 
-/// Largest number of zone-map cells kept for a block. A block with more (shuffled, or airborne) is described
-/// by its box alone.
+/// Largest number of zone-map cells kept for a block. A block with more cells (shuffled, or airborne) is
+/// described by its box only.
 const ZONE_CELLS_MAX: usize = 192;
 
 /// Sum of the positions of the points of one time bin, in lattice units.
@@ -21,9 +21,9 @@ const ZONE_CELLS_MAX: usize = 192;
 pub struct TimeBin {
     /// Points in the bin.
     pub count: u64,
-    /// Sum of x relative to the lattice.
+    /// Sum of the lattice x.
     pub sum_x: i128,
-    /// Sum of y relative to the lattice.
+    /// Sum of the lattice y.
     pub sum_y: i128,
 }
 
@@ -36,7 +36,7 @@ pub struct OutOfRange {
     pub xyz: [i32; 3],
 }
 
-/// The contribution of one run of blocks.
+/// The contribution of some consecutive blocks of a file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SurveyPart {
     /// One entry per block, in file order.
@@ -59,7 +59,7 @@ impl SurveyPart {
     /// Surveys `blocks` of one file.
     ///
     /// # Errors
-    /// The index of the block and the record whose position no occupancy cell can hold.
+    /// The index of the block, and the record whose position is outside all occupancy cells.
     pub fn survey<'a>(
         blocks: impl Iterator<Item = RecordView<'a>>,
         transform: &LatticeTransform,
@@ -108,7 +108,7 @@ impl Collector {
     /// Adds one block.
     ///
     /// # Errors
-    /// The record whose position no occupancy cell can hold.
+    /// The record whose position is outside all occupancy cells.
     pub fn block(&mut self, view: &RecordView<'_>, transform: &LatticeTransform) -> Result<(), OutOfRange> {
         let mut lo = [i64::MAX; 3];
         let mut hi = [i64::MIN; 3];

@@ -8,13 +8,13 @@ use super::axis::{Axis, AxisSource, LONGEST_AXIS_M, VERTEX_SPACING_M, distance, 
 use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, PackedCells};
 
-/// Length of the blocks of a straight axis that have vertices or none, in metres. Chosen: a multiple of the
-/// width of any street, so that the axis of a usual drive has vertices everywhere.
+/// Length of the blocks of a straight axis, in metres. A block far from all points has no vertices. Chosen: a
+/// multiple of the width of any street, so that the axis of a usual drive has vertices everywhere.
 const BLOCK_M: f64 = 1_000.0;
 
 impl Axis {
     /// The principal axis of the occupied cells. All cells have the same weight, so that dense spots do not
-    /// turn it.
+    /// rotate it.
     #[must_use]
     pub fn principal(cells: &PackedCells, grid: CellGrid, lattice: Lattice) -> Self {
         let edge_m = lattice.metres(grid.edge());
@@ -28,7 +28,7 @@ impl Axis {
         }
         let eigen = SymmetricEigen::new(covariance);
         let mut direction = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
-        // Chainage grows to the east, or to the north where the axis runs north-south.
+        // Chainage grows to the east, or to the north if the axis runs north-south.
         if direction.x < -1e-9 || (direction.x.abs() <= 1e-9 && direction.y < 0.0) {
             direction = -direction;
         }
@@ -49,7 +49,7 @@ impl Axis {
     }
 }
 
-/// The block of a straight axis with a place at this distance along it, in metres.
+/// The block of a straight axis that contains the distance `along` it, in metres.
 fn block(along: f64) -> i64 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -59,9 +59,9 @@ fn block(along: f64) -> i64 {
     block
 }
 
-/// The vertices that [`resample`] gives between two ends, but only in these blocks and in those beside them.
-/// A straight axis needs none in an empty stretch, and two files far apart would have millions of them there.
-/// `first` is the distance along the axis at which it begins. `None` if there are too many.
+/// The vertices that [`resample`] gives between two ends, but only in these blocks and their neighbours. A
+/// straight axis needs no vertices in an empty stretch; between two files far apart there would be millions
+/// of them. `first` is the distance along the axis at which it begins. `None` if there are too many.
 fn near_blocks(ends: [[f64; 2]; 2], first: f64, blocks: &BTreeSet<i64>) -> Option<Vec<[f64; 2]>> {
     let length = distance(ends[0], ends[1]);
     let steps = (length / VERTEX_SPACING_M).floor() + 1.0;
@@ -109,7 +109,8 @@ mod tests {
         assert!(axis.nearest([1.0, 1.0]) < axis.nearest([90.0, 180.0]));
         let one = principal(vec![([5, 5], 1)]);
         assert!(one.length_m() <= 2.0);
-        // As if it were sampled everywhere: the gap of 1.9 km is shorter than the blocks beside it.
+        // The axis has vertices everywhere, because the gap of 1.9 km is shorter than the blocks and their
+        // neighbours.
         let gap =
             principal((0..2_000).filter(|i| !(50..1_950).contains(i)).map(|i| ([i, i / 3], 1)).collect());
         let ends = [gap.vertices()[0], gap.vertices()[gap.vertices().len() - 1]];
