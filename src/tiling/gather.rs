@@ -20,7 +20,7 @@ pub struct Gathered {
 pub enum Wanted {
     /// Every point. Classes are not needed.
     All,
-    /// All points but noise.
+    /// All points except noise.
     Solid,
     /// Neither ground nor noise.
     Objects,
@@ -87,8 +87,8 @@ impl<'a> Gatherer<'a> {
     }
 
     /// Adds the points of one block inside the region. `id` maps the position of a record in the block and
-    /// its bytes to the id of the record. `classes` are the codes of the records; they are needed unless all
-    /// points are wanted.
+    /// its bytes to the id of the record. `classes` has the class codes of the records. It is needed unless
+    /// all points are wanted.
     ///
     /// # Errors
     /// When a height does not fit.

@@ -8,13 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::model::in_u32;
 use crate::spatial::{Cell, CellGrid, PackedCells};
 
-/// Largest extent of a core in lattice units (60 km at 1 mm). Stray points far outside get tiles of their
-/// own. Local coordinates then fit 31 bits, and methods can index their cells, for any edge of a cell of the
-/// raster.
+/// Largest extent of a core in lattice units (60 km at 1 mm). Stray points far away get tiles of their own.
+/// So local coordinates fit 31 bits and methods can index their cells, for any cell size of the raster.
 const CORE_EXTENT_UNITS: i64 = 60_000_000;
 
-/// Load of a tile. Large, because the load per point is rounded, but small enough that the sum over thousands
-/// of tiles fits u64. The rounding can move the beginning of a tile by one cell.
+/// Load of a tile. Large, because the load per point is rounded to an integer, but small enough that the sum
+/// over thousands of tiles fits u64. The rounding can move the beginning of a tile by one cell.
 const TILE_LOAD: f64 = (1_u64 << 44) as f64;
 
 /// A place along the street: a strip, and a cell of it.
@@ -29,8 +28,8 @@ pub enum TileSize {
     Equal {
         /// Number of tiles.
         tiles: u64,
-        /// Load per point from a place on, ascending by place; 1 before the first. Where points have a larger
-        /// load, tiles are shorter.
+        /// Places, ascending, each with the load per point from there on; 1 before the first. Where the load
+        /// per point is larger, tiles are shorter.
         weights: Vec<(Place, u64)>,
     },
 }
@@ -64,8 +63,8 @@ pub struct PlanRequest<'a> {
     pub grid: CellGrid,
     /// The rule for the length of tiles.
     pub size: &'a TileSize,
-    /// Chainage in metres where the section begins and ends that the plan is for. No tile is in part inside
-    /// of it.
+    /// Chainage in metres where the planned section begins and ends. Every tile is either completely inside
+    /// or completely outside it.
     pub section_m: Option<(f64, f64)>,
 }
 
@@ -78,10 +77,10 @@ pub struct Tile {
     pub from_m: f64,
     /// Chainage of its last cell in metres.
     pub to_m: f64,
-    /// Whether it is inside the section. The other tiles are beside it: they only complete its objects.
+    /// Whether it is inside the section. Tiles outside only complete the objects of the section.
     #[serde(skip)]
     pub inside: bool,
-    /// Where it begins. If the strip is not cut, the cell is the smallest possible one.
+    /// Where it begins. If the strip is not cut, the cell is the smallest possible index.
     #[serde(skip)]
     pub first: Place,
 }
@@ -134,9 +133,9 @@ struct Cutter<'a> {
     size: &'a TileSize,
     grid: CellGrid,
     section_m: Option<(f64, f64)>,
-    /// Load of a tile, if all tiles have the same.
+    /// Load of a tile, if all tiles have the same load.
     share: u64,
-    /// Load before the next bunch, and the number of tiles that it fills.
+    /// Load before the next bunch. `filled` is the number of tiles that the load before the last tile fills.
     before: u64,
     filled: u64,
     tiles: Vec<Tile>,
@@ -154,13 +153,13 @@ impl<'a> Cutter<'a> {
         Self { size, grid, section_m, share, before: 0, filled: 0, tiles: Vec::new(), core: Bunch::EMPTY }
     }
 
-    /// Whether a tile may have to begin within the next bunch.
+    /// Whether a new tile may have to begin within the next bunch.
     fn may_cut(&self, before: u64, bunch: &Bunch) -> bool {
         before / self.share < before.saturating_add(bunch.load) / self.share
             || bunch.extent(self.grid) >= CORE_EXTENT_UNITS / 2
     }
 
-    /// Takes the next bunch, which begins with the cell `first`.
+    /// Adds the next bunch, which begins at `first`, to the last tile or to a new one.
     fn take(&mut self, first: Place, chainage_m: f64, bunch: &Bunch) {
         let grown = self.core.and(bunch);
         let inside = self.section_m.is_none_or(|(from, to)| (from..=to).contains(&chainage_m));
@@ -190,7 +189,7 @@ impl<'a> Cutter<'a> {
 impl Plan {
     /// Cuts the occupied cells into tiles: by chainage, and within a strip by cell.
     ///
-    /// Needs memory for the strips, and for the cells of those strips that are cut, but not for all cells.
+    /// Needs memory for the strips, and for the cells of strips that are cut, but not for all cells.
     #[must_use]
     pub fn new(request: &PlanRequest<'_>) -> Self {
         let cells = || {
@@ -240,8 +239,8 @@ impl Plan {
         Self { tiles, grid: request.grid, cells: Arc::clone(request.cells), owners }
     }
 
-    /// The rule that cuts each of these tiles into about this many parts. The numbers may be fractional; the
-    /// number of new tiles is their sum, rounded.
+    /// The rule that cuts each tile of this plan into about as many parts as `parts` says for it. The numbers
+    /// may be fractional; the number of new tiles is their sum, rounded.
     #[must_use]
     pub fn cut_into(&self, parts: &[f64]) -> TileSize {
         #[expect(
@@ -375,7 +374,8 @@ mod tests {
         // Points of the second half have three times the load: 10,000 in all.
         let weights = vec![((51, [i32::MIN; 2]), 3)];
         assert_eq!(points(&TileSize::Equal { tiles: 4, weights }), [2_500, 840, 830, 830]);
-        // The second of four tiles becomes two, and the last two become three; equal up to a cell.
+        // The second of four tiles becomes two tiles, and the last two become three. All are equal to within
+        // one cell.
         let four = plan(&street(100), &TileSize::equal(4));
         let parts = points(&four.cut_into(&[1.0, 2.0, 1.5, 1.5]));
         let expected = [1_250, 625, 625, 833, 833, 833_u64];

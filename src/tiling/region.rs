@@ -1,7 +1,7 @@
 //! The region that a tile reads: its core and its halo.
 //!
 //! The halo is the dilation of the core in the plane by the reach of the method. It is not a range of
-//! chainage: on a loop, tiles can be neighbours and far apart in time.
+//! chainage: on a loop, neighbouring tiles can be far apart in chainage and time.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
@@ -54,8 +54,7 @@ impl Plan {
         self.members([cells, halo].concat(), roles)
     }
 
-    /// The cells of other tiles within `reach` lattice units of `cells`, which are those of tile number
-    /// `tile`.
+    /// The cells of other tiles within `reach` lattice units of `cells`, the cells of tile number `tile`.
     fn halo(&self, tile: usize, cells: &[Cell], reach: i64) -> Vec<Cell> {
         let own = owner_of(tile);
         let mut owners = self.owners().cursor();
@@ -71,7 +70,7 @@ impl Plan {
         halo
     }
 
-    /// The region that consists of some cells, whoever owns them. None of them is core.
+    /// The region that consists of some cells, whichever tiles own them. None of them is core.
     #[must_use]
     pub fn region_of(&self, cells: Vec<Cell>) -> Region {
         let mut roles = CellMap::<u8>::default();
@@ -90,10 +89,10 @@ impl Plan {
     }
 }
 
-/// The cells around ascending cells that a disc reaches, by their first coordinate, as ascending strips along
-/// the second one that do not overlap. Each cell is visited once, however large the disc is.
+/// The cells that a disc around each of some ascending cells covers. For each first index, they are ascending
+/// ranges of the second index that do not overlap. So each cell is visited once, however large the disc is.
 fn dilated(cells: &[Cell], disc: &[[i32; 2]]) -> BTreeMap<i32, Vec<RangeInclusive<i32>>> {
-    // A disc is convex and symmetric: its largest step along the second coordinate says all about a row.
+    // A disc is convex and symmetric, so its largest step along the second index determines a row.
     let mut half_widths = BTreeMap::<i32, i32>::new();
     for &[di, dj] in disc {
         let half = half_widths.entry(di).or_default();
