@@ -1,11 +1,11 @@
 //! `p-linkage` in n dimensions: every point is linked to the closest denser point within a cut-off distance.
 //!
 //! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation" (2016), section 2,
-//! equations 1 to 3 and algorithm 1. "The paper" in this file is Lu et al. 2016. Ours: of equal densities the
-//! earlier row is the denser, so repeated points are one cluster. Terms of the density below 1e-12 are left
-//! out. Every term is rounded to a multiple of 2^-48, so sums are exact, and the order of rows cannot change
-//! which of two points is denser. Whether two clusters are merged depends on the clusters before any merging,
-//! and merging is transitive.
+//! equations 1 to 3 and algorithm 1. "The paper" in this file is Lu et al. 2016. Ours: of two points with
+//! equal density, the earlier row counts as denser, so repeated points are one cluster. Terms of the density
+//! below 1e-12 are left out. Every term is rounded to a multiple of 2^-48, so sums are exact, and the order
+//! of rows cannot change which of two points is denser. The rule for merging two clusters uses the clusters
+//! before any merging, and merging is transitive.
 
 use std::collections::BTreeMap;
 use std::num::NonZero;
@@ -17,16 +17,15 @@ use crate::spatial::DisjointSets;
 use crate::spatial::Index;
 use crate::spatial::{Points, SpatialError};
 
-/// Terms of the density below this are left out: exp(-x^2) for x above 5.26.
+/// Smallest term of the density that counts: exp(-x^2) for x up to 5.26.
 const SMALLEST_TERM: f64 = 1e-12;
-/// Terms are multiples of 2^-48, finer than the smallest of them.
+/// Terms are rounded to multiples of 2^-48, which is finer than the smallest term.
 const DENSITY_BITS: i32 = 48;
 
 /// Settings of `p-linkage`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PLinkage {
-    /// The cut-off distance is this times the median distance to the nearest neighbour (paper, section 4.1:
-    /// 5).
+    /// Ratio of the cut-off distance to the median distance to the nearest neighbour (paper, section 4.1: 5).
     pub scale: f64,
     /// Whether neighbouring clusters of similar density are merged (equation 3), for data of even density.
     pub merge: bool,
@@ -47,7 +46,7 @@ pub struct Linkage {
     pub clusters: u32,
     /// The cut-off distance.
     pub cutoff: f64,
-    /// Median of the densities. Trees whose root is not denser than this are outliers.
+    /// Median of the densities. A tree whose root is not denser than this consists of outliers.
     pub median_density: f64,
 }
 
@@ -182,7 +181,7 @@ fn merge(index: &Index<'_>, density: &[f64], cutoff: f64, names: &mut [Option<u3
     };
     let mut sets = DisjointSets::new(as_u32(names.len()));
     for (&(one, other), border) in borders.iter().filter(|((one, other), _)| one < other) {
-        // "Within" is mutual, so the border of the other cluster is there too.
+        // "Within" is mutual, so the other cluster has a border, too.
         if like(border, other) && borders.get(&(other, one)).is_some_and(|border| like(border, one)) {
             sets.union(one, other);
         }
@@ -206,9 +205,9 @@ mod tests {
 
     #[test]
     fn points_climb_to_the_densest_point_within_the_cutoff() {
-        // Nearest neighbours are at a distance of 1, except for the last point: cut-off 1.5. In the middle of
-        // a group of three the density is 2 exp(-4 / 9) = 1.28, beside it 0.81, which is the median. 20 is
-        // its own root, and less dense.
+        // Nearest neighbours are at a distance of 1, except for the last point: the cut-off is 1.5. The
+        // density is 2 exp(-4 / 9) = 1.28 in the middle of a group of three and 0.81 at its sides, which is
+        // the median. Point 20 is its own root and less dense.
         let found = cluster(&[0.0, 1.0, 2.0, 9.0, 10.0, 11.0, 20.0], 1.5);
         assert!((found.cutoff - 1.5).abs() < 1e-12, "{}", found.cutoff);
         assert!((found.median_density - 0.810_19).abs() < 1e-4, "{}", found.median_density);

@@ -1,22 +1,23 @@
-//! The points of a tile and around it, with what must be known of each. They are in ascending order of their
-//! places, and of their ids only where several are in one place. So the order of records in files decides
-//! nothing: ids follow it, and places do not.
+//! The points of a tile and around it, each with its zone. They are sorted by place, and by id only if
+//! several are in one place. So the order of records in files decides nothing: ids follow this order, but
+//! places do not.
 
 use super::planes::Moments;
 use crate::cluster::TileWindow;
 use crate::error::Result;
 use crate::model::{PointId, TileCloud};
 
-/// What a tile must know of a point. A neighbour is at most the reach R away.
+/// Zone of a point: what the tile must know about it. A neighbour is at most the reach R away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Zone {
     /// The tile owns it.
     Core,
-    /// Within R of the cells of the tile: it may be linked to a point of the tile, so its link must be known.
+    /// Within R of the cells of the tile. The point may be linked to a point of the tile, so its link must be
+    /// known.
     Linked,
-    /// Within 2 R: a link may depend on its flatness.
+    /// Within 2 R. A link may depend on its flatness.
     Flat,
-    /// Within 3 R: a flatness may depend on its place.
+    /// Within 3 R. A flatness may depend on its place.
     Place,
 }
 
@@ -32,7 +33,7 @@ pub(super) struct Around {
 }
 
 impl Around {
-    /// Reads the points of objects of a tile and around it, in zones that are `reach` wide: 2 of them, or 3.
+    /// Reads the points of objects of a tile and around it, in 2 or 3 `zones` that are `reach` wide.
     pub(super) fn load(tile: &dyn TileWindow, reach: i64, zones: i64) -> Result<Self> {
         let points = tile.points(zones * reach, true)?;
         let cloud = &points.cloud;
@@ -78,7 +79,8 @@ impl Around {
 
 /// The points of a cloud in ascending order of their places: x, then y, then z, then the id.
 pub(super) fn in_order(cloud: &TileCloud) -> Vec<usize> {
-    // Local coordinates are not negative. Numbers are sorted faster than points by keys.
+    // Local coordinates are not negative, so they fit one number per point. Sorting numbers is faster than
+    // sorting points by keys.
     let column = |value: i32| u128::from(value.unsigned_abs());
     let place = |at: usize| column(cloud.x[at]) << 96 | column(cloud.y[at]) << 64 | column(cloud.z[at]) << 32;
     let mut keys: Vec<u128> = (0..cloud.len()).map(|at| place(at) | at as u128).collect();
@@ -92,7 +94,7 @@ pub(super) fn in_order(cloud: &TileCloud) -> Vec<usize> {
     order
 }
 
-/// The moments of lattice points, counted from the lowest corner of the drive.
+/// The moments of lattice points, relative to the lowest corner of the drive.
 pub(super) fn moments(points: impl Iterator<Item = [i64; 3]>, corner: [i64; 3]) -> Moments {
     let mut moments = Moments::default();
     points.for_each(|point| moments.add([0, 1, 2].map(|axis| point[axis] - corner[axis])));

@@ -1,31 +1,33 @@
 //! The border of two adjacent slices: how far its points are from the plane of the other slice.
 //!
-//! This is not in the paper. Equation 11 compares only normals, so a road and a pavement, which are parallel,
-//! become one surface over a kerb: neighbourhoods reach over the kerb, and two points of a mutual pair may
-//! lie on both sides of it. The points of such a pair are far from the plane of the other slice, compared
-//! with the deviation of the points of either slice. Where two slices are parts of one plane, or of one bent
-//! surface, they are about as far as its own.
+//! This is not in the paper. Equation 11 compares only normals. So a road and a pavement, which are parallel,
+//! become one surface: neighbourhoods reach across the kerb, and the two points of a mutual pair may lie on
+//! different sides of it. Each point of such a pair is far from the plane of the other slice, compared with
+//! the deviation of the points of either slice. If two slices are parts of one plane or of one bent surface,
+//! it is about as far from that plane as the points of the other slice.
 
 use serde::{Deserialize, Serialize};
 
 use super::slice::SlicePlane;
 
-/// Steps of a distance: 2^-10 lattice units. Sums are whole numbers, so their order does not matter.
+/// Number of steps of a distance per lattice unit. Sums of steps are integers, so their order does not
+/// matter.
 const STEPS: f64 = 1024.0;
-/// No deviation is taken to be smaller than this: coordinates are rounded to whole lattice units.
+/// Smallest deviation in lattice units. Smaller deviations are raised to it, because coordinates are rounded
+/// to whole lattice units.
 pub(super) const LEAST_DEVIATION: f64 = 1.0;
 
 /// Mutual pairs of consistent points of two slices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(super) struct Border {
-    /// Number of pairs. Each has two distances: of either point from the plane of the other slice.
+    /// Number of pairs. Each pair has two distances: each point from the plane of the other slice.
     pairs: u64,
     /// Sum of the distances in steps.
     steps: u64,
 }
 
 impl Border {
-    /// Adds a pair: the plane and the lattice point of either slice.
+    /// Adds a pair: for each slice its plane and its lattice point.
     #[inline]
     pub(super) fn add(&mut self, a: (&SlicePlane, [i64; 3]), b: (&SlicePlane, [i64; 3])) {
         self.pairs += 1;
@@ -80,7 +82,7 @@ mod tests {
         other.merge(&one);
         assert_eq!(all, other);
         assert!((all.mean() - (12.0 + 10.0 + 3.0 + 16.0) / 4.0).abs() < 1e-9 && all.agrees(2.5, 11.0));
-        // Without noise there is no deviation, and lattice units decide.
+        // Without noise there is no deviation, and the smallest deviation decides.
         assert!(Border::default().agrees(2.5, 0.0));
     }
 }

@@ -1,13 +1,14 @@
-//! The contest among surfaces: each point goes to the surface, among those of its neighbours, whose local
-//! plane suits it best; and which surfaces touch after this and agree.
+//! The contest among surfaces. Each point goes to that surface of its neighbours whose local plane fits it
+//! best. Then the surfaces that touch and agree are found.
 //!
-//! This is not in the paper. Where a plane is about as narrow as a neighbourhood, as a kerb is, many normals
-//! mix two planes, and their points make slices that lean. Such slices lie between those of the narrow plane,
-//! which therefore are not adjacent. A local plane is fitted to many points, so it leans less than a normal:
-//! leaning slices lose their points to it, and the pieces of the narrow plane touch.
+//! This is not in the paper. If a plane is about as narrow as a neighbourhood, for example a kerb, many
+//! normals mix two planes, and their points form slices that lean. Such slices lie between the slices of the
+//! narrow plane, which therefore are not adjacent. A local plane is fitted to many points, so it leans less
+//! than a normal. Leaning slices lose their points to it, and the pieces of the narrow plane touch.
 //!
-//! A point is decided by its neighbours and by the local planes in its cube, so by the points within a fixed
-//! distance. Scores that are equal, as without noise, are decided by the nearer neighbour and its place.
+//! The surface of a point depends on its neighbours and on the local planes in its cube, so only on points
+//! within a fixed distance. If scores are equal, for example without noise, the nearest neighbour decides,
+//! and then the place of the neighbour.
 
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
@@ -18,42 +19,43 @@ use super::cubes::{Cubes, LocalPlane, LocalPlanes, SumsOfCubes};
 use super::planes::{LARGEST_SCORE, likeness, squared_distance};
 use crate::spatial::KNearest;
 
-/// A cube with more local planes than this is one of noise: every point looks for its neighbours. Chosen: the
-/// distances from 2000 planes take as long as the search for the neighbours of a point.
+/// Number of local planes above which a cube contains noise. Then the neighbours of every point are searched.
+/// Chosen: the distances from 2000 planes take as long as the search for the neighbours of a point.
 const MANY_PLANES: usize = 1_000;
 
 /// The points of a tile and around it.
 pub(super) struct Arena<'a> {
     around: &'a Around,
     cubes: Cubes,
-    /// Number of neighbours of a point, itself included, and how far they may be.
+    /// Number of neighbours of a point, itself included. `reach` is their largest distance.
     neighbours: usize,
     reach: i64,
-    /// [`MANY_PLANES`], but in tests.
+    /// [`MANY_PLANES`], except in tests.
     many_planes: usize,
 }
 
-/// The surfaces of points after a contest. Only points that are at most [`Zone::Linked`] are known.
+/// The surfaces of points after a contest. They are known only for points up to [`Zone::Linked`].
 #[derive(Debug)]
 pub(super) struct Contested {
     /// The surface of each point, 0 for none.
     pub(super) surfaces: Vec<u32>,
     /// Whether each point is consistent with the local plane of its surface.
     pub(super) on_plane: Vec<bool>,
-    /// Whether it is also away from the edges of its surface, if the tile owns it: consistent with no other
-    /// local plane in its cube that is not alike, and beyond none.
+    /// For a point that the tile owns: whether it is also away from the edges of its surface. Such a point is
+    /// neither consistent with nor beyond any local plane in its cube that deviates from its own.
     pub(super) amid: Vec<bool>,
     /// Sums over the points of surfaces after the contest.
     sums: SumsOfCubes,
 }
 
-/// Pairs of points of two surfaces of which one is a neighbour of the other.
+/// Pairs of points of two surfaces. One point of a pair is a neighbour of the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(super) struct Touching {
     pairs: u64,
-    /// Sum of the distances of both points of a pair from the local planes of the other surface, in steps.
+    /// Sum over the pairs of the distances of both points from the local plane of the other surface, in
+    /// steps.
     distances: u64,
-    /// Sum of the larger deviation of both planes, in steps.
+    /// Sum over the pairs of the larger deviation of both planes, in steps.
     deviations: u64,
 }
 
@@ -64,7 +66,7 @@ impl Touching {
         Self { pairs: 1, ..Self::default() }
     }
 
-    /// How many pairs there are.
+    /// Number of pairs.
     pub(super) fn pairs(&self) -> u64 {
         self.pairs
     }
@@ -76,37 +78,38 @@ impl Touching {
         self.deviations += other.deviations;
     }
 
-    /// Whether the mean distance is below `score` deviations. A score of 0 demands nothing. Pairs need not be
-    /// mutual, as those of slices are (equation 10): the end of a piece of a kerb may lean, so that its local
-    /// plane agrees with that of the next piece on one side only.
+    /// Whether the mean distance is below `score` deviations. A score of 0 requires nothing. Pairs need not
+    /// be mutual, unlike pairs of slices (equation 10). The end of a piece of a kerb may lean, so that its
+    /// local plane agrees with the plane of the next piece on one side only.
     pub(super) fn agrees(&self, score: f64) -> bool {
         score <= 0.0 || (self.distances as f64) < 2.0 * score * self.deviations as f64
     }
 }
 
-/// Deviation plus half the distance; infinite beyond 2.5 deviations (equation 7).
+/// Score of a local plane for a point: deviation plus half the distance, infinite beyond 2.5 deviations
+/// (equation 7). The lowest score wins.
 fn score(plane: &LocalPlane, by: [i32; 3]) -> f64 {
     let distance = plane.distance(by);
     if distance < LARGEST_SCORE * plane.deviation { plane.deviation + distance / 2.0 } else { f64::INFINITY }
 }
 
 impl<'a> Arena<'a> {
-    /// Cubes have edges of `edge` lattice units.
+    /// The arena with cubes of `edge` lattice units.
     pub(super) fn new(around: &'a Around, edge: u32, neighbours: usize, reach: i64) -> Self {
         let cubes = Cubes::new(&around.places, around.origin, edge);
         Self { around, cubes, neighbours, reach, many_planes: MANY_PLANES }
     }
 
-    /// Whether one of the planes of a cube may be such, for a point that looks for its neighbours if one may.
-    /// Of many planes one mostly is, and the neighbours of a point are few: the time does not grow with the
-    /// planes.
+    /// Whether the condition `is` may apply to one of the planes of a cube. If so, the caller searches the
+    /// neighbours of the point. With many planes it applies to one of them in most cases, and a point has few
+    /// neighbours. So the answer is yes without a test, and the time does not grow with the number of planes.
     #[inline]
     fn one_may_be(&self, planes: &[LocalPlane], is: impl Fn(&LocalPlane) -> bool) -> bool {
         planes.len() > self.many_planes || planes.iter().any(is)
     }
 
-    /// The points that are asked for, with their neighbours. Few need them, so only the points in the cubes
-    /// around these are indexed.
+    /// Visits the `asked` points with their neighbours. They are few, so only the points in the cubes around
+    /// them are indexed.
     fn each(&self, asked: &[bool], mut visit: impl FnMut(usize, &mut dyn Iterator<Item = usize>)) {
         let Self { around, cubes, .. } = self;
         let asking =
@@ -122,8 +125,8 @@ impl<'a> Arena<'a> {
         });
     }
 
-    /// The contest. `before` has the surface of each point, 0 for none. Planes are alike if they deviate by
-    /// less than the angle with this `cosine`.
+    /// The contest. `before` has the surface of each point, 0 for none. Two planes are alike if the angle
+    /// between them has a larger cosine than `cosine`.
     pub(super) fn contest(&self, before: &[u32], cosine: f64) -> Contested {
         let Self { around, cubes, .. } = self;
         let known = |point: usize| around.zone[point] <= Zone::Linked;
@@ -139,7 +142,7 @@ impl<'a> Arena<'a> {
             amid: vec![false; before.len()],
             sums,
         };
-        // A point that no other plane suits better keeps its surface, and needs no neighbours.
+        // A point keeps its surface if no other plane has a better score. Then it needs no neighbours.
         let mut asked = vec![false; before.len()];
         for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
             for (point, by) in cubes.placed(cube).filter(|(point, _)| known(*point)) {
@@ -149,13 +152,13 @@ impl<'a> Arena<'a> {
                 asked[point] = self.one_may_be(planes.of(cube), |plane| score(plane, by) < own);
             }
         }
-        // Surfaces of neighbours, and how well their planes suit the point.
+        // Surfaces of neighbours, and the scores of their planes for the point.
         let mut rivals: Vec<(u32, f64)> = Vec::new();
         self.each(&asked, |point, near| {
             let cube = cubes.of(point);
             let by = cubes.in_cube(cube, around.places[point]);
             rivals.clear();
-            // Its own plane is not better than itself, and no surface has none.
+            // The plane of its own surface is not better than itself, and surface 0 (none) has no plane.
             rivals.extend([(before[point], f64::INFINITY), (0, f64::INFINITY)]);
             // Score, squared distance and number of the neighbour, and its surface.
             let mut best = (own_score(point, by), 0, 0, before[point]);
@@ -186,13 +189,13 @@ impl<'a> Arena<'a> {
         found
     }
 
-    /// Which points of the tile are away from the edges of their surfaces.
+    /// Finds the points of the tile that are away from the edges of their surfaces.
     fn amid(&self, planes: &LocalPlanes, cosine: f64, found: &mut Contested) {
         let Self { around, cubes, .. } = self;
         for cube in (0..cubes.len()).filter(|cube| !planes.of(*cube).is_empty()) {
             let of_cube = planes.of(cube);
-            // The plane at which the latest point is, which is the first one to try: in noise there are
-            // thousands, and almost every point is at one.
+            // The plane that put the latest point at an edge. It is tried first, because in noise there are
+            // thousands of planes, and almost every point is at the edge to one of them.
             let mut latest = 0;
             let may_be_amid = |point: usize| around.is_core(point) && found.on_plane[point];
             for (point, by) in cubes.placed(cube).filter(|(point, _)| may_be_amid(*point)) {
@@ -211,10 +214,10 @@ impl<'a> Arena<'a> {
         }
     }
 
-    /// The touching surfaces whose local planes deviate by less than the angle with this `cosine`, in
-    /// ascending order, from the points that the tile owns. With a `border_score` above 0, points further
-    /// than twice this many deviations from the other plane are not looked at: a facade has many points near
-    /// panes that lie behind it.
+    /// The touching surfaces in ascending order, from the points that the tile owns. The angle between their
+    /// local planes has a larger cosine than `cosine`. With a `border_score` above 0, points farther than
+    /// twice this many deviations from the other plane are ignored: a facade has many points near panes that
+    /// lie behind it.
     pub(super) fn touching(
         &self,
         now: &Contested,
@@ -240,7 +243,7 @@ impl<'a> Arena<'a> {
             }
         }
         let mut found: FxHashMap<(u32, u32), Touching> = FxHashMap::default();
-        // Surfaces of neighbours, with the local plane if the point may touch it, and pairs with it.
+        // Surfaces of neighbours, each with its local plane if the point may touch it, and with the pairs.
         let mut beside: Vec<(u32, Option<&LocalPlane>, Touching)> = Vec::new();
         self.each(&asked, |point, near| {
             beside.clear();
@@ -310,7 +313,8 @@ mod tests {
         square(&mut scene, 5, [1_000, 1_000, 1_000], [0, 1], 6);
         square(&mut scene, 2, [1_000, 1_000, 1_000], [0, 2], 6);
         let (mut surfaces, mut places) = scene;
-        // Floor points that are taken for the wall, too few for a plane, and one that is taken for nothing.
+        // Floor points with the surface of the wall, too few for a local plane of their own, and one point
+        // without a surface.
         let patch: Vec<usize> = (0..2_500).filter(|n| n % 50 > 46 && n / 50 > 46).collect();
         patch.iter().for_each(|point| surfaces[*point] = 2);
         let unlabelled = 30 * 50 + 10;
@@ -325,7 +329,7 @@ mod tests {
         }
         assert_eq!(now.surfaces[unlabelled], 5);
         assert_eq!((&now.surfaces[5_000..], &now.on_plane[5_000..]), (&[0, 2, 9][..], &[false; 3][..]));
-        // Away from the edge, and not at it.
+        // Points away from the edge are amid, points at the edge are not.
         assert!(now.amid[25 * 50 + 25] && now.amid[2_500 + 25 * 50 + 25]);
         assert!(!now.amid[25] && !now.amid[2_525] && !now.amid[5_001]);
     }
@@ -341,7 +345,7 @@ mod tests {
         let around = around(&places);
         let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
         assert_eq!(now.surfaces[..5_000], surfaces[..5_000]);
-        // In the place next to the first one there are points 25 of the floor and 2525 of the wall.
+        // The place next to the first one has point 25 of the floor and point 2525 of the wall.
         assert_eq!(now.surfaces[5_000..], [2, 2]);
         surfaces[5_001] = 0;
         let now = Arena::new(&around, 500, 20, 200).contest(&surfaces, COSINE);
@@ -427,10 +431,10 @@ mod tests {
         let touching = arena.touching(&now, COSINE, 2.5);
         let pairs: Vec<((u32, u32), bool)> =
             touching.iter().map(|(pair, touching)| (*pair, touching.agrees(2.5))).collect();
-        // 12 mm are 3.5 deviations: they touch, and do not agree. Over 100 mm no point has the other as a
-        // neighbour.
+        // At 12 mm, which is 3.5 deviations, they touch but do not agree. At 100 mm, no point has a point of
+        // the other surface as a neighbour.
         assert_eq!(pairs, [((3, 7), true), ((4, 7), false)]);
-        // If only normals decide, all that have each other among their neighbours agree.
+        // If only normals decide, all surfaces agree that have points of each other among their neighbours.
         let touching = arena.touching(&now, COSINE, 0.0);
         let agreeing: Vec<(u32, u32)> =
             touching.iter().filter(|found| found.1.agrees(0.0)).map(|found| found.0).collect();
@@ -443,7 +447,7 @@ mod tests {
         let mut both = Touching { pairs: 1, distances: 19, deviations: 4 };
         both.merge(&one);
         assert_eq!(both, Touching { pairs: 4, distances: 79, deviations: 16 });
-        // 79 / 8 is the mean distance of two points of four pairs, 16 / 4 the mean deviation.
+        // Four pairs: the mean distance of their two points is 79 / 8, the mean deviation 16 / 4.
         assert!(both.agrees(2.5) && !both.agrees(2.4) && both.agrees(0.0));
     }
 }

@@ -1,6 +1,6 @@
-//! What a contest stores of a tile, in sections: the surfaces of its points, those of points that other tiles
-//! read, and what the reduction needs. The reduction of a contest returns for each tile the surfaces that
-//! have another number because they were merged, so surfaces are read with these.
+//! The payload of a contest for a tile, in sections: the surfaces of its points, the surfaces of points that
+//! other tiles read, and the input of the reduction. Merging gives surfaces new numbers. The reduction
+//! returns these for each tile, and they are applied when surfaces are read.
 
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
@@ -19,9 +19,9 @@ const SECTION_FOUND: usize = 2;
 /// Moments of the points of a surface that are consistent with its local planes.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct OnPlane {
-    /// Of those away from its edges.
+    /// Moments of the points away from its edges.
     pub(super) amid: Moments,
-    /// Of the others.
+    /// Moments of the points at its edges.
     pub(super) at_edges: Moments,
 }
 
@@ -31,7 +31,7 @@ impl OnPlane {
         self.at_edges.merge(&other.at_edges);
     }
 
-    /// Of all.
+    /// Moments of all points.
     pub(super) fn all(&self) -> Moments {
         let mut all = self.amid;
         all.merge(&self.at_edges);
@@ -39,7 +39,7 @@ impl OnPlane {
     }
 }
 
-/// What the reduction needs of a tile.
+/// The input of the reduction from a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Found {
     /// The surfaces of its points, ascending.
@@ -48,17 +48,18 @@ pub(super) struct Found {
     pub(super) touching: Vec<((u32, u32), Touching)>,
     /// Moments of the points of surfaces that are consistent with their local planes, ascending.
     pub(super) moments: Vec<(u32, OnPlane)>,
-    /// Points whose surface is another one than before.
+    /// Number of points whose surface has changed.
     pub(super) changed: u64,
 }
 
-/// The payload: the surfaces of the points that the tile owns, those near other tiles, and what is found.
+/// The payload: the surfaces of the points that the tile owns, the surfaces of points near other tiles, and
+/// the input of the reduction.
 pub(super) fn encode(own: &[u32], near: &[(PointId, u32)], found: &Found) -> Result<Vec<u8>> {
     let own: Vec<u8> = own.iter().flat_map(|surface| surface.to_le_bytes()).collect();
     Ok(codec::pack(&[own, codec::encode(&near)?, codec::encode(found)?]))
 }
 
-/// What the reduction needs of a tile.
+/// The input of the reduction from a tile.
 pub(super) fn found(drive: &(impl DriveWindow + ?Sized), tile: TileId, step: usize) -> Result<Found> {
     codec::decode(codec::section(&drive.payload(step, tile)?, SECTION_FOUND)?)
 }
@@ -84,7 +85,7 @@ pub(super) fn near(
     Ok(near)
 }
 
-/// The surfaces of a tile that have another number because they were merged.
+/// The new numbers of the surfaces of a tile that were merged.
 struct Renumbered(FxHashMap<u32, u32>);
 
 impl Renumbered {

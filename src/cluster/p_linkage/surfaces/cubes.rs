@@ -1,7 +1,7 @@
-//! Cubes of 0.5 m of the drive's lattice, and the local plane of each surface in each of them: the plane that
-//! fits its points in the cube and in the 26 cubes around it.
+//! Cubes of 0.5 m on the lattice of the drive, and the local plane of each surface in each cube: the plane
+//! fitted to its points in the cube and in the 26 cubes around it.
 //!
-//! Sums are integers, counted from the corner of the cube, so a local plane is the same in every tile, to the
+//! Sums are integers relative to the corner of the cube, so a local plane is the same in every tile, to the
 //! last bit.
 
 use std::ops::Range;
@@ -16,8 +16,8 @@ use crate::model::{Lattice, VoxelGrid, in_u32};
 const EDGE_M: f64 = 0.5;
 /// Largest edge in lattice units: the sums of 2^31 points then fit 64 bits.
 const LARGEST_EDGE: i64 = 1 << 15;
-/// Fewest points of a local plane. Chosen: planes of fewer points lean. A kerb of 0.12 m has so many in 1.5 m
-/// from 280 points per square metre on.
+/// Smallest number of points of a local plane. Chosen: planes of fewer points lean. A kerb of 0.12 m has this
+/// many in 1.5 m from 280 points per square metre.
 pub(super) const LOCAL_POINTS: u64 = 50;
 
 /// Edge of a cube in lattice units.
@@ -25,7 +25,7 @@ pub(super) fn edge(lattice: Lattice) -> u32 {
     in_u32(lattice.units(EDGE_M).clamp(1, LARGEST_EDGE), "lattice units of a cube")
 }
 
-/// Sums over the points of a surface in a cube, counted from the corner of a cube.
+/// Sums over the points of a surface in a cube, relative to the corner of a cube.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     points: i64,
@@ -34,7 +34,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a point, or takes it away if `sign` is -1.
+    /// Adds a point, or removes it if `sign` is -1.
     #[inline]
     fn add(&mut self, [x, y, z]: [i64; 3], sign: i64) {
         self.points += sign;
@@ -69,27 +69,28 @@ pub(super) struct LocalPlane {
     /// Root of the mean squared distance of its points, in lattice units, at least 1.
     pub(super) deviation: f64,
     pub(super) normal: [f64; 3],
-    /// Position along the normal, from the corner of the cube.
+    /// Position of the plane along its normal, from the corner of the cube.
     through: f64,
     /// Mean of its points, from the corner of the cube.
     mean: [f64; 3],
 }
 
 impl LocalPlane {
-    /// Distance of a place that is counted from the corner of the cube.
+    /// Distance of a place from the plane. The place is relative to the corner of the cube.
     #[inline]
     pub(super) fn distance(&self, by: [i32; 3]) -> f64 {
         self.beyond(by.map(f64::from)).abs()
     }
 
-    /// Distance of a place with a sign that says on which side it is.
+    /// Signed distance of a place from the plane. The sign gives the side.
     #[inline]
     fn beyond(&self, [x, y, z]: [f64; 3]) -> f64 {
         let [a, b, c] = self.normal;
         (a * x + b * y + c * z) - self.through
     }
 
-    /// Whether a place is on the same side of another plane of the cube as the mean of this one's points.
+    /// Whether a place is on the same side of `other`, another plane of the cube, as the mean of the points
+    /// of this plane.
     pub(super) fn is_beside(&self, other: &Self, by: [i32; 3]) -> bool {
         (other.beyond(by.map(f64::from)) > 0.0) == (other.beyond(self.mean) > 0.0)
     }
@@ -98,19 +99,19 @@ impl LocalPlane {
 /// The local planes in each cube.
 #[derive(Debug)]
 pub(super) struct LocalPlanes {
-    /// Where those of a cube are in `planes`.
+    /// Range in `planes` of each cube.
     ranges: Vec<Range<usize>>,
     planes: Vec<LocalPlane>,
 }
 
 impl LocalPlanes {
-    /// Of a cube, in ascending order of surfaces.
+    /// The local planes in a cube, in ascending order of surfaces.
     #[inline]
     pub(super) fn of(&self, cube: usize) -> &[LocalPlane] {
         &self.planes[self.ranges[cube].clone()]
     }
 
-    /// Of a surface in a cube.
+    /// The local plane of a surface in a cube.
     #[inline]
     pub(super) fn find(&self, cube: usize, surface: u32) -> Option<&LocalPlane> {
         let of_cube = self.of(cube);
@@ -118,11 +119,12 @@ impl LocalPlanes {
     }
 }
 
-/// Sums of a surface among those around a cube: the surface, the cube, its place among the 27, and where the
-/// sums are among those of the cube.
+/// Reference to the sums of a surface in one of the 27 cubes around a cube: the surface, the cube, its
+/// offset, and the position of the sums in the list of the cube.
 type Near = (u32, u32, [i8; 3], usize);
 
-/// The sums of each surface in each cube, in ascending order of surfaces: noise has thousands in one cube.
+/// The sums of each surface in each cube, in ascending order of surfaces for a fast search: in noise, a cube
+/// has thousands.
 #[derive(Debug, Clone)]
 pub(super) struct SumsOfCubes(Vec<Vec<(u32, Sums)>>);
 
@@ -148,15 +150,15 @@ pub(super) struct Cubes {
     corner: Vec<[i32; 3]>,
     /// The cube of each point.
     of_point: Vec<u32>,
-    /// Where the points of each cube are in `members` and `places`.
+    /// Range in `members` and `places` of each cube.
     ranges: Vec<Range<usize>>,
     members: Vec<u32>,
-    /// Places counted from the corner of the cube. They are read cube by cube, and lie so in memory.
+    /// Places relative to the corner of the cube. They are stored cube by cube, because they are read so.
     places: Vec<[i32; 3]>,
 }
 
 impl Cubes {
-    /// Of points in local coordinates, which are counted from `origin` and not negative.
+    /// The cubes of points in local coordinates, which are relative to `origin` and not negative.
     #[expect(clippy::cast_possible_wrap, reason = "below an edge, which is at most 2^15")]
     pub(super) fn new(places: &[[i32; 3]], origin: [i64; 3], edge: u32) -> Self {
         let grid = VoxelGrid::new(origin, edge);
@@ -165,7 +167,7 @@ impl Cubes {
         let mut corner = Vec::new();
         let mut of_point = Vec::with_capacity(places.len());
         let mut counts: Vec<usize> = Vec::new();
-        // Points that follow each other are mostly in one cube.
+        // Consecutive points are mostly in one cube.
         let mut latest = ([u32::MAX; 3], 0);
         for place in places {
             let at = [0, 1, 2].map(|axis| grid.index(axis, place[axis]));
@@ -217,16 +219,18 @@ impl Cubes {
         &self.members[self.ranges[cube].clone()]
     }
 
-    /// The points of a cube, ascending, and their places counted from its corner.
+    /// The points of a cube, ascending, and their places relative to its corner.
     pub(super) fn placed(&self, cube: usize) -> impl Iterator<Item = (usize, [i32; 3])> {
         let range = self.ranges[cube].clone();
         let points = self.members[range.clone()].iter().map(|point| *point as usize);
         points.zip(self.places[range].iter().copied())
     }
 
-    /// Whether each cube has places that are at most `reach` units from a place in one of some cubes.
+    /// Whether each cube can have a place that is at most `reach` units from a place in one of the given
+    /// `cubes`.
     pub(super) fn within(&self, reach: i64, cubes: impl Iterator<Item = usize>) -> Vec<bool> {
-        // Between cubes that are n steps apart lie n - 1 edges, and their places are further apart.
+        // If two cubes are n steps apart, n - 1 cubes lie between them, so their places are more than n - 1
+        // edges apart.
         let steps = i32::try_from((reach - 1).max(0) / i64::from(self.edge) + 1).unwrap_or(i32::MAX);
         let mut found = vec![false; self.len()];
         for cube in cubes {
@@ -244,7 +248,7 @@ impl Cubes {
         found
     }
 
-    /// A place in local coordinates, counted from the corner of a cube.
+    /// A place in local coordinates, converted to coordinates relative to the corner of a cube.
     #[inline]
     pub(super) fn in_cube(&self, cube: usize, place: [i32; 3]) -> [i32; 3] {
         let corner = self.corner[cube];
@@ -258,7 +262,7 @@ impl Cubes {
         for cube in 0..self.len() {
             here.clear();
             here.extend(self.points(cube).iter().map(|point| surfaces[*point as usize]));
-            // Most points of a cube are of one surface, and follow each other.
+            // Most points of a cube belong to one surface and are consecutive.
             here.dedup();
             here.sort_unstable();
             here.dedup();
@@ -282,7 +286,7 @@ impl Cubes {
         sums
     }
 
-    /// Takes a point from one surface to another one; 0 is none.
+    /// Moves a point from one surface to another one; 0 is none.
     pub(super) fn take(&self, sums: &mut SumsOfCubes, point: usize, place: [i32; 3], from: u32, to: u32) {
         let cube = self.of(point);
         let by = self.in_cube(cube, place).map(i64::from);
@@ -293,8 +297,8 @@ impl Cubes {
         }
     }
 
-    /// The local planes in the cubes with a `wanted` point, if `fewest` surfaces have as many points there as
-    /// a local plane needs.
+    /// The local planes in the cubes with a `wanted` point. A cube has none unless at least `fewest` surfaces
+    /// have enough points for a local plane there.
     pub(super) fn planes(
         &self,
         sums: &SumsOfCubes,
@@ -319,7 +323,7 @@ impl Cubes {
         found
     }
 
-    /// The sums in a cube and around it, by surfaces.
+    /// Lists the sums in a cube and around it, by surface.
     fn gather(&self, cube: usize, sums: &SumsOfCubes, near: &mut Vec<Near>) {
         near.clear();
         for by in (0..27).map(|n| [n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1]) {
@@ -422,7 +426,7 @@ mod tests {
         for point in 0..places.len() {
             assert_eq!(of_one.of(one.of(point)), of_two.of(two.of(point)));
         }
-        // Where no point is wanted there are no planes.
+        // If no point is wanted, there are no planes.
         let none = one.planes(&one.sums(&surfaces), 1, |_| false);
         assert!((0..one.len()).all(|cube| none.of(cube).is_empty()));
     }

@@ -1,5 +1,5 @@
 //! The surfaces of the points of a tile and around it, after the slices or a contest. Other tiles have stored
-//! those of their points that this tile reads, by ids (`seams`).
+//! the surfaces of those of their points that this tile reads, by id (`seams`).
 
 use super::around::Around;
 use super::contested;
@@ -44,7 +44,7 @@ pub(super) fn around(tile: &dyn TileWindow, around: &Around, reach: i64, step: u
     for other in tile.near(reach).into_iter().filter(|other| *other != here) {
         of_others.extend(near(tile, other, step)?);
     }
-    // The list of each tile is in order already, which this sort makes use of.
+    // The list of each tile is sorted already. A stable sort is fast on such runs.
     of_others.sort();
     let mut of_others = of_others.into_iter().peekable();
     let lost = |point: usize| {

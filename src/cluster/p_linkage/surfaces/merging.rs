@@ -1,10 +1,10 @@
-//! Which touching surfaces become one after a contest: those that agree at their border and share a plane.
+//! Merges touching surfaces after a contest, if they agree at their border and share a plane.
 //!
-//! To agree at the border is not enough. The two sides of a roof touch at its ridge, and a small
-//! surface on the ridge agrees with both. So pairs are merged one after the other, those with the longest
-//! border first, and only if the points of the smaller one are as near to the plane of the larger one as
-//! points of a plane are. Of pairs with equally long borders, sums over their points decide which comes
-//! first: numbers of surfaces follow the tiles.
+//! Agreement at the border is not enough. The two sides of a roof touch at its ridge, and a small surface on
+//! the ridge agrees with both. So pairs are merged one after the other, the longest border first. A pair is
+//! merged only if the points of the smaller surface are as near to the plane of the larger one as its own
+//! points. If borders are equally long, sums over the points decide the order, because the numbers of
+//! surfaces depend on the tiles.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -16,19 +16,19 @@ use super::cubes::LOCAL_POINTS;
 use super::planes::{Fit, LARGEST_SCORE, Moments};
 use crate::spatial::DisjointSets;
 
-/// What is known of the points of a surface.
+/// Moments of the points of a surface.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Known {
-    /// Of those that are consistent with local planes after the contest.
+    /// Of the points that are consistent with local planes after the contest.
     pub(super) now: OnPlane,
-    /// Of those that are consistent with the planes of its slices.
+    /// Of the points that are consistent with the planes of its slices.
     pub(super) of_slices: Moments,
 }
 
-/// Orders surfaces by what their points are, whatever their numbers.
+/// Orders surfaces by their points, independently of their numbers.
 type Rank = [(u64, [i128; 3]); 3];
-/// Two surfaces that touch, in the order in which they are merged: the length of their border, what they are,
-/// and their numbers.
+/// Two touching surfaces, ordered as they are merged: the length of their border, their ranks, and their
+/// numbers.
 type Candidate = (Reverse<u64>, (Rank, Rank), (u32, u32));
 
 impl Known {
@@ -41,12 +41,14 @@ impl Known {
         self.of_slices.merge(&other.of_slices);
     }
 
-    /// The points that the plane of the surface fits, and the plane. `None` if they have none.
+    /// The points to which the plane of the surface is fitted, and the plane. `None` if no points have a
+    /// plane.
     ///
-    /// Local planes know points away from edges. At the edge to another plane, points of that one are nearer
-    /// to this one by chance, and always on the same side, so a narrow plane would lean by degrees. If they
-    /// are few, all count. But local planes take in what stands out of a facade by little, which slices leave
-    /// out. So those of the slices count where they are flatter and at least half as many.
+    /// The plane is fitted to the points that are consistent with local planes and away from edges. At an
+    /// edge, some points of the other plane are nearer to this one by chance, always on the same side, so a
+    /// narrow plane would lean by degrees. If too few points are away from edges, all consistent points
+    /// count. But local planes include parts that stand out slightly from a facade, which slices leave out.
+    /// So the points of the slices count instead if they are flatter and at least half as many.
     pub(super) fn plane(&self) -> Option<(Moments, Fit)> {
         let of = |moments: Moments| moments.fit().map(|fit| (moments, fit));
         let many = |moments: Moments| if moments.points >= LOCAL_POINTS { of(moments) } else { None };
@@ -64,8 +66,8 @@ impl Known {
     }
 }
 
-/// Merges surfaces: `sets` and what is known of them, by the number of their set. Returns the number of
-/// pairs.
+/// Merges surfaces in `sets`, and their moments in `known`, which has them by the number of their set.
+/// Returns the number of merged pairs.
 pub(super) fn merge(
     touching: &BTreeMap<(u32, u32), Touching>,
     sets: &mut DisjointSets,
@@ -97,8 +99,9 @@ pub(super) fn merge(
     merged
 }
 
-/// Whether the points of the smaller surface are as near to the plane of the larger one as points of a plane
-/// are: in the root of the mean square, below 2.5 deviations (equation 7), the larger one of both planes.
+/// Whether the points of the smaller surface are near enough to the plane of the larger one: the root of
+/// their mean squared distance is below 2.5 deviations (equation 7). The deviation is the larger one of both
+/// planes.
 fn on_one_plane(a: &Known, b: &Known) -> bool {
     let (Some(a), Some(b)) = (a.plane(), b.plane()) else { return false };
     let rank = |of: &(Moments, Fit)| (of.0.points, of.0.sums);
@@ -120,7 +123,7 @@ mod tests {
             for v in 0..size[1] / 20 {
                 number += 1;
                 let off = number * 7_919 % 11 - 5;
-                // The axes are in thousandths.
+                // The vectors `along` and `across` are in thousandths.
                 let at = |axis: usize| corner[axis] + (along[axis] * u * 20 + across[axis] * v * 20) / 1_000;
                 now.amid.add([at(0), at(1), at(2) + off]);
             }
@@ -147,7 +150,8 @@ mod tests {
 
     #[test]
     fn a_surface_on_the_ridge_joins_one_side_of_a_roof() {
-        // Slopes of 0.1 to both sides: 11 degrees between them, and 6 degrees from the ridge.
+        // Slopes of 0.1 on both sides: 11 degrees between the sides, 6 degrees between each side and the
+        // ridge.
         let west = surface([0, 0, 0], [995, 0, 100], [0, 1_000, 0], [3_000, 4_000]);
         let ridge = surface([2_985, 0, 300], [1_000, 0, 0], [0, 1_000, 0], [60, 4_000]);
         let east = surface([3_045, 0, 300], [995, 0, -100], [0, 1_000, 0], [3_000, 3_900]);
@@ -191,7 +195,7 @@ mod tests {
         assert!(alone(&known) > 10.0 && alone(&facade) < 4.0);
         known.of_slices = facade.now.all();
         assert_eq!(alone(&known).to_bits(), alone(&facade).to_bits());
-        // Slices of less than half of the points lean.
+        // Slices with less than half of the points may lean, so they do not count.
         known.of_slices = frame.now.all();
         assert!(alone(&known) > 10.0);
     }

@@ -4,52 +4,51 @@
 //!
 //! Source: Lu, Yao, Tu, Li, Li, Liu, "Pairwise linkage for point cloud segmentation", ISPRS Annals III-3,
 //! 201-208 (2016), doi:10.5194/isprs-annals-III-3-201-2016, section 3, equations 4 to 11. "The paper" in this
-//! folder is Lu et al. 2016. Ours: neighbours are within `reach_m`; of equally flat points the first one in
-//! the order of places (x, then y, then z) is the flatter, so that a perfectly flat floor is one surface;
-//! points in one place are linked to each other; a point that is linked to nothing is the root of its tree,
-//! and a centre if it is flatter than mean + standard deviation; where the median deviation is 0, all points
-//! are consistent; random numbers follow from the size of a slice (`slice`). Merging is transitive, and
-//! compares the planes of slices before any merging. Slices are merged only if their border is near to both
-//! planes too, because parallel planes at different heights became one surface over a kerb (`border`), and
-//! planes of slices are fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times,
-//! because narrow planes such as kerbs are in pieces before (`contest`), and those that agree and lie on one
-//! plane are merged (`merging`). `border_score = 0`, `refit_planes = false` and `contest_rounds = 0` give the
-//! rules as printed.
+//! folder is Lu et al. 2016. Ours: neighbours are within `reach_m`; of equally flat points, the first in the
+//! order of places (x, then y, then z) counts as flatter, so that a perfectly flat floor is one surface;
+//! points in one place are linked to each other; a point without a link is the root of its tree, and a centre
+//! if it is flatter than mean + standard deviation; if the median deviation is 0, all points are consistent;
+//! random numbers follow from the size of a slice (`slice`). Merging is transitive, and compares the planes
+//! of slices before any merging. Slices are merged only if their border is near both planes too, because
+//! parallel planes at different heights became one surface across a kerb (`border`). The planes of slices are
+//! fitted once more (`slice`). Then surfaces contest for points, `contest_rounds` times, because narrow
+//! planes such as kerbs are in pieces before (`contest`). Surfaces that agree and lie on one plane are merged
+//! (`merging`). `border_score = 0`, `refit_planes = false` and `contest_rounds = 0` give the printed rules.
 //!
-//! All points of a slice have its label, until a contest gives them another one. The plane of a surface fits
-//! the points that are consistent with its slices, or those that are consistent with its local planes, away
-//! from edges to larger ones (`merging`).
+//! All points of a slice have its label, until a contest gives them another one. The plane of a surface is
+//! fitted to the points that are consistent with its slices, or to those that are consistent with its local
+//! planes and away from edges (`merging`).
 //!
-//! Points of the ground belong to no object and so to no surface. With `ground.method = "none"` every point
-//! takes part.
+//! Ground points belong to no object and so to no surface. With `ground.method = "none"`, every point is
+//! used.
 //!
-//! Steps. `links`: normals, links, trees, and the planes of trees that lie in one tile. Its reduction has the
-//! mean and the deviation of flatness, and joins the trees of several tiles. `planes`: the planes of these,
-//! each fitted by one tile. `slices`: which adjacent slices are similar. Its reduction merges them.
-//! `contest-1`, `contest-2`, ...: the surface of each point whose local plane suits it best, and which
-//! surfaces touch and agree then. Their reduction merges these, and fits planes. `surfaces`: the labels of
-//! points. All but `planes` and `slices` read points.
+//! Steps. `links`: normals, links, trees, and the planes of trees that lie in one tile. Its reduction
+//! computes the mean and the deviation of flatness, and joins the trees of several tiles. `planes`: the
+//! planes of these trees, each fitted by one tile. `slices`: the adjacent slices that are similar. Its
+//! reduction merges them. `contest-1`, `contest-2`, ...: for each point the surface whose local plane fits it
+//! best, and then the surfaces that touch and agree. Their reduction merges these, and fits planes.
+//! `surfaces`: the labels of points. All steps except `planes` and `slices` read points.
 //!
 //! Why it is exact over tiles: a tile reads points up to three times `reach_m` around it, so it knows all
-//! neighbours of the neighbours of the points to which its own may be linked. A contest decides about points
-//! up to 1.42 m (or `reach_m`, if it is more) around a tile again, from those within twice as much; their
-//! surfaces before it are known from the tiles that own them, by ids. Coordinates relative to a point or to
-//! the corner of a cube are integers, so normals, flatness and local planes are the same to the last bit
-//! wherever they are computed. What crosses a seam is named by ids of points, and joined in the reductions.
-//! Sums over the drive and over surfaces are integers.
+//! neighbours of the neighbours of the points to which its own may be linked. A contest also decides points
+//! of other tiles within 1.42 m (or `reach_m`, if that is more) of a tile. For this it reads the points
+//! within twice this distance; the tiles that own them give their surfaces before the contest, by id.
+//! Coordinates relative to a point or to the corner of a cube are integers, so normals, flatness and local
+//! planes are the same to the last bit wherever they are computed. Trees and pairs that cross a seam are
+//! named by ids of points, and joined in the reductions. Sums over the drive and over surfaces are integers.
 //!
 //! Cost: O(K) per point and 69 trials per slice. Neighbours, medians and trials are loops over columns of
-//! numbers, which use AVX2 if the processor has it (`spatial::vectors`), with the same results to the bit. A
-//! contest takes the sums of a point, its distance from the local planes in its cube, and K neighbours only
-//! for the few points that another plane suits better or that may touch another surface. In noise, where a
-//! cube has thousands of planes, it takes the planes of K neighbours instead. Memory: about 4 K bytes per
-//! point of a tile for consistent sets, and in one tile about 130 bytes per point of the largest slice that
-//! crosses a seam.
+//! numbers, which use AVX2 if the processor has it (`spatial::vectors`), with the same results to the bit.
+//! For each point, a contest adds it to sums and computes its distance from the local planes in its cube. It
+//! searches K neighbours only for the few points that another plane fits better or that may touch another
+//! surface. In noise, where a cube has thousands of planes, it uses the planes of K neighbours instead.
+//! Memory: about 4 K bytes per point of a tile for consistent sets, and in one tile about 130 bytes per point
+//! of the largest slice that crosses a seam.
 //!
-//! Known failures: where scan lines are further apart than K / 2 points along them, the nearer half of the
-//! neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin the points. Noise of
-//! the size of a neighbourhood makes slices with arbitrary normals. Edges between planes are rounded off by
-//! small slices of their own where points are too sparse for local planes (22 per square metre). A kerb of
+//! Known failures: if the distance between scan lines is larger than the length of K / 2 points along a line,
+//! the nearer half of the neighbours lies on one line, and normals are arbitrary. Raise `neighbours` or thin
+//! the points. Noise of the size of a neighbourhood makes slices with arbitrary normals. If points are too
+//! sparse for local planes (22 per square metre), small slices round off the edges between planes. A kerb of
 //! 0.12 m stays in pieces below about 2000 points per square metre at 10 mm of noise, sometimes also above,
 //! and the normal of such a narrow plane is exact to 2 degrees only.
 
@@ -92,8 +91,8 @@ pub(in crate::cluster) const ENTRY: ClusterEntry = ClusterEntry {
     build: |sections| Ok(Box::new(Surfaces::new(&config::section(NAME, &sections(NAME))?)?)),
 };
 
-/// Raised when results or payloads change and no setting does. From 2 on, places decide where ids did. From 3
-/// on, `planes` has the planes that were in `slices`.
+/// Raised when results or payloads change and no setting does. Since 2, places decide where ids decided
+/// before. Since 3, `planes` has the planes that were in `slices`.
 const ALGORITHM_EPOCH: u32 = 3;
 
 const LINKS: Step = Step {
@@ -131,7 +130,7 @@ const fn contest(name: &'static str) -> Step {
 /// and flatness (40), places, ids and zones (21), the index (23), and lists of sets, links and trees (56).
 /// Estimated from sizes.
 const LINKS_BYTES_PER_POINT: u64 = 340;
-/// Bytes per point of objects that a tile needs for what it and its neighbours have stored. Estimated from
+/// Bytes per point of objects that a tile needs for the payloads of itself and its neighbours. Estimated from
 /// sizes.
 const SLICES_BYTES_PER_POINT: u64 = 40;
 /// Bytes per point of objects that a tile needs for a contest: places, ids and zones (21), cubes (20), an
@@ -198,8 +197,8 @@ impl Method for Surfaces {
         Reach::Exact { metres: lattice.metres(links.max(contest)) }
     }
 
-    /// As far as the links of a point and every contest after them look. Slices and merged surfaces reach
-    /// further.
+    /// The reach of the links of a point and of all contests after them. Slices and merged surfaces depend on
+    /// points further away.
     fn deciding_reach_m(&self, lattice: Lattice) -> f64 {
         let [links, contest] = self.reaches(lattice);
         lattice.metres(links + i64::from(self.config.contest_rounds) * contest)

@@ -1,11 +1,11 @@
 //! Normal, flatness and consistent set of every point (section 3, normal estimation).
 //!
-//! The plane of a point fits the nearer half of its K nearest neighbours, itself included. Its consistent set
-//! are those of all K whose distances from this plane are consistent. A point with fewer than 6 neighbours
-//! within reach, or whose nearer half lies on one line or in one place, has no normal. It is linked to
-//! nothing.
+//! The plane of a point is fitted to the nearer half of its K nearest neighbours, itself included. Its
+//! consistent set consists of those of all K neighbours whose distances from this plane are consistent. A
+//! point has no normal if it has fewer than 6 neighbours within reach, or if their nearer half lies on one
+//! line or in one place. Such a point has no link.
 //!
-//! Coordinates are integers relative to the point, so every figure is the same in every tile, to the last
+//! Coordinates are integers relative to the point, so every result is the same in every tile, to the last
 //! bit.
 
 use std::ops::Range;
@@ -14,25 +14,26 @@ use super::around::{Around, Zone};
 use super::planes::{Consistent, Fit, Scratch, likeness, squared_distance};
 use crate::spatial::{Block, Boxes, Columns, KNearest, Look, Loops, NO_POINT, Work, run};
 
-/// Fewest neighbours, the point itself included: half of them span a plane.
+/// Smallest number of neighbours, the point itself included: half of them span a plane.
 const FEWEST: usize = 6;
 /// No point.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Flatness lambda0 in square lattice units, infinite without a normal, and the normal.
+/// Flatness lambda0 in square lattice units (infinite without a normal), and the normal.
 #[derive(Debug, Clone, Copy)]
 struct Facts {
     flatness: f64,
     normal: [f64; 3],
 }
 
-/// What is known of the points around a tile. A point has a slot in the index of neighbours beside its
-/// position in `around`: slots that follow each other are near each other, and mostly in the cache.
+/// Normals, flatness and consistent sets of the points around a tile. In addition to its position in
+/// `around`, a point has a slot in the index of neighbours. Consecutive slots are near each other in space,
+/// so neighbours are mostly in the cache.
 #[derive(Debug)]
 pub(super) struct Normals {
     index: KNearest,
     facts: Vec<Facts>,
-    /// Where the consistent set of each slot is in `members`. Only of points whose link must be known.
+    /// Range in `members` of the consistent set of each slot. Empty for points whose link need not be known.
     sets: Vec<Range<usize>>,
     members: Vec<u32>,
     /// Flatness by positions.
@@ -43,11 +44,11 @@ pub(super) struct Normals {
 struct Search<'a> {
     index: &'a KNearest,
     reach: i64,
-    /// Of each slot.
+    /// Zone of each slot.
     zones: Vec<Zone>,
 }
 
-/// What is found for each slot.
+/// Results for each slot.
 struct Found {
     facts: Vec<Facts>,
     sets: Vec<Range<usize>>,
@@ -97,10 +98,10 @@ impl Work for Search<'_> {
 }
 
 impl Normals {
-    /// Of `neighbours` points within `reach` lattice units of each point.
+    /// Computes them from up to `neighbours` points within `reach` lattice units of each point.
     pub(super) fn of(around: &Around, neighbours: usize, reach: i64) -> Self {
         let index = KNearest::new(&around.places, neighbours);
-        // Where there is no point, no neighbours are looked for.
+        // For slots without a point, no neighbours are searched.
         let zone_of = |point: &u32| around.zone.get(*point as usize).copied().unwrap_or(Zone::Place);
         let zones = index.numbers().iter().map(zone_of).collect();
         let Found { facts, sets, members } = run(Search { index: &index, reach, zones });
@@ -136,7 +137,7 @@ impl Normals {
         &self.members[self.sets[slot].clone()]
     }
 
-    /// The slot to which a slot is linked: of the flatter points in its consistent set the one whose normal
+    /// The slot to which a slot is linked: of the flatter points in its consistent set, the one whose normal
     /// deviates least. Ties go to the nearer one, then to the first in the order of places. `None` if there
     /// is none.
     pub(super) fn link(&self, slot: usize) -> Option<usize> {
@@ -147,7 +148,7 @@ impl Normals {
         let mut best: (f64, Option<usize>) = (-1.0, None);
         for other in self.consistent(slot).iter().map(|&other| other as usize) {
             let there = &self.facts[other];
-            // Of two equally flat points, the first in the order of places is the flatter.
+            // Of two equally flat points, the first in the order of places counts as flatter.
             let flatter = there.flatness < own.flatness
                 || (there.flatness.to_bits() == own.flatness.to_bits() && points[other] < points[slot]);
             // A branch could not be predicted.
@@ -163,7 +164,8 @@ impl Normals {
         best.1
     }
 
-    /// Whether each of two slots is in the consistent set of the other (equation 10). `b` is in that of `a`.
+    /// Whether each of two slots is in the consistent set of the other (equation 10). The caller knows that
+    /// `b` is in the set of `a`.
     pub(super) fn is_mutual(&self, a: usize, b: usize) -> bool {
         // All are compared, without a branch: a loop with an exit is slower.
         self.consistent(b).iter().fold(false, |found, &other| found | (other as usize == a))

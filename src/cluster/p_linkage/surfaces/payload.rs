@@ -1,5 +1,5 @@
-//! What the step `links` stores of a tile, in sections: labels, trees, planes, consistent points, parts of
-//! open trees, pairs of points of different trees, and the trees of points near other tiles.
+//! The payload of the step `links` for a tile, in sections: labels, trees, planes, consistent points, parts
+//! of open trees, pairs of points of different trees, and the trees of points near other tiles.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +20,7 @@ const SECTION_PARTS: usize = 4;
 const SECTION_PAIRS: usize = 5;
 const SECTION_NEAR: usize = 6;
 
-/// Steps of a flatness: 2^-20 square lattice units.
+/// Number of steps of a flatness per square lattice unit: 2^20.
 const FLATNESS_STEPS: f64 = 1_048_576.0;
 
 /// Sums of the flatness over points, in whole steps of 2^-20 square lattice units.
@@ -56,18 +56,19 @@ impl FlatnessSums {
     }
 }
 
-/// A tree that has links to other tiles, as far as one tile knows it.
+/// The part in one tile of a tree with links to other tiles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct OpenTree {
-    /// Points of the tile.
+    /// Number of its points in the tile.
     pub(super) points: u64,
     /// Flatness of its root, if the tile owns it.
     pub(super) root: Option<f64>,
-    /// Names by which tiles join their parts.
+    /// Names by which the parts of different tiles are joined.
     pub(super) names: Vec<PointId>,
 }
 
-/// The trees of a tile: first the closed ones, which lie in it alone and are slices, then the open ones.
+/// The trees of a tile: first the closed ones, which lie completely in it and may be slices, then the open
+/// ones.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct OfTile {
     pub(super) flatness: FlatnessSums,
@@ -76,7 +77,8 @@ pub(super) struct OfTile {
     pub(super) open: Vec<OpenTree>,
 }
 
-/// A closed slice: its plane, and the moments of its consistent points from the lowest corner of the drive.
+/// A closed slice: its plane, and the moments of its consistent points relative to the lowest corner of the
+/// drive.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Closed {
     pub(super) plane: SlicePlane,
@@ -89,11 +91,11 @@ pub(super) struct OpenPoint {
     pub(super) id: PointId,
     /// Lattice coordinates.
     pub(super) at: [i64; 3],
-    /// Its position among the points of objects that the tile owns, in the order of places.
+    /// Its position among the object points that the tile owns, in the order of places.
     pub(super) own: u32,
 }
 
-/// A mutual pair over a seam, stored by the tile that owns the first point in the order of places.
+/// A mutual pair across a seam. The tile that owns the first point (in the order of places) stores it.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Across {
     /// Position of the tile's own point.
@@ -106,9 +108,10 @@ pub(super) struct Across {
 /// Mutual pairs of points of different trees (equation 10).
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Pairs {
-    /// Closed trees with pairs of consistent points, the smaller number first, ascending, and their border.
+    /// Pairs of closed trees with mutual pairs of consistent points, the smaller number first, ascending, and
+    /// their border.
     pub(super) trees: Vec<((u32, u32), Border)>,
-    /// Pairs of own points, by position, of which one is of an open tree at least.
+    /// Pairs of own points, by position. At least one point of each belongs to an open tree.
     pub(super) points: Vec<(u32, u32)>,
     pub(super) across: Vec<Across>,
     /// Ids and positions of own points that other tiles store in `across`, ascending.
@@ -117,13 +120,13 @@ pub(super) struct Pairs {
     pub(super) places: Vec<(u32, [i64; 3])>,
 }
 
-/// What a tile stores.
+/// The content of the payload.
 #[derive(Debug, Default)]
 pub(super) struct Stored {
     /// The tree of each point that the tile owns, from 1; 0 for none.
     pub(super) labels: Vec<u32>,
     pub(super) of_tile: OfTile,
-    /// Of the closed trees.
+    /// Planes of the closed trees.
     pub(super) planes: Vec<Closed>,
     /// Whether each point is consistent with the plane of its closed tree.
     pub(super) consistent: Vec<bool>,
@@ -151,7 +154,7 @@ impl Stored {
         ]))
     }
 
-    /// What a tile has stored.
+    /// The stored payload of a tile.
     pub(super) fn load(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Self> {
         let payload = drive.payload(STEP_LINKS, tile)?;
         let labels = decode_labels(&payload)?;

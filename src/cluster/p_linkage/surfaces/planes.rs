@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 use super::smallest::{Smallest, smallest};
 use crate::spatial::{Columns, median};
 
-/// Factor of the median absolute deviation (equation 6): for normal deviations it is their standard
-/// deviation.
+/// Factor of the median absolute deviation (equation 6). For normally distributed deviations, the product is
+/// their standard deviation.
 const MAD_FACTOR: f64 = 1.4826;
-/// Points with a robust score below this are consistent (equation 7).
+/// Robust score below which points are consistent (equation 7).
 pub(super) const LARGEST_SCORE: f64 = 2.5;
-/// Sums over 127 products of coordinates of points within this distance (squared) fit 31 bits.
+/// Squared distance within which the sum of 127 products of coordinates fits 31 bits.
 const OF_SHORT: f32 = 16_777_216.0;
-/// Points are on one line if the middle eigenvalue is at most this times the largest.
+/// Largest ratio of the middle to the largest eigenvalue for points on one line.
 const LINE: f64 = 1e-9;
 
 /// Axes of the products of coordinates, in their order.
 const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
-/// Sums over points, counted from any one place: number, coordinates, and products xx, xy, xz, yy, yz, zz.
+/// Sums over points, relative to one common place: number, coordinates, and products xx, xy, xz, yy, yz, zz.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(super) struct Moments {
     pub(super) points: u64,
@@ -27,7 +27,7 @@ pub(super) struct Moments {
     pub(super) products: [i128; 6],
 }
 
-/// A plane that fits points.
+/// A plane that is fitted to points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
     /// Unit normal, v0.
@@ -35,13 +35,12 @@ pub(super) struct Fit {
     /// Smallest eigenvalue, lambda0: the mean squared distance from the plane in square lattice units. Never
     /// negative.
     pub(super) flatness: f64,
-    /// Mean of the points, counted from the place of the moments.
+    /// Mean of the points, relative to the place of the moments.
     pub(super) mean: [f64; 3],
 }
 
 impl Moments {
-    /// The moments of points that are not many and not far away: coordinates are below 2^20, and the points
-    /// at most 2^20.
+    /// The moments of at most 2^20 points with coordinates below 2^20.
     #[inline]
     pub(super) fn of_near(points: impl Iterator<Item = [i32; 3]>) -> Self {
         let mut count = 0;
@@ -57,15 +56,15 @@ impl Moments {
         Self { points: count, sums: sums.map(i128::from), products: products.map(i128::from) }
     }
 
-    /// The same of those at most `limit` away. Coordinates and distances are in whole rows; what is beyond
-    /// the points is infinitely far away.
+    /// The same for the points at most `limit` away. Coordinates and distances are in whole rows; entries
+    /// beyond the points are infinitely far away.
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     pub(super) fn of_rows([xs, ys, zs]: &[Vec<i32>; 3], distances: &[f32], limit: f32) -> Self {
         let mut count = 0_u64;
         let (mut sums, mut products) = ([0_i64; 3], [0_i64; 6]);
         for (((x, y), z), distance) in xs.iter().zip(ys).zip(zs).zip(distances) {
-            // A point that is not near counts nothing: a branch could not be predicted.
+            // A point that is not near adds 0 instead of being skipped: a branch could not be predicted.
             let is_near = *distance <= limit;
             let mask = -i32::from(is_near);
             count += u64::from(is_near);
@@ -86,14 +85,15 @@ impl Moments {
         self.products.iter_mut().zip(of_point).for_each(|(sum, product)| *sum += product);
     }
 
-    /// Adds other points, counted from the same place.
+    /// Adds the moments of other points, relative to the same place.
     pub(super) fn merge(&mut self, other: &Self) {
         self.points += other.points;
         self.sums.iter_mut().zip(other.sums).for_each(|(sum, other)| *sum += other);
         self.products.iter_mut().zip(other.products).for_each(|(sum, other)| *sum += other);
     }
 
-    /// The plane that fits the points best. `None` if they are fewer than 3, in one place or on one line.
+    /// The plane that fits the points best. `None` if there are fewer than 3 points, or if they are in one
+    /// place or on one line.
     pub(super) fn fit(&self) -> Option<Fit> {
         if self.points < 3 {
             return None;
@@ -103,7 +103,7 @@ impl Moments {
 }
 
 impl Moments {
-    /// The covariances times the square of the number of points: whole numbers, rounded once.
+    /// The covariances times the square of the number of points: integers, rounded once.
     fn scaled(&self) -> [f64; 6] {
         // No sum or product of sums is larger than this (Cauchy-Schwarz), so 64 bits mostly suffice.
         let largest = (self.products[0] + self.products[3] + self.products[5])
@@ -124,7 +124,7 @@ impl Moments {
         })
     }
 
-    /// Mean squared distance of the points from a plane, both counted from one place.
+    /// Mean squared distance of the points from a plane. Both are relative to the same place.
     pub(super) fn off_plane(&self, plane: &Fit) -> f64 {
         let squared = self.points as f64 * self.points as f64;
         let spread = self.scaled().into_iter().zip(AXES).map(|(value, (a, b))| {
@@ -137,8 +137,8 @@ impl Moments {
 }
 
 impl Fit {
-    /// The plane of neighbours of a point within `limit` (squared), counted from the point: `count` of them.
-    /// As [`Moments::fit`], because coordinates are below 2^16, so every sum is exact.
+    /// The plane of the `count` neighbours of a point within `limit` (squared), relative to the point. Equals
+    /// the result of [`Moments::fit`], because coordinates are below 2^16, so every sum is exact.
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     pub(super) fn of_nearest(near: &Columns, limit: f32, count: usize) -> Option<Self> {
@@ -151,7 +151,7 @@ impl Fit {
         }
         let (mut sums, mut products) = ([0_i32; 3], [0_i32; 6]);
         for (((x, y), z), squared) in xs.iter().zip(ys).zip(zs).zip(near.squared()) {
-            // A point that is not near counts nothing: a branch could not be predicted.
+            // A point that is not near adds 0 instead of being skipped: a branch could not be predicted.
             let is_near = -i32::from(*squared <= limit);
             let [x, y, z] = [x & is_near, y & is_near, z & is_near];
             sums = [sums[0] + x, sums[1] + y, sums[2] + z];
@@ -190,7 +190,7 @@ impl Fit {
         distances.extend(places.map(|place| self.rounded_distance(place)));
     }
 
-    /// Distance of a point from the plane, both counted from the place of the moments.
+    /// Distance of a point from the plane. Both are relative to the place of the moments.
     #[inline]
     pub(super) fn distance(&self, [x, y, z]: [f64; 3]) -> f64 {
         let [a, b, c] = self.normal;
@@ -207,7 +207,7 @@ impl Fit {
         self.distance(at) as f32
     }
 
-    /// Position along the normal, from the place of the moments.
+    /// Position of the plane along its normal, from the place of the moments.
     #[inline]
     pub(super) fn through(&self) -> f64 {
         let [a, b, c] = self.normal;
@@ -215,17 +215,17 @@ impl Fit {
     }
 }
 
-/// The distances of consistent points: robust scores below 2.5 (equation 7). Distances are in single
-/// precision: they are compared, and for that its digits suffice.
+/// The range of distances of consistent points, whose robust scores are below 2.5 (equation 7). Distances are
+/// in single precision, because they are only compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Consistent {
     median: f32,
-    /// Deviations from the median must be below this; infinite if the median deviation is 0: then all are
-    /// consistent.
+    /// Upper bound (exclusive) of the deviation from the median. Infinite if the median deviation is 0: then
+    /// all points are consistent.
     below: f32,
 }
 
-/// Room for [`Consistent::of`].
+/// Buffers of [`Consistent::of`].
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     deviations: Vec<f32>,
@@ -240,7 +240,7 @@ impl Scratch {
 }
 
 impl Consistent {
-    /// From the distances of `len` points, in whole rows. `scratch` is overwritten.
+    /// Computes the range from the distances of `len` points, in whole rows. `scratch` is overwritten.
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     #[expect(clippy::cast_possible_truncation, reason = "a factor in single precision")]
@@ -265,7 +265,7 @@ impl Consistent {
     }
 }
 
-/// Amount of the product of two unit normals: the cosine of the angle between their planes.
+/// Absolute value of the product of two unit normals: the cosine of the angle between their planes.
 #[inline]
 pub(super) fn likeness(a: [f64; 3], b: [f64; 3]) -> f64 {
     (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).abs()
@@ -290,7 +290,7 @@ mod tests {
 
     #[test]
     fn planes_have_the_normal_and_the_variance_of_their_points() {
-        // x + y = const, with a deviation of 2 along (1, 1, 0) / sqrt 2 to both sides, times sqrt 2.
+        // Points off the plane x + y = 0 by 2 sqrt(2) to both sides.
         let points: Vec<[i64; 3]> = (0..400)
             .map(|k| (k % 20 * 10, k / 20 * 10, if (k % 20 + k / 20) % 2 == 0 { 2 } else { -2 }))
             .map(|(along, up, off)| [along + off, off - along, up])
@@ -382,7 +382,7 @@ mod tests {
         let found = of(&[1.0, 2.0, 3.0, 4.0, 100.0]);
         assert_eq!(found.median.to_bits(), 3.0_f32.to_bits());
         assert!(found.holds(6.7) && !found.holds(6.8) && found.holds(1.0) && !found.holds(100.0));
-        // Of four values the median is between the middle ones.
+        // The median of four values is the mean of the middle ones.
         let found = of(&[1.0, 2.0, 4.0, 9.0]);
         assert_eq!(found.median.to_bits(), 3.0_f32.to_bits());
         // More than half of the distances are equal: all are consistent.

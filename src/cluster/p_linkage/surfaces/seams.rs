@@ -1,13 +1,13 @@
 //! The points of a tile that other tiles read, with a value for each: its tree, or its surface. Other tiles
-//! know points by their ids.
+//! identify points by their ids.
 
 use super::around::Around;
 use crate::cluster::TileWindow;
 use crate::model::PointId;
 use crate::spatial::CellMap;
 
-/// A value for each point of a tile that others within `reach` of it read, by ids, ascending. `of_own` has
-/// the values of all its points, in the order of `around`.
+/// The value of each point of a tile that other tiles within `reach` of it read, with its id, ascending.
+/// `of_own` has the values of all its points, in the order of `around`.
 pub(super) fn near_others(
     tile: &dyn TileWindow,
     around: &Around,

@@ -17,16 +17,16 @@ pub(super) const STEP_LINKS: usize = 0;
 pub(super) const STEP_PLANES: usize = 1;
 pub(super) const STEP_SLICES: usize = 2;
 
-/// Distances of a neighbour around a tile within which the step `links` reads points.
+/// Width of the area around a tile in which the step `links` reads points, in multiples of the reach.
 pub(super) const LINKS_REACHES: i64 = 3;
-/// Widths of the zone of a contest ([`SurfacesConfig::contest_zone`]) within which a contest reads points:
-/// their surfaces decide about those in the zone.
+/// Width of the area around a tile in which a contest reads points, in multiples of its zone
+/// ([`SurfacesConfig::contest_zone`]): the surfaces of these points decide the surfaces in the zone.
 pub(super) const CONTEST_REACHES: i64 = 2;
-/// Names of the contests, and so their largest number.
+/// Names of the contests. There are at most this many.
 pub(super) const CONTESTS: [&str; 8] =
     ["contest-1", "contest-2", "contest-3", "contest-4", "contest-5", "contest-6", "contest-7", "contest-8"];
 
-/// Fewest points of a slice (section 3, slice creating).
+/// Smallest number of points of a slice (section 3, slice creating).
 pub(super) const SLICE_POINTS: u64 = 10;
 
 /// Settings of the section `[p-linkage]`.
@@ -36,30 +36,30 @@ pub struct SurfacesConfig {
     /// Adjacent slices are merged if the angle between their normals is below this, in degrees: theta of
     /// equation 11, 0 (never) to 90. Default 10 (section 4.2). The larger it is, the more a surface may bend.
     pub angle_deg: f64,
-    /// Adjacent slices are merged if the points of their border are, in the mean, nearer to the plane of the
-    /// other slice than this many deviations of the points of the rougher slice. 0 (the paper's rule: only
+    /// Adjacent slices are merged if the mean distance of their border points from the plane of the other
+    /// slice is below this many deviations of the points of the rougher slice. 0 (the paper's rule: only
     /// normals decide) to 100. Default 2.5 (chosen: the score of equation 7 up to which a point is consistent
     /// with a plane).
     pub border_score: f64,
     /// Whether the plane of a slice is fitted once more, to all points that are consistent with it. Default
     /// true (chosen: narrow planes fall apart without it; the paper has no such step).
     pub refit_planes: bool,
-    /// Number of contests among surfaces, in each of which every point goes to the surface nearby whose local
-    /// plane suits it best: 0 (as printed) to 8. Default 4 (chosen: a kerb of three at 2000 points per square
-    /// metre was in pieces with fewer, see `benches/results/surfaces.md`).
+    /// Number of contests among surfaces, 0 (as printed) to 8. In each contest, every point goes to the
+    /// nearby surface whose local plane fits it best. Default 4 (chosen: with fewer, one of three kerbs at
+    /// 2000 points per square metre was in pieces, see `benches/results/surfaces.md`).
     pub contest_rounds: u32,
     /// Number of neighbours of a point, itself included: K of section 3, 8 to 255. Default 50 (chosen, see
     /// `benches/results/surfaces.md`; the paper has no number).
     pub neighbours: u32,
-    /// Neighbours are not further away than this, in metres, 0.1 to 4. Default 1 (chosen: points of a vehicle
-    /// scanner on a facade are closer; the paper has no limit). It bounds the halo of a tile.
+    /// Largest distance of a neighbour in metres, 0.1 to 4. Default 1 (chosen: points of a vehicle scanner on
+    /// a facade are closer; the paper has no limit). This distance bounds the halo of a tile.
     pub reach_m: f64,
     /// Surfaces with fewer points, in the whole drive, are dropped; at least 10, which is the smallest slice.
     /// Default 10 (section 3).
     pub min_points: u64,
     /// A slice grows from a point that is flatter than this, in square metres, 0 to 100. Default 0: mean +
-    /// standard deviation of all points that are processed (equation 8). With that of the whole drive, a
-    /// section has the same slices.
+    /// standard deviation of all points that are processed (equation 8). If a section is processed with the
+    /// value of the whole drive, it has the same slices.
     pub flat_m2: f64,
 }
 
@@ -118,10 +118,11 @@ impl SurfacesConfig {
         lattice.units(self.reach_m).min(LARGEST_REACH)
     }
 
-    /// How far around a tile the surfaces of points after a contest must be known, in lattice units: as far
-    /// as a neighbour, and as the corner of the cubes around a point.
+    /// Distance around a tile within which the surfaces of points after a contest must be known, in lattice
+    /// units: the distance of a neighbour, or of the far corner of the cubes around a point if that is
+    /// larger.
     pub(super) fn contest_zone(&self, lattice: Lattice) -> i64 {
-        // The root of 8, rounded up: both ends of two cubes, diagonally.
+        // The square root of 8, rounded up: the diagonal of 2 x 2 cubes in the plane.
         let cubes = i64::from(cubes::edge(lattice)) * 2_829 / 1_000 + 1;
         self.reach(lattice).max(cubes)
     }
@@ -131,14 +132,15 @@ impl SurfacesConfig {
         self.min_points..=u64::MAX
     }
 
-    /// Cosine of the largest angle. Two normals are nearer if the amount of their product is above it.
+    /// Cosine of the largest angle between normals. The angle is smaller if the absolute value of their
+    /// product is larger.
     pub(super) fn cosine(&self) -> f64 {
         cosine(self.angle_deg * (std::f64::consts::PI / 180.0))
     }
 }
 
-/// The cosine of an angle of 0 to a right one, by its series: the functions of platforms differ in the last
-/// digit.
+/// The cosine of an angle from 0 to 90 degrees, by its series, because the functions of platforms differ in
+/// the last digit.
 fn cosine(angle: f64) -> f64 {
     let squared = angle * angle;
     (1..=14).rev().fold(1.0, |sum, n| 1.0 - sum * squared / f64::from((2 * n - 1) * (2 * n)))

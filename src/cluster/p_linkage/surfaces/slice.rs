@@ -3,15 +3,15 @@
 //! 48, 1404-1419 (2015), doi:10.1016/j.patcog.2014.10.014).
 //!
 //! A trial takes three points at random, keeps the half of all points that is nearest to their plane, and
-//! fits a plane to this half. The flattest of these planes is that of the slice. Trials are 69: equation 9
-//! with P = 0.9999 and epsilon = 0.5 gives 68.97. (The paper does not print P; 0.999 would give 51.7.) The
-//! points come in ascending order of their places, and the random numbers follow from their number. So the
-//! plane depends on the slice and on nothing else: not on the order of records, and not on where the drive
-//! lies or how finely its coordinates are stored.
+//! fits a plane to this half. The flattest of these planes becomes the plane of the slice. There are 69
+//! trials: equation 9 with P = 0.9999 and epsilon = 0.5 gives 68.97. (The paper does not print P; 0.999 would
+//! give 51.7.) The points are sorted by place, and the random numbers follow from their number. So the plane
+//! depends only on the slice, and neither on the order of records, nor on the position of the drive or the
+//! resolution of its coordinates.
 //!
-//! Not in the paper: with `refit_planes`, the plane that the trials find is replaced by the one that fits all
-//! points which are consistent with it. Half of the points of a small slice fit many planes well, and the
-//! flattest of them leans: narrow planes fell apart. One such step is usual after least median estimators
+//! Not in the paper: with `refit_planes`, the plane of the trials is replaced by the plane fitted to all
+//! points that are consistent with it. Half of the points of a small slice fit many planes well, and the
+//! flattest of these leans, so narrow planes fell apart. One such step is usual after least median estimators
 //! (Rousseeuw, Leroy, "Robust regression and outlier detection", 1987, chapter 1).
 
 use serde::{Deserialize, Serialize};
@@ -22,16 +22,16 @@ use crate::spatial::{Loops, ROW, Work, fill_up, run, threshold};
 
 /// Number of trials, I_t of equation 9, rounded up.
 const TRIALS: u32 = 69;
-/// Coordinates below this, of at most as many points, are summed in 64 bits.
+/// Upper bound of coordinates, and of the number of points, whose moments are summed in 64 bits.
 const SMALL: i64 = 1 << 20;
 
 /// The robust plane of a slice.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct SlicePlane {
     pub(super) normal: [f64; 3],
-    /// The lattice point from which the plane is counted: the first one of the slice.
+    /// The lattice point to which the plane is relative: the first point of the slice.
     pub(super) origin: [i64; 3],
-    /// Position of the plane along its normal, from the origin, in lattice units.
+    /// Position of the plane along its normal, from `origin`, in lattice units.
     pub(super) through: f64,
     /// Root of the mean squared distance of its consistent points, in lattice units.
     pub(super) deviation: f64,
@@ -85,10 +85,10 @@ impl Random {
 
 /// The search for the flattest plane.
 struct Trials<'a> {
-    /// The points, counted from the first one, also by axes.
+    /// The points relative to the first one. `axes` has the same by axis.
     by: &'a [[i64; 3]],
     axes: &'a [Vec<f64>; 3],
-    /// Whether coordinates are below [`SMALL`], and points not many.
+    /// Whether coordinates and the number of points are within [`SMALL`].
     small: bool,
 }
 
@@ -117,8 +117,8 @@ impl Work for Trials<'_> {
     }
 }
 
-/// The plane of the points of a slice, which come in ascending order of their places. `None` if no trial
-/// finds a plane: the points are fewer than 3, or on one line.
+/// The plane of the points of a slice, which must be sorted by place. `None` if no trial finds a plane,
+/// because there are fewer than 3 points, or because they are on one line.
 pub(super) fn slice(points: &[[i64; 3]], refit_plane: bool) -> Option<Slice> {
     let start = *points.first().filter(|_| points.len() >= 3)?;
     let by: Vec<[i64; 3]> = points.iter().map(|point| [0, 1, 2].map(|k| point[k] - start[k])).collect();
@@ -145,7 +145,7 @@ pub(super) fn slice(points: &[[i64; 3]], refit_plane: bool) -> Option<Slice> {
     Some(Slice { plane, consistent })
 }
 
-/// The moments of points; `small`: coordinates are below [`SMALL`].
+/// The moments of points. `small`: coordinates and the number of points are within [`SMALL`].
 #[expect(clippy::cast_possible_truncation, reason = "below 2^20")]
 fn moments(points: impl Iterator<Item = [i64; 3]>, small: bool) -> Moments {
     if small {
@@ -160,7 +160,7 @@ fn distances_from(axes: &[Vec<f64>; 3], fit: &Fit) -> Vec<f32> {
     (0..axes[0].len()).map(|at| fit.rounded_distance([axes[0][at], axes[1][at], axes[2][at]])).collect()
 }
 
-/// The normal of the plane through three points, of any length. `None` if they are on one line.
+/// The unit normal of the plane through three points. `None` if they are on one line.
 fn normal_of([a, b, c]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
     let [u, v] = [b, c].map(|to| [0, 1, 2].map(|axis| to[axis] - a[axis]));
     let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
@@ -172,14 +172,14 @@ fn normal_of([a, b, c]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
 #[derive(Debug)]
 struct Nearest<'a> {
     by: &'a [[i64; 3]],
-    /// The same by axes, in whole rows, if coordinates are small.
+    /// The same by axis, in whole rows, if coordinates are small.
     small: Option<[Vec<i32>; 3]>,
     distances: Vec<f32>,
     keys: Vec<u64>,
 }
 
 impl<'a> Nearest<'a> {
-    /// Of these points. `small`: coordinates are below [`SMALL`], and points not many.
+    /// A search among these points. `small`: coordinates and the number of points are within [`SMALL`].
     #[expect(clippy::cast_possible_truncation, reason = "below 2^20")]
     fn of(by: &'a [[i64; 3]], small: bool) -> Self {
         let column = |axis: usize| {
@@ -191,8 +191,8 @@ impl<'a> Nearest<'a> {
         Self { by, small, distances: Vec::new(), keys: Vec::new() }
     }
 
-    /// The moments of the `count` points that are nearest to the plane with this normal through a place, by
-    /// their distances in single precision, then by their positions.
+    /// The moments of the `count` points nearest to the plane with this `normal` through the place `through`.
+    /// Ordered by distance in single precision, then by position.
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
     #[expect(
@@ -222,7 +222,8 @@ impl<'a> Nearest<'a> {
                 }
             };
         }
-        // A distance above the position: bits of numbers that are not negative are ordered like the numbers.
+        // A key has the bits of the distance above the position: the bits of non-negative numbers are ordered
+        // like the numbers.
         let keys = (0_u64..).zip(&self.distances[..len]);
         let keys = keys.map(|(at, distance)| u64::from(distance.to_bits()) << 32 | at);
         self.keys.clear();
@@ -273,7 +274,7 @@ mod tests {
         assert!((2.5..5.0).contains(&found.plane.deviation), "{found:?}");
         assert!(points[..70].iter().all(|point| found.plane.distance(*point) < 16.0));
         assert!(found.consistent[..70].iter().filter(|consistent| **consistent).count() > 60);
-        // Far away and spread over kilometres, sums need more bits.
+        // If points are far away or spread over kilometres, sums need more bits.
         let far: Vec<[i64; 3]> =
             points.iter().map(|p| [p[0] * 90_000 + (1 << 50), p[1] * 90_000, p[2]]).collect();
         let found = slice(&far, false).unwrap();

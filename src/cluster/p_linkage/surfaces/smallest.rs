@@ -1,19 +1,20 @@
-//! The smallest eigenvalue of a covariance matrix, its unit vector, and the two other eigenvalues: by
-//! Newton's method on the characteristic polynomial, which takes a third of the time of rotations. Only +, -,
-//! *, / and the square root are used, in a fixed sequence, so the result is the same on every platform.
+//! The smallest eigenvalue of a covariance matrix, its unit vector, and the two other eigenvalues. Newton's
+//! method on the characteristic polynomial takes a third of the time of rotations. Only +, -, *, / and the
+//! square root are used, in a fixed sequence, so the result is the same on every platform.
 
 use crate::cluster::eigen::{Symmetric, eigen_within};
 
-/// Off-diagonal entries relative to the trace below which a matrix is diagonal. Normals are compared by the
-/// cosine of their angle, which has half of the digits of the angle.
+/// Size of off-diagonal entries, relative to the trace, below which a matrix is diagonal. Normals are
+/// compared by the cosine of their angle, which has half of the digits of the angle.
 const DIAGONAL: f64 = 1e-12;
-/// The product of the distances of the smallest eigenvalue to the others, relative to the square of the
-/// trace, above which Newton's method is exact to about 12 digits. Below it, rotations are exact and this
+/// Product of the distances of the smallest eigenvalue from the others, relative to the square of the trace,
+/// above which Newton's method is exact to about 12 digits. Below it, rotations are still exact, but this
 /// method is not.
 const APART: f64 = 1e-4;
-/// Steps of Newton's method. They only approach the smallest root from below, quadratically; 3 to 5 suffice.
+/// Largest number of steps of Newton's method. It approaches the smallest root from below, quadratically; 3
+/// to 5 suffice.
 const STEPS: usize = 8;
-/// A step relative to the trace after which the root is known.
+/// Step, relative to the trace, below which the root is exact enough.
 const SMALL_STEP: f64 = 1e-9;
 
 /// Eigenvalues in ascending order, and the unit vector of the smallest.
@@ -23,7 +24,7 @@ pub(super) struct Smallest {
     pub(super) vector: [f64; 3],
 }
 
-/// Of a symmetric matrix without negative eigenvalues.
+/// The eigenvalues of a symmetric matrix without negative eigenvalues.
 pub(super) fn smallest(matrix: Symmetric) -> Smallest {
     newton(matrix).unwrap_or_else(|| {
         let [(large, _), (middle, _), (small, vector)] = eigen_within(DIAGONAL, matrix);
@@ -31,7 +32,7 @@ pub(super) fn smallest(matrix: Symmetric) -> Smallest {
     })
 }
 
-/// `None` if the smallest eigenvalue is not well apart from the others.
+/// Newton's method. `None` if the smallest eigenvalue is not well separated from the others.
 fn newton(matrix: Symmetric) -> Option<Smallest> {
     let trace = matrix[0] + matrix[3] + matrix[5];
     let [xx, xy, xz, yy, yz, zz] = matrix.map(|value| value / trace);
@@ -42,7 +43,7 @@ fn newton(matrix: Symmetric) -> Option<Smallest> {
     for _ in 0..STEPS {
         let value = ((root - 1.0) * root + minors) * root - determinant;
         slope = (3.0 * root - 2.0) * root + minors;
-        // Also without a trace, which gives no number.
+        // A trace of 0 gives NaN.
         if slope.is_nan() || slope < APART {
             return None;
         }
@@ -57,7 +58,8 @@ fn newton(matrix: Symmetric) -> Option<Smallest> {
         return None;
     }
     let [a, b, c] = [[xx - root, xy, xz], [xy, yy - root, yz], [xz, yz, zz - root]];
-    // The rows span the plane of the other two vectors. Of their products the longest is the most exact.
+    // The rows span the plane of the other two eigenvectors. The longest of their cross products is the most
+    // exact.
     let mut longest = (0.0, [0.0; 3]);
     for product in [cross(a, b), cross(a, c), cross(b, c)] {
         let squared = product[0] * product[0] + product[1] * product[1] + product[2] * product[2];

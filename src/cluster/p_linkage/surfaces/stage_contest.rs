@@ -1,6 +1,6 @@
-//! The steps `contest-1`, `contest-2`, ...: one contest among surfaces each, and which surfaces then touch.
-//! The reduction merges those that agree, and fits the planes of surfaces to the points that are consistent
-//! with local planes.
+//! The steps `contest-1`, `contest-2`, ...: each runs one contest among surfaces and finds the surfaces that
+//! touch then. The reduction merges surfaces that agree, and fits the planes of surfaces to the points that
+//! are consistent with local planes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -39,11 +39,11 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig, step: usize) -
     Ok(Mapped::payload(contested::encode(&own, &near, &found)?))
 }
 
-/// What is found of the points of the tile, without touching surfaces.
+/// The results for the points of the tile, without touching surfaces.
 fn of_own(around: &Around, before: &[u32], now: &Contested, corner: [i64; 3]) -> Found {
     let mut changed = 0;
     let mut of_surfaces: BTreeMap<u32, OnPlane> = BTreeMap::new();
-    // Points that follow each other are mostly in one surface.
+    // Consecutive points are mostly in one surface.
     let mut latest = (0, OnPlane::default());
     for point in (0..around.len()).filter(|point| around.is_core(*point)) {
         let surface = now.surfaces[point];
@@ -68,14 +68,15 @@ fn of_own(around: &Around, before: &[u32], now: &Contested, corner: [i64; 3]) ->
     Found { surfaces, touching: Vec::new(), moments, changed }
 }
 
-/// What the drive knows after a contest.
+/// The result of a contest for the whole drive.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Merged {
     /// The planes of surfaces that have one.
     pub(super) planes: BTreeMap<u32, Plane>,
     /// Moments of the points of surfaces that are consistent with their slices, for the next contest.
     of_slices: BTreeMap<u32, Moments>,
-    /// Surfaces of any size, pairs of surfaces that were merged, and points that changed their surface.
+    /// Counts for the report: surfaces of any size, merged pairs of surfaces, and points that changed their
+    /// surface.
     pub(super) surfaces: u64,
     pub(super) pairs: u64,
     pub(super) changed: u64,
@@ -123,7 +124,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig, step: usi
     sliced::encode(&merged, &of_tiles)
 }
 
-/// Moments of the points of each surface before a contest that are consistent with its slices.
+/// For each surface before a contest, the moments of its points that are consistent with its slices.
 fn of_slices(drive: &dyn DriveWindow, step: usize) -> Result<BTreeMap<u32, Moments>> {
     if step - 1 == STEP_SLICES {
         return Ok((1..).zip(stage_slices::head(drive)?.moments).collect());
@@ -131,7 +132,7 @@ fn of_slices(drive: &dyn DriveWindow, step: usize) -> Result<BTreeMap<u32, Momen
     Ok(head(drive, step - 1)?.of_slices)
 }
 
-/// What the drive knows after a contest.
+/// The result of a contest for the whole drive.
 pub(super) fn head(drive: &(impl DriveWindow + ?Sized), step: usize) -> Result<Merged> {
     sliced::head(drive.global(step))
 }

@@ -1,9 +1,9 @@
-//! Step `links`: normals, links, trees, the planes of trees that lie in one tile, and the pairs of points by
-//! which slices are adjacent. It is the only step that looks for neighbours.
+//! Step `links`: normals, links, trees, the planes of trees that lie in one tile, and the pairs of points
+//! that make slices adjacent. It searches the neighbours of all points; contests do so only for a few.
 //!
-//! Its reduction has the mean and the deviation of the flatness of the drive, and joins the parts of trees
-//! that several tiles share. A tree is a slice if its root is a centre, that is if the root is flatter than
-//! mean + deviation (equation 8), and if it has 10 points or more.
+//! Its reduction computes the mean and the deviation of the flatness of the drive, and joins the parts of
+//! trees that several tiles share. A tree is a slice if it has 10 points or more and its root is a centre,
+//! that is, if the root is flatter than mean + deviation (equation 8).
 
 use std::collections::BTreeMap;
 
@@ -96,7 +96,7 @@ fn add_open(stored: &mut Stored, around: &Around, normals: &Normals, own: &[u32]
     });
 }
 
-/// The mutual pairs of points of different trees, of which the tile owns one at least.
+/// The mutual pairs of points of different trees. The tile owns at least one point of each pair.
 fn pairs(
     tile: &dyn TileWindow,
     around: &Around,
@@ -132,7 +132,7 @@ fn pairs(
     Ok(pairs)
 }
 
-/// The points among which pairs are looked for.
+/// The search for mutual pairs.
 struct PairSearch<'a> {
     tile: &'a dyn TileWindow,
     around: &'a Around,
@@ -141,12 +141,12 @@ struct PairSearch<'a> {
     stored: &'a Stored,
     /// The largest label of a tree that lies in the tile.
     closed: u32,
-    /// The tree of each slot: 0 without one, none where another tile owns the point.
+    /// The tree of each slot: 0 without a tree, [`NONE`] if another tile owns the point.
     labels: &'a [u32],
 }
 
 impl PairSearch<'_> {
-    /// Adds the pairs of the point in a slot. Those of trees that lie in the tile go to `borders`, by the
+    /// Adds the pairs of the point in a slot. Pairs of two trees that lie in the tile go to `borders`, by the
     /// other tree.
     #[inline] // one loop with its caller, over all points and their neighbours
     fn pairs_of_point(&self, slot: usize, pairs: &mut Pairs, borders: &mut Vec<(u32, Border)>) -> Result<()> {
@@ -175,7 +175,7 @@ impl PairSearch<'_> {
                 }
                 continue;
             }
-            // An own pair is seen from both sides, and taken from the first point.
+            // A pair of two own points is seen from both; only the first point adds it.
             if at < point || there == 0 {
                 continue;
             }
@@ -207,7 +207,7 @@ fn places(around: &Around, own: &[u32], pairs: &Pairs) -> Vec<(u32, [i64; 3])> {
     wanted.sort_unstable();
     wanted.dedup();
     let mut points = (0..around.len()).filter(|&point| own[point] != NONE);
-    // Positions ascend with points.
+    // Positions ascend with points, so one pass finds all.
     let place = |own_point: u32| {
         let point = points.find(|&point| own[point] == own_point)?;
         Some((own_point, around.lattice_point(point)))
@@ -221,7 +221,7 @@ fn owner(tile: &dyn TileWindow, around: &Around, point: usize) -> Result<TileId>
     tile.owner([x, y], [x, y]).ok_or_else(lost)
 }
 
-/// A slice of which several tiles have parts.
+/// A slice with parts in several tiles.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct OpenSlice {
     /// Its number from 1; 0 if the tree is not a slice.
@@ -235,11 +235,11 @@ pub(super) struct OpenSlice {
 pub(super) struct Slices {
     /// Number of slices in tiles before it, not counting those that it shares with them.
     pub(super) before: u32,
-    /// Of each open tree.
+    /// The slice of each open tree.
     pub(super) open: Vec<OpenSlice>,
 }
 
-/// What the drive knows once links are complete.
+/// The result of the step for the whole drive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Drive {
     /// Points with a normal.
@@ -247,7 +247,7 @@ pub(super) struct Drive {
     /// Mean and standard deviation of their flatness in square lattice units.
     pub(super) mean: f64,
     pub(super) deviation: f64,
-    /// Roots that are flatter are centres, in square lattice units.
+    /// Flatness below which a root is a centre, in square lattice units.
     pub(super) limit: f64,
     /// Number of slices.
     pub(super) slices: u32,
@@ -260,7 +260,7 @@ impl Drive {
     }
 }
 
-/// Points of a whole tree, flatness of its root, and its parts.
+/// A whole tree: number of points, flatness of its root, and its parts.
 type Whole = (u64, Option<f64>, Vec<(TileId, u32)>);
 
 /// The numbers of slices.
@@ -279,7 +279,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result
         }
     }
     let (mean, deviation) = flatness.mean_and_deviation();
-    // Where all points are equally flat, all are centres.
+    // If all points are equally flat, every root is a centre.
     let limit = match config.flat_m2 {
         given if given > 0.0 => given / drive.lattice().step_m().powi(2),
         _ if deviation > 0.0 => mean + deviation,

@@ -1,10 +1,10 @@
-//! Step `planes`: the planes of slices that several tiles share. It reads no points of the drive, but those
-//! that the step `links` has stored of its open trees.
+//! Step `planes`: the planes of slices that several tiles share. It does not read points of the drive, but
+//! the points of open trees that the step `links` has stored.
 //!
 //! A plane needs all points of its slice, and a slice may be as long as the drive. So one tile fits it, the
 //! first one with a part of it. That tile needs memory for the points of the whole slice: about 130 bytes for
-//! each, which are not among the bytes per point of the step. The reduction deals the planes out, and each
-//! tile gets the consistent points of its own parts.
+//! each, which the bytes per point of the step do not include. The reduction distributes the planes: each
+//! tile gets the plane, and the consistent points of its own parts.
 
 use std::collections::BTreeMap;
 
@@ -29,12 +29,12 @@ struct Fitted {
     plane: SlicePlane,
     /// Moments of the consistent points, from the lowest corner of the drive.
     moments: Moments,
-    /// Of each part its tile, its number among the open trees there, and which of its points are consistent,
-    /// in bits.
+    /// For each part: its tile, its number among the open trees there, and a bit for each point that says
+    /// whether it is consistent.
     parts: Vec<(TileId, u32, Vec<u8>)>,
 }
 
-/// The plane of an open tree, and which of the points that a tile has of it are consistent, in bits.
+/// The plane of an open tree, and a bit for each of its points in a tile that says whether it is consistent.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct OpenPlane {
     pub(super) plane: SlicePlane,
@@ -52,12 +52,12 @@ impl OpenPlane {
 struct Point {
     at: [i64; 3],
     id: PointId,
-    /// The part of the slice, and the position in it.
+    /// The part of the slice. `position` is the position in this part.
     part: u32,
     position: u32,
 }
 
-/// The slices that a tile fits: those of which it has the first part, each of them once.
+/// The slices that a tile fits: those whose first part it has, each once.
 fn fitted_by(here: TileId, open: &[OpenSlice]) -> Vec<&OpenSlice> {
     let is_first = |slice: &OpenSlice| slice.parts.first().is_some_and(|part| part.0 == here);
     // A tile may have several parts of a slice.
@@ -73,14 +73,14 @@ fn fitted_by(here: TileId, open: &[OpenSlice]) -> Vec<&OpenSlice> {
 pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapped> {
     let of_links = stage_links::slices(tile, tile.tile())?;
     let slices = fitted_by(tile.tile(), &of_links.open);
-    // By tile, the parts that are wanted: the slice, its part, and the number of the open tree.
+    // Wanted parts by tile: the slice, its part, and the number of the open tree.
     let mut wanted: BTreeMap<TileId, Vec<(usize, u32, u32)>> = BTreeMap::new();
     for (at, slice) in slices.iter().enumerate() {
         for (part, (tile, number)) in (0_u32..).zip(&slice.parts) {
             wanted.entry(*tile).or_default().push((at, part, *number));
         }
     }
-    // What a tile has stored is read once, and let go before the next one.
+    // The payload of a tile is read once, and freed before the next one is read.
     let mut points: Vec<Vec<Point>> = slices.iter().map(|_| Vec::new()).collect();
     for (other, parts) in wanted {
         let stored = payload::load_parts(tile, other)?;
@@ -105,7 +105,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
     Ok(Mapped::payload(codec::encode(&fitted)?))
 }
 
-/// Fits the plane of a slice. `None` if its points have none.
+/// Fits the plane of a slice. `None` if its points have no plane.
 fn fit(open: &OpenSlice, mut points: Vec<Point>, (corner, refit): ([i64; 3], bool)) -> Option<Fitted> {
     points.sort_unstable_by_key(|point| (point.at, point.id));
     let places: Vec<[i64; 3]> = points.iter().map(|point| point.at).collect();
@@ -150,7 +150,7 @@ pub(super) fn shared(drive: &(impl DriveWindow + ?Sized)) -> Result<Vec<(u32, Mo
     sliced::head(drive.global(STEP_PLANES))
 }
 
-/// The plane of each open tree of a tile; `None` if it is no slice, or if its points have no plane.
+/// The plane of each open tree of a tile; `None` if it is not a slice, or if its points have no plane.
 pub(super) fn of_open(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<Option<OpenPlane>>> {
     sliced::slice(drive.global(STEP_PLANES), tile)
 }
@@ -161,7 +161,8 @@ mod tests {
 
     #[test]
     fn a_slice_in_many_tiles_is_fitted_in_one_of_them_and_once() {
-        // A slice in all tiles, twice in the first; one in tiles 3 and 4; and a tree that is no slice.
+        // A slice with parts in all tiles, two of them in the first; a slice in tiles 3 and 4; and a tree
+        // that is not a slice.
         let tile = TileId::new;
         let long: Vec<(TileId, u32)> =
             std::iter::once((tile(0), 1)).chain((0..40).map(|n| (tile(n), 0))).collect();

@@ -1,5 +1,5 @@
 //! Step `slices`: the adjacent slices whose normals agree, with their border. It reads no points. Its
-//! reduction merges the slices whose borders agree too to surfaces (equation 11).
+//! reduction merges those slices whose borders agree as well into surfaces (equation 11).
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::model::{Plane, TileId};
 use crate::spatial::DisjointSets;
 
-/// What a tile finds.
+/// The result of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Found {
     /// Adjacent slices whose normals deviate by less than the angle, the smaller number first, ascending.
@@ -28,13 +28,13 @@ struct Found {
 /// Two adjacent slices.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Adjacent {
-    /// The pairs of points that the tile stores. Other tiles may store others.
+    /// The pairs of points that the tile stores. Other tiles may store other pairs of the same slices.
     border: Border,
     /// The larger deviation of both, in lattice units.
     deviation: f64,
 }
 
-/// A tile and its slices.
+/// The payload of a tile, and its slices.
 struct Known {
     stored: Stored,
     /// The slice of each tree.
@@ -43,13 +43,13 @@ struct Known {
     open: Vec<Option<OpenPlane>>,
 }
 
-/// The end of a pair of points, or of trees.
+/// One end of a pair of points or of trees.
 struct End {
     slice: u32,
     plane: SlicePlane,
 }
 
-/// The tiles that have been looked at.
+/// The tiles whose payloads have been read.
 struct Seen<'a> {
     tile: &'a dyn TileWindow,
     head: stage_links::Drive,
@@ -125,7 +125,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
             add(&one, &other, pair((&one, pairs.place(a)?), (&other, pairs.place(b)?)));
         }
     }
-    // The own ends over seams, with their places.
+    // The own ends of pairs across seams, with their places.
     let mut ends = Vec::new();
     for across in &pairs.across {
         if let Some(end) = known.end(across.own)? {
@@ -135,7 +135,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
     for (across, a, at_a) in ends {
         let there = seen.look_at(across.owner)?;
         let pairs = &there.stored.pairs;
-        // The other point is in no tree if its owner does not know it as an end.
+        // If the owner of the other point does not list it as an end, the point is in no tree.
         let Ok(at) = pairs.ends.binary_search_by_key(&across.other, |end| end.0) else { continue };
         let own = pairs.ends[at].1;
         if let Some(b) = there.end(own)? {
@@ -146,19 +146,20 @@ pub(super) fn map(tile: &dyn TileWindow, config: &SurfacesConfig) -> Result<Mapp
     Ok(Mapped::payload(codec::encode(&found)?))
 }
 
-/// What the drive knows once slices are merged.
+/// The result of the step for the whole drive.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Surfaces {
-    /// Moments of the points of surface 1, 2, ... that are consistent with its slices, from the lowest corner
-    /// of the drive.
+    /// For surface 1, 2, ...: moments of its points that are consistent with its slices, relative to the
+    /// lowest corner of the drive.
     pub(super) moments: Vec<Moments>,
-    /// Slices with a plane, surfaces of any size, and pairs of slices that were merged.
+    /// Counts for the report: slices with a plane, surfaces of any size, and merged pairs of slices.
     pub(super) slices: u64,
     pub(super) surfaces: u64,
     pub(super) pairs: u64,
 }
 
-/// Merges slices to surfaces: the plane of each surface, and the surface (0: none) of each tree of each tile.
+/// Merges slices into surfaces: the moments of each surface, and the surface (0: none) of each tree of each
+/// tile.
 pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result<Vec<u8>> {
     let head = stage_links::head(drive)?;
     let mut adjacent: BTreeMap<(u32, u32), Adjacent> = BTreeMap::new();
@@ -183,7 +184,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result
             count += 1;
             surfaces[slice as usize] = count;
         } else {
-            // A root is the smallest of its set.
+            // A root is the smallest member of its set, so it has its number already.
             surfaces[slice as usize] = surfaces[root as usize];
         }
     }
@@ -207,7 +208,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result
         }
         of_tiles.push(of_trees);
     }
-    // A shared slice without a plane is no surface, as one that lies in a tile is not.
+    // A shared slice without a plane is not a surface, like such a slice within one tile.
     for surface in of_tiles.iter_mut().flatten().filter(|surface| **surface != 0) {
         if sums[*surface as usize - 1].points == 0 {
             *surface = 0;
@@ -218,7 +219,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, config: &SurfacesConfig) -> Result
     sliced::encode(&found, &of_tiles)
 }
 
-/// The plane that fits these points, whose moments are counted from the `corner`.
+/// The plane of a surface from a fit. Moments and fit are relative to `corner`.
 #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
 pub(super) fn plane(sums: &Moments, fit: &Fit, corner: [i64; 3]) -> Plane {
     Plane {

@@ -1,4 +1,4 @@
-//! Step `surfaces`: the label of every point, from its surface. Its reduction gives the planes.
+//! Step `surfaces`: the label of every point, from its surface. Its reduction returns the planes.
 
 use std::collections::BTreeMap;
 

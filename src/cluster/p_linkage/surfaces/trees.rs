@@ -1,9 +1,9 @@
-//! The trees that links make of the points of a tile, and the names by which tiles join their parts of one
-//! tree.
+//! The trees that links form from the points of a tile, and the names by which the parts of a tree in
+//! different tiles are joined.
 //!
-//! A link that leaves the tile is known on both sides: the tile that owns the linked point sees the foreign
-//! one, and the owner of that one sees the link as well, because it knows the links of all points within
-//! reach. Both name the foreign point. So equal names are one tree.
+//! A link from one tile to another is known in both. The tile that owns the linked point sees the foreign
+//! point to which it is linked. The owner of that point knows the links of all points within reach, so it
+//! sees the link as well. Both use the id of that point as a name. So parts with an equal name are one tree.
 
 use super::around::Around;
 use super::normals::{NONE, Normals};
@@ -27,7 +27,8 @@ pub(super) fn trees(around: &Around, normals: &Normals) -> Vec<Tree> {
     for slot in normals.slots() {
         let point = points[slot];
         if around.repeats(point as usize) {
-            // Otherwise ids would decide which of several points in one place is linked to others.
+            // Points in one place form a chain. Otherwise ids would decide which of them is linked to other
+            // points.
             links[point as usize] = point - 1;
         } else if let Some(link) = normals.link(slot) {
             links[point as usize] = points[link];
@@ -39,7 +40,7 @@ pub(super) fn trees(around: &Around, normals: &Normals) -> Vec<Tree> {
     for (point, &end) in (0_u32..).zip(&ends).filter(|(_, end)| **end != NONE) {
         let slot = &mut number[end as usize];
         if *slot == NONE {
-            // Fewer than points.
+            // There are fewer trees than points, so the number fits.
             *slot = u32::try_from(trees.len()).unwrap_or(NONE);
             let (root, names) = match around.is_core(end as usize) {
                 true => (Some(end), Vec::new()),
@@ -76,7 +77,7 @@ fn ends(around: &Around, normals: &Normals, links: &[u32]) -> Vec<u32> {
             path.push(at);
             let link = links[at];
             if link == NONE {
-                // A position in `around`, which fits as `links` do.
+                // A position in `around` fits, as in `links`.
                 break u32::try_from(at).unwrap_or(NONE);
             }
             if !around.is_core(link as usize) {
