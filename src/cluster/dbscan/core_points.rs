@@ -14,7 +14,7 @@ use crate::cluster::linking::{LayerStep, cell_side, layers, link_cells};
 use crate::model::{AlgorithmError, PointId, TileCloud};
 use crate::spatial::VoxelIndex;
 
-/// Labels the points with 1..=n and returns n. Noise has the label 0, and so have border points that the tile
+/// Labels the points with 1..=n and returns n. The label is 0 for noise, and for border points that the tile
 /// does not own (`own` is false).
 pub(super) fn cluster(
     method: &'static str,
@@ -45,13 +45,13 @@ pub(super) fn cluster(
 /// The points in the order of their cells. Once the core points are known, they come first in each cell.
 struct Cells {
     points: Vec<Point>,
-    /// Index in the cloud of each of them.
+    /// Index in the cloud of each point.
     order: Vec<u32>,
     /// First point of each cell, and the end.
     first: Vec<usize>,
     /// End of the core points of each cell.
     core_end: Vec<usize>,
-    /// Bounding boxes: first of all points of a cell, later of its core points only.
+    /// Bounding box of each cell: of all its points at first, later of its core points only.
     bounds: Vec<Bounds>,
 }
 
@@ -140,8 +140,8 @@ impl Cells {
             && any_within((&self.points[one], &self.bounds[a]), (&self.points[other], &self.bounds[b]), limit)
     }
 
-    /// Labels of the sets with core points, and their number. The sets are ordered by their smallest point
-    /// id.
+    /// Labels of the sets with core points, and the number of these sets. Labels follow the smallest point id
+    /// of a set.
     fn number(&self, roots: &[usize], cloud: &TileCloud) -> (Vec<u32>, u32) {
         let mut smallest = vec![PointId::BEYOND_ALL; roots.len()];
         for (cell, &root) in roots.iter().enumerate() {
@@ -197,7 +197,7 @@ impl Cells {
     }
 }
 
-/// Visits once every pair of cells that can contain points within `reach` of each other. Near pairs come
+/// Visits every pair of cells that can contain points within `reach` of each other, once. Near pairs come
 /// first.
 fn each_pair(index: &VoxelIndex, reach: i64, mut visit: impl FnMut(usize, usize)) {
     for LayerStep { offset, dk } in layers(reach).into_iter().flatten() {

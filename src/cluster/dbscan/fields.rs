@@ -12,7 +12,8 @@ use crate::cluster::dbscan::rows;
 use crate::model::{AlgorithmError, FieldSpace, TileCloud};
 use crate::spatial::Points;
 
-/// Labels the points of a tile that owns those where `core` is true. `epsilon` is in standard deviations.
+/// Labels the points of a tile. The tile owns the points where `core` is true. `epsilon` is in standard
+/// deviations.
 pub(super) fn label(
     config: &DbscanConfig,
     epsilon: f64,
@@ -32,7 +33,8 @@ pub(super) fn label(
         min_points: config.min_points,
         max_points: 0,
     };
-    // Of equal distances, the smaller values count. The order of the points does not matter.
+    // Of equally near core points, the one with the smaller values counts, so the order of the points does
+    // not matter.
     let (found, count) = method.connected_sets(&points, core, &cloud.id).map_err(too_many)?;
     labels.copy_from_slice(&found);
     Ok(count)

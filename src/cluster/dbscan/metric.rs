@@ -5,7 +5,7 @@ use super::settings::{DbscanConfig, DbscanVariant, NAME};
 use crate::cluster::linking::single_link;
 use crate::model::{AlgorithmError, TileCloud};
 
-/// Labels the points of a tile that owns those where `core` is true. `epsilon` is in metres.
+/// Labels the points of a tile. The tile owns the points where `core` is true. `epsilon` is in metres.
 pub(super) fn label(
     config: &DbscanConfig,
     epsilon: f64,
@@ -48,8 +48,8 @@ mod tests {
 
     #[test]
     fn border_points_join_the_nearest_core_point_and_noise_nothing() {
-        // Two groups of five core points, 200 apart. 140 is 100 from 240 (id 0) and from 40 (id 9), the
-        // first by x; 139 only from 40.
+        // Two groups of five core points, 200 apart. The point at 140 is 100 from 240 (id 0) and from 40 (id
+        // 9), which is the first by x. The point at 139 is within 100 of 40 only.
         let places = [240, 260, 280, 300, 320, -40, -20, 0, 20, 40, 140, 139, 900];
         let (labels, clusters) = core(5, &line(&places), &[true; 13]);
         assert_eq!((labels, clusters), (vec![1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 0], 2));

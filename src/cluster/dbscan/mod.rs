@@ -3,19 +3,19 @@
 //!
 //! The variant `size` is algorithm 1 of Wang, Ji, Wang, Wen, Li, Sun, "An Improved DBSCAN Method for LiDAR
 //! Data Segmentation with Automatic Eps Estimation", Sensors 19(1), 172 (2019), doi:10.3390/s19010172. The
-//! variant `core` is that of Ester, Kriegel, Sander, Xu, "A density-based algorithm for discovering clusters
-//! in large spatial databases with noise" (1996). `size` is single link at epsilon, like `euclidean`, with
-//! the same kernel. `core` has its own kernel, see `core_points`. A border point of
-//! several clusters may belong to any of them in the paper of Ester et al., whose algorithm gives it to the
-//! first one found. Ours: it goes to its nearest core point, and of equally near ones to the first by x, then
-//! y, then z (in a space of fields: by their values). So the order of the points does not matter.
+//! variant `core` is the algorithm of Ester, Kriegel, Sander, Xu, "A density-based algorithm for discovering
+//! clusters in large spatial databases with noise" (1996). `size` is single link at epsilon, like
+//! `euclidean`, with the same kernel. `core` has its own kernel, see `core_points`. A border point of several
+//! clusters may belong to any of them in the paper of Ester et al.; their algorithm gives it to the first one
+//! found. Ours: it goes to the cluster of its nearest core point, and of equally near ones to the first by x,
+//! then y, then z (in a space of fields: by their values). So the order of the points does not matter.
 //!
 //! Why `core` is exact over tiles: a tile reads its core and everything within 2 epsilon. So for every point
-//! within epsilon of the tile's core it is certain whether it is a core point. Further out, neighbourhoods
-//! may be cut off, and a point may be *missed* as a core point. So every link that a tile finds is a true
-//! link. Every link has an end in the core of some tile, and this tile knows both ends with certainty. Border
-//! points do not pass connections on. Therefore only the tile that owns a border point labels it, and this
-//! tile knows every core point within epsilon of it.
+//! within epsilon of the tile's core, the tile knows with certainty whether it is a core point. Further out,
+//! neighbourhoods may be cut off, and a core point may be *missed*, but no other point becomes one. So every
+//! link that a tile finds is a true link. Every link has an end in the core of some tile, and this tile knows
+//! both ends with certainty. Border points do not pass connections on. Therefore only the tile that owns a
+//! border point labels it, and this tile knows every core point within epsilon of it.
 //!
 //! Known failures: those of single link for `size`; `core` cuts off thin parts (wires, sparse crowns).
 
@@ -46,8 +46,8 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     build,
 };
 
-/// One step per tile if epsilon is given in metres, else a method that first learns something from the whole
-/// drive.
+/// A method of one step if epsilon is given in metres, otherwise a method that first needs values of the
+/// whole drive.
 fn build(sections: Sections<'_>) -> Result<Box<dyn Method>, ConfigError> {
     let config: DbscanConfig = config::section(NAME, &sections(NAME))?;
     config.validate()?;
@@ -59,8 +59,8 @@ fn build(sections: Sections<'_>) -> Result<Box<dyn Method>, ConfigError> {
     })
 }
 
-/// Raised when results of the variant `core` change and no setting does. From 2 on, places decide where ids
-/// did.
+/// Raised when results of the variant `core` change and no setting does. Since 2, places decide where ids
+/// decided before.
 const CORE_EPOCH: u32 = 2;
 
 fn epoch_of(config: &DbscanConfig) -> Vec<(&'static str, String)> {
@@ -145,8 +145,7 @@ impl OverDrive {
         if config.epsilon == Epsilon::AUTO {
             steps.push(CurveStep::step(fields.len().max(3)));
         }
-        // The coordinates of the points and a tree come in addition; their bytes are estimated from their
-        // sizes.
+        // The coordinates of the points and a tree come in addition. Their bytes are estimated from sizes.
         let bytes = BytesPer::ObjectPoint(local::BYTES_PER_POINT + 32 * fields.len() as u64);
         let settings: &[&str] = if steps.is_empty() { &["dbscan.*"] } else { &["dbscan.*", "epsilon.*"] };
         steps.push(Step { name: "cluster", settings, bytes, repeat: Repeat::Once });

@@ -1,9 +1,9 @@
 //! `dbscan` in n dimensions, both variants, and the curve for the estimate of epsilon.
 //!
 //! Source: Wang et al. 2019 (see `dbscan`), algorithm 1 (`size`: single link at epsilon, clusters are kept by
-//! their size), and Ester et al. 1996 (`core`). Ours: a border point goes to its nearest core point, and of
-//! equally near ones to that with the smaller values, compared column by column. So the order of the rows
-//! does not matter.
+//! their size), and Ester et al. 1996 (`core`). Ours: a border point goes to the cluster of its nearest core
+//! point. Of equally near core points, the one with the smaller values counts, compared column by column. So
+//! the order of the rows does not matter.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -16,17 +16,17 @@ use crate::spatial::Index;
 use crate::spatial::Neighbours;
 use crate::spatial::{Points, SpatialError};
 
-/// Number of leaves that a thread processes at a time: some thousands of points.
+/// Number of leaves that a thread processes at a time: a few thousand points.
 const LEAVES_AT_ONCE: usize = 256;
 
 /// How points form a cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DbscanVariant {
-    /// Points connected by steps of at most epsilon. Clusters whose size is not in range are noise.
+    /// Points connected by steps of at most epsilon. Clusters whose size is out of range are noise.
     Size,
-    /// Core points (at least `min_points` points within epsilon, itself included) connected by such steps,
-    /// with the border points around them.
+    /// Core points connected by such steps, with the border points around them. A core point has at least
+    /// `min_points` points within epsilon, itself included.
     Core,
 }
 
@@ -60,7 +60,7 @@ impl Dbscan {
         })
     }
 
-    /// The same for a part of the points that is read with its surroundings. Sets of any size are kept, and
+    /// The same for a part of the points, which is read with its surroundings. Sets of any size are kept, and
     /// border points get a label only if they are `own`. `ids` order the labels.
     ///
     /// # Errors
@@ -111,8 +111,8 @@ impl Dbscan {
         (0..members.len()).map(|point| members[point].then(|| sets.find(as_u32(point)))).collect()
     }
 
-    /// Gives border points the name of their nearest core point, where they are `own`. Core points in one
-    /// place have one name.
+    /// Gives the border points that are `own` the name of their nearest core point. Core points in one place
+    /// have one name.
     fn adopt_border(
         &self,
         (points, index): (&Points, &Index<'_>),
@@ -208,7 +208,7 @@ mod tests {
 
     #[test]
     fn the_curve_is_the_mean_distance_to_each_neighbour() {
-        // 0, 1, 3: second neighbours at 1, 1, 2; third at 3, 2, 3.
+        // Points 0, 1 and 3: their 2nd neighbours are at 1, 1 and 2, their 3rd at 3, 2 and 3.
         let curve = neighbour_curve(&line(&[0.0, 1.0, 3.0]), 40).unwrap();
         assert_eq!((curve.k(), curve.queries), (3, 3));
         assert!((curve.mean[0] - 4.0 / 3.0).abs() < 1e-9 && (curve.mean[1] - 8.0 / 3.0).abs() < 1e-9);

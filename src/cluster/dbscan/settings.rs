@@ -18,7 +18,7 @@ pub enum Epsilon {
     Estimated(Auto),
 }
 
-/// The word that asks for an estimate.
+/// The word that requests an estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Auto {
     /// `auto`.
@@ -50,7 +50,7 @@ impl std::fmt::Display for Epsilon {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DbscanVariant {
-    /// Points connected by steps of at most epsilon. Objects whose number of points is not in range are
+    /// Points connected by steps of at most epsilon. Objects whose number of points is out of range are
     /// dropped.
     Size,
     /// Core points connected by such steps, with the border points around them.
@@ -71,15 +71,15 @@ pub struct DbscanConfig {
     pub min_points: u64,
     /// Objects with more points, in the whole drive, are dropped; 0: no limit. Default 0.
     pub max_points: u64,
-    /// Fields in which distances are measured: x, y and z in metres; or x, y and others (at most 8). The mean
-    /// over all points of the drive is subtracted from each of the latter, and the difference is divided by
-    /// the standard deviation. Default x, y, z.
+    /// Fields in which distances are measured: x, y and z in metres, or x, y and others (at most 8). In the
+    /// second case, the mean over all points of the drive is subtracted from each field, and the difference
+    /// is divided by the standard deviation. Default x, y, z.
     pub fields: Vec<Field>,
     /// Weight by which each standardised field is multiplied, above 0. Empty: all are 1. Default empty.
     pub weights: Vec<f64>,
 }
 
-/// The fields of distances in metres.
+/// The fields that give distances in metres.
 const METRIC: [Field; 3] = [Field::X, Field::Y, Field::Z];
 /// Maximum number of fields.
 const MOST_FIELDS: usize = 8;
@@ -151,9 +151,9 @@ impl DbscanConfig {
         self.fields == METRIC
     }
 
-    /// The reach, if points within epsilon are within `epsilon` lattice units in the plane. In the variant
-    /// `core` it is twice this: a point joins a cluster through a core point within epsilon, and the
-    /// neighbours that make this one a core point are within epsilon of it.
+    /// The reach. `epsilon` is the distance in the plane, in lattice units, within which all points within
+    /// epsilon lie. In the variant `core`, the reach is twice this: a point joins a cluster through a core
+    /// point within epsilon, and the neighbours that make it a core point are within epsilon of that one.
     pub(super) fn reach(&self, epsilon: i64, lattice: Lattice) -> Reach {
         let units = if self.variant == DbscanVariant::Core { 2 * epsilon } else { epsilon };
         Reach::Exact { metres: lattice.metres(units) }

@@ -123,7 +123,7 @@ mod tests {
         let Ok(Attempt::Found(found)) = estimate(curve, 40, 50) else { panic!("no estimate") };
         let drawing = svg(&found, "m");
         assert_eq!(drawing.matches("<circle").count(), 39 + 1);
-        // The slope of sqrt(k) is that of its chord sqrt(40) / 40 at k = 10.
+        // At k = 10, the slope of sqrt(k) equals the slope of its chord, sqrt(40) / 40.
         assert!((found.k0 - 10.0).abs() < 0.3, "{}", found.k0);
         assert!(drawing.contains("over 50 points") && drawing.ends_with("</svg>\n"));
     }

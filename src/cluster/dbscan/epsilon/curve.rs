@@ -107,7 +107,7 @@ impl Curve {
         self.mean.len() + 1
     }
 
-    /// Standard error at a real-valued k, by linear interpolation.
+    /// Standard error at a real k, by linear interpolation.
     pub(super) fn standard_error_at(&self, k: f64) -> f64 {
         let at = |index: usize| self.standard_error.get(index).copied().unwrap_or(0.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2 <= k <= 200")]
@@ -129,7 +129,7 @@ mod tests {
         let whole = sums.curve(2);
         assert_eq!((whole.k(), &whole.mean[..]), (3, &[2.0, 5.0][..]));
         assert_eq!(whole.standard_error, [0.0, 0.0]);
-        // Variance 2 over two queries, and half of the population was not queried: sqrt(2 / 2 / 2).
+        // The variance is 2 over two queries, and half of the population was not queried: sqrt(2 / 2 / 2).
         let half = sums.curve(4);
         assert!((half.standard_error[0] - 0.5_f64.sqrt()).abs() < 1e-12, "{half:?}");
         assert!((half.standard_error_at(2.5) - (0.5_f64.sqrt() + 4.5_f64.sqrt()) / 2.0).abs() < 1e-12);

@@ -2,9 +2,9 @@
 //! Its reduction is the curve from which epsilon is estimated. If no epsilon follows from K neighbours,
 //! another round uses more neighbours.
 //!
-//! The mean is exact. A tile reads its core and a halo. If the K-th neighbour of a point may lie outside of
-//! this region, the point asks for more ([`Further`]). Sums are integers, so neither tiles nor threads change
-//! the result.
+//! The mean is exact. A tile reads its core and a halo. If the K-th neighbour of a point may lie outside this
+//! region, the point asks for more ([`Further`]). Sums are integers, so neither tiles nor threads change the
+//! result.
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
@@ -24,15 +24,15 @@ const MOST_ROUNDS: u32 = 200;
 const _: () = assert!(MOST_ROUNDS as usize == LARGEST_K);
 /// Name of the step.
 pub(crate) const STEP: &str = "epsilon";
-/// Number of points that may wait before their regions are read.
+/// Largest number of points that wait before their regions are read.
 const ASKING_AT_ONCE: usize = 16_384;
 
-/// Raised when the curve changes and no setting does. From 2 on, places are sampled, where ids were.
+/// Raised when the curve changes and no setting does. Since 2, places are sampled instead of ids.
 pub(crate) const EPOCH: u32 = 2;
 
-/// Selects the points whose neighbours are searched: a share of all places, by a hash of their coordinates on
-/// the lattice. So neither the order of records nor their files show. Points in one place are selected
-/// together, because nothing but their order tells them apart.
+/// Selects the points whose neighbours are searched: a share of all places, by a hash of their lattice
+/// coordinates. So the selection depends neither on the order of records nor on their files. Points in one
+/// place are selected together, because only their order distinguishes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Sample {
     seed: u64,
@@ -52,8 +52,8 @@ impl Sample {
         Self { seed, below: if all { u64::MAX } else { (share * 64_f64.exp2()) as u64 } }
     }
 
-    /// Whether the points in this place are selected. Its coordinates are those of the lattice, which are the
-    /// same in every tile.
+    /// Whether the points in this place are selected. The place is in lattice coordinates, which are the same
+    /// in every tile.
     fn takes(&self, place: [i64; 3]) -> bool {
         let hash = || xxh3_64_with_seed(place.map(i64::to_le_bytes).as_flattened(), self.seed);
         self.below == u64::MAX || hash() < self.below

@@ -1,4 +1,4 @@
-//! The reasons why epsilon cannot be estimated.
+//! Errors of the estimation of epsilon.
 
 use std::borrow::Cow;
 

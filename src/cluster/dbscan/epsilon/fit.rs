@@ -1,15 +1,16 @@
-//! From the curve to epsilon: the fit, its goodness, and the point where the slope equals that of the chord.
+//! From the curve to epsilon: the fit, its goodness, and the point where its slope equals the slope of the
+//! chord.
 
 use serde::{Deserialize, Serialize};
 
 use crate::cluster::dbscan::epsilon::{Curve, EpsilonError, LARGEST_K, Polynomial};
 
-/// Degree of the polynomial (paper, section 4: every printed fit).
+/// Degree of the polynomial (paper, section 4: the degree of every printed fit).
 const DEGREE: usize = 5;
 /// R squared that the fit must reach (paper, section 3.2.3, step 2).
 const LEAST_R_SQUARED: f64 = 0.99;
 
-/// An estimate of epsilon with the curve and the fit that it follows from.
+/// An estimate of epsilon, with its curve and its fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The estimate: f(k0), in the unit of the distances.
@@ -22,7 +23,7 @@ pub struct Estimate {
     pub k: usize,
     /// Mean distance to the K-th neighbour.
     pub d_k: f64,
-    /// Share of the curve's variance that the fit explains.
+    /// Share of the variance of the curve that the fit explains.
     pub r_squared: f64,
     /// The fit f.
     pub fit: Polynomial,
@@ -78,7 +79,7 @@ pub fn estimate(curve: Curve, first_k: usize, points: u64) -> Result<Attempt, Ep
     }
 }
 
-/// Fit, R squared and k0 over k = 2 to `k`, or the condition that is not met.
+/// Fit, R squared and k0 over k = 2 to `k`, or the condition that was not met.
 fn attempt(curve: &Curve, k: usize) -> Result<(Polynomial, f64, f64), &'static str> {
     let values = &curve.mean[..k - 1];
     let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -136,8 +137,8 @@ mod tests {
             let printed = Polynomial::in_k(coefficients.to_vec());
             let curve = curve((2..=k).map(|k| printed.at(k as f64)).collect());
             let Ok(Attempt::Found(found)) = estimate(curve, k, 1_000) else { panic!("no estimate") };
-            // D_K of the rounded coefficients: 0.1519 and not 0.148 for the second polynomial, a difference
-            // of 3 %.
+            // D_K of the rounded coefficients differs by 3 % for the second polynomial: 0.1519 instead of
+            // 0.148.
             assert!((found.d_k / d_k - 1.0).abs() < 0.03, "{}", found.d_k);
             assert!(
                 (found.k0 - k0).abs() < 0.6 && (found.epsilon / epsilon - 1.0).abs() < 0.015,
@@ -149,8 +150,7 @@ mod tests {
 
     #[test]
     fn k_grows_until_there_is_a_tangent_point() {
-        // A straight line up to k = 60 with an offset that makes its slope flatter than the chord's, then a
-        // rise.
+        // A straight line up to k = 45, flatter than its chord because of an offset, then a rise.
         let bend = |k: usize| if k <= 45 { 1.0 + k as f64 * 0.01 } else { 1.45 + (k - 45) as f64 * 0.1 };
         let values = |to: usize| curve((2..=to).map(bend).collect());
         assert_eq!(estimate(values(40), 40, 1_000), Ok(Attempt::Longer(200)));

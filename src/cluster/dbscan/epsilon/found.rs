@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::model::FieldSpace;
 
 /// Halo of the step `epsilon` in metres. Most points of a street have their 40 nearest neighbours within it
-/// (chosen; the share of points that ask for more is reported).
+/// (chosen; the run reports the share of points that ask for more).
 pub(crate) const HALO_M: f64 = 2.0;
 
 /// What exact results at the borders of tiles cost.
@@ -39,8 +39,8 @@ pub struct DriveEpsilon {
     pub cost: Cost,
 }
 
-/// What exact results at the borders of tiles cost. Points whose neighbours may lie outside of core and halo
-/// ask for more.
+/// What exact results at the borders of tiles cost. Points whose neighbours may lie outside core and halo ask
+/// for more.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     /// Halo of a tile in metres before any point asks for more.

@@ -1,6 +1,6 @@
 //! Estimation of epsilon, the radius of `dbscan`, from the mean distances to the k-th nearest neighbours. A
 //! polynomial is fitted to this curve. Epsilon is its value at the point where its slope equals the slope of
-//! its chord. `curve_step` measures the curve over the tiles of a drive. The other files know distances only.
+//! its chord. `curve_step` measures the curve over the tiles of a drive. The other files see only distances.
 //!
 //! Source: Wang, Ji, Wang, Wen, Li, Sun, "An Improved DBSCAN Method for LiDAR Data Segmentation with
 //! Automatic Eps Estimation", Sensors 19(1), 172 (2019), doi:10.3390/s19010172, section 3.2.3, equations 5
@@ -29,8 +29,8 @@ pub use settings::EpsilonConfig;
 
 /// Number of neighbours at the start, the point itself included (paper, section 4.2.2).
 pub const FIRST_K: usize = 40;
-/// Least number of neighbours at the start. A polynomial of degree 5 through k = 2 to 8 leaves one degree of
-/// freedom.
+/// Smallest number of neighbours at the start. A polynomial of degree 5 through k = 2 to 8 leaves one degree
+/// of freedom.
 pub const SMALLEST_K: usize = 8;
 /// Largest number of neighbours before the estimation gives up (chosen: five times the number at the start in
 /// the paper).
