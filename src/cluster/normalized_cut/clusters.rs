@@ -1,13 +1,13 @@
-//! Step `clusters`: the `euclidean` objects of the drive, and their voxels. It is the only step that joins
-//! points.
+//! Step `clusters`: the `euclidean` objects of the drive, and their voxels. No other step joins points.
 //!
-//! A tile labels its points and those within d_t around it. It names each label by the cells of single link
-//! in which a link to another tile may end: points of one cell are within d_t of each other, so equal names
-//! are one object. A link between two tiles has one end in either, both tiles see it, and both name its ends.
+//! A tile labels its points and those within d_t around it. It names each label by the single-link cells in
+//! which a link to another tile may end. Points of one cell are within d_t of each other, so labels with an
+//! equal name are one object. A link between two tiles has one end in each. Both tiles see the link, and both
+//! use the cells of its ends as names.
 //!
-//! A tile stores the voxels of its own points: the number of points and the sum of their places, by label. A
-//! voxel at a border is stored in parts. Sums are integers, so the parts of any tiles add up to the same
-//! voxel.
+//! A tile stores the voxels of its own points: by label, the number of points and the sum of their places.
+//! Several tiles store parts of a voxel at a border. Sums are integers, so the parts add up to the same
+//! voxel, whatever the tiles.
 
 use std::collections::BTreeMap;
 
@@ -57,7 +57,7 @@ impl Size {
     }
 }
 
-/// What the reduction needs of a tile.
+/// The input of the reduction from a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct OfTile {
     /// Size of each label, over the points of the tile.
@@ -65,7 +65,7 @@ struct OfTile {
     border: Border,
 }
 
-/// An object that a tile cuts and names, with its parts in all tiles.
+/// An object that a tile cuts and classifies, with its parts in all tiles.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Assigned {
     /// Number of the object in the drive.
@@ -77,12 +77,12 @@ pub(super) struct Assigned {
     pub(super) parts: Vec<(TileId, u32)>,
 }
 
-/// The slice of a tile of the global.
+/// The slice of the global for a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Objects {
     /// Number from 1 of the object of each label; 0 if it has too few or too many points.
     pub(super) of_label: Vec<u32>,
-    /// The objects that the tile cuts and names.
+    /// The objects that the tile cuts and classifies.
     pub(super) assigned: Vec<Assigned>,
 }
 
@@ -111,7 +111,7 @@ pub(super) fn map(tile: &dyn TileWindow, euclidean: &Euclidean, edge: u32) -> Re
     Ok(Mapped::payload(codec::pack(&[kept, codec::encode(&of_tile)?, codec::encode(&pieces)?])))
 }
 
-/// Numbers from 1 the labels that have points of the tile, in their order. All others become 0.
+/// Numbers the labels with points of the tile from 1, in their order. All other labels become 0.
 fn own_labels(points: &TilePoints, mut labels: Vec<u32>, count: u32) -> (u32, Vec<u32>) {
     let mut number = vec![0; count as usize + 1];
     for (label, _) in labels.iter().zip(&points.core).filter(|(_, core)| **core) {
@@ -127,7 +127,7 @@ fn own_labels(points: &TilePoints, mut labels: Vec<u32>, count: u32) -> (u32, Ve
     (last, labels)
 }
 
-/// The cells of single link that a link over the border of the tile may reach, with the labels in them.
+/// The single-link cells in which a link across the border of the tile may end, with the labels in them.
 fn shared_cells(
     tile: &dyn TileWindow,
     points: &TilePoints,
@@ -181,8 +181,8 @@ fn shared_cells(
     }
     shared.sort_unstable();
     shared.dedup();
-    // Points that are linked are at most two cells apart on each axis. A cell that is so far from every point
-    // on the other side has no link over the border.
+    // Linked points are at most two cells apart on each axis. So a cell has no link across the border if
+    // every point on the other side is further away.
     let around = |[i, j, k]: Voxel| {
         let steps = |from: i32| from.saturating_sub(2)..=from.saturating_add(2);
         steps(i).flat_map(move |i| steps(j).flat_map(move |j| steps(k).map(move |k| [i, j, k])))
@@ -204,7 +204,7 @@ fn pieces(points: &TilePoints, labels: &[u32], edge: u32) -> Result<Pieces> {
     let keys = global_indices(NAME, &index, |_| true)?;
     let mut key_of = vec![[0; 3]; index.len()];
     keys.iter().for_each(|(key, voxel)| key_of[*voxel as usize] = *key);
-    // Label, points and sums of each voxel; further labels of a voxel come behind.
+    // Label, number of points and sums of each voxel. Further labels of a voxel are in `further`.
     let mut slots: Vec<(u32, u32, [u64; 3])> = vec![(0, 0, [0; 3]); index.len()];
     let mut further: BTreeMap<(usize, u32), (u32, [u64; 3])> = BTreeMap::new();
     for (range, voxel) in index.streaks() {
@@ -244,7 +244,7 @@ fn pieces(points: &TilePoints, labels: &[u32], edge: u32) -> Result<Pieces> {
 /// A part of an object: the tile, its label there, its points.
 type Part = (TileId, u32, u64);
 
-/// The objects of the drive. Each is assigned to the tile that has most of its points.
+/// The objects of the drive. Each is assigned to the tile that has the most of its points.
 pub(super) fn reduce(
     drive: &dyn DriveWindow,
     euclidean: &Euclidean,

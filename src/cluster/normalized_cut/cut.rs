@@ -1,16 +1,17 @@
 //! Cuts the voxels of one object by normalized cuts (section 3.2 of the paper; Shi and Malik 2000).
 //!
-//! The components of the graph are parts at first. A part is cut in two where Ncut (equation 3) is smallest:
-//! along the eigenvector, at one of 20 quantiles. Both halves are cut again, each as a graph of its own. A
-//! part remains if Ncut exceeds `stop`, if it is not taller than `tall`, or if it has fewer than 20 voxels.
+//! At first, the parts are the components of the graph. A part is cut in two where Ncut (equation 3) is
+//! smallest: along the eigenvector, at one of 20 quantiles. Both halves are cut again, each as a graph of its
+//! own. A part stays whole if Ncut exceeds `stop`, if it is not taller than `tall`, or if it has fewer than
+//! 20 voxels.
 //!
-//! Ours: the number of quantiles and of voxels; the k-th quantile has floor(k n / 21) voxels on one side for
-//! k up to 10, and on the other side beyond, so that the sign of the eigenvector does not matter; of equal
-//! values of Ncut the more even cut is taken. Heights are those of centroids.
+//! Ours: the numbers of quantiles and of voxels; the k-th quantile has floor(k n / 21) voxels on one side for
+//! k up to 10, and on the other side for larger k, so that the sign of the eigenvector does not matter; of
+//! cuts with equal Ncut, the more even one is taken. Heights are heights of centroids.
 //!
-//! An object with more than `max_voxels` voxels is cut on voxels of twice the edge, or four times, and so on.
-//! Each part that follows is cut again, on voxels as fine as the limit allows for this part. So a row of a
-//! hundred trees is cut into groups first, and the groups into trees.
+//! An object with more than `max_voxels` voxels is cut on voxels of twice the edge, or four times the edge,
+//! and so on. Each resulting part is cut again, on voxels as fine as the limit allows for this part. So a row
+//! of a hundred trees is cut into groups first, and the groups into trees.
 
 #![expect(clippy::cast_possible_truncation, reason = "voxels of an object fit u32")]
 
@@ -20,12 +21,12 @@ use super::pieces::Voxels;
 use super::settings::NormalizedCutConfig;
 use crate::model::Lattice;
 
-/// Quantiles of the eigenvector at which a cut is tried.
+/// Number of quantiles of the eigenvector at which a cut is tried.
 const QUANTILES: usize = 20;
-/// Parts with fewer voxels are not cut.
+/// Smallest number of voxels of a part that is cut.
 const LEAST_VOXELS: usize = 20;
-/// Share of the extent by which places are shifted in the start vector, so that it contains every
-/// eigenvector.
+/// Largest random shift of places in the start vector, as a share of the extent. The shifts make the start
+/// vector contain every eigenvector.
 const SHIFT: f64 = 0.1;
 
 /// The parts of an object.
@@ -34,9 +35,9 @@ pub(super) struct Parts {
     /// Part of each voxel, from 0 in the order of their first voxels.
     pub(super) of: Vec<u32>,
     pub(super) count: u32,
-    /// Eigenvectors that did not reach the tolerance.
+    /// Number of eigenvectors that did not reach the tolerance.
     pub(super) unsettled: u32,
-    /// How often the edge of a voxel was doubled for the first cut.
+    /// Number of doublings of the voxel edge for the first cut.
     pub(super) doublings: u32,
 }
 
@@ -56,7 +57,7 @@ pub(super) fn cut(voxels: &Voxels, config: &NormalizedCutConfig, lattice: Lattic
         for (member, number) in members.iter().zip(numbers) {
             found[of[number as usize] as usize].push(*member);
         }
-        // Finer voxels are possible only for less than the whole.
+        // Only parts smaller than the whole can have finer voxels.
         if doublings == 0 || count == 1 { parts.extend(found) } else { open.extend(found) }
     }
     parts.sort_unstable_by_key(|members| members.first().copied());
@@ -68,7 +69,7 @@ pub(super) fn cut(voxels: &Voxels, config: &NormalizedCutConfig, lattice: Lattic
     result
 }
 
-/// Cuts voxels that are few enough for one graph. Returns the part of each voxel.
+/// Cuts voxels of which there are few enough for one graph. Returns the part of each voxel.
 fn cut_level(
     voxels: &Voxels,
     config: &NormalizedCutConfig,
@@ -100,7 +101,7 @@ fn cut_level(
     of
 }
 
-/// The halves of a part, ascending, as places in the part. `None` if it remains whole.
+/// The halves of a part, each with ascending positions in the part. `None` if the part stays whole.
 fn bisect(
     graph: &Graph,
     members: &[u32],
@@ -140,7 +141,7 @@ fn extent(places: &[[f64; 3]]) -> ([f64; 3], [f64; 3]) {
     ([0, 1, 2].map(|axis| end(axis, f64::min)), [0, 1, 2].map(|axis| end(axis, f64::max)))
 }
 
-/// A number from 0 to 1 that looks random (the finaliser of Murmur 3).
+/// A pseudo-random number from 0 to 1 (the finaliser of Murmur 3).
 fn scatter(number: u32) -> f64 {
     let mut hash = number.wrapping_add(0x9e37_79b9);
     hash = (hash ^ (hash >> 16)).wrapping_mul(0x85eb_ca6b);
@@ -148,8 +149,8 @@ fn scatter(number: u32) -> f64 {
     f64::from(hash ^ (hash >> 16)) / f64::from(u32::MAX)
 }
 
-/// The smallest Ncut over the quantiles of an order of voxels, and how many voxels lie before the cut. `None`
-/// if no cut has voxels with links on both sides.
+/// The smallest Ncut over the quantiles of an order of voxels, and the number of voxels before this cut.
+/// `None` if no cut has voxels with links on both sides.
 fn best(graph: &Graph, degrees: &[f64], order: &[u32]) -> Option<(f64, usize)> {
     let count = order.len();
     let half = QUANTILES / 2;
@@ -157,12 +158,13 @@ fn best(graph: &Graph, degrees: &[f64], order: &[u32]) -> Option<(f64, usize)> {
     sizes.extend((1..=half).map(|k| count - k * count / (QUANTILES + 1)));
     sizes.sort_unstable();
     sizes.dedup();
-    // Number of cuts that a voxel lies behind.
+    // Number of cuts before each voxel.
     let mut behind = vec![0_u32; count];
     for (rank, &voxel) in order.iter().enumerate() {
         behind[voxel as usize] = sizes.partition_point(|&size| size <= rank) as u32;
     }
-    // A link counts for every cut between its ends: it is added at the first and taken away behind the last.
+    // A link counts for every cut between its ends: its weight is added at the first one and subtracted after
+    // the last one.
     let mut between = vec![0.0; sizes.len() + 1];
     let mut inside = vec![0.0; sizes.len() + 1];
     for voxel in 0..count {

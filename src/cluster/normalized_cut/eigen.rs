@@ -1,35 +1,38 @@
-//! The eigenvector of the second smallest eigenvalue of (D - W) y = lambda D y, W the weights of a graph and
-//! D their sums by voxel (Shi and Malik 2000, equations 6 to 11), by the method of Lanczos (1950).
+//! The eigenvector of the second smallest eigenvalue of (D - W) y = lambda D y by the method of Lanczos
+//! (1950). W is the matrix of the weights of a graph, and D the diagonal matrix of their sums by voxel (Shi
+//! and Malik 2000, equations 6 to 11).
 //!
-//! With z = D^(1/2) y this is the second largest eigenvalue mu = 1 - lambda of D^(-1/2) W D^(-1/2). The
-//! largest is 1, its vector D^(1/2) 1 is known, and every vector of the basis is made orthogonal to it. The
-//! basis is made orthogonal in full, restarted from its best vector when it is full, and complete when the
-//! residual is small. Start, tolerance and the order of operations are fixed: the same graph gives the same
-//! bits.
+//! With z = D^(1/2) y, this is the second largest eigenvalue mu = 1 - lambda of D^(-1/2) W D^(-1/2). The
+//! largest eigenvalue is 1. Its vector D^(1/2) 1 is known, and every vector of the basis is made orthogonal
+//! to it. Each new vector is orthogonalised against the whole basis. A full basis is restarted from its best
+//! vector. The search is complete when the residual is small. Start, tolerance and the order of operations
+//! are fixed: the same graph gives the same bits.
 //!
-//! Libraries were looked at in November 2026. `faer` 0.24 has a Lanczos solver with a start vector, but the
+//! Libraries were examined in November 2026. `faer` 0.24 has a Lanczos solver with a start vector, but the
 //! order of its sums follows the vector width of the processor, so its bits differ between machines.
 //! `lanczos` 0.2 has neither a start vector nor a tolerance. `arpack` wraps a library in Fortran and returns
 //! one eigenpair, the smallest. `eigenvalues` 0.4 needs `nalgebra` below 0.25.
 
 use super::graph::Graph;
 
-/// Vectors of a basis before it is restarted (chosen: rows of trees of 60 m need 60 to 120).
+/// Largest number of vectors of a basis before it is restarted (chosen: rows of trees of 60 m need 60 to
+/// 120).
 const MOST_VECTORS: usize = 120;
-/// Restarts before the search ends without convergence (chosen).
+/// Largest number of restarts before the search ends without convergence (chosen).
 const MOST_RESTARTS: usize = 20;
-/// Residual below which an eigenvector is complete. Eigenvalues are below 1. The error of the vector is the
-/// residual over the distance to the next eigenvalue, which is about 1e-3 in rows of trees.
+/// Residual up to which an eigenvector is accepted. Eigenvalues are below 1. The error of the vector is the
+/// residual divided by the distance to the next eigenvalue, which is about 1e-3 in rows of trees.
 const TOLERANCE: f64 = 1e-7;
-/// Steps between two looks at the residual.
+/// Number of steps between two checks of the residual.
 const STEPS: usize = 4;
-/// A vector shorter than this, relative to 1, lies in the basis: the basis contains the solution.
+/// Length, relative to 1, up to which the rest of a vector counts as 0. The vector then lies in the span of
+/// the basis, which contains the solution.
 const DEPENDENT: f64 = 1e-12;
 
 /// A solution.
 #[derive(Debug, Clone)]
 pub(super) struct Second {
-    /// y by voxel.
+    /// The eigenvector y, by voxel.
     pub(super) vector: Vec<f64>,
     /// Whether the residual is below the tolerance.
     pub(super) settled: bool,
@@ -55,7 +58,7 @@ pub(super) fn second(graph: &Graph, degrees: &[f64], start: &[f64], stop: f64) -
     Some(Second { vector, settled })
 }
 
-/// What a basis led to.
+/// The result of one basis.
 enum Improved {
     /// The eigenvalue is certainly above the limit.
     Above,
@@ -69,7 +72,7 @@ enum Improved {
 struct Problem<'a> {
     graph: &'a Graph,
     roots: Vec<f64>,
-    /// 0 for a voxel without links, which then has the eigenvalue mu = 0 and takes no part.
+    /// 0 for a voxel without links. Such a voxel has the eigenvalue mu = 0 and does not affect the others.
     inverse_roots: Vec<f64>,
     /// The vector of the largest eigenvalue.
     first: Vec<f64>,
@@ -104,7 +107,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// One basis from a vector to its end.
+    /// Builds one basis from a start vector until it gives a result.
     fn improve(&self, mut vector: Vec<f64>, stop: f64) -> Improved {
         self.orthogonalise(&mut vector, &[]);
         let mut scratch = vec![0.0; vector.len()];
@@ -113,7 +116,8 @@ impl<'a> Problem<'a> {
         let mut beside = normalise(&mut vector);
         loop {
             if beside <= DEPENDENT {
-                // The basis spans everything that the start contains: its best vector is exact.
+                // The basis spans every eigenvector that the start vector contains, so its best vector is
+                // exact.
                 return match tridiagonal.largest() {
                     Some((mu, _)) if 1.0 - mu > stop => Improved::Above,
                     Some((_, shares)) => Improved::Settled(combine(&basis, &shares)),
@@ -123,7 +127,8 @@ impl<'a> Problem<'a> {
             let mut next = self.product(&vector, &mut scratch);
             let along = dot(&next, &vector);
             tridiagonal.diagonal.push(along);
-            // What the theory removes comes first, so that one round against all others is enough.
+            // The two components that the theory predicts are removed first, so that one round against all
+            // vectors is enough.
             next.iter_mut().zip(&vector).for_each(|(value, other)| *value -= along * other);
             if let Some(before) = basis.last() {
                 next.iter_mut().zip(before).for_each(|(value, other)| *value -= beside * other);
@@ -155,12 +160,12 @@ impl<'a> Problem<'a> {
 #[derive(Debug, Default)]
 struct Tridiagonal {
     diagonal: Vec<f64>,
-    /// Entries beside the diagonal; one more than needed is ignored.
+    /// Entries beside the diagonal. One entry more than needed is ignored.
     beside: Vec<f64>,
 }
 
 impl Tridiagonal {
-    /// Whether an eigenvalue is above `value`: the signs of the pivots of T - value tell (Sturm).
+    /// Whether an eigenvalue is above `value`, by the signs of the pivots of T - value (Sturm).
     fn is_above(&self, value: f64) -> bool {
         let mut pivot = 1.0_f64;
         for (row, diagonal) in self.diagonal.iter().enumerate() {
@@ -236,7 +241,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// Makes a vector a unit vector, and returns its length. The zero vector remains.
+/// Scales a vector to length 1, and returns its former length. A zero vector stays as it is.
 fn normalise(vector: &mut [f64]) -> f64 {
     let length = dot(vector, vector).sqrt();
     if length > 0.0 {
@@ -259,7 +264,7 @@ mod tests {
         Graph::of(&keys, &centroids, &Scale::new(&NormalizedCutConfig::default(), 0.3))
     }
 
-    /// Solves and checks the equation itself, and that no smaller eigenvalue but 0 was missed.
+    /// Solves a problem. Checks the equation itself, and that no smaller eigenvalue except 0 was missed.
     fn check(graph: &Graph, start: &[f64]) -> Vec<f64> {
         let degrees = graph.degrees();
         let found = second(graph, &degrees, start, 2.0).unwrap();

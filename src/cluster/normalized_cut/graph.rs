@@ -1,9 +1,9 @@
 //! The weighted graph of the voxels of an object (equation 1 of the paper), in rows of runs.
 //!
 //! The product of both Gaussians is one exponential of the sum of their exponents. Ours: a weight whose
-//! vertical factor is below e^-9 (1.2e-4) is 0, so that a row is not as long as the object is high; d_H and
-//! both sigmas grow with the voxels once d_H is below two edges, so that coarse voxels remain linked; a voxel
-//! has no link to itself.
+//! vertical factor is below e^-9 (1.2e-4) is 0, so that the length of a row does not grow with the height of
+//! the object; if d_H is below two edges, d_H and both sigmas grow with the voxels, so that coarse voxels
+//! stay linked; a voxel has no link to itself.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "voxels of an object fit u32; distances are a few edges"
@@ -14,7 +14,7 @@ use std::ops::Range;
 use super::settings::NormalizedCutConfig;
 use crate::cluster::columns::{Columns, Voxel};
 
-/// Vertical distance in sigma_V beyond which weights are 0.
+/// Vertical distance beyond which weights are 0, in multiples of sigma_V.
 const VERTICAL_REACH: f64 = 3.0;
 
 /// Distances of equation 1 in metres.
@@ -51,7 +51,7 @@ impl Scale {
     }
 }
 
-/// Voxels with neighbouring numbers, to all of which a voxel is linked, or between which it is linked.
+/// Voxels with consecutive numbers that cover the links of a voxel to one column.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     start: u32,
@@ -64,9 +64,8 @@ impl Run {
     }
 }
 
-/// A graph. The links of a voxel are runs of voxels of one column, because these are most of its links and
-/// have neighbouring numbers: a product with a vector reads both in their order. A weight inside a run may be
-/// 0.
+/// A graph. The links of a voxel are stored as runs: voxels of one column have consecutive numbers, so a
+/// product with a vector reads weights and values in order. A weight inside a run may be 0.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Graph {
     /// First run and first weight of each voxel, and the ends.
@@ -81,7 +80,8 @@ impl Graph {
         let columns = Columns::new(keys.iter().copied());
         let heights = columns.heights();
         let mut finder = columns.finder();
-        // Centroids lie inside their voxels: between them is at most one edge more than between indices.
+        // Centroids lie inside their voxels, so their distance can be up to one edge shorter than the
+        // distance of their indices.
         let wide = (scale.d_h / scale.edge) as i32 + 1;
         let high = (VERTICAL_REACH * scale.sigma_v / scale.edge) as i32 + 1;
         let gap = |steps: i32| f64::from((steps.abs() - 1).max(0)) * scale.edge;
@@ -152,7 +152,7 @@ impl Graph {
         })
     }
 
-    /// Links of a voxel: the other end and the weight.
+    /// Links of a voxel: the other voxel and the weight.
     pub(super) fn links(&self, voxel: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let all = self.runs(voxel).flat_map(|(range, weights)| range.zip(weights));
         all.filter(|link| *link.1 > 0.0).map(|(to, &weight)| (to, f64::from(weight)))
@@ -209,8 +209,8 @@ impl Graph {
         components
     }
 
-    /// The graph of some of its voxels (ascending), with the links between them. The order of voxels remains,
-    /// so what is left of a run is a run.
+    /// The graph of some of its voxels (ascending), with the links between them. The order of voxels stays,
+    /// so the rest of a run is a run.
     pub(super) fn part(&self, members: &[u32]) -> Self {
         // Number of members before each voxel, and before the end.
         let mut before = vec![0_u32; self.len() + 1];
@@ -233,9 +233,9 @@ impl Graph {
     }
 }
 
-/// e to the power of `x`, at most 0, with an error below 1e-9: weights are stored with 7 digits. Below e^-60
-/// it is 0. A fixed sequence of IEEE operations, because the functions of the platforms differ in the last
-/// bit.
+/// e to the power of `x`, for `x` up to 0. The error is below 1e-9, because weights are stored with 7 digits.
+/// Values below e^-60 are 0. This is a fixed sequence of IEEE operations, because the functions of platforms
+/// differ in the last bit.
 #[inline]
 fn exponential(x: f64) -> f64 {
     const INVERSE: [f64; 8] =
@@ -243,7 +243,7 @@ fn exponential(x: f64) -> f64 {
     if x < -60.0 {
         return 0.0;
     }
-    // A whole power of two, and what is left of the exponent: at most ln(2) / 2.
+    // An integer power of two, and the rest of the exponent: at most ln(2) / 2.
     let power = (x * std::f64::consts::LOG2_E - 0.5) as i32;
     let rest = x - f64::from(power) * std::f64::consts::LN_2;
     let mut sum = 1.0;

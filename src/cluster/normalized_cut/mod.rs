@@ -1,32 +1,32 @@
-//! The clustering method `normalized-cut`: the objects of `euclidean`; those that are tall and wide are cut
-//! where little holds them together; a filter tells trees from poles, facades and cars.
+//! The clustering method `normalized-cut`. It takes the objects of `euclidean`, and cuts those that are tall
+//! and wide where they are weakly connected. A filter distinguishes trees, poles, facades and cars.
 //!
 //! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning
 //! data", ISPRS Archives XLI-B3, 221-225 (2016), doi:10.5194/isprs-archives-XLI-B3-221-2016, section 3.2,
 //! equations 1 to 3. "The paper" in this folder is Guan et al. 2016. It builds on Shi, Malik, "Normalized
 //! cuts and image segmentation", IEEE Transactions on Pattern Analysis and Machine Intelligence 22(8),
-//! 888-905 (2000), doi:10.1109/34.868688. Ours, because the paper does not say: every value but the two
-//! distances of section 4, where a cut is tried and where cutting ends (`cut`), what happens to large
-//! objects, and all of the tree filter (`tree_filter`), for which the paper gives "prior knowledge (e.g.
-//! crown size)".
+//! 888-905 (2000), doi:10.1109/34.868688. Ours, because the paper does not say it: every value except the two
+//! distances of section 4, the places where a cut is tried and the end of cutting (`cut`), the treatment of
+//! large objects, and the whole tree filter (`tree_filter`), for which the paper only names "prior knowledge
+//! (e.g. crown size)".
 //!
 //! Steps. `clusters`: the objects of `euclidean` and their voxels, tile by tile, joined over the drive.
-//! `cut`: each object is gathered whole over all tiles by the tile that has most of its points, cut, and
-//! classified. `objects`: the labels of points. Points are read by the first and the last step.
+//! `cut`: the tile that has the most points of an object gathers the whole object from all tiles, cuts it,
+//! and classifies its parts. `objects`: the labels of points. Only the first and the last step read points.
 //!
 //! Why it is exact over tiles: voxels are sums of integers over the lattice, so an object has the same voxels
-//! in any tiles. The cut is a function of these voxels, with a fixed order of operations on one thread, and
-//! with an exponential function of our own. An object with more than `max_voxels` voxels is cut on voxels of
-//! twice the edge first, or four times, and so on, and its parts again on finer ones. This limit is a
-//! setting, not the memory of the machine, so results do not depend on the machine. `report.json` lists these
-//! objects.
+//! whatever the tiles. The cut is a function of these voxels, with a fixed order of operations on one thread,
+//! and with an exponential function of our own. An object with more than `max_voxels` voxels is first cut on
+//! voxels of twice the edge, or four times the edge, and so on. Its parts are cut again on finer voxels. This
+//! limit is a setting, not the memory of the machine, so results do not depend on the machine. `report.json`
+//! lists these objects.
 //!
-//! Cost: `euclidean`, and O(links) for each vector of a basis. A voxel of 0.3 m has some hundred links of 4
+//! Cost: `euclidean`, and O(links) for each vector of a basis. A voxel of 0.3 m has a few hundred links of 4
 //! bytes.
 //!
-//! Known failures: crowns that are grown into each other over most of their height have no narrow place; a
-//! facade is cut into pieces where it has a narrow place, and the pieces are joined again only if the filter
-//! calls them facades.
+//! Known failures: crowns that have grown together over most of their height are not cut, because there is no
+//! narrow place; a facade with narrow places is cut there, and the pieces are joined again only if the filter
+//! classifies them as facades.
 
 mod clusters;
 mod cut;
@@ -80,8 +80,8 @@ const STEPS: [Step; 3] = [
     },
 ];
 
-/// Bytes per point of objects that a tile needs for the clusters and, beside them, their labels and voxels.
-/// Estimated from sizes.
+/// Bytes per point of objects that a tile needs for the clusters, and in addition for their labels and
+/// voxels. Estimated from sizes.
 const CLUSTERS_BYTES_PER_POINT: u64 = local::BYTES_PER_POINT + 16;
 /// Bytes per point of objects that a tile needs for the graph, its halves and the basis of one object at a
 /// time. Estimated from sizes: 4 to 5 KB per voxel of a dense crown, and about 12 points per voxel.

@@ -1,5 +1,4 @@
-//! Step `objects`: the label of every point, from the part that its voxel belongs to, and the class of each
-//! part.
+//! Step `objects`: the label of every point, from the part of its voxel, and the class of each part.
 
 use std::collections::BTreeMap;
 
@@ -35,7 +34,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     let mut labels = vec![0; points.cloud.len()];
     let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
     let mut of_labels = OfLabels::new();
-    // Cluster, voxel and part of the point before: neighbours in a file mostly share them.
+    // Cluster, voxel and part of the previous point. Consecutive points of a file mostly share them.
     let mut last: Option<(u32, Voxel, u32)> = None;
     for (point, cluster) in own.into_iter().zip(clusters) {
         let Some(placed) = (cluster as usize).checked_sub(1).and_then(|at| placed[at].as_ref()) else {
@@ -68,7 +67,7 @@ pub(super) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
     Ok(Mapped { payload: codec::encode(&of_labels)?, labelled: Some(labelled), ..Mapped::default() })
 }
 
-/// The objects of a tile that were cut.
+/// The cut objects of a tile.
 struct Cut {
     parts: BTreeMap<(TileId, u32), PartOfVoxel>,
 }
@@ -90,14 +89,15 @@ impl Cut {
         Ok(Self { parts })
     }
 
-    /// The parts of an object that was cut.
+    /// The parts of a cut object. `None` if it was not cut.
     fn of(&self, placed: &Placed) -> Option<&PartOfVoxel> {
         placed.cut.and_then(|place| self.parts.get(&place))
     }
 }
 
 impl PartOfVoxel {
-    /// The voxel of a place. Keys of voxels fit: the step `clusters` has checked those of the finest voxels.
+    /// The voxel of a place. Keys of voxels fit 32 bits, because the step `clusters` has checked the keys of
+    /// the finest voxels.
     #[expect(clippy::cast_possible_truncation, reason = "checked by global_indices")]
     fn key(&self, at: [i64; 3]) -> Voxel {
         at.map(|value| value.div_euclid(self.edge) as i32)

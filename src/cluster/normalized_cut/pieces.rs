@@ -1,5 +1,5 @@
-//! The voxels of the objects of a tile in the form in which they are stored, and how those of an object are
-//! gathered from many tiles, on coarser voxels if there are too many.
+//! The stored voxels of the objects of a tile, and the voxels of one object gathered from many tiles, on a
+//! coarser grid if there are too many.
 
 use std::ops::Range;
 
@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::cluster::columns::Voxel;
 use crate::model::in_u32;
 
-/// Voxels of each label of a tile, sorted by label and key. Keys are differences to the voxel before, which
-/// take few bytes after the encoding.
+/// Voxels of each label of a tile, sorted by label and key. Keys are differences to the previous voxel, which
+/// take few bytes when encoded.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Pieces {
     /// End of the voxels of each label.
@@ -21,7 +21,7 @@ pub(super) struct Pieces {
     sums: Vec<[u64; 3]>,
 }
 
-/// Takes voxels by ascending label and key.
+/// Builds the stored form from voxels in ascending order of label and key.
 #[derive(Debug, Default)]
 pub(super) struct Storing {
     pieces: Pieces,
@@ -71,7 +71,7 @@ impl Pieces {
 /// The voxels of an object, sorted by key.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Voxels {
-    /// How often the edge was doubled.
+    /// Number of doublings of the edge.
     pub(super) doublings: u32,
     /// Edge of a voxel in lattice units.
     pub(super) edge: i64,
@@ -93,8 +93,8 @@ impl Voxels {
     }
 
     /// Adds the voxels of a label of a tile. The edge is doubled while there are more than `most` voxels. The
-    /// result does not depend on the order of tiles: the number of voxels falls with the edge, and that of a
-    /// part of the object is never larger than that of the whole.
+    /// result does not depend on the order of tiles, because larger edges never give more voxels, and a part
+    /// of an object never has more voxels than the whole.
     pub(super) fn add(&mut self, pieces: &Pieces, label: u32, most: usize) {
         let fine = self.edge >> self.doublings;
         for piece in pieces.of_label(label) {
@@ -112,13 +112,14 @@ impl Voxels {
         while self.len() > most {
             self.doublings += 1;
             self.edge *= 2;
-            // An arithmetic shift rounds down: voxels of twice the edge are anchored at multiples of it, too.
+            // An arithmetic shift rounds down, so voxels of twice the edge are anchored at multiples of their
+            // edge, too.
             self.key.iter_mut().for_each(|key| *key = key.map(|index| index >> 1));
             self.merge();
         }
     }
 
-    /// Sorts the voxels, and adds up those with equal keys.
+    /// Sorts the voxels, and adds up voxels with equal keys.
     fn merge(&mut self) {
         let mut order: Vec<usize> = (0..self.len()).collect();
         order.sort_by_key(|&voxel| self.key[voxel]);
@@ -136,7 +137,7 @@ impl Voxels {
         *self = merged;
     }
 
-    /// The smallest number of doublings with which some of the voxels become at most `most`.
+    /// The smallest number of doublings after which the voxels `members` become at most `most`.
     pub(super) fn doublings_for(&self, members: &[u32], most: usize) -> u32 {
         let mut doublings = 0;
         let mut keys: Vec<Voxel> = members.iter().map(|&member| self.key[member as usize]).collect();
@@ -149,7 +150,8 @@ impl Voxels {
         doublings
     }
 
-    /// Some of the voxels, with edges doubled so often, and the number of the new voxel of each of them.
+    /// The voxels `members` with edges doubled `doublings` times, and for each member the number of its new
+    /// voxel.
     pub(super) fn coarser(&self, members: &[u32], doublings: u32) -> (Self, Vec<u32>) {
         let mut coarse = Self {
             doublings: self.doublings + doublings,
@@ -226,7 +228,7 @@ mod tests {
         };
         let found = gather([&left, &right]);
         let other = gather([&right, &left]);
-        // A diagonal at 1, 2 and 4 edges has 100, 100 and 50 voxels; at 8 edges 26 of them.
+        // A diagonal has 100, 100 and 50 voxels at 1, 2 and 4 edges, and 26 at 8 edges.
         assert_eq!((&found.key, &found.points, &found.sums), (&other.key, &other.points, &other.sums));
         assert_eq!((found.doublings, other.doublings), (3, 3));
         assert!(found.len() <= 30 && found.len() > 10, "{}", found.len());

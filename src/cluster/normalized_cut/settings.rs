@@ -23,7 +23,7 @@ pub struct NormalizedCutConfig {
     /// Vertical distance in metres at which a weight falls to 1/e, sigma_V of equation 1, 0.05 to 20. Default
     /// 2 (chosen; the paper has no value).
     pub vertical_scale_m: f64,
-    /// Voxels are linked up to this horizontal distance in metres, d_H of equation 1, 0.1 to 20. Default 1.2
+    /// Largest horizontal distance of linked voxels in metres, d_H of equation 1, 0.1 to 20. Default 1.2
     /// (chosen; the paper has no value).
     pub link_radius_m: f64,
     /// A part is cut in two if Ncut (equation 3) of its best cut is at most this, 0 (never) to 2. Default
@@ -33,9 +33,9 @@ pub struct NormalizedCutConfig {
     pub tall: f64,
     /// Objects are cut if they are wider than this, in metres, 0 to 1000. Default 3 (chosen).
     pub wide: f64,
-    /// An object with more voxels is cut on voxels of twice the edge first, or four times, and so on, and its
-    /// parts again on finer ones; 1000 to 200,000. Default 20,000: a limit of memory that does not depend on
-    /// the machine.
+    /// Largest number of voxels of a graph, 1000 to 200,000. An object with more voxels is first cut on
+    /// voxels of twice the edge, or four times the edge, and so on; its parts are cut again on finer voxels.
+    /// Default 20,000. This limits memory independently of the machine.
     pub max_voxels: u64,
 }
 

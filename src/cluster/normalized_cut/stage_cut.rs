@@ -1,8 +1,8 @@
-//! Step `cut`: gathers each object whole over all tiles, cuts it, and gives its parts a class. It reads no
+//! Step `cut`: gathers each whole object from all tiles, cuts it, and classifies its parts. It reads no
 //! points.
 //!
-//! One tile does this for an object: the one that has most of its points. What follows depends on the voxels
-//! of the object alone, so it does not matter which tile it is.
+//! One tile does this for an object: the one that has the most of its points. The result depends only on the
+//! voxels of the object, so the choice of the tile does not matter.
 
 use std::collections::BTreeMap;
 
@@ -20,23 +20,23 @@ use crate::error::{Error, Result};
 use crate::model::{Lattice, TileId, in_u32};
 use crate::words;
 
-/// An object that a tile has cut and named.
+/// An object that a tile has cut and classified.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Named {
     object: u32,
     /// Class of each part.
     classes: Vec<u8>,
     several: bool,
-    /// How often the edge of a voxel was doubled for the first cut.
+    /// Number of doublings of the voxel edge for the first cut.
     doublings: u32,
     unsettled: u32,
-    /// Points, and smallest and largest coordinates, for the report on coarse objects.
+    /// Number of points, and smallest and largest coordinates, for the report of coarse objects.
     points: u64,
     lo: [i64; 3],
     hi: [i64; 3],
 }
 
-/// The parts of the voxels of an object that was cut.
+/// The part of each voxel of a cut object.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct PartOfVoxel {
     /// Edge of a voxel in lattice units.
@@ -46,15 +46,15 @@ pub(super) struct PartOfVoxel {
     pub(super) parts: Vec<u32>,
 }
 
-/// Where the parts of an object are, and which groups they are.
+/// Place and groups of the parts of an object.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Placed {
     /// Group of the first part. The next parts have the next numbers.
     pub(super) first_group: u32,
     /// Class of each part.
     pub(super) classes: Vec<u8>,
-    /// The tile that has cut the object, and the section of its payload with the parts of the voxels. Without
-    /// a section the object is whole.
+    /// The tile that has cut the object, and the section of its payload with the parts of the voxels. `None`
+    /// if the object is whole.
     pub(super) cut: Option<(TileId, u32)>,
 }
 
@@ -71,11 +71,11 @@ pub(super) struct Coarse {
 /// Figures of the step for the report.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Figures {
-    /// Objects of `euclidean`, those tall and wide enough to be cut, and all parts.
+    /// Numbers of objects of `euclidean`, of objects tall and wide enough to be cut, and of all parts.
     pub(super) objects: u64,
     pub(super) several: u64,
     pub(super) parts: u64,
-    /// Eigenvectors that did not reach the tolerance.
+    /// Number of eigenvectors that did not reach the tolerance.
     pub(super) unsettled: u64,
     pub(super) coarse: Vec<Coarse>,
 }
@@ -113,8 +113,8 @@ pub(super) fn map(tile: &dyn TileWindow, config: &NormalizedCutConfig, edge: u32
     Ok(Mapped::payload(codec::pack(&sections)))
 }
 
-/// Voxels of an object that are kept, per voxel of a graph: a voxel takes 44 bytes, and 2 to 5 KB in a graph.
-/// Chosen: 1,000,000 voxels are about 2.5 km of trees that touch each other.
+/// Largest number of voxels of an object in memory, per voxel of a graph: a voxel takes 44 bytes, and 2 to 5
+/// KB in a graph. Chosen: 1,000,000 voxels are about 2.5 km of trees that touch each other.
 const KEPT: usize = 50;
 
 /// The voxels of the objects, from all tiles. Tiles are read one after the other.
@@ -141,7 +141,7 @@ fn gather(
     Ok(voxels)
 }
 
-/// Where the objects of each tile are after the cut, and the figures of the drive.
+/// The place of the objects of each tile after the cut, and the figures of the drive.
 pub(super) fn reduce(drive: &dyn DriveWindow, edge: u32) -> Result<Vec<u8>> {
     let lattice = drive.lattice();
     let mut figures = Figures::default();
@@ -172,7 +172,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow, edge: u32) -> Result<Vec<u8>> {
             next_group += parts;
         }
     }
-    // An order that does not depend on tiles.
+    // This order does not depend on the tiles.
     figures.coarse.sort_by_key(|coarse| (coarse.at, coarse.points));
     let mut slices = Vec::new();
     for tile in TileId::first(drive.tiles()) {
@@ -198,7 +198,7 @@ pub(super) fn figures(drive: &dyn DriveWindow) -> Result<Figures> {
     sliced::head(drive.global(STEP_CUT))
 }
 
-/// What the user should know of objects that were too large for the finest voxels.
+/// Warnings about objects that were too large for the finest voxels.
 pub(super) fn warnings(drive: &dyn DriveWindow) -> Result<Vec<String>> {
     let coarse = figures(drive)?.coarse;
     let Some(widest) = coarse.iter().map(|one| one.voxel_m).reduce(f64::max) else { return Ok(Vec::new()) };
@@ -211,7 +211,7 @@ pub(super) fn warnings(drive: &dyn DriveWindow) -> Result<Vec<String>> {
     )])
 }
 
-/// Where the object of each label of a tile is. `None` for objects with too few or too many points.
+/// The place of the object of each label of a tile. `None` for objects with too few or too many points.
 pub(super) fn placed(drive: &(impl DriveWindow + ?Sized), tile: TileId) -> Result<Vec<Option<Placed>>> {
     sliced::slice(drive.global(STEP_CUT), tile)
 }

@@ -1,10 +1,10 @@
 //! The tree filter: the class of a part of an object from its height, the width of its crown in both
-//! directions, how much of its plan is filled, and the widths of its layers. It knows no ground: heights are
-//! above the lowest voxel of the part.
+//! directions, the filled share of its plan, and the widths of its layers. It does not know the ground:
+//! heights are above the lowest voxel of the part.
 //!
-//! The paper uses "prior knowledge (e.g. crown size)" and gives no numbers. All numbers here were chosen
-//! on three labelled scenes and tested on two others, see `benches/results/normalized-cut.md`. A crown is
-//! about as deep as it is wide, and fills its plan. The plan of a facade is a line or a few lines.
+//! The paper uses "prior knowledge (e.g. crown size)" and gives no numbers. All numbers here were chosen on
+//! three labelled scenes and tested on two others, see `benches/results/normalized-cut.md`. The plan of a
+//! crown is about as deep as wide, and filled. The plan of a facade is a line or a few lines.
 
 use std::collections::BTreeMap;
 
@@ -30,12 +30,13 @@ struct Shape {
     /// Standard deviation of the columns along the longer and the shorter axis in the plane.
     long_m: f64,
     short_m: f64,
-    /// Occupied share of the layers, mean over the columns.
+    /// Share of the layers that a column occupies, mean over the columns.
     fill: f64,
-    /// Area of the columns over the product of both deviations: 4 pi for a disc, 12 for a square, less for
-    /// lines.
+    /// Area of the columns divided by the product of both deviations: 4 pi for a disc, 12 for a square, less
+    /// for lines.
     solid: f64,
-    /// Width of a layer (longer side of its box) that half of the layers have at most, and three quarters.
+    /// Median of the widths of the layers (longer side of the box of a layer). `most_m` is their third
+    /// quartile.
     half_m: f64,
     most_m: f64,
 }
@@ -81,7 +82,7 @@ impl Shape {
         self.short_m >= 0.15 && self.short_m >= 0.4 * self.long_m && self.solid >= 8.0
     }
 
-    /// Whether most layers are narrow, and the whole is upright, with one arm at most. Measured on voxels of
+    /// Whether most layers are narrow, and the part is upright, with at most one arm. Measured on voxels of
     /// 0.3 m.
     fn is_pole(&self) -> bool {
         self.height_m >= 1.8 && self.half_m <= 0.65 && self.most_m <= 1.3 && self.short_m <= 0.3
@@ -126,8 +127,8 @@ pub(super) fn classes(voxels: &Voxels, parts: &Parts, lattice: Lattice, finest: 
         .into_iter()
         .map(|mut keys| {
             let fine = Shape::of(&keys, edge_m);
-            // How filled a plan is depends on the voxels: crowns are measured on twice the edge of the
-            // setting.
+            // The filled share of a plan depends on the size of the voxels, so crowns are measured on twice
+            // the edge of the setting.
             let coarse = if voxels.edge < 2 * finest {
                 keys.iter_mut().for_each(|key| *key = key.map(|index| index >> 1));
                 keys.sort_unstable();
@@ -156,7 +157,7 @@ fn class(fine: &Shape, coarse: &Shape, tall_m: f64) -> u8 {
     }
 }
 
-/// Joins parts that are facades and touch: the cut is meant for trees, and a facade is one object.
+/// Joins facades that touch, because the cut is meant for trees, and a facade is one object.
 pub(super) fn join_facades(voxels: &Voxels, parts: Parts, classes: Vec<u8>) -> (Parts, Vec<u8>) {
     if classes.iter().filter(|class| **class == FACADE).count() < 2 {
         return (parts, classes);
@@ -168,7 +169,7 @@ pub(super) fn join_facades(voxels: &Voxels, parts: Parts, classes: Vec<u8>) -> (
             sets.union(a, b);
         }
     });
-    // The name of a set is its first part, so the order of parts remains.
+    // The name of a set is its first part, so the order of parts stays.
     let mut number = vec![u32::MAX; classes.len()];
     let mut kept = Vec::new();
     for part in 0..parts.count {
@@ -206,7 +207,7 @@ mod tests {
         Voxels { doublings: 0, edge, key, points: vec![1; count], sums: vec![[0; 3]; count] }
     }
 
-    /// A number that looks random, from 0 to `end`.
+    /// A pseudo-random number from 0 to `end`.
     fn noise(state: &mut u64, end: i64) -> i64 {
         *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         i64::try_from((*state >> 33) % end.unsigned_abs()).unwrap()
@@ -272,7 +273,7 @@ mod tests {
         let (joined, classes) = join_facades(&voxels, parts(), vec![FACADE; 3]);
         assert_eq!((joined.count, joined.unsettled, classes), (1, 2, vec![FACADE]));
         assert!(joined.of.iter().all(|part| *part == 0));
-        // The part in the middle is a tree: the others do not touch.
+        // The part in the middle is a tree, so the two facades do not touch.
         let (joined, classes) = join_facades(&voxels, parts(), vec![FACADE, TREE, FACADE]);
         assert_eq!((&joined.of, classes), (&parts().of, vec![FACADE, TREE, FACADE]));
         let (joined, classes) = join_facades(&voxels, parts(), vec![OTHER, FACADE, FACADE]);
