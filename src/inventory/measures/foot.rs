@@ -236,8 +236,8 @@ fn before(place: [i64; 2], site: &Site<'_>) -> [i64; 2] {
     [0, 1].map(|k| place[k] + site.lattice.units(nearer[k] * BEFORE_FRONT_M))
 }
 
-/// The directions at a place in metres: towards the axis of the drive, and onwards along it. Both have length
-/// 1. `None` on the axis.
+/// The directions at a place in metres: towards the axis of the drive, and onwards along it. Both are unit
+/// vectors. `None` on the axis.
 fn ways(place: [f64; 2], site: &Site<'_>) -> Option<([f64; 2], [f64; 2])> {
     let at = |x: f64, y: f64| (site.locate)([place[0] + x, place[1] + y]);
     let [here, east, north] = [at(0.0, 0.0), at(WAY_M, 0.0), at(0.0, WAY_M)];
