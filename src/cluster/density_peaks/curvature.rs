@@ -8,7 +8,7 @@ pub(super) const ONE: i64 = 1 << 40;
 /// e3 / (e1 + e2 + e3) of the covariance of `places` (relative to any place of the lattice), in steps of
 /// 2^-40. 0 if all places are equal.
 pub(super) fn curvature(places: &[[i64; 3]]) -> i64 {
-    // Most neighbours are near. 64 bits are enough for 20 of them within 30 km at 1 mm. Others need 128.
+    // Most neighbours are near: 64 bits are enough for 20 of them within 30 km at 1 mm. Others need 128 bits.
     let small = places.len() <= 20 && places.iter().flatten().all(|value| value.unsigned_abs() < SMALL);
     let moment = |a: usize, b: usize| if small { moment_64(places, a, b) } else { moment_128(places, a, b) };
     let xy = moment(0, 1);

@@ -50,7 +50,7 @@ pub(super) struct Figures {
     graph: BTreeMap<(u32, u32), u64>,
     /// Density and squared delta of every centre.
     centres: Vec<(f64, u32)>,
-    /// Pairs of clusters by curvature: unmerged, merged.
+    /// Numbers of unmerged and merged pairs of clusters, by class of curvature.
     curvatures: BTreeMap<u32, [u64; 2]>,
 }
 
@@ -82,7 +82,7 @@ impl Figures {
             }
             figures.centres.extend(payload.centres);
         }
-        // Sorted, so that the order of tiles does not show.
+        // Sorted, so that the result does not depend on the order of tiles.
         figures.centres.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
         for sum in sums.values() {
             let mean = sum.curvature as f64 / sum.sides as f64 / ONE as f64;

@@ -1,8 +1,8 @@
 //! The points of clusters around a tile, grouped by voxel. It finds the points nearest to a place, and one
-//! representative of each small cell. It searches only: callers decide what to do with the results.
+//! representative of each small cell. It only searches: callers decide what to do with the results.
 //!
-//! Points are grouped voxel by voxel in columns of their own. So the voxels of one column are one contiguous
-//! range of memory, and a search is a few loops over ranges that the compiler vectorises.
+//! Points are grouped voxel by voxel in separate arrays of coordinates. So the voxels of one column are one
+//! contiguous range of memory, and a search is a few loops over ranges that the compiler vectorises.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -30,7 +30,7 @@ pub(super) struct LabelledPoints<'a> {
     /// Edge of a voxel in lattice units.
     edge: i64,
     places: Places,
-    /// Index of each point among the surroundings.
+    /// Index of each point in the surroundings.
     source: Vec<u32>,
 }
 
@@ -118,8 +118,8 @@ impl<'a> LabelledPoints<'a> {
     }
 
     /// The first place (by x, then y, then z) of each cell of [`REPRESENTATIVE_M`] and each cluster, over the
-    /// `wanted` voxels. Of points in one place it does not matter which one it is. Where cells cross borders
-    /// of voxels, `wanted` must contain all voxels of a cluster that share a cell.
+    /// `wanted` voxels. Of several points in this place, any one is taken. If cells cross borders of voxels,
+    /// `wanted` must contain all voxels of a cluster that share a cell.
     pub(super) fn representatives(&self, wanted: &[bool]) -> Representatives {
         let cloud = &self.around.points.cloud;
         let cell_edge = cloud.lattice.units(REPRESENTATIVE_M).max(1);
@@ -264,19 +264,19 @@ pub(super) struct Search<'a> {
 /// A voxel with many points.
 #[derive(Default)]
 struct Crowd {
-    /// How often all its points were compared.
+    /// Number of times that all its points were compared.
     times: u32,
     index: Option<KNearest>,
 }
 
 /// Number of surplus neighbours that are collected before the farther ones are removed.
 const SLACK: usize = 44;
-/// Largest number of points of a voxel that are always compared one by one. Chosen: about as many comparisons
-/// take as long as a search in an index.
+/// Largest number of points of a voxel that are always compared one by one. Chosen: a search in an index
+/// takes about as long as this many comparisons.
 const CROWD: usize = 256;
-/// Number of times that all points of a voxel are compared before they are indexed. Chosen: an index takes
-/// about as long to make. So an index that is not needed often is not made, and the time of two dense voxels
-/// beside each other does not grow with the product of their points.
+/// Number of times that all points of a voxel are compared before they are indexed. Chosen: building an index
+/// takes about as long. So no index is built that is rarely needed, and the time for two dense neighbouring
+/// voxels does not grow with the product of their points.
 const TIMES: u32 = 64;
 
 impl Search<'_> {
@@ -344,7 +344,8 @@ impl Search<'_> {
             let end = start + heights[start..].partition_point(|&height| height <= high);
             voxels.start + start..voxels.start + end
         };
-        // A column of this ring is new as a whole. Columns of inner rings add only the two ends of the shell.
+        // A column of this ring is new, so all its voxels in the shell are visited. Columns of inner rings
+        // add only the two ends of the shell.
         let stretches = if inner == ring {
             [stretch(k - ring, k + ring), 0..0]
         } else {

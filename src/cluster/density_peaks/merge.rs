@@ -1,5 +1,5 @@
-//! The reduction of stage `borders`: merging by curvature and re-assignment of halo voxels. It works on sums
-//! of pairs and components only, and sees no points and no voxels.
+//! The reduction of stage `borders`: merging by curvature and re-assignment of halo voxels. It works only on
+//! sums of pairs and on components, and sees no points and no voxels.
 
 use std::collections::BTreeMap;
 
@@ -58,8 +58,8 @@ fn merge(clusters: u32, sums: &BTreeMap<(u32, u32), PairSum>, threshold: f64) ->
     (0..=clusters).map(|cluster| sets.find(cluster)).collect()
 }
 
-/// Segment of every component of halo voxels of every tile; 0 if no segment is near. `components` gives their
-/// names over the drive.
+/// Segment of every component of halo voxels of every tile; 0 if no segment is near. `components` has the
+/// component over the drive of each of them.
 fn reassign(components: &[Vec<u32>], halos: &[Vec<Halo>], segments: &[u32]) -> (Vec<Vec<u32>>, Reassigned) {
     let mut nearest = BTreeMap::<u32, Nearest>::new();
     let all = || components.iter().flatten().zip(halos.iter().flatten());

@@ -5,9 +5,9 @@
 //! Data Segmentation", Remote Sensing 9(4), 331 (2017), doi:10.3390/rs9040331, sections 3.2 and 3.3,
 //! equations 3 to 13, Table 2. It builds on Rodriguez, Laio, "Clustering by fast search and find of density
 //! peaks", Science 344(6191), 1492-1496 (2014), doi:10.1126/science.1242072. "The paper" in this folder is Li
-//! et al. 2017. Ours, because the paper does not say: every tie (larger density, then lower (k, j, i);
-//! nearer, then denser; nearer, then lower x, y, z), the 10 m within which ground is searched,
-//! representatives of 0.1 m, the 20 points of a curvature, the threshold `merge_below`, the 1.5 m of
+//! et al. 2017. Ours, because the paper does not say it: every tie (larger density, then lower (k, j, i);
+//! nearer, then denser; nearer, then lower x, y, z), the 10 m within which ground is searched, the
+//! representatives of 0.1 m, the 20 points of a curvature, the threshold `merge_below`, and the 1.5 m of
 //! re-assignment.
 //!
 //! There are three stages, each with a barrier. `voxels`: points to voxels, components over the drive, the
@@ -15,8 +15,8 @@
 //! of pairs, nearest segments of halo voxels, labels. Points are read twice. In the last two stages, a tile
 //! also reads the voxels of its neighbours. Every sum is an exact integer, and densities and curvatures are
 //! computed by one fixed formula from exact integers. So tiled equals untiled to the bit. If fewer than 20
-//! labelled points are within 1.5 m of a representative, the tile reads further around it, for these
-//! representatives alone and at worst over the whole drive.
+//! labelled points are within 1.5 m of a representative, the tile reads further around this representative
+//! only, in the worst case over the whole drive.
 //!
 //! Cost: O(points) for voxels and labels. The search for a parent visits columns in the order of their
 //! distance and stops at the first denser voxel, which for nearly all voxels is the one below. Pairs are
@@ -27,8 +27,8 @@
 //!
 //! Known failures, from the objects that lose most points (`benches/results/density-peaks-worst.md`). The
 //! density of voxels that begin high above ground (set-back storeys, balconies, wires) is divided by their
-//! height: they have no centre, and stay without an object if nothing labelled is within `reassign`. Trees
-//! that touch a facade are merged with it, because the flat wall outweighs the crown in the mean curvature. A
+//! height: they have no centre, and belong to no object if no labelled point is within `reassign`. Trees that
+//! touch a facade are merged with it, because the flat wall outweighs the crown in the mean curvature. A
 //! crown that is wider than the distance to the next stem is cut into the prisms above each stem, hedge and
 //! lamp pole below it. A pole inside a crown takes the part of the crown around it. Cars half a metre apart
 //! are one object.
@@ -66,7 +66,7 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
 /// are of objects and a voxel has few of them. The stage `borders` needs most.
 const BYTES_PER_POINT: u64 = 68;
 
-/// Raised when results change and no setting does. From 2 on, places decide where ids did.
+/// Raised when results change and no setting does. Since 2, places decide where ids decided before.
 const ALGORITHM_EPOCH: u32 = 2;
 
 const fn stage(name: &'static str, settings: &'static [&'static str]) -> Step {
@@ -133,8 +133,9 @@ impl Method for DensityPeaks {
         Reach::Exact { metres: stage_borders::reach_m(&self.config) }
     }
 
-    /// As far as stages look, one after the other: for ground, for a denser voxel, once more for that of the
-    /// voxel found, and over the points of borders. Chains of parents and merged clusters reach further.
+    /// The sum of the reaches of the stages: for ground, for a denser voxel, for the denser voxel of that
+    /// one, and for the points of borders. Chains of parents and merged clusters depend on voxels further
+    /// away.
     fn deciding_reach_m(&self, _lattice: Lattice) -> f64 {
         let config = &self.config;
         stage_peaks::GROUND_SEARCH_M
@@ -163,7 +164,7 @@ impl Method for DensityPeaks {
         })
     }
 
-    /// Objects of any size. Small sets of points were noise before.
+    /// Objects of any size, because small sets of points have already been removed as noise.
     fn object_size(&self) -> RangeInclusive<u64> {
         1..=u64::MAX
     }

@@ -19,32 +19,32 @@ pub struct DensityPeaksConfig {
     /// Edge of a voxel in metres, 0.05 to 2. Default 0.3: twice the spacing of points on far objects (section
     /// 4.1).
     pub voxel: f64,
-    /// A centre has a density above this, in voxels, rho_t of the paper, 0 to 1000. Default 4 (Table 2:
-    /// 1.2 m).
+    /// Density above which a voxel can be a centre, in voxels, rho_t of the paper, 0 to 1000. Default 4
+    /// (Table 2: 1.2 m).
     pub min_density: f64,
-    /// A centre is further than this from the nearest denser voxel, in voxels, delta_t of the paper, 0 to
-    /// 100. Default 3 (Table 2: 0.9 m).
+    /// Distance from the nearest denser voxel above which a voxel can be a centre, in voxels, delta_t of the
+    /// paper, 0 to 100. Default 3 (Table 2: 0.9 m).
     pub min_separation: f64,
-    /// Above this height over ground, in voxels, densities are divided by the height, d_t of the paper, 0 to
+    /// Height over ground above which densities are divided by the height, in voxels, d_t of the paper, 0 to
     /// 1000. Default 5 (Table 2: 1.5 m).
     pub scale_above: f64,
     /// Search distance for denser voxels (exclusive), in voxels, d_neighbor of the paper, 1 to 50. Default
     /// 13 (Table 2: 3.9 m).
     pub search_radius: f64,
-    /// Points of two clusters closer than this, in metres, are a pair, d_th of the paper, 0.01 to 5. Default
-    /// 0.5 (equation 11).
+    /// Distance below which points of two clusters are a pair, in metres, d_th of the paper, 0.01 to 5.
+    /// Default 0.5 (equation 11).
     pub pair_gap_m: f64,
-    /// Clusters are merged when the mean curvature over their pairs is below this, c_t of the paper, 0
-    /// (never) to 1. Default 0.04: the valley in the histogram of pairs, and better on four drives
+    /// Mean curvature over the pairs of two clusters below which they are merged, c_t of the paper, 0 (never)
+    /// to 1. Default 0.04: the valley in the histogram of pairs, and better on four drives
     /// (`benches/results/density-peaks-study.md`). The paper found its value "by analyzing thousands of
     /// sample data" and does not print it.
     pub merge_below: f64,
-    /// Halo voxels join the nearest segment within this, in metres, 0.01 to 10. Default 1.5 (chosen; the
-    /// paper filters out what is "far away from all segments").
+    /// Largest distance at which halo voxels join the nearest segment, in metres, 0.01 to 10. Default 1.5
+    /// (chosen; the paper filters out what is "far away from all segments").
     pub reassign: f64,
-    /// Points of objects in the fullest voxel, with which those of a voxel are compared (n_max of equation
-    /// 3). Default 0: that of all points that are processed. With that of the whole drive, a section has the
-    /// same densities.
+    /// Number of points of objects in the fullest voxel, to which the number of each voxel is compared (n_max
+    /// of equation 3). Default 0: computed from all points that are processed. If a section is processed with
+    /// the value of the whole drive, it has the same densities.
     pub most_points: u32,
 }
 

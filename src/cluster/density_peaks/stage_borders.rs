@@ -27,8 +27,8 @@ use crate::spatial::Cell;
 
 /// Number of points of a curvature (chosen; the paper gives no number).
 const NEIGHBOURS: usize = 20;
-/// Radius around representatives within which neighbours are searched first, in metres. The radius grows if
-/// they are too few.
+/// Radius around representatives within which neighbours are searched first, in metres. It grows if there are
+/// too few neighbours.
 const FIRST_SEARCH_M: f64 = 1.5;
 
 /// A component of halo voxels, as seen by a tile.
@@ -40,8 +40,9 @@ pub(super) struct Halo {
     pub(super) nearest: Option<Nearest>,
 }
 
-/// A labelled point near a component: squared distance, lattice coordinates and cluster. The smallest is the
-/// nearest, and of equally near ones the first in the order of places. Points in one place have one cluster.
+/// A labelled point near a component: squared distance, lattice coordinates and cluster. The smallest value
+/// is the nearest point, and of equally near ones the first in the order of places. Points in one place have
+/// one cluster.
 pub(super) type Nearest = (u64, [i64; 3], u32);
 
 /// The pairs of representatives of two clusters. Every pair is counted at both of its points, each by the
@@ -50,7 +51,7 @@ pub(super) type Nearest = (u64, [i64; 3], u32);
 pub(super) struct PairSum {
     /// Number of ends of pairs: twice the number of pairs, over the whole drive.
     pub(super) sides: u64,
-    /// Sum of the curvatures of these points, in steps of 2^-40.
+    /// Sum of the curvatures at these ends, in steps of 2^-40.
     pub(super) curvature: i128,
 }
 
@@ -81,7 +82,7 @@ struct Lengths {
     reach: i64,
 }
 
-/// Distance around a tile up to which points are read as a rule, in metres. It covers the neighbours of
+/// Distance around a tile up to which points are normally read, in metres. It covers the neighbours of
 /// representatives, their partners with all points of the partners' cells, and the points that halo voxels
 /// may join.
 pub(super) fn reach_m(config: &DensityPeaksConfig) -> f64 {
@@ -161,7 +162,7 @@ fn halos(around: &Surroundings, is_halo: impl Fn(usize) -> bool, payload: &mut B
 }
 
 /// For each component of halo voxels, the labelled point nearest to its points in the core. A point is
-/// compared only with points at most as far away as the nearest so far.
+/// compared only with points within the smallest distance so far.
 fn nearest_labelled(
     around: &Surroundings,
     labelled: &LabelledPoints<'_>,
@@ -196,7 +197,7 @@ struct Meeting {
     partners: Vec<(u32, u64)>,
 }
 
-/// A representative whose nearest labelled points may lie outside of the cells that were read.
+/// A representative whose nearest labelled points may lie outside the cells that were read.
 struct Open {
     meeting: Meeting,
     cell: Cell,
@@ -205,8 +206,8 @@ struct Open {
 }
 
 impl Open {
-    /// Adds the nearest of these points. `place` is the place of the representative in their local
-    /// coordinates.
+    /// Adds the nearest of the points in `labelled`. `place` is the place of the representative in their
+    /// local coordinates.
     fn look(&mut self, labelled: &LabelledPoints<'_>, place: [i32; 3]) {
         let limit = self.found.get(NEIGHBOURS - 1).map_or(u64::MAX, |farthest| farthest.0);
         let nearest = labelled.nearest_of_all(place, NEIGHBOURS, limit);
@@ -222,8 +223,8 @@ impl Asking for Open {
         self.cell
     }
 
-    /// One unit more than the distance of the farthest, because of two equally far points the first in the
-    /// order of places counts.
+    /// One unit more than the distance of the farthest point, because an equally far point that is not read
+    /// yet may come first in the order of places.
     fn needed(&self) -> i64 {
         let farthest = self.found.get(NEIGHBOURS - 1);
         farthest.map_or(i64::MAX, |farthest| farthest.0.isqrt().cast_signed() + 2)
@@ -232,7 +233,7 @@ impl Asking for Open {
 
 /// The sums over the pairs of representatives of different clusters, counted at the points of the core.
 ///
-/// All representatives of a voxel are of one cluster, so whole voxels are compared. Voxels without another
+/// All representatives of a voxel belong to one cluster, so whole voxels are compared. Voxels without another
 /// cluster nearby are skipped. For the others, one loop counts the partners among all places of a voxel.
 fn pair_sums(
     tile: &dyn TileWindow,
@@ -241,9 +242,9 @@ fn pair_sums(
     labelled: &LabelledPoints<'_>,
 ) -> Result<Vec<(u32, u32, PairSum)>> {
     let edge = i64::from(lengths.edge);
-    // The distance of voxels that are n indices apart is more than n - 1 edges.
+    // Points of voxels that are n indices apart are more than n - 1 edges apart.
     let steps = ((lengths.pair - 1) / edge + 1) as i32;
-    // Cells of representatives may cross borders of voxels. Then the voxels beside are needed as well.
+    // Cells of representatives may cross borders of voxels. Then the neighbouring voxels are needed as well.
     let cell = tile.lattice().units(REPRESENTATIVE_M);
     let beside = if edge % cell == 0 { 0 } else { (cell / edge + 1) as i32 };
     let other = |cluster: u32, other: u32| other != 0 && other != cluster;
@@ -309,7 +310,7 @@ struct Curvatures<'a> {
     /// Squared distance around a point of the core up to which every point has been read.
     certain: u64,
     sums: BTreeMap<(u32, u32), PairSum>,
-    /// Representatives whose neighbours may lie outside of the cells that were read.
+    /// Representatives whose neighbours may lie outside the cells that were read.
     open: Vec<Meeting>,
 }
 
@@ -347,8 +348,7 @@ impl<'a> Curvatures<'a> {
         }
     }
 
-    /// The sums. Representatives whose nearest points may lie outside of the cells that were read ask for
-    /// more.
+    /// The sums. Representatives whose nearest points may lie outside the cells that were read ask for more.
     fn finish(mut self) -> Result<Vec<(u32, u32, PairSum)>> {
         let tile = self.tile;
         let edge = self.lengths.edge;
@@ -376,7 +376,7 @@ impl<'a> Curvatures<'a> {
                 let shift = [0, 1, 2].map(|axis| origin[axis] - labelled.origin()[axis]);
                 for open in asking {
                     let place = [0, 1, 2].map(|axis| i64::from(open.meeting.place[axis]) + shift[axis]);
-                    // Beyond the range of local coordinates no point is near.
+                    // Points beyond the range of local coordinates are not near.
                     let limits = (i64::from(i32::MIN), i64::from(i32::MAX));
                     open.look(&labelled, place.map(|value| value.clamp(limits.0, limits.1) as i32));
                 }

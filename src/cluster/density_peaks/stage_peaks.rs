@@ -1,6 +1,6 @@
 //! Stage `peaks`: height above ground, density, parent, delta and centres of the voxels of a tile (section
-//! 3.2 of the paper). Its reduction resolves over the drive the chains of parents that leave a tile. It works
-//! on voxels only, not on points.
+//! 3.2 of the paper). Its reduction resolves the chains of parents that leave a tile, over the whole drive.
+//! It works only on voxels, not on points.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -31,8 +31,8 @@ pub(super) const GROUND_SEARCH_M: f64 = 10.0;
 /// The payload of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct PeaksPayload {
-    /// The end of the chain of parents of each of the tile's voxels, in the order of its columns. 0: no
-    /// centre. Otherwise 1 + position in `centres` followed by `exits`.
+    /// The end of the chain of parents of each voxel of the tile, in the order of its columns. 0 without a
+    /// centre, otherwise 1 + position in the list of `centres` followed by `exits`.
     pub(super) ends: Vec<u32>,
     /// Centres: density, and squared delta.
     pub(super) centres: Vec<(f64, u32)>,
@@ -66,7 +66,8 @@ struct Neighbourhood {
 }
 
 impl Neighbourhood {
-    /// Loads the voxels within `steps` indices of those of the tile, and the densities of all of them.
+    /// Loads the voxels in the columns of the tile and within the search radius around them, with their
+    /// densities.
     fn load(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32) -> Result<Self> {
         let units = i64::from(edge);
         let steps = config.search_radius.ceil() as i32;
@@ -128,7 +129,7 @@ impl Neighbourhood {
     }
 
     /// The nearest denser voxel of the same component at a squared distance below `limit`, with that
-    /// distance. Of equally near voxels it is the densest. Columns are visited in the order of their
+    /// distance. Of equally near voxels, it is the densest. Columns are visited in the order of their
     /// distance, and columns without a denser voxel are skipped. Within a column, voxels are visited from the
     /// nearest outwards up to the first denser one. For most voxels the parent is the voxel below, and the
     /// search ends at once. The bench `nearest_denser` compares this with four other ways
@@ -224,9 +225,8 @@ impl<'a> Ground<'a> {
         Self { columns, places }
     }
 
-    /// k of the horizontally nearest ground voxel of each column, at a squared distance of at most `most`. Of
-    /// equally near ones it is the lowest. Without ground nearby, it is the lowest voxel of the column
-    /// itself.
+    /// For each column, k of the horizontally nearest ground voxel at a squared distance of at most `most`.
+    /// Of equally near ones, the lowest. Without ground nearby, k of the lowest voxel of the column itself.
     fn below(&self, columns: &Columns, most: i64) -> Vec<i32> {
         let steps = disc(most);
         let mut places = self.places.cursor();
@@ -282,11 +282,11 @@ fn densities(
 /// The end of a chain of parents during the work on a tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
-    /// Without a centre.
+    /// The chain ends without a centre.
     Nowhere,
-    /// At a centre, from 1.
+    /// The chain ends at this centre, from 1.
     Centre(u32),
-    /// At a voxel of another tile, from 1.
+    /// The chain leads to this voxel of another tile, from 1.
     Exit(u32),
 }
 
@@ -339,7 +339,7 @@ pub(super) fn map(tile: &dyn TileWindow, config: &DensityPeaksConfig, edge: u32)
 
 /// A chain that leaves a tile: its end there, and the voxel to which it leads.
 struct Exit {
-    /// Tile and end (from 1) at which it leaves.
+    /// Tile that it leaves, and number of its end there (from 1).
     from: (TileId, u32),
     /// Tile, and position among its voxels.
     to: (TileId, u32),
@@ -358,7 +358,7 @@ pub(super) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
         exits.extend((centres + 1..).zip(&payload.exits).map(|(end, &to)| Exit { from: (tile, end), to }));
         clusters += centres;
     }
-    // The end to which each exit leads. The exits are sorted, so that each tile is loaded once.
+    // Finds the end to which each exit leads. The exits are sorted, so that each tile is loaded once.
     exits.sort_unstable_by_key(|exit| exit.to);
     let mut loaded = None;
     let mut next: Vec<Vec<u32>> = ends.iter().map(|ends| vec![0; ends.len()]).collect();

@@ -1,8 +1,8 @@
 //! Stage `voxels`: the voxels of a tile, the ground below them, and their connected components. Its reduction
-//! gives the largest count and the components over the drive. It computes no densities.
+//! computes the largest count and the components over the drive. It computes no densities.
 //!
 //! A tile owns whole columns: the owner of the first occupied cell that a column meets owns the column. A
-//! tile reads points so far around itself that it has all points of its columns, and of the columns beside
+//! tile reads points far enough around itself to have all points of its columns and of the columns beside
 //! them.
 #![expect(
     clippy::cast_possible_truncation,

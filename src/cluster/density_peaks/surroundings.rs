@@ -1,5 +1,5 @@
-//! The points around a tile with the clusters of their voxels, and which voxels have voxels of other clusters
-//! nearby.
+//! The points around a tile with the clusters of their voxels. Finds the voxels near voxels of other
+//! clusters.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "points of a tile fit u32 and local coordinates i32, see TileCloud and VoxelIndex"
@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::model::TileId;
 use crate::spatial::{Cell, VoxelIndex};
 
-/// Distance from a point within which all cells of its voxel lie, in lattice units.
+/// Distance from a point within which all cells of the raster that its voxel meets lie, in lattice units.
 fn owner_reach(tile: &dyn TileWindow, edge: u32) -> i64 {
     2 * tile.grid().edge() + 2 * i64::from(edge)
 }
@@ -101,8 +101,8 @@ impl Surroundings {
         self.cluster[self.voxel[point] as usize]
     }
 
-    /// For each voxel, whether its cluster is `wanted` and there is a voxel within `steps` indices on every
-    /// axis whose cluster is a `partner` of it.
+    /// For each voxel, whether its cluster is `wanted` and a voxel within `steps` indices on every axis has a
+    /// cluster that is a `partner` of it.
     pub(super) fn near(
         &self,
         steps: i32,
