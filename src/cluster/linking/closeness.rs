@@ -1,17 +1,17 @@
 //! Whether any point of one set is within a distance of any point of another, exactly, in integers.
 //!
 //! This is not a search for the closest pair: it ends at the first pair within the distance. Small sets are
-//! compared pair by pair. Large sets are first reduced to the points near the other's box. Then they are
-//! halved along the longest side of a box, nearer half first, until boxes decide or sets are small. The box
-//! is halved in its middle, independently of the points. Therefore the number of levels is at most the number
-//! of bits of a coordinate. A set of equal points has a box of size 0, which always decides. Two parallel
-//! sheets of n points each, slightly too far apart, cost about n times the few hundred points that are nearly
-//! opposite, not n * n comparisons.
+//! compared pair by pair. Large sets are first reduced to the points near the box of the other set. Then they
+//! are halved along the longest side of a box, nearer half first, until boxes decide or sets are small. The
+//! box is halved in its middle, independently of the points. Therefore the number of levels is at most the
+//! number of bits of a coordinate. A set of equal points has a box of size 0, which always decides. Two
+//! parallel sheets of n points each, slightly too far apart, cost about n times the few hundred points that
+//! are nearly opposite, not n * n comparisons.
 
 /// A point in local lattice units.
 pub(crate) type Point = [i32; 3];
 
-/// Up to this number of pairs, all are compared one by one, because halving would cost more (measured with
+/// Largest number of pairs that are compared one by one, because halving would cost more (measured with
 /// `benches/kernels.rs`).
 const FEW_PAIRS: usize = 1_024;
 
@@ -60,7 +60,7 @@ impl Bounds {
         self.nearest(&Self { low: *point, high: *point })
     }
 
-    /// Squared distance from the point of the box that is farthest from `point`.
+    /// Squared distance from `point` to the farthest point of the box.
     pub(crate) fn farthest_from(&self, point: &Point) -> i64 {
         self.farthest(&Self { low: *point, high: *point })
     }

@@ -34,7 +34,8 @@ pub(crate) fn single_link(
     Ok(clusters)
 }
 
-/// Sets of cells. Two cells are united if they can contain points within `reach` of each other, and `touch`.
+/// Sets of cells. Two cells are united if they can contain points within `reach` of each other and `touch`
+/// accepts them.
 pub(crate) fn link_cells(
     index: &VoxelIndex,
     reach: i64,
@@ -67,10 +68,10 @@ pub(crate) struct LayerStep {
     pub(crate) dk: std::ops::RangeInclusive<i64>,
 }
 
-/// Half of the neighbours of a cell that can contain a point within `reach` of one of its own; for the other
-/// half, the cell is such a neighbour. The order is: its own column, then touching columns, then columns
-/// further out. A cell further than 2 away on an axis is beyond reach, because its gap is more than 2 s, and
-/// s > reach / sqrt(3).
+/// Half of the neighbours of a cell that can contain a point within `reach` of one of its points. For the
+/// other half, the cell is among the neighbours here. The order is: its own column, then touching columns,
+/// then columns further out. A cell further than 2 away on an axis is beyond reach, because its gap is more
+/// than 2 s, and s > reach / sqrt(3).
 pub(crate) fn layers(reach: i64) -> [Vec<LayerStep>; 3] {
     let side = i64::from(cell_side(reach));
     let gap_squared = |d: i64| if d == 0 { 0 } else { ((d.abs() - 1) * side + 1).pow(2) };
