@@ -1,5 +1,5 @@
-//! Voxels as sorted columns with global indices, and which voxels touch. This file knows no points and no
-//! densities. The methods that work on voxels share it.
+//! Voxels as sorted columns with global indices, and the search for voxels that touch. This file knows no
+//! points and no densities. The methods that work on voxels share it.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "voxels of a tile fit u32 (VoxelIndex), differences of indices are small"
@@ -49,7 +49,7 @@ pub(super) struct Columns {
     cells: Vec<Cell>,
     first: Vec<u32>,
     k: Vec<i32>,
-    /// Number of a column, plus one.
+    /// Number of each column, plus one.
     places: CellMap<u32>,
 }
 
@@ -133,7 +133,7 @@ impl Columns {
 
     /// Voxels whose components tiles must agree on. They are in or beside (26 neighbours) an own voxel, and
     /// in or beside a foreign one. A voxel may be both. If two voxels touch and belong to different tiles,
-    /// both tiles name both of them here. So equal names join the parts of a component that the tiles know.
+    /// both tiles name both of them here. So equal names join the parts of a component in different tiles.
     pub(super) fn shared(&self, own: &[bool], foreign: &[bool]) -> Vec<usize> {
         let mut near_own = own.to_vec();
         let mut near_foreign = foreign.to_vec();
@@ -197,7 +197,7 @@ pub(super) struct Border {
     pub(super) shared: Vec<(Voxel, u32)>,
 }
 
-/// Joins the components of tiles that are added one after the other. A border need not be kept.
+/// Joins the components of tiles that are added one after the other. The caller need not keep a border.
 #[derive(Debug, Default)]
 pub(super) struct Joining {
     named: Vec<(Voxel, u32)>,

@@ -2,12 +2,13 @@
 //! square root are used, in a fixed sequence. IEEE 754 defines each of them to the last bit, so the result is
 //! the same on every platform.
 
-/// Most sweeps over the three off-diagonal entries. Convergence is quadratic: 3 to 4 sweeps reach the
-/// threshold.
+/// Largest number of sweeps over the three off-diagonal entries. Convergence is quadratic: 3 to 4 sweeps
+/// reach the threshold.
 const SWEEPS: usize = 12;
 
-/// Sum of the absolute off-diagonal entries, relative to the trace, below which the matrix is diagonal. It
-/// changes eigenvalues by at most its square over their distance. Features need 4 to 5 digits.
+/// Sum of the absolute off-diagonal entries, relative to the trace, below which the matrix is diagonal. The
+/// remaining entries change eigenvalues by at most the square of this divided by the distance of the
+/// eigenvalues. Features need 4 to 5 digits.
 const DIAGONAL: f64 = 1e-6;
 
 /// A symmetric matrix: xx, xy, xz, yy, yz, zz.
@@ -19,8 +20,8 @@ pub(crate) fn eigen(matrix: Symmetric) -> [(f64, [f64; 3]); 3] {
     eigen_within(DIAGONAL, matrix)
 }
 
-/// The same, with the sum of the absolute off-diagonal entries relative to the trace below which the matrix
-/// is diagonal.
+/// The same. `diagonal` is the sum of the absolute off-diagonal entries, relative to the trace, below which
+/// the matrix is diagonal.
 pub(crate) fn eigen_within(diagonal: f64, [xx, xy, xz, yy, yz, zz]: Symmetric) -> [(f64, [f64; 3]); 3] {
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     // Row n is the vector of eigenvalue n.

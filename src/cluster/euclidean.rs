@@ -1,8 +1,8 @@
-//! The clustering method `euclidean`: single-link clusters of points within a fixed distance. It knows no
-//! sizes and no shapes.
+//! The clustering method `euclidean`: single-link clusters of points within a fixed distance. It does not use
+//! sizes or shapes.
 //!
 //! Source: Guan, Cao, Yu, Li, Liu, Chen, Li, "Street-scene tree segmentation from mobile laser scanning data"
-//! (2016), section 3.2. Ours: the default distance, that it is inclusive, and the algorithm (see
+//! (2016), section 3.2. Ours: the default distance, its inclusiveness, and the algorithm (see
 //! `linking::single_link`).
 //!
 //! Known failures: those of single link. Objects that touch become one object (crowns of neighbouring trees,
@@ -32,9 +32,9 @@ pub(super) const ENTRY: ClusterEntry = ClusterEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EuclideanConfig {
-    /// Points at most this far apart, in metres, belong to one object, d_t of the paper, 0.001 to 10. Default
-    /// 0.3 (chosen: the 0.15 m of Guan et al. 2016, section 4, splits objects that are further from the
-    /// scanner than the width of their avenue).
+    /// Largest distance of points that are linked to one object, in metres, d_t of the paper, 0.001 to 10.
+    /// Default 0.3 (chosen: the 0.15 m of Guan et al. 2016, section 4, splits objects that are further from
+    /// the scanner than the width of their avenue).
     pub max_gap_m: f64,
     /// Objects with fewer points, in the whole drive, are dropped; at least 1. Default 50 (chosen; the paper
     /// gives no number).

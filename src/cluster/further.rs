@@ -1,8 +1,8 @@
 //! Reads points further around a tile for results that are not certain yet. A result that depends on the
 //! nearest neighbours of a place is exact only if no unread cell may contain a nearer one. Until then, the
-//! place *asks for more*. The cells within the distance that it needs are read in pieces, for these askers
-//! alone, until all are certain. The distance is limited to twice the halo at first, then to four times, and
-//! so on.
+//! place *asks for more*. The cells within the distance that it needs are read in pieces, for such places
+//! only, until all results are certain. The distance is limited to twice the halo at first, then to four
+//! times, and so on.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ pub(crate) trait Asking {
     fn needed(&self) -> i64;
 }
 
-/// Looks at the points of some cells for the remaining askers.
+/// Processes the points of some cells for the remaining askers.
 type Read<'a, A> = &'a mut dyn FnMut(TilePoints, &[Cell], &mut [A]) -> Result<()>;
 
 /// The cells that a tile has read, for results that may need more.

@@ -1,5 +1,5 @@
-//! A method of one step that processes one tile at a time. It joins points, and labels are stitched where
-//! tiles share points.
+//! A method of one step that processes one tile at a time. It joins points, and the engine stitches labels
+//! where tiles share points.
 
 use std::ops::RangeInclusive;
 
@@ -18,13 +18,13 @@ pub trait Clusterer: std::fmt::Debug + Send + Sync {
     /// Name of the method in the registry, and of its section in the configuration.
     fn name(&self) -> &'static str;
 
-    /// Distance within which other points can decide which points a point is joined with.
+    /// Largest distance from a point to other points that decide with which points it is joined.
     fn reach(&self, lattice: Lattice) -> Reach;
 
     /// Smallest and largest number of points of an object, applied to whole objects after stitching.
     fn object_size(&self) -> RangeInclusive<u64>;
 
-    /// Values on which its labels depend and that are no settings, by name.
+    /// Values by name on which its labels depend and that are not settings.
     fn depends_on(&self) -> Vec<(&'static str, String)> {
         Vec::new()
     }
@@ -40,10 +40,10 @@ pub trait Clusterer: std::fmt::Debug + Send + Sync {
     /// When there is not one label per point.
     fn cluster(&self, cloud: &TileCloud, labels: &mut [u32]) -> Result<u32, AlgorithmError>;
 
-    /// The same for a tile that owns the points where `core` is true. In some methods a point can be in an
-    /// object without passing the connection on (border points of `dbscan`). Such a method labels these
-    /// points only if the tile owns them. The surroundings of other points may be cut off, and their labels
-    /// must not unite objects.
+    /// The same for a tile that owns the points where `core` is true. In some methods, a point can be in an
+    /// object without connecting it to others (border points of `dbscan`). Such a method labels these points
+    /// only if the tile owns them. The surroundings of other points may be cut off, and their labels must not
+    /// unite objects.
     ///
     /// # Errors
     /// Those of [`Clusterer::cluster`].

@@ -22,8 +22,8 @@ pub enum Repeat {
     /// In rounds. In a round a tile sees the borders ([`Mapped::border`]) of other tiles after the previous
     /// round, and computes its payload again. Only tiles that see a changed border run again. If no border
     /// changes, the step is reduced. The reduction may ask for another round of all tiles
-    /// ([`Reduced::Again`]). A tile may start from its own latest payload, but its result must be the one
-    /// that it finds from the borders alone.
+    /// ([`Reduced::Again`]). A tile may start from its own latest payload, but its result must be the same as
+    /// from the borders alone.
     UntilSettled {
         /// Maximum number of rounds. After these the run ends with an error.
         most: u32,
@@ -44,7 +44,7 @@ pub enum BytesPer {
 pub struct Step {
     /// Name of its pass.
     pub name: &'static str,
-    /// Settings on which its payloads depend, in addition to those of earlier steps: `section.key`, or
+    /// Settings on which its payloads depend, in addition to the settings of earlier steps: `section.key`, or
     /// `section.*` for a whole section.
     pub settings: &'static [&'static str],
     /// Memory that a tile needs at its peak, measured or estimated from sizes.
@@ -97,10 +97,11 @@ impl Mapped {
     }
 }
 
-/// Which labels are one object, with figures and charts for the report.
+/// The grouping of labels into objects, with figures and charts for the report.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Grouped {
-    /// Group of label 1, 2, ... of each tile. Labels with equal groups are one object, and 0 is no object.
+    /// Group of label 1, 2, ... of each tile. Labels with equal groups are one object. Group 0 is not an
+    /// object.
     pub groups: Vec<Vec<u32>>,
     /// Class and confidence of each group, from methods that classify. Empty otherwise.
     pub kinds: BTreeMap<u32, Kind>,
@@ -122,9 +123,9 @@ pub enum Reduced {
     Global(Vec<u8>),
     /// A request for another round of all tiles. These bytes are [`DriveWindow::again`] in that round.
     Again(Vec<u8>),
-    /// Of the last step: labels of two tiles for the same point are one object.
+    /// From the last step: labels of two tiles for the same point are one object.
     SharedPoints,
-    /// Of the last step: the method says which labels are one object.
+    /// From the last step: the method groups labels into objects.
     Groups(Grouped),
 }
 
@@ -140,11 +141,11 @@ pub trait DriveWindow {
     fn extent(&self) -> ([i64; 3], [i64; 3]);
     /// Length of the longest tile along the axis in metres.
     fn longest_tile_m(&self) -> f64;
-    /// Sums of the fields that the method asks for ([`Method::fields`]) over all points of the drive.
+    /// Sums of the fields that the method requests ([`Method::fields`]) over all points of the drive.
     fn field_sums(&self) -> &[(Field, FieldSums)];
     /// The payload of a tile from an earlier step. In a reduction, and from the second round on, also the
-    /// latest payload of this step. In a round, a tile should read only its own: that of another depends on
-    /// the tiles that ran.
+    /// latest payload of this step. In a round, a tile should read only its own payload, because the payload
+    /// of another tile depends on which tiles have run.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -219,17 +220,17 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         &[]
     }
 
-    /// Values on which a step depends and that are no settings, by name: for example the checksum of a model.
+    /// Values by name on which a step depends and that are not settings, for example the checksum of a model.
     fn depends_on(&self, _step: usize) -> Vec<(&'static str, String)> {
         Vec::new()
     }
 
-    /// The file of a model that the method needs, as a setting names it. `None` if it needs none.
+    /// The file of the model that the method needs, as given in a setting. `None` if it needs no model.
     fn model_file(&self) -> Option<&str> {
         None
     }
 
-    /// Takes the content of that file.
+    /// Loads the model from the content of that file.
     ///
     /// # Errors
     /// When the content is not a model that the method can use.
@@ -242,8 +243,8 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         &[]
     }
 
-    /// Distance around a tile within which points are read as a rule. The plan uses it before anything is
-    /// known of the drive.
+    /// Distance around a tile within which points are normally read. The plan uses it before anything is
+    /// known about the drive.
     fn planning_reach(&self, lattice: Lattice) -> Reach;
 
     /// Processor time of all steps per point that a tile reads, in microseconds on the machine of
@@ -252,15 +253,15 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         0.9
     }
 
-    /// Distance in metres beyond which points do not change an object, as a rule. Where a section of a drive
-    /// is processed, everything within it is read around the objects.
+    /// Distance in metres beyond which points normally do not change an object. If only a section of a drive
+    /// is processed, all points within this distance of its objects are read.
     fn deciding_reach_m(&self, lattice: Lattice) -> f64 {
         2.0 * self.planning_reach(lattice).metres()
     }
 
-    /// What the user should know where only a section of a drive is processed: that a value over all points
-    /// decides, which the whole drive may have another one of. `None` if there is no such value, or if the
-    /// settings give it.
+    /// Warning to the user if only a section of a drive is processed: the result depends on a value over all
+    /// processed points, which may differ from that of the whole drive. `None` if there is no such value, or
+    /// if the settings give it.
     fn of_a_section(&self) -> Option<String> {
         None
     }
@@ -297,7 +298,7 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// When the window fails.
     fn reduce(&self, step: usize, drive: &dyn DriveWindow) -> Result<Reduced>;
 
-    /// What the user should know about this drive, once all steps except the last are complete.
+    /// Warnings to the user about this drive, once all steps except the last are complete.
     ///
     /// # Errors
     /// When a global cannot be read.
@@ -314,7 +315,7 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// The sections of the configuration by name. A missing section is an empty table.
+/// The sections of the configuration, by name. A missing section is an empty table.
 pub type Sections<'a> = &'a dyn Fn(&str) -> toml::Table;
 
 /// One line of the registry.

@@ -1,4 +1,4 @@
-//! Clusters: which points belong to one object. Ground and noise are excluded before.
+//! Clusters: which points belong to one object. Ground and noise have been excluded before.
 //!
 //! A method is a file or a folder here and one line in [`REGISTRY`]. It sees points, its own settings, and
 //! the drive through windows. It sees no files, no paths, no threads and no clock. A method that processes
@@ -49,7 +49,7 @@ pub(crate) fn charts() -> &'static [&'static str] {
     &density_peaks::CHARTS
 }
 
-/// Every clustering method, in the order in which help lists them.
+/// Every clustering method, in the order of the help.
 pub static REGISTRY: &[ClusterEntry] = &[
     euclidean::ENTRY,
     density_peaks::ENTRY,

@@ -1,5 +1,5 @@
-//! A global in slices: one value for the drive and one for each tile. A tile decodes its own slice and those
-//! of its neighbours, and not the values of the whole drive.
+//! A global in slices: one value for the drive and one for each tile. A tile decodes only its own slice and
+//! those of its neighbours.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
