@@ -17,7 +17,7 @@
 //! let mut classes = vec![PointClass::Object; points.len()];
 //! filter.classify(&mut TileView::new(&cloud), &mut classes)?;
 //! let is_ground = |class: &&PointClass| **class == PointClass::Ground;
-//! // All of the road but what is hidden below the post.
+//! // All of the road, except points below the post.
 //! assert!(classes[..3_600].iter().filter(is_ground).count() > 3_500);
 //! assert_eq!(classes[3_605..].iter().filter(is_ground).count(), 0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -49,7 +49,7 @@ pub fn values<'a>(object: &Object<'a>) -> Vec<Value<'a>> {
     values
 }
 
-/// Completes the values of object `id` with what is known of the other objects.
+/// Completes the values of object `id` from the other objects.
 pub fn complete(id: u32, among: &Among, values: &mut [Value<'_>]) {
     let mut rest = values;
     for attribute in REGISTRY {

@@ -108,7 +108,7 @@ mod tests {
     fn neighbours_touch_and_others_do_not() {
         let points = [[0, 0, 0], [190, 0, 0], [50, 50, 250], [1_000, 0, 0], [1_050, 0, 0], [1_060, 0, 0]];
         let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
-        // The last is no object.
+        // The last point belongs to no object.
         let found = touching(&cloud, &[1, 2, 3, 4, 4, 0]);
         assert_eq!(found.into_iter().collect::<Vec<_>>(), [(1, 2)]);
     }

@@ -4,11 +4,11 @@
 //! `scripts/compare_speed_dbscan.py` compares it with the kd-tree of scipy.
 //!
 //! The kd-tree splits the points at the median of the longest side until a leaf has at most [`LEAF_POINTS`].
-//! Points of a leaf are close together, so they need nearly the same neighbours. The distance from the leaf's
-//! centre to its K-th neighbour bounds that of each of its points (triangle inequality). The leaves within
-//! this bound are searched once for all points of the leaf. A squared distance is the sum of squared exact
-//! differences, in the order of the axes. So no result depends on the shape of the tree, nor on which other
-//! points are present.
+//! Points of a leaf are close together, so they need nearly the same neighbours. The distance from the centre
+//! of the leaf to its K-th neighbour bounds the distances of each point of the leaf to its own K neighbours
+//! (triangle inequality). The leaves within this bound are searched once for all points of the leaf. A
+//! squared distance is the sum of squared exact differences, in the order of the axes. So no result depends
+//! on the shape of the tree, nor on which other points are present.
 
 use std::cmp::Ordering;
 

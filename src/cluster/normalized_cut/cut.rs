@@ -69,7 +69,7 @@ pub(super) fn cut(voxels: &Voxels, config: &NormalizedCutConfig, lattice: Lattic
     result
 }
 
-/// Cuts voxels of which there are few enough for one graph. Returns the part of each voxel.
+/// Cuts voxels as one graph. There must be few enough for that. Returns the part of each voxel.
 fn cut_level(
     voxels: &Voxels,
     config: &NormalizedCutConfig,

@@ -18,6 +18,6 @@ pub trait Attribute: std::fmt::Debug + Sync {
     /// Appends the values of a whole object, one per column.
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>);
 
-    /// Completes the values of object `id`, one per column, with what is known of the other objects.
+    /// Completes the values of object `id`, one per column, from the other objects.
     fn complete(&self, _id: u32, _among: &Among, _values: &mut [Value<'_>]) {}
 }

@@ -1,6 +1,6 @@
-//! The height of a long fence, hedge or wall: that of most of its cells, each over the ground below it. On a
-//! slope, the ground at its base would be wrong for the rest of it. Its highest points are leaves of the
-//! trees above it.
+//! The height of a long fence, hedge or wall: the height that nine tenths of its cells do not exceed, each
+//! over the ground below it. On a slope, the ground at its base would be wrong for the rest of it. Its
+//! highest points are leaves of the trees above it.
 
 use super::classes::FENCE;
 use super::parts::{Frames, Measures};

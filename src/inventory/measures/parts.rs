@@ -129,8 +129,8 @@ impl Measures {
     }
 
     /// The measures of each object with points in `core`. `objects` has the object of each point, 0 for none.
-    /// `whole` has what is known of an object, with the lattice z of the ground below its centre. Ascending
-    /// by object.
+    /// `whole` gives the extent and the kind of an object, and the lattice z of the ground below its centre.
+    /// Ascending by object.
     #[must_use]
     pub fn collect<'a>(
         cloud: &TileCloud,

@@ -24,7 +24,7 @@ pub(crate) fn least_area(hull: &[[i64; 2]]) -> Rectangle {
     let mut least = f64::INFINITY;
     for (number, from) in hull.iter().enumerate() {
         let to = hull[(number + 1) % hull.len()];
-        // Differences are exact, as those of lattice coordinates below 2^51.
+        // Differences are exact, because differences of lattice coordinates are below 2^51.
         let along = [(to[0] - from[0]) as f64, (to[1] - from[1]) as f64];
         let side = along[0].hypot(along[1]);
         if side <= 0.0 {

@@ -12,8 +12,8 @@
 //! the real street `kitti_street_22`, which has such gardens, it finds 72 of 129, and calls 116 others
 //! raised.
 //!
-//! Each cell is decided from its own patch, without sets over the whole drive. So the only memory beside the
-//! heights is that of the short patches.
+//! Each cell is decided from its own patch, without sets over the whole drive. So only the short patches need
+//! memory in addition to the heights.
 
 use rustc_hash::FxHashMap;
 

@@ -2,9 +2,10 @@
 //! ties go to the smaller number, so the neighbours do not depend on the shape of the tree.
 //!
 //! One look-up serves all points of a leaf of a kd-tree, as in `all_nearest`: they need nearly the same
-//! neighbours. The distance from the middle of a leaf to its K-th neighbour bounds that of each of its points
-//! (triangle inequality). The points of all leaves within this bound are listed once, and each point of the
-//! leaf searches this list, several points at a time (`vectors`).
+//! neighbours. The distance from the middle of a leaf to its K-th neighbour bounds the distances of each
+//! point of the leaf to its own K neighbours (triangle inequality). The points of all leaves within this
+//! bound are listed once, and each point of the leaf searches this list, several points at a time
+//! (`vectors`).
 //!
 //! Of many points in one place, only the K with the smallest numbers can be among the K nearest of any point.
 //! The tree leaves the others out, so that very many points in one place cost no more than a few.

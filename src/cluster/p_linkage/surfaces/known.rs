@@ -1,5 +1,5 @@
-//! The surfaces of the points of a tile and around it, after the slices or a contest. Other tiles have stored
-//! the surfaces of those of their points that this tile reads, by id (`seams`).
+//! The surfaces of the points of a tile and around it, after the slices or a contest. Other tiles have
+//! stored, by id, the surfaces of their points that this tile reads (`seams`).
 
 use super::around::Around;
 use super::contested;
