@@ -39,12 +39,12 @@ pub(crate) struct Chain {
     pub(crate) ground_reach: i64,
     /// Reach with which the plan allows for the clustering method, in lattice units.
     pub(crate) cluster_reach: i64,
-    /// Settings and outputs that the methods of the chain have no use for.
+    /// Warnings about settings and outputs that the methods of the chain do not use.
     pub(crate) warnings: Vec<String>,
 }
 
 impl Chain {
-    /// Builds the methods that the configuration names, after a look at the names of the outputs.
+    /// Builds the methods that the configuration names, after a check of the output settings.
     pub(crate) fn build(config: &Config, registries: &Registries<'_>, lattice: Lattice) -> Result<Self> {
         names::check_settings(config)?;
         let noise_config: NoiseConfig = config::section("noise", &config.method_table("noise"))?;
@@ -74,13 +74,13 @@ impl Chain {
         Ok(Self { noise, filter, method, ground_reach, cluster_reach, warnings })
     }
 
-    /// Whether ground and whether noise is looked for.
+    /// Whether ground is searched for, and whether noise is.
     pub(crate) fn finds(&self) -> (bool, bool) {
         (self.filter.name() != NoGround::NAME, self.noise.is_some())
     }
 
-    /// Distance within which points decide on an object, in lattice units: its ground, and what the method
-    /// makes of it.
+    /// Distance within which points decide on an object, in lattice units: on its ground, and on the result
+    /// of the method.
     pub(crate) fn deciding_reach(&self, lattice: Lattice) -> i64 {
         self.ground_reach + lattice.units_up(self.method.deciding_reach_m(lattice))
     }
@@ -93,7 +93,7 @@ impl Chain {
     }
 }
 
-/// Warnings about settings that were changed and that nobody has `asked` for: they are of other methods.
+/// Warnings about changed settings that no method has `asked` for: they belong to other methods.
 fn without_effect(config: &Config, asked: &BTreeSet<String>) -> Result<Vec<String>, ConfigError> {
     let of_method = |line: &String| {
         let section = line.split_once('.').map_or("", |(section, _)| section);

@@ -15,7 +15,7 @@ use crate::run::passes::relabel::{self, PointColumns};
 use crate::spatial::{CellMap, PackedCells};
 use crate::store::RunDir;
 
-/// Everything that the file is made of.
+/// Everything from which the file is made.
 pub(crate) struct Cloud<'a> {
     pub(crate) open: &'a Opened<'a>,
     pub(crate) tiled: &'a Tiled<'a>,
@@ -67,9 +67,10 @@ impl Cloud<'_> {
         driver.complete(&pass)
     }
 
-    /// The columns. They follow from the tiles and from nothing else, so that every process that shares a run
-    /// finds the same ones. A point of a column takes about as many bytes as a point of a tile does in a
-    /// clustering method; half of the points of the largest tile leave room for methods that need less.
+    /// The columns. They follow from the tiles alone, so that every process that shares a run finds the same
+    /// ones. A column has at most half as many points as the largest tile. A point of a column takes about as
+    /// many bytes as a point of a tile in a clustering method. The other half is room for methods that need
+    /// less, whose tiles have more points.
     fn columns(&self, format: &CopcFormat<'_>) -> Columns {
         let Self { tiled, .. } = self;
         let (low, high) = tiled.surveyed.extent();

@@ -23,7 +23,7 @@ pub enum RunError {
     /// The learning of a model was asked to stop.
     #[error("interrupted in pass {pass}")]
     TrainingInterrupted {
-        /// Name of the interrupted pass, with that of the drive if it works on one.
+        /// Name of the interrupted pass, with the name of the drive if the pass works on one.
         pass: String,
     },
     /// A step that repeats until it has settled did not settle.
@@ -77,7 +77,7 @@ pub enum RunError {
         missing: Vec<usize>,
         /// Number of its units.
         units: usize,
-        /// How long they were waited for, in seconds.
+        /// Seconds spent waiting for them.
         waited_s: u64,
     },
     /// A unit was stored, but its file cannot be used.
@@ -134,7 +134,7 @@ pub enum RunError {
     },
 }
 
-/// How long something was waited for, in words; empty if not at all.
+/// The time spent waiting, in words; empty if it is zero.
 fn waited(seconds: u64) -> String {
     if seconds == 0 { String::new() } else { format!(" after {seconds} s") }
 }

@@ -46,7 +46,7 @@ pub(crate) struct Planned {
 pub(crate) struct Outcome {
     pub(crate) counts: Counts,
     pub(crate) objects: usize,
-    /// What is marked as finished once the report is written. `None` if it was finished before.
+    /// The outputs to mark as finished once the report is written. `None` if an earlier call has marked them.
     pub(crate) unmarked: Option<Finished>,
     /// The outline of the export.
     pub(crate) export: Outline,
@@ -92,7 +92,7 @@ pub(crate) fn plan<D: Driver>(
     Ok(plan.map(|plan| Planned { surveyed, plan }))
 }
 
-/// The passes after the plan, in order. The values that a pass depends on are known before any of them is
+/// The passes after the plan, in order. The values that each pass depends on are known before any pass is
 /// complete.
 pub(crate) struct List {
     scatter: Option<Outline>,
@@ -137,7 +137,7 @@ impl List {
         }
     }
 
-    /// All of them with their numbers of units, as far as these are known.
+    /// All passes with their numbers of units, as far as these are known.
     fn all(&self, tiled: &Tiled<'_>) -> Vec<(Outline, Option<usize>)> {
         let tiles = Some(tiled.count());
         let runs = Some(tiled.drive.block_runs().len());
@@ -269,7 +269,7 @@ pub(crate) fn to_files<D: Driver>(
     })
 }
 
-/// What the outputs are made of, once every point has its object.
+/// The sources of the outputs, once every point has its object.
 struct Outputs<'a> {
     open: &'a Opened<'a>,
     run_dir: &'a RunDir,
@@ -278,7 +278,7 @@ struct Outputs<'a> {
 }
 
 impl Outputs<'_> {
-    /// Writes them, and adds what came of it to `outcome`.
+    /// Writes the outputs, and adds the results to `outcome`.
     fn complete<D: Driver>(
         &self,
         driver: &mut D,

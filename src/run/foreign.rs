@@ -1,4 +1,4 @@
-//! Files in the state of a run that chainage did not write. They stay, and the user is told.
+//! Files in the state of a run that chainage did not write. They stay, and a warning names them.
 
 use crate::error::Result;
 use crate::run::drive::identity;
@@ -6,7 +6,7 @@ use crate::run::finish::mark;
 use crate::run::{open, plan};
 use crate::store::RunDir;
 
-/// A warning about each file or folder of the state that has no name of chainage.
+/// A warning about each file or folder of the state whose name chainage does not use.
 pub(crate) fn warnings(run_dir: &RunDir) -> Result<Vec<String>> {
     let foreign = run_dir.entries()?.into_iter().filter(|name| !is_ours(name));
     Ok(foreign
@@ -17,7 +17,7 @@ pub(crate) fn warnings(run_dir: &RunDir) -> Result<Vec<String>> {
         .collect())
 }
 
-/// Whether an entry of the state has a name that some version of the flow gives.
+/// Whether an entry of the state has a name that some version of the flow uses.
 fn is_ours(name: &str) -> bool {
     let names = [open::REQUEST, open::CONFIGURATION, mark::FINISHED, plan::STRIPS, "export"];
     // `.part`: a file that a process wrote when it was killed.

@@ -57,10 +57,10 @@ pub(crate) fn refuse_empty(catalog: &Catalog) -> Result<()> {
     Err(SurveyError::Empty { files: files.len(), file }.into())
 }
 
-/// The first of these paths that is on a file system of the network, and its kind.
+/// The first of these paths that is on a network file system, and the kind of that file system.
 fn shared_by(inputs: &[PathBuf]) -> Option<(&Path, &'static str)> {
     inputs.iter().find_map(|input| {
-        // A pattern is no path, but its folder is one.
+        // A pattern is not a path, but its folder is.
         let mut path = Some(&**input);
         while let Some(here) = path.filter(|here| !here.exists()) {
             path = here.parent();
@@ -70,7 +70,7 @@ fn shared_by(inputs: &[PathBuf]) -> Option<(&Path, &'static str)> {
     })
 }
 
-/// What the user should know of the file system of the input.
+/// The warning about the file system of the input, if any.
 pub(crate) fn file_system_warning(inputs: &[PathBuf], config: &Config) -> Option<String> {
     let (path, kind) = shared_by(inputs).filter(|_| config.input.mmap)?;
     let path = path.display();
@@ -78,7 +78,7 @@ pub(crate) fn file_system_warning(inputs: &[PathBuf], config: &Config) -> Option
 }
 
 impl<'a> Opened<'a> {
-    /// Opens a drive to look at it, without a run directory, or with one that is not changed.
+    /// Opens a drive to inspect it, without a run directory, or with one that is not changed.
     pub(crate) fn to_look(
         inputs: &[PathBuf],
         out: Option<&Path>,
@@ -133,11 +133,12 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// What the last call asked for.
+/// The request of the last call.
 #[derive(Debug, Serialize, Deserialize)]
 struct Recorded {
     inputs: Vec<PathBuf>,
-    /// XXH3 of the text of the settings. A text that was cut off would be settings with defaults at its end.
+    /// XXH3 of the text of the settings. A truncated text would still be valid settings, with defaults for
+    /// the lost part.
     configuration: String,
 }
 
@@ -149,7 +150,7 @@ fn digest(text: &[u8]) -> String {
 pub(crate) fn recorded(run_dir: &RunDir) -> Result<(Vec<PathBuf>, PathBuf)> {
     let path = run_dir.path(CONFIGURATION);
     let mut recorded = false;
-    // Another process may have written one of the two files.
+    // Another process may have written only one of the two files so far.
     let found = run_dir.awaited(|| {
         let Some(request) = run_dir.read_json::<Recorded>(REQUEST)? else { return Ok(None) };
         recorded = true;
@@ -166,8 +167,8 @@ pub(crate) fn recorded(run_dir: &RunDir) -> Result<(Vec<PathBuf>, PathBuf)> {
     }
 }
 
-/// Locks the run directory `out`. There are points to process, and none of them are in that directory. Its
-/// state is not looked at before [`RunDir::begin`].
+/// Locks the run directory `out`, after checks that there are points to process and that no input is in that
+/// directory. The state is not read before [`RunDir::begin`].
 pub(crate) fn lock(catalog: &Catalog, out: &Path) -> Result<RunDir> {
     refuse_empty(catalog)?;
     identity::check_apart(catalog, out)?;

@@ -1,4 +1,4 @@
-//! A request for a run, and how a run begins: its run directory is locked, and its drive is opened.
+//! A request for a run, and the start of a run: its run directory is locked, and its drive is opened.
 
 use std::path::PathBuf;
 
@@ -28,7 +28,7 @@ pub struct RunRequest<'a> {
     pub registries: Registries<'a>,
 }
 
-/// A run that has begun. Nothing is computed yet.
+/// A run that has started. Nothing is computed yet.
 pub(crate) struct Begun<'a> {
     pub(crate) run_dir: RunDir,
     pub(crate) open: Opened<'a>,
@@ -43,14 +43,15 @@ impl<'a> Begun<'a> {
         let config = &request.config;
         config.validate()?;
         let catalog = open::catalog_beside(&request.inputs, config, Some(&request.out))?;
-        // Before the names of the copies: a folder with input would give each of its files two of them.
+        // Checked before the names of the copies: if the output folder contains input, each input file would
+        // be found twice.
         identity::check_apart(&catalog, &request.out)?;
         let chain = Chain::build(config, &request.registries, catalog.lattice())?;
         let (mut labelled, file_warnings) =
             names::copies(&catalog, config, chain.method.as_ref(), chain.finds())?;
         labelled.iter_mut().for_each(|file| file.in_folder(&request.out));
         let surfaces = chain.method.finds_surfaces();
-        // Everything that can refuse the request comes before the state of an earlier run is discarded.
+        // Every check that can refuse the request comes before the state of an earlier run is discarded.
         let run_dir = open::lock(&catalog, &request.out)?;
         names::refuse_foreign(&run_dir, config, surfaces, &labelled)?;
         run_dir.begin(request.fresh)?;
@@ -58,8 +59,8 @@ impl<'a> Begun<'a> {
         warnings.extend(open::file_system_warning(&request.inputs, config));
         warnings.extend(foreign::warnings(&run_dir)?);
         let open = Opened::to_run(catalog, chain, config, &run_dir)?;
-        // Not before the input was accepted: a file with a claimed name is taken for an output of a run, and
-        // a later call may remove it.
+        // Not before the input is accepted: a file with a claimed name counts as an output of a run, and a
+        // later call may remove it.
         names::claim(&run_dir, config, surfaces, &labelled)?;
         if request.fresh {
             warnings.extend(names::remove_superseded(&run_dir, config, surfaces, &labelled)?);
@@ -69,8 +70,8 @@ impl<'a> Begun<'a> {
     }
 }
 
-/// The warnings about a drive and its settings, of which each process of a run finds the same. `of_copies`
-/// are those about the labelled copies.
+/// The warnings about a drive and its settings. Each process of a run finds the same. `of_copies` are the
+/// warnings about the labelled copies.
 pub(crate) fn warnings_of(
     config: &Config,
     chain: &Chain,
@@ -93,7 +94,7 @@ pub(crate) fn warnings_of(
     warnings
 }
 
-/// The warning about a system that is not known, or that the GeoJSON cannot name.
+/// The warning about a coordinate reference system that is not known, or that the GeoJSON cannot name.
 fn nameless_warning(crs: &Crs, config: &Config) -> Option<String> {
     let is_written = config.output.writes("geojson");
     match crs.epsg {

@@ -30,7 +30,7 @@ use crate::store::{RunDir, StoreError};
 pub struct SharedRun<'a> {
     /// Output directory.
     pub out: PathBuf,
-    /// How long something that another process may be writing is looked for again.
+    /// How long to wait for a file that another process may still be writing.
     pub wait: Duration,
     /// The registries of methods.
     pub registries: Registries<'a>,
@@ -39,8 +39,8 @@ pub struct SharedRun<'a> {
 /// The pass that is due, and its units.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct DueUnits {
-    /// Its name; of a repeated step, with the number of the round. `None` if nothing is due: every output is
-    /// complete.
+    /// Its name, with the number of the round for a repeated step. `None` if nothing is due, because every
+    /// output is complete.
     pub pass: Option<String>,
     /// Units without a stored result. If there are none, the reduction of the pass is due.
     pub units: Vec<usize>,
@@ -59,10 +59,10 @@ impl DueUnits {
     }
 }
 
-/// What the reduction of a pass led to.
+/// The result of the reduction of a pass.
 #[derive(Debug)]
 pub struct Reduced {
-    /// The pass that workers may begin with.
+    /// The pass that workers may start.
     pub next: DueUnits,
     /// The result of the run, if this was its last pass, and which outputs it has.
     pub finished: Option<(RunSummary, OutputConfig)>,
@@ -72,7 +72,7 @@ pub struct Reduced {
 /// With `leave_survey` the survey is the first pass of the workers. Returns what is due.
 ///
 /// # Errors
-/// Those of [`run`](crate::run::run).
+/// As [`run`](crate::run::run).
 pub fn open_for_workers(
     request: &RunRequest<'_>,
     leave_survey: bool,
@@ -98,13 +98,13 @@ pub fn open_for_workers(
 /// Title of the first pass.
 const SURVEY: &str = "survey";
 
-/// Computes units of a pass. Returns when all of them are stored, whoever has computed them. The settings are
-/// those of the run; `resolve` gets the path of its configuration and returns the settings of this process,
-/// which may differ in how the machine is used, and in nothing else.
+/// Computes units of a pass. Returns when all of them are stored, whichever process computed them. `resolve`
+/// gets the path of the configuration of the run and returns the settings of this process, which may differ
+/// only in how the machine is used.
 ///
 /// # Errors
-/// A [`StoreError`] when another version drives the run, a [`RunError`] when the settings differ, when an
-/// earlier pass is not complete, or when units failed; those of [`run`](crate::run::run).
+/// A [`StoreError`] when another version drives the run; a [`RunError`] when the settings differ, when an
+/// earlier pass is not complete, or when units failed; any error of [`run`](crate::run::run).
 pub fn work(
     shared: &SharedRun<'_>,
     (pass, units): (&str, &Units),
@@ -131,8 +131,8 @@ pub fn work(
     match walked {
         // Every output is complete, so this unit has been computed as well.
         Ok(Some((_, outcome))) if outcome.unmarked.is_none() => Ok(nothing),
-        // The end of a run removes what its last passes read. A worker that is late finds nothing and is not
-        // needed.
+        // The end of a run removes the files that its last passes read. A late worker finds nothing and is
+        // not needed.
         Err(error) if is_of_files(&error) && due_in(&open, &run_dir).is_ok_and(|due| due.pass.is_none()) => {
             Ok(nothing)
         }
@@ -141,7 +141,7 @@ pub fn work(
     }
 }
 
-/// Whether an error may come from files that are missing.
+/// Whether an error may come from missing files.
 fn is_of_files(error: &Error) -> bool {
     !matches!(error.kind(), ErrorKind::Bug | ErrorKind::Config | ErrorKind::Interrupted)
 }
@@ -157,7 +157,7 @@ const EXPORT: &str = "export";
 /// complete; a [`StoreError`] when another process drives the run.
 pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> Result<Reduced> {
     let started = Instant::now();
-    // Looked at first, so that no directory is created where there is no run.
+    // Inspected first, so that no directory is created where there is no run.
     RunDir::inspect(&shared.out)?;
     let run_dir = RunDir::open(&shared.out, false)?.waiting(shared.wait);
     let (inputs, configuration) = open::recorded(&run_dir)?;
@@ -176,7 +176,8 @@ pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> R
         let known = driver.figures.iter().map(|figures| figures.pass.to_owned()).collect();
         return Err(RunError::NoSuchPass { pass: after.to_owned(), known }.into());
     }
-    // The process that opened the run has told those of the drive. The report has them as well.
+    // The process that opened the run has already reported the warnings about the drive. The report contains
+    // them as well.
     let (_, of_copies) =
         names::copies(&open.drive.catalog, &config, open.chain.method.as_ref(), open.chain.finds())?;
     let mut warnings = request::warnings_of(&config, &open.chain, &open.drive.catalog, of_copies);
@@ -187,7 +188,7 @@ pub fn reduce(shared: &SharedRun<'_>, after: &str, observer: &dyn Observer) -> R
     Ok(Reduced { next: DueUnits::of(None), finished: Some((summary, config.output)) })
 }
 
-/// Which pass and which units are due. Changes nothing. Of a finished run nothing is due, even if its input
+/// Which pass and which units are due. Changes nothing. In a finished run nothing is due, even if its input
 /// is gone.
 ///
 /// # Errors
@@ -214,7 +215,7 @@ fn due_in(open: &Opened<'_>, run_dir: &RunDir) -> Result<DueUnits> {
     match (driver.due, walked) {
         (Some(due), _) => Ok(DueUnits::of(Some(due))),
         (None, Some((_, outcome))) if outcome.unmarked.is_none() => Ok(DueUnits::of(None)),
-        // The survey is marked, and the plan was lost.
+        // The survey is marked, but the plan was lost.
         _ => Err(RunError::NotReduced { pass: SURVEY.to_owned(), asked: EXPORT.to_owned() }.into()),
     }
 }

@@ -54,7 +54,7 @@ pub struct RunSummary {
     pub tiles: usize,
     /// Wall time of this call in seconds.
     pub seconds: f64,
-    /// Whether the objects are surfaces, so that tables of surfaces are written. Only these runs say so.
+    /// Whether the objects are surfaces, so that tables of surfaces are written. Left out of the JSON if not.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub surfaces: bool,
     /// Names of the charts that this call wrote.
@@ -75,7 +75,7 @@ pub struct RunSummary {
 }
 
 impl RunSummary {
-    /// The estimated epsilon with its curve, if the method asked for one.
+    /// The estimated epsilon with its curve, if the method asked for an estimate.
     #[must_use]
     pub fn epsilon(&self) -> Option<DriveEpsilon> {
         self.figures.get("epsilon").and_then(|value| serde_json::from_value(value.clone()).ok())

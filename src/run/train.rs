@@ -1,11 +1,12 @@
 //! Learns the classes of voxels from labelled drives. The flow stops after the step that gives samples.
 //!
-//! The model of the context must learn from classes as wrong as those of a new drive. So two further models
-//! of shapes learn from one half of the drives each, and classify the other half. A single drive has no other
-//! half: it is classified by the model that learned from it.
+//! The model of the context must learn from classes that are as often wrong as the classes of a new drive. So
+//! two further models of shapes each learn from one half of the drives, and classify the other half. A single
+//! drive has no other half: it is classified by the model that learned from it.
 //!
-//! The models of objects are learned by another call, from other drives. They must learn from objects as
-//! wrong as those of a new drive, and the models of voxels know the drives that they learned from too well.
+//! Another call learns the models of objects, from other drives. They must learn from objects that are as
+//! often wrong as the objects of a new drive, and the models of voxels do too well on the drives that they
+//! learned from.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -26,7 +27,7 @@ use crate::run::error::RunError;
 use crate::run::open::{self, Opened};
 use crate::run::{computed, flow};
 
-/// Names of the learning among the passes.
+/// Names under which the learning is listed among the passes.
 const LEARN_HALVES: &str = "learn from half of the drives";
 const LEARN_SHAPES: &str = "learn shapes";
 const LEARN_CONTEXT: &str = "learn context";
@@ -38,9 +39,9 @@ const LEARN_WHOLES: &str = "learn pieces";
 pub struct TrainRequest<'a> {
     /// Labelled drives: for each a file, a folder or a pattern.
     pub drives: Vec<PathBuf>,
-    /// Folder for the state of one drive at a time. It is created, and removed in the end.
+    /// Folder for the state of one drive at a time. It is created, and removed at the end.
     pub scratch: PathBuf,
-    /// Settings. Noise and ground filters are those of a run.
+    /// Settings. The filters of noise and ground are the same as in a run.
     pub config: Config,
     /// The registries of methods.
     pub registries: Registries<'a>,
@@ -54,19 +55,20 @@ pub struct TrainRequest<'a> {
     pub thin: Vec<f64>,
 }
 
-/// What was learned.
+/// The result of learning.
 #[derive(Debug)]
 pub struct Trained {
     /// The model.
     pub model: StreetModel,
-    /// How it classifies voxels of the same drives that it has not learned from. For [`train_objects`]: how
-    /// it names objects of them.
+    /// How the model classifies voxels of the same drives that were held out. For [`train_objects`]: how it
+    /// names held-out objects.
     pub held_out: Confusion,
-    /// For [`train_objects`]: how it tells whole objects from pieces.
+    /// For [`train_objects`]: how the model distinguishes whole objects from pieces.
     pub wholes: Option<Confusion>,
 }
 
-/// Reads a model that [`train`] gave and a user stored. It is for the features and classes of this program.
+/// Reads a model that [`train`] returned and a user stored. Its features and classes must be those of this
+/// program.
 ///
 /// # Errors
 /// [`InputError::Read`], or a [`BoostingError`](boosting::BoostingError) that says what is wrong with the
@@ -75,11 +77,11 @@ pub fn read_model(path: &Path) -> Result<StreetModel> {
     Ok(StreetModel::decode(&path.display().to_string(), &content_of(path)?)?)
 }
 
-/// Reads the parts of a model that classify voxels, for [`train_objects`]. What else it contains may be for
-/// another version of the program.
+/// Reads the parts of a model that classify voxels, for [`train_objects`]. The other parts may be for another
+/// version of the program.
 ///
 /// # Errors
-/// Those of [`read_model`].
+/// As [`read_model`].
 pub fn read_model_of_voxels(path: &Path) -> Result<StreetModel> {
     Ok(StreetModel::decode_of_voxels(&path.display().to_string(), &content_of(path)?)?)
 }
@@ -96,7 +98,7 @@ pub fn built_in_model(scene: Scene) -> Result<StreetModel> {
     Ok((*street::built_in(scene)?).clone())
 }
 
-/// Samples of drives: to learn from, by half of the drives, and held out.
+/// Samples of drives: those to learn from, by half of the drives, and the held-out ones.
 struct Sampled {
     halves: [Samples; 2],
     held_out: Samples,
@@ -135,14 +137,14 @@ impl Sampled {
 /// Learns a model.
 ///
 /// # Errors
-/// Any [`Error`](crate::Error): a drive without `gt_class`, settings out of range, what a run can meet.
+/// Any [`Error`](crate::Error): a drive without `gt_class`, settings out of range, or any error of a run.
 pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &CancelToken) -> Result<Trained> {
     request.settings.validate()?;
     let (seed, most) = (request.settings.seed, request.samples);
     let purpose = |_| Ok(Purpose::Shapes { seed, most });
     let shapes = sample(request, &FEATURES, observer, cancel, &purpose)?;
     let Sampled { halves: [mut all, other], sources, .. } = shapes;
-    // The model that classifies the drives of a half has learned from the other one.
+    // The model that classifies the drives of one half has learned from the other half.
     let of_halves = if other.is_empty() {
         None
     } else {
@@ -170,10 +172,10 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
     })
 }
 
-/// Learns the models of objects of a model whose models of voxels are known. They should have learned from
-/// other drives. Names are also learned from copies of the objects whose shares are doubtful. Drives that do
-/// not say which object a point belongs to teach names only, as do drives of which all objects were found
-/// whole.
+/// Learns the models of objects for a model whose models of voxels exist. The models of voxels should have
+/// learned from other drives. Names are also learned from copies of the objects with doubtful shares. From
+/// drives that do not say which object a point belongs to, only names are learned. If the objects of all
+/// drives are whole, there is no model of wholes.
 ///
 /// # Errors
 /// As [`train`].
@@ -204,7 +206,7 @@ pub fn train_objects(
     };
     let (objects, held_out) = learn(LEARN_OBJECTS, names)?;
     let held_out = confusion::<{ CLASS_NAMES.len() }>(&objects, &held_out)?;
-    // Where all objects are whole, or none is known, there is nothing to tell apart.
+    // If all objects are whole, or none is known, there is nothing to distinguish.
     let [first, second] = wholes.halves.each_ref().map(Samples::counts);
     let differ = first.iter().zip(second).filter(|(first, second)| **first + second > 0).count() > 1;
     let (wholes, unseen) = if differ {
@@ -228,7 +230,8 @@ fn confusion<const CLASSES: usize>(model: &Model, samples: &Samples) -> Result<C
     Ok(confusion)
 }
 
-/// Does something with each drive and each share of its points. `what` also gets the number of the drive.
+/// Calls `what` with the work, the number of the drive and the share, for each drive and each share of its
+/// points.
 fn each_copy(
     request: &TrainRequest<'_>,
     observer: &dyn Observer,
@@ -262,7 +265,7 @@ fn sample(
     Ok(sampled)
 }
 
-/// Learns one model, with its progress.
+/// Learns one model and reports its progress.
 fn learned(
     pass: &'static str,
     samples: &Samples,
@@ -293,8 +296,8 @@ fn learned(
     Ok(model)
 }
 
-/// Scores a model with every labelled voxel of a drive, as `street` classifies it. Of the request, the
-/// folder, the settings of the run and the registries are used.
+/// Scores a model with every labelled voxel of a drive, as `street` classifies it. Uses only the folder, the
+/// settings of the run and the registries of the request.
 ///
 /// # Errors
 /// As [`train`].
@@ -352,7 +355,7 @@ impl Work<'_> {
     }
 
     /// The results of the last step of [`Training`] for a share of the points, and the lattice of the drive.
-    /// The state does not outlive the call of the user, so an interruption is another one than that of a run.
+    /// The state does not outlive the call of the user, so an interruption gives another error than in a run.
     fn payloads(&self, purpose: Purpose, share: f64) -> Result<(Vec<Vec<u8>>, Lattice)> {
         self.computed(purpose, share).map_err(|error| match error.cause() {
             Some(RunError::Interrupted { pass, .. }) => {
@@ -394,7 +397,7 @@ impl Work<'_> {
     }
 }
 
-/// What every file says of its points.
+/// The labels that every file has for its points.
 fn known(catalog: &Catalog, with_objects: bool) -> Known {
     let has = |field| catalog.files().iter().all(|file| file.layout().field(field).is_some());
     let instance_bytes = match with_objects {

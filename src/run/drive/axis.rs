@@ -27,8 +27,8 @@ impl AxisFacts {
     }
 }
 
-/// Distance in metres from the box around a trajectory to that around the points, from which they do not
-/// belong together. Scanners reach some hundred metres.
+/// Distance between the box around a trajectory and the box around the points, in metres, above which the two
+/// do not belong together. Scanners reach some hundred metres.
 const ELSEWHERE_M: f64 = 1_000.0;
 
 /// Refuses a trajectory that is in another coordinate system, or of another drive.

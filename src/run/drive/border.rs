@@ -2,10 +2,10 @@
 //! borders of what was cut out of a drive.
 //!
 //! Profiles stand obliquely on the street, so a drive ends in two slanting lines that meet on the axis. The
-//! convex hull of its cells has its border far behind them, and so have single strays. At each end, the
-//! farthest occupied cell is found on the axis and in strips beside it. The line through them follows from
-//! the strips on the roadway: behind parked cars and facades nothing was seen, and a line there would be too
-//! low.
+//! convex hull of its cells, and single strays, lie far outside these lines. At each end, the farthest
+//! occupied cell is found on the axis and in strips beside it. The line through these cells follows from the
+//! strips on the roadway: behind parked cars and facades nothing was seen, so strips there would put the line
+//! too far inside.
 
 use std::collections::BTreeMap;
 
@@ -13,41 +13,43 @@ use crate::model::{Lattice, convex_hull};
 use crate::spatial::{Cell, CellGrid, PackedCells, PackedCursor};
 use crate::survey::{Axis, AxisSource};
 
-/// An occupied cell has at least so many points, or a quarter of the median where that is less. Strays have
-/// fewer.
+/// Smallest number of points in an occupied cell, or a quarter of the median if that is less. Cells of strays
+/// have fewer.
 const LEAST_POINTS: u32 = 5;
-/// Around an occupied cell, at least so many of the nine cells have points, itself included (chosen: an edge
-/// has six, the tip of a narrow street five). Strays have fewer.
+/// Smallest number of cells with points among an occupied cell and its eight neighbours (chosen: at an edge
+/// there are six, at the tip of a narrow street five). Around strays there are fewer.
 const LEAST_CELLS: usize = 5;
 
-/// A shorter stretch of the axis without occupied cells is no gap in the data, in vertices of 1 m (chosen:
-/// longer than a lorry that drove in front).
+/// Longest stretch of the axis without occupied cells that is not a gap in the data, in vertices of 1 m
+/// (chosen: longer than a lorry that drove in front).
 const GAP_VERTICES: usize = 15;
-/// A gap across the way in which the farthest cell of an end is looked for, in metres.
+/// Largest gap along the axis beyond which the search for the farthest cell of an end goes on, in metres.
 const GAP_M: f64 = 5.0;
-/// Distance in vertices of 1 m over which the direction of the axis at an end is found. An axis that is found
-/// from points wobbles by a metre.
+/// Distance over which the direction of the axis at an end is found, in vertices of 1 m. An axis found from
+/// points wobbles by a metre.
 const DIRECTION_VERTICES: usize = 20;
-/// The farthest cell of an end lies within this distance of it, in metres. What goes on for longer is no end.
+/// Largest distance of the farthest cell from its end, in metres. If the data goes on for longer, this is not
+/// an end.
 const BEYOND_M: f64 = 40.0;
-/// Offsets of the strips that give the line of an end, in metres: the roadway and its sides.
+/// Nearest and farthest offset of the strips that give the line of an end, in metres: the roadway and its
+/// sides.
 const STRIPS_M: [f64; 2] = [3.0, 15.0];
-/// Smallest number of strips with occupied cells on a side that give its slope.
+/// Smallest number of strips with occupied cells from which the slope of a side is found.
 const LEAST_STRIPS: usize = 4;
-/// Share of the strips that reach less far than the line: in some, nothing was seen up to the end. Measured
-/// on the objects in the middle one of the three files of three drives of `synth`. The whole drives show that
-/// the ends of the file shorten 39 of them by more than 0.7 m, many of which they only hide from one side.
-/// With 0.8, 22 are found, and 4 others are called cut; with 0.6, 25 and 12.
+/// Share of the strips that end before the line: in some, nothing was seen up to the end. Measured on three
+/// drives of `synth` in three files each, on the objects in the middle file. A comparison with the whole
+/// drives shows that the ends of the file shorten 39 of them by more than 0.7 m, many only because one side
+/// is hidden. With 0.8, 22 of these are found, and 4 others are called cut; with 0.6, 25 and 12.
 const SHARE: f64 = 0.8;
-/// What is not further from the line than so many cells is at the end.
+/// Distance inside the line within which a place is at the end, in cells.
 const WITHIN_CELLS: f64 = 1.5;
-/// An end counts for places up to this distance from it along and across the axis, in metres.
+/// Largest distance from an end, along and across the axis, of places that the end applies to, in metres.
 const AROUND_M: f64 = 60.0;
 
-/// A straight border of a scene is at least so long, in metres.
+/// Smallest length of a straight border of a scene, in metres.
 const SHORTEST_M: f64 = 10.0;
-/// At least this share of the length of a straight border has occupied cells beside it. A hull also has edges
-/// from corner to corner, where the data ends in nothing but the range of the scanner.
+/// Smallest share of the length of a straight border with occupied cells beside it. A hull also has edges
+/// from corner to corner, beside which the data ends only with the range of the scanner.
 const BESIDE_SHARE: f64 = 0.5;
 
 /// Where the data ends.
@@ -66,11 +68,11 @@ pub(crate) struct Border<'a> {
 struct End {
     /// Vertex of the axis.
     vertex: usize,
-    /// Its place in metres, and the direction of the axis there, out of the data.
+    /// Place of the vertex in metres, and the direction of the axis there, pointing out of the data.
     place: [f64; 2],
     out: [f64; 2],
-    /// How far the data reaches on the axis, in metres, and how much further for each metre to the right and
-    /// to the left.
+    /// How far the data reaches beyond the vertex on the axis, in metres, and how much further for each metre
+    /// to the right and to the left of the axis.
     reach_m: f64,
     slopes: [f64; 2],
 }
@@ -134,7 +136,7 @@ struct Raster<'a> {
 
 impl<'a> Raster<'a> {
     fn new(cells: &'a PackedCells, grid: CellGrid, lattice: Lattice) -> Self {
-        // Number of cells with so many points; the last has those with more.
+        // Number of cells by their number of points. The last entry counts all cells with more.
         let mut counts = [0_usize; 4 * LEAST_POINTS as usize + 1];
         for (_, points) in cells.iter() {
             counts[(points as usize).min(counts.len() - 1)] += 1;
@@ -214,7 +216,7 @@ fn end(vertex: usize, place: [f64; 2], inner: [f64; 2], raster: &mut Raster<'_>)
     Some(end)
 }
 
-/// How much further the data reaches for each metre beside the axis, on a side of an end.
+/// How much further the data reaches for each metre away from the axis, on one side of an end.
 fn slope(end: &End, side: f64, raster: &mut Raster<'_>) -> f64 {
     let step_m = raster.cell_m / 2.0;
     let mut slopes = Vec::new();
@@ -257,8 +259,8 @@ fn edges(cells: &PackedCells, raster: &mut Raster<'_>) -> Vec<Edge> {
     pairs.filter(|edge| is_border(*edge, raster)).collect()
 }
 
-/// A hull without the vertices that are not further than `within` outside the line between their neighbours:
-/// around the cells of a slanting border, it has many short edges.
+/// A hull without the vertices that lie at most `within` outside the line between their neighbours. The hull
+/// around the cells of a slanting border has many short edges.
 fn without_steps(mut hull: Vec<[i64; 2]>, within: f64) -> Vec<[i64; 2]> {
     while hull.len() > 3 {
         let count = hull.len();
@@ -298,7 +300,8 @@ fn is_border([from, to]: Edge, raster: &mut Raster<'_>) -> bool {
     filled as f64 >= BESIDE_SHARE * steps as f64
 }
 
-/// How far a place is inside an edge, from its begin along it, and from there to its end, in lattice units.
+/// Three distances in lattice units: of a place inside an edge, from the start of the edge along it, and from
+/// there to the end of the edge.
 fn beside([from, to]: Edge, place: [i64; 2]) -> [f64; 3] {
     let along = [0, 1].map(|k| (to[k] - from[k]) as f64);
     let arm = [0, 1].map(|k| (place[k] - from[k]) as f64);
@@ -330,7 +333,7 @@ mod tests {
     #[test]
     fn a_drive_ends_at_its_last_profiles_whatever_strays_lie_behind() {
         // Profiles at 45 degrees: beside the axis, the data begins earlier and ends later. Beyond 15 m, only
-        // what stands there was seen. The axis is shorter than the data, and strays lie all around.
+        // objects were seen. The axis is shorter than the data, and strays lie all around.
         let street = (0..2_400).flat_map(|k| (-40..=40).map(move |j: i32| [k / 10 - 40, j]));
         let is_seen = |[i, j]: &Cell| {
             let slant = j.abs().min(15);
@@ -380,8 +383,8 @@ mod tests {
 
     #[test]
     fn a_scene_that_was_cut_out_ends_at_its_straight_borders() {
-        // 60 m by 40 m, with strays around it. Of one side, half of the last metre was not seen, and of
-        // another most of the last 6 m.
+        // 60 m by 40 m, with strays around it. On one side, half of the last metre was not seen; on another,
+        // most of the last 6 m.
         let is_seen = |[i, j]: &Cell| (*j < 39 || i % 4 < 2) && (*i < 54 || *j < 10);
         let scene = (0..60).flat_map(|i| (0..40).map(move |j| [i, j])).filter(is_seen);
         let cells = packed(scene.chain((0..9).map(|k| [80 + 3 * k, 50 - 7 * k])));

@@ -5,7 +5,7 @@ use crate::input::InputError;
 use crate::model::{Field, PointId};
 use crate::run::drive::{Drive, PerPoint};
 
-/// Those of `fields` that are not coordinates, and that every file has.
+/// The fields among `fields` that are not coordinates. Every file must have them.
 ///
 /// # Errors
 /// When a file has no such field.

@@ -63,7 +63,7 @@ pub(crate) fn check_input(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
 pub(crate) fn check_recorded(run_dir: &RunDir, catalog: &Catalog) -> Result<()> {
     let now = catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;
     let Some(stored) = run_dir.await_json::<Vec<FileIdentity>>(NAME)? else {
-        // Without the record, results of other input would be taken for those of this one.
+        // Without the record, results of other input would pass for results of this one.
         return Err(match run_dir.has_passes()? {
             true => StoreError::NoIdentity { path: run_dir.path(NAME) }.into(),
             false => StoreError::NoRun { path: run_dir.out().to_owned() }.into(),
@@ -108,10 +108,10 @@ pub(crate) fn is_name(name: &str) -> bool {
     name == NAME || name.starts_with("input-")
 }
 
-/// For files with another modification time, compares their content with that at the survey. Other content is
-/// refused. A file that was only copied or touched is accepted, and the comparison is recorded: nodes with
-/// copies of the input would repeat it in every process. `runs` are the units of the survey in `dir`,
-/// `stored_part` reads one of them, and `survey` surveys one and stores nothing.
+/// For files with another modification time, compares their content with the content at the survey. Other
+/// content is refused. A file that was only copied or touched is accepted, and the comparison is recorded:
+/// otherwise, nodes with copies of the input would repeat it in every process. `runs` are the units of the
+/// survey in `dir`, `stored_part` reads one of them, and `survey` surveys one and stores nothing.
 pub(crate) fn check_content(
     run_dir: &RunDir,
     drive: &Drive,
@@ -137,13 +137,13 @@ pub(crate) fn check_content(
     Ok(run_dir.write_json(&compared(&now), &now)?)
 }
 
-/// Whether an earlier call has compared the content of these files with that at the survey.
+/// Whether an earlier call has compared the content of these files with the content at the survey.
 fn was_compared(run_dir: &RunDir, now: &[FileIdentity]) -> Result<bool> {
     let recorded = run_dir.read_json::<Vec<FileIdentity>>(&compared(now))?;
     Ok(recorded.is_some_and(|recorded| recorded == now))
 }
 
-/// Names of the files with another modification time than at the start of the run, whose content no call has
+/// Names of the files whose modification time differs from the start of the run and whose content no call has
 /// compared since.
 pub(crate) fn touched(run_dir: &RunDir, catalog: &Catalog) -> Result<Vec<String>> {
     let now = catalog.files().iter().map(FileIdentity::of).collect::<Result<Vec<_>>>()?;

@@ -53,7 +53,7 @@ impl Drive {
 
     /// From now on the positions of compressed files are read from here.
     pub(crate) fn use_positions(&self, positions: PerPoint<[i32; 3]>) {
-        // The survey is complete once in a process, and a second time has the same positions.
+        // A process completes the survey once. A second time would give the same positions.
         let _ = self.positions.set(positions);
     }
 
@@ -110,8 +110,8 @@ impl Drive {
         records * (file.layout().record_len as u64 + more)
     }
 
-    /// Surveys a block directly from the file (decoded, if compressed). Adds its positions to `unpacked`, if
-    /// they are wanted.
+    /// Surveys a block directly from the file (decoded, if compressed). Adds its positions to `unpacked` if
+    /// that is given.
     pub(crate) fn survey_block(
         &self,
         (file, block): (usize, usize),

@@ -13,10 +13,10 @@ use crate::spatial::{BlockZone, PackedCells};
 use crate::survey::{Axis, Survey, SurveyError};
 use crate::words::counted;
 
-/// Largest extent of heights in lattice units, so that they fit local coordinates.
+/// Largest extent of heights in lattice units that fits local coordinates.
 const HEIGHT_LIMIT_UNITS: i64 = i32::MAX as i64;
-/// The owners of cells take at most this fraction of the memory of the points per cell. Neighbouring cells
-/// mostly have the same owner, which takes 1 or 2 bits, while a count of points takes 8 or 16.
+/// The owners of cells take at most one part in this many of the memory of the points per cell. Neighbouring
+/// cells mostly have the same owner, so an owner takes 1 or 2 bits. A count of points takes 8 or 16.
 const OWNERS_PART: u64 = 4;
 
 /// Survey, axis and occupied cells of a drive.
@@ -52,7 +52,7 @@ impl Surveyed {
         Ok(Self { survey, axis, cells, section, warnings })
     }
 
-    /// Points of the cells that are processed.
+    /// Number of points of each processed cell.
     pub(crate) fn processed(&self) -> &Arc<PackedCells> {
         self.section.as_ref().map_or(&self.cells, |section| &section.cells)
     }

@@ -15,7 +15,7 @@ pub(crate) struct PerPoint<T> {
     sections: Sections,
     /// File and records of each unit, ascending.
     runs: Vec<(usize, Range<u64>)>,
-    /// The value of records that are in no unit.
+    /// The value of records that are not in any unit.
     beside: T,
 }
 
@@ -27,8 +27,8 @@ impl<T: Pod + Default> PerPoint<T> {
         Self { sections: Sections::of(units.clone(), number), runs, beside: T::default() }
     }
 
-    /// The same with another value of records that are in no unit, beside a section of the drive, than the
-    /// default.
+    /// The same values, with `beside` instead of the default for records outside a section, which are not in
+    /// any unit.
     pub(crate) fn with_beside(self, beside: T) -> Self {
         Self { beside, ..self }
     }

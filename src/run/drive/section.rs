@@ -2,10 +2,10 @@
 //! whole.
 //!
 //! Three areas enclose each other. *Inside* are the cells whose chainage is in the section: an object of the
-//! section has points there. Within `tiling.beyond` of them, objects are followed, and are those of the whole
-//! drive. Around that, points are read only because they decide on ground and objects; what reaches them is
-//! marked as cut. The areas are dilations in the plane, as halos are: on a loop, a place can be near and have
-//! quite another chainage.
+//! section has points there. Within `tiling.beyond` of these cells, objects are followed and are the same as
+//! in the whole drive. Around that, points are read only because they decide on ground and objects; an object
+//! that reaches them is marked as cut. The areas are dilations in the plane, as halos are: on a loop, a near
+//! place can have a very different chainage.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -17,12 +17,13 @@ use crate::run::error::RunError;
 use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
 use crate::survey::Axis;
 
-/// Edge of the squares in which areas are dilated, in cells. Chosen: 8 m are little beside the distances, and
+/// Edge of the squares in which areas are dilated, in cells. Chosen: 8 m are short against the distances, and
 /// there are few squares.
 const SQUARE_CELLS: i32 = 8;
-/// A cell has the chainage of the vertex of the axis that is the nearest to its middle. So a point of the
-/// section can be in a cell that is half a vertex and half a cell beside it. Cells count so much further out,
-/// in metres and in edges of a cell, that none is left out. It is twice as much, for the inside of bends.
+/// Distance by which cells outside the section still count as inside: this many metres, and [`AROUND_EDGES`]
+/// edges of a cell. A cell has the chainage of the vertex of the axis nearest to its centre. So a point of
+/// the section can be in a cell that is half a vertex and half a cell outside. The distance is twice that,
+/// for the inside of bends.
 const AROUND_M: f64 = 1.0;
 /// See [`AROUND_M`].
 const AROUND_EDGES: f64 = std::f64::consts::SQRT_2;
@@ -33,7 +34,8 @@ pub(crate) struct Section {
     /// Chainage where it begins and ends, in metres.
     pub(crate) from_m: f64,
     pub(crate) to_m: f64,
-    /// Chainage between which cells are inside: all with points of the section.
+    /// Smallest and largest chainage of the cells that are inside. They include every cell with points of the
+    /// section.
     pub(crate) inside_m: (f64, f64),
     /// Points of the cells that are processed.
     pub(crate) cells: Arc<PackedCells>,
@@ -86,7 +88,7 @@ impl Section {
 }
 
 impl TilingConfig {
-    /// Begin and end of the section; `None` for the whole drive.
+    /// Start and end of the section; `None` for the whole drive.
     pub(crate) fn section(&self) -> Option<(f64, f64)> {
         let to = if self.to > 0.0 { self.to } else { f64::INFINITY };
         (self.from > 0.0 || self.to > 0.0).then_some((self.from, to))
@@ -107,8 +109,7 @@ fn square(cell: Cell) -> Cell {
     cell.map(|index| index.div_euclid(SQUARE_CELLS))
 }
 
-/// The squares at most `steps` away from some squares, along both axes. Between one of them and any other
-/// square lie at least the remaining steps.
+/// The squares at most `steps` squares away from some squares, along both axes.
 fn dilated(squares: &BTreeSet<Cell>, steps: i32) -> BTreeSet<Cell> {
     let along = |squares: &BTreeSet<Cell>, axis: usize| -> BTreeSet<Cell> {
         let moved = |cell: &Cell, by: i32| {
@@ -157,7 +158,7 @@ mod tests {
                 assert!(away > 60 || is_read, "{cell:?}");
                 assert!(away <= 60 + 3 * 8 || !is_read, "{cell:?}");
             }
-            // From what is whole to what is not read it is further than what decides.
+            // The cells that are not read are further from the whole cells than the deciding reach.
             let next = (i..500).take_while(|&far| section.cells.get([far, 0]) > 0).count();
             assert!(!section.is_whole([i, 0]) || i + i32::try_from(next).unwrap() == 500 || next > 20, "{i}");
         }

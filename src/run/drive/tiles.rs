@@ -12,7 +12,7 @@ use crate::run::engine::Payloads;
 use crate::spatial::{Area, BlockZone};
 use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region, Wanted};
 
-/// The code of records that none of the tiles in question owns. No point has it.
+/// The code of records that none of the given tiles owns. No point has it.
 const NOBODYS: u8 = u8::MAX;
 
 /// A drive divided into tiles.
@@ -100,8 +100,8 @@ impl<'a> Tiled<'a> {
         self.gather(&self.plan.region(tile, reach), Wanted::All, &[])
     }
 
-    /// The `wanted` points of a region. `verdicts` are those of its tiles, and are needed unless all points
-    /// are wanted.
+    /// The `wanted` points of a region. `verdicts` belong to the tiles of the region, and are needed unless
+    /// all points are wanted.
     fn gather(&self, region: &Region, wanted: Wanted, verdicts: &[TileVerdicts]) -> Result<Gathered> {
         self.drive.check_unchanged()?;
         let lowest = self.surveyed.lowest();
@@ -185,7 +185,7 @@ pub(crate) struct Classified<'a> {
     pub(crate) ground: Payloads,
     /// Points of objects in the core of each tile.
     pub(crate) objects: Vec<u64>,
-    /// What the user should know of the ground.
+    /// Warnings about the ground.
     pub(crate) warnings: Vec<String>,
 }
 
@@ -201,7 +201,7 @@ impl Classified<'_> {
     }
 
     /// Approximate number of points of objects in a tile and within `reach` of it. Their share is assumed to
-    /// be that in the core.
+    /// be the same as in the core.
     pub(crate) fn object_points(&self, tile: usize, reach: i64) -> u64 {
         let plan = self.tiled.plan;
         let core = u128::from(plan.tiles[tile].points.max(1));

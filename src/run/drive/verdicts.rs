@@ -17,7 +17,7 @@ pub(crate) struct OwnedBlock {
     pub(crate) file: FileId,
     /// Number of the block in the file.
     pub(crate) block: u32,
-    /// Start and end of its runs among those of the tile, in bytes.
+    /// Start and end of its runs among all runs of the tile, in bytes.
     pub(crate) runs: (u64, u64),
     /// Number of points of the tile before this block, and in this block.
     pub(crate) points: (u64, u64),
@@ -30,13 +30,13 @@ pub(crate) struct OwnedBlock {
 pub(crate) struct TileVerdicts {
     /// Ascending by file and block.
     pub(crate) blocks: Vec<OwnedBlock>,
-    /// Run lengths of records, not owned and owned in turn, block after block.
+    /// Run lengths of records, alternately not owned and owned, block after block.
     pub(crate) runs: Vec<u8>,
     /// Class code of each owned record, in order.
     pub(crate) classes: Vec<u8>,
 }
 
-/// Run lengths of records, not owned and owned in turn.
+/// Run lengths of records, alternately not owned and owned.
 pub(crate) fn lengths(runs: &[u8]) -> Result<Vec<u32>> {
     codec::decode(runs)
 }
@@ -110,7 +110,7 @@ impl TileVerdicts {
     }
 }
 
-/// Whether a class is that of objects.
+/// Whether a class code means a point of an object.
 pub(crate) fn is_object(code: u8) -> bool {
     code == PointClass::Object.code()
 }
@@ -121,7 +121,7 @@ pub(crate) fn range(first: u64, count: u64) -> std::ops::Range<usize> {
     at(first)..at(first + count)
 }
 
-/// Writes `values` over the owned records of `all`. `runs` gives the run lengths of records that are not
+/// Writes `values` over the owned records of `all`. `runs` are the run lengths of records, alternately not
 /// owned and owned.
 pub(crate) fn scatter<T: Copy>(runs: &[u32], values: &[T], all: &mut [T]) -> Result<()> {
     let mut record = 0;
@@ -141,7 +141,7 @@ pub(crate) fn scatter<T: Copy>(runs: &[u32], values: &[T], all: &mut [T]) -> Res
     Ok(())
 }
 
-/// Run lengths of records that are not among `ids` and that are, in turn, from the id `first` on.
+/// Run lengths of the records from the id `first` on, alternately not among `ids` and among them.
 fn run_lengths(ids: &[PointId], first: PointId) -> Vec<u32> {
     #[expect(
         clippy::cast_possible_truncation,

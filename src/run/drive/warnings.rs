@@ -6,10 +6,11 @@ use crate::spatial::PackedCells;
 use crate::survey::Survey;
 use crate::words;
 
-/// Distance outside of the boxes of the headers that counts as rounding, in metres.
+/// Largest distance outside the box of a header that counts as rounding, in metres.
 const BOX_TOLERANCE_M: f64 = 0.01;
 
-/// LAZ has no checksums. Damage that can still be decoded shows as points outside of the box of the header.
+/// Points outside the box of the header. LAZ has no checksums, and damage that can still be decoded shows as
+/// such points.
 pub(super) fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mut Vec<String>) {
     let Some((lo, hi)) = survey.extent else { return };
     let files = drive.catalog.files().iter().filter(|file| file.point_count() > 0);
@@ -37,11 +38,11 @@ pub(super) fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mu
     }
 }
 
-/// Distance between neighbouring files of one drive that is not asked about, in metres. A vehicle that stops
-/// recording in a tunnel or between two streets goes on within it.
+/// Largest distance between neighbouring files of one drive without a warning, in metres. A vehicle that
+/// stops recording in a tunnel or between two streets resumes within this distance.
 const APART_M: f64 = 10_000.0;
 
-/// Files far from each other are usually not one drive: an axis through all of them means nothing.
+/// Files far from each other are usually not one drive, and an axis through all of them is meaningless.
 pub(super) fn warn_of_files_apart(drive: &Drive, warnings: &mut Vec<String>) {
     let files = drive.catalog.files().iter().filter(|file| file.point_count() > 0);
     let boxes: Vec<[[f64; 2]; 2]> = files

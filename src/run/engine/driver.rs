@@ -1,6 +1,6 @@
 //! The drivers of a pass: this process ([`Here`]), and this process without a run directory ([`InMemory`]).
-//! Further drivers look only (`looks.rs`) or share a run with other processes (`shares.rs`). All of them walk
-//! the same list of passes.
+//! Other drivers only inspect (`looks.rs`), or share a run with other processes (`shares.rs`). All of them
+//! walk the same list of passes.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -26,13 +26,13 @@ pub(crate) trait Driver {
     /// Whether this driver may change the run directory beyond adding units.
     fn computes(&self) -> bool;
 
-    /// Whether a plan that is stored is used as it is, however much memory this host has, because other hosts
-    /// work by it.
+    /// Whether a stored plan is used as it is, however much memory this host has, because other hosts work by
+    /// it.
     fn keeps_plan(&self) -> bool {
         false
     }
 
-    /// Whether this driver walks on to the passes that write files.
+    /// Whether this driver continues to the passes that write files.
     fn walks_to_files(&self) -> bool {
         true
     }
@@ -44,8 +44,8 @@ pub(crate) trait Driver {
     fn tell(&self, _event: &Event<'_>) {}
 }
 
-/// The warnings that a driver has told, in their order. The report has them all, because what a user reads
-/// on the terminal is lost after a night.
+/// The warnings that a driver has reported, in order. The report contains them all, because the terminal of a
+/// long run is often closed.
 #[derive(Debug, Default)]
 pub(crate) struct Warnings(Mutex<Vec<String>>);
 
@@ -57,7 +57,7 @@ impl Warnings {
         }
     }
 
-    /// The texts, which are not kept any longer.
+    /// Returns the texts and forgets them.
     pub(crate) fn take(&self) -> Vec<String> {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -100,10 +100,10 @@ impl Driver for Here<'_> {
     fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>> {
         let outline = pass.outline();
         let dir = self.run_dir.pass(&outline.folder, outline.depends.clone());
-        // First the files beside the units: if they were lost, the pass may remove its folder.
+        // The files beside the units come first: if they were lost, the pass may remove its folder.
         pass.prepare(&dir)?;
         dir.prepare()?;
-        // Workers may go on with this pass as soon as the one before is marked.
+        // Workers may start this pass as soon as the previous pass is marked.
         if let Some((before, units)) = self.unmarked.take() {
             before.mark_complete(units)?;
         }
@@ -120,7 +120,7 @@ impl Driver for Here<'_> {
         self.figures.push(keeper.execute(pass, &all)?);
         self.unmarked = Some((dir.clone(), pass.units()));
         match pass.reduce(&Payloads::Stored(dir.clone())) {
-            // A worker of an earlier call may have replaced a unit by one for its own settings.
+            // A worker of an earlier call may have overwritten a unit with one for its own settings.
             Err(error)
                 if matches!(error.cause(), Some(StoreError::Damaged { .. }))
                     && !dir.not_done_now(&all)?.is_empty() =>
@@ -179,7 +179,7 @@ mod tests {
     use crate::run::engine::Silent;
     use crate::store::Inputs;
 
-    /// A pass whose first unit is replaced by one for other settings before it is reduced for the first time.
+    /// A pass whose first unit is overwritten with one for other settings before the first reduction.
     struct Replaced {
         outline: Outline,
         runs: AtomicUsize,

@@ -2,7 +2,7 @@
 
 use crate::store::{Inputs, RunDir};
 
-/// Between the folder of a pass and the number of a round.
+/// Separates the folder of a pass from the number of a round.
 const ROUND: &str = "-round-";
 
 /// The outline of a pass: its name, its folder, and the values that it depends on. It is known before the

@@ -62,7 +62,7 @@ mod tests {
             }
             drop((jobs, inbox));
         });
-        // 40 beside 60; 30 and 60 beside 10; 50 beside 50: at least some of these are in flight together.
+        // 40 with 60, 30 and 60 with 10, 50 with 50: at least some of these are in flight together.
         assert!(together.load(SeqCst) > 1, "nothing flew together");
         assert_eq!(*flight.bytes.lock().unwrap(), 0);
     }

@@ -1,5 +1,5 @@
-//! Drivers that only look: [`Nobody`] counts the stored units of every pass, and [`Due`] finds the pass that
-//! is due.
+//! Drivers that only inspect: [`Nobody`] counts the stored units of every pass, and [`Due`] finds the pass
+//! that is due.
 
 use crate::error::Result;
 use crate::run::engine::driver::Driver;
@@ -20,8 +20,7 @@ pub(crate) struct PassState {
 /// Computes nothing and changes nothing. It counts the stored units.
 pub(crate) struct Nobody<'a> {
     pub(crate) run_dir: &'a RunDir,
-    /// Passes in the order of the flow: first those that were visited, then those that are expected to
-    /// follow.
+    /// Passes in the order of the flow: first the visited ones, then the ones expected to follow.
     pub(crate) passes: Vec<PassState>,
     /// Number of visited passes.
     looked_at: usize,
@@ -32,7 +31,7 @@ impl<'a> Nobody<'a> {
         Self { run_dir, passes: Vec::new(), looked_at: 0 }
     }
 
-    /// The passes. For those that were only expected, the stored units are counted now.
+    /// The passes. For passes that were only expected, the stored units are counted now.
     pub(crate) fn finish(mut self) -> Result<Vec<PassState>> {
         for state in &mut self.passes[self.looked_at..] {
             *state = look(self.run_dir, &state.outline, state.units)?.0;
@@ -46,7 +45,7 @@ fn look(run_dir: &RunDir, outline: &Outline, units: Option<usize>) -> Result<(Pa
     let dir = run_dir.pass(&outline.folder, outline.depends.clone());
     let mut done = 0;
     let mut stale = 0;
-    // The global of a pass has the number behind that of its last unit.
+    // The global of a pass is stored under the number after its last unit.
     for unit in dir.stored_units()?.into_iter().filter(|unit| units.is_none_or(|units| *unit < units)) {
         match dir.state(unit)? {
             UnitState::Done => done += 1,
@@ -73,8 +72,8 @@ impl Driver for Nobody<'_> {
     fn complete<P: Pass>(&mut self, pass: &P) -> Result<Option<P::Global>> {
         let (state, dir) = look(self.run_dir, pass.outline(), Some(pass.units()))?;
         let complete = state.done == pass.units();
-        // Later rounds, and those with more neighbours, are known only once the round before is complete:
-        // they were not expected.
+        // Later rounds, and rounds with more neighbours, are known only once the previous round is complete,
+        // so they were not expected.
         let expected = self.passes.get(self.looked_at);
         if expected.is_some_and(|expected| expected.outline.folder == state.outline.folder) {
             self.passes[self.looked_at] = state;

@@ -5,8 +5,8 @@ use std::path::Path;
 /// Memory that is assumed if the system does not report free memory.
 const UNKNOWN_FREE_BYTES: u64 = 4 << 30;
 
-/// Bytes of memory that are free for this process: those that the host has, and those that the limits of its
-/// control groups leave. Containers and batch systems such as Slurm set them.
+/// Bytes of memory that are free for this process: the smaller of what the host has free and what the limits
+/// of its control groups leave. Containers and batch systems such as Slurm set such limits.
 pub(crate) fn free_bytes() -> u64 {
     let of_host = status_kib("/proc/meminfo", "MemAvailable:").map_or(UNKNOWN_FREE_BYTES, |kib| kib << 10);
     let groups = fs_err::read_to_string("/proc/self/cgroup").unwrap_or_default();
@@ -14,7 +14,7 @@ pub(crate) fn free_bytes() -> u64 {
 }
 
 /// Names of the files of a control group: its limit, its use, and the field of `memory.stat` with the part of
-/// the use that the system takes back when it is needed.
+/// the use that the system can reclaim.
 struct GroupFiles {
     limit: &'static str,
     used: &'static str,
@@ -40,7 +40,7 @@ fn left_in_groups(groups: &str, root: &Path) -> Option<u64> {
             _ if controllers.split(',').any(|name| name == "memory") => (root.join("memory"), VERSION_1),
             _ => return None,
         };
-        // In a container the path is often that of the host, and only the mounted root is there.
+        // In a container, the path is often the path on the host, and only the mounted root exists.
         let group = mount.join(path.trim_start_matches('/'));
         let above = group.ancestors().take_while(|above| above.starts_with(&mount));
         above.filter_map(|group| left_in_group(group, &files)).min()
@@ -51,7 +51,7 @@ fn left_in_groups(groups: &str, root: &Path) -> Option<u64> {
 fn left_in_group(group: &Path, files: &GroupFiles) -> Option<u64> {
     let read = |name: &str| fs_err::read_to_string(group.join(name)).ok();
     let number = |name: &str| read(name)?.trim().parse::<u64>().ok();
-    // "max" is no limit.
+    // "max" means no limit.
     let limit = number(files.limit)?;
     let stat = read("memory.stat").unwrap_or_default();
     let reclaimed =
@@ -98,7 +98,7 @@ mod tests {
         write("memory/job/memory.limit_in_bytes", "2000\n");
         write("memory/job/memory.usage_in_bytes", "2500\n");
         assert_eq!(left("5:cpu,cpuacct:/job\n4:memory:/job\n"), Some(0));
-        // A container sees the path of the host and its own root.
+        // A container sees the path on the host, but its own root.
         write("memory/memory.limit_in_bytes", "900\n");
         write("memory/memory.usage_in_bytes", "100\n");
         assert_eq!(left("4:memory:/docker/1f2e\n"), Some(800));

@@ -29,8 +29,7 @@ pub(crate) trait Pass: Sync {
         Ok(())
     }
 
-    /// Checks that what its stored units were computed from is still the same, before a worker goes on from
-    /// them.
+    /// Checks that the source of its stored units is unchanged, before a worker continues from them.
     fn verify(&self, _dir: &PassDir) -> Result<()> {
         Ok(())
     }

@@ -1,5 +1,5 @@
 //! Rounds of a pass that is repeated until it has settled. In the first round all places (tiles) run. In a
-//! later round, only places run that see a changed border, or all places if the reduction asks for another
+//! later round, only places that see a changed border run, or all places if the reduction asks for another
 //! round. The result of a place is a pure function of the place and of the borders of its neighbours in the
 //! previous round. A place that sees no change would compute the same result again, so its last result is
 //! kept.

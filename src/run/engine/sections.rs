@@ -17,7 +17,7 @@ const OPEN: usize = 100;
 pub(crate) struct Sections {
     payloads: Payloads,
     number: usize,
-    /// The last used ones, the latest last.
+    /// The most recently used sections, the latest last.
     open: Mutex<VecDeque<(usize, Arc<Section>)>>,
 }
 

@@ -1,5 +1,5 @@
 //! Drivers for a run that several processes share: [`Share`] computes some units of one pass, and [`Barrier`]
-//! completes one pass after all of its units are there.
+//! completes one pass once all of its units are stored.
 
 use std::time::Duration;
 
@@ -36,7 +36,7 @@ pub(crate) struct Share<'a> {
     pub(crate) figures: Option<PassFigures>,
     /// The passes after the survey, once they are known.
     known: Option<Vec<&'static str>>,
-    /// The one of them that `pass` is.
+    /// The name among `known` that `pass` has.
     named: Option<&'static str>,
 }
 
@@ -137,8 +137,8 @@ impl Driver for Share<'_> {
     }
 }
 
-/// Completes one pass: checks that all of its units are there, reduces them, and opens the next pass for
-/// workers. It computes no unit.
+/// Completes one pass: checks that all of its units are stored, reduces them, and opens the next pass for
+/// workers. It does not compute units.
 pub(crate) struct Barrier<'a> {
     run_dir: &'a RunDir,
     /// Title of the pass to complete. `None` opens the first pass.
@@ -151,11 +151,11 @@ pub(crate) struct Barrier<'a> {
     unmarked: Option<(PassDir, usize)>,
     /// The pass that was opened.
     pub(crate) opened: Option<DuePass>,
-    /// Figures of the passes that were walked over.
+    /// Figures of the passes that were walked through.
     pub(crate) figures: Vec<PassFigures>,
     /// The warnings so far.
     pub(crate) warnings: Warnings,
-    /// The passes after the survey, once they are known, and whether `after` is none of them.
+    /// The passes after the survey, once they are known, and whether `after` is missing among them.
     known: Vec<String>,
     unknown: bool,
 }
@@ -173,7 +173,7 @@ impl<'a> Barrier<'a> {
         Self { run_dir, after, wait, observer, reached, unmarked, opened, figures, warnings, known, unknown }
     }
 
-    /// Whether the pass was met.
+    /// Whether the pass to complete was reached.
     pub(crate) fn reached(&self) -> bool {
         self.reached
     }
@@ -215,12 +215,12 @@ impl Driver for Barrier<'_> {
         }
         pass.prepare(&dir)?;
         if self.reached {
-            // Earlier calls may have completed passes behind the one to complete: they stay as they are.
+            // Earlier calls may have completed passes after the one to complete: these stay as they are.
             let is_done = dir.is_complete_now(units)?;
             if !is_done {
                 dir.prepare()?;
             }
-            // Workers may begin with this pass as soon as the one before is marked.
+            // Workers may start this pass as soon as the previous pass is marked.
             if let Some((before, units)) = self.unmarked.take() {
                 before.mark_complete(units)?;
             }

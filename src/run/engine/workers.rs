@@ -3,9 +3,9 @@
 //!
 //! A pass is a pure function over its units (tiles, runs of blocks): the input is files and small values, the
 //! output is a payload. Units go to workers in order, as soon as there is memory for them. A worker thread
-//! reads and computes its unit. The calling thread syncs what the units that have arrived wrote beside their
-//! payloads, and then commits these units. So finished work survives an interruption, and no worker waits for
-//! the disk. Reductions need an order, so they read the payloads in the order of the units.
+//! reads and computes its unit. The calling thread receives finished units, syncs the files that they wrote
+//! beside their payloads, and then commits them. So finished work survives an interruption, and no worker
+//! waits for the disk. Reductions need an order, so they read the payloads in the order of the units.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -58,7 +58,7 @@ pub struct PassFigures {
 }
 
 impl Keeper<'_> {
-    /// Runs those of `units` of `pass` that have no stored result.
+    /// Runs the given units of `pass` that have no stored result.
     pub(crate) fn execute<P: Pass>(&self, pass: &P, units: &[usize]) -> Result<PassFigures> {
         let started = Instant::now();
         let dir = self.dir;
@@ -115,8 +115,8 @@ impl Keeper<'_> {
 
     /// Commits computed units. The files beside their payloads are synced first, then the payloads are
     /// stored. If a sync fails, what was written is `lost`: the system may drop it and report success at the
-    /// next sync (`fsync(2)`), so no unit of this call is committed from then on. The same holds for what
-    /// belongs to other settings.
+    /// next sync (`fsync(2)`), so no unit of this call is committed from then on. The same applies to units
+    /// that belong to other settings.
     fn keep<P: Pass>(&self, pass: &P, batch: Vec<Computed>, lost: &mut bool) -> Vec<(usize, Error)> {
         let mut failures = Vec::new();
         let mut done = Vec::new();
@@ -129,8 +129,8 @@ impl Keeper<'_> {
         if *lost {
             return failures;
         }
-        // Another process may have opened the pass anew with other settings since this worker began. What it
-        // computes then does not belong there.
+        // Another process may have opened the pass again with other settings since this worker started. The
+        // units of this worker then do not belong there.
         if let Some(&(unit, ..)) = done.first()
             && !self.drives
         {
@@ -176,8 +176,8 @@ struct Computed {
     payload: Result<Vec<u8>>,
 }
 
-/// Computes `units` on worker threads, in order and as memory allows, until `stopped` says so. This thread
-/// calls `receive` with what has arrived since the last call.
+/// Computes `units` on worker threads, in order and as memory allows, until `stopped` returns true. This
+/// thread calls `receive` with the units that have finished since the last call.
 fn on_workers<P: Pass>(
     pass: &P,
     units: &[usize],
@@ -187,7 +187,7 @@ fn on_workers<P: Pass>(
 ) {
     let workers = limits.threads.min(units.len()).max(1);
     let flight = InFlight::default();
-    // The channel has no buffer, so a unit that was handed over is in progress.
+    // The channel has no buffer, so every unit that was handed over is in progress.
     let (jobs, inbox) = bounded::<(usize, u64)>(0);
     let (report, results) = bounded(workers);
     std::thread::scope(|scope| {
@@ -286,8 +286,8 @@ fn log_refusal(run_dir: &RunDir, pass: &str, unit: usize, refusal: &Refusal) {
     run_dir.log_event(&json!({ "event": "refused", "text": text }).to_string());
 }
 
-/// The payloads of all units, computed on threads and kept in memory. If units failed, the error of the first
-/// one.
+/// The payloads of all units, computed on threads and kept in memory. If units failed, returns the error of
+/// the first one.
 pub(crate) fn compute<P: Pass>(pass: &P, limits: Limits) -> Result<Vec<Vec<u8>>> {
     let units: Vec<usize> = (0..pass.units()).collect();
     let mut found: Vec<Option<Result<Vec<u8>>>> = Vec::new();
@@ -372,7 +372,7 @@ mod tests {
         let cancel = CancelToken::default();
         let keeper = keeper(&run_dir, &dir, &cancel, false);
         keeper.execute(&pass, &[0]).unwrap();
-        // Another process opens the pass anew while the worker computes.
+        // Another process opens the pass again while the worker computes.
         let anew = run_dir.pass(&pass.outline.folder, Inputs::new().with("gap", "0.5 m"));
         anew.prepare().unwrap();
         let error = keeper.execute(&pass, &[1, 2, 3]).unwrap_err().to_string();

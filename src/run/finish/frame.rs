@@ -1,12 +1,12 @@
-//! Where the page counts coordinates from.
+//! The origin and the units of the coordinates of the page.
 
 use crate::input::unit_symbol;
 use crate::output::report::{PageCloud, PageFrame};
 use crate::run::drive::{Drive, Surveyed};
 use crate::run::finish::names::CLOUD;
 
-/// Where the page counts coordinates from: the start of the axis and the lowest point, on the lattice. The
-/// start of the axis, because stray points can be far from everything.
+/// Origin of the coordinates of the page, on the lattice: the start of the axis and the height of the lowest
+/// point. Not a corner of the points, because stray points can be far from everything.
 pub(super) fn origin(drive: &Drive, surveyed: &Surveyed) -> [i64; 3] {
     let start = surveyed.axis.vertices().first().copied().unwrap_or_default();
     let [x, y] = start.map(|metres| drive.lattice().units(metres.round()));

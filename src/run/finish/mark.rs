@@ -24,8 +24,8 @@ struct Mark {
     files: Vec<String>,
     /// Size of each file in bytes, so that a cut or replaced file is noticed.
     bytes: Vec<u64>,
-    /// Digest of the settings of the last call that found all outputs complete. Without the input, only it
-    /// tells that they fit. `None` in marks that had no such digest.
+    /// Digest of the settings of the last call that found all outputs complete. Without the input, only this
+    /// digest shows that the outputs fit the settings. `None` in marks of earlier versions.
     #[serde(default)]
     settings: Option<String>,
 }
@@ -54,7 +54,7 @@ pub(crate) fn already_finished(
 /// whose input or model is gone, so that the values that the outputs depend on cannot be known.
 pub(crate) fn is_finished_with(run_dir: &RunDir, config: &Config) -> Result<bool> {
     let Some(mark) = run_dir.read_json::<Mark>(FINISHED)? else { return Ok(false) };
-    // Without its model, it is not known whether the method finds surfaces.
+    // Without its model, the method cannot be asked whether it finds surfaces.
     let whole = [false, true].map(|surfaces| mark.is_whole(run_dir, &names::beside(config, surfaces)));
     Ok(mark.settings == Some(config.digest()) && whole.contains(&true))
 }
@@ -82,8 +82,8 @@ pub(crate) fn withdraw(run_dir: &RunDir, export: &PassDir) -> Result<()> {
 }
 
 /// Marks the run as finished after its last output was written, and removes what only unfinished outputs
-/// need: the files of the export, its units, and those of the cloud-optimised file, whether this run has it
-/// or an earlier one did not end.
+/// need: the files of the export, its units, and the units of the cloud-optimised file, which may be from an
+/// earlier run that did not finish.
 pub(crate) fn mark_finished(
     run_dir: &RunDir,
     export: &PassDir,
@@ -104,8 +104,8 @@ pub(crate) fn mark_finished(
     clear(run_dir, export, cloud)
 }
 
-/// Removes what only unfinished outputs need. A run that was killed between the mark and this does it at the
-/// next call.
+/// Removes what only unfinished outputs need. If a run was killed between the mark and this removal, the next
+/// call removes it.
 pub(crate) fn clear(run_dir: &RunDir, export: &PassDir, cloud: &[PassDir]) -> Result<()> {
     export.clear()?;
     cloud.iter().try_for_each(PassDir::clear)?;

@@ -121,7 +121,7 @@ pub(crate) fn copies(
     Ok((files, warnings))
 }
 
-/// Names of the outputs of a run that are no labelled copies.
+/// Names of the outputs of a run that are not labelled copies.
 fn others(config: &Config, method: &dyn Method) -> Vec<String> {
     let charts = method.charts().iter().filter(|_| config.output.writes("charts"));
     let beside = beside(config, method.finds_surfaces()).into_iter().map(str::to_owned);
@@ -133,8 +133,8 @@ pub(super) fn chart(name: &str) -> String {
     format!("{name}.svg")
 }
 
-/// Refuses labelled copies with the name of another output, which would be written over them. Letters in
-/// upper and lower case count as the same, because on some file systems they are.
+/// Refuses labelled copies with the name of another output, which would overwrite them. Case is ignored,
+/// because some file systems ignore it.
 fn check_against_others(catalog: &Catalog, files: &[LabelledFile], others: &[String]) -> Result<()> {
     for (input, copy) in catalog.files().iter().zip(files) {
         if let Some(name) = others.iter().find(|name| name.eq_ignore_ascii_case(copy.name())) {
@@ -155,7 +155,7 @@ pub(crate) fn refuse_foreign(
     let ours = run_dir.own_outputs()?;
     for name in planned(config, surfaces, files).iter().filter(|name| !ours.contains(name)) {
         let path = run_dir.out().join(name);
-        // A link that leads nowhere is a file of the user, too.
+        // A broken link is a file of the user, too.
         if path.symlink_metadata().is_ok() {
             return Err(StoreError::InTheWay { path }.into());
         }
@@ -169,8 +169,8 @@ pub(crate) fn claim(run_dir: &RunDir, config: &Config, surfaces: bool, files: &[
     Ok(run_dir.claim_outputs(&planned(config, surfaces, files))?)
 }
 
-/// Before a run that starts over: removes the outputs of the earlier run that it will not write, and names
-/// them.
+/// Before a run that starts over: removes the outputs of the earlier run that it will not write, and returns
+/// their names.
 pub(crate) fn remove_superseded(
     run_dir: &RunDir,
     config: &Config,
@@ -180,8 +180,8 @@ pub(crate) fn remove_superseded(
     remove_except(run_dir, &planned(config, surfaces, files))
 }
 
-/// After a run: removes outputs of earlier calls that it does not have, because they would show other
-/// objects, and names them. Of labelled copies and charts, those in `written` stay.
+/// After a run: removes outputs of earlier calls that this run does not have, because they would show other
+/// objects, and returns their names. Labelled copies and charts in `written` stay.
 pub(crate) fn remove_left_out(
     run_dir: &RunDir,
     config: &Config,
@@ -193,8 +193,8 @@ pub(crate) fn remove_left_out(
     remove_except(run_dir, &names)
 }
 
-/// Removes the outputs without one of these names, and names them. Only files that chainage wrote are
-/// removed.
+/// Removes the outputs without one of these names, and returns their names. Only files that chainage wrote
+/// are removed.
 fn remove_except(run_dir: &RunDir, names: &[String]) -> Result<Vec<String>> {
     let mut removed = Vec::new();
     for name in run_dir.own_outputs()?.into_iter().filter(|name| !names.contains(name)) {

@@ -11,15 +11,15 @@ use crate::run::open::Opened;
 use crate::run::summary::{RunSummary, SectionFacts};
 use crate::store::RunDir;
 
-/// What the process knows of its own part in the run.
+/// Times, warnings and figures of this process for the report.
 pub(crate) struct Course {
     pub(crate) started: Instant,
     pub(crate) warnings: Vec<String>,
     pub(crate) passes: Vec<PassFigures>,
 }
 
-/// Writes what is left after the last pass, and removes outputs of earlier calls that this one does not have,
-/// unless this was done before.
+/// Writes the remaining outputs after the last pass, and removes outputs of earlier calls that this one does
+/// not have, unless an earlier call did so.
 pub(crate) fn finish(
     run_dir: &RunDir,
     open: &Opened<'_>,

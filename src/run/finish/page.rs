@@ -1,4 +1,4 @@
-//! The page of a run: which points are sampled for it, what it says of the drive, and when it is written.
+//! The page of a run: which points are sampled for it, what it says about the drive, and when it is written.
 
 use serde_json::{Value, json};
 
@@ -86,7 +86,7 @@ pub(crate) fn write_page(
     Ok(())
 }
 
-/// The axis of what is processed, with every so many vertices, and the last one of each stretch.
+/// The processed part of the axis, with only every n-th vertex and the last vertex of each stretch.
 fn stretches(surveyed: &Surveyed, frame: PageFrame) -> Vec<PageStretch> {
     let shown = processed_stretches(surveyed);
     let every = shown.iter().map(Vec::len).sum::<usize>().div_ceil(MOST_VERTICES).max(1);

@@ -19,8 +19,8 @@ use crate::store::{RunDir, StoreError};
 use crate::tiling::Plan;
 use crate::whole_file::write_from;
 
-/// Writes the table of objects in the formats of the settings, and that of surfaces if the method finds some.
-/// Returns the first for the page, if that is written.
+/// Writes the table of objects in the formats of the settings, and the table of surfaces if the method finds
+/// surfaces. Returns the table of objects for the page, if the page is written.
 pub(crate) fn write_tables(
     run_dir: &RunDir,
     drive: &Drive,
@@ -109,7 +109,7 @@ pub(super) fn processed_stretches(surveyed: &Surveyed) -> Vec<Vec<([f64; 2], f64
     stretches.filter(|stretch| !stretch.is_empty()).collect()
 }
 
-/// Writes every chart as `NAME.svg` if the settings have charts, and returns the names of the files.
+/// Writes every chart as `NAME.svg` if the settings ask for charts, and returns the names of the files.
 pub(crate) fn write_charts(run_dir: &RunDir, charts: &[Chart], config: &Config) -> Result<Vec<String>> {
     let charts = if config.output.writes("charts") { charts } else { &[] };
     let names: Vec<String> = charts.iter().map(|chart| names::chart(&chart.name)).collect();

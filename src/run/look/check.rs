@@ -10,7 +10,7 @@ use crate::run::chain::{Chain, Registries};
 /// # Errors
 /// The first setting that is out of range.
 pub fn check_settings(config: &Config, registries: &Registries<'_>) -> Result<()> {
-    // The lattice decides about lengths in units, not about the range of a setting.
+    // The lattice converts lengths to units. It does not affect the range of a setting.
     Chain::build(config, registries, Lattice::MILLIMETRE)?;
     for entry in registries.ground {
         (entry.build)(&config.method_table(entry.name))?;

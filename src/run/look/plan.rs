@@ -78,8 +78,8 @@ pub struct PlanFacts {
     pub svg: String,
 }
 
-/// Plans the tiles that a run would process, in the folder `out` if it is known: what earlier calls wrote
-/// there is not input. Changes nothing.
+/// Plans the tiles that a run would process, in the folder `out` if it is known: files that earlier calls
+/// wrote there are not input. Changes nothing.
 ///
 /// # Errors
 /// When a file or a setting cannot be used.
@@ -91,7 +91,7 @@ pub fn plan_of(
 ) -> Result<PlanFacts> {
     let open = Opened::to_look(inputs, out, config, registries)?;
     let Opened { drive, chain, budget: asked, .. } = &open;
-    // What a run refuses of its labelled copies, a plan refuses as well.
+    // A plan refuses the same labelled copies as a run.
     names::copies(&drive.catalog, config, chain.method.as_ref(), chain.finds())?;
     let mut driver = InMemory { limits: asked.limits() };
     let started = Instant::now();
@@ -185,7 +185,7 @@ fn warnings(open: &Opened<'_>, surveyed: &Surveyed, budget: &Budget, largest: u6
     warnings
 }
 
-/// What a run with this plan computes, if its tiles read `ground_points` for the ground filter.
+/// The work of a run with this plan, if its tiles read `ground_points` for the ground filter.
 fn work(open: &Opened<'_>, plan: &Plan, budget: &Budget, survey_s: f64, ground_points: u64) -> Work {
     let Opened { drive, chain, config, .. } = open;
     let points_of = |wanted: &dyn Fn(&InputFile) -> bool| {
@@ -196,7 +196,7 @@ fn work(open: &Opened<'_>, plan: &Plan, budget: &Budget, survey_s: f64, ground_p
         format => format == OutputFormat::Laz,
     };
     let records = drive.catalog.point_count();
-    // Of a section, the share of the drive.
+    // A section is copied in proportion to its share of the drive.
     let copied = |records_of: u64| {
         let points = u128::from(records_of) * u128::from(plan.points_inside()) / u128::from(records.max(1));
         if config.output.writes("points") { u64::try_from(points).unwrap_or(u64::MAX) } else { 0 }

@@ -39,15 +39,16 @@ pub struct RunStatus {
     pub out: PathBuf,
     /// Input files.
     pub inputs: Vec<PathBuf>,
-    /// Passes in order. Of a finished run, the last ones have no units: their state is not kept. Empty if
-    /// something is [`Self::missing`].
+    /// Passes in order. The last passes of a finished run have no units, because their state is not kept.
+    /// Empty if something is [`Self::missing`].
     pub passes: Vec<PassStatus>,
-    /// The method, if another one is asked for than the last call had.
+    /// The old and the new method, if the settings ask for another method than the last call.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub method: Option<StaleReason>,
     /// Whether all outputs exist and fit.
     pub finished: bool,
-    /// Whether the settings are those of the last call. Only they tell what the same command does.
+    /// Whether the settings equal those of the last call. Only the settings of the last call say what the
+    /// same command will do.
     pub same_settings: bool,
     /// Whether all outputs exist and fit the settings of the last call.
     pub finished_before: bool,
@@ -55,7 +56,7 @@ pub struct RunStatus {
     /// their content.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub touched: Vec<String>,
-    /// What of the input or the model cannot be opened any more. The run is finished nevertheless.
+    /// Why the input or the model can no longer be opened. The run is finished nevertheless.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub missing: Option<String>,
 }
@@ -64,8 +65,8 @@ pub struct RunStatus {
 /// `resolve` returns for the path of that configuration.
 ///
 /// # Errors
-/// When there is no run, when its input is another one, or when it is not finished and its input can no
-/// longer be opened.
+/// When there is no run, when its input differs, or when it is not finished and its input can no longer be
+/// opened.
 pub fn status(
     out: &Path,
     registries: &Registries<'_>,
@@ -106,7 +107,7 @@ pub fn status(
     Ok(RunStatus { out, inputs, passes, method, finished, same_settings, finished_before, touched, missing })
 }
 
-/// What is seen with some settings.
+/// The state of the run, compared with some settings.
 #[derive(Default)]
 struct Seen {
     finished: bool,
@@ -144,8 +145,8 @@ impl PassStatus {
     }
 }
 
-/// The settings among the changed values. The tiles and the reach are derived from settings: they are named
-/// only where no setting of the pass has changed.
+/// The settings among the changed values. The tiles and the reach are derived from settings, so they are
+/// named only if no setting of the pass has changed.
 fn causes<'a>(changed: &[&'a StaleReason]) -> Vec<&'a StaleReason> {
     let settings: Vec<_> = changed.iter().copied().filter(|reason| reason.name.contains('.')).collect();
     if settings.is_empty() { changed.to_vec() } else { settings }
@@ -162,8 +163,7 @@ fn changed(reason: &StaleReason) -> String {
     }
 }
 
-/// The unit of a setting with a blank before it, as the comments of the defaults say it; empty where there is
-/// none.
+/// The unit of a setting after a space, from the comments of the defaults; empty if there is none.
 fn unit(setting: &str) -> &'static str {
     let Some((section, key)) = setting.split_once('.') else { return "" };
     let header = format!("[{section}]");

@@ -1,6 +1,6 @@
 //! Pass `copc nodes`: completes the columns of the octree of the cloud-optimised file, one at a time: which
-//! node shows which point, and the chunk of each node. Nodes above the columns are joined from the points
-//! that columns pass on. Its reduction writes the file, nodes in the order of their keys, so the columns
+//! node shows which point, and the chunk of each node. Nodes above the columns are joined from points of
+//! several columns. Its reduction writes the file with the nodes in the order of their keys, so the columns
 //! leave no trace in it.
 //!
 //! ```text
@@ -58,7 +58,7 @@ pub(crate) struct CopcNodesPass<'a> {
     pub(crate) outline: Outline,
 }
 
-/// Where the parts of nodes are: unit, and range of its second section.
+/// Where the parts of nodes are: unit, range in its second section, and number of points.
 type Places = BTreeMap<NodeKey, Vec<(usize, Range<u64>, u32)>>;
 
 impl CopcNodesPass<'_> {
@@ -70,7 +70,7 @@ impl CopcNodesPass<'_> {
         records.zip(ids).map(|(record, id)| (spot(record), rank(*id))).collect()
     }
 
-    /// The points of every node that has some of a column, in the order of the keys.
+    /// The points of a column with the node that shows each, in the order of the keys of the nodes.
     fn nodes(&self, column: u32, ids: &[PointId], spots: &[(Spot, u64)]) -> Vec<(NodeKey, u32)> {
         let wins = |point: usize, level: u32| {
             let best = self.grouped.winners.get(&(level, spots[point].0.cell(level)));

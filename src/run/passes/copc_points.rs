@@ -52,8 +52,8 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
-    /// Divides a cube until columns have at most `most` points, or are single cells. No column is below a
-    /// leaf of the octree, whatever `most` is.
+    /// Divides a cube into columns until they have at most `most` points, or are single cells. No column is
+    /// below a leaf of the octree, whatever `most` is.
     pub(crate) fn of(cube: Cube, cells: &PackedCells, edge: i64, most: u64) -> Self {
         let most = most.max(LEAF_POINTS as u64);
         let deepest = cube.raster_level(edge);
@@ -100,7 +100,7 @@ fn improve(winners: &mut Winners, cell: (u32, u128), found: (u64, u64)) {
     winners.entry(cell).and_modify(|best| *best = (*best).min(found)).or_insert(found);
 }
 
-/// What a unit found.
+/// The result of a unit.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Found {
     /// Where the points of each column are.
@@ -229,7 +229,8 @@ impl Pass for CopcPointsPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Points in file order and grouped, with column and order, and a block as read and as labelled.
+        // Points in file order and once more grouped, with column and order, and a block as read and as
+        // labelled.
         self.runs[unit].points * (2 * self.stride() as u64 + 12)
             + self.drive.largest_block_bytes(&self.runs[unit], 64)
     }

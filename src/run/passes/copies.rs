@@ -1,4 +1,4 @@
-//! Which labelled copies a run writes, and which points it shows: for a section, only those in it and around
+//! Which labelled copies a run writes, and which points it shows: for a section, only points in it and around
 //! it.
 
 use crate::error::Result;
@@ -34,17 +34,18 @@ pub(super) struct Labels<'a> {
     of_objects: &'a [Kind],
     pub(super) objects: Vec<u32>,
     pub(super) classes: Vec<u8>,
-    /// What the object of each record is. Empty if the method does not classify.
+    /// Class and confidence of the object of each record. Empty if the method does not classify.
     pub(super) kinds: Vec<Kind>,
 }
 
 impl<'a> Labels<'a> {
-    /// Labels with what the objects 1, 2, ... are, or with nothing of it.
+    /// Labels with the class and confidence of object 1, 2, ...; `of_objects` is empty if the method does not
+    /// classify.
     pub(super) fn of(columns: &'a PointColumns, of_objects: &'a [Kind]) -> Self {
         Self { columns, of_objects, objects: Vec::new(), classes: Vec::new(), kinds: Vec::new() }
     }
 
-    /// Reads those of some records of a file.
+    /// Reads the labels of some records of a file.
     pub(super) fn read(&mut self, file: usize, first: u64, count: usize) -> Result<()> {
         self.objects.resize(count, 0);
         self.classes.resize(count, 0);
@@ -62,12 +63,13 @@ impl<'a> Labels<'a> {
     }
 }
 
-/// The points of no object that are shown: those of the section with this plan, or all.
+/// Which points without an object are shown: those inside the section of this plan, or all if there is no
+/// section.
 #[derive(Clone, Copy)]
 pub(crate) struct Shown<'a>(Option<&'a Plan>);
 
 impl<'a> Shown<'a> {
-    /// Those of a drive in tiles.
+    /// The shown points of a drive in tiles.
     pub(crate) fn of(tiled: &Tiled<'a>) -> Self {
         Self(tiled.surveyed.section.as_ref().map(|_| tiled.plan))
     }

@@ -34,8 +34,8 @@ const NAME: &str = "export";
 /// Maximum number of points of one unit.
 pub(crate) const UNIT_POINTS: u64 = 1_000_000;
 
-/// Number of records that are labelled and written at a time to a file without chunks. They are then still in
-/// the core's own cache when the system copies them, with the lock of the file held.
+/// Number of records that are labelled and written at a time to a file without chunks. So few are still in
+/// the cache of the processor core when the system copies them while it holds the lock of the file.
 const PIECE_RECORDS: u64 = 8_192;
 
 /// The records of one file that one unit writes.
@@ -63,7 +63,7 @@ pub(crate) struct ExportPass<'a> {
     drive: &'a Drive,
     columns: &'a PointColumns,
     kinds: &'a [Kind],
-    /// `None` if there is no report.
+    /// `None` if the page is not written.
     sampling: Option<&'a Sampling>,
     /// Whether labelled copies are written.
     writes: bool,
@@ -74,8 +74,8 @@ pub(crate) struct ExportPass<'a> {
     outline: Outline,
 }
 
-/// The export depends on the values of all points, the rows of the tables (they are finished with it) and the
-/// settings of the output.
+/// The export depends on the values of all points, on the rows of the tables (which are marked as finished
+/// together with the copies), and on the settings of the output.
 pub(crate) fn outline(relabel: &Outline, inventory: &Outline, config: &Config) -> Outline {
     let depends = Inputs::new()
         .with("pass relabel", relabel.depends.fingerprint())
@@ -122,8 +122,8 @@ impl<'a> ExportPass<'a> {
                 pass.units.push(Unit { file, chunks: start..end, points });
                 start = end;
             }
-            // With the fingerprint: a worker that is late, from before the settings changed, writes to
-            // another file.
+            // The name contains the fingerprint, so that a late worker from before a change of settings
+            // writes to another file.
             let part = folder.join(format!("{file:05}-{}.part", pass.outline.depends.fingerprint()));
             pass.targets.push(Target { labelled, is_copied, chunks, part, unsynced: AtomicBool::new(false) });
         }
@@ -172,7 +172,7 @@ impl<'a> ExportPass<'a> {
         Ok(())
     }
 
-    /// Shows the sampler the records from a number on, whose labels are in the buffers.
+    /// Passes the records from number `first` on to the sampler. Their labels are in the buffers.
     fn sample(&self, file: usize, first: u64, records: &[u8], desk: &mut Desk<'_>) {
         let Some(sampler) = &mut desk.sampler else { return };
         let input = self.drive.file(file);
@@ -183,7 +183,7 @@ impl<'a> ExportPass<'a> {
             numbers.zip(records.chunks_exact(input.layout().record_len)).zip(labels)
         {
             let place = input.transform().apply(record_xyz(record));
-            // What is shown of a section are its points and its whole objects.
+            // Of a section, its points and all points of its objects are shown.
             if object == 0 && !self.shown.contains(place) {
                 continue;
             }
@@ -202,9 +202,9 @@ impl<'a> ExportPass<'a> {
         Ok(length.is_some_and(|length| meant == Some(meaning(dir, length))) && !target.part.exists())
     }
 
-    /// Whether the temporary file of a copy is not needed any more. The record of a unit can be lost after
-    /// the copy has its name. The records of the others are not in the units, so all of them are written
-    /// again.
+    /// Whether the temporary file of a copy is no longer needed. A unit can be lost after the copy has its
+    /// name. The units of an uncompressed copy do not contain its records, so all of its records are then
+    /// written again.
     fn is_complete(&self, file: usize, dir: &PassDir) -> Result<bool> {
         if !self.is_named(file, dir)? {
             return Ok(false);
@@ -248,8 +248,8 @@ impl<'a> ExportPass<'a> {
     }
 }
 
-/// Buffers of one worker, kept from chunk to chunk, because the system would have to zero new ones every
-/// time.
+/// Buffers of one worker. They are reused from chunk to chunk, because the system would have to zero new ones
+/// every time.
 struct Desk<'a> {
     labels: Labels<'a>,
     /// The block whose records are in `decoded`.
@@ -300,8 +300,8 @@ fn intent(file: usize) -> String {
     format!("export/{file:05}.json")
 }
 
-/// What the intent says: the state that the copy belongs to, and its length in bytes. A copy that was cut off
-/// since is written again.
+/// The content of the intent: the state that the copy belongs to, and its length in bytes. A copy that was
+/// truncated since is written again.
 fn meaning(dir: &PassDir, length: u64) -> String {
     format!("{} {length}", dir.fingerprint())
 }
@@ -310,8 +310,8 @@ fn length(records: &Range<u64>) -> u64 {
     records.end - records.start
 }
 
-/// Opens the temporary file of a copy, which `prepare` has created. Only for writing: then a network file
-/// system sends the bytes that were written, and never whole pages with the old bytes of other writers.
+/// Opens the temporary file of a copy, which `prepare` has created, for writing only. Then a network file
+/// system sends just the written bytes, and never whole pages with old bytes of other writers.
 fn open_part(target: &Target) -> Result<File, OutputError> {
     File::options()
         .write(true)
@@ -442,7 +442,7 @@ impl Pass for ExportPass<'_> {
             let failed = |source| OutputError::Write { path: target.part.clone(), source };
             let part = File::create(&target.part).map_err(failed)?;
             if !target.labelled.is_compressed() {
-                // The file gets its full length at once, so each unit is the only writer of its range of
+                // The file gets its full length at once, so that each unit is the only writer of its range of
                 // bytes.
                 let end = target.labelled.epilogue_offset() + target.labelled.epilogue_len();
                 part.set_len(end).map_err(failed)?;

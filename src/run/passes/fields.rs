@@ -1,5 +1,5 @@
-//! Pass `fields`: stores further fields of every point (intensity, colours), and computes exact sums of every
-//! field in which distances are measured, over all points of the drive, ground and noise included.
+//! Pass `fields`: stores further fields of every point (intensity, colours), and computes exact sums over all
+//! points of the drive, ground and noise included, of every field in which distances are measured.
 //!
 //! ```text
 //! payload := sums values*        sections; values (u16) of each field that is not a coordinate
@@ -36,7 +36,7 @@ pub(crate) struct FieldsPass<'a> {
     runs: Vec<BlockRun>,
     /// The fields that a method asks for, coordinates included.
     fields: &'a [Field],
-    /// Those that are not coordinates.
+    /// The fields that are not coordinates.
     stored: Vec<Field>,
     outline: Outline,
 }
@@ -51,7 +51,7 @@ impl<'a> FieldsPass<'a> {
     }
 }
 
-/// What a unit finds.
+/// The result of a unit.
 struct Found {
     sums: Vec<FieldSums>,
     /// Values of the fields that are not coordinates.
@@ -100,7 +100,7 @@ impl Pass for FieldsPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // A block as read, and the values of the unit, twice while it is stored.
+        // A block as read, and the values of the unit, which are in memory twice while the unit is stored.
         let run = &self.runs[unit];
         self.drive.largest_block_bytes(run, 2) + run.points * 4 * self.stored.len() as u64
     }

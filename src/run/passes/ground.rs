@@ -30,8 +30,9 @@ pub(crate) const ALGORITHM_EPOCH: u32 = 5;
 /// voxel.
 pub(crate) const BYTES_PER_POINT: u64 = 52;
 
-/// In one cell of this number all points are asked whether they lie low and are ground. That is enough for a
-/// warning. One point of as many would not do: its neighbours say what lies low.
+/// One cell in this many is checked for low points: how many there are, and how many of them are ground. That
+/// is enough for a warning. A sample of single points would not do, because the neighbours of a point decide
+/// whether it lies low.
 const LOW_SHARE: i64 = 8;
 
 /// The ground pass depends on the content of the input, the tiles, and its own settings.
@@ -65,7 +66,7 @@ impl<'a> GroundPass<'a> {
 pub(crate) struct GroundPayload {
     /// Points by class code.
     pub(crate) counts: [u64; 4],
-    /// How many of the low points are ground, from a share of the points.
+    /// How many of the low points are ground, counted in one cell in [`LOW_SHARE`].
     pub(crate) low: LowPoints,
     /// Number of ground points and the sum of their lattice z, by cell.
     pub(crate) heights: Vec<(Cell, u32, i64)>,
@@ -132,7 +133,8 @@ impl<'a> Pass for GroundPass<'a> {
         let cloud = &gathered.cloud;
         let mut classes = vec![PointClass::Object; cloud.len()];
         {
-            // The voxels are freed before the columns of the result are created, which need as much memory.
+            // The voxels are freed before the columns of the result are created, because these need as much
+            // memory.
             let mut view = TileView::new(cloud);
             if let Some(noise) = &self.chain.noise {
                 noise.mark(&mut view, &mut classes)?;

@@ -1,9 +1,10 @@
 //! Pass `inventory`: the row of every object in the table of objects.
 //!
 //! A tile sketches the points that it owns, object by object, and finishes the rows of the objects that lie
-//! in it alone. Whoever writes the tables merges the sketches of objects that several tiles share, in the
-//! order of the tiles, and finishes each when its last tile was read. So the memory does not grow with the
-//! number of points. Finished rows wait in a temporary file, because those of 16 km of street take 30 MB.
+//! in it alone. The process that writes the tables merges the sketches of objects that several tiles share,
+//! in the order of the tiles, and finishes each row once the last tile of the object is read. So the memory
+//! does not grow with the number of points. Finished rows wait in a temporary file, because the rows of 16 km
+//! of street take 30 MB.
 
 use std::collections::BTreeMap;
 
@@ -27,8 +28,8 @@ const NUMBER: u32 = 6;
 const NAME: &str = "inventory";
 
 /// Bytes per point of objects that a tile needs at its peak: coordinates and id (20), class and role (2),
-/// object (4), the list by object (8), and a voxel for touching (16). The sketches of one object at a time
-/// are bounded.
+/// object (4), the list by object (8), and a voxel to find touching objects (16). The sketches, made for one
+/// object at a time, have a bounded size.
 const BYTES_PER_POINT: u64 = 52;
 /// Bytes for the sketches and the raster of one object.
 const BYTES_OF_OBJECT: u64 = 16 << 20;
@@ -56,12 +57,12 @@ pub(crate) struct Row {
     pub(crate) values: Vec<Value<'static>>,
 }
 
-/// A row as it is stored: as bytes, since rows are many and are read one at a time.
+/// A row in its stored form: bytes, because there are many rows and they are read one at a time.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Kept {
     place: Place,
     row: Vec<u8>,
-    /// The row in the table of surfaces; empty if the object is none.
+    /// The row in the table of surfaces; empty if the object is not a surface.
     surface: Vec<u8>,
 }
 
@@ -69,7 +70,7 @@ struct Kept {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Part {
     measures: Measures,
-    /// Only of surfaces.
+    /// Only for surfaces.
     face: Option<Face>,
 }
 
@@ -83,7 +84,7 @@ impl Part {
     }
 }
 
-/// The rows of all objects, and what they are to each other.
+/// The rows of all objects, and how the objects relate to each other.
 #[derive(Debug)]
 pub(crate) struct Inventory {
     spill: Spill,
@@ -126,7 +127,7 @@ impl Inventory {
         Ok(self.spill.read(place).map_err(self.dir.failed("read"))?)
     }
 
-    /// A temporary file for whoever writes the tables.
+    /// A temporary file for the writer of the tables.
     pub(crate) fn spill(&self) -> Result<Spill> {
         Ok(self.dir.spill("table")?)
     }
@@ -147,7 +148,7 @@ impl Stored {
     }
 }
 
-/// What a tile found.
+/// The result of a tile.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Found {
     /// Objects that lie in this tile alone.
@@ -158,7 +159,7 @@ struct Found {
     touching: Vec<(u32, u32)>,
 }
 
-/// What the rows are made of.
+/// The sources of the rows.
 #[derive(Clone, Copy)]
 pub(crate) struct Sources<'a> {
     pub(crate) progress: &'a Progress<'a>,
@@ -167,7 +168,7 @@ pub(crate) struct Sources<'a> {
     pub(crate) terrain: &'a Terrain,
 }
 
-/// Sketches the objects of every tile. The rows are made of the sketches later, by whoever writes them.
+/// Sketches the objects of every tile. The process that writes the rows makes them from the sketches later.
 pub(crate) fn complete<D: Driver>(
     driver: &mut D,
     sources: Sources<'_>,
@@ -196,7 +197,8 @@ fn with_pass<T>(
         Station { chainage_m, offset_m }
     };
     let border = Border::of(&surveyed.cells, &surveyed.axis, drive.grid, drive.lattice());
-    // What reaches the end of a section is not known to be whole, as what reaches the end of the data.
+    // An object that reaches the end of a section may not be whole, like an object that reaches the end of
+    // the data.
     let is_cut_off = |[x, y]: [i64; 2]| {
         let cell = drive.grid.cell(x, y);
         surveyed.section.as_ref().is_some_and(|section| cell.is_none_or(|cell| !section.is_whole(cell)))
@@ -255,7 +257,7 @@ impl InventoryPass<'_> {
         Some((self.objects.objects.get(index)?, self.objects.planes.get(index)?.as_ref()?))
     }
 
-    /// The row of an object, of which all points were sketched.
+    /// The row of an object whose points were all sketched.
     fn finished(&self, id: u32, Part { measures, face }: &Part) -> Result<Kept> {
         let index = id as usize - 1;
         let surface = match (face, self.plane(id)) {

@@ -20,8 +20,8 @@ use crate::store::{Inputs, RunDir};
 
 const NUMBER: u32 = 3;
 
-/// The outlines of the steps of a method. The first step depends on the pass `ground`, each later one on the
-/// step before, and each on its own settings.
+/// The outlines of the steps of a method. The first step depends on the pass `ground`, each later step on the
+/// previous one, and each step on its own settings.
 pub(crate) fn outlines(ground: &Outline, config: &Config, method: &dyn Method) -> Vec<Outline> {
     let mut outlines: Vec<Outline> = Vec::new();
     for (number, step) in method.steps().iter().enumerate() {
@@ -44,7 +44,7 @@ pub(crate) fn outlines(ground: &Outline, config: &Config, method: &dyn Method) -
 
 /// Adds a setting (`section.key`), or a whole section (`section.*`), to the values that a pass depends on.
 fn with_setting(depends: Inputs, config: &Config, key: &str) -> Inputs {
-    // A word without a key is a section: a dependency is never left out in silence.
+    // A word without a key is a section, so that a dependency is never silently left out.
     let (section, name) = key.split_once('.').unwrap_or((key, "*"));
     if name == "*" {
         return with_section(depends, config, section);
@@ -148,7 +148,7 @@ impl Pass for StepPass<'_> {
     }
 }
 
-/// Removes the steps of other methods. Their results are not used here and take space.
+/// Removes the results of the steps of other methods. They are not used here and take space.
 pub(crate) fn remove_others(run_dir: &RunDir, outlines: &[Outline]) -> Result<()> {
     let ours = |name: &str| outlines.iter().any(|outline| outline.owns(name));
     Ok(run_dir.remove_passes(&prefix(NUMBER), ours)?)
@@ -254,8 +254,8 @@ enum Step {
     Again(Vec<u8>),
 }
 
-/// The reduction of a step that is not the last. It is read from the store behind the units of its round, or
-/// else computed and stored there.
+/// The reduction of a step that is not the last. It is read from the store, where it follows the units of its
+/// round, or else computed and stored there.
 fn reduce<D: Driver>(
     driver: &D,
     progress: &Progress<'_>,

@@ -35,10 +35,10 @@ pub(crate) fn outline(stitch: &Outline) -> Outline {
     Outline::new(NUMBER, NAME, depends.with("relabel epoch", EPOCH))
 }
 
-/// Class and object of every point.
+/// The class and the object of every point.
 #[derive(Debug)]
 pub(crate) struct PointColumns {
-    /// [`PointClass`] codes. Beside a section it is [`PointClass::UNDECIDED`].
+    /// [`PointClass`] codes. Outside a section, the code is [`PointClass::UNDECIDED`].
     pub(crate) classes: PerPoint<u8>,
     /// Object ids, 0 for none.
     pub(crate) objects: PerPoint<u32>,
@@ -75,7 +75,8 @@ impl<'a> RelabelPass<'a> {
         self.progress.over.classified.tiled.drive
     }
 
-    /// The tiles that own records of a run, each with its blocks: their place in the run, and what it owns.
+    /// The tiles that own records of a run, each with its blocks: the place of the block in the run, and the
+    /// records of the block that the tile owns.
     fn by_tile(&self, run: &BlockRun) -> BTreeMap<TileId, Vec<(usize, &OwnedBlock)>> {
         let mut tiles = BTreeMap::<_, Vec<_>>::new();
         for (place, number) in run.blocks.clone().enumerate() {
@@ -93,7 +94,7 @@ impl<'a> RelabelPass<'a> {
         let runs = lengths(&tile.ground.read(offset(tile.runs, block.runs))?)?;
         let (first, count) = block.points;
         let classes = tile.ground.read(offset(tile.classes, (first, first + count)))?;
-        // Beside the section, points keep the class of the input: ground is not certain there.
+        // Outside the section, points keep the class of the input, because the ground is not certain there.
         if self.progress.plan().tiles[tile.id.index()].inside {
             scatter(&runs, &classes, &mut to.classes[records.clone()])?;
         }
@@ -133,7 +134,7 @@ impl<'a> RelabelPass<'a> {
     }
 }
 
-/// The runs of blocks with records of tiles: of a section, not those of the whole drive.
+/// The runs of blocks with records of tiles. For a section, these are not all runs of the drive.
 pub(crate) fn runs(tiled: &Tiled<'_>) -> Vec<BlockRun> {
     let mut runs = tiled.drive.block_runs();
     if tiled.surveyed.section.is_some() {
@@ -165,7 +166,7 @@ struct Values {
 }
 
 impl Values {
-    /// For blocks with these numbers of records. A record that no tile owns is beside the section.
+    /// Values for blocks with these numbers of records. A record that no tile owns is outside the section.
     fn of(counts: impl Iterator<Item = u32>) -> Self {
         let mut records = 0;
         let blocks: Vec<Range<usize>> = counts
@@ -201,15 +202,15 @@ impl Pass for RelabelPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Class, object, object as owned, label as read, run lengths of a block; class and object of all,
-        // twice.
+        // Of a block: class, object, object as owned, label as read, and run lengths. Of all records: class
+        // and object, twice.
         self.drive().largest_block_bytes(&self.runs[unit], 0).max(1 << 16)
             + self.runs[unit].points.min(1 << 16) * 24
             + self.runs[unit].points * 10
     }
 
-    /// Goes through the tiles one after the other, so that the files of one tile are open at a time: records
-    /// in a random order are of more tiles than a process may open files.
+    /// Visits the tiles one after the other, so that only the files of one tile are open at a time: records
+    /// in random order can belong to more tiles than a process may open files.
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
         let run = &self.runs[unit];
         let blocks = &self.drive().file(run.file).blocks()[run.blocks.clone()];

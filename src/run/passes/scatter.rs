@@ -23,7 +23,7 @@ const NAME: &str = "scatter";
 /// Sections of the payload of a unit.
 const GROUPS: usize = 0;
 const POINTS: usize = 1;
-/// The tile of points beside a section, which no tile reads.
+/// The tile of points outside a section, which no tile reads.
 const NOBODY: TileId = TileId::new(u32::MAX);
 
 pub(crate) struct ScatterPass<'a> {
@@ -89,7 +89,7 @@ impl Pass for ScatterPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Points with their tile, and the bytes to be stored, twice.
+        // Points with their tile, and twice the bytes to be stored.
         self.runs[unit].points * (20 + 2 * STRIDE as u64)
     }
 

@@ -4,8 +4,8 @@
 pub(crate) const PAYLOAD: usize = 0;
 /// The border that other tiles see in the next round.
 pub(crate) const BORDER: usize = 1;
-/// Of the last step: the objects of the tile, whole or in part, and the points that it shares with other
+/// In the last step: the objects of the tile, whole or in part, and the points that it shares with other
 /// tiles.
 pub(crate) const OBJECTS: usize = 2;
-/// Of the last step: the label of each point of objects in the core, by ascending id, as little-endian u32.
+/// In the last step: the label of each point of objects in the core, by ascending id, as little-endian u32.
 pub(crate) const LABELS: usize = 3;

@@ -20,8 +20,8 @@ use crate::store::Inputs;
 const NUMBER: u32 = 4;
 const NAME: &str = "stitch";
 
-/// Stitching depends on the last step of the method, and on settings of the method that no step depends on,
-/// because the last reduction may use these.
+/// Stitching depends on the last step of the method, and on the settings of the method that no step depends
+/// on, because the last reduction may use them.
 pub(crate) fn outline(steps: &[Outline], config: &Config, method: &dyn Method) -> Outline {
     let before = steps.last().map_or_else(String::new, |last| last.depends.fingerprint().to_string());
     let mut depends = Inputs::new().with("pass before", before);
@@ -52,7 +52,7 @@ pub(crate) struct Objects {
     pub(crate) ids: Vec<Vec<u32>>,
     /// Class and confidence of object 1, 2, ... Empty if the method does not classify.
     pub(crate) kinds: Vec<Kind>,
-    /// Plane of object 1, 2, ..., where it has one. Empty if the method finds no surfaces.
+    /// Plane of object 1, 2, ..., if it has one. Empty if the method finds no surfaces.
     pub(crate) planes: Vec<Option<Plane>>,
     /// Whether the method finds surfaces.
     pub(crate) surfaces: bool,
@@ -207,7 +207,7 @@ impl Pass for StitchPass<'_> {
     }
 }
 
-/// The value of object 1, 2, ..., from those of groups. Empty if no group has one.
+/// The value of object 1, 2, ..., from the values of the groups. Empty if no group has a value.
 fn of_objects<T: Copy + Default>(
     ids: &[Vec<u32>],
     groups: &[Vec<u32>],

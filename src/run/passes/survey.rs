@@ -41,8 +41,8 @@ impl<'a> SurveyPass<'a> {
         Self { drive, run_dir, runs: drive.block_runs(), outline: Outline::new(NUMBER, NAME, depends) }
     }
 
-    /// For files that were touched since the survey, compares their content with that at the survey, before
-    /// anything of a run is recorded.
+    /// For files that were touched since the survey, compares their content with the content at the survey,
+    /// before anything of a run is recorded.
     pub(crate) fn check_content(&self) -> Result<()> {
         let Some(run_dir) = self.run_dir else { return Ok(()) };
         self.verify(&run_dir.pass(&self.outline.folder, self.outline.depends.clone()))
@@ -86,8 +86,8 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Positions of a block on the lattice, the counts, and the positions of the unit, twice while it is
-        // stored.
+        // Positions of a block on the lattice, the counts, and the positions of the unit, which are in memory
+        // twice while the unit is stored.
         let run = &self.runs[unit];
         let unpacked = if self.drive.file(run.file).is_compressed() { run.points * 24 } else { 0 };
         self.drive.largest_block_bytes(run, 12) + unpacked + (16 << 20)
@@ -97,10 +97,10 @@ impl Pass for SurveyPass<'_> {
         self.verify(dir)
     }
 
-    /// For files that were touched since the survey, compares their content with that at the survey.
+    /// For files that were touched since the survey, compares their content with the content at the survey.
     fn verify(&self, dir: &PassDir) -> Result<()> {
         let Some(run_dir) = self.run_dir else { return Ok(()) };
-        // Without unpacking: positions of the input that the run was started with must stay.
+        // Without unpacking: the positions from the input at the start of the run must stay.
         let stored = |unit| codec::decode(&dir.reader(unit)?.read_section(PART)?);
         let survey = |unit| self.survey(unit, false).map(|(part, _)| part);
         identity::check_content(run_dir, self.drive, dir, &self.runs, &stored, &survey)

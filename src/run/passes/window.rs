@@ -15,7 +15,7 @@ use crate::tiling::{Plan, Region, Wanted};
 pub(crate) struct MethodDrive<'a> {
     pub(crate) classified: &'a Classified<'a>,
     pub(crate) method: &'a dyn Method,
-    /// Further fields of points with their sums, if the method asks for any.
+    /// Further fields of the points with their sums, if the method asks for any.
     pub(crate) fields: Option<(StoredFields, Vec<(Field, FieldSums)>)>,
 }
 

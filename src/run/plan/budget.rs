@@ -10,10 +10,10 @@ const LARGEST_TILE_POINTS: u64 = 8_000_000;
 const SMALLEST_TILE_POINTS: u64 = 20_000;
 /// A small drive is divided between the workers, but not into tiles smaller than this.
 const SHARED_TILE_POINTS: u64 = 400_000;
-/// Weight in the budget of a byte for data of the whole drive. With it, the peak of memory is the same for a
-/// drive of any length. It is more than one for three reasons. Tiles on streets use four fifths of their
-/// estimated memory. The allocator takes about a tenth more than the counted bytes. The largest of many pairs
-/// of tiles is larger than the largest of few. Chosen by `scripts/lengths.sh`.
+/// Weight of a byte of data of the whole drive in the budget. With this weight, the peak of memory is the
+/// same for a drive of any length. The weight is more than one for three reasons. Tiles on streets use four
+/// fifths of their estimated memory. The allocator takes about a tenth more than the counted bytes. The
+/// largest of many pairs of tiles is larger than the largest of few. Chosen by `scripts/lengths.sh`.
 const HELD_WEIGHT: u64 = 2;
 /// Minimum share of a limit that is left for a core, however large its halo is (chosen: with less, most
 /// points are read several times, which is no faster than tiles that wait for each other).
@@ -31,7 +31,7 @@ pub(crate) struct Budget {
     pub(crate) memory: u64,
     /// Bytes of the whole budget, as the user knows it.
     pub(crate) asked: u64,
-    /// Whether the memory was not asked for: it is half of what was free.
+    /// Whether the user set no memory budget, so that it is half of the free memory.
     pub(crate) automatic: bool,
 }
 
@@ -66,8 +66,8 @@ impl Budget {
     }
 
     /// Into how many tiles to cut each of these tiles, so that all except the last need about the same
-    /// memory. The total is the smallest that fits, so drives of any length use the same share of the budget.
-    /// `None` if the tiles already fit.
+    /// memory. The total number is the smallest that fits, so that drives of any length use the same share of
+    /// the budget. `None` if the tiles already fit.
     pub(crate) fn balanced(&self, points: u64, needs: &[TileNeed]) -> Option<Vec<f64>> {
         let aim = self.each() as f64 * (1.0 - SPARE);
         let tried = needs.len() as u64;
@@ -105,14 +105,14 @@ impl Budget {
         TileNeed::largest(needs) <= self.each()
     }
 
-    /// Whether a plan whose largest tile needs so many bytes stays as it is. Results of other processes and
-    /// of earlier calls belong to it, so a plan that was made where more memory was free stays as long as the
-    /// tile fits what is free here.
+    /// Whether a plan whose largest tile needs `largest` bytes stays as it is. Results of other processes and
+    /// of earlier calls belong to the plan. So a plan made with more free memory stays as long as its largest
+    /// tile fits the memory that is free here.
     pub(crate) fn keeps(&self, largest: u64) -> bool {
         largest <= self.memory.saturating_mul(if self.automatic { 2 } else { 1 })
     }
 
-    /// Bytes for one tile in flight. It is at most half of the budget, because a tile with many points of
+    /// Bytes for one tile in flight. They are at most half of the budget, because a tile with many points of
     /// objects needs more than planned.
     fn each(&self) -> u64 {
         self.memory / (self.threads as u64).max(2)
@@ -198,7 +198,8 @@ mod tests {
         let balanced = |needs: &[TileNeed]| budget.balanced(100_000_000, needs);
         assert_eq!(balanced(&[need(100, 190), need(150, 194)]), None);
         let sum = |parts: Option<Vec<f64>>| parts.map(|parts| parts.iter().sum::<f64>().round());
-        // Of 200 MiB (less 3 %), 94 and 44 are left: 1.5 and 3.2 tiles. For two threads this gives 6.
+        // Of 200 MiB less 3 %, the halos leave 94 and 44 for cores: 1.5 and 3.2 tiles. For two threads this
+        // gives 6.
         assert_eq!(sum(balanced(&[need(140, 240), need(140, 290)])), Some(6.0));
         // Two are enough when the second is shorter: x + 40 = y + 80.
         let parts = balanced(&[need(120, 160), need(121, 201)]).unwrap();
@@ -208,8 +209,8 @@ mod tests {
             "{lengths:?}"
         );
         assert!((parts.iter().sum::<f64>() - 2.0).abs() < 1e-6, "{parts:?}");
-        // Of 23 tiles that are too large by a tenth, the first stay as large as the limit, and the last are
-        // shorter to give an even number.
+        // Of 23 tiles that are too large by a tenth, the first become as large as the limit, and the last
+        // become shorter to give an even number.
         let many = balanced(&[need(194, 214); 23]).unwrap();
         let full = 194.0 / (194.0 - 20.0);
         assert!(many[..19].iter().all(|part| (part - full).abs() < 0.01), "{many:?}");

@@ -13,7 +13,7 @@ use crate::spatial::{Cell, CellGrid, PackedCells};
 use crate::store::Inputs;
 use crate::tiling::{Plan, PlanRequest, TileSize};
 
-/// Maximum number of plans that are tried until every thread can process any tile. There may be no such plan,
+/// Maximum number of plans that are tried to let every thread process any tile. There may be no such plan,
 /// for instance if a street crosses itself and the halo of a tile changes with every metre. Then some tiles
 /// wait for others.
 const ATTEMPTS: usize = 5;
@@ -31,7 +31,7 @@ fn depends(surveyed: &Surveyed, drive: &Drive) -> Inputs {
         .with("section", format!("{:?}", surveyed.inside_m()))
 }
 
-/// File with the size of the tiles. Sections have files of their own, because their tiles are others.
+/// File with the size of the tiles. Sections have files of their own, because their tiles differ.
 fn stored_name(surveyed: &Surveyed) -> String {
     match surveyed.section_m() {
         Some((from, to)) => format!("plan-{from}-{to}.json"),
@@ -39,7 +39,7 @@ fn stored_name(surveyed: &Surveyed) -> String {
     }
 }
 
-/// Whether a file of the state is one with the size of the tiles.
+/// Whether a file of the state contains the size of the tiles.
 pub(crate) fn is_stored_name(name: &str) -> bool {
     name == "plan.json" || name.starts_with("plan-")
 }
@@ -54,8 +54,8 @@ pub(crate) struct Street<'a> {
 }
 
 impl<'a> Street<'a> {
-    /// The street of `surveyed`. To find the vertices takes most of the time in which a process starts to
-    /// work on a long drive, so they are stored.
+    /// The street of `surveyed`. The search for the vertices takes most of the start-up time of a process on
+    /// a long drive, so they are stored.
     fn of<D: Driver>(driver: &D, surveyed: &'a Surveyed, drive: &Drive) -> Result<Self> {
         let dir = driver.run_dir().map(|run_dir| run_dir.pass(STRIPS, depends(surveyed, drive)));
         let stored = match &dir {
@@ -134,8 +134,8 @@ pub(crate) fn over_budget(largest: u64, budget: &Budget) -> String {
     }
 }
 
-/// The plan of an earlier call if it still fits, or else a new one that fits the budget. `None` if the driver
-/// must not make one.
+/// The plan of an earlier call if it still fits, or else a new plan that fits the budget. `None` if the
+/// driver must not make one.
 pub(crate) fn settle<D: Driver>(
     driver: &D,
     surveyed: &Surveyed,

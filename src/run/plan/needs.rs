@@ -1,4 +1,4 @@
-//! The memory that tiles need, for the plan. The pass over tiles that needs most decides.
+//! The memory that tiles need, for the plan: the need of the pass over tiles that needs most.
 
 use crate::cluster::BytesPer;
 use crate::run::chain::Chain;
@@ -7,7 +7,7 @@ use crate::run::plan::budget::TileNeed;
 use crate::tiling::{Plan, Tile};
 
 /// Share of points of objects that the plan assumes, in percent. Drives along streets have 27 to 64. The true
-/// share is known after the ground pass. In a forest fewer tiles are then in flight at once.
+/// share is known after the ground pass. If it is larger, as in a forest, fewer tiles are in flight at once.
 const OBJECT_SHARE_PERCENT: u64 = 55;
 
 /// Bytes per point of the steps of the method.

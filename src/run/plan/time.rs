@@ -3,20 +3,22 @@
 
 use std::ops::RangeInclusive;
 
-/// Processor time per point on the machine of `benches/results`, in microseconds, while other programs used
-/// it as well: the survey of LAS and of LAZ, which is mostly decoding.
+/// Processor time of the survey per point of LAS and of LAZ (mostly decoding), in microseconds, on the
+/// machine of `benches/results` while other programs used it as well.
 const SURVEY_LAS: f64 = 0.2;
 const SURVEY_LAZ: f64 = 2.2;
-/// Joining labels, measuring objects, copying records and sampling the page.
+/// Processor time per point of joining labels, measuring objects, copying records and sampling the page, in
+/// microseconds.
 const AFTER_OBJECTS: f64 = 2.0;
-/// Encoding a compressed copy.
+/// Processor time per point of encoding a compressed copy, in microseconds.
 const ENCODING: f64 = 2.5;
-/// A survey of fewer points says nothing of the machine: it mostly waits for threads and files.
+/// Smallest number of points whose survey says anything about the machine. A shorter survey mostly waits for
+/// threads and files.
 const TELLING_POINTS: u64 = 200_000;
-/// Other processors and disks are within these factors of that machine. A survey that is slower than that
-/// waited for something.
+/// Factors by which other processors and disks differ from that machine. A slower survey waited for
+/// something.
 const FACTORS: RangeInclusive<f64> = 0.1..=20.0;
-/// How far a run may be from its estimate. Chosen: no study of many machines is behind it.
+/// Factors between which a run may differ from its estimate. Chosen without a study of many machines.
 const LOW: f64 = 0.6;
 const HIGH: f64 = 1.7;
 
@@ -33,7 +35,7 @@ pub(crate) struct Work {
     /// cost in microseconds per point.
     pub(crate) ground: (u64, f64),
     pub(crate) method: (u64, f64),
-    /// Points that are labelled and copied, and of these those in compressed copies.
+    /// Points that are labelled and copied, and how many of them are in compressed copies.
     pub(crate) copied: u64,
     pub(crate) copied_compressed: u64,
 }
@@ -73,7 +75,8 @@ mod tests {
             copied: 10_000_000,
             copied_compressed: 0,
         };
-        // 1 s of survey, as on the reference machine; 2 us of passes and 2 us after them, on two threads.
+        // 1 s of survey, as on the reference machine; 2 us per point for the passes and 2 us after them, on
+        // two threads.
         let expected = |work: Work| (work.seconds().start() / LOW, work.seconds().end() / HIGH);
         let about = |work: Work, seconds: f64| {
             let (low, high) = expected(work);
