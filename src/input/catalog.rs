@@ -1,4 +1,5 @@
-//! The files of one drive: found from the arguments, opened, compared with each other, put on one lattice.
+//! The files of one drive: found from the arguments, opened, compared with each other, and put on one
+//! lattice.
 
 use std::path::{Path, PathBuf};
 
@@ -35,8 +36,8 @@ impl Catalog {
         Self::open_without(arguments, &[], options)
     }
 
-    /// The same, without the files `left_out`, unless there are no others. They are the outputs of a run
-    /// whose folder is among the searched ones.
+    /// The same, without the files `left_out`, unless there are no others. These files are the outputs of a
+    /// run in one of the searched folders.
     ///
     /// # Errors
     /// Those of [`Self::open`].
@@ -106,15 +107,15 @@ impl Catalog {
         &self.warnings
     }
 
-    /// The coordinate reference system of the drive: that of the first file that names one.
+    /// The coordinate reference system of the drive, from the first file that names one.
     #[must_use]
     pub fn crs(&self) -> &Crs {
         &self.crs
     }
 
-    /// One unit of x, y and z of the input in metres: as `input.unit` says, otherwise as the system of the
-    /// drive says. Everything that converts coordinates takes the units from here, so that points, tables,
-    /// trajectories and pages agree.
+    /// One unit of x, y and z of the input in metres, from the setting `input.unit`, or else from the
+    /// coordinate reference system of the drive. Everything that converts coordinates takes the units from
+    /// here, so that points, tables, trajectories and pages agree.
     #[must_use]
     pub fn units_m(&self) -> [f64; 3] {
         self.units_m
@@ -141,7 +142,7 @@ fn find(arguments: &[PathBuf], left_out: &[PathBuf]) -> Result<Vec<PathBuf>, Inp
     let mut own = Vec::new();
     for path in &paths {
         let real = path.canonicalize().map_err(|source| InputError::Read { path: path.clone(), source })?;
-        // The state of a run and its tables have paths as text.
+        // The state of a run and its tables store paths as text.
         if real.to_str().is_none() {
             return Err(InputError::NotUtf8 { path: real });
         }
@@ -160,8 +161,8 @@ fn find(arguments: &[PathBuf], left_out: &[PathBuf]) -> Result<Vec<PathBuf>, Inp
     Ok(paths)
 }
 
-/// Removes the cloud-optimised file of a run where its labelled copies are found as well: it has the same
-/// points. A run has a report.
+/// Removes the cloud-optimised file of a run if its labelled copies are found as well, because it has the
+/// same points. The report beside the file shows that a run wrote it.
 fn without_clouds(paths: &mut Vec<PathBuf>) {
     let is_cloud = |path: &Path| {
         path.file_name().is_some_and(|name| name == CLOUD_NAME)
@@ -214,7 +215,8 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     Ok(paths)
 }
 
-/// The common system of the files. An error if they contradict each other, or if it is not projected.
+/// The common coordinate reference system of the files. An error if the files contradict each other, or if
+/// the system is not projected.
 fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>) -> Result<Crs, InputError> {
     // A unit in the settings means that coordinates are lengths, whatever they look like.
     if let Some(file) = files.iter().find(|file| unit == LengthUnit::Auto && file.seems_geographic()) {
@@ -257,7 +259,7 @@ fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>)
     Ok(first.map_or_else(|| Crs::unknown(unit), |first| first.crs().clone()))
 }
 
-/// A system, with its unit unless this is the metre.
+/// A coordinate reference system in words, with its unit unless that is the metre.
 fn describe(crs: &Crs) -> String {
     if (crs.horizontal_unit_m - 1.0).abs() < 1e-9 {
         crs.description.clone()
@@ -266,7 +268,7 @@ fn describe(crs: &Crs) -> String {
     }
 }
 
-/// Warns that lengths are not in the units of the coordinates.
+/// Warns that lengths are in metres although the coordinates are not.
 fn note_units([plan_m, _, height_m]: [f64; 3], warnings: &mut Vec<String>) {
     if [plan_m, height_m].iter().any(|unit| (unit - 1.0).abs() > 1e-9) {
         let (plan, height) = (unit_in_words(plan_m), unit_in_words(height_m));

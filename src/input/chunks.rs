@@ -131,7 +131,7 @@ struct Finder<'a> {
     header: &'a Header,
     coding: &'a Coding,
     source: &'a ByteSource,
-    /// First byte that cannot belong to points any more.
+    /// First byte after all bytes that can belong to points.
     end: u64,
 }
 
@@ -166,7 +166,8 @@ impl Finder<'_> {
         }
     }
 
-    /// The position of the table. A writer that could not seek stores -1 there and the position at the end.
+    /// The position of the table. A writer that could not seek stores -1 in its place, and the position at
+    /// the end of the file.
     fn table_position(&self) -> Result<Option<u64>, Problem> {
         let size = self.source.len();
         let read = |at: u64| -> Result<u64, Problem> {
@@ -202,7 +203,7 @@ impl Finder<'_> {
             return Err(ChunkTableProblem::Version { version }.into());
         }
         let bytes = position - self.chunks_start();
-        // One more, because some writers add an empty chunk at the end.
+        // One more chunk, because some writers add an empty one at the end.
         let limit = bytes / self.coding.smallest_chunk() + 1;
         if chunks > limit {
             return Err(ChunkTableProblem::TooMany { chunks, bytes, limit }.into());
@@ -217,7 +218,7 @@ impl Finder<'_> {
         Ok(table.as_ref().to_vec())
     }
 
-    /// Chunks of one size: as many of the listed ones as the points need. Further ones must be empty.
+    /// Chunks of one size: as many of the listed chunks as the points need. Any further chunks must be empty.
     fn fixed(&self, entries: &[ChunkTableEntry], size: u32) -> Result<Vec<(u64, u64)>, Problem> {
         let size = u64::from(size);
         let used = entries.iter().rposition(|entry| entry.byte_count > 0).map_or(0, |last| last as u64 + 1);
@@ -271,8 +272,8 @@ impl Finder<'_> {
         Ok(chunks)
     }
 
-    /// What the file has although its header promises no points; `None` if that is true. Whatever cannot be
-    /// read counts as absent here: an empty file needs no table.
+    /// A description of the points in a file whose header promises none; `None` if there are none. Unreadable
+    /// parts count as absent, because an empty file needs no table.
     fn uncounted(&self) -> Option<String> {
         let start = self.chunks_start();
         let table = match self.coding.chunking {
@@ -302,8 +303,8 @@ impl Finder<'_> {
             && uncounted::bytes(self.source, rest).is_ok_and(|bytes| bytes > 0)
     }
 
-    /// Whether the table of so many chunks begins here. A writer that was stopped may not have stored its
-    /// position.
+    /// Whether a table of this number of chunks begins at `position`. A writer that was stopped may not have
+    /// stored the position of its table.
     fn is_table(&self, position: u64, chunks: usize) -> bool {
         let mut buffer = Vec::new();
         let head = self.source.slice(position..position + 8, &mut buffer);
@@ -313,7 +314,7 @@ impl Finder<'_> {
         })
     }
 
-    /// A layered chunk states its own length.
+    /// Points and bytes of a layered chunk, which states its own length.
     fn walk_layered(&self, position: u64, head: u64, wanted: Option<u64>) -> Option<(u64, u64)> {
         let mut buffer = Vec::new();
         let head = self.source.slice(position..position.checked_add(head)?, &mut buffer).ok()?;
@@ -321,8 +322,8 @@ impl Finder<'_> {
         Some((wanted.unwrap_or(u64::from(points)), bytes))
     }
 
-    /// A chunk of points coded one after the other ends with its last point. It must be decoded to find the
-    /// end.
+    /// Points and bytes of a chunk whose points are coded one after the other. It ends with its last point,
+    /// so it must be decoded to find its end.
     fn walk_points(&self, position: u64, wanted: Option<u64>) -> Option<(u64, u64)> {
         let points = wanted.and_then(|points| u32::try_from(points).ok())?;
         let stream = BufReader::new(RangeReader::new(self.source, position..self.end));

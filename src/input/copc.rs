@@ -1,6 +1,6 @@
 //! A cloud-optimised point cloud (COPC 1.0, <https://copc.io>) as a tree: its cube, its table of nodes, and
-//! the records of one node. The file is not trusted: every number is checked against its size before it is
-//! used or memory is allocated.
+//! the records of one node. The file is not trusted: every number is checked against the size of the file
+//! before it is used or memory is allocated.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -21,7 +21,8 @@ const INFO_BYTES: u64 = 160;
 const ENTRY_BYTES: u64 = 32;
 /// Entries that are read at once.
 const ENTRIES_AT_ONCE: u64 = 4_096;
-/// Largest number of entries. Chosen: a drive of 16 km has 0.3 million, and 4 million take 300 MB here.
+/// Largest number of entries in the table of nodes. Chosen: a drive of 16 km has 0.3 million, and 4 million
+/// take 300 MB of memory.
 const MOST_ENTRIES: u64 = 1 << 22;
 /// Deepest level whose positions the file can express.
 const DEEPEST: u32 = 30;
@@ -32,9 +33,9 @@ pub(crate) type Key = [u32; 4];
 /// A node of the tree.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Node {
-    /// Its points; 0 if only nodes below it have some.
+    /// Number of its points; 0 if only nodes below it have points.
     pub(crate) points: u32,
-    /// Bytes of the file with them, compressed.
+    /// Bytes of the file with the compressed points.
     bytes: Range<u64>,
 }
 
@@ -65,8 +66,8 @@ impl CopcFile {
     /// Opens a file, and reads and checks its table of nodes.
     ///
     /// # Errors
-    /// [`InputError::Copc`] if it is not a cloud-optimised file or its table is damaged, and those of every
-    /// LAZ file.
+    /// [`InputError::Copc`] if it is not a cloud-optimised file or its table is damaged, and the errors of
+    /// any LAZ file.
     pub(crate) fn open(path: &Path) -> Result<Self, InputError> {
         let read_error = |source| InputError::Read { path: path.to_owned(), source };
         // Not mapped: a run may replace the file while it is shown.
@@ -107,7 +108,7 @@ impl CopcFile {
         self.cube
     }
 
-    /// The nodes by ascending key. The node above one of them is among them.
+    /// The nodes by ascending key. The parent of each node is among them.
     pub(crate) fn nodes(&self) -> &BTreeMap<Key, Node> {
         &self.nodes
     }
@@ -133,7 +134,7 @@ impl CopcFile {
     }
 }
 
-/// The cube that the record of the file describes.
+/// The cube that the info record of the file describes.
 fn cube_of(info: &[u8]) -> Result<Cube, CopcProblem> {
     let number = |at: usize| f64::from_bits(word(info, at));
     let (centre, halfsize, spacing) = ([0, 8, 16].map(number), number(24), number(32));
@@ -201,7 +202,7 @@ impl Table<'_> {
     }
 }
 
-/// Reads an entry into `nodes`. Returns the place of a further page, if the entry is one.
+/// Reads an entry into `nodes`. Returns the place of a further page, if the entry refers to one.
 fn entry_of(
     entry: &[u8],
     header: &Header,

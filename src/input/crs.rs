@@ -30,8 +30,8 @@ pub enum CrsKind {
 /// The coordinate reference system of a file, as far as it is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Crs {
-    /// The well-known text, if the file has one. It has no code where `epsg` is unknown: other programs would
-    /// look the code up and ignore the rest.
+    /// The well-known text, if the file has one. If `epsg` is unknown, the text contains no code either:
+    /// other programs would look the code up and ignore the rest.
     pub wkt: Option<String>,
     /// EPSG code of the horizontal system, if the file names one.
     pub epsg: Option<u32>,
@@ -39,14 +39,14 @@ pub struct Crs {
     pub kind: CrsKind,
     /// One unit of x and y in metres (1 if the file does not say).
     pub horizontal_unit_m: f64,
-    /// One unit of z in metres (that of x and y if the file does not say).
+    /// One unit of z in metres (the unit of x and y if the file does not say).
     pub vertical_unit_m: f64,
     /// A readable name.
     pub description: String,
 }
 
 impl Crs {
-    /// The system of a drive without any record of one, whose coordinates are in this unit.
+    /// The unknown system of a drive without any record of its system, with coordinates in this unit.
     #[must_use]
     pub fn unknown(unit: LengthUnit) -> Self {
         let crs = Claim::default().into_crs(None);
@@ -78,8 +78,8 @@ impl Crs {
         codes || self.kind != other.kind || units || self.projections_differ(other)
     }
 
-    /// Whether the texts show different projections. Equal codes say that they are equal; a text that cannot
-    /// be read says nothing.
+    /// Whether the texts show different projections. With equal codes they are the same. An unreadable text
+    /// shows no difference.
     fn projections_differ(&self, other: &Self) -> bool {
         if self.epsg.is_some() && other.epsg.is_some() {
             return false;
@@ -88,7 +88,7 @@ impl Crs {
         matches!((first, second), (Some(first), Some(second)) if first.differs_from(&second))
     }
 
-    /// Well-known text for an output: that of the file, or that of the EPSG dataset for its code.
+    /// Well-known text for an output: the text of the file, or the text of the EPSG dataset for its code.
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         self.wkt.as_deref().or_else(|| definition(self.epsg?))
@@ -132,7 +132,7 @@ impl Crs {
     }
 }
 
-/// The content of one record; `None` for what it does not say.
+/// What one record says about the system; `None` for facts that it does not give.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Claim {
     epsg: Option<u32>,
@@ -143,7 +143,8 @@ struct Claim {
 }
 
 impl Claim {
-    /// Adds what only the other record says, if both describe the same kind of system in the same unit.
+    /// Adds the facts that only the other record gives, if both describe the same kind of system in the same
+    /// unit.
     fn completed_by(self, other: &Self) -> Self {
         let units =
             matches!((self.horizontal, other.horizontal), (Some(a), Some(b)) if (a / b - 1.0).abs() > 1e-9);
@@ -199,8 +200,8 @@ impl Claim {
         Self { epsg: None, name: Some(format!("{name} (unknown code)")), ..self }
     }
 
-    /// Completes the unit from the definition of the code. A projected system with another unit is not that
-    /// of its code: coordinates in feet under the code of a system in metres lie elsewhere.
+    /// Completes the unit from the definition of the code. A projected system with another unit is not the
+    /// system of its code: coordinates in feet under the code of a system in metres lie elsewhere.
     fn compared_with_epsg(mut self, warnings: &mut Vec<String>) -> Self {
         let Some(code) = self.epsg.filter(|_| self.kind == CrsKind::Projected) else { return self };
         let defined = definition(code).and_then(Node::parse).as_ref().and_then(length_unit);
@@ -292,14 +293,14 @@ fn claim_of_wkt(root: &Node) -> Option<Claim> {
     }
 }
 
-/// The code of the horizontal system of a compound system. Well-known text of version 2 may name only the
-/// code of the whole.
+/// The code of the horizontal part of a compound system. Well-known text of version 2 may give a code only
+/// for the whole system.
 fn horizontal_code(compound: u32) -> Option<u32> {
     let root = definition(compound).and_then(Node::parse)?;
     root.children().find_map(claim_of_wkt)?.epsg
 }
 
-/// The unit of a system in metres: its own unit, or that of its first axis.
+/// The unit of a system in metres: its own unit, or the unit of its first axis.
 fn length_unit(node: &Node) -> Option<f64> {
     const UNITS: &[&str] = &["UNIT", "LENGTHUNIT"];
     let unit = node.child(UNITS).or_else(|| node.child(&["AXIS"])?.child(UNITS))?;

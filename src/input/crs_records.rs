@@ -12,9 +12,9 @@ const WKT: u16 = 2112;
 /// Length limit of well-known text.
 const MAX_WKT: u64 = 1 << 20;
 
-/// The well-known text of a file. One that is too long becomes a warning.
+/// The well-known text of a file. A text that is too long gives a warning.
 pub(super) fn wkt_text(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<String> {
-    // The liblas record has the same text; writers of that library added both.
+    // The record of the user liblas has the same text: writers that use that library added both.
     let record = [PROJECTION_USER, "liblas"].iter().find_map(|user| {
         header.records().find(|record| record.is(user, WKT) && !record.payload.is_empty())
     })?;
@@ -27,7 +27,7 @@ pub(super) fn wkt_text(header: &Header, source: &ByteSource, warnings: &mut Vec<
     (!text.is_empty()).then(|| text.to_owned())
 }
 
-/// The GeoTIFF keys of a file, if there are any. Unreadable ones become a warning.
+/// The GeoTIFF keys of a file, if there are any. Unreadable keys give a warning.
 pub(super) fn geo_keys(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<GeoKeys> {
     let payload = |record: u16| {
         let record = header.records().find(|candidate| candidate.is(PROJECTION_USER, record))?;

@@ -22,7 +22,7 @@ pub(crate) const LASZIP: (&str, u16) = (LazVlr::USER_ID, LazVlr::RECORD_ID);
 pub(crate) const MAX_CHUNK_BYTES: u64 = 256 << 20;
 /// Largest number of points per compressed byte. The adaptive models of the coder never give a symbol more
 /// than 1 - (n - 1)/2^15 of the interval (n symbols; 2^15 is the largest total count). A point that repeats
-/// the previous one therefore costs at least 0.0076 bits, that is 1,050 points per byte. Rounded up
+/// the previous one therefore costs at least 0.0076 bits, so a byte has at most 1,050 points. Rounded up
 /// generously.
 pub(crate) const MAX_POINTS_PER_BYTE: u64 = 4096;
 /// Largest number of extra bytes that are decoded. The decoder keeps up to four models of 2.5 kB for each.
@@ -57,7 +57,8 @@ impl Coding {
     /// The coding that the laszip record of the file describes, checked against the point format.
     ///
     /// # Errors
-    /// [`InputError::LaszipRecord`] when it is missing, damaged, unknown, or of another point format.
+    /// [`InputError::LaszipRecord`] when the record is missing, damaged, unknown, or for another point
+    /// format.
     pub(crate) fn read(path: &Path, header: &Header, source: &ByteSource) -> Result<Self, InputError> {
         let problem = |problem: String| InputError::LaszipRecord { path: path.to_owned(), problem };
         let record = header
@@ -155,8 +156,9 @@ impl Coding {
         })
     }
 
-    /// Checks that the layers are inside the chunk, because the decoder allocates memory by their sizes. The
-    /// decoder ignores the number of points in the chunk and would decode garbage after the last point.
+    /// Checks that the layers are inside the chunk, because the decoder allocates memory by their sizes. Also
+    /// checks the number of points in the chunk, because the decoder ignores it and would decode garbage
+    /// after the last point.
     fn check_layers(&self, bytes: &[u8], count: u32) -> Result<(), ChunkProblem> {
         let Some(head) = self.layered_head() else { return Ok(()) };
         let present = bytes.len() as u64;
@@ -206,7 +208,8 @@ fn layers_of(item: &LazItem) -> usize {
     }
 }
 
-/// Whether the items are those of the point format, followed by the extra bytes. If not, says why.
+/// Checks that the items are those of the point format, followed by the extra bytes. Otherwise returns the
+/// reason.
 fn check_items(items: &[LazItem], point_format: u8, extra: usize) -> Result<(), String> {
     use LazItemType::{GpsTime, Point10, Point14, RGB12, RGB14, RGBNIR14, WavePacket13, WavePacket14};
     let expected: &[LazItemType] = match point_format {
@@ -249,7 +252,8 @@ fn check_items(items: &[LazItem], point_format: u8, extra: usize) -> Result<(), 
 }
 
 thread_local! {
-    /// Whether a panic on this thread comes from the decoder. It becomes an error and is not printed.
+    /// Whether a panic on this thread comes from the decoder. Such a panic becomes an error and is not
+    /// printed.
     static QUIET: Cell<bool> = const { Cell::new(false) };
 }
 

@@ -121,7 +121,7 @@ pub enum InputError {
     NotCounted {
         /// The file.
         path: PathBuf,
-        /// What there is, with its number.
+        /// What was found, with its number.
         found: String,
     },
     /// Compressed points without a usable description of the compression.
@@ -157,7 +157,7 @@ pub enum InputError {
         /// The problem.
         problem: ChunkProblem,
     },
-    /// A file that is no cloud-optimised point cloud, or a damaged one.
+    /// A file that is not a cloud-optimised point cloud, or is damaged.
     #[error("{path} cannot be shown in parts: {problem}", path = path.display())]
     Copc {
         /// The file.
@@ -196,7 +196,7 @@ pub enum InputError {
         /// The system of the later file.
         other_crs: String,
     },
-    /// The records lack a field that a method needs.
+    /// The records do not have a field that a method needs.
     #[error("{path} has no {field}: its point format is {point_format}", path = path.display())]
     NoField {
         /// The file.
@@ -206,7 +206,7 @@ pub enum InputError {
         /// The field.
         field: &'static str,
     },
-    /// A file without the classes that are to be learned.
+    /// A file without the classes to learn from.
     #[error("{path} has no dimension {name} of unsigned bytes, so there is nothing to learn from it", path = path.display())]
     NoLabels {
         /// The file.
@@ -226,7 +226,7 @@ pub enum InputError {
     },
 }
 
-/// Whether a path may name scans: LAS, LAZ, a folder or a pattern. Tables are read, too.
+/// Whether a path may name scans: LAS, LAZ, a folder or a pattern. Other paths name tables.
 fn is_scan(path: &Path) -> bool {
     path.extension().is_none_or(|ending| ["las", "laz"].iter().any(|scan| ending.eq_ignore_ascii_case(scan)))
 }

@@ -224,7 +224,7 @@ impl InputFile {
         self.source.prefetch(self.blocks[block].bytes.clone());
     }
 
-    /// Whether size and time of the file are unchanged since it was opened.
+    /// Checks that size and time of the file are unchanged since it was opened.
     ///
     /// If a mapped file is truncated, the next access ends the process, and no check can prevent that.
     /// Frequent checks make it unlikely. `InputOptions::mmap = false` makes it impossible.
@@ -260,9 +260,9 @@ impl InputFile {
         self.coding.is_none() && matches!(self.source, ByteSource::Mapped(_))
     }
 
-    /// A number for everything before the points and for what follows them but is no point: scale, offset,
-    /// coordinate reference system. Of a record after the points that is longer than a mebibyte, as waveforms
-    /// are, only the head counts.
+    /// A digest of everything before the points (scale, offset, coordinate reference system) and of the
+    /// records after them. If a record after the points is longer than a mebibyte, as waveforms are, only its
+    /// header counts.
     ///
     /// # Errors
     /// [`InputError::Read`].
@@ -337,7 +337,7 @@ impl InputFile {
     }
 }
 
-/// Longest record after the points that counts as a whole in a digest, in bytes.
+/// Longest payload of a record after the points that is digested as a whole, in bytes.
 const LONG_RECORD: u64 = 1 << 20;
 /// Finest accepted step of coordinates. Files of survey scanners have 1e-3 to 1e-6 m.
 const MIN_SCALE_M: f64 = 1e-9;

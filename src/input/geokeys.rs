@@ -3,7 +3,7 @@
 
 use super::vlr;
 
-/// Largest number of directory entries that are read. Real ones have about 20.
+/// Largest number of directory entries that are read. Real directories have about 20.
 const MAX_KEYS: usize = 1024;
 
 /// The keys of the three GeoTIFF records.
@@ -31,7 +31,7 @@ pub(crate) const DOUBLES: u16 = 34_736;
 pub(crate) const TEXTS: u16 = 34_737;
 
 impl GeoKeys {
-    /// The keys of a directory; `None` if it is not a directory, or promises more keys than it has.
+    /// The keys of a directory; `None` if the bytes are not a directory, or promise more keys than there are.
     pub(crate) fn parse(directory: &[u8], doubles: Vec<u8>, texts: Vec<u8>) -> Option<Self> {
         let words: Vec<u16> =
             directory.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
@@ -54,7 +54,7 @@ impl GeoKeys {
         self.keys.is_empty()
     }
 
-    /// A key whose value is a code; 0 (undefined) counts as absent.
+    /// The value of a key that is a code; 0 (undefined) counts as absent.
     pub(crate) fn code(&self, id: u16) -> Option<u16> {
         self.find(id).filter(|key| key.record == 0 && key.value != 0).map(|key| key.value)
     }

@@ -41,7 +41,7 @@ pub(crate) struct Header {
     pub(crate) record_len: u16,
     /// Bytes of the header block.
     pub(crate) header_size: u64,
-    /// First byte of the points (of the position of the chunk table, if compressed).
+    /// First byte of the points (if compressed, of the stored position of the chunk table).
     pub(crate) points_start: u64,
     /// The possible numbers of points, the most credible one first; never empty.
     pub(crate) counts: Vec<u64>,
@@ -57,8 +57,8 @@ pub(crate) struct Header {
     pub(crate) tail_start: Option<u64>,
     /// Position of the extended records according to the header, if it promises any. It is not checked.
     pub(crate) evlr_start: Option<u64>,
-    /// Position of the waveform record according to the header. It is not checked, only kept correct in
-    /// copies.
+    /// Position of the waveform record according to the header. It is not checked, but copies state the
+    /// correct one.
     pub(crate) waveform_start: Option<u64>,
     /// Problems that do not prevent processing.
     pub(crate) warnings: Vec<String>,

@@ -31,8 +31,8 @@ pub struct RecordLayout {
     pub intensity: usize,
     /// Byte with return number and number of returns.
     pub returns: usize,
-    /// Number of bits of the return number in that byte, from bit 0. The number of returns follows with as
-    /// many.
+    /// Number of bits of the return number in that byte, from bit 0. The number of returns follows with the
+    /// same number of bits.
     pub return_bits: u8,
     /// Byte with the class.
     pub classification: usize,
@@ -46,7 +46,7 @@ pub struct RecordLayout {
     pub(crate) descriptors: Vec<u8>,
 }
 
-/// Data types of extra dimensions of one, two and four bytes without a sign (LAS 1.4 R15, table 25).
+/// Data types of unsigned extra dimensions of one, two and four bytes (LAS 1.4 R15, table 25).
 const UNSIGNED_BYTE: u8 = 1;
 const UNSIGNED_SHORT: u8 = 3;
 const UNSIGNED_LONG: u8 = 5;
@@ -55,7 +55,7 @@ const UNSIGNED_LONG: u8 = 5;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FieldPlace {
     offset: usize,
-    /// Two bytes, not one.
+    /// Whether the field has two bytes instead of one.
     wide: bool,
 }
 
@@ -88,7 +88,7 @@ pub struct ExtraDimension {
 }
 
 impl RecordLayout {
-    /// The layout from header and descriptors. What does not fit is ignored with a warning.
+    /// The layout from header and descriptors. Dimensions that do not fit are ignored with a warning.
     pub(crate) fn read(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Self {
         let extended = header.point_format >= 6;
         let base_len = usize::from(header::base_length(header.point_format));
@@ -114,7 +114,7 @@ impl RecordLayout {
         let mut fits = true;
         for record in header.records().filter(|record| record.is(SPEC_USER, EXTRA_BYTES)) {
             let bytes = record.read(source, MAX_DESCRIPTORS).unwrap_or_default();
-            // If one does not fit, the positions of the following ones are unknown.
+            // If one dimension does not fit, the positions of the following ones are unknown.
             fits = fits && layout.describe(&bytes, warnings);
         }
         layout

@@ -7,10 +7,10 @@ use std::path::Path;
 
 use memmap2::{Mmap, MmapOptions};
 
-/// Number of bytes around a range that are released with it. An access also maps pages around the one it
-/// needs, even of ranges that were released before. Without the margin, 160 kB remained for every block of 2
-/// MB (Linux 6, a file of 935 MB read block by block: 71 MB resident at the end, growing with the file). A
-/// neighbour that is still in use only has to map its pages again.
+/// Number of bytes on each side of a range that are released with it. An access also maps pages around the
+/// needed one, even pages of ranges that were released before. Without the margin, 160 kB remained resident
+/// for every block of 2 MB (Linux 6, a file of 935 MB read block by block: 71 MB resident at the end, growing
+/// with the file). If a neighbouring range is still in use, its pages only have to be mapped again.
 const RELEASE_MARGIN: u64 = 1 << 20;
 
 /// A read-only file. Any thread may access its ranges.
@@ -46,7 +46,7 @@ impl ByteSource {
         }
     }
 
-    /// The bytes of `range`: in place if mapped, else read into `buffer`, which is overwritten.
+    /// The bytes of `range`: in place if mapped, otherwise read into `buffer`, which is overwritten.
     ///
     /// # Errors
     /// `UnexpectedEof` if the range is not inside the file, else the error of the system. No memory is

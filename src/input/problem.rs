@@ -89,7 +89,7 @@ pub enum CopcProblem {
         /// The format.
         point_format: u8,
     },
-    /// There is no column with the object of a point.
+    /// The records have no dimension with the object of a point.
     #[error("its points have no dimension of 32 bits with their object; chainage did not write it")]
     NoObjects,
     /// The cube of the tree has no size.
@@ -112,7 +112,7 @@ pub enum CopcProblem {
         /// Bytes of the file.
         size: u64,
     },
-    /// A page of the table of nodes that two others refer to. It may be a circle.
+    /// A page of the table of nodes that two other pages refer to. The references may form a circle.
     #[error("the page of its table of nodes at byte {at} is referred to twice")]
     PageTwice {
         /// First byte.
@@ -156,13 +156,13 @@ pub enum CopcProblem {
         /// Level and position.
         key: [u32; 4],
     },
-    /// A node without the node above it. Nobody would find it.
+    /// A node without its parent. No reader would find it.
     #[error("its node {key:?} is in the table without the node above it")]
     Orphan {
         /// Level and position.
         key: [u32; 4],
     },
-    /// The nodes do not have the points that the header promises.
+    /// The nodes do not have the number of points that the header promises.
     #[error("its nodes have {present} points, but the header promises {promised}")]
     Points {
         /// Points of all nodes.
@@ -198,7 +198,7 @@ pub enum ChunkProblem {
         /// Bytes in the chunk.
         present: u64,
     },
-    /// Its own number of points differs from that in the header and the table.
+    /// The number of points in the chunk differs from the number in the header and the table.
     #[error("it says that it has {present} points, but the header and the table promise {promised}")]
     Points {
         /// Points by header and table of chunks.

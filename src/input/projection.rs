@@ -8,7 +8,7 @@ pub(super) fn definition(code: u32) -> Option<&'static str> {
     Some(crs_definitions::from_code(u16::try_from(code).ok()?)?.wkt)
 }
 
-/// A text without the codes of the whole system and of its projected part. Other programs look these codes up
+/// A text without the codes of the whole system and of its projected part. Other programs look up these codes
 /// before they read the rest.
 pub(super) fn without_codes(text: String) -> String {
     let Some(root) = Node::parse(&text) else { return text };
@@ -32,7 +32,7 @@ enum Parameter {
     SemiMajorAxis,
 }
 
-/// Parameters by their names of both versions, without spaces, underscores and capitals.
+/// Parameters by their names in both versions of the text, without spaces, underscores and capitals.
 const PARAMETERS: [(Parameter, &[&str]); 9] = [
     (
         Parameter::Latitude,
@@ -74,9 +74,10 @@ const PARAMETERS: [(Parameter, &[&str]); 9] = [
     (Parameter::Northing, &["falsenorthing", "northingatfalseorigin", "northingatprojectioncentre"]),
 ];
 
-/// A family whose variants count false coordinates from different points.
+/// A family of projections whose variants measure false coordinates from different points.
 const OBLIQUE: &str = "oblique Mercator";
-/// Families of projections by a part of their names. The first that fits counts; others are not compared.
+/// Families of projections by a part of their names. The first match counts; projections without a match have
+/// no family to compare.
 const METHODS: [(&str, &[&str]); 4] = [
     (OBLIQUE, &["obliquemercator", "hotine", "swissoblique"]),
     ("transverse Mercator", &["transversemercator", "gausskruger"]),
@@ -84,7 +85,7 @@ const METHODS: [(&str, &[&str]); 4] = [
     ("Albers", &["albers"]),
 ];
 
-/// What is known of a projection: angles in degrees, lengths in metres.
+/// The known facts of a projection: angles in degrees, lengths in metres.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Projection {
     method: Option<&'static str>,
@@ -122,7 +123,8 @@ impl Projection {
             })
             .collect();
         sort_parallels(&mut values);
-        // Longitudes are from the prime meridian, in units that programs do not agree on.
+        // Longitudes are measured from the prime meridian, whose own longitude has units on which programs do
+        // not agree.
         if base
             .and_then(|base| base.child(&["PRIMEM", "PRIMEMERIDIAN"]))
             .is_some_and(|zero| zero.number().is_none_or(|longitude| longitude != 0.0))
@@ -139,8 +141,8 @@ impl Projection {
         Some(Self { method, values })
     }
 
-    /// Whether two projections differ in a number that both have, or are of different families. Different
-    /// names alone say nothing.
+    /// Whether two projections differ in a number that both have, or belong to different families. Different
+    /// names alone do not count.
     pub(super) fn differs_from(&self, other: &Self) -> bool {
         let methods = matches!((self.method, other.method), (Some(a), Some(b)) if a != b);
         methods
@@ -155,7 +157,7 @@ impl Projection {
 }
 
 impl Parameter {
-    /// How far two values are apart. A longitude repeats after a full turn.
+    /// The difference of two values. A longitude repeats after a full turn.
     fn distance(self, one: f64, other: f64) -> f64 {
         let apart = (one - other).abs();
         match self {
@@ -167,12 +169,12 @@ impl Parameter {
         }
     }
 
-    /// Largest difference of rounded numbers: files have 4 to 17 digits.
+    /// Largest difference that can come from rounding: numbers in files have 4 to 17 digits.
     fn tolerance(self) -> f64 {
         match self {
             Self::Scale => 1e-7,
             Self::Easting | Self::Northing => 0.01,
-            // Ellipsoids differ by 100 m and more, if they matter; WGS 72 and WGS 84 by 2 m.
+            // Ellipsoids that matter differ by 100 m and more; WGS 72 and WGS 84 differ by 2 m.
             Self::SemiMajorAxis => 1.0,
             // A metre on the ground.
             _ => 1e-5,
@@ -180,7 +182,7 @@ impl Parameter {
     }
 }
 
-/// Puts two standard parallels in order: programs do not agree on which is the first.
+/// Sorts two standard parallels, because programs do not agree on which is the first.
 fn sort_parallels(values: &mut [(Parameter, f64)]) {
     let find = |parameter| values.iter().position(|(name, _)| *name == parameter);
     let places = (find(Parameter::FirstParallel), find(Parameter::SecondParallel));
@@ -265,7 +267,7 @@ mod tests {
         assert!(!differ(FIRST, &paris));
         let turned = FIRST.replace("meridian\",9]", "meridian\",-351]");
         assert!(!differ(FIRST, &turned));
-        // Lambert 93, whose parallels some programs swap; and angles that may be gons or degrees.
+        // Lambert 93, whose parallels some programs swap; and a system whose angles may be gons or degrees.
         let lambert = definition(2_154).expect("a text");
         let [one, two] = ["standard_parallel_1", "standard_parallel_2"];
         assert!(lambert.contains(one) && lambert.contains(two), "{lambert}");

@@ -1,5 +1,5 @@
 //! Points beyond the count in the header. A recorder that crashed leaves the count of its last update, or
-//! none.
+//! zero.
 
 use std::io;
 use std::ops::Range;
@@ -10,8 +10,8 @@ use super::mapped::ByteSource;
 /// Bytes that are compared with zero at once.
 const PROBE: u64 = 1 << 16;
 
-/// Whole records after the `count` records that the header promises. Zeros are no records: some writers
-/// reserve or align space. Few bytes are read, however long the file is.
+/// Number of whole records after the `count` records that the header promises. Zeros at the end do not count,
+/// because some writers reserve or align space. Few bytes are read, however long the file is.
 ///
 /// # Errors
 /// Those of the system.
@@ -23,15 +23,15 @@ pub(super) fn records(header: &Header, source: &ByteSource, count: u64) -> io::R
     Ok(used.div_ceil(record_len))
 }
 
-/// The end of what may be points from the byte `start` on: where the header places something else, or the
+/// The end of the bytes from `start` on that may be points: where the header places something else, or the
 /// end of the file.
 pub(super) fn limit(header: &Header, size: u64, start: u64) -> u64 {
     let named = [header.tail_start, header.evlr_start, header.waveform_start].into_iter().flatten();
     named.filter(|at| *at >= start).fold(size, u64::min)
 }
 
-/// Bytes of a range before its final zeros, found by bisection in steps of [`PROBE`]. Zeros before other
-/// bytes may therefore count as final ones if they fill a whole step.
+/// Number of bytes of a range before its final zeros, found by bisection in steps of [`PROBE`]. If zeros
+/// before other bytes fill a whole step, they may therefore count as final zeros.
 ///
 /// # Errors
 /// Those of the system.
@@ -43,7 +43,7 @@ pub(super) fn bytes(source: &ByteSource, range: &Range<u64>) -> io::Result<u64> 
         let bytes = source.slice(start..range.end.min(start + PROBE), &mut buffer)?;
         Ok::<u64, io::Error>(bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last as u64 + 1))
     };
-    // All steps below `low` have other bytes than zero, `high` and those after it do not.
+    // All steps below `low` have bytes other than zero; the step `high` and all after it do not.
     let (mut low, mut high) = (0, (range.end - range.start).div_ceil(PROBE));
     while low < high {
         let middle = low.midpoint(high);

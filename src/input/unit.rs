@@ -1,4 +1,4 @@
-//! Units of length: which ones are common, and what they are called.
+//! Common units of length and their names.
 
 use crate::config::{FOOT, US_SURVEY_FOOT};
 
@@ -6,7 +6,7 @@ use crate::config::{FOOT, US_SURVEY_FOOT};
 const UNITS: [(f64, &str, &str); 3] =
     [(1.0, "m", "metres"), (FOOT, "ft", "feet"), (US_SURVEY_FOOT, "US survey ft", "US survey feet")];
 
-/// The common unit that so many metres are. Files contain them with different numbers of digits.
+/// The common unit of this many metres, if any. Files state units with different numbers of digits.
 fn common_unit(metres: f64) -> Option<(f64, &'static str, &'static str)> {
     UNITS.into_iter().find(|(known, ..)| (metres / known - 1.0).abs() < 1e-7)
 }

@@ -48,7 +48,8 @@ pub(crate) struct Directory {
     pub(crate) end: u64,
 }
 
-/// Follows a chain of `count` records through `range`. Stops early, without error, at one that does not fit.
+/// Follows a chain of `count` records through `range`. Stops early, without an error, at a record that does
+/// not fit.
 ///
 /// `count` may be any number. A record is at least as long as its header, so the walk ends with the range.
 pub(crate) fn walk(source: &ByteSource, range: Range<u64>, count: u32, extended: bool) -> Directory {

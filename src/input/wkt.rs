@@ -69,7 +69,7 @@ impl Node {
         self.child(&["AUTHORITY", "ID"])?.as_code()
     }
 
-    /// The EPSG code that this node itself is.
+    /// The EPSG code of this node, if the node itself is a code.
     fn as_code(&self) -> Option<u32> {
         if !["AUTHORITY", "ID"].contains(&self.keyword.as_str()) || self.name() != Some("EPSG") {
             return None;
@@ -82,7 +82,7 @@ impl Node {
     }
 }
 
-/// A text without `,AUTHORITY["EPSG","..."]` or `,ID["EPSG",...]` of these codes. All else stays as written.
+/// A text without `,AUTHORITY["EPSG","..."]` or `,ID["EPSG",...]` of these codes. The rest stays as written.
 pub(crate) fn without_codes(text: &str, codes: &[u32]) -> String {
     let mut kept = String::with_capacity(text.len());
     let mut from = 0;
