@@ -56,7 +56,7 @@ pub enum StoreError {
         /// The first difference, with both values.
         what: String,
     },
-    /// The record of the input was lost, and results of passes were not.
+    /// The record of the input was lost, but results of passes were not.
     #[error("{path} is missing, so nothing tells of which input the results beside it are", path = path.display())]
     NoIdentity {
         /// The record.
@@ -70,8 +70,8 @@ pub enum StoreError {
         /// What is wrong with it.
         what: String,
     },
-    /// The record of the files beside the state was damaged. To start over keeps it, because it says which of
-    /// them may be replaced.
+    /// The record of the files beside the state was damaged. A run that starts over needs this record,
+    /// because it says which of these files may be replaced.
     #[error("{path} is damaged: {what}", path = path.display())]
     DamagedRecord {
         /// The record.
@@ -130,7 +130,7 @@ impl Failure for StoreError {
         }
     }
 
-    /// Whether nothing can be written any more.
+    /// Whether no further writing can succeed.
     fn stops_all(&self) -> bool {
         true
     }

@@ -1,5 +1,5 @@
-//! The values that a pass depends on, as a list of named values and as one number; and why a stored result no
-//! longer fits.
+//! The values that a pass depends on, as a list of named values and as one number; and the reasons why a
+//! stored result no longer fits.
 //!
 //! A fingerprint includes the format version, the method, its parameters, the geometry and the content of the
 //! input. It does not include threads, memory budget, paths and verbosity: these change when and where a

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::host;
 use crate::store::StoreError;
 
-/// Who holds the lock, as the file of the lock says it.
+/// The holder of the lock, according to the lock file.
 #[derive(Debug, Serialize, Deserialize)]
 struct Holder {
     host: String,
@@ -22,7 +22,7 @@ impl Holder {
         Self { host: host::name().to_owned(), process: std::process::id() }
     }
 
-    /// Who it is, and whether it still runs, as far as this host can say.
+    /// A description of the holder, and whether it still runs, as far as this host can tell.
     fn described(&self) -> String {
         let Self { host, process } = self;
         if host != host::name() {
@@ -34,7 +34,7 @@ impl Holder {
     }
 }
 
-/// Takes the lock. The system releases it when the process ends, for whatever reason.
+/// Takes the lock. The system releases it when the process ends, for any reason.
 pub(super) fn lock(out: &Path, path: &Path) -> Result<File, StoreError> {
     let io = |action| StoreError::io(action, path);
     let mut file =

@@ -22,7 +22,8 @@ use crate::whole_file;
 const INPUTS: &str = "inputs.json";
 /// Name of the mark that all units exist and were checked, and that their reduction is stored.
 const COMPLETE: &str = "complete.json";
-/// How often a folder is emptied again that other processes write to (chosen: each of them can be met once).
+/// Number of attempts to remove a folder while other processes write to it (chosen: each of them can
+/// interfere once).
 const CLEARED_AGAIN: usize = 100;
 
 /// Whether a unit has a stored result.
@@ -103,7 +104,7 @@ pub struct PassDir {
     folder: PathBuf,
     inputs: Inputs,
     fingerprint: Fingerprint,
-    /// How long a unit that another process may be writing is looked for again.
+    /// How long to wait for a unit that another process may still be writing.
     wait: Duration,
 }
 
@@ -130,7 +131,7 @@ impl PassDir {
         self.folder.join(format!("unit-{unit:06}.bin"))
     }
 
-    /// Makes an error of the system one of this folder.
+    /// Turns an error of the system into an error about this folder.
     pub(crate) fn failed(&self, action: &'static str) -> impl Fn(std::io::Error) -> StoreError + use<> {
         let path = self.folder.clone();
         move |source| StoreError::Io { action, path: path.clone(), source }
@@ -173,13 +174,13 @@ impl PassDir {
         Ok(waited_for(&self.folder, self.wait, same)?.is_some())
     }
 
-    /// The same at this moment: what another process is writing is not waited for.
+    /// The same at this moment, without waiting for another process that may be writing.
     pub(crate) fn is_prepared_now(&self) -> Result<bool, StoreError> {
         Ok(self.stored_inputs()?.as_ref() == Some(&self.inputs))
     }
 
-    /// Marks that all units exist and were checked, and that their reduction is stored. What processes left
-    /// behind in the folder is removed.
+    /// Marks that all units exist and were checked, and that their reduction is stored. Removes what
+    /// processes left behind in the folder.
     pub(crate) fn mark_complete(&self, units: usize) -> Result<(), StoreError> {
         let path = self.folder.join(COMPLETE);
         let text = serde_json::to_string(&self.complete(units))
@@ -194,7 +195,7 @@ impl PassDir {
         Ok(waited_for(&self.folder, self.wait, marked)?.is_some())
     }
 
-    /// The same at this moment: a mark that another process is writing is not waited for.
+    /// The same at this moment, without waiting for a mark that another process may be writing.
     pub(crate) fn is_complete_now(&self, units: usize) -> Result<bool, StoreError> {
         let path = self.folder.join(COMPLETE);
         match fs_err::read(&path) {
@@ -280,8 +281,7 @@ impl PassDir {
         Ok(left)
     }
 
-    /// The units among `units` that have no stored result, with their state. Missing ones are looked for
-    /// again.
+    /// The units among `units` that have no stored result, with their state. Waits for missing units.
     pub(crate) fn not_done(&self, units: &[usize]) -> Result<Vec<(usize, UnitState)>, StoreError> {
         let mut left: Vec<(usize, UnitState)> =
             units.iter().map(|&unit| (unit, UnitState::Missing)).collect();
@@ -357,7 +357,7 @@ impl PassDir {
     /// # Errors
     /// When the file system refuses.
     pub fn clear(&self) -> Result<(), StoreError> {
-        // A worker of the settings before can store a unit while the folder is emptied.
+        // A worker with the previous settings can store a unit while the folder is emptied.
         for _ in 0..CLEARED_AGAIN {
             match fs_err::remove_dir_all(&self.folder) {
                 Err(error) if error.kind() == std::io::ErrorKind::DirectoryNotEmpty => {}
@@ -394,13 +394,13 @@ impl PassDir {
         }
     }
 
-    /// Makes the names of units durable that other processes have stored.
+    /// Makes the names of units that other processes have stored durable.
     pub(crate) fn sync(&self) -> Result<(), StoreError> {
         whole_file::sync_folder(&self.folder.join(COMPLETE)).map_err(StoreError::io("sync", &self.folder))
     }
 
     /// Stores the result of a unit. From then on the unit is done. Another process may store the same unit at
-    /// the same time: both have the same bytes, and each replaces the other's file as a whole.
+    /// the same time: both write the same bytes, and each replaces the whole file of the other.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -410,7 +410,7 @@ impl PassDir {
             unit_file::write(to, Self::number(unit), self.fingerprint, payload)
         });
         match written {
-            // The pass was completed by other processes in the meantime, and our file was cleared away.
+            // Other processes completed the pass in the meantime, and removed our temporary file.
             Err(error)
                 if error.kind() == std::io::ErrorKind::NotFound && self.state(unit)? == UnitState::Done =>
             {
@@ -420,7 +420,7 @@ impl PassDir {
         }
     }
 
-    /// Records for people why a unit failed.
+    /// Records why a unit failed, for people to read.
     ///
     /// # Errors
     /// When it cannot be written.

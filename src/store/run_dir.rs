@@ -1,4 +1,4 @@
-//! The run directory `OUT/.chainage`: who may change it, identity of the run, one folder per pass, and small
+//! The run directory `OUT/.chainage`: its lock, the identity of the run, one folder per pass, and small
 //! files.
 
 use std::fs::File;
@@ -35,16 +35,16 @@ struct Identity {
     state_version: u32,
 }
 
-/// An output directory with its state. A process that drives the run holds the lock as long as the value
-/// lives. A worker has no lock: it only adds units. A process that looks changes nothing.
+/// An output directory with its state. A process that drives the run holds the lock as long as this value
+/// lives. A worker has no lock: it only adds units. A process that inspects the run changes nothing.
 #[derive(Debug)]
 pub struct RunDir {
     out: PathBuf,
     state: PathBuf,
     _lock: Option<File>,
-    /// The log of events of this process, below the state.
+    /// Path of the log of events of this process, inside the state.
     events: String,
-    /// How long something that another process may be writing is looked for again.
+    /// How long to wait for a file that another process may still be writing.
     wait: Duration,
 }
 
@@ -64,7 +64,7 @@ impl RunDir {
         Ok(run)
     }
 
-    /// Creates the folder of the state in `out` if there is none, and locks it. Nothing that is in it changes
+    /// Creates the folder of the state in `out` if there is none, and locks it. Its content does not change
     /// before [`Self::begin`].
     pub(crate) fn lock(out: &Path) -> Result<Self, StoreError> {
         let state = out.join(STATE_FOLDER);
@@ -74,21 +74,21 @@ impl RunDir {
         Ok(Self { out: out.to_owned(), state, _lock: Some(lock), events, wait: Duration::ZERO })
     }
 
-    /// Begins with the state that is there, or, if `fresh`, discards it.
+    /// Starts with the existing state, or discards it if `fresh`.
     pub(crate) fn begin(&self, fresh: bool) -> Result<(), StoreError> {
         if fresh {
             self.discard()?;
         }
         match self.read_json::<Identity>(VERSION)? {
             Some(old) if old == identity() => Ok(()),
-            // Another program with the same state goes on, and from now on its workers may.
+            // Another program with the same state version may continue, and from now on its workers may, too.
             Some(old) => self.check_version(old).and_then(|()| self.write_json(VERSION, &identity())),
             None => self.write_json(VERSION, &identity()),
         }
     }
 
-    /// Opens the state in `out` as a worker, which adds units and holds no lock. What is missing is looked
-    /// for again during `wait`.
+    /// Opens the state in `out` as a worker, which adds units and holds no lock. Waits up to `wait` for
+    /// missing files.
     ///
     /// # Errors
     /// When there is none, or another version of the program drives the run.
@@ -107,7 +107,7 @@ impl RunDir {
         Ok(run)
     }
 
-    /// Opens the state in `out` to look at it. It takes no lock and changes nothing.
+    /// Opens the state in `out` to inspect it. Takes no lock and changes nothing.
     ///
     /// # Errors
     /// When there is none, or it is of another version.
@@ -135,15 +135,15 @@ impl RunDir {
         }
     }
 
-    /// The same directory. What is missing is looked for again during `wait`.
+    /// The same directory, waiting up to `wait` for missing files.
     #[must_use]
     pub fn waiting(self, wait: Duration) -> Self {
         Self { wait, ..self }
     }
 
     /// Removes the state except for the lock and the names of the outputs, which remain files of chainage.
-    /// The passes go first, and what tells their input and their version goes last: if the process is killed
-    /// in between, no result is taken for one of other input.
+    /// The passes go first, and the records of their input and version go last: if the process is killed in
+    /// between, no result is mistaken for a result of other input.
     fn discard(&self) -> Result<(), StoreError> {
         for path in self.to_discard()? {
             let removed =
@@ -153,7 +153,7 @@ impl RunDir {
         Ok(())
     }
 
-    /// What is removed to start over, in this order.
+    /// The paths to remove to start over, in this order.
     fn to_discard(&self) -> Result<Vec<PathBuf>, StoreError> {
         let rank = |path: &Path| match path.file_name() {
             _ if path.is_dir() => 0,
@@ -214,7 +214,7 @@ impl RunDir {
         Ok(names.iter().filter_map(|name| fs_err::canonicalize(out.join(name)).ok()).collect())
     }
 
-    /// Records that files of these names are about to be written.
+    /// Records that files with these names are about to be written.
     ///
     /// # Errors
     /// When the record cannot be written.
@@ -225,13 +225,13 @@ impl RunDir {
         if all.len() == before { Ok(()) } else { self.write_json(OUTPUTS, &all) }
     }
 
-    /// Records that the files of these names are the only outputs.
+    /// Records that the files with these names are the only outputs.
     pub(crate) fn replace_outputs(&self, names: &[String]) -> Result<(), StoreError> {
         self.write_json(OUTPUTS, &names)
     }
 
     /// Reads a small JSON file of the state that another process may be writing; `None` when it does not
-    /// come.
+    /// appear in time.
     ///
     /// # Errors
     /// As [`Self::read_json`].
@@ -239,8 +239,8 @@ impl RunDir {
         self.awaited(|| self.read_json(name))
     }
 
-    /// Looks for something that another process may be writing, until it is found or the time to wait is
-    /// over.
+    /// Calls `look` until it finds something that another process may be writing, or until the waiting time
+    /// is over.
     pub(crate) fn awaited<T>(
         &self,
         look: impl FnMut() -> Result<Option<T>, StoreError>,
@@ -258,7 +258,7 @@ impl RunDir {
             Ok(bytes) => serde_json::from_slice(&bytes)
                 .map(Some)
                 .map_err(|error| StoreError::Damaged { path, what: error.to_string() }),
-            // Below a file there is nothing, either.
+            // If the folder is a file, nothing is in it, either.
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(None),
             Err(error) => Err(StoreError::Io { action: "read", path, source: error }),
         }
@@ -305,7 +305,7 @@ impl RunDir {
         Ok(names)
     }
 
-    /// Appends a line to the log of events. A failure of this does not stop a run.
+    /// Appends a line to the log of events. A failure to do so does not stop a run.
     pub fn log_event(&self, line: &str) {
         let path = self.path(&self.events);
         let appended = File::options().create(true).append(true).open(path);

@@ -11,8 +11,8 @@
 //! checksum := u64                      XXH3 of everything before it
 //! trailer := "COMMITED"                8 bytes; a file without it was cut
 //! ```
-//! All numbers are little-endian. A reader refuses a file that is cut, damaged, or of another version or
-//! fingerprint, and gives the reason. It compares `length` with the size of the file before it uses it.
+//! All numbers are little-endian. A reader refuses a file that is truncated, damaged, or of another version
+//! or fingerprint, and gives the reason. It compares `length` with the size of the file before it uses it.
 
 use std::io::{self, Read, Write};
 use std::ops::Range;
@@ -32,7 +32,7 @@ pub(crate) const FOOTER_LEN: usize = 8 + 8;
 /// Why a unit file cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Refusal {
-    /// The file is cut, or bytes have changed.
+    /// The file is truncated, or bytes have changed.
     Damaged(&'static str),
     /// The file is complete, but of another version of the format.
     OtherVersion(u32),
@@ -77,8 +77,8 @@ pub(crate) fn write(
     to.write_all(TRAILER)
 }
 
-/// The range of the payload in a unit file of `length` bytes, from its header alone. It is for readers of a
-/// part of the payload. The whole file was checked when the pass began, or this pass has written it.
+/// The range of the payload in a unit file of `length` bytes, from its header alone. For readers of a part of
+/// the payload: the whole file was checked when the pass started, or this pass has written it.
 pub(crate) fn payload_range(
     header: &[u8; HEADER_LEN],
     length: u64,
@@ -102,8 +102,7 @@ pub(crate) fn payload_range(
     Ok(HEADER_LEN as u64..HEADER_LEN as u64 + payload)
 }
 
-/// Checks a unit file of `length` bytes from its first to its last byte. The payload is appended to
-/// `payload`, if that is wanted.
+/// Checks every byte of a unit file of `length` bytes. Appends the payload to `payload`, if that is given.
 pub(crate) fn check(
     mut file: impl Read,
     length: u64,

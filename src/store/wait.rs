@@ -1,13 +1,14 @@
-//! Looking again for what another process writes. A network file system shows a new name to other hosts only
+//! Waits for files that another process writes. A network file system shows a new name to other hosts only
 //! after seconds, unless its folder is listed.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Shortest and longest pause between two looks. Chosen: short against the work of a unit, rare for a server.
+/// Shortest and longest pause between two attempts. Chosen: short against the work of a unit, and rare enough
+/// for a file server.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(20), Duration::from_secs(1));
 
-/// Looks for something until it exists or `wait` is over. Between two looks it lists `folder`, for which a
+/// Calls `look` until it finds something or `wait` is over. Lists `folder` between two attempts, for which a
 /// network file system asks the server.
 pub(super) fn waited_for<T, E>(
     folder: &Path,
@@ -23,7 +24,7 @@ pub(super) fn waited_for<T, E>(
         }
         std::thread::sleep(pause.min(wait));
         pause = (pause * 2).min(PAUSES.1);
-        // What cannot be listed is looked for by its name all the same.
+        // If the folder cannot be listed, the next attempt still tries the name.
         let _ = std::fs::read_dir(folder).map(Iterator::count);
     }
 }
