@@ -1,4 +1,4 @@
-//! What can go wrong while results are written.
+//! Errors while results are written.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -35,7 +35,7 @@ pub enum OutputError {
         /// Why.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// The input of a labelled copy cannot be read any more.
+    /// The input of a labelled copy can no longer be read.
     #[error("cannot read {path} again", path = path.display())]
     Source {
         /// The input file.
@@ -49,7 +49,7 @@ pub enum OutputError {
         /// The name.
         name: String,
     },
-    /// The input has a dimension of the name, but of another type.
+    /// The input has a dimension with this name, but of another type.
     #[error(
         "{path} has a dimension {name} of data type {data_type}{scaled}; type {expected} without a scale is needed",
         path = path.display()
@@ -128,7 +128,7 @@ pub enum OutputError {
         /// The name.
         name: String,
     },
-    /// The chunks of a compressed copy are not the planned ones.
+    /// The chunks of a compressed copy differ from the plan.
     #[error(
         "{name}: {promised} points were planned and {written} were written, or the chunks differ from the plan"
     )]
@@ -140,7 +140,7 @@ pub enum OutputError {
         /// Points written.
         written: u64,
     },
-    /// Chunks were asked of a copy that has none.
+    /// Chunks were requested from a copy that is not compressed.
     #[error("{name} is not compressed, it has no chunks")]
     NotCompressed {
         /// Name of the copy.
@@ -165,7 +165,7 @@ pub enum OutputError {
 impl Failure for OutputError {
     fn kind(&self) -> ErrorKind {
         match self {
-            // What to change is a setting, and nothing was written.
+            // The fix is a changed setting, and nothing was written.
             Self::ClassCode { .. } | Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 ErrorKind::Config
             }
@@ -210,7 +210,7 @@ impl Failure for OutputError {
         }
     }
 
-    /// Nothing can be written any more.
+    /// Whether no further writing can succeed.
     fn stops_all(&self) -> bool {
         true
     }

@@ -1,9 +1,9 @@
 //! The colours of the classes of objects: one list for the page and for the layers that QGIS opens.
 
-/// Colours that readers of every colour vision can tell apart: those of Okabe and Ito, "Color Universal
-/// Design" (2008), without black, which a dark page hides. The two blues are of classes that differ in shape
-/// and place. Vermilion is near the colour of what is chosen on the page, so small objects have it. The greys
-/// are of other objects and of those without a class.
+/// Colours that readers with any colour vision can distinguish: the palette of Okabe and Ito, "Color
+/// Universal Design" (2008), without black, which a dark page hides. The two blues belong to classes that
+/// differ in shape and place. Vermilion is near the colour of the selection on the page, so small objects
+/// have it. The greys are for other objects and for objects without a class.
 pub(crate) const CLASS_COLOURS: [(u8, [u8; 3]); 9] = [
     (2, [0, 158, 115]),
     (3, [230, 159, 0]),
@@ -16,7 +16,7 @@ pub(crate) const CLASS_COLOURS: [(u8, [u8; 3]); 9] = [
     (0, [190, 190, 190]),
 ];
 
-/// Colour of a class; that of objects without a class for codes that are not in the list.
+/// Colour of a class. Codes that are not in the list get the colour of objects without a class.
 pub(crate) fn class_colour(code: u8) -> [u8; 3] {
     let found = CLASS_COLOURS.iter().find(|(known, _)| *known == code);
     found.or(CLASS_COLOURS.last()).map(|(_, colour)| *colour).unwrap_or_default()

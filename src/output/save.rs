@@ -1,5 +1,5 @@
-//! Writes a result that the user names. A regular file gets its name only when it is complete; other targets
-//! are written directly.
+//! Writes a result to a file that the user names. A regular file gets its name only when it is complete;
+//! other targets are written directly.
 
 use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
@@ -10,12 +10,12 @@ use crate::whole_file;
 /// First bytes of LAS and LAZ files (LAS 1.4 R15, section 2.4).
 const SIGNATURE: &[u8] = b"LASF";
 
-/// Refuses a target that [`save`] could not write, or that would cost points: a scan is never replaced by a
-/// result. Worth a call before a long computation.
+/// Refuses a target that [`save`] could not write, and any scan, so that a result never replaces points.
+/// Worth a call before a long computation.
 ///
 /// # Errors
-/// [`OutputError::HoldsPoints`] for a LAS or LAZ file, and [`OutputError::Write`] for a folder or a file
-/// without one.
+/// [`OutputError::HoldsPoints`] for a LAS or LAZ file, and [`OutputError::Write`] for a folder, or for a file
+/// whose folder does not exist.
 pub fn check_target(path: &Path) -> Result<(), OutputError> {
     let failed = |kind: io::ErrorKind| OutputError::Write { path: path.to_owned(), source: kind.into() };
     match fs_err::metadata(path) {
@@ -31,7 +31,8 @@ pub fn check_target(path: &Path) -> Result<(), OutputError> {
         }
     }
     let mut first = Vec::new();
-    // A file that cannot be read is not known to hold points, and whether it can be written is seen later.
+    // A file that cannot be read may pass: it cannot be checked for points, and `save` finds out whether it
+    // can be written.
     let read =
         fs_err::File::open(path).and_then(|file| file.take(SIGNATURE.len() as u64).read_to_end(&mut first));
     if read.is_ok() && first == SIGNATURE {

@@ -55,7 +55,7 @@ fn write_field(column: &Column, value: &Value<'_>, line: &mut Vec<u8>) -> io::Re
     }
 }
 
-/// A text, in quotes when it needs them.
+/// Writes a text, in quotes if it needs them.
 fn write_text(text: &str, line: &mut Vec<u8>) -> io::Result<()> {
     if text.contains(['"', ',', '\r', '\n']) {
         write!(line, "\"{}\"", text.replace('"', "\"\""))

@@ -1,9 +1,9 @@
 //! GeoJSON: a feature collection with one feature per line. The values of a row are the properties, and its
-//! outline is the geometry: a polygon, or a line or a point where the outline has no area.
+//! outline is the geometry: a polygon, or a line or a point if the outline has no area.
 //!
 //! RFC 7946 allows geographic coordinates only, but ours are projected. Therefore a member `crs` of the older
-//! GeoJSON specification (2008, section 3) names the EPSG code, which QGIS and GDAL honour. Where none is
-//! known it is null: no system can be assumed. GDAL 3 assumes longitude and latitude all the same.
+//! GeoJSON specification (2008, section 3) names the EPSG code, which QGIS and GDAL honour. If no code is
+//! known, `crs` is null: no system can be assumed. GDAL 3 still assumes longitude and latitude.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -149,7 +149,7 @@ mod tests {
         let ring = r#"{"type":"Polygon","coordinates":[[[0.0,0.0],[1.0,0.0],[0.0,1.0],[0.0,0.0]]]}"#;
         assert_eq!(text(&[a, b, c]).unwrap(), ring);
         assert_eq!(text(&[a, b, c, a]).unwrap(), ring, "a closed ring stays closed once");
-        // Two vertices of an upright surface are at the same place of the plane, and not in space.
+        // Two vertices of an upright surface are at the same place in the plane, but not in space.
         let upright = geometry(&[a, b, b, a], &[0.0, 0.0, 2.0, 2.0]).unwrap();
         let ring = "[[0.0,0.0,0.0],[1.0,0.0,0.0],[1.0,0.0,2.0],[0.0,0.0,2.0],[0.0,0.0,0.0]]";
         let expected = format!(r#"{{"type":"Polygon","coordinates":[{ring}]}}"#);

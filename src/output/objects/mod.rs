@@ -1,4 +1,5 @@
-//! The table of objects as files. A format writes all columns that it is given and depends on none of them.
+//! The table of objects as files. A format writes all columns that it is given, and does not depend on any of
+//! them.
 //!
 //! A format is one file here and one line in [`REGISTRY`].
 
@@ -23,7 +24,7 @@ pub struct ObjectFormatEntry {
 }
 
 impl ObjectFormatEntry {
-    /// Its name in settings: the extension of its file.
+    /// The name of the format in settings: the extension of its file.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.file_name.rsplit('.').next().unwrap_or(self.file_name)
@@ -38,8 +39,8 @@ pub const REGISTRY: &[ObjectFormatEntry] = &[
     ObjectFormatEntry { file_name: "objects.gpkg", format: &geopackage::GeoPackage },
 ];
 
-/// Every format of the table of surfaces, in the order in which the files are written. Rows are those of
-/// [`ObjectTable`] with an outline in space.
+/// Every format of the table of surfaces, in the order in which the files are written. The rows are rows of
+/// an [`ObjectTable`] with an outline in space.
 pub const SURFACES: &[ObjectFormatEntry] = &[
     ObjectFormatEntry { file_name: "surfaces.csv", format: &csv::Csv },
     ObjectFormatEntry { file_name: "surfaces.geojson", format: &geojson::GeoJson },

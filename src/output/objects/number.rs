@@ -7,7 +7,7 @@ use crate::model::ColumnType;
 /// millimetres or less.
 pub(super) const OUTLINE_PLACES: u8 = 3;
 
-/// Decimal places of the numbers of a column; none where it has no decimals.
+/// Decimal places of the numbers of a column; 0 if it has no decimals.
 pub(crate) fn places(column_type: ColumnType) -> u8 {
     match column_type {
         ColumnType::Decimal { places } => places,
@@ -15,15 +15,15 @@ pub(crate) fn places(column_type: ColumnType) -> u8 {
     }
 }
 
-/// Rounded to this many places, without a negative zero; `None` for a value that is not finite.
+/// The value rounded to this many places, without a negative zero; `None` if it is not finite.
 pub(crate) fn rounded(value: f64, places: u8) -> Option<f64> {
-    // This is exact. `powi` does not promise that.
+    // An integer power is exact; `powi` does not promise that.
     let scale = f64::from(10_u32.saturating_pow(places.into()));
     value.is_finite().then(|| (value * scale).round() / scale + 0.0)
 }
 
-/// A list in one field, joined by `;`. Where an item has this character or `%`, it is percent-encoded (RFC
-/// 3986, section 2.1), so that the list can be split again.
+/// A list in one field, joined by `;`. A `;` or `%` in an item is percent-encoded (RFC 3986, section 2.1), so
+/// that the list can be split again.
 pub(super) fn listed(items: &[impl ToString]) -> String {
     let encoded = |item: String| item.replace('%', "%25").replace(';', "%3B");
     items.iter().map(|item| encoded(item.to_string())).collect::<Vec<_>>().join(";")

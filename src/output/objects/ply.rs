@@ -17,7 +17,8 @@ pub(super) struct Ply;
 
 impl ObjectFormat for Ply {
     fn write(&self, table: &ObjectTable<'_>, path: &Path) -> io::Result<()> {
-        // The head has the numbers of vertices and faces: rows are made twice, so that none is kept.
+        // The header contains the numbers of vertices and faces, so the rows are made twice. None is kept in
+        // memory.
         let (mut vertices, mut faces) = (0, 0);
         for row in table.rows() {
             let places = places(&row?);
@@ -74,11 +75,11 @@ fn places(row: &ObjectRow<'_>) -> Vec<[f64; 3]> {
     row.outline.iter().zip(heights).map(|([x, y], z)| [*x, *y, z]).collect()
 }
 
-/// A colour that differs much from those of the next ids: steps of the golden ratio around the circle of
-/// hues.
+/// A colour that differs clearly from the colours of the next ids: steps of the golden ratio around the
+/// circle of hues.
 #[expect(clippy::cast_possible_truncation, reason = "a byte")]
 fn colour(id: u64) -> [u8; 3] {
-    // 6 * 256 hues; 949 is the golden ratio of them, and prime to their number.
+    // 6 * 256 hues; 949 is this number divided by the golden ratio, and coprime to it.
     let hue = id.wrapping_mul(949) % 1_536;
     let rising = (hue % 256) as u8;
     let falling = 255 - rising;
@@ -90,7 +91,7 @@ fn colour(id: u64) -> [u8; 3] {
         4 => [rising, 0, 255],
         _ => [255, 0, falling],
     };
-    // Every third is darker, and every third paler.
+    // Every third colour is darker, and every third is paler.
     full.map(|part| match id % 3 {
         0 => part,
         1 => part / 3 * 2,
@@ -98,8 +99,8 @@ fn colour(id: u64) -> [u8; 3] {
     })
 }
 
-/// A simple polygon in space as triangles of its vertices, counter-clockwise as it is: ears are cut off in
-/// the plane of the two axes along which it is largest.
+/// Cuts a simple polygon in space into triangles of its vertices that are counter-clockwise like the polygon.
+/// Ears are cut off in the plane of the two axes in which the polygon is largest.
 fn triangles(places: &[[f64; 3]]) -> Vec<[usize; 3]> {
     let normal = normal(places);
     let drop = (0..3).max_by(|a, b| normal[*a].abs().total_cmp(&normal[*b].abs())).unwrap_or(2);
@@ -122,7 +123,8 @@ fn triangles(places: &[[f64; 3]]) -> Vec<[usize; 3]> {
             let inside = |p: usize| turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0;
             left.iter().filter(|p| ![a, b, c].contains(p)).all(|p| !inside(*p))
         };
-        // A polygon without an ear is not simple. Then any corner is cut, so that every vertex is used.
+        // A polygon without an ear is not simple. Then the next corner is cut off, so that every vertex is
+        // used.
         if tried >= count || (turn(a, b, c) > 0.0 && free()) {
             found.push([a, b, c]);
             left.remove(at % count);
@@ -136,7 +138,7 @@ fn triangles(places: &[[f64; 3]]) -> Vec<[usize; 3]> {
     found
 }
 
-/// The normal of a polygon, of twice its area (Newell's method).
+/// The normal of a polygon, with twice its area as length (Newell's method).
 fn normal(places: &[[f64; 3]]) -> [f64; 3] {
     let mut normal = [0.0; 3];
     let Some(first) = places.first() else { return normal };

@@ -1,5 +1,5 @@
 //! A table of objects as formats see it: columns and rows of typed values, an outline and a base per row, and
-//! what belongs to the whole drive.
+//! facts of the whole drive.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -10,8 +10,8 @@ use crate::model::{Column, Value};
 /// One object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectRow<'a> {
-    /// Vertices of the outline in the units of the input, counter-clockwise; one or two when it has no area.
-    /// A ring may be closed or not.
+    /// Vertices of the outline in the units of the input, counter-clockwise; one or two if the outline has no
+    /// area. A ring may be closed or not.
     pub outline: Vec<[f64; 2]>,
     /// z of each vertex of the outline, in the units of the input, if the outline is in space; empty if it is
     /// in the plane.
@@ -35,7 +35,7 @@ pub struct TileShape {
     pub outline: Vec<[f64; 2]>,
 }
 
-/// What a table says of the drive as a whole. Formats without room for it leave it out.
+/// The facts of the whole drive. Formats without room for them leave them out.
 #[derive(Debug, Clone, Default)]
 pub struct DriveShape<'a> {
     /// EPSG code of the coordinate system, when known.
@@ -70,7 +70,7 @@ impl std::fmt::Debug for ObjectTable<'_> {
 }
 
 impl<'a> ObjectTable<'a> {
-    /// The rows in their order, each made when it is asked for.
+    /// The rows in order, each made on demand.
     pub fn rows(&self) -> impl Iterator<Item = io::Result<ObjectRow<'a>>> + use<'a> {
         let row = self.row;
         (0..self.len).map(row)
@@ -82,11 +82,11 @@ pub trait ObjectFormat: std::fmt::Debug + Sync {
     /// Writes the whole table, row by row, to a new file. The caller syncs it and gives it its name.
     ///
     /// # Errors
-    /// Those of the file system, and those of a row.
+    /// Errors of the file system, and errors of making a row.
     fn write(&self, table: &ObjectTable<'_>, path: &Path) -> io::Result<()>;
 }
 
-/// Creates a file and lets `content` write it from the beginning to the end.
+/// Creates a file and lets `content` write it from start to end.
 pub(super) fn stream(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::new(File::create(path)?);
     content(&mut out)?;
@@ -141,7 +141,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// What a text format writes of these rows.
+    /// The text that a format writes for these rows.
     pub(crate) fn written(format: &dyn ObjectFormat, rows: &[ObjectRow<'_>], epsg: Option<u32>) -> String {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table");
@@ -153,7 +153,7 @@ pub(crate) mod tests {
         std::fs::read_to_string(path).unwrap()
     }
 
-    /// Whether a format returns an error if the file or a row cannot be had.
+    /// Whether a format returns an error if the file cannot be created or a row cannot be made.
     pub(crate) fn reports_errors(format: &dyn ObjectFormat) -> bool {
         let folder = tempfile::tempdir().unwrap();
         let good = |_| Ok(car());

@@ -1,4 +1,4 @@
-//! Extra-bytes descriptors and variable length records as bytes; it knows nothing of files.
+//! Extra-bytes descriptors and variable length records as bytes. This module knows nothing about files.
 
 use crate::input::RecordLayout;
 
@@ -30,7 +30,7 @@ impl ExtraType {
 /// The descriptor of an unsigned integer dimension.
 ///
 /// Scale 1 and offset 0 are written although the option bits that would make them valid stay unset: some
-/// readers multiply by the field without looking at the bits. Minimum, maximum and no-data stay unset.
+/// readers multiply by the field without checking the bits. Minimum, maximum and no-data stay unset.
 pub(crate) fn integer(name: &str, kind: ExtraType, description: &str) -> [u8; DESCRIPTOR] {
     let mut bytes = [0; DESCRIPTOR];
     bytes[2] = kind as u8;
@@ -43,7 +43,7 @@ pub(crate) fn integer(name: &str, kind: ExtraType, description: &str) -> [u8; DE
     bytes
 }
 
-/// Descriptors for the extra bytes that have none, so that a dimension after them is found at its place.
+/// Descriptors for the extra bytes that have none, so that readers find a dimension after them at its place.
 pub(crate) fn undescribed(layout: &RecordLayout) -> Vec<[u8; DESCRIPTOR]> {
     let range = layout.undescribed();
     let mut descriptors = Vec::new();

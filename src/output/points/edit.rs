@@ -1,4 +1,5 @@
-//! The edit of a file's bytes around its points: header, variable length records before and after.
+//! Edits the bytes of a file around its points: the header, and the variable length records before and after
+//! the points.
 
 use laz::LazVlr;
 
@@ -103,11 +104,11 @@ pub(super) fn edit(
 
 struct Editor<'a> {
     input: &'a InputFile,
-    /// Descriptors to add, until they are placed.
+    /// Descriptors to add; `None` once they are placed.
     descriptors: Option<Vec<u8>>,
-    /// Whether there are no descriptors to add: then the records stay as they are.
+    /// Whether there are no descriptors to add, so that the records stay as they are.
     unchanged: bool,
-    /// Payload of the new laszip record, until it is placed.
+    /// Payload of the new laszip record; `None` once it is placed.
     laz: Option<Vec<u8>>,
 }
 
@@ -151,12 +152,12 @@ impl Editor<'_> {
         Ok(Fate::Replace(payload))
     }
 
-    /// The bytes after the points, where the extended records start in them, and their number.
+    /// The bytes after the points, where the extended records start in them, and the number of these records.
     fn tail(&mut self) -> Result<(Tail, Positions, u32), OutputError> {
         let header = self.input.header();
         let mut tail = Tail::default();
         let mut positions = Positions { first_evlr: None, waveforms: header.waveform_start };
-        // The chunk table follows the compressed points. It is written again.
+        // The chunk table follows the compressed points. It is not copied, because the copy gets a new one.
         let start = match (self.input.is_compressed(), header.tail_start) {
             (false, _) => self.points_end(),
             (true, Some(start)) => start,
@@ -246,8 +247,8 @@ pub(super) fn laz_record(
     if !matches!(layout.point_format, 4 | 5) {
         return Ok(vlr);
     }
-    // `laz` gives the wave packets of formats 4 and 5 version 2. LASzip knows only version 1 of them, which
-    // is the same coding, and refuses the file. The version is the last of the three words of an item.
+    // `laz` gives version 2 to the wave packets of formats 4 and 5. LASzip knows only version 1 of them,
+    // which is the same coding, and refuses the file. The version is the last of the three words of an item.
     const WAVE_PACKET: [u8; 2] = [9, 0];
     let mut payload = laz_vlr_data(&vlr)?;
     for item in payload[34..].chunks_exact_mut(6).filter(|item| item[..2] == WAVE_PACKET) {

@@ -31,7 +31,7 @@ const EXTERNAL_WAVEFORMS: u16 = 1 << 2;
 #[derive(Debug, Clone)]
 pub struct LabelledFile {
     name: String,
-    /// Folder that an error names with it; empty if it is not known.
+    /// Folder that errors name together with the copy; empty if it is not known.
     folder: PathBuf,
     points: u64,
     record: RecordPlan,
@@ -78,7 +78,7 @@ impl LabelledFile {
         Ok(planned)
     }
 
-    /// File name of the copy: that of the input, with the extension of the format; `x.copc.laz` becomes
+    /// File name of the copy: the name of the input with the extension of the format; `x.copc.laz` becomes
     /// `x.laz`.
     #[must_use]
     pub fn name(&self) -> &str {
@@ -103,7 +103,7 @@ impl LabelledFile {
         self.record.output_len()
     }
 
-    /// What the copy cannot keep.
+    /// Warnings about what the copy cannot keep.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -112,7 +112,7 @@ impl LabelledFile {
     /// Runs of records that are labelled (and compressed) at once, in file order, without gaps.
     ///
     /// They are the blocks of the input, except that a compressed copy of a file without chunks has runs of
-    /// 50,000.
+    /// 50,000 records.
     #[must_use]
     pub fn chunks(&self) -> &[Range<u64>] {
         &self.chunks
@@ -120,8 +120,8 @@ impl LabelledFile {
 
     /// Appends the new records of a run of records to `out`: the original bytes with label and class.
     ///
-    /// `classes` are codes of [`crate::model::PointClass`], or its `UNDECIDED` beside a section. `kinds` is
-    /// what the object of each record is, or empty for class 0.
+    /// `classes` are codes of [`crate::model::PointClass`], or its `UNDECIDED` outside a section. `kinds` has
+    /// the class and confidence of the object of each record; if it is empty, all objects have class 0.
     ///
     /// # Panics
     /// When there is not one label and one class for every record.
@@ -129,8 +129,8 @@ impl LabelledFile {
         self.record.label(records, labels, classes, kinds, out);
     }
 
-    /// Everything before the points. Of a compressed copy it is not final: [`LabelledFile::assemble_laz`]
-    /// writes it.
+    /// Everything before the points. For a compressed copy it is not final: [`LabelledFile::assemble_laz`]
+    /// writes the final one.
     #[must_use]
     pub fn prologue(&self) -> &[u8] {
         &self.prologue
@@ -154,7 +154,7 @@ impl LabelledFile {
         self.tail.len()
     }
 
-    /// Writes what follows the points: extended records, waveforms. Memory does not grow with them.
+    /// Writes the bytes after the points: extended records, waveforms. Memory does not grow with them.
     ///
     /// # Errors
     /// [`OutputError::Source`], [`OutputError::Write`].
@@ -165,7 +165,7 @@ impl LabelledFile {
         })
     }
 
-    /// Compresses the new records of exactly one of [`LabelledFile::chunks`]; on any thread.
+    /// Compresses the new records of exactly one of [`LabelledFile::chunks`], on any thread.
     ///
     /// # Errors
     /// [`OutputError::PartialRecord`], [`OutputError::Compress`], [`OutputError::NotCompressed`] for a copy
@@ -175,11 +175,11 @@ impl LabelledFile {
     }
 
     /// Writes a compressed copy: header, chunks (number of records and bytes of each, in order), their table,
-    /// and what follows.
+    /// and the bytes after the points.
     ///
     /// # Errors
     /// Errors of the chunks, [`OutputError::Write`], [`OutputError::Source`], [`OutputError::Incomplete`] if
-    /// the chunks are not those of [`LabelledFile::chunks`].
+    /// the chunks differ from [`LabelledFile::chunks`].
     pub fn assemble_laz<E: From<OutputError>>(
         &self,
         input: &InputFile,
@@ -286,7 +286,7 @@ fn output_name(input: &InputFile, compressed: bool) -> String {
     copy_name(input.name(), input.is_compressed(), compressed)
 }
 
-/// The same from the name, and whether the input and the copy are compressed.
+/// The same, from the name and from whether the input and the copy are compressed.
 fn copy_name(name: &str, was_compressed: bool, compressed: bool) -> String {
     let cloud = without(name, ".copc.laz");
     if cloud.is_none() && compressed == was_compressed {
@@ -296,8 +296,8 @@ fn copy_name(name: &str, was_compressed: bool, compressed: bool) -> String {
     format!("{stem}.{}", if compressed { "laz" } else { "las" })
 }
 
-/// The name without an ending, in upper or lower case. Endings are ASCII, so they have as many bytes in the
-/// name.
+/// The name without an ending in upper or lower case. Endings are ASCII, so they have the same number of
+/// bytes in the name.
 fn without<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
     let at = name.len().checked_sub(ending.len())?;
     name.get(at..)?.eq_ignore_ascii_case(ending).then(|| &name[..at])
@@ -316,7 +316,7 @@ mod tests {
             ("a.copc.laz", true, true, "a.laz"),
             ("a.COPC.LAZ", true, false, "a.las"),
             ("las", false, true, "las.laz"),
-            // Letters with more or fewer bytes in lower case.
+            // Letters whose lower case has more or fewer bytes.
             ("\u{212A}K.copc.laz", true, true, "\u{212A}K.laz"),
             ("\u{130}.las", false, true, "\u{130}.laz"),
             ("\u{212A}.las", false, true, "\u{212A}.laz"),

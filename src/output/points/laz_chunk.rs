@@ -1,5 +1,5 @@
-//! One independent LAZ chunk as bytes, and the table of all chunks; knows nothing of files, threads or their
-//! order.
+//! One independent LAZ chunk as bytes, and the table of all chunks. This module knows nothing about files,
+//! threads or their order.
 //!
 //! A chunk's bytes depend on its records and on the LASzip record alone, so any thread may compress any chunk
 //! and one collector appends them. Layout of the point data (LASzip specification, "chunk table"): 8 bytes
@@ -19,7 +19,7 @@ pub(crate) const TABLE_OFFSET_BYTES: u64 = 8;
 /// How many records a chunk has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ChunkSize {
-    /// This many, the last chunk excepted; LASzip's own default is 50,000.
+    /// This many, except in the last chunk; LASzip's own default is 50,000.
     Fixed(u32),
     /// Any number per chunk; the chunk table stores it.
     Variable,
@@ -70,7 +70,7 @@ pub(crate) fn compress_chunk(vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8>, Ou
         return Err(OutputError::PartialRecord { bytes: records.len(), record_bytes });
     }
     let out = Vec::with_capacity(records.len() / 4);
-    // LASzip: items of version 1 and 2 (point formats 0 to 5) are coded record by record, later ones in
+    // LASzip codes items of versions 1 and 2 (point formats 0 to 5) record by record, and later versions in
     // layers.
     if vlr.items().first().is_some_and(|item| item.version() <= 2) {
         run(SequentialPointRecordCompressor::new(out), vlr, records)

@@ -1,5 +1,5 @@
 //! Streaming writer of a new LAS 1.4 or LAZ file: header, records in the given order, totals patched in at
-//! the end. Of the meaning of records it knows position and return number only.
+//! the end. The only fields of a record that it interprets are position and return number.
 //!
 //! The file grows under a temporary name in its folder and gets its own name when it is complete and synced.
 //! LAZ chunks are compressed by the threads of the current rayon pool and written in order, so the bytes do
@@ -47,7 +47,7 @@ impl ExtraDimension {
     }
 }
 
-/// What the records of a new file look like, and where they are.
+/// The format of the records of a new file, and its coordinate system.
 #[derive(Debug, Clone)]
 pub(crate) struct NewFileSchema {
     /// Point format, 6 to 10 (LAS 1.4 layouts).
@@ -83,7 +83,7 @@ pub(crate) struct NewFile {
     position: u64,
 }
 
-/// The totals of all records in the header.
+/// The totals of all records for the header.
 #[derive(Debug)]
 struct Totals {
     by_return: [u64; 15],

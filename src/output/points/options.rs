@@ -1,10 +1,10 @@
-//! What labelled copies carry.
+//! Options of labelled copies.
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::{CLUSTER_ID, LasCodes, OutputFormat};
 
-/// What labelled copies carry, and whether they are compressed.
+/// What labelled copies contain, and whether they are compressed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LabelOptions {
@@ -14,16 +14,16 @@ pub struct LabelOptions {
     pub dimension: String,
     /// Whether ground, noise and objects are written as the LAS class of the point.
     pub set_classification: bool,
-    /// Whether a ground filter ran. Then no other point keeps the class of ground.
+    /// Whether a ground filter ran. If so, no other point keeps the class of ground.
     pub finds_ground: bool,
-    /// Whether noise was looked for. Then no other point keeps a class of noise.
+    /// Whether noise was searched for. If so, no other point keeps a class of noise.
     pub finds_noise: bool,
-    /// LAS codes of classes of objects other than those of ASPRS.
+    /// LAS codes for classes of objects that the user chose instead of the ASPRS codes.
     pub class_codes: LasCodes,
     /// Whether the class of the input is kept in a dimension of its own, `original_classification`.
     pub keep_original: bool,
-    /// Whether the class of the object of a point is written to the dimension `object_class`. If not, a
-    /// dimension of this name that the input has gets 0.
+    /// Whether the class of the object of a point is written to the dimension `object_class`. If not, and the
+    /// input has a dimension with this name, it gets 0.
     pub object_class: bool,
 }
 

@@ -1,4 +1,5 @@
-//! One record of a labelled copy: the original bytes, the label, the class. It knows nothing of files.
+//! One record of a labelled copy: the original bytes, the label, the class. This module knows nothing about
+//! files.
 
 use super::descriptor::{self, DESCRIPTOR, ExtraType};
 use super::options::LabelOptions;
@@ -13,7 +14,7 @@ const MAX_RECORD: usize = u16::MAX as usize;
 const ORIGINAL_CLASS: &str = "original_classification";
 /// Name of the dimension with the class of the object.
 pub(super) const OBJECT_CLASS: &str = "object_class";
-/// Names of dimensions that have their own meaning: the dimension of the objects has another one.
+/// Names of dimensions with a fixed meaning. The dimension with the objects must have another name.
 pub(crate) const RESERVED: [&str; 2] = [ORIGINAL_CLASS, OBJECT_CLASS];
 /// Fields of LAS records as laspy 2 and PDAL 2 name them, in lower case and without underscores. An extra
 /// dimension with such a name would hide the field, or be hidden by it.
@@ -48,19 +49,19 @@ pub(super) struct RecordPlan {
     output_len: usize,
     /// Where the label goes (u32).
     label: usize,
-    /// Place of the original class (u8), if it is to be kept and is not kept already.
+    /// Place of the original class (u8), if it is to be kept and the input does not keep it already.
     original_class: Option<usize>,
     /// Place of the class of the object (u8), if the method classifies or the input has it.
     object_class: Option<usize>,
-    /// Byte of the class, and its bits that are the class; `None` when it stays.
+    /// Byte with the class, and the mask of its bits for the class; `None` if the class stays.
     class: Option<(usize, u8)>,
     class_byte: usize,
     class_mask: u8,
-    /// LAS classes of the classes of objects, by their codes; none where the point keeps its class.
+    /// LAS classes of the classes of objects, by their codes; `None` if the point keeps its class.
     objects: [Option<u8>; OBJECT_CLASSES],
     /// LAS classes of low and of higher hedges and bushes.
     hedges: [u8; 2],
-    /// LAS classes that this run decides. No other point keeps one of them.
+    /// LAS classes that this run assigns. No other point keeps one of them.
     decided: [bool; 256],
     /// Whether the format has LAS classes above 12.
     extended: bool,
@@ -85,7 +86,7 @@ impl RecordPlan {
         let kept = existing(input, ORIGINAL_CLASS, ExtraType::U8)?;
         let keep = options.keep_original && kept.is_none();
         let mut descriptors = Vec::new();
-        // The classes of an earlier run are not those of this one, and a method without classes has 0.
+        // The classes of an earlier run are overwritten: a method without classes writes 0.
         let known = match existing(input, OBJECT_CLASS, ExtraType::U8) {
             Err(_) if !options.object_class => None,
             known => known?,
@@ -123,7 +124,7 @@ impl RecordPlan {
         label: usize,
         original_class: Option<usize>,
     ) -> Self {
-        // Formats 0 to 5 have no class for wires and high noise: 14 and 18 are reserved there.
+        // Formats 0 to 5 have no classes for wires and high noise: 14 and 18 are reserved in them.
         let extended = layout.point_format >= 6;
         let objects = objects(&options.class_codes, extended);
         let hedges =
@@ -193,9 +194,9 @@ impl RecordPlan {
         }
     }
 
-    /// The LAS class of a class code and of an object; `None` if the point keeps its class, `before`. A class
-    /// that this run decides is kept by no other point: what an earlier run or another program called ground
-    /// would be ground for every reader.
+    /// The LAS class for a class code and an object; `None` if the point keeps its class, `before`. No other
+    /// point keeps a class that this run assigns: otherwise, every reader would take ground of an earlier run
+    /// or of another program for ground of this run.
     fn las_class(&self, code: u8, label: u32, kind: Kind, before: u8) -> Option<u8> {
         let class = PointClass::from_code(code);
         if class.is_none() && label == 0 {
@@ -217,7 +218,7 @@ impl RecordPlan {
     }
 }
 
-/// LAS classes of the classes of objects. Vehicles, poles, fences and furniture have none, unless the user
+/// LAS classes of the classes of objects. Vehicles, poles, fences and furniture have none unless the user
 /// chose one.
 fn objects(chosen: &LasCodes, extended: bool) -> [Option<u8>; OBJECT_CLASSES] {
     let mut codes = [None; OBJECT_CLASSES];

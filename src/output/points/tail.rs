@@ -1,4 +1,4 @@
-//! What follows the points of a file (extended records, waveforms), as pieces that are copied or replaced.
+//! The bytes after the points of a file (extended records, waveforms), as pieces that are copied or replaced.
 
 use std::io::Write;
 use std::ops::Range;
@@ -44,7 +44,7 @@ impl Tail {
         self.len
     }
 
-    /// Where a byte of the input is now, from the start of the tail; `None` when it was not copied.
+    /// New position of a byte of the input, from the start of the tail; `None` if it was not copied.
     pub(super) fn position_of(&self, input: u64) -> Option<u64> {
         let mut start = 0;
         for piece in &self.pieces {
@@ -57,10 +57,10 @@ impl Tail {
         None
     }
 
-    /// Writes the bytes; memory does not grow with them.
+    /// Writes the bytes. Memory does not grow with them.
     ///
     /// # Errors
-    /// If reading the input or writing fails. The error says which.
+    /// If reading the input or writing the output fails. The error says which.
     pub(super) fn write(&self, source: &ByteSource, out: &mut impl Write) -> Result<(), TailError> {
         let mut buffer = Vec::new();
         for piece in &self.pieces {

@@ -32,7 +32,7 @@ pub fn chart_svg(chart: &Chart) -> Result<String, ChartError> {
     Ok(svg)
 }
 
-/// An axis as drawn: a logarithmic axis has logarithms.
+/// An axis as drawn: a logarithmic axis contains logarithms.
 struct Scale {
     logarithmic: bool,
     from: f64,
@@ -56,8 +56,8 @@ impl Scale {
         Self { logarithmic: axis.logarithmic, from, to: to + (to - from) * (0.05 + head) }
     }
 
-    /// The position of a value on the axis. A value that a logarithmic axis cannot show is drawn at its
-    /// beginning.
+    /// The position of a value on the axis. A value that a logarithmic axis cannot show is drawn at the start
+    /// of the axis.
     fn place(&self, value: f64) -> f64 {
         if !self.logarithmic {
             value
@@ -107,7 +107,7 @@ fn draw<'a>(
         let colour = *colour;
         let (drawn, name) = match series {
             Series::Points { name, places, counts } => {
-                // One, ten, a hundred: two, three, four pixels.
+                // Two pixels for one, three for ten, four for a hundred.
                 let radius = |count: u64| 2 + count.checked_ilog10().unwrap_or(0);
                 let marks = places.iter().zip(counts).map(|(place, &count)| {
                     let place = (x.place(place[0]), y.place(place[1]));

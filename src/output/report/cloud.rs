@@ -5,15 +5,15 @@
 //! planes := key (4) x (4) y (4) z (4) more      each plane has one byte of every point
 //! key    := difference to the point before
 //! x y z  := difference to the point before, sign in the lowest bit
-//! more   := in the page: intensity (1); in what is streamed: intensity (2) class of the object (1)
+//! more   := in the page: intensity (1); in the stream: intensity (2) class of the object (1)
 //! ```
 //!
-//! Coordinates are in steps from an origin: of 1 cm in the page, of the scale of the file in what is
-//! streamed.
+//! Coordinates are in steps from an origin: steps of 1 cm in the page, and of the scale of the file in the
+//! stream.
 
 use super::sample::SamplePoint;
 
-/// Planes of key and place.
+/// Number of planes of key and place.
 const PLACE_PLANES: usize = 16;
 
 /// The bytes of the points of the page. Sorts them by object and place.
@@ -67,7 +67,7 @@ fn along_curve(place: [i32; 3]) -> u64 {
     spread(place[0]) | (spread(place[1]) << 1) | (spread(place[2]) << 2)
 }
 
-/// The intensities between which shades differ.
+/// The range of intensities within which shades differ.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Intensities {
     pub(super) low: u16,
@@ -75,7 +75,7 @@ pub(super) struct Intensities {
 }
 
 impl Intensities {
-    /// From the 1st to the 99th hundredth, because single mirrors would make everything else dark.
+    /// From the 1st to the 99th percentile, because a few strong reflectors would make everything else dark.
     pub(super) fn of(points: &[SamplePoint]) -> Self {
         let mut all: Vec<u16> = points.iter().map(|point| point.intensity).collect();
         all.sort_unstable();
@@ -100,7 +100,7 @@ mod tests {
         SamplePoint { key, place, intensity, ..SamplePoint::zeroed() }
     }
 
-    /// What the page reads.
+    /// The points as the script of the page reads them.
     fn read(bytes: &[u8]) -> Vec<(u32, [i32; 3], u8)> {
         let count = bytes.len() / (PLACE_PLANES + 1);
         let word = |plane: usize, at: usize| {

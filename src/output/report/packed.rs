@@ -1,5 +1,5 @@
-//! Bytes as text for the inside of a page: compressed by deflate (RFC 1951), coded in base64 (RFC 4648); JSON
-//! that cannot end its element; and the digest by which a page names its own script.
+//! Bytes as text inside a page: compressed by deflate (RFC 1951), coded in base64 (RFC 4648); JSON that
+//! cannot end its element; and the digest by which a page names its own script.
 
 use std::io::{self, Write};
 
@@ -33,19 +33,19 @@ impl Compressed {
         text_len(self.len)
     }
 
-    /// The text. Of a [`Compressor`], only if it is not longer than allowed.
+    /// The text. After a [`Compressor`], it is complete only if it is not longer than allowed.
     pub(super) fn text(&self) -> String {
         STANDARD.encode(&self.bytes)
     }
 }
 
-/// Length of so many bytes as text.
+/// Length of the text of this many bytes.
 fn text_len(bytes: usize) -> usize {
     bytes.div_ceil(3) * 4
 }
 
-/// Compresses what is written to it, to the same bytes as all at once. If they are too long as text, they are
-/// counted and not kept.
+/// Compresses what is written to it, to the same bytes as in one piece. If the text would be too long, the
+/// bytes are only counted.
 pub(super) struct Compressor {
     state: Box<CompressorOxide>,
     found: Compressed,
@@ -53,7 +53,7 @@ pub(super) struct Compressor {
 }
 
 impl Compressor {
-    /// Nothing yet. `most` is the longest text.
+    /// An empty compressor. `most` is the largest length of the text.
     pub(super) fn new(most: usize) -> Self {
         let flags = create_comp_flags_from_zip_params(EFFORT.into(), 0, 0);
         let found = Compressed { bytes: Vec::new(), len: 0 };
@@ -77,7 +77,7 @@ impl Compressor {
         }
     }
 
-    /// All that was written.
+    /// The compressed form of everything that was written.
     pub(super) fn finish(mut self) -> io::Result<Compressed> {
         self.add(&[], TDEFLFlush::Finish, TDEFLStatus::Done)?;
         Ok(self.found)

@@ -1,5 +1,5 @@
-//! The page `report.html`: one file with everything in it. It asks for nothing from any network, and its
-//! policy forbids that it ever does. Texts of files are data for its script and never markup.
+//! The page `report.html`: one file with everything in it. It requests nothing from any network, and its
+//! policy forbids such requests. Texts of files are data for its script and never markup.
 
 use std::io::{self, Write};
 
@@ -37,12 +37,13 @@ const SCRIPT: [&str; 16] = [
     include_str!("page/app.js"),
 ];
 
-/// Names of the classes of objects, beside the codes in `config/classes.toml`.
+/// The classes of objects: their names and codes.
 const CLASSES: &str = include_str!("../../../config/classes.toml");
 
-/// Bytes of a page per shown point that the budget allows for: 5 to 7 were measured on streets.
+/// Bytes of a page per shown point in the budget: 5 to 7 were measured on streets.
 const BYTES_PER_POINT: u64 = 10;
-/// Part of the limit, without the markup, style and script of every page, that the table of objects may take.
+/// The table of objects may take one part in this many of the limit, after the markup, style and script of
+/// every page are subtracted.
 const TABLE_PART: u64 = 3;
 
 /// Number of points that a page with a limit in bytes may show.
@@ -60,11 +61,11 @@ pub(crate) struct PageTable {
 }
 
 impl PageTable {
-    /// The rows that fit the limit: all of them, or those of the objects with most points. `points` is the
+    /// The rows that fit the limit: all rows, or the rows of the objects with most points. `points` gives the
     /// number of points of the object at a position. `spill` makes a temporary file.
     ///
     /// # Errors
-    /// Those of reading a row, and those of the temporary file.
+    /// Errors of reading a row, and errors of the temporary file.
     pub(crate) fn of(
         table: &ObjectTable<'_>,
         points: &dyn Fn(usize) -> u64,
@@ -88,7 +89,7 @@ impl PageTable {
             if packed.text_len() <= room || shown.is_empty() {
                 return Ok(Self { packed: packed.text(), shown: shown.len(), all: table.len });
             }
-            // A tenth less than fits in proportion, so that the second attempt mostly fits.
+            // A tenth fewer rows than would fit in proportion, so that the second attempt mostly fits.
             largest.truncate(largest.len() * (room / 10 * 9) / packed.text_len());
         }
     }
@@ -103,12 +104,13 @@ pub(crate) struct PageStretch {
     pub(crate) y: Vec<f64>,
 }
 
-/// The file from which `chainage view` streams all points, and how its coordinates become those of the page.
+/// The file from which `chainage view` streams all points, and the conversion of its coordinates to those of
+/// the page.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(crate) struct PageCloud {
     /// Its name.
     pub(crate) file: &'static str,
-    /// Where the page counts coordinates from, in metres of the world frame.
+    /// Origin of the coordinates of the page, in metres of the world frame.
     pub(crate) origin_m: [f64; 3],
     /// Metres per unit of the file.
     pub(crate) units_m: [f64; 3],
@@ -118,7 +120,7 @@ pub(crate) struct PageCloud {
 #[derive(Debug)]
 pub(crate) struct Page<'a> {
     pub(crate) title: String,
-    /// A few words on the files.
+    /// The files in a few words.
     pub(crate) files: String,
     /// The units of coordinates in the plane, and of heights.
     pub(crate) units: [String; 2],
@@ -138,11 +140,11 @@ impl Page<'_> {
     /// Writes the page. It shows as many points as fit the limit.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// Errors of `out`.
     pub(crate) fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
         let script = format!("\"use strict\";\n{}", SCRIPT.join("\n"));
         let run = json(self.run)?;
-        // Only a page whose points can be streamed may ask its own server, and no page any other.
+        // Only a page whose points can be streamed may send requests, and only to its own server.
         let connect = if self.cloud.is_some() { " connect-src 'self';" } else { "" };
         let policy = format!(
             "default-src 'none'; script-src {}; style-src {};{connect} img-src data:; base-uri 'none'; form-action 'none'",
@@ -187,7 +189,7 @@ impl Page<'_> {
         fill(MARKUP, &parts, out)
     }
 
-    /// What the script reads first. It has nothing that depends on tiles, threads or time.
+    /// The facts that the script reads first. They do not depend on tiles, threads or time.
     fn facts(&self, count: usize, range: Intensities) -> Value {
         json!({
             "title": self.title,
@@ -207,7 +209,7 @@ impl Page<'_> {
         })
     }
 
-    /// What is shown, and what was left out.
+    /// A sentence about what is shown and what was left out.
     fn sentence(&self, count: usize) -> String {
         let what = if self.run["result"]["surfaces"] == true { "surface" } else { "object" };
         let mut text = if count as u64 >= self.all_points {
@@ -229,7 +231,8 @@ impl Page<'_> {
     }
 }
 
-/// Writes the markup with every `{{name}}` replaced by its part. Parts are not searched again.
+/// Writes the markup with every `{{name}}` replaced by its part. The parts themselves are not searched for
+/// names.
 fn fill(markup: &str, parts: &[(&str, &str)], out: &mut dyn Write) -> io::Result<()> {
     let mut rest = markup;
     while let Some((before, after)) = rest.split_once("{{") {
@@ -247,7 +250,7 @@ fn fill(markup: &str, parts: &[(&str, &str)], out: &mut dyn Write) -> io::Result
     out.flush()
 }
 
-/// Names of the classes by code. Code 0 is noise in labelled drives, and no class of an object.
+/// Names of the classes by code. Code 0 is noise in labelled drives, and not a class of objects.
 fn class_names() -> Value {
     let table: toml::Table = CLASSES.parse().unwrap_or_default();
     let mut names = serde_json::Map::new();

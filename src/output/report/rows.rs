@@ -9,10 +9,10 @@ use crate::model::{Column, ColumnType, Value};
 use crate::output::objects::{ObjectTable, places, rounded};
 use crate::spill::{Spill, Spilled};
 
-/// Rows whose text is in memory at a time: about 1 MB (chosen).
+/// Number of rows whose text is in memory at a time: about 1 MB (chosen).
 const ROWS_AT_ONCE: usize = 1_000;
 
-/// Where the page counts coordinates from, and the metres per unit of the input.
+/// The origin of the coordinates of the page, and the metres per unit of the input.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PageFrame {
     /// In metres of the world frame.
@@ -21,7 +21,7 @@ pub(crate) struct PageFrame {
     pub(crate) units_m: [f64; 2],
 }
 
-/// Writes the table as JSON. `shown` has the positions of the rows. The text has one column after the other,
+/// Writes the table as JSON. `shown` has the positions of the rows. In the JSON one column follows the other,
 /// so the texts of the columns wait in `spill`.
 pub(super) fn write_json(
     table: &ObjectTable<'_>,
@@ -95,7 +95,7 @@ fn described(column: &Column) -> serde_json::Value {
     })
 }
 
-/// A value with the digits of the other formats; `null` where it is missing.
+/// Writes a value with the same digits as the other formats; `null` if it is missing.
 fn write_value(column: &Column, value: &Value<'_>, to: &mut Vec<u8>) -> Result<(), serde_json::Error> {
     match value {
         Value::Missing => to.extend_from_slice(b"null"),
@@ -114,7 +114,7 @@ fn write_value(column: &Column, value: &Value<'_>, to: &mut Vec<u8>) -> Result<(
     Ok(())
 }
 
-/// A vertex of an outline in metres from the origin of the page, with centimetres.
+/// A vertex of an outline in metres from the origin of the page, to the centimetre.
 fn coordinates(place: [f64; 2], frame: PageFrame) -> [String; 2] {
     [0, 1].map(|axis| {
         let metres = place[axis] * frame.units_m[axis] - frame.origin_m[axis];

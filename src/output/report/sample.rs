@@ -1,9 +1,9 @@
-//! Which points the report shows: one point of a voxel, and as many voxels of every object as fit the budget.
+//! Which points the report shows: one point per voxel, and as many voxels of every object as fit the budget.
 //!
-//! A voxel is kept or not by the hash of its index, so the choice depends neither on tiles nor on threads nor
-//! on the order of the records. Of a kept voxel, the point nearest to its centre is shown. The first point of
-//! every object is always kept. Units of the drive collect candidates with bounded memory, and [`Choice`]
-//! takes the best of all units.
+//! The hash of the index of a voxel decides whether the voxel is kept, so the choice does not depend on
+//! tiles, threads or the order of the records. In a kept voxel, the point nearest to its centre is shown. The
+//! first point of every object is always kept. Units of the drive collect candidates with bounded memory, and
+//! [`Choice`] takes the best of all units.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,29 +11,31 @@ use crate::model::{Lattice, ObjectPart, PointClass, splitmix64};
 
 /// Key of ground points.
 pub(crate) const GROUND: u32 = 0;
-/// Key of points that belong to no object. Object k has key k + 1.
+/// Key of points without an object. Object k has key k + 1.
 pub(crate) const LOOSE: u32 = 1;
-/// Steps of shown coordinates per metre: centimetres, which is less than a pixel.
+/// Steps of shown coordinates per metre: a step is a centimetre, which is less than a pixel.
 pub(crate) const STEPS_PER_M: f64 = 100.0;
 
-/// Shares of the budget for ground and for points of no object, if there are more points than the budget.
-/// Chosen, because a street is recognised with few ground points, and objects are what is looked at.
+/// Shares of the budget for ground points and for points without an object, if there are more points than the
+/// budget. Chosen, because a street is recognised with few ground points, and readers look at objects.
 const GROUND_SHARE: f64 = 0.25;
 const LOOSE_SHARE: f64 = 0.05;
 /// Planned points per shown point. The surface of an object is estimated from its box and can be smaller.
 const SURPLUS: f64 = 2.0;
-/// Points that an object gets before the rest is distributed by surface. Chosen: enough to see a pole.
+/// Number of points that each object gets before the rest is distributed by surface. Chosen: enough to see a
+/// pole.
 const LEAST_OF_OBJECT: f64 = 24.0;
-/// Thinning where every point is planned, a quarter: such points are shown before all others.
+/// [`Rule::thinning`] if every point is planned: a quarter, so that such points are shown before all others.
 const FIRST: u64 = 1 << 14;
-/// Candidates that one unit keeps, at least and at most. Of a long drive every unit shows
-/// few points; a short one, with few units, may show a quarter of its points.
+/// Smallest and largest number of candidates that one unit keeps. In a long drive, every unit shows few
+/// points; in a short one, with few units, a unit may show a quarter of its points.
 const UNIT_CANDIDATES: (usize, usize) = (1 << 17, 1 << 18);
-/// Slots for the voxels that were seen last, a power of two. Neighbouring records are mostly in the same
+/// Number of slots for the most recent voxels, a power of two. Neighbouring records are mostly in the same
 /// voxels.
 const SLOTS: usize = 1 << 14;
 
-/// A shown point, as it is stored. The order is that of the choice: by rank, then by object, then by content.
+/// A shown point, as it is stored. Points are ordered as they are chosen: by rank, then by object, then by
+/// content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct SamplePoint {
@@ -41,7 +43,7 @@ pub(crate) struct SamplePoint {
     pub(crate) rank: u32,
     /// [`GROUND`], [`LOOSE`], or the number of the object plus one.
     pub(crate) key: u32,
-    /// Squared distance from the centre of the voxel, in parts of the largest.
+    /// Squared distance from the centre of the voxel, where 20,000 is the square of half of its edge.
     pub(crate) apart: u16,
     /// Intensity.
     pub(crate) intensity: u16,
@@ -52,18 +54,19 @@ pub(crate) struct SamplePoint {
 impl SamplePoint {
     const NONE: Self = Self { rank: u32::MAX, key: u32::MAX, apart: u16::MAX, intensity: 0, place: [0; 3] };
 
-    /// A rank and a key are a voxel: 32 bits of a hash, for the voxels of one object.
+    /// Rank and key identify a voxel: the rank comes from 32 bits of a hash of the voxel, the key is the
+    /// object.
     fn voxel(&self) -> (u32, u32) {
         (self.rank, self.key)
     }
 }
 
-/// The voxels of one object, of the ground, or of the points of no object.
+/// The size and the share of the voxels of one object, of the ground, or of the points without an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Rule {
     /// Binary logarithm of the edge of a voxel in lattice units.
     shift: u8,
-    /// Voxels per planned point in steps of 2^-16. Below 1 where every point is planned: these are shown
+    /// Voxels per planned point in steps of 2^-16. Below 1 if every point is planned: such points are shown
     /// first.
     thinning: u64,
 }
@@ -90,7 +93,7 @@ impl Rule {
     }
 }
 
-/// What is known of a drive before its points are sampled.
+/// The known facts of a drive before its points are sampled.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SampledDrive<'a> {
     /// The objects, in ascending order of their ids.
@@ -99,7 +102,7 @@ pub(crate) struct SampledDrive<'a> {
     pub(crate) ground_points: u64,
     /// Points that are neither ground nor noise.
     pub(crate) object_points: u64,
-    /// Points of a unit of the pass that samples.
+    /// Number of points of a unit of the pass that samples.
     pub(crate) unit_points: u64,
     /// Occupied area of the drive in square lattice units.
     pub(crate) area_units2: f64,
@@ -109,7 +112,7 @@ pub(crate) struct SampledDrive<'a> {
     pub(crate) lattice: Lattice,
 }
 
-/// The rules of a drive.
+/// The rules by which the points of a drive are sampled.
 #[derive(Debug)]
 pub(crate) struct Sampling {
     budget: usize,
@@ -180,14 +183,14 @@ impl Sampling {
     }
 }
 
-/// Surface of the box of an object in square metres, at least that of a small thing.
+/// Surface of the box of an object in square metres, but at least 0.25, for small things.
 fn surface_m2(object: &ObjectPart, lattice: Lattice) -> f64 {
     let [dx, dy, dz] = [0, 1, 2].map(|axis| lattice.metres((object.hi[axis] - object.lo[axis]).max(0)));
     (2.0 * (dx + dy) * dz + dx * dy).max(0.25)
 }
 
-/// Planned points of every object: a few for each, and the rest by a power of the surface below 1, so that
-/// small objects are denser. The sum is `planned` at most, or all points.
+/// Planned points of every object: a few for each, and the rest in proportion to a power below 1 of the
+/// surface, so that small objects are denser. The sum is at most `planned`, or all points.
 fn quotas(objects: &[ObjectPart], lattice: Lattice, planned: f64) -> Vec<f64> {
     let least = LEAST_OF_OBJECT.min(planned / objects.len().max(1) as f64);
     // Roots instead of a power: they are exact, so every machine computes the same.
@@ -200,7 +203,8 @@ fn quotas(objects: &[ObjectPart], lattice: Lattice, planned: f64) -> Vec<f64> {
         .collect();
     let quota = |factor: f64, at: usize| (least + factor * weights[at]).min(objects[at].points as f64);
     let sum = |factor: f64| (0..objects.len()).map(|at| quota(factor, at)).sum::<f64>();
-    // The largest factor whose sum fits, by bisection; objects of few points leave theirs to the others.
+    // The largest factor whose sum fits, by bisection. Objects with few points leave their share to the
+    // others.
     let (mut low, mut high) = (0.0, 1e9);
     for _ in 0..80 {
         let middle = 0.5 * (low + high);
@@ -215,12 +219,12 @@ pub(crate) struct Sampler<'a> {
     sampling: &'a Sampling,
     recent: Vec<SamplePoint>,
     found: Vec<SamplePoint>,
-    /// Ranks from here on are dropped.
+    /// Ranks from this one on are dropped.
     limit: u64,
 }
 
 impl<'a> Sampler<'a> {
-    /// No candidates yet.
+    /// A sampler without candidates.
     pub(crate) fn new(sampling: &'a Sampling) -> Self {
         Self {
             sampling,
@@ -260,7 +264,7 @@ impl<'a> Sampler<'a> {
             return;
         }
         let edge = 1_i64 << rule.shift;
-        // Twice the distance, so that the centre is an integer.
+        // Twice the distance along each axis, so that the centre is an integer.
         let squared: f64 = (0..3)
             .map(|axis| (2 * (point[axis] - (voxel[axis] << rule.shift)) + 1 - edge) as f64 / edge as f64)
             .map(|share| share * share)
@@ -270,7 +274,7 @@ impl<'a> Sampler<'a> {
         #[expect(clippy::cast_possible_truncation, reason = "the lowest bits of a hash")]
         let slot = &mut self.recent[hash as usize & (SLOTS - 1)];
         let same = u64::from(slot.rank) == rank && slot.key == key;
-        // Most points are in a voxel that was just seen, further from its centre.
+        // Most points are in a recent voxel, and further from its centre than the point that was kept.
         if same && slot.apart < apart && !first {
             return;
         }
@@ -306,8 +310,8 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Sorts candidates, keeps one of each voxel, and the best `count`. Returns the rank from which on none is
-/// needed.
+/// Sorts candidates, and keeps the best one of each voxel and the best `count` of these. Returns the rank
+/// from which on no candidate is needed.
 fn keep_best(candidates: &mut Vec<SamplePoint>, count: usize) -> u64 {
     candidates.sort_unstable();
     candidates.dedup_by_key(|sample| sample.voxel());
@@ -326,9 +330,9 @@ pub(crate) struct Choice {
 }
 
 impl Choice {
-    /// No points yet; at most `budget` are taken.
+    /// A choice without points, which takes at most `budget`.
     pub(crate) fn new(budget: usize) -> Self {
-        // With its room at once: a list that grows is in memory twice while it grows.
+        // Allocated at once, because a list that grows is in memory twice while it grows.
         Self { budget, best: Vec::with_capacity(budget + budget / 2 + UNIT_CANDIDATES.1) }
     }
 
@@ -447,7 +451,7 @@ mod tests {
         let chosen = chosen(&seen, 10_000, 500);
         let shown: std::collections::BTreeSet<_> =
             chosen.iter().map(|sample| (sample.key, sample.place)).collect();
-        // Points in one centimetre look the same.
+        // Points within one centimetre are the same on the page.
         assert!(shown.len() > 2_900, "{}", shown.len());
     }
 

@@ -1,5 +1,5 @@
-//! The points of a cloud-optimised file for the page, node by node: the table of nodes as JSON, and the
-//! points of a node in the bytes that `cloud.rs` describes.
+//! The points of a cloud-optimised file for the page: the table of nodes as JSON, and the points of each node
+//! as the bytes that `cloud.rs` describes.
 
 use std::path::Path;
 
@@ -10,13 +10,14 @@ use super::sample::{GROUND, LOOSE};
 use crate::input::copc::{CopcFile, Key};
 use crate::input::{CopcProblem, InputError, record_xyz};
 
-/// LAS class of ground points, and those of noise, which the page does not show (LAS 1.4 R15, table 17).
+/// LAS class of ground points, and the LAS classes of noise, which the page does not show (LAS 1.4 R15, table
+/// 17).
 const GROUND_CLASS: u8 = 2;
 const NOISE_CLASSES: [u8; 2] = [7, 18];
-/// Data types of the columns with the object and with its class: u32 and u8 (LAS 1.4 R15, table 25).
+/// Data types of the dimensions with the object and with its class: u32 and u8 (LAS 1.4 R15, table 25).
 const OBJECT_TYPE: u8 = 5;
 const CLASS_TYPE: u8 = 1;
-/// Planes behind the places: intensity and class.
+/// Number of planes after the places: intensity and class.
 const MORE_PLANES: usize = 3;
 
 /// A cloud-optimised file of a run, open for reading from any thread.
@@ -48,7 +49,7 @@ impl PointStream {
     }
 
     /// The cube, scale and offset in units of the file, and all nodes, five numbers each: level, position,
-    /// and number of points. A node comes after the one above it.
+    /// and number of points. Each node comes after its parent.
     #[must_use]
     pub fn tree(&self) -> String {
         let (cube, scaling) = (self.file.cube(), self.file.scaling());
@@ -95,7 +96,7 @@ impl PointStream {
         Ok(Some(bytes))
     }
 
-    /// What the page shows of a record.
+    /// The point that the page shows for a record, if any.
     fn shown(&self, record: &[u8], intensity: usize, classification: usize) -> Option<Shown> {
         let object = std::array::from_fn(|byte| record[self.object + byte]);
         let key = match (u32::from_le_bytes(object), record[classification]) {

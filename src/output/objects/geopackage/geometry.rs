@@ -19,7 +19,7 @@ pub(super) struct Geometry {
     pub(super) bounds: [f64; 4],
 }
 
-/// A polygon without holes. `None` of fewer than three vertices. The ring may be closed or not.
+/// A polygon without holes. `None` if it has fewer than three vertices. The ring may be closed or not.
 pub(super) fn polygon(ring: &[[f64; 2]], srs: i32) -> Option<Geometry> {
     let mut places: Vec<[f64; 2]> = ring.iter().map(|place| place.map(coordinate)).collect();
     if places.len() > 1 && same(places[0], places[places.len() - 1]) {
@@ -48,7 +48,7 @@ pub(super) fn point(place: [f64; 3], srs: i32) -> Geometry {
     Geometry { bytes, bounds }
 }
 
-/// A line whose third coordinate is a measure. `None` of fewer than two vertices.
+/// A line whose third coordinate is a measure. `None` if it has fewer than two vertices.
 pub(super) fn line(places: &[[f64; 3]], srs: i32) -> Option<Geometry> {
     if places.len() < 2 {
         return None;
@@ -84,14 +84,14 @@ fn header(srs: i32, flags: u8, bounds: &[f64; 4]) -> Vec<u8> {
     bytes
 }
 
-/// Byte order and type of well-known binary.
+/// Writes the byte order and the type of well-known binary.
 fn well_known(bytes: &mut Vec<u8>, geometry_type: u32) {
     bytes.push(1);
     bytes.extend(geometry_type.to_le_bytes());
 }
 
 fn count(vertices: usize) -> [u8; 4] {
-    // The raster of an outline has fewer cells, and an axis fewer vertices.
+    // The raster of an outline has fewer cells than that, and an axis has fewer vertices.
     u32::try_from(vertices).unwrap_or(u32::MAX).to_le_bytes()
 }
 

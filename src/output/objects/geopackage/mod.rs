@@ -1,8 +1,8 @@
 //! GeoPackage 1.3 (OGC 12-128r18) with the layers `objects` (outlines), `bases` (where objects stand), `axis`
 //! and `tiles`, a spatial index for each, and styles for QGIS.
 //!
-//! The coordinate system is the one of the files, with their text unchanged. The bytes depend on the rows
-//! only: no time is written. Only this folder uses SQLite.
+//! The coordinate system is that of the files, with its text unchanged. The bytes depend on the rows only: no
+//! time is written. Only this folder uses SQLite.
 
 mod geometry;
 mod schema;
@@ -21,7 +21,7 @@ use crate::model::{Column, ColumnType, ColumnUnit, Value};
 use crate::output::objects::number::{listed, places, rounded};
 use crate::output::objects::table::{DriveShape, ObjectFormat, ObjectTable};
 
-/// The column that colours follow, where a table has it.
+/// The column that determines the colours, if a table has it.
 const CLASS: &str = "class";
 
 /// The format.
@@ -34,10 +34,10 @@ impl ObjectFormat for GeoPackage {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => {}
         }
-        // SQLite says only that it cannot open a file. The system says why.
+        // SQLite says only that it cannot open a file. The system gives the reason.
         drop(std::fs::File::create(path)?);
         let mut database = Connection::open(path).map_err(io::Error::other)?;
-        // There is nothing to go back to: a file that is not complete is never used. The caller syncs it.
+        // No rollback is needed: a file that is not complete is never used. The caller syncs it.
         let set_up = "PRAGMA page_size = 4096; PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA locking_mode = EXCLUSIVE;";
         database.execute_batch(set_up).map_err(io::Error::other)?;
         fill(&mut database, table)?;
@@ -114,7 +114,7 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// Adds a row. Without a geometry it is in no index.
+    /// Adds a row. A row without a geometry is not in the index.
     fn add(&mut self, geometry: Option<Geometry>, values: &[Value<'_>]) -> io::Result<()> {
         self.last += 1;
         let bytes = geometry.as_ref().map(|geometry| &geometry.bytes);

@@ -1,5 +1,5 @@
-//! The tables of a GeoPackage: those that the standard asks for, one per layer, and the spatial index of a
-//! layer.
+//! The tables of a GeoPackage: the tables that the standard requires, one table per layer, and the spatial
+//! index of each layer.
 
 use rusqlite::{Connection, Result, params};
 
@@ -7,15 +7,17 @@ use crate::model::{Column, ColumnType, ColumnUnit};
 
 /// `GPKG`, and version 1.3: readers since 2019 know it.
 const MARK: &str = "PRAGMA application_id = 1196444487; PRAGMA user_version = 10300;";
-/// The time of the last change, which the standard asks for. Not that of the clock, so that bytes repeat.
+/// The time of the last change, which the standard requires. It is constant, so that the same rows give the
+/// same bytes.
 const CHANGED: &str = "2000-01-01T00:00:00.000Z";
 /// Number of a coordinate system without EPSG code.
 const OWN_SRS: i32 = 100_000;
 /// Number of an unknown coordinate system in a plane (clause 1.1.2.1.2).
 const UNKNOWN_SRS: i32 = -1;
 
-/// The tables of clause 1.1 and 2.1, and of the extensions of the spatial index, of texts of the second
-/// generation (annex F.10) and of the descriptions of columns (annex F.9). Styles are as QGIS creates them.
+/// The tables of clauses 1.1 and 2.1, and of the extensions for the spatial index, for well-known text of the
+/// second generation (annex F.10) and for descriptions of columns (annex F.9). The table of styles is as QGIS
+/// creates it.
 const TABLES: &str = "
 CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY,
   organization TEXT NOT NULL, organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT,
@@ -82,7 +84,7 @@ pub(super) fn begin(database: &Connection, srs: &Srs<'_>) -> Result<()> {
     insert.execute(params!["Undefined geographic SRS", 0, "NONE", 0, nothing, angles, nothing])?;
     insert.execute(params!["WGS 84 geodetic", 4326, "EPSG", 4326, WGS84, angles, nothing])?;
     if ![UNKNOWN_SRS, 0, 4326].contains(&srs.id) {
-        // Only the second generation (ISO 19162) has keywords that end so.
+        // Only the second generation (ISO 19162) has keywords with this ending.
         let is_new =
             |wkt: &&str| wkt.split('[').next().is_some_and(|keyword| keyword.trim().ends_with("CRS"));
         let new = srs.wkt.filter(is_new).unwrap_or(nothing);
@@ -181,8 +183,8 @@ impl Layer<'_> {
             "INSERT INTO gpkg_extensions VALUES (?, 'geom', 'gpkg_rtree_index', 'http://www.geopackage.org/spec120/#extension_rtree', 'write-only')",
             [name],
         )?;
-        // After the rows: a trigger calls functions of the program that edits the file, which this one does
-        // not have.
+        // Created after the rows: the triggers call functions of the program that edits the file, and this
+        // program does not have them.
         database.execute_batch(&triggers(name))?;
         if let Some(style) = style {
             database.execute(

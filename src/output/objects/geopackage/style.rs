@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use crate::output::palette::class_colour;
 
-/// Codes and names of the classes, as `config/classes.toml` has them.
+/// Codes and names of the classes, as in `config/classes.toml`.
 const CLASSES: [(u8, &str); 9] = [
     (2, "tree"),
     (3, "pole"),
@@ -18,7 +18,7 @@ const CLASSES: [(u8, &str); 9] = [
     (0, "no class"),
 ];
 
-/// What is drawn.
+/// The kind of geometry that is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Drawn {
     Areas,
@@ -27,12 +27,12 @@ pub(super) enum Drawn {
     Frames,
 }
 
-/// The style of a layer, as QML. `class` is the column of classes, if the layer has one, and `label` that of
-/// labels.
+/// The style of a layer, as QML. `class` is the column of classes and `label` the column of labels, if the
+/// layer has them.
 pub(super) fn qml(drawn: Drawn, class: Option<&str>, label: Option<&str>) -> String {
     let mut text = String::from("<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n");
     let labels = u8::from(label.is_some());
-    // Writing to a text does not fail.
+    // Writing to a string does not fail.
     let _ = writeln!(
         text,
         r#"<qgis version="3.22.0" styleCategories="Symbology|Labeling" labelsEnabled="{labels}">"#
@@ -82,7 +82,7 @@ fn by_class(text: &mut String, drawn: Drawn, column: &str) {
     text.push_str(" </symbols></renderer-v2>\n");
 }
 
-/// One symbol. Versions before 3.26 read `prop`, later ones `Option`.
+/// Writes one symbol. QGIS before 3.26 reads `prop`, later versions read `Option`.
 fn symbol(text: &mut String, number: usize, drawn: Drawn, [red, green, blue]: [u8; 3]) {
     let colour = format!("{red},{green},{blue},255");
     let fill = format!("{red},{green},{blue},110");

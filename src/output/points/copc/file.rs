@@ -1,5 +1,5 @@
 //! A cloud-optimised point cloud (COPC 1.0, <https://copc.io>): LAZ 1.4 with a chunk for each node of an
-//! octree and the table of nodes behind, so that a viewer reads only what it shows.
+//! octree, followed by the table of nodes, so that a viewer reads only what it shows.
 
 use std::io::{Seek, SeekFrom, Write};
 
@@ -22,13 +22,13 @@ use crate::output::points::laz_chunk::{
 /// The bytes of several records.
 type RecordBytes = Vec<Vec<u8>>;
 
-/// Bytes of a LAS 1.4 header. The record of the specification must follow it at once.
+/// Bytes of a LAS 1.4 header. The info record of COPC must follow it immediately.
 const HEADER_BYTES: u16 = 375;
 /// User of the records of COPC.
 const USER: &str = "copc";
 /// Cells of the grid of a node along an axis.
 const GRID: f64 = 128.0;
-/// Longest payload of a variable length record. Longer ones are extended records.
+/// Longest payload of a variable length record, in bytes. Longer payloads go into extended records.
 const LONGEST_VLR: usize = u16::MAX as usize;
 
 /// The cube of the octree in the units of the file.
@@ -52,7 +52,7 @@ pub(crate) struct CopcSchema<'a> {
 pub(crate) struct Compression(LazVlr);
 
 impl Compression {
-    /// That of a format.
+    /// The compression of the records of a format.
     ///
     /// # Errors
     /// [`OutputError::Compress`].
@@ -70,11 +70,11 @@ impl Compression {
 }
 
 impl CopcSchema<'_> {
-    /// Writes the file. `chunks` are those of the nodes with points, by ascending key: key, number of points,
-    /// bytes.
+    /// Writes the file. `chunks` are the chunks of the nodes with points, by ascending key: key, number of
+    /// points, bytes.
     ///
     /// # Errors
-    /// Errors of the chunks, [`OutputError::Compress`], and what `failed` makes of a failure to write.
+    /// Errors of the chunks, [`OutputError::Compress`], and a failure to write as `failed` converts it.
     pub(crate) fn write<E: From<OutputError>>(
         &self,
         chunks: impl Iterator<Item = Result<(NodeKey, u32, Vec<u8>), E>>,
@@ -84,7 +84,7 @@ impl CopcSchema<'_> {
         let Compression(laz) = Compression::of(self.format)?;
         let (records, extended) = self.records(&laz)?;
         let data_at = u64::from(HEADER_BYTES) + records.iter().map(|record| record.len() as u64).sum::<u64>();
-        // Header and first records are written again when positions are known.
+        // Header and first records are written again once the positions are known.
         let start = |header: &Header, info: &[u8], out: &mut dyn Write| -> std::io::Result<()> {
             header.write_to(&mut *out).map_err(std::io::Error::other)?;
             out.write_all(&descriptor::vlr(USER, 1, "COPC info", info))?;
@@ -150,7 +150,7 @@ impl CopcSchema<'_> {
         Ok((records, extended))
     }
 
-    /// The record of the specification.
+    /// The info record of COPC.
     fn info(&self, hierarchy_at: u64, hierarchy_bytes: u64) -> Vec<u8> {
         let WorldCube { centre, halfsize } = self.cube;
         let (first, last) = self.totals.time.unwrap_or_default();
@@ -212,7 +212,7 @@ struct Entry {
     points: u32,
 }
 
-/// The table of nodes as one page. Nodes without points are in it where a node below has some, because
+/// The table of nodes as one page. It contains nodes without points if a node below them has points, because
 /// readers descend from the root.
 fn hierarchy(entries: &[Entry]) -> Vec<u8> {
     let mut all: std::collections::BTreeMap<NodeKey, Entry> =

@@ -1,23 +1,23 @@
-//! The octree of a cloud-optimised point cloud: which point belongs to which node, whatever the order in
-//! which points are seen and however they are divided.
+//! The octree of a cloud-optimised point cloud: which point belongs to which node, independently of the order
+//! and the division of the points.
 //!
-//! A node has a grid of 128 cells a side. Of all points of the drive in a cell, the one with the smallest
-//! rank (a hash of its number) is shown by the node, unless a coarser node shows it already: the level of a
-//! point is the first one where no point in its cell has a smaller rank. That needs no order. Below a column
-//! (a square of the plane) with few points, the tree ends, and its node takes what is left. Columns count
-//! points of the whole drive, so the tree is a function of the points alone, and the columns in which it is
-//! built can be chosen by memory.
+//! A node has a grid of 128 cells along each axis. Of all points of the drive in a cell, the node shows the
+//! one with the smallest rank (a hash of its number), unless a coarser node already shows it: the level of a
+//! point is the first level at which no point in its cell has a smaller rank. This rule needs no order. At a
+//! column (a square of the plane) with few points, the tree ends, and the nodes of the column take all
+//! remaining points. Columns count points of the whole drive. So the tree is a function of the points alone,
+//! and the columns in which it is built can be chosen by memory.
 
 use crate::model::{GOLDEN_GAMMA, PointId, splitmix64};
 
-/// Binary digits of a place along an axis.
+/// Number of binary digits of a place along an axis.
 const DIGITS: u32 = 32;
-/// Binary logarithm of the cells of a node along an axis: 128, as is usual for such files.
+/// Binary logarithm of the number of cells of a node along an axis: 128 cells, as is usual for such files.
 const GRID_DIGITS: u32 = 7;
-/// Deepest level: the place of a point has no digits for the grid of a deeper one.
+/// Deepest level: the place of a point has no digits for the grid of a deeper level.
 const DEEPEST: u32 = DIGITS - GRID_DIGITS;
-/// A column with at most this many points is not divided further. Chosen: chunks of a usual size (LASzip has
-/// 50,000).
+/// Largest number of points in a column that is not divided further. Chosen: chunks of the usual size (LASzip
+/// has 50,000).
 pub(crate) const LEAF_POINTS: usize = 50_000;
 
 /// Level and position of a node.
@@ -73,8 +73,8 @@ impl Cube {
     }
 }
 
-/// A place in the cube: the digits of its coordinates, interleaved, so that a cell of any level is a common
-/// beginning.
+/// A place in the cube: the digits of its coordinates, interleaved, so that all places in a cell of any level
+/// have a common prefix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct Spot(u128);
 
@@ -99,21 +99,22 @@ impl Spot {
         self.0 >> (3 * (DEEPEST - level))
     }
 
-    /// The first level on whose grid the two are in different cells; above [`DEEPEST`] if there is none.
+    /// The first level on whose grid the two places are in different cells; above [`DEEPEST`] if there is
+    /// none.
     fn level_apart(self, other: Self) -> u32 {
         let bits = (self.0 ^ other.0).leading_zeros() - (u128::BITS - 3 * DIGITS);
         (bits / 3 + 1).saturating_sub(GRID_DIGITS).min(DEEPEST + 1)
     }
 }
 
-/// Steps that move the digits of a number of 16 bits apart, to every third bit: by how much, and which bits
-/// stay.
+/// Steps that move the digits of a 16-bit number apart, to every third bit: the shift, and the mask of the
+/// bits that stay.
 const APART: [(u32, u64); 4] =
     [(16, 0xff00_00ff), (8, 0x00f0_0f00_f00f), (4, 0x0c30_c30c_30c3), (2, 0x2492_4924_9249)];
-/// Bits that 16 digits take then.
+/// Number of bits that 16 digits take after these steps.
 const HALF: u32 = 48;
 
-/// The digits of a number at every third bit.
+/// The number with its digits at every third bit.
 fn spread(value: u32) -> u128 {
     let half = |value: u32| {
         let bits = u64::from(value & 0xffff);
@@ -141,8 +142,8 @@ pub(crate) fn rank(id: PointId) -> u64 {
     splitmix64(id.number().wrapping_add(GOLDEN_GAMMA))
 }
 
-/// Levels at which a cell of the grid is larger than a column of this level: one column alone cannot decide
-/// there.
+/// Number of levels at which a cell of the grid is larger than a column of this level, so that one column
+/// alone cannot decide.
 pub(crate) fn undecided_levels(column_level: u32) -> u32 {
     column_level.saturating_sub(GRID_DIGITS)
 }
@@ -155,8 +156,8 @@ pub(crate) fn levels(column: u32, points: &[(Spot, u64)], wins: impl Fn(usize, u
     let mut order: Vec<u32> = (0_u32..).take(points.len()).collect();
     order.sort_unstable_by_key(|&point| points[point as usize]);
     let mut level = vec![undecided; points.len()];
-    // The nearest point before it with a smaller rank, and the nearest after it: if a cell contains any point
-    // with a smaller rank, then one of these.
+    // For each point, finds the nearest point before it with a smaller rank, and the nearest after it. If a
+    // cell of the point contains any point with a smaller rank, it contains one of these two.
     for backward in [false, true] {
         let mut open: Vec<u32> = Vec::new();
         for step in 0..order.len() {
@@ -287,7 +288,7 @@ mod tests {
                 let NodeKey { level, at: [x, y, _] } = spot.node(column);
                 parts.entry(NodeKey { level, at: [x, y, 0] }).or_default().push(point);
             }
-            // Columns that are no leaves of a coarser level, as they are chosen.
+            // Only columns that are not below a leaf of a coarser level, as in a run.
             for members in parts.values().filter(|members| leaves[members[0]] >= column) {
                 let part: Vec<_> = members.iter().map(|&point| points[point]).collect();
                 let found = levels(column, &part, |_, _| false);

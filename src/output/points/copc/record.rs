@@ -1,5 +1,5 @@
-//! A point of the cloud-optimised file: its record in one of the point formats 6, 7 and 8, from a record of
-//! any format, with the object and its class behind.
+//! A point of the cloud-optimised file: its record in point format 6, 7 or 8, made from a record of any
+//! format, followed by the object and its class.
 
 use crate::input::{InputFile, RecordLayout};
 use crate::model::{AxisTransform, Lattice, LatticeTransform};
@@ -7,13 +7,13 @@ use crate::output::error::OutputError;
 use crate::output::points::descriptor::ExtraType;
 use crate::output::points::record::OBJECT_CLASS;
 
-/// Scan angles of formats 0 to 5 are in degrees, of 6 to 10 in steps of 0.006 degrees (LAS 1.4 R15, table
-/// 16).
+/// Steps of the scan angle per degree: formats 0 to 5 store degrees, formats 6 to 10 steps of 0.006 degrees
+/// (LAS 1.4 R15, table 16).
 const STEPS_PER_DEGREE: f64 = 1.0 / 0.006;
-/// Bytes of format 6, which 7 and 8 continue with colours.
+/// Bytes of format 6. Formats 7 and 8 add colours after them.
 const BASE: usize = 30;
 
-/// What the records of the file look like.
+/// The format of the records of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct CopcFormat<'a> {
     /// Point format: 6, 7 with colours, 8 with near infrared as well.
@@ -28,11 +28,11 @@ pub(crate) struct CopcFormat<'a> {
     height_unit_m: f64,
     /// Whether GPS times are adjusted standard times.
     pub(crate) standard_time: bool,
-    /// Dimensions behind the fields of the format: the object, and its class if the method gives one.
+    /// Dimensions after the fields of the format: the object, and its class if the method gives one.
     pub(crate) extra: Vec<(&'a str, ExtraType, &'static str)>,
 }
 
-/// Colours of a point format: red, green and blue, and near infrared, if it has them.
+/// Positions of the colours of a point format: red, green and blue, and near infrared, if it has them.
 fn colours(point_format: u8) -> (Option<usize>, Option<usize>) {
     match point_format {
         2 => (Some(20), None),
@@ -70,7 +70,7 @@ impl<'a> CopcFormat<'a> {
         Ok(Self { point_format, scale, offset, plan_unit_m, height_unit_m, standard_time, extra })
     }
 
-    /// Bytes of the dimensions behind the fields of the format.
+    /// Bytes of the dimensions after the fields of the format.
     pub(crate) fn extra_bytes(&self) -> u16 {
         self.extra.iter().map(|(_, kind, _)| kind.bytes()).sum()
     }
@@ -85,9 +85,9 @@ impl<'a> CopcFormat<'a> {
         BASE + colours + usize::from(self.extra_bytes())
     }
 
-    /// The places of its records in the frame of the octree. A node is a cube in the numbers of the file
-    /// (COPC 1.0, "halfsize"), so the octree takes heights as if they had the unit of x and y. Where all
-    /// units are the same, this is the lattice.
+    /// The transform from records to the frame of the octree. A node is a cube in the numbers of the file
+    /// (COPC 1.0, "halfsize"), so the octree treats heights as if they had the unit of x and y. If all units
+    /// are the same, this frame is the lattice.
     pub(crate) fn to_tree(&self, lattice: Lattice) -> LatticeTransform {
         let axis =
             |axis: usize| AxisTransform::new(self.scale[axis], self.offset[axis], self.plan_unit_m, lattice);
@@ -98,8 +98,8 @@ impl<'a> CopcFormat<'a> {
     pub(crate) fn extent_in_tree(&self, [mut low, mut high]: [[i64; 3]; 2]) -> [[i64; 3]; 2] {
         let factor = self.plan_unit_m / self.height_unit_m;
         if (factor - 1.0).abs() > 1e-9 {
-            // A height on the lattice is rounded by half a unit before it is stretched, one in the frame of
-            // the octree after it.
+            // A height on the lattice is rounded by half a unit before it is stretched; in the frame of the
+            // octree it is rounded after that.
             let slack = (0.5 * factor + 0.5).ceil();
             #[expect(
                 clippy::cast_possible_truncation,
@@ -112,13 +112,13 @@ impl<'a> CopcFormat<'a> {
         [low, high]
     }
 
-    /// How records of a file become those of this format.
+    /// The conversion of the records of a file to this format.
     pub(crate) fn conversion(&self, file: &InputFile) -> Conversion<'_> {
         let from = file.header().scaling;
         let axes = [0, 1, 2].map(|axis| {
             let factor = from.scale[axis] / self.scale[axis];
             let shift = (from.offset[axis] - self.offset[axis]) / self.scale[axis];
-            // Decimal scales and offsets are multiples of each other but for the last digits.
+            // Decimal scales and offsets are multiples of each other except for the last digits.
             let whole = |value: f64| if (value - value.round()).abs() < 1e-6 { value.round() } else { value };
             (whole(factor), whole(shift))
         });
@@ -184,7 +184,8 @@ impl Conversion<'_> {
         let returns = record[14];
         out.extend(&record[12..14]);
         out.push((returns & 7) | (returns >> 3 & 7) << 4);
-        // Synthetic, key point and withheld move down; direction of the scan and edge of the line stay.
+        // The flags synthetic, key point and withheld move down; scan direction and edge of the flight line
+        // stay.
         out.push(record[15] >> 5 | (returns & 0xc0));
         let degrees = f64::from(i8::from_le_bytes([record[16]]));
         #[expect(clippy::cast_possible_truncation, reason = "at most 128 / 0.006")]

@@ -1,4 +1,4 @@
-//! What the header of a cloud-optimised file says of all its points: sums and extremes, in any order.
+//! The totals in the header of a cloud-optimised file: sums and extremes over all its points, in any order.
 
 use serde::{Deserialize, Serialize};
 
